@@ -14,13 +14,11 @@ from intent_recognition.bags.cdr.layout import (
     LayoutCache,
     header_stamp_ns,
 )
-from intent_recognition.bags.copying import BagPart, copy_message, cut_bag
+from intent_recognition.bags.copying import BagPart, RecoveryReport, cut_bag, recover
 from intent_recognition.bags.definitions import message_class
 from intent_recognition.bags.files import cure_of, is_bag
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import RECOVER, BagMessage
-from intent_recognition.bags.metadata import TopicInfo, read_metadata
-from intent_recognition.bags.qos_profiles import qos_policy, rosbag2_profile
+from intent_recognition.bags.metadata import TopicInfo, qos_policy, read_metadata, rosbag2_profile
 from intent_recognition.bags.reader import BagReader, RawMessage, decode
-from intent_recognition.bags.recovery import RecoveryReport, recover
 from intent_recognition.bags.writer import FLUSH_PERIOD_S, BagWriter, DiskFullError

@@ -38,9 +38,7 @@ class _Size(NamedTuple):
 def check_definition(name: str, text: str) -> None:
     """Make sure that a definition can be parsed, and its messages decoded, in bounded time.
 
-    Args:
-        name: of the type.
-        text: its definition and those of all types it contains, in the form ros2msg.
+    The text holds that of the type `name` and of all types it contains, in the form ros2msg.
 
     Raises:
         ValueError: it is too long, too deep, or a message of it could be endless.

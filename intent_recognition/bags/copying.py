@@ -1,23 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of one recording into others, byte for byte: a whole one, or parts of it."""
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
-from intent_recognition.bags.messages import RawMessage
+from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
+from intent_recognition.errors import BagError
 
 
 class BagPart(NamedTuple):
-    """A part of a recording, to be written as a bag of its own.
+    """A part of a recording, to be written as a bag of its own, in a new directory.
 
     Attributes:
         start_ns: log time of its first message, or earlier.
         end_ns: log time of its last message, or later; before the next part begins.
-        path: directory of the new bag; must not exist.
     """
 
     start_ns: int
@@ -29,10 +32,7 @@ class BagPart(NamedTuple):
 def cut_bag(reader: BagReader, parts: Sequence[BagPart], leave_out: Collection[str] = ()) -> None:
     """Write parts of a recording, in order of time, as bags; every message as it is.
 
-    Args:
-        reader: the recording.
-        parts: one after the other.
-        leave_out: absolute names of topics that are not copied.
+    Topics of the absolute names `leave_out` are not copied.
 
     Raises:
         ResourceBusyError: a directory exists already or cannot be made.
@@ -56,7 +56,7 @@ def cut_bag(reader: BagReader, parts: Sequence[BagPart], leave_out: Collection[s
                     BagWriter(waiting[0].path, waiting[0].custom_data, flush_period_s=None)
                 )
                 declare_topics(writer, reader, leave_out)
-            copy_message(writer, message)
+            writer.write_raw(message)
 
 
 def declare_topics(writer: BagWriter, reader: BagReader, leave_out: Collection[str] = ()) -> None:
@@ -67,13 +67,53 @@ def declare_topics(writer: BagWriter, reader: BagReader, leave_out: Collection[s
             writer.add_topic(topic.name, topic.type, topic.offered_qos_profiles, found)
 
 
-def copy_message(writer: BagWriter, message: RawMessage) -> None:
-    """Append a message as it was recorded."""
-    writer.write(
-        message.topic,
-        message.type,
-        message.data,
-        message.log_time_ns,
-        message.publish_time_ns,
-        sequence=message.sequence,
+@dataclass(frozen=True)
+class RecoveryReport:
+    """What was saved (messages by topic, log times of the first and the last, 0 for none), and what
+    was not; notes are other oddities, as sentences.
+    """
+
+    source: str
+    output: str
+    message_counts: Mapping[str, int] = field(default_factory=dict)
+    start_ns: int = 0
+    end_ns: int = 0
+    damage: tuple[Damage, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def message_count(self) -> int:
+        """Messages saved over all topics."""
+        return sum(self.message_counts.values())
+
+
+def recover(source: str | Path, output: str | Path) -> RecoveryReport:
+    """Write a new bag with every message of `source`, a recording, whose checksum is right.
+
+    Damaged parts are skipped up to the next whole chunk. Of a chunk cut off by the end of the file,
+    whatever can be decompressed is kept. Labels come from metadata.yaml where it is readable.
+
+    Raises:
+        BagError: not one message in it can be read.
+        ResourceBusyError: `output`, the directory of the new bag, exists already.
+    """
+    reader = BagReader(source, tolerant=True)
+    messages = reader.raw_messages()
+    first = next(messages, None)
+    if first is None:
+        why = reader.damage[0].reason if reader.damage else "the bag is empty"
+        cure = "Record it again."
+        raise BagError.about(str(source), "a message that can be read", f"none: {why}", cure)
+    counts: Counter[str] = Counter()
+    last_ns = first.log_time_ns
+    with BagWriter(output, reader.custom_data, flush_period_s=None) as writer:
+        declare_topics(writer, reader)
+        for message in chain([first], messages):
+            writer.write_raw(message)
+            counts[message.topic] += 1
+            last_ns = max(last_ns, message.log_time_ns)
+    damage = tuple(sorted(reader.damage, key=lambda found: found.offset))
+    notes = tuple(reader.notes)
+    return RecoveryReport(
+        str(source), str(output), dict(counts), first.log_time_ns, last_ns, damage, notes
     )

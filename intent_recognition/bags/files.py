@@ -98,10 +98,8 @@ def find_files(
 ) -> tuple[list[Path], list[str]]:
     """The files of a recording in their order, and what is odd about them.
 
-    Args:
-        path: bag directory, or a single file.
-        metadata: of the bag; without it all files of a storage count, by name and number.
-        tolerant: do without files that are missing.
+    Without metadata all files of a storage count, by name and number; a tolerant reader does
+    without files that are missing.
     """
     if path.is_file():
         return [path], []

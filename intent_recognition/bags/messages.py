@@ -72,13 +72,8 @@ class BagMessage:
 def complete_schema(said: Schema | None, type_name: str) -> Schema | None:
     """The definition of a channel's type in the form ros2msg, whatever form the file has.
 
-    Args:
-        said: what the file says; None for a channel without one.
-        type_name: what else is known of the type.
-
-    Returns:
-        The file's own, translated from ROS 1 or IDL; Jazzy's where the file has none that can be
-        used; else `said`.
+    The file's own is translated from ROS 1 or IDL; where it has none that can be used, it is
+    Jazzy's by its name, or by `type_name`; else what the file says.
     """
     if said is not None and said.encoding == "ros2msg" and said.data:
         return said

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import yaml
 
-from intent_recognition.bags.qos_profiles import parse_qos
 from intent_recognition.durable import commit
 from intent_recognition.errors import BagError
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
@@ -42,9 +41,7 @@ class BagMetadata:
 
     Attributes:
         files: names of the MCAP files, in order.
-        start_ns: log time of the first message.
-        duration_ns: from there to the log time of the last message.
-        topics: all of them.
+        start_ns: log time of the first message; the last is `duration_ns` later.
         custom_data: texts that the recorder stored, by key.
         storage: identifier of the storage plugin.
         compression: format of compressed files or messages, "" for none.
@@ -197,3 +194,44 @@ def _whole(value: object) -> int:
 def _error(path: Path, expected: str, got: object) -> BagError:
     cure = "Save the messages with `intent recover`, which writes a new metadata.yaml."
     return BagError.about(str(path), expected, got, cure)
+
+
+NO_LIMIT = {"sec": 9223372036, "nsec": 854775807}
+"""The longest duration (2^63 - 1 ns), by which rmw means an infinite one."""
+OLD_NUMBERS = {  # rmw's enumerations, as bags older than version 9 hold them
+    "reliability": {1: "reliable", 2: "best_effort"},
+    "durability": {1: "transient_local", 2: "volatile"},
+    "history": {1: "keep_last", 2: "keep_all"},
+}
+
+
+def rosbag2_profile(reliability: str, durability: str, depth: int) -> dict[str, object]:
+    """One entry of `offered_qos_profiles`, in rosbag2's words; a depth of 0 is unknown."""
+    return {
+        "history": "keep_last" if depth else "unknown",
+        "depth": depth,
+        "reliability": reliability,
+        "durability": durability,
+        "deadline": dict(NO_LIMIT),
+        "lifespan": dict(NO_LIMIT),
+        "liveliness": "automatic",
+        "liveliness_lease_duration": dict(NO_LIMIT),
+        "avoid_ros_namespace_conventions": False,
+    }
+
+
+def parse_qos(profiles: object) -> tuple[Mapping, ...]:
+    """The list of QoS profiles, whether written as YAML (version 9) or as a text of YAML."""
+    if isinstance(profiles, str):
+        try:
+            profiles = load_yaml(profiles)
+        except UntrustedError:
+            return ()
+    listed = profiles if isinstance(profiles, list) else ()
+    return tuple(p for p in listed if isinstance(p, Mapping))
+
+
+def qos_policy(profile: Mapping, key: str) -> str:
+    """Reliability, durability or history of a profile as a word, "" when it does not say."""
+    value = profile.get(key)
+    return OLD_NUMBERS[key].get(value, "") if isinstance(value, int) else str(value or "")

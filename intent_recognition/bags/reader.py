@@ -7,6 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from mcap.records import Schema
 
 from intent_recognition.bags.cdr.columns import Columns, ColumnsBuilder
 from intent_recognition.bags.definitions import Definition
@@ -24,8 +25,13 @@ from intent_recognition.bags.messages import (
     is_standard,
     schema_decoder,
 )
-from intent_recognition.bags.metadata import RECORD_KEY, RECORD_NAME, TopicInfo, parse_custom_data
-from intent_recognition.bags.qos_profiles import parse_qos
+from intent_recognition.bags.metadata import (
+    RECORD_KEY,
+    RECORD_NAME,
+    TopicInfo,
+    parse_custom_data,
+    parse_qos,
+)
 from intent_recognition.bags.rosbags_file import RosbagsFile
 from intent_recognition.errors import MessageError, one_line
 
@@ -104,7 +110,7 @@ class BagReader:
         for file in self._files:
             counts = file.counts()
             for channel in file.scan.channels.values():
-                schema = file.schema(channel)
+                schema = file.schemas[channel.id]
                 before = topics.get(channel.topic)
                 known = said.get(channel.topic) or TopicInfo(channel.topic, "")
                 topics[channel.topic] = TopicInfo(
@@ -136,7 +142,7 @@ class BagReader:
                 for c in file.scan.channels.values()
             }
             for item in file.items(wanted):
-                schema = file.schema(item.channel)
+                schema = file.schemas[item.channel.id]
                 data = self._converted(item, converters[item.channel.id])
                 if data is None:
                     continue
@@ -212,26 +218,27 @@ class BagReader:
             MessageError: the definition in the bag cannot be used.
         """
         try:
-            for file in self._files:
-                for channel in file.scan.channels.values():
-                    schema = file.schema(channel)
-                    if schema and schema.name == type_name and (found := schema_decoder(schema)):
-                        return found
+            for _, schema in self._defined():
+                if schema.name == type_name and (found := schema_decoder(schema)):
+                    return found
         except Exception as error:  # the parser of definitions raises what it meets
             raise self._no_decoder(topic, type_name, error) from error
         raise self._no_decoder(topic, type_name, "no ros2msg definition of it")
 
     def definition_of(self, topic: str) -> Definition | None:
         """The definition the bag itself holds of a topic's type, None when it holds none."""
+        for name, one in self._defined():
+            if name == topic:
+                text = one.data.decode(errors="replace")
+                return Definition(one.name, text, self.topics[topic].type_hash, one.encoding)
+        return None
+
+    def _defined(self) -> Iterator[tuple[str, Schema]]:
+        """Topics, and the definitions of their types where there are any."""
         for file in self._files:
             for channel in file.scan.channels.values():
-                schema = file.schema(channel)
-                if channel.topic == topic and schema is not None:
-                    text = schema.data.decode(errors="replace")
-                    return Definition(
-                        schema.name, text, self.topics[topic].type_hash, schema.encoding
-                    )
-        return None
+                if (schema := file.schemas[channel.id]) is not None:
+                    yield channel.topic, schema
 
     def _no_decoder(self, topic: str, type_name: str, error: object) -> MessageError:
         expected = f"a usable definition of {type_name or 'its type'}"
@@ -242,12 +249,10 @@ class BagReader:
 
     def _builder(self, name: str) -> ColumnsBuilder | None:
         """Where the columns of a topic are collected, None if its type has none."""
-        channels = [
-            (file, file.scan.channels[number])
-            for file in self._files
-            for number in file.scan.channel_ids(name)
-        ]
-        schemas = [file.schema(channel) for file, channel in channels]
-        types = {schema.name if schema and is_standard(schema) else "" for schema in schemas}
-        is_cdr = all(channel.message_encoding != "ros1" for _, channel in channels)
-        return ColumnsBuilder(types.pop()) if len(types) == 1 and is_cdr else None
+        types = set()
+        for file in self._files:
+            for number in file.scan.channel_ids(name):
+                schema = file.schemas[number]
+                is_ros1 = file.scan.channels[number].message_encoding == "ros1"
+                types.add(schema.name if schema and is_standard(schema) and not is_ros1 else "")
+        return ColumnsBuilder(types.pop()) if len(types) == 1 else None

@@ -27,13 +27,10 @@ ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL
 
 
 class RosbagsFile:
-    """A file that the library rosbags reads, with the methods of `McapFile`.
+    """A `.db3` or `.bag` that the library rosbags reads, with the methods and attributes of
+    `McapFile`.
 
-    Args:
-        path: of the file.
-        kind: `.db3` or `.bag`.
-        tolerant: note the first damage and end there instead of raising.
-        damage: list to which a tolerant reader adds what it cannot read.
+    A tolerant reader notes the first damage and ends there.
     """
 
     def __init__(self, path: Path, kind: str, *, tolerant: bool, damage: list[Damage]):
@@ -45,14 +42,10 @@ class RosbagsFile:
         with self._open() as reader:
             for number, one in enumerate(reader.connections, 1):
                 self._define(number, one)
-            self._schemas = complete_schemas(self.scan, {})
+            self.schemas = complete_schemas(self.scan, {})
             if reader.message_count:
                 end_ns = reader.end_time - 1  # the library's is the first time after it
                 self.scan.blocks.append(McapBlock(0, 0, reader.start_time, end_ns, 0))
-
-    def schema(self, channel: Channel) -> Schema | None:
-        """The definition of a channel's type in the form ros2msg."""
-        return self._schemas[channel.id]
 
     def counts(self) -> Mapping[int, int]:
         """Messages per channel."""

@@ -10,7 +10,7 @@ import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Protocol, cast
+from typing import IO, Any, cast
 
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
@@ -39,13 +39,6 @@ MIN_FREE_BYTES = 16 * 2**20
 the summary."""
 CHUNK_BYTES = 2**20
 """Size of a chunk before compression [bytes]. MCAP's default."""
-
-
-class _DiskUsage(Protocol):
-    """What `shutil.disk_usage` returns, in bytes."""
-
-    @property
-    def free(self) -> int: ...
 
 
 class DiskFullError(BagError):
@@ -83,7 +76,7 @@ class BagWriter:
         flush_period_s: float | None = FLUSH_PERIOD_S,
         min_free_bytes: int = MIN_FREE_BYTES,
         clock: Callable[[], float] = time.monotonic,
-        disk_usage: Callable[[Path], _DiskUsage] = shutil.disk_usage,
+        disk_usage: Callable[[Path], Any] = shutil.disk_usage,
     ):
         self.path = Path(path)
         self.custom_data = {str(k): str(v) for k, v in (custom_data or {}).items()}
@@ -121,16 +114,10 @@ class BagWriter:
         qos: Sequence[Mapping] = (),
         found: Definition | None = None,
     ) -> str:
-        """Declare a topic, once; `write` does it by itself when no QoS is to be kept.
+        """Declare a topic, once; returns its absolute name. `write` does it where no QoS is kept.
 
-        Args:
-            topic: name, stored absolute.
-            type_name: "package/msg/Name".
-            qos: the publishers' QoS profiles in rosbag2's form.
-            found: definition of the type, looked up when not given.
-
-        Returns:
-            The name under which the topic is stored: absolute.
+        The definition of its type "package/msg/Name" is looked up when not given; `qos` are the
+        publishers' profiles in rosbag2's form.
 
         Raises:
             MessageError: the type is unknown.
@@ -158,15 +145,7 @@ class BagWriter:
         *,
         sequence: int = 0,
     ) -> None:
-        """Append one serialized message, exactly as it is.
-
-        Args:
-            topic: name, stored absolute.
-            type_name: "package/msg/Name".
-            data: CDR bytes with their encapsulation header.
-            log_time_ns: when it was received.
-            publish_time_ns: when it was sent; the log time when not given.
-            sequence: number given by the publisher, 0 when unknown.
+        """Append one serialized message, exactly as it is; arguments as of `RawMessage`.
 
         Raises:
             DiskFullError: the disk is nearly full; the bag has been closed and is complete.
@@ -197,12 +176,8 @@ class BagWriter:
     def write_message(self, topic: str, type_name: str, message: object, log_time_ns: int) -> None:
         """Serialize and append a message, without ROS.
 
-        Args:
-            topic: name, stored absolute.
-            type_name: "package/msg/Name".
-            message: a nested mapping of fields (left out = zero; times as integer nanoseconds),
-                or a message of rosbags' Jazzy type store.
-            log_time_ns: time of recording.
+        It is a nested mapping of fields (left out = zero; times as integer nanoseconds), or of
+        rosbags' Jazzy type store.
 
         Raises:
             MessageError: the message does not fit the type.
@@ -253,7 +228,7 @@ class BagWriter:
             free = self._disk_usage(self.path).free
             if free < self._min_free_bytes:
                 raise self._disk_full(free)
-            self._stream = _SafeStream(self.path / self._file_name)
+            self._stream = _SafeStream(self.path / f"{self.path.name}_0.mcap")
         except (OSError, DiskFullError):
             self.path.rmdir()
             raise
@@ -316,11 +291,6 @@ class BagWriter:
         cure = f"Free space. All {self.message_count} messages received until now are saved."
         return DiskFullError.about(str(self.path), need, f"{free / 2**20:.1f} MiB", cure)
 
-    @property
-    def _file_name(self) -> str:
-        """As rosbag2 names the first file of a bag."""
-        return f"{self.path.name}_0.mcap"
-
     def _write_metadata(self) -> None:
         write_metadata(self.path, self._metadata())
 
@@ -331,7 +301,7 @@ class BagWriter:
             for t in self._topics.values()
         )
         return BagMetadata(
-            files=(self._file_name,),
+            files=(f"{self.path.name}_0.mcap",),  # as rosbag2 names it
             start_ns=start,
             duration_ns=max(0, self._last_ns - start),
             topics=topics,

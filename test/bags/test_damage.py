@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from bag_builder import SteppingClock, raw, write_bag
 
+from intent_recognition.bags.copying import recover
 from intent_recognition.bags.mcap.scan import scan_file
 from intent_recognition.bags.reader import BagReader
-from intent_recognition.bags.recovery import recover
 from intent_recognition.errors import BagError, ResourceBusyError
 
 COUNT = 120

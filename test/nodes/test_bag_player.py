@@ -13,8 +13,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from intent_recognition.bags.definitions import serialize
-from intent_recognition.bags.metadata import TopicInfo
-from intent_recognition.bags.qos_profiles import rosbag2_profile
+from intent_recognition.bags.metadata import TopicInfo, rosbag2_profile
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.errors import BagError

@@ -26,27 +26,14 @@ MOST_LAYOUTS = 16
 time."""
 ORIGIN = 4
 """Length of the encapsulation header [bytes]; alignment counts from behind it."""
-STAMP = struct.Struct("<iI")
+STAMP, BIG_ENDIAN_STAMP = struct.Struct("<iI"), struct.Struct(">iI")
 """The stamp of a header, with which every stamped message begins: seconds and nanoseconds."""
 COUNT = struct.Struct("<I")
 """Of the elements of a sequence, or of the bytes of a string."""
 NANOSECONDS = 1_000_000_000
 """In a second."""
-FORMATS = {
-    "bool": "<?",
-    "byte": "<B",
-    "char": "<B",
-    "int8": "<b",
-    "uint8": "<B",
-    "int16": "<h",
-    "uint16": "<H",
-    "int32": "<i",
-    "uint32": "<I",
-    "int64": "<q",
-    "uint64": "<Q",
-    "float32": "<f",
-    "float64": "<d",
-}
+NUMBERS = "bool byte char int8 uint8 int16 uint16 int32 uint32 int64 uint64 float32 float64"
+FORMATS = {kind: f"<{code}" for kind, code in zip(NUMBERS.split(), "?BBbBhHiIqQfd", strict=True)}
 """Types of numbers in message definitions as `struct` and numpy name them."""
 
 
@@ -204,10 +191,8 @@ def header_stamp_ns(data: bytes) -> int:
     """Stamp [ns] of a serialized message that begins with a header; 0 where it ends before."""
     if len(data) < ORIGIN + STAMP.size:
         return 0
-    if data[:2] == LITTLE_ENDIAN:
-        seconds, nanoseconds = STAMP.unpack_from(data, ORIGIN)
-    else:
-        seconds, nanoseconds = struct.unpack_from(">iI", data, ORIGIN)
+    stamp = STAMP if data[:2] == LITTLE_ENDIAN else BIG_ENDIAN_STAMP
+    seconds, nanoseconds = stamp.unpack_from(data, ORIGIN)
     return seconds * NANOSECONDS + nanoseconds
 
 

@@ -138,8 +138,12 @@ def payloads(table: MessageTable, length: int) -> NDArray:
 
 def read_definitions(view: bytes | mmap.mmap, block: McapBlock) -> Iterator[Schema | Channel]:
     """Schemas and channels inside of one block, in file order."""
-    data = _block_data(view, block)
-    for position in record_positions(data, block.is_cut).tolist():
+    return definitions_in(_block_data(view, block), block.is_cut)
+
+
+def definitions_in(data: bytes, is_cut: bool) -> Iterator[Schema | Channel]:
+    """Schemas and channels among records, whose end may be missing if `is_cut`."""
+    for position in record_positions(data, is_cut).tolist():
         opcode, length = RECORD_HEADER.unpack_from(data, position)
         start = position + RECORD_HEADER.size
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):

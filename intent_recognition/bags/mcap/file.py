@@ -4,6 +4,7 @@
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from mmap import mmap
 from pathlib import Path
 from typing import NamedTuple
@@ -51,13 +52,11 @@ def complete_schemas(scan: FileScan, types: Mapping[str, str]) -> dict[int, Sche
 
 
 class McapFile:
-    """A scanned file.
+    """A scanned file; a tolerant reader adds what it skips to `damage` instead of raising.
 
-    Args:
-        path: of the file.
-        tolerant: skip damaged parts instead of raising.
-        damage: list to which a tolerant reader adds what it skips; shared with other files.
-        types: by topic, of channels that the file says no type of.
+    Attributes:
+        schemas: by channel the definition of its type, in the form ros2msg where that is known:
+            where the file says none, by the `types` of topics.
     """
 
     def __init__(
@@ -70,14 +69,10 @@ class McapFile:
     ):
         self.path = path
         self.scan = scan_file(path)
-        self._schemas = complete_schemas(self.scan, types or {})
+        self.schemas = complete_schemas(self.scan, types or {})
         self._tolerant = tolerant
         self._damage = damage
         damage.extend(self.scan.damage)
-
-    def schema(self, channel: Channel) -> Schema | None:
-        """The definition of a channel's type, in the form ros2msg where that is known."""
-        return self._schemas[channel.id]
 
     def counts(self) -> Mapping[int, int]:
         """Messages per channel; counted when the summary does not say."""
@@ -86,11 +81,8 @@ class McapFile:
         counts: Counter[int] = Counter()
         with open_view(self.path) as view:
             for block in self.scan.blocks:
-                try:
-                    table = read_messages(view, block)
-                except PARSE_ERRORS:
-                    continue
-                counts.update(table.channels.tolist())
+                with suppress(*PARSE_ERRORS):
+                    counts.update(read_messages(view, block).channels.tolist())
         return counts
 
     def tables(self, wanted: Collection[int]) -> Iterator[MessageTable]:
@@ -101,13 +93,14 @@ class McapFile:
         with open_view(self.path) as view:
             reader = GroupReader(view, self.scan.channels.keys(), wanted)
             for group in groups(sorted(self._usable(), key=lambda b: b.offset)):
-                table = self._group(reader, group)
-                if table is not None:
-                    yield table
-                    continue
-                for block in group:
-                    table = self._table(view, block)
-                    yield table.rows(np.isin(table.channels, list(wanted)))
+                try:
+                    if group[-1].is_cut:
+                        raise ValueError("the end of the file cuts it off")
+                    yield reader.read(group)
+                except PARSE_ERRORS:  # each is looked at by itself
+                    for block in group:
+                        table = self._table(view, block)
+                        yield table.rows(np.isin(table.channels, list(wanted)))
         self._raise_damage()
 
     def items(self, wanted: set[str] | None) -> Iterator[Item]:
@@ -155,15 +148,6 @@ class McapFile:
                 rows.tolist(), *(column.tolist() for column in columns), strict=True
             )
         ]
-
-    def _group(self, reader: GroupReader, blocks: list[McapBlock]) -> MessageTable | None:
-        """Messages of several blocks; None where each had better be looked at by itself."""
-        if blocks[-1].is_cut:
-            return None
-        try:
-            return reader.read(blocks)
-        except PARSE_ERRORS:
-            return None
 
     def _table(self, view: mmap, block: McapBlock) -> MessageTable:
         """Messages of a block whose topics are known; none of a broken one if tolerant."""

@@ -5,7 +5,6 @@ import mmap
 import re
 import struct
 import zlib
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -21,6 +20,7 @@ from intent_recognition.bags.mcap.chunk import (
     MOST_CHUNK,
     PARSE_ERRORS,
     McapBlock,
+    definitions_in,
     parse_definition,
     read_definitions,
 )
@@ -156,9 +156,7 @@ def _walk(view: mmap.mmap, scan: FileScan) -> None:
             if view[end : end + len(MAGIC)] != MAGIC:
                 scan.damage.append(Damage(end, "the file does not end as an MCAP file"))
             return
-        # What a chunk's length spans is known to be right; of others only what follows shows it.
-        previous = end if view[position] == Opcode.CHUNK else position + 1
-        position = end
+        previous, position = position + 1, end  # only what follows shows that the length is right
 
 
 def _pass_chunks(view: mmap.mmap, position: int, previous: int, scan: FileScan) -> tuple[int, int]:
@@ -217,11 +215,8 @@ def _read_record(view: mmap.mmap, position: int, scan: FileScan) -> int | None:
 
 def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan: FileScan) -> bool:
     start = position + RECORD_HEADER.size
-    if opcode == Opcode.CHUNK:
-        block = _chunk_block(view, position, length)
-        if block:
-            scan.blocks.append(block)
-        return block is not None
+    if opcode in (CHUNK, MESSAGE_INDEX):
+        return False  # `_pass_chunks` takes in the sound ones
     if opcode == Opcode.MESSAGE:
         if length < 22:
             return False
@@ -230,8 +225,6 @@ def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan:
             return False
         size = RECORD_HEADER.size + length
         scan.blocks.append(McapBlock(position, length, log_ns, log_ns, size, is_chunk=False))
-    elif opcode == Opcode.MESSAGE_INDEX:
-        return length >= 6 and struct.unpack_from("<I", view, start + 2)[0] == length - 6
     elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
         scan.define(parse_definition(opcode, bytes(view[start : start + length])), again=False)
     elif opcode == Opcode.FOOTER:
@@ -308,14 +301,14 @@ def _read_summary(view: mmap.mmap, scan: FileScan) -> None:
         scan.damage.append(Damage(len(view), "checksum of the summary does not match"))
     if not summary:
         scan.statistics = None
-    for found in _summary_definitions(summary or b""):
+    for found in definitions_in(summary or b"", is_cut=True):
         scan.define(found)
     if not _is_complete(scan):
         _definitions_of_chunks(view, scan)
-    found_chunks = sum(block.is_chunk for block in scan.blocks)
-    if scan.statistics and not scan.damage and scan.statistics.chunk_count != found_chunks:
-        said = f"{scan.statistics.chunk_count} chunks were written, not all of them are found"
-        scan.damage.append(Damage(len(view), said))
+    said = scan.statistics.chunk_count if scan.statistics else 0
+    if said not in (0, sum(block.is_chunk for block in scan.blocks)) and not scan.damage:
+        why = f"{said} chunks were written, not all of them are found"
+        scan.damage.append(Damage(len(view), why))
 
 
 def _is_complete(scan: FileScan) -> bool:
@@ -343,23 +336,8 @@ def _checked_summary(view: mmap.mmap) -> bytes | None:
     return summary if crc == 0 or zlib.crc32(covered) == crc else None
 
 
-def _summary_definitions(summary: bytes) -> Iterator[Schema | Channel]:
-    position = 0
-    while position + RECORD_HEADER.size <= len(summary):
-        opcode, length = RECORD_HEADER.unpack_from(summary, position)
-        start = position + RECORD_HEADER.size
-        position = start + length
-        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and position <= len(summary):
-            yield parse_definition(opcode, summary[start:position])
-
-
 def _definitions_of_chunks(view: mmap.mmap, scan: FileScan) -> None:
-    for block in scan.blocks:
-        if not block.is_chunk:
-            continue
-        try:
-            records = list(read_definitions(view, block))
-        except PARSE_ERRORS:
-            continue
-        for found in records:
-            scan.define(found)
+    for block in filter(lambda block: block.is_chunk, scan.blocks):
+        with suppress(*PARSE_ERRORS):
+            for found in list(read_definitions(view, block)):
+                scan.define(found)
