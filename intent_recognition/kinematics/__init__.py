@@ -3,13 +3,6 @@
 
 from intent_recognition.kinematics.arm import Arm
 from intent_recognition.kinematics.bodies import Bodies, Box, Contact, parse_boxes
-from intent_recognition.kinematics.chain import Chain, joint_poses, tip_pose, tip_positions
-from intent_recognition.kinematics.forward import (
-    forward_kinematics,
-    frame_poses,
-    hand_position,
-    jacobian,
-)
 from intent_recognition.kinematics.inverse import (
     Branch,
     follow_poses,
@@ -24,7 +17,16 @@ from intent_recognition.kinematics.limits import (
     check_position,
     position_violation,
 )
-from intent_recognition.kinematics.lwr import DEFAULT_ACCELERATION_RAD_S2, JOINT_NAMES, LWR_LIMITS
+from intent_recognition.kinematics.links import Chain, joint_poses, tip_pose, tip_positions
+from intent_recognition.kinematics.lwr import (
+    DEFAULT_ACCELERATION_RAD_S2,
+    JOINT_NAMES,
+    LWR_LIMITS,
+    forward_kinematics,
+    frame_poses,
+    hand_position,
+    jacobian,
+)
 from intent_recognition.kinematics.meshes import check_meshes, package_shares
 from intent_recognition.kinematics.urdf import read_chain, read_ranges
 from intent_recognition.kinematics.urdf_tree import (

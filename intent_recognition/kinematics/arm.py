@@ -13,10 +13,9 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError, optional
 from intent_recognition.kinematics.following import FollowedPath, follow
 from intent_recognition.kinematics.limits import JointLimits, check_position
-from intent_recognition.kinematics.links import Links
+from intent_recognition.kinematics.links import Links, ReducedModel
 from intent_recognition.kinematics.lwr import DEFAULT_ACCELERATION_RAD_S2
 from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, Solution, checked_target
-from intent_recognition.kinematics.reduced_model import ReducedModel
 from intent_recognition.kinematics.urdf import UrdfChain, read_chain
 from intent_recognition.kinematics.urdf_tree import LINK
 
@@ -128,10 +127,7 @@ class Arm:
     def inverse_dynamics(self, q: Floats, velocity: Floats, acceleration: Floats) -> Floats:
         """Torques (n,) [Nm] that move the arm so, from the URDF's inertias; gravity is along -z.
 
-        Args:
-            q: (n,), as the others.
-            velocity: of the joints.
-            acceleration: of the joints.
+        Positions, velocities and accelerations of the joints are (n,) each.
         """
         q, *rates = (self._one(a, "q") for a in (q, velocity, acceleration))
         drive = self._reduced.drive
@@ -141,16 +137,12 @@ class Arm:
     def inverse_kinematics(
         self, target: ArrayLike, seed: ArrayLike | None = None, rest: ArrayLike | None = None
     ) -> Floats:
-        """Joint vector (n,) inside the limits that reaches a pose, or a position alone.
+        """Joint vector (n,) inside the limits that reaches a pose (4, 4), or a position alone (3,)
+        [m].
 
-        The search begins at the seed and stays on its branch where that leads there; else it
-        begins at postures of the arm near the target. Of a redundant arm's solutions it takes one
-        near `rest` and away from singularities.
-
-        Args:
-            target: pose (4, 4), or position (3,) [m] with the orientation left free.
-            seed: where to begin (n,); the arm's `rest` by default.
-            rest: what redundant joints are drawn to (n,); the arm's own by default.
+        The search begins at the seed and stays on its branch where that leads there; else it begins
+        at postures of the arm near the target. Of a redundant arm's solutions it takes one near
+        `rest` and away from singularities. Both are the arm's `rest` by default.
 
         Raises:
             KinematicsError: no solution was found; names the distance that is left.
@@ -175,16 +167,11 @@ class Arm:
     def follow(
         self, targets: ArrayLike, seed: ArrayLike | None = None, rest: ArrayLike | None = None
     ) -> FollowedPath:
-        """Joint vectors along a whole path: continuous, within the limits, near `rest`.
+        """Joint vectors along poses (T, 4, 4) or positions (T, 3): continuous, within the limits.
 
         Where a target is out of reach, the posture nearest to it stands there, and the result says
-        by how much it falls short.
-
-        Args:
-            targets: poses (T, 4, 4), or positions (T, 3) [m] with the orientation left free.
-            seed: posture near which to begin (n,), such as the measured one; the arm's `rest` by
-                default.
-            rest: what redundant joints are drawn to (n,); the arm's own by default.
+        by how much it falls short. Seed, such as the measured posture, and rest are as of
+        `inverse_kinematics`.
         """
         array = np.asarray(targets, dtype=np.float64)
         if len(array.shape) not in (2, 3) or len(array) == 0:

@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, describe, one_line, optional
+from intent_recognition.kinematics.links import ReducedModel
 from intent_recognition.kinematics.meshes import check_meshes, package_shares
-from intent_recognition.kinematics.reduced_model import ReducedModel
 from intent_recognition.kinematics.urdf import read_mimics
 from intent_recognition.kinematics.urdf_tree import LINK, parse_urdf, read_urdf, separate_names
 
@@ -138,18 +138,14 @@ class Bodies:
     def contacts(
         self, positions: ArrayLike, travel: ArrayLike | None = None, *, first_only: bool = False
     ) -> list[Contact]:
-        """Where along a motion bodies are nearer than the clearance, in the order of samples.
+        """Where along a motion (T, n) bodies are nearer than the clearance, in the order of
+        samples.
 
         No sample is missed: a pair that is farther apart than both can have moved until a later
-        sample is not measured before that one (conservative advancement). Where a point moves by
-        at most twice the clearance between samples (`steps`), bodies touch nowhere in between
-        either.
-
-        Args:
-            positions: samples of the motion (T, n) [rad].
-            travel: how far each joint turns between samples, at least (T - 1, n) [rad]; by default
-                the difference of the samples.
-            first_only: whether to stop at the first contact.
+        sample is not measured before that one (conservative advancement). Where a point moves by at
+        most twice the clearance between samples (`steps`), bodies touch nowhere in between either.
+        Joints turn between samples by `travel`, at least (T - 1, n); by default the difference of
+        the samples.
         """
         q = np.asarray(positions, dtype=np.float64)
         moved = np.abs(np.diff(q, axis=0)) if travel is None else np.asarray(travel, np.float64)

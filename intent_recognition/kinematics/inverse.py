@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import KinematicsError, ShapeError
-from intent_recognition.kinematics.forward import forward_kinematics, jacobian, joint_vector
 from intent_recognition.kinematics.limits import JointLimits, within_position_limits
 from intent_recognition.kinematics.lwr import (
     FOREARM_M,
@@ -24,6 +23,9 @@ from intent_recognition.kinematics.lwr import (
     LWR_LIMITS,
     SHOULDER_HEIGHT_M,
     UPPER_ARM_M,
+    forward_kinematics,
+    jacobian,
+    joint_vector,
 )
 from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, checked_target
 
@@ -74,10 +76,7 @@ def swivel_angle(q: ArrayLike) -> float:
 def solve(pose: ArrayLike, swivel_rad: ArrayLike, branch: Branch) -> Floats:
     """Return the closed-form solution, shape (..., 7) [rad], limits not considered.
 
-    Args:
-        pose: the hand's pose (4, 4) in the base frame.
-        swivel_rad: swivel of the elbow (...) [rad].
-        branch: which of the eight solutions.
+    Of a pose (4, 4) of the hand in the base frame, and swivels of the elbow (...).
 
     Raises:
         KinematicsError: the wrist is farther from the shoulder than the arm is long, or nearer
@@ -91,16 +90,12 @@ def solve(pose: ArrayLike, swivel_rad: ArrayLike, branch: Branch) -> Floats:
 def inverse_kinematics(
     pose: ArrayLike, seed: ArrayLike, limits: JointLimits = LWR_LIMITS
 ) -> Floats:
-    """Return the joint vector (7,) [rad] inside the limits that is nearest to the seed.
+    """Return the joint vector (7,) inside the limits that has the hand at a pose (4, 4) in the base
+    frame and is nearest to the seed (7,).
 
     The search covers all swivels of all branches. A path followed with each solution as the next
     seed therefore stays on its branch and passes singularities of shoulder and wrist without a
     flip. In an exactly singular posture, where two joints line up, the first of them is zero.
-
-    Args:
-        pose: the hand's pose (4, 4) in the base frame.
-        seed: joint vector (7,) [rad] to stay near to.
-        limits: joint limits to respect.
 
     Raises:
         KinematicsError: out of reach, or no solution inside the joint limits.

@@ -63,9 +63,7 @@ def within_position_limits(
     q: ArrayLike, limits: JointLimits, tolerance_rad: float = POSITION_TOLERANCE_RAD
 ) -> Flags:
     """Return whether each joint vector of q (..., n) [rad] is inside; shape (...,), bool."""
-    q = np.asarray(q, dtype=np.float64)
-    inside = (q >= limits.lower - tolerance_rad) & (q <= limits.upper + tolerance_rad)
-    return np.all(inside, axis=-1)
+    return np.all(position_violation(q, limits) <= tolerance_rad, axis=-1)
 
 
 def position_violation(q: ArrayLike, limits: JointLimits) -> Floats:

@@ -5,12 +5,16 @@ As pinocchio computes them one by one (Featherstone 2008, "Rigid Body Dynamics A
 4), in arrays over the postures.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Floats
+from intent_recognition.kinematics.urdf import Mimic
 
 
 class Links(NamedTuple):
@@ -33,26 +37,18 @@ class Links(NamedTuple):
 
     @classmethod
     def of(cls, model: Any, tip_frame: int, from_base: Any) -> "Links":
-        """Of a model of pinocchio, whose joints have one DOF each.
+        """Of a model of pinocchio, whose joints have one DOF each, and the index of its tip frame.
 
-        Args:
-            model: likewise.
-            tip_frame: index of the tip's frame.
-            from_base: placement of the model's root in the frame that points are wanted in, None
-                where that is the same.
+        `from_base` places the model's root in the frame that points are in; None: the same.
         """
         placements = [model.jointPlacements[k].homogeneous for k in range(1, model.njoints)]
         placements.append(model.frames[tip_frame].placement.homogeneous)
         beyond = np.linalg.norm(np.array(placements)[:, :3, 3], axis=1)[::-1].cumsum()[::-1]
-        parents = (
-            *(int(k) - 1 for k in model.parents[1:]),
-            model.frames[tip_frame].parentJoint - 1,
-        )
+        tip = model.frames[tip_frame].parentJoint
+        parents = tuple(int(k) - 1 for k in (*model.parents[1:], tip))
         if from_base is not None:
-            root = from_base.homogeneous
-            placements = [
-                root @ p if k < 0 else p for k, p in zip(parents, placements, strict=True)
-            ]
+            root, pairs = from_base.homogeneous, zip(parents, placements, strict=True)
+            placements = [root @ placement if k < 0 else placement for k, placement in pairs]
         axes, turns, levers, travel = [], [], [], 0.0
         for k in range(model.njoints - 1, 0, -1):
             joint = model.joints[k]
@@ -86,10 +82,8 @@ class Links(NamedTuple):
             if k < len(self.axes):
                 along, rate = turn @ self.axes[k], rates[:, k, None]
                 if self.turns[k]:
-                    turn, spin = (
-                        turn @ Rotation.from_rotvec(np.outer(q[:, k], self.axes[k])).as_matrix(),
-                        spin + along * rate,
-                    )
+                    turned = Rotation.from_rotvec(np.outer(q[:, k], self.axes[k])).as_matrix()
+                    turn, spin = turn @ turned, spin + along * rate
                 else:
                     step = along * q[:, k, None]
                     place, speed = place + step, speed + along * rate + np.cross(spin, step)
@@ -97,3 +91,103 @@ class Links(NamedTuple):
         points = np.stack([place for _, place, _, _ in frames[1:]], axis=1)
         speeds = [np.linalg.norm(speed, axis=1) for *_, speed in frames[1:]]
         return points, np.max(speeds, axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedModel:
+    """The model, and how n joints drive its configuration: drive @ q + offset.
+
+    Attributes:
+        model: of pinocchio; every other joint stays at zero.
+        geometry: shapes on it, if there were any.
+        drive: (nv, n).
+        offset: (nv,).
+        direct: whether the configuration is the joint vector itself.
+    """
+
+    model: Any
+    geometry: Any
+    drive: Floats
+    offset: Floats
+    direct: bool
+
+    @classmethod
+    def of(
+        cls,
+        pin: Any,
+        full: Any,
+        names: Sequence[str],
+        mimics: Sequence[Mimic],
+        geometry: Any = None,
+    ) -> "ReducedModel":
+        """Of a whole model (and its geometry), with the joints `names`, in that order."""
+        copies = {m.joint: m for m in mimics if m.master in names}
+        kept = {*names, *copies}
+        locked = [k for k, name in enumerate(full.names) if k and name not in kept]
+        model = full
+        if geometry is not None:
+            model, geometry = pin.buildReducedModel(full, geometry, locked, np.zeros(full.nq))
+        elif locked:
+            model = pin.buildReducedModel(full, locked, np.zeros(full.nq))
+        drive, offset = np.zeros((model.nv, len(names))), np.zeros(model.nv)
+        for k, name in enumerate(model.names):
+            if k == 0:
+                continue
+            row, copy = model.joints[k].idx_v, copies.get(name)
+            master = name if copy is None else copy.master
+            drive[row, names.index(master)] = 1.0 if copy is None else copy.multiplier
+            offset[row] = 0.0 if copy is None else copy.offset
+        return cls(model, geometry, drive, offset, np.array_equal(drive, np.eye(len(names))))
+
+    def values(self, q: Floats) -> Floats:
+        """The configuration (nv,) at a joint vector (n,)."""
+        return q if self.direct else self.drive @ q + self.offset
+
+
+class Chain(NamedTuple):
+    """n joints, from the base on; those that do not move are among them.
+
+    Values of joints are in rad or m; those of fixed joints do not count.
+
+    Attributes:
+        origins: poses in the frame of the joint before, (n, 4, 4) [m].
+        turns: axes of revolute joints, unit vectors, zero for the others, (n, 3).
+        shifts: axes of prismatic joints, alike, (n, 3).
+    """
+
+    origins: Floats
+    turns: Floats
+    shifts: Floats
+
+
+def tip_positions(chain: Chain, values: Floats) -> Floats:
+    """Positions of the last joint's frame in the base frame, (T, 3) [m], for values (T, n)."""
+    values = np.asarray(values, dtype=np.float64)
+    tips = np.zeros((len(values), 3))
+    for joint in reversed(range(len(chain.origins))):
+        moved = Rotation.from_rotvec(values[:, joint, None] * chain.turns[joint]).apply(tips)
+        moved += values[:, joint, None] * chain.shifts[joint]
+        origin = chain.origins[joint]
+        tips = moved @ origin[:3, :3].T + origin[:3, 3]
+    return tips
+
+
+def tip_pose(chain: Chain, values: Floats) -> Floats:
+    """Pose of the last joint's frame in the base frame, (4, 4) [m], for values (n,)."""
+    wxyz, positions = joint_poses(chain, values)
+    local = np.tile(np.eye(4), (len(wxyz), 1, 1))
+    local[:, :3, :3] = Rotation.from_quat(np.roll(wxyz, -1, axis=1)).as_matrix()
+    local[:, :3, 3] = positions
+    return reduce(np.matmul, local, np.eye(4))
+
+
+def joint_poses(chain: Chain, values: Floats) -> tuple[Floats, Floats]:
+    """Where each joint's frame is in that of its parent: quaternions wxyz (n, 4), positions (n, 3).
+
+    For values (n,); the joints need not follow one another.
+    """
+    values = np.asarray(values, dtype=np.float64)[:, None]
+    rotations = Rotation.from_matrix(chain.origins[:, :3, :3])
+    turned = rotations * Rotation.from_rotvec(values * chain.turns)
+    positions = chain.origins[:, :3, 3] + rotations.apply(values * chain.shifts)
+    return np.roll(turned.as_quat(), 1, axis=1), positions

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The KUKA LWR 4+: joint names, Denavit-Hartenberg parameters and limits.
+"""The KUKA LWR 4+: joint names, Denavit-Hartenberg parameters, limits and forward kinematics.
 
 Lengths, position, velocity and torque limits are those of the public models (kuka-isir/rtt_lwr,
 CentroEPiaggio/kuka-lwr).
@@ -8,8 +8,10 @@ CentroEPiaggio/kuka-lwr).
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats
+from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics.limits import JointLimits
 
 N_JOINTS = 7
@@ -45,3 +47,62 @@ LWR_LIMITS = JointLimits(
     acceleration=np.full(N_JOINTS, DEFAULT_ACCELERATION_RAD_S2),
     torque=np.array([176.0, 176.0, 100.0, 100.0, 100.0, 38.0, 38.0]),
 )
+
+
+_COS_ALPHA = np.round(np.cos(DH.alpha_rad))  # all angles are multiples of 90 degrees: exact
+_SIN_ALPHA = np.round(np.sin(DH.alpha_rad))
+
+
+def joint_vector(q: ArrayLike, argument: str = "q") -> Floats:
+    """Return q as float64 of shape (..., 7), or raise ShapeError."""
+    array = np.asarray(q, dtype=np.float64)
+    if array.ndim == 0 or array.shape[-1] != N_JOINTS:
+        cure = "Give seven joint angles in rad."
+        raise ShapeError.about(argument, "shape (..., 7)", array.shape, cure)
+    return array
+
+
+def frame_poses(q: ArrayLike) -> Floats:
+    """Return the poses of frames 0..7 in the base frame, (..., 8, 4, 4), for q (..., 7) [rad]."""
+    q = joint_vector(q)
+    cos, sin = np.cos(q), np.sin(q)
+    step = np.zeros((*q.shape, 4, 4))
+    step[..., 0, 0] = cos
+    step[..., 0, 1] = -sin * _COS_ALPHA
+    step[..., 0, 2] = sin * _SIN_ALPHA
+    step[..., 1, 0] = sin
+    step[..., 1, 1] = cos * _COS_ALPHA
+    step[..., 1, 2] = -cos * _SIN_ALPHA
+    step[..., 2, 1] = _SIN_ALPHA
+    step[..., 2, 2] = _COS_ALPHA
+    step[..., 2, 3] = DH.d_m
+    step[..., 3, 3] = 1.0
+    poses = np.empty((*q.shape[:-1], N_JOINTS + 1, 4, 4))
+    poses[..., 0, :, :] = np.eye(4)
+    for i in range(N_JOINTS):
+        poses[..., i + 1, :, :] = poses[..., i, :, :] @ step[..., i, :, :]
+    return poses
+
+
+def forward_kinematics(q: ArrayLike) -> Floats:
+    """Return the hand's pose in the base frame, shape (..., 4, 4), for q (..., 7) [rad]."""
+    return frame_poses(q)[..., N_JOINTS, :, :]
+
+
+def hand_position(q: ArrayLike) -> Floats:
+    """Return the hand's position in the base frame, shape (..., 3) [m], for q (..., 7) [rad]."""
+    return forward_kinematics(q)[..., :3, 3]
+
+
+def jacobian(q: ArrayLike) -> Floats:
+    """Return the geometric Jacobian in base axes, shape (..., 6, 7), of joints (..., 7) [rad].
+
+    Rows 0-2 map joint velocities to the linear velocity [m/s] of the hand, rows 3-5 to its angular
+    velocity [rad/s].
+    """
+    poses = frame_poses(q)
+    axes = poses[..., :N_JOINTS, :3, 2]
+    origins = poses[..., :N_JOINTS, :3, 3]
+    tip = poses[..., N_JOINTS, :3, 3]
+    linear = np.cross(axes, tip[..., None, :] - origins)
+    return np.swapaxes(np.concatenate([linear, axes], axis=-1), -1, -2)

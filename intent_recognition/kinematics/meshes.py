@@ -27,7 +27,6 @@ def check_meshes(meshes: Iterable[ET.Element]) -> None:
     for one that stands in an OBJ as its material. What cannot be found or read is left to them:
     they say so.
 
-
     Raises:
         ArgumentError: a mesh is neither.
     """

@@ -124,7 +124,8 @@ class PoseSearch:
                 if not hasty:
                     continue
             past.append(square)
-        return _solution(q, error)
+        angle = float(np.linalg.norm(error[3:])) if len(error) > 3 else 0.0
+        return Solution(q, float(np.linalg.norm(error[:3])), angle)
 
     def slide(
         self,
@@ -134,14 +135,10 @@ class PoseSearch:
         n_steps: int = 3,
         largest_rad: float = 0.5,
     ) -> Solution:
-        """Move along the self-motion of a solution toward rest, away from singularities.
+        """Move along the self-motion of a solution toward rest (n,), away from singularities.
 
-        Args:
-            target: what the solution reaches.
-            found: the solution; without self-motion or if it reaches nothing it is returned.
-            rest: posture to move toward (n,).
-            n_steps: most steps.
-            largest_rad: longest step [rad].
+        At most so many steps of at most `largest_rad`. One without self-motion, or that reaches
+        nothing, is returned.
         """
         if found.error > CONVERGED:
             return found
@@ -223,11 +220,6 @@ class PoseSearch:
             slope = (_log_manipulability(there) - here) / _DIFFERENCE_RAD
             step += (motion @ pull + _MANIPULABILITY_WEIGHT * slope) * motion
         return step
-
-
-def _solution(q: Floats, error: Floats) -> Solution:
-    angle = float(np.linalg.norm(error[3:])) if len(error) > 3 else 0.0
-    return Solution(q, float(np.linalg.norm(error[:3])), angle)
 
 
 def _log_manipulability(J: Floats) -> float:

@@ -24,8 +24,6 @@ UNLIMITED_RAD = 1e6
 LIKELY_DEGREES = 12.0 * np.pi, 720.0
 """A limit of a revolute joint between these [rad] is in degrees. Convention: cables do not bear six
 turns, and two turns are usual."""
-_MOST_NAMES = 12
-"""Names of links that an error lists. Convention."""
 
 
 class Mimic(NamedTuple):
@@ -115,7 +113,12 @@ def read_chain(
     for argument, name in (("base", base), ("tip", tip)):
         if name is not None and name not in links:
             raise ArgumentError.about(argument, f"a link of {_few(links)}", name, "Name one.")
-    base = base if base is not None else _root_link(links, above)
+    if base is None:
+        base, *others = [link for link in links if link not in above] or [""]
+        if others or not base:
+            raise ArgumentError.about(
+                "base", "one root link", _few([base, *others]), "Name the base."
+            )
     mimics = {mimic.joint: mimic for mimic in _mimics(joints)}
     by_name = {joint.get("name", ""): joint for joint in joints}
     masters = {m.joint: m.master for m in mimics.values() if m.master in {*by_name} - {m.joint}}
@@ -172,14 +175,7 @@ def _names(joints: list[ET.Element]) -> list[str]:
 
 
 def _few(names: list[str]) -> str:
-    return ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
-
-
-def _root_link(links: list[str], above: Mapping[str, ET.Element]) -> str:
-    roots = [link for link in links if link not in above]
-    if len(roots) != 1:
-        raise ArgumentError.about("base", "one root link", _few(roots), "Name the base.")
-    return roots[0]
+    return ", ".join(names[:12]) + ", ..." * (len(names) > 12)
 
 
 def _way(base: str, tip: str, above: Mapping[str, ET.Element]) -> list[ET.Element]:
@@ -195,16 +191,13 @@ def _way(base: str, tip: str, above: Mapping[str, ET.Element]) -> list[ET.Elemen
 
 
 def _mimics(joints: list[ET.Element]) -> tuple[Mimic, ...]:
-    return tuple(mimic for mimic in map(_mimic, joints) if mimic is not None)
-
-
-def _mimic(joint: ET.Element) -> Mimic | None:
-    found = joint.find("mimic")
-    if found is None:
-        return None
-    name, master = joint.get("name", ""), found.get("joint", "")
-    multiplier = _number(joint, found, "multiplier", 1.0)
-    return Mimic(name, master, multiplier, _number(joint, found, "offset", 0.0))
+    mimics = []
+    for joint in joints:
+        if (found := joint.find("mimic")) is not None:
+            name, master = joint.get("name", ""), found.get("joint", "")
+            multiplier = _number(joint, found, "multiplier", 1.0)
+            mimics.append(Mimic(name, master, multiplier, _number(joint, found, "offset", 0.0)))
+    return tuple(mimics)
 
 
 def _number(
@@ -219,9 +212,8 @@ def _number(
         value = np.nan
     if not np.isfinite(value):
         name = joint.get("name", "joint")
-        cure = (
-            f'Write it into the URDF: <limit lower="" upper="" velocity="" effort=""/> of {name}.'
-        )
+        limit = '<limit lower="" upper="" velocity="" effort=""/>'
+        cure = f"Write it into the URDF: {limit} of {name}."
         raise ArgumentError.about(name, f"a finite {attribute}", text or "none", cure)
     return value
 

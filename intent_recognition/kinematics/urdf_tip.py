@@ -51,11 +51,8 @@ def default_tip(
 ) -> str:
     """The link that is the hand of the one arm of a URDF, or the longest.
 
-    Args:
-        base: link at which the arm begins.
-        joints: a tree.
-        masters: by name of a joint that copies another, that other one.
-        passed: joints of the arm that lead to `base`.
+    The joints are a tree from the link `base` on, to which those `passed` lead; `masters` tells by
+    the name of a joint that copies another that other one.
     """
     at: dict[str, list[ET.Element]] = defaultdict(list)
     for joint in joints:

@@ -8,8 +8,7 @@ from geometry_msgs.msg import PoseStamped
 from ros_harness import NodeProcess
 from sensor_msgs.msg import JointState
 
-from intent_recognition.kinematics.forward import hand_position
-from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.kinematics.lwr import JOINT_NAMES, hand_position
 from intent_recognition.nodes import qos
 
 WRIST, HAND = "/direct/wrist", "/direct/hand"

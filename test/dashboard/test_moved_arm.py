@@ -8,7 +8,7 @@ from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.moved_arm import LWR, ArmFinder, describe_arm
 from intent_recognition.dashboard.robot_view import chain_of, chain_to, joint_values, load_urdf
 from intent_recognition.errors import KinematicsError
-from intent_recognition.kinematics.chain import tip_pose
+from intent_recognition.kinematics.links import tip_pose
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from sim_bridge.arm import NAMES, find_robot
 

@@ -11,7 +11,7 @@ yourdfpy = pytest.importorskip("yourdfpy")
 pytest.importorskip("viser")
 
 from intent_recognition.dashboard.robot_view import chain_of, joint_values, load_urdf  # noqa: E402
-from intent_recognition.kinematics.chain import joint_poses  # noqa: E402
+from intent_recognition.kinematics.links import joint_poses  # noqa: E402
 from sim_bridge.arm import describe_robot  # noqa: E402
 
 FINGERS = """<robot name="fingers">

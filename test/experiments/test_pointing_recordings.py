@@ -33,9 +33,8 @@ from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.errors import ArgumentError
 from intent_recognition.gaussian.normal import Gaussian, marginal, regression
-from intent_recognition.kinematics.forward import forward_kinematics
 from intent_recognition.kinematics.inverse import branch_of
-from intent_recognition.kinematics.lwr import LWR_LIMITS
+from intent_recognition.kinematics.lwr import LWR_LIMITS, forward_kinematics
 from intent_recognition.learning import TrainingSettings
 from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.scenarios.toolbox.scene import ARM_BRANCH

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from experiments.pouring.pour import pour
 from intent_recognition.errors import KinematicsError
-from intent_recognition.kinematics.forward import forward_kinematics
+from intent_recognition.kinematics.lwr import forward_kinematics
 from intent_recognition.promp import minimum_jerk
 from sim_bridge.containers.generate import make_container
 from sim_bridge.scenarios.pouring.task_space import (

@@ -12,7 +12,7 @@ from experiments.pouring.executed import (
     learn_skill,
     planned,
 )
-from intent_recognition.kinematics.forward import forward_kinematics
+from intent_recognition.kinematics.lwr import forward_kinematics
 from intent_recognition.share import share_path
 from intent_recognition.warping import EMPTY
 from sim_bridge.containers.generate import make_container

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from experiments.teaching.recordings import ToolboxOrder, demonstrate
-from intent_recognition.kinematics.forward import forward_kinematics, hand_position
 from intent_recognition.kinematics.inverse import branch_of
-from intent_recognition.kinematics.lwr import LWR_LIMITS
+from intent_recognition.kinematics.lwr import LWR_LIMITS, forward_kinematics, hand_position
 from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
 from sim_bridge.scenarios.toolbox.gripper import ToolboxGripper

@@ -11,14 +11,14 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ShapeError
-from intent_recognition.kinematics.chain import Chain, tip_positions
-from intent_recognition.kinematics.forward import (
+from intent_recognition.kinematics.links import Chain, tip_positions
+from intent_recognition.kinematics.lwr import (
+    LWR_LIMITS,
     forward_kinematics,
     frame_poses,
     hand_position,
     jacobian,
 )
-from intent_recognition.kinematics.lwr import LWR_LIMITS
 
 angles = arrays(np.float64, 7, elements=floats(-3.1, 3.1))
 

@@ -7,7 +7,6 @@ from hypothesis import example, given, settings
 from hypothesis.strategies import builds, floats, sampled_from, tuples
 
 from intent_recognition.errors import KinematicsError, ShapeError
-from intent_recognition.kinematics.forward import forward_kinematics, hand_position
 from intent_recognition.kinematics.inverse import (
     BRANCHES,
     branch_of,
@@ -17,7 +16,7 @@ from intent_recognition.kinematics.inverse import (
     swivel_angle,
 )
 from intent_recognition.kinematics.limits import within_position_limits
-from intent_recognition.kinematics.lwr import LWR_LIMITS
+from intent_recognition.kinematics.lwr import LWR_LIMITS, forward_kinematics, hand_position
 
 shares = tuples(*[floats(-0.98, 0.98)] * 7)
 postures = builds(lambda share: np.array(share) * LWR_LIMITS.upper, shares)

@@ -13,8 +13,7 @@ from system.pacing import PatientClock, n_taken
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
-from intent_recognition.kinematics.forward import forward_kinematics
-from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.kinematics.lwr import JOINT_NAMES, forward_kinematics
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import joint_values, stamp_ns, to_pose, to_stamp
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError
-from intent_recognition.kinematics.forward import jacobian
-from intent_recognition.kinematics.lwr import LWR_LIMITS
+from intent_recognition.kinematics.lwr import LWR_LIMITS, jacobian
 from sim_bridge.arm.arm import SensorNoise, SimulatedArm
 from sim_bridge.arm.controllers import ControllerGains
 from sim_bridge.arm.robots import READY_POSITION

@@ -11,8 +11,7 @@ from hypothesis.extra.numpy import arrays
 from hypothesis.strategies import floats
 from kinematics.robots import lwr_urdf
 
-from intent_recognition.kinematics.forward import forward_kinematics, jacobian
-from intent_recognition.kinematics.lwr import DH, JOINT_NAMES
+from intent_recognition.kinematics.lwr import DH, JOINT_NAMES, forward_kinematics, jacobian
 from sim_bridge.arm import describe_robot
 from sim_bridge.arm.arm import GRAVITY_M_S2, SimulatedArm
 from sim_bridge.scenarios.toolbox.scene import HOME

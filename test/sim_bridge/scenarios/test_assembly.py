@@ -11,9 +11,8 @@ from experiments.assembly.arm_stand_in import hand_joints
 from experiments.assembly.recordings import orders
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.kinematics.forward import hand_position
 from intent_recognition.kinematics.limits import within_position_limits
-from intent_recognition.kinematics.lwr import LWR_LIMITS
+from intent_recognition.kinematics.lwr import LWR_LIMITS, hand_position
 from intent_recognition.share import share_path
 from sim_bridge.scenarios.assembly.interaction import plan_interaction
 from sim_bridge.scenarios.assembly.session import PER_TASK, SESSIONS, plan_session
