@@ -22,6 +22,7 @@ from intent_recognition.motion.separation import (
     PredictedPerson,
     Separation,
     SeparationSettings,
+    SlowPlaces,
+    parse_places,
     phase_times_ns,
 )
-from intent_recognition.motion.slow_places import SlowPlaces, parse_places

@@ -36,8 +36,6 @@ linearised rows leave."""
 _BEYOND_RAD = 0.005
 """Joints are taken so much farther inside their limits [rad]. Convention: more than splines leave
 between samples."""
-_N_ROWS = 4
-"""Samples of one pair that become rows in one round, its nearest among them. Convention."""
 _LARGEST_STEP_RAD = 0.5
 """No joint moves farther in one round [rad]: distances are linear in the joints nearby only.
 Convention."""
@@ -129,11 +127,8 @@ class Spread:
 def least_change(rows: Floats, needs: Floats) -> Floats | None:
     """The most probable z ~ N(0, I) with G z >= b, (m,); None where there is none.
 
-    Least distance programming by nonnegative least squares (Lawson and Hanson 1974, Chapter 23).
-
-    Args:
-        rows: G (k, m).
-        needs: b (k,).
+    Rows are G (k, m), needs b (k,). Least distance programming by nonnegative least squares (Lawson
+    and Hanson 1974, Chapter 23).
     """
     system = np.vstack([rows.T, needs])
     wanted = np.zeros(len(system))
@@ -149,10 +144,8 @@ class TouchingPath(NamedTuple):
     """A path that comes too near to something, and how it may move.
 
     Attributes:
-        bodies: the arm among boxes.
         positions: samples of the path (T, n) [rad].
         moves: joints by z at the samples (T, n, m).
-        contacts: of the path.
         limits: of positions, which the path is to keep.
     """
 
@@ -166,21 +159,18 @@ class TouchingPath(NamedTuple):
 def bend(path: TouchingPath, largest: float = np.inf, start: Floats | None = None) -> Floats | None:
     """How to move a path so that it is clear of all contacts, z (m,); None if nothing was found.
 
-    Args:
-        path: what touches.
-        largest: standard deviations that the path may be moved at most.
-        start: z from which the search begins; None: from the path itself.
+    At most so many standard deviations from it; the search begins at `start`, or at the path.
     """
     bodies, positions, moves, contacts, limits = path
     z = np.zeros(moves.shape[2]) if start is None else start
-    watched = {(one.sample, one.pair) for one in _thinned(contacts, _N_ROWS)}
+    watched = {(one.sample, one.pair) for one in _thinned(contacts)}
     for k in range(12):  # two or three are the rule
         q = positions + moves @ z
         rows, needs = _position_rows(q, moves, z, limits)
         found = contacts if k == 0 and start is None else bodies.contacts(q)
         if k and not found and not rows:
             return z
-        watched |= {(one.sample, one.pair) for one in _thinned(found, _N_ROWS)}
+        watched |= {(one.sample, one.pair) for one in _thinned(found)}
         for sample, pair in sorted(watched):
             gap, gradient = bodies.gap(q[sample], pair)
             rows.append(gradient @ moves[sample])
@@ -206,12 +196,12 @@ def _position_rows(
     return rows, needs
 
 
-def _thinned(contacts: Sequence[Contact], most: int) -> list[Contact]:
-    """At most so many contacts of each pair: its nearest, and others evenly along the motion."""
+def _thinned(contacts: Sequence[Contact]) -> list[Contact]:
+    """At most four contacts of each pair: its nearest, and others evenly along the motion."""
     chosen = []
     for pair in sorted({contact.pair for contact in contacts}):
         own = [contact for contact in contacts if contact.pair == pair]
         nearest = min(own, key=lambda contact: contact.distance_m)
-        evenly = np.linspace(0, len(own) - 1, min(len(own), most) - 1).astype(int)
+        evenly = np.linspace(0, len(own) - 1, min(len(own), 4) - 1).astype(int)
         chosen += [nearest, *(own[k] for k in evenly if own[k] is not nearest)]
     return chosen

@@ -65,19 +65,12 @@ def _largest(
     position: Floats, velocity: Floats, acceleration: Floats, durations_s: Floats
 ) -> tuple[Floats, Floats]:
     """Largest speed and acceleration (M, n) for each of the durations (M,)."""
-    span = durations_s[:, None, None]
-    start = np.stack(
-        [
-            np.broadcast_to(position, (len(durations_s), len(position))),
-            velocity * span[:, 0],
-            acceleration * span[:, 0] ** 2,
-        ],
-        axis=1,
-    )
+    span = durations_s[:, None]
+    placed = np.broadcast_to(position, (len(durations_s), len(position)))
+    start = np.stack([placed, velocity * span, acceleration * span**2], axis=1)
     _, first, second = _SEARCH
-    speed = np.abs(first.T @ start).max(axis=1) / span[:, 0]
-    sharpness = np.abs(second.T @ start).max(axis=1) / span[:, 0] ** 2
-    return speed, sharpness
+    speed = np.abs(first.T @ start).max(axis=1) / span
+    return speed, np.abs(second.T @ start).max(axis=1) / span**2
 
 
 def decay(
@@ -89,19 +82,12 @@ def decay(
     max_acceleration: Floats,
     shortest_s: float,
 ) -> Offset:
-    """The quickest decay of an offset that keeps within a speed and an acceleration, per joint.
+    """The quickest decay of an offset (n,) that keeps within a speed and an acceleration, per
+    joint.
 
-    A start velocity above max_velocity is allowed to fall from where it is. When no duration
-    keeps the start acceleration within bounds, the offset starts without it: the sum of motions
-    then jumps in acceleration, by a bounded amount, never in position or velocity.
-
-    Args:
-        position: offset at time 0, (n,) [rad].
-        velocity: its velocity, (n,) [rad/s].
-        acceleration: its acceleration, (n,) [rad/s^2].
-        max_velocity: bound on its speed, (n,).
-        max_acceleration: bound on its acceleration, (n,).
-        shortest_s: the shortest duration to try.
+    A start velocity above max_velocity is allowed to fall from where it is. When no duration from
+    `shortest_s` on keeps the start acceleration within bounds, the offset starts without it: the
+    sum of motions then jumps in acceleration, by a bounded amount, never in position or velocity.
     """
     durations = np.geomspace(shortest_s, 8.0, 28)
     speed_bound = np.maximum(max_velocity, np.abs(velocity)) * (1.0 + 1e-9)

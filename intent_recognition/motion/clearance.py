@@ -60,7 +60,7 @@ class ClearPath(NamedTuple):
 
 
 class Clearance:
-    """Keeps motions clear of things.
+    """Keeps motions of the arm clear of things.
 
     Args:
         bodies: the arm among boxes.

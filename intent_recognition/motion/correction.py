@@ -66,11 +66,9 @@ def corrected_by(spread: Spread, path: JointPath, vias: Sequence[Via], phases: F
     rows = spread.design(at, before)
     rows = rows.reshape(-1, rows.shape[2])
     innovation = (np.array([via.position for via in vias]) - before).ravel()
+    noise = EXACTNESS_RAD**2 * np.eye(len(innovation))
     change, _ = condition(
-        Gaussian(np.zeros(rows.shape[1]), spread.covariance),
-        rows,
-        innovation,
-        EXACTNESS_RAD**2 * np.eye(len(innovation)),
+        Gaussian(np.zeros(rows.shape[1]), spread.covariance), rows, innovation, noise
     )
     return spread.design(phases, path.spline(phases)) @ change.mean
 

@@ -47,6 +47,11 @@ class TrackedMotion(NamedTuple):
     velocity: Floats
     acceleration: Floats
 
+    def explaining(self, joint: int) -> Floats:
+        """One, velocity and acceleration of a joint's reference, (T, 3)."""
+        velocity, acceleration = self.velocity[:, joint], self.acceleration[:, joint]
+        return np.stack([np.ones_like(velocity), velocity, acceleration], axis=1)
+
 
 @dataclass(frozen=True, eq=False)
 class DeviationDetector:
@@ -91,13 +96,9 @@ def calibrate_detector(
 ) -> DeviationDetector:
     """A detector that takes at most this share of undisturbed executions for pushed.
 
-    Every second execution gives the model of the errors, the others the bound.
-
-    Args:
-        executions: undisturbed, in any order.
-        false_alarm_rate: per execution; at least 1 / (m + 1) for m executions that give the bound.
-        sustained_s: how long a deviation must last [s].
-        least_rad: no smaller deviation counts [rad].
+    Every second execution, in any order, gives the model of the errors, the others the bound: m of
+    them allow a rate of 1 / (m + 1) at least. A deviation must last `sustained_s`; none below
+    `least_rad` counts.
 
     Raises:
         ArgumentError: too few executions for this rate.
@@ -113,7 +114,7 @@ def calibrate_detector(
     coefficients, std = np.zeros((3, n_joints)), np.zeros(n_joints)
     for joint in range(n_joints):
         error = np.concatenate([one.error[:, joint] for one in fitted])
-        explains = np.concatenate([_explaining(one, joint) for one in fitted])
+        explains = np.concatenate([one.explaining(joint) for one in fitted])
         coefficients[:, joint] = np.linalg.lstsq(explains, error, rcond=None)[0]
         std[joint] = np.sqrt(np.mean((error - explains @ coefficients[:, joint]) ** 2))
     std = np.maximum(std, np.finfo(np.float64).eps)
@@ -123,17 +124,9 @@ def calibrate_detector(
     )
 
 
-def _explaining(motion: TrackedMotion, joint: int) -> Floats:
-    """One, velocity and acceleration of a joint's reference, (T, 3)."""
-    velocity, acceleration = motion.velocity[:, joint], motion.acceleration[:, joint]
-    return np.stack([np.ones_like(velocity), velocity, acceleration], axis=1)
-
-
 def _level(motion: TrackedMotion, coefficients: Floats, std: Floats, sustained_s: float) -> float:
     """Largest number of standard deviations beyond which some joint stays for so long."""
-    explained = np.stack(
-        [_explaining(motion, j) @ coefficients[:, j] for j in range(std.size)], axis=1
-    )
+    explained = np.stack([motion.explaining(j) @ c for j, c in enumerate(coefficients.T)], axis=1)
     worst = np.max(np.abs(motion.error - explained) / std, axis=1)
     n = min(max(round(sustained_s / motion.step_s), 0) + 1, len(worst))
     return float(sliding_window_view(worst, n).min(axis=1).max())

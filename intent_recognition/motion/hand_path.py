@@ -35,11 +35,8 @@ def is_hand(names: Sequence[str]) -> bool:
 def hand_targets(numbers: ArrayLike) -> Floats:
     """Positions (..., 3) [m] as they are, whole poses (..., 7) as transforms (..., 4, 4).
 
-    Args:
-        numbers: positions, or positions and quaternions xyzw of any norm.
-
     Raises:
-        TrajectoryError: a quaternion is zero.
+        TrajectoryError: a quaternion is zero; its norm does not matter else.
     """
     values = np.asarray(numbers, dtype=np.float64)
     if values.shape[-1] == len(POSITION_FIELDS):

@@ -37,12 +37,9 @@ class JointPath:
         return self.spline(phase), self.derivative(phase)
 
     def shifted(self, phases: Floats, away: Floats, limits: JointLimits) -> "JointPath":
-        """The path moved away smoothly, bent inside the limits as any predicted path.
+        """The path moved away smoothly, by (T, n) [rad] at phases (T,) from 0 to 1.
 
-        Args:
-            phases: from 0 to 1, increasing (T,).
-            away: by how much there, (T, n) [rad].
-            limits: only the position limits are used.
+        It is bent inside the position limits as any predicted path.
         """
         change = CubicSpline(phases, away)
         dense = np.linspace(0.0, 1.0, 201)
@@ -92,11 +89,7 @@ def make_path(
 
 
 def check_range(positions: Floats, limits: JointLimits) -> None:
-    """Check that a prediction can be of an arm, in radians.
-
-    Args:
-        positions: (T, n) [rad].
-        limits: of the arm.
+    """Check that a prediction (T, n) [rad] can be of an arm, in radians.
 
     Raises:
         TrajectoryError: a joint is never inside its limits, or farther outside than they are apart.

@@ -55,8 +55,6 @@ _SHORTEST_OFFSET_S = 0.25
 _JOIN_WITHIN_RAD = 0.15
 """The path waits until every joint of the offset is below this [rad]. Convention: about 10 cm at
 the hand."""
-_NEIGHBOURS = 2
-"""Grid intervals slowed on each side of an excess. Convention: two of 100."""
 
 
 def plan_interaction(
@@ -129,9 +127,9 @@ class _Budget:
         use = np.maximum(*interval_use(plan.times_s, plan.positions, plan.velocities, limits))
         exceeded = np.flatnonzero(use > 1.0)
         factor = np.ones_like(self.share)
-        for k in exceeded:
-            first = max(int(plan.phase[k] * N_GRID) - _NEIGHBOURS, 0)
-            last = min(int(plan.phase[k + 1] * N_GRID) + _NEIGHBOURS + 1, N_GRID)
+        for k in exceeded:  # with two intervals on each side
+            first = max(int(plan.phase[k] * N_GRID) - 2, 0)
+            last = min(int(plan.phase[k + 1] * N_GRID) + 3, N_GRID)
             factor[first:last] = np.minimum(factor[first:last], 0.97 / use[k])
         decaying = bool(np.any(plan.times_s[exceeded] < offset.duration_s))
         stretch = 1.25 if decaying or not exceeded.size else 1.0

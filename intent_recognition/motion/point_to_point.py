@@ -39,16 +39,10 @@ the integral of |3 u^2 - 2 u| over [0, 1], its Peano kernel at the ends of the i
 
 
 def home_plan(start: JointReference, home: Floats, limits: JointLimits) -> JointPlan | None:
-    """Go to a posture, all joints together; straight in joint space when starting from rest.
+    """Go to a posture (n,) [rad], all joints together; from rest straight in joint space.
 
-    Args:
-        start: the running reference.
-        home: where to go, (n,) [rad]; held inside the position limits (reported as clamped).
-        limits: position, velocity and acceleration limits; a motion uses `HOME_SHARE` of the last
-            two unless a moving start needs more.
-
-    Returns:
-        The quickest plan that keeps the limits, or None (brake first) if there is none.
+    The posture is held inside the position limits (reported as clamped). A motion uses `HOME_SHARE`
+    of the other limits unless a moving start needs more. None (brake first) if no plan keeps them.
 
     Raises:
         TrajectoryError: start or home hold NaN or infinity.

@@ -29,10 +29,7 @@ _N_DESCENTS = 4
 def detours(phases: Floats, n_joints: int, first: float) -> Floats:
     """Joints by independent standard normal numbers (T, n, m): smooth, and zero at both ends.
 
-    Args:
-        phases: of the path's samples (T,).
-        n_joints: n.
-        first: phase up to which nothing moves.
+    At the path's phases (T,); nothing moves up to the phase `first`.
     """
     share = np.clip((phases - first) / max(1.0 - first, 1e-9), 0.0, 1.0)
     waves = np.arange(1, 6)
@@ -44,13 +41,10 @@ def detours(phases: Floats, n_joints: int, first: float) -> Floats:
 def replan(
     path: TouchingPath, tries: int | None, out_of_time: Callable[[], bool]
 ) -> tuple[Floats | None, bool]:
-    """How to move a path so that it is clear of all contacts, z (m,), and whether detours were
-    drawn for it; None if nothing was found.
+    """How to move a path so that it is clear of all contacts, z (m,), None if nothing was found,
+    and whether detours were drawn for it.
 
-    Args:
-        path: what touches; it may move by the spread of its task, if any, and by `detours`.
-        tries: number of searches before, which drew other detours; None: none are drawn.
-        out_of_time: whether no further descent may begin.
+    After so many tries others are drawn; None: none are. No descent begins once it is out of time.
     """
     if path.contacts[-1].sample == len(path.positions) - 1:
         return None, False  # its end touches

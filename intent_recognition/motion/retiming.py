@@ -23,8 +23,6 @@ _RATE_RATIO_PER_S = 15.0
 """That multiple changes by at most this per second; bounds s'' where no joint moves. Convention."""
 _CATCH_UP_GAIN = 6.0
 """Phase rate per lag [1/s] when the lag is small. Convention."""
-_MAX_STEPS = 1500
-"""Of a run that gets nowhere. Safeguard."""
 
 
 class NominalTiming(NamedTuple):
@@ -67,14 +65,10 @@ def speed_limits(
     share: Floats | float = 1.0,
     rate_ceiling: Floats | None = None,
 ) -> SpeedLimits:
-    """Bounds on the speed along a path.
+    """Bounds on the speed along a path that has these limits (n,) left [rad/s, rad/s^2].
 
-    Args:
-        path: the path over phase.
-        max_velocity: (n,) [rad/s] left for the path.
-        max_acceleration: (n,) [rad/s^2] left for the path.
-        share: share of both bounds to use, (G,) one per interval or one for all.
-        rate_ceiling: largest rate at each point of the grid (G + 1,) [1/s].
+    `share` is that of both to use, (G,) one per interval or one for all; `rate_ceiling` the largest
+    rate at each point of the grid (G + 1,) [1/s].
     """
     grid = np.linspace(0.0, 1.0, N_GRID + 1)
     first, second = path.derivative(grid), path.derivative(grid, 1)
@@ -156,7 +150,7 @@ def run(
     """
     times, phases, rates = [0.0], [phase], [rate]
     t, s, v = 0.0, phase, rate
-    for _ in range(_MAX_STEPS):
+    for _ in range(1500):  # more steps get nowhere
         left = 1.0 - s
         if left <= 1e-9 or (nominal is None and v <= 0.0):
             break

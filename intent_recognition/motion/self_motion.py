@@ -29,8 +29,6 @@ from intent_recognition.promp import minimum_jerk
 
 _LARGEST_STEP_RAD = 0.2
 """No joint turns farther in one round [rad]: null space and distances are those of the posture."""
-_N_ROUNDS = 25
-"""Rounds of one search. Convention: five radians of a joint."""
 _OTHER_START_RAD = 0.6
 """How far along each self-motion the other searches begin [rad]. Convention: a third of what the
 joints of a shoulder or wrist mostly have to one side."""
@@ -49,13 +47,7 @@ class Turn(NamedTuple):
 
 
 class HandKept:
-    """What of an arm's hand must stay: its position, or its whole pose.
-
-    Args:
-        arm: that moves it.
-        oriented: whether its orientation must stay, too.
-        limits: of the joints.
-    """
+    """What of an arm's hand must stay: its position, or its whole pose if `oriented`."""
 
     def __init__(self, arm: Arm, oriented: bool, limits: JointLimits) -> None:
         self._arm, self._rows, self._limits = arm, 6 if oriented else 3, limits
@@ -102,7 +94,7 @@ class HandKept:
         """From a posture that has the hand at a pose to a clear one; None where that fails."""
         watched: set[int] = set()
         unit = np.eye(len(q))
-        for _ in range(_N_ROUNDS):
+        for _ in range(25):  # five radians of a joint
             touching = bodies.contacts(q[None])
             if not touching:
                 return q

@@ -88,9 +88,7 @@ def permitted_speed(distance_m: Floats, settings: SeparationSettings) -> Floats:
 class Separation:
     """Bounds the speed of an arm's points by where a person is predicted to be.
 
-    Args:
-        arm: its points are the lines through its joints to the tip.
-        settings: of the formula.
+    Those points are the lines through its joints to the tip.
     """
 
     def __init__(self, arm: Arm, settings: SeparationSettings | None = None) -> None:
@@ -104,7 +102,7 @@ class Separation:
         person: PredictedPerson,
         positions: Floats | None = None,
     ) -> Floats:
-        """Largest phase rate (G + 1,) [1/s] on the grid of a path.
+        """Largest phase rate (G + 1,) [1/s] on the grid of a path of the arm.
 
         Args:
             path: of the arm.
@@ -126,10 +124,7 @@ class Separation:
     def distance_m(self, points: Floats, times_ns: NDArray, person: PredictedPerson) -> Floats:
         """Distance of the arm from the near side of the tube (S,) [m].
 
-        Args:
-            points: of the arm's joints, from the base on (S, k, 3).
-            times_ns: when it is there (S,).
-            person: predicted.
+        The arm's joints, from the base on, are at (S, k, 3) at the times (S,).
         """
         mean, std = person.at(times_ns)
         begin, way = points[:, :-1], np.diff(points, axis=1)
@@ -142,18 +137,13 @@ class Separation:
     def excess(
         self, plan: JointPlan, start_ns: int, person: PredictedPerson, since_ns: int = 0
     ) -> float:
-        """A bound on the ratio of the arm's speed to the one permitted, at any instant of a plan.
+        """A bound on the ratio of the arm's speed to the one permitted, at any instant of a plan
+        that begins at `start_ns`, but for what comes before `since_ns`.
 
         The motion is that of the cubics between the plan's samples. Both speeds are computed in the
         middle of an interval; how much they differ elsewhere in it follows from what the joints can
         do within it and from how fast the tube moves. Intervals are halved until the bound is at
         most 1, or a ratio above it was found.
-
-        Args:
-            plan: of the arm.
-            start_ns: when it begins.
-            person: predicted.
-            since_ns: what of the plan comes before does not count.
         """
         since_s = min((since_ns - start_ns) * 1e-9, plan.duration_s)
         knots_s = (person.times_ns - start_ns) * 1e-9
@@ -204,3 +194,41 @@ def phase_times_ns(plan: JointPlan, start_ns: int) -> Floats:
     grid = np.linspace(0.0, 1.0, N_GRID + 1)
     first = np.searchsorted(plan.phase, grid - 1e-12)
     return start_ns + 1e9 * plan.times_s[np.minimum(first, len(plan.times_s) - 1)]
+
+
+class SlowPlaces:
+    """Bounds the speed of an arm's tip at places (n, 5) in the frame of its base.
+
+    Each has x, y, z, a radius [m], and a largest speed [m/s].
+    """
+
+    def __init__(self, arm: Arm, places: Floats) -> None:
+        self._arm, self._places = arm, places
+
+    def rate_ceiling(self, path: JointPath) -> Floats:
+        """Largest phase rate (G + 1,) [1/s] on the grid of a path; infinite away from all."""
+        phase = np.linspace(0.0, 1.0, N_GRID + 1)
+        hand = self._arm.skeleton(path.spline(phase))[:, -1]
+        way = np.linalg.norm(np.gradient(hand, phase, axis=0), axis=1)
+        away = np.linalg.norm(hand[:, None] - self._places[:, :3], axis=2)
+        speed = np.where(away <= self._places[:, 3], self._places[:, 4], np.inf).min(axis=1)
+        return np.asarray(speed / np.maximum(way, 1e-6))
+
+
+def parse_places(texts: Sequence[str]) -> Floats:
+    """Places (n, 5) of texts 'x y z radius speed'.
+
+    Raises:
+        ArgumentError: a text is no place.
+    """
+    places = []
+    for text in filter(None, texts):
+        try:
+            place = [float(word) for word in text.split()]
+        except ValueError:
+            place = []
+        if len(place) != 5 or not np.all(np.isfinite(place)) or min(place[3:]) <= 0.0:
+            expected = "'x y z radius speed', the last two above 0"
+            raise ArgumentError.about("slow_at", expected, text, "In metres and m/s.")
+        places.append(place)
+    return np.array(places, dtype=np.float64).reshape(-1, 5)
