@@ -13,15 +13,18 @@ from intent_recognition.model.executions import (
 )
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.model.folder_content import LIBRARY_MODEL, is_task_folder, library_dofs
-from intent_recognition.model.frames import (
+from intent_recognition.model.from_bags import (
     FRAMES,
     Frames,
+    FromBags,
+    Run,
+    accumulate_bags,
     frames_of,
+    list_bags,
     merge_frames,
     mixed_frames,
     with_frames,
 )
-from intent_recognition.model.from_bags import FromBags, Run, accumulate_bags, list_bags
 from intent_recognition.model.pouring_skill import load_pouring_skill, save_pouring_skill
 from intent_recognition.model.practised import PractisedTask, undo_practice
 from intent_recognition.model.skills import SKILL_COLUMNS, TO_UNDO, SkillPeriod, skill_history

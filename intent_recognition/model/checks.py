@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the arrays and the header of a model file must be like."""
 
+from collections.abc import Mapping
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import DofSpec
 from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.model.arrays import (
@@ -18,16 +20,25 @@ from intent_recognition.model.arrays import (
     check_positive,
     require,
 )
-from intent_recognition.promp import NONE, LeftOutOdds, PhaseDeviation
+from intent_recognition.promp import (
+    CONTEXT_STRENGTH,
+    NONE,
+    ContextModel,
+    LeftOutOdds,
+    PhaseDeviation,
+    ResidualCoupling,
+    TaskLibrary,
+)
 
 DEVIATION_STD = "phase_deviation_std"
+OF_DEVIATION = ("correlation", "evidence", "controlled_follows", "duration_exponent")
+"""The rest of the phase deviation, which is in the header."""
 MAX_EXPONENT = 10.0
 """Largest size of an exponent of the duration. Convention: with 1 a movement begins at one speed,
 however long it takes."""
-LONGEST_LOG_S = 20.0
-"""Logarithm of a duration [log s]. Convention: neither nanoseconds nor years."""
-LARGEST_LOG_STD = 10.0
-"""Standard deviation of such a logarithm. Convention: from milliseconds to days."""
+PLAUSIBLE = {"log_duration_mean": 20.0, "none_log_duration": 20.0, "log_duration_std": 10.0}
+"""Largest size of logarithms of durations [log s], and of their standard deviations. Convention:
+neither nanoseconds nor years; from milliseconds to days."""
 SCALARS = (
     "noise_scale",
     "correlation_time_s",
@@ -70,7 +81,7 @@ def shapes_of(n_tasks: int, dofs: DofSpec, n_basis: int) -> dict[str, tuple[int,
 
 
 def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
-    """Make sure that variances are positive and probabilities are some."""
+    """Make sure that variances, covariances, probabilities and durations can be some."""
     scales = "noise_variance", "noise_scale", "correlation_time_s", "log_duration_std"
     check_positive(path, numbers, *scales, "task_evidence")
     for name in ("task_prior", "transition_prior"):
@@ -82,14 +93,7 @@ def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
     none_prior = numbers["none_prior"]
     require(bool(0.0 < none_prior < 1.0), f"{path}: none_prior", "between 0 and 1", none_prior)
 
-
-def check_plausible(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
-    """Durations that a movement can have, and covariances."""
-    for name, largest in (
-        ("log_duration_mean", LONGEST_LOG_S),
-        ("none_log_duration", LONGEST_LOG_S),
-        ("log_duration_std", LARGEST_LOG_STD),
-    ):
+    for name, largest in PLAUSIBLE.items():
         within = bool(np.all(np.abs(numbers[name]) <= largest))
         require(within, f"{path}: {name}", f"at most {largest:g}", numbers[name])
     for name in ("weight_covariance", "none_covariance", "observed_weight_covariance"):
@@ -158,3 +162,60 @@ def phase_deviation(
     got = f"{correlation}, {evidence}, {exponent} and {std.min()}"
     require(sound and bool(np.all(std >= 0.0)), f"{path}: phase_deviation", expected, got)
     return PhaseDeviation(std, correlation, evidence, follows, exponent)
+
+
+CONTEXT = ("context_mean", "context_covariance", "context_gain")
+COUPLING = tuple(f"coupling_{name}" for name in ResidualCoupling._fields)
+"""Names of the arrays of both."""
+
+
+def optional_arrays(library: TaskLibrary) -> dict[str, Floats]:
+    """What is written of a library's context and coupling; nothing where it has none."""
+    context, coupling = library.context, library.coupling
+    arrays = () if context is None else (context.mean, context.covariance, context.gain)
+    return {**dict(zip(CONTEXT, arrays)), **dict(zip(COUPLING, coupling or ()))}
+
+
+def read_context(
+    path: str | Path,
+    content: Mapping[str, NDArray[Any]],
+    dofs: DofSpec,
+    numbers: Mapping[str, NDArray[Any]],
+) -> ContextModel | None:
+    """How the weights depend on the context, checked; None without one."""
+    if not dofs.context:
+        return None
+    (n_tasks, n_weights), n = numbers["weight_mean"].shape, len(dofs.context_names)
+    shapes = ((n_tasks, n), (n_tasks, n, n), (n_tasks, n_weights, n))
+    check_arrays(path, content, dict(zip(CONTEXT, shapes, strict=True)))
+    mean, covariance, gain = (content[name] for name in CONTEXT)
+    check_covariances(path, CONTEXT[1], covariance)
+    check_positive(path, {CONTEXT[1]: np.linalg.eigvalsh(covariance)}, CONTEXT[1])
+    return ContextModel(
+        dofs.context_names,
+        tuple(entry.unit for entry in dofs.context for _ in entry.names),
+        mean,
+        covariance,
+        gain,
+        numbers["n_demonstrations"] - 1 + CONTEXT_STRENGTH,
+        tuple(len(entry.names) for entry in dofs.context),
+    )
+
+
+def read_coupling(
+    path: str | Path,
+    content: Mapping[str, NDArray[Any]],
+    n_tasks: int,
+    n_controlled: int,
+    n_observed: int,
+) -> ResidualCoupling | None:
+    """The coupling, checked; None without one."""
+    if not any(name in content for name in COUPLING):
+        return None
+    shapes = [part.shape for part in ResidualCoupling.none(n_tasks, n_controlled, n_observed)]
+    check_arrays(path, content, dict(zip(COUPLING, shapes, strict=True)))
+    found = ResidualCoupling(*(content[name] for name in COUPLING))
+    check_positive(path, content, COUPLING[2])
+    share = bool(np.all((found.explained >= 0.0) & (found.explained < 1.0)))
+    require(share, f"{path}: {COUPLING[1]}", "at least 0 and below 1", found.explained)
+    return found

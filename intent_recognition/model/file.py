@@ -19,25 +19,22 @@ from intent_recognition.learning import Trained
 from intent_recognition.model.array_dofs import dofs_of_arrays
 from intent_recognition.model.arrays import RETRAIN, check_arrays
 from intent_recognition.model.checks import (
+    CONTEXT,
+    COUPLING,
     DEVIATION_STD,
+    OF_DEVIATION,
     SCALARS,
     SHAPES,
     check_groups,
-    check_plausible,
     check_values,
     evidence_freedom,
     labels_of,
     left_out_odds,
+    optional_arrays,
     phase_deviation,
-    shapes_of,
-)
-from intent_recognition.model.optional_parts import (
-    CONTEXT,
-    COUPLING,
-    context_arrays,
-    coupling_arrays,
     read_context,
     read_coupling,
+    shapes_of,
 )
 from intent_recognition.model.statistics import ARRAYS, pack_statistics, unpack_statistics
 from intent_recognition.promp import NormalizedRBFBasis, TaskLibrary
@@ -115,19 +112,14 @@ def save_model(
         DEVIATION_STD: deviation.deviation_std,
     }
     arrays |= {n: np.asarray(getattr(library, n)) for n in SHAPES if n not in arrays}
-    arrays |= context_arrays(library.context) | coupling_arrays(library.coupling)
+    arrays |= optional_arrays(library)
     header = {
         "format_version": FORMAT_VERSION,
         "labels": library.labels,
         "basis": asdict(library.basis),
         "onset": [asdict(settings) for settings in library.onset],
         "dofs": model.dofs.to_dict(),
-        "phase_deviation": {
-            "correlation": deviation.correlation,
-            "evidence": deviation.evidence,
-            "controlled_follows": deviation.controlled_follows,
-            "duration_exponent": deviation.duration_exponent,
-        },
+        "phase_deviation": {key: getattr(deviation, key) for key in OF_DEVIATION},
         "evidence_freedom": None if isinf(library.evidence_freedom) else library.evidence_freedom,
         "left_out_odds": library.left_out_odds._asdict(),
         "provenance": dict(library.provenance),
@@ -164,7 +156,6 @@ def load_model(path: str | Path) -> Model:
     check_arrays(path, content, shapes_of(len(labels), dofs, basis.n_basis), ("observed_groups",))
     numbers: dict[str, Any] = {name: content[name] for name in SHAPES}
     check_values(path, numbers)
-    check_plausible(path, numbers)
     deviation = phase_deviation(path, header, content)
     n_dofs = len(dofs.controlled_names), len(dofs.observed_names)
     check_groups(path, numbers["observed_groups"], len(dofs.observed_names), len(onset))

@@ -8,23 +8,82 @@ whoever does the work, so the result does not depend on it.
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations, no_bag
+from intent_recognition.bags import POSE
+from intent_recognition.demonstrations import (
+    DofSpec,
+    find_bags,
+    is_raw_pose,
+    iter_demonstrations,
+    no_bag,
+)
 from intent_recognition.learning import (
     BATCH,
     NAMES_KEPT,
     REFERENCE_RECORDINGS,
     Accumulated,
     Preprocessing,
+    Trained,
     TrainingSettings,
     accumulate,
     merge_accumulated,
 )
-from intent_recognition.model.frames import Frames, merge_frames
+from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration, Rejection, SpeedCorrelation, correlate_speeds
+
+FRAMES = "frames"
+"""Key of the provenance."""
+
+Frames = Mapping[str, tuple[str, ...]]
+"""By observed topic the frames its poses are in, sorted."""
+
+
+def merge_frames(parts: Iterable[Frames]) -> dict[str, tuple[str, ...]]:
+    """All frames of each topic."""
+    merged: dict[str, set[str]] = {}
+    for part in parts:
+        for topic, frames in part.items():
+            merged.setdefault(topic, set()).update(frames)
+    return {topic: tuple(sorted(frames)[:10]) for topic, frames in sorted(merged.items())}
+
+
+def frames_of(library: TaskLibrary) -> dict[str, tuple[str, ...]]:
+    """Frames in which a library was learned; nothing where that is not known."""
+    kept = library.provenance.get(FRAMES)
+    if not isinstance(kept, Mapping):
+        return {}
+    return {
+        str(topic): tuple(map(str, frames))
+        for topic, frames in kept.items()
+        if isinstance(frames, (list, tuple))
+    }
+
+
+def with_frames(trained: Trained, frames: Frames) -> Trained:
+    """What was learned, with the frames of further demonstrations."""
+    merged = merge_frames([frames_of(trained.library), frames])
+    provenance = {**trained.library.provenance, FRAMES: merged}
+    return replace(trained, library=replace(trained.library, provenance=provenance))
+
+
+def mixed_frames(frames: Frames) -> list[str]:
+    """A sentence for each topic, and for all of `mocap_ingest`, recorded in several frames."""
+    tracked = [topic for topic in frames if is_raw_pose(topic, POSE)]
+    groups = [tracked, *([topic] for topic in frames if topic not in tracked)]
+    sentences = []
+    for topics in groups:
+        found = sorted({frame for topic in topics for frame in frames[topic]})
+        if len(found) > 1:
+            sentences.append(
+                f"{', '.join(topics)}: recorded in the frames {', '.join(found)}, and learned as"
+                " if they were one. Write `extrinsics` in the DOF file, or record in one frame."
+            )
+    return sentences
+
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -33,12 +92,10 @@ Run = Callable[[Callable[[T], R], Iterable[T]], Iterator[R]]
 
 
 class FromBags(NamedTuple):
-    """Statistics of bags, and what was left out.
+    """Statistics of the demonstrations in bags, and what was left out.
 
     Attributes:
-        accumulated: statistics of their demonstrations.
         rejections: why bags, or parts of them, are left out; of very many the first ones.
-        n_rejections: how many are.
         dropped: number of messages dropped, by reason.
         correlations: of both agents' speeds, for `stream_doubts`; of very many the first ones.
         frames: in which the observed poses are.
@@ -74,13 +131,9 @@ def accumulate_bags(
 ) -> FromBags:
     """Statistics of all demonstrations below `paths`.
 
-    Args:
-        paths: bags, folders of bags or session bags, any number.
-        dofs: topics and fields to read.
-        settings: how to learn; ignored where a preprocessing is given, which has its own.
-        preprocessing: how examples are made, None to settle it here.
-        run: applies the work to the bags, `map` or the like.
-        progress: called with the number of bags that were dealt with since the last call.
+    A preprocessing that is given has settings of its own; without one it is settled here. `run`
+    applies the work to the bags as `map` does, and `progress` is called with the number of bags
+    dealt with since the last call.
 
     Raises:
         BagError: a path does not exist.

@@ -10,8 +10,6 @@ from intent_recognition.untrusted import UntrustedError, load_json, read_log
 HISTORY = "history.jsonl"
 START, LEARN, WAIT, UNDO, KEEP = "start", "learn", "wait", "undo", "keep"
 IMPROVE = "improve"
-LONGEST_TEXT = 300
-"""Characters of each text of a line. Convention: a path with a label twice takes 190."""
 ACTIONS = (START, LEARN, WAIT, UNDO, KEEP, IMPROVE)
 
 
@@ -86,10 +84,7 @@ def _change(line: str) -> Change | None:
 
 def are_texts(values: Iterable[object]) -> bool:
     """Whether all are texts that a terminal may see, and no longer than paths are."""
-    return all(
-        isinstance(value, str) and len(value) <= LONGEST_TEXT and value.isprintable()
-        for value in values
-    )
+    return all(isinstance(v, str) and len(v) <= 300 and v.isprintable() for v in values)
 
 
 def is_inside(name: str) -> bool:

@@ -28,11 +28,7 @@ class SkillPeriod(NamedTuple):
         since: when it began, ISO 8601; empty: with the first execution.
         what: the change, in words.
         model: the model since then, relative to the folder.
-        n_demonstrations: that it was learned from.
-        n_executions: since then.
-        n_arrived: of them, those that arrived.
-        n_corrected: those that a person corrected by hand.
-        n_up, n_down: those that a person liked, and did not.
+        n_corrected: executions that a person corrected by hand; n_up and n_down liked or not.
         spilled: mean of those of which that is known; None: of none.
     """
 

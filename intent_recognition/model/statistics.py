@@ -10,7 +10,7 @@ the header under `statistics`.
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,15 +61,8 @@ ARRAYS = (
 """Names of the arrays in the file."""
 
 
-class Packed(NamedTuple):
-    """What goes into the file: an entry of the JSON header, and arrays by name."""
-
-    header: dict[str, object]
-    arrays: dict[str, NDArray[Any]]
-
-
-def pack_statistics(trained: Trained) -> Packed:
-    """Statistics, preprocessing and hyperparameters as they are written."""
+def pack_statistics(trained: Trained) -> tuple[dict[str, object], dict[str, NDArray[Any]]]:
+    """Statistics, preprocessing and hyperparameters as an entry of the header, and arrays."""
     preprocessing, tasks = trained.preprocessing, list(trained.tasks.values())
     header: dict[str, object] = {
         "preprocessing": _plain(preprocessing),
@@ -86,7 +79,7 @@ def pack_statistics(trained: Trained) -> Packed:
     }
     if not trained.library.context_names:
         arrays = {name: array for name, array in arrays.items() if OF_CONTEXT not in name}
-    return Packed(header, arrays)
+    return header, arrays
 
 
 def unpack_statistics(
@@ -169,11 +162,10 @@ def _unpack_tasks(
         over_reference = None if aligned is None else aligned[label]
         examples = []
         for place, k in enumerate(range(edges[row], edges[row + 1])):
-            parts = {name: _plain_value(arrays[f"{kind}examples_{name}"][k]) for name in PARTS}
+            parts = {part: _plain_value(arrays[f"{kind}examples_{part}"][k]) for part in PARTS}
             own = None if over_reference is None else over_reference.examples[place]
             name, group = named[k]
-            example = TrainingExample(name=name, task=label, **parts, aligned=own, group=group)
-            examples.append(example)
+            examples.append(TrainingExample(name, label, **parts, aligned=own, group=group))
         sums = {name: _plain_value(arrays[f"{kind}statistics_{name}"][row]) for name in SUMS}
         sums["scatter"] = from_upper(sums["scatter"], sums["mean"].size)
         tasks[label] = TaskStatistics(**sums, examples=tuple(examples), aligned=over_reference)
@@ -187,12 +179,9 @@ def _plain_value(value: NDArray[Any]) -> Any:
 
 def _pack_timing(timing: Timing) -> dict[str, NDArray[Any]]:
     """Templates label after label, and the phase deviations."""
-    templates = list(timing.templates.values())
-    parts = (
-        np.array([template.values for template in templates]),
-        np.array([template.scale for template in templates]),
-        timing.deviation_std,
-    )
+    templates = timing.templates.values()
+    values, scales = [one.values for one in templates], [one.scale for one in templates]
+    parts = np.array(values), np.array(scales), timing.deviation_std
     return dict(zip(TIMING, parts, strict=True))
 
 
@@ -228,12 +217,8 @@ def _plain(preprocessing: Preprocessing) -> dict[str, object]:
         plain[name] = [asdict(settings) for settings in plain[name]]
     plain["settings"] = asdict(preprocessing.settings)
     timing = preprocessing.timing
-    of_timing = {
-        "templates": [*timing.templates],
-        "duration_exponent": timing.duration_exponent,
-        "usual_s": timing.usual_s,
-    }
-    return plain | of_timing
+    plain |= {"templates": [*timing.templates], "usual_s": timing.usual_s}
+    return plain | {"duration_exponent": timing.duration_exponent}
 
 
 def _preprocessing(content: Mapping, timing: Timing) -> Preprocessing:

@@ -55,8 +55,7 @@ from intent_recognition.model.folder_content import (
     is_correction,
     is_finished,
 )
-from intent_recognition.model.frames import with_frames
-from intent_recognition.model.from_bags import FromBags, accumulate_bags
+from intent_recognition.model.from_bags import FromBags, accumulate_bags, with_frames
 from intent_recognition.model.history import (
     HISTORY,
     IMPROVE,
@@ -75,9 +74,6 @@ from intent_recognition.model.history import (
 BAGS, UNDONE, MODELS, PRACTICE = "bags", "undone", "models", "practice"
 DAMAGED, LOCK, UNFINISHED = "history.damaged", ".lock", "unfinished"
 METADATA = "metadata.yaml"
-MOST_CORRECTIONS = 10
-"""Earlier corrections of a task that tell how much one more counts. Convention: each is read, in
-some 50 ms."""
 
 
 def now() -> datetime:
@@ -86,12 +82,9 @@ def now() -> datetime:
 
 
 class TaskFolder:
-    """A library of tasks on disk that grows by one recording at a time.
+    """A library of tasks on disk that grows by one recording at a time; the folder is made.
 
-    Args:
-        path: the folder; made if it is missing.
-        dofs: what is observed and controlled; must be the model's, once there is one.
-        clock: tells the time for the history.
+    The DOFs must be the model's, once there is one; the clock tells the time for the history.
 
     Raises:
         ResourceBusyError: the folder cannot be made.
@@ -188,16 +181,10 @@ class TaskFolder:
             return self._keep(learned if trained else WAIT, task, name, trained)
 
     def improve(self, task: str, practice: Path, change: RuleChange, since: str) -> Change:
-        """Change the rule of a task to what practice came to.
-
-        Args:
-            task: label.
-            practice: folder of it in this one.
-            change: of the rule.
-            since: the model that was practised, relative to the folder.
+        """Change the rule of a task to what practice, in a folder of this one, came to.
 
         Raises:
-            ModelError: the model has changed since.
+            ModelError: the model is no longer `since`, the one that was practised.
         """
         with self._locked():
             if not since or self.present_model() != since:
@@ -287,7 +274,7 @@ class TaskFolder:
         """The newest corrections of a task that are in force, the oldest first."""
         kept = [change for change in standing(self.history()) if change.action == KEEP]
         bags = [self.path / change.bag for change in kept if change.task == task]
-        return [bag for bag in bags[-MOST_CORRECTIONS:] if bag.exists()]
+        return [bag for bag in bags[-10:] if bag.exists()]  # each is read, in some 50 ms
 
     def _first(self) -> Trained | None:
         """Learn from all recordings, if there are enough by now."""

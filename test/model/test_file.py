@@ -15,6 +15,7 @@ from model_builder import GLOVE, WRIST, make_dofs, true_library
 
 from intent_recognition.demonstrations.dofs import DofSpec
 from intent_recognition.errors import DofError, ModelError
+from intent_recognition.model.checks import COUPLING
 from intent_recognition.model.file import (
     ADDED,
     DEVIATION_STD,
@@ -25,7 +26,6 @@ from intent_recognition.model.file import (
     load_model,
     save_model,
 )
-from intent_recognition.model.optional_parts import COUPLING
 from intent_recognition.promp import NO_ODDS, LeftOutOdds, PhaseDeviation
 from intent_recognition.promp.coupling import ResidualCoupling
 from intent_recognition.promp.library import TaskLibrary
