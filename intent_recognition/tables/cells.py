@@ -2,6 +2,7 @@
 """Cells of a table as numbers and texts."""
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import BagError
+from intent_recognition.errors import BagError, DofError
+from intent_recognition.signals import UNITS, spelled
 
 Values = NDArray[Any]
 """A column: numbers, dates, or texts (of dtype object)."""
@@ -78,6 +80,16 @@ def text_of(value: object) -> str:
     return str(value).strip()
 
 
+def flat(content: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Numbers and texts in mappings and lists within one another, by their paths: `0`, `1.x`."""
+    if isinstance(content, dict | list):
+        items = content.items() if isinstance(content, dict) else enumerate(content)
+        for key, value in items:
+            yield from flat(value, f"{name}.{key}" if name else str(key))
+    elif name and isinstance(content, int | float | str | None):
+        yield name, content
+
+
 def texts(values: Values) -> list[str]:
     """A column as texts, "" where there is none; whole numbers have no decimals."""
     return [text_of(value) for value in values]
@@ -94,3 +106,42 @@ def without_zeros(places: Floats) -> tuple[Floats, int]:
     if not zero.any() or np.all(zero | np.isnan(places).any(axis=1)):
         return places, len(places) * bool(len(places) and zero.all())
     return np.where(zero[:, None], np.nan, places), int(zero.sum())
+
+
+PER_BASE = {
+    "m": (1, 1), "dm": (1, 10), "cm": (1, 100), "mm": (1, 1000), "um": (1, 10**6),
+    "in": (127, 5000), "ft": (381, 1250), "rad": (1, 1), "deg": (np.pi, 180),
+}  # fmt: skip
+"""What each unit is, in metres or radians, as a quotient that rounds once."""
+ANGLES = ("deg", "rad")
+LENGTHS = tuple(unit for unit in UNITS if unit not in ANGLES)
+
+
+def check_convertible(unit: str, wanted: str, place: str) -> None:
+    """Make sure that there is a factor between two units."""
+    if spelled(unit) != wanted and scale_between(spelled(unit), wanted) is None:
+        known = f"{wanted}, or one of {', '.join(UNITS)}, for lengths and angles"
+        raise DofError.about(place, known, unit, "Convert the columns, or correct the unit.")
+
+
+def convert(values: Floats, unit: str, wanted: str) -> Floats:
+    """Values in another unit; as they are where it is the same or unknown."""
+    scale = scale_between(spelled(unit), wanted)
+    if scale is None or scale[0] == scale[1]:
+        return values
+    multiplier, divisor = scale
+    return values * multiplier / divisor  # a quotient of small integers rounds once
+
+
+def scale_between(unit: str, wanted: str) -> tuple[float, float] | None:
+    """Factor and divisor from one unit to the other, None where there is none."""
+    (one, _, per), (other, _, other_per) = unit.partition("/"), wanted.partition("/")
+    if unit == wanted:
+        return 1, 1
+    if per != other_per or one not in PER_BASE or other not in PER_BASE:
+        return None
+    if (one in ANGLES) != (other in ANGLES):
+        return None
+    (a, b), (c, d) = PER_BASE[one], PER_BASE[other]
+    shared = np.gcd(a * d, b * c) if one not in ANGLES else 1
+    return a * d / shared, b * c / shared

@@ -6,14 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intent_recognition.signals import Misfit, Rejection, Signal, misfit, time_misfit, zeros
+from intent_recognition.signals import (
+    LONGEST_PERIOD_S,
+    Misfit,
+    Rejection,
+    Signal,
+    misfit,
+    time_misfit,
+    zeros,
+)
 from intent_recognition.tables.imported import EntrySamples
 
-LONG_STEP_S = 4.0
-"""Step between samples [s] that is named where it is also `LONG_STEPS` usual ones. Convention: as
-the longest period that can be learned from."""
-LONG_STEPS = 50
-"""Usual steps without a sample that are named. Convention: half a second at 100 Hz."""
 STILL_M = 0.002
 """Extent of places [m] that is named. Convention: a reach of 2 m in the unit of a thousandth."""
 
@@ -50,7 +53,8 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
             )
         seen = np.all(np.isfinite(part.values), axis=1)
         steps_s = np.diff(part.stamps_ns) * 1e-9
-        if steps_s.size and steps_s.max() > max(LONG_STEP_S, LONG_STEPS * np.median(steps_s)):
+        # as the longest period that can be learned from, and half a second at 100 Hz
+        if steps_s.size and steps_s.max() > max(LONGEST_PERIOD_S, 50 * np.median(steps_s)):
             yield (
                 f"no sample of {part.entry.topic} for {steps_s.max():.4g} s. Likely a clock that"
                 " jumped, or several demonstrations: cut them by segments in the map."

@@ -19,16 +19,12 @@ have some more, a recording has far more samples."""
 SMOOTH = 0.1
 """Roughness below which numbers go on from one to the next. Convention: that of a sine with 14
 samples a period."""
-MOST_LOOKED_AT = 1000
-"""Rows and columns of an array whose roughness is measured. Convention."""
 NUMBERED = re.compile(r"(.*?)[_-]?(\d+)")
 """A group, or an array, that may be of one of several demonstrations."""
 DEMONSTRATION = re.compile(
     r"(?i)(.*[\W_])?(demo(nstration)?|traj(ectory)?|episode|trial|take|recording)"
 )
 """What arrays are called that are one each."""
-FEWEST = 3
-"""Demonstrations by whose lengths alone arrays are known as such. Convention: two may be agents."""
 RATES = ("fps", "rate", "rate_hz", "hz", "frequency", "control_freq", "sampling_rate",
          "sample_rate", "sampling_frequency", "frame_rate", "capture_rate")  # fmt: skip
 """Attributes of a file, in lower case, that say samples a second."""
@@ -132,7 +128,7 @@ def _by_numbers(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         return arrays
     sizes = [size for one in lengths for size in one]
     is_said = any(map(DEMONSTRATION.fullmatch, shapes[0]))
-    if not is_said and (len(groups) < FEWEST or len(set(sizes)) == 1):
+    if not is_said and (len(groups) < 3 or len(set(sizes)) == 1):  # two may be agents
         return arrays
     of_each = {k: np.repeat(a, sizes) for k, a in rest.items() if a.shape == (len(groups),)}
     joined = {key: np.concatenate([group[key] for group in groups]) for key in shapes[0]}
@@ -170,7 +166,7 @@ def _roughness(array: NDArray[Any], axis: int) -> float:
     """
     if array.dtype.kind not in "fiub":
         return np.inf
-    values = np.asarray(array[:MOST_LOOKED_AT, :MOST_LOOKED_AT], np.float64)
+    values = np.asarray(array[:1000, :1000], np.float64)  # of a large one a part says enough
     finite = np.isfinite(values).all(axis=axis, keepdims=True)
     values = np.where(finite, values, 0.0)  # a line with gaps says nothing
     variance = float(np.var(values, axis=axis).sum())

@@ -14,8 +14,6 @@ OF_VICON = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
 """Titles of tables of Nexus and Tracker; of those in one file the first of these is read."""
 QTM_UNITS = {"x": "mm", "y": "mm", "z": "mm", "Roll": "deg", "Pitch": "deg", "Yaw": "deg"}
 """By the ends of names."""
-MOST_LEVELS = 6
-"""Lines of names. Convention: those of Visual3D are five."""
 OF_ALL, OF_BODY = ("scorer",), ("bodyparts",)
 """Lines of DeepLabCut that say who found the places, and which bodies they are of."""
 NUMBER = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?|\d[\d:.,T /-]*")
@@ -175,12 +173,13 @@ def opensim(rows: Rows) -> Header | None:
 
 def levels(rows: Rows) -> Header | None:
     """Names in several lines, the last of axes, as DeepLabCut and Visual3D write: `BODY.x`."""
-    at = next((k for k, row in enumerate(rows) if any(map(_has_digits, row))), 0)
+    has_number = (any(NUMBER.fullmatch(cell.strip()) for cell in row) for row in rows)
+    at = next((k for k, found in enumerate(has_number) if found), 0)
     count = len(rows[at])
     heads = [[cell.strip() for cell in (*row, *[""] * count)[:count]] for row in rows[:at]]
     if len(heads) < 2 or not {"x", "y"} <= {cell.lower() for cell in heads[-1]}:
         return None
-    if len(heads) > MOST_LEVELS or not all(any(row[1:]) for row in heads):
+    if len(heads) > 6 or not all(any(row[1:]) for row in heads):  # Visual3D's are five
         return None
     above = [_spread(row) for row in heads[:-1] if row[0].lower() not in OF_ALL]
     above = [row for row in above if len(set(row[1:])) > 1 or row[0].lower() in OF_BODY]
@@ -197,10 +196,6 @@ def _spread(row: Sequence[str]) -> list[str]:
     for cell in row[1:]:
         spread.append(cell or (spread[-1] if len(spread) > 1 else ""))
     return spread
-
-
-def _has_digits(cell: str) -> bool:
-    return bool(NUMBER.fullmatch(cell.strip()))
 
 
 def _of_markers(

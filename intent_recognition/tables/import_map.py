@@ -10,7 +10,7 @@ from typing import NamedTuple
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import DofEntry, DofSpec
 from intent_recognition.errors import DofError
-from intent_recognition.tables.scales import check_convertible
+from intent_recognition.tables.cells import check_convertible
 from intent_recognition.tables.times import PER_UNIT, SAMPLES
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 

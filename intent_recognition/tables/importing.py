@@ -13,8 +13,8 @@ from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import check_label, find_bags
 from intent_recognition.errors import BagError, MissingPackageError
-from intent_recognition.signals import Rejection
-from intent_recognition.tables.cells import Values, numbers, text_of, texts, without_zeros
+from intent_recognition.signals import LONGEST_LABEL, Rejection
+from intent_recognition.tables.cells import Values, convert, numbers, text_of, texts, without_zeros
 from intent_recognition.tables.doubts import Doubt, certain_misfit, doubts
 from intent_recognition.tables.files import find_tables, name_below, open_table
 from intent_recognition.tables.import_map import (
@@ -25,14 +25,15 @@ from intent_recognition.tables.import_map import (
     Text,
     TimeSource,
 )
-from intent_recognition.tables.imported import EntrySamples, ImportedDemonstration
-from intent_recognition.tables.imported_bags import ImportedBag, bag_parts
-from intent_recognition.tables.scales import convert
+from intent_recognition.tables.imported import (
+    EntrySamples,
+    ImportedBag,
+    ImportedDemonstration,
+    bag_parts,
+)
 from intent_recognition.tables.table import Table
 from intent_recognition.tables.times import SAMPLES, counted_ns, stamps_ns
 
-LONGEST_NAME = 80
-"""Characters of the name of a recording. Convention, as of labels."""
 NO_SAMPLES = "Check its cells, and under time in the map where times come from."
 NO_TIME = "Say under time in the map which column holds it, or at which rate samples come."
 
@@ -62,11 +63,7 @@ class _Rows:
 
 
 def import_demonstrations(source: Path, mapping: ImportMap) -> Iterator[Imported | Rejection]:
-    """All demonstrations of a file, a folder of files, a data set, or bags.
-
-    Args:
-        source: its path.
-        mapping: what its columns mean; without columns the source is taken for bags.
+    """All demonstrations of a file, a folder, a data set, or, of a map without columns, bags.
 
     Yields:
         Demonstrations, and reasons why a file, or a part of one, is left out, or is odd (`Doubt`).
@@ -347,6 +344,6 @@ def _text_at(text: Text, data: Mapping[str, Values], row: int) -> str:
 
 def _check_name(name: str) -> None:
     sound = name.isprintable() and not set("/\\") & set(name) and name[:1] not in ("", ".", "-")
-    if not sound or len(name) > LONGEST_NAME:
-        expected = f"a name for a folder, of 1 to {LONGEST_NAME} characters"
+    if not sound or len(name) > LONGEST_LABEL:
+        expected = f"a name for a folder, of 1 to {LONGEST_LABEL} characters"
         raise BagError.about("recording", expected, repr(name), "Rename it.")

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from intent_recognition.errors import BagError, one_line, printable
 from intent_recognition.untrusted import UntrustedError, read_arrays
 
-LONGEST_READ_S = 300.0
-"""Time after which a library is ended [s]. Convention: an hour of 60 markers takes ezc3d 60 s."""
 HERE = Path(__file__).parent
 BOOT = "import runpy, sys; sys.exit(runpy.run_path(sys.argv[1])['main'](*sys.argv[2:]))"
 
@@ -35,8 +33,9 @@ def read_isolated(
         arguments = (HERE / "isolated_main.py", HERE / script, path.resolve(), result, function)
         command = [sys.executable, "-c", BOOT, *map(str, arguments)]
         try:
+            # An hour of 60 markers takes ezc3d 60 s.
             done = subprocess.run(
-                command, capture_output=True, timeout=LONGEST_READ_S, check=False, cwd=folder
+                command, capture_output=True, timeout=300.0, check=False, cwd=folder
             )
             if done.returncode == 0:
                 return read_arrays(result)

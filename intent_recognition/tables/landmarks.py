@@ -3,7 +3,7 @@
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.array_types import Integers
 from intent_recognition.errors import one_line
+from intent_recognition.tables.cells import flat
 from intent_recognition.tables.table import MOST_COLUMNS, Table, table_of, unusable
 from intent_recognition.tables.times import usual_unit
 from intent_recognition.untrusted import UntrustedError, check_regular
@@ -32,12 +33,8 @@ COCO_18 = _names(
     "Nose Neck RShoulder RElbow RWrist LShoulder LElbow LWrist RHip RKnee RAnkle LHip LKnee LAnkle"
     " REye LEye REar LEar"
 )
-BODY_25 = (
-    *COCO_18[:8],
-    "MidHip",
-    *COCO_18[8:],
-    *_names("LBigToe LSmallToe LHeel RBigToe RSmallToe RHeel"),
-)
+FEET = _names("LBigToe LSmallToe LHeel RBigToe RSmallToe RHeel")
+BODY_25 = (*COCO_18[:8], "MidHip", *COCO_18[8:], *FEET)
 POSE_33 = _names(
     "nose left_eye_inner left_eye left_eye_outer right_eye_inner right_eye right_eye_outer left_ear"
     " right_ear mouth_left mouth_right left_shoulder right_shoulder left_elbow right_elbow"
@@ -108,7 +105,11 @@ def _of_openpose(source: Path, contents: Sequence[tuple[Path, Any]], rows: Integ
         if not isinstance(people, list):
             raise unusable(path, "one person of OpenPose", "none", ONE_PERSON)
         found.append((path, people))
-    in_space = any(_read(path, _in_space, one) for path, people in found for one in people)
+
+    def in_3d(person: Mapping[str, Any]) -> bool:  # has OpenPose triangulated anything of him
+        return any(number > 0.0 for key in OPENPOSE_3D for number in person.get(key) or ())
+
+    in_space = any(_read(path, in_3d, one) for path, people in found for one in people)
     read = partial(_openpose, OPENPOSE_3D if in_space else OPENPOSE)
     frames = [_read(path, read, people[0]) if len(people) == 1 else {} for path, people in found]
     several = sum(len(people) > 1 for _, people in found)
@@ -196,7 +197,7 @@ def _of_lists(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
 
 def _of_records(frames: Sequence[Any]) -> dict[str, NDArray[Any]]:
     """Columns of the numbers and texts of objects, one for each row: `wrist.x`."""
-    rows = [dict(_flat(frame, "")) for frame in frames]
+    rows = [dict(flat(frame)) for frame in frames]
     names = list(dict.fromkeys(name for row in rows for name in row))
     if not names or len(names) > MOST_COLUMNS:
         raise ValueError("no landmarks, and no rows of numbers by name")
@@ -206,16 +207,6 @@ def _of_records(frames: Sequence[Any]) -> dict[str, NDArray[Any]]:
         are_numbers = all(cell is None or isinstance(cell, int | float) for cell in cells)
         columns[name] = np.array(cells, np.float64 if are_numbers else object)
     return columns
-
-
-def _flat(content: Any, name: str) -> Iterator[tuple[str, Any]]:
-    """Numbers and texts in objects and lists within one another, by their paths."""
-    if isinstance(content, dict | list):
-        items = content.items() if isinstance(content, dict) else enumerate(content)
-        for key, value in items:
-            yield from _flat(value, f"{name}.{key}" if name else str(key))
-    elif name and isinstance(content, int | float | str | None):
-        yield name, content
 
 
 def _read(path: Path, read: Callable[[Any], Result], content: Any) -> Result:
@@ -240,11 +231,6 @@ def _columns(frames: Sequence[Points], rows: Integers) -> dict[str, NDArray[Any]
                 column = columns.setdefault(f"{name}.{axis}", np.full(count, np.nan))
                 column[row] = value
     return columns
-
-
-def _in_space(person: Mapping[str, Any]) -> bool:
-    """Whether OpenPose has triangulated anything of a person."""
-    return any(number > 0.0 for key in OPENPOSE_3D for number in person.get(key) or ())
 
 
 def _openpose(groups: Groups, person: Mapping[str, Any]) -> Points:

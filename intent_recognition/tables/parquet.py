@@ -1,16 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Columns of Parquet files, by pyarrow."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from intent_recognition.errors import BagError, one_line, optional
-from intent_recognition.tables.cells import Values
+from intent_recognition.tables.cells import Values, flat, numbers
 from intent_recognition.tables.table import Table, check_columns, unusable
-from intent_recognition.untrusted import MOST_ARRAYS, UntrustedError, check_regular
+from intent_recognition.untrusted import (
+    MOST_ARRAYS,
+    UntrustedError,
+    check_regular,
+    load_json,
+    read_text,
+)
 
 
 def open_parquet(path: Path) -> Table:
@@ -19,12 +27,9 @@ def open_parquet(path: Path) -> Table:
 
 
 def parquet_table(source: Path, files: Sequence[Path], names: Mapping[str, Sequence[str]]) -> Table:
-    """Files of one schema as one table.
+    """Files of one schema, in their order, as one table of the source, a file or a folder.
 
-    Args:
-        source: the file, or the folder of a data set.
-        files: in their order.
-        names: of the elements of list columns, where they have any.
+    `names` are those of the elements of list columns, where they have any.
     """
     parquet = optional("pyarrow.parquet")
     places = _places(parquet, files[0], names)
@@ -54,13 +59,14 @@ def _places(
     places: dict[str, tuple[str, int | None, bool]] = {}
 
     def look(file: Any) -> None:
-        for column, kind in _leaves(file.schema_arrow):
+        for field in _flattened(file.schema_arrow.empty_table()).schema:
+            column, kind = field.name, field.type
             if not _is_list(kind):
                 if not _is_nested(kind):
                     places[column] = (column, None, False)
                 continue
             _check_size(parquet, [path], [column])
-            elements = _elements(_first_list(file, column))
+            elements = [name for name, _ in flat(_first_list(file, column))]
             count = len(elements)
             check_columns(path, len(places) + count)
             named = list(names.get(column, ()))
@@ -75,59 +81,21 @@ def _places(
     return places
 
 
-def _leaves(schema: Any, before: str = "") -> Iterator[tuple[str, Any]]:
-    """Columns and their types, fields of structs by their paths."""
-    for field in map(schema.field, range(_size(schema))):
-        name = f"{before}{field.name}"
-        if str(field.type).startswith("struct<"):
-            yield from _leaves(field.type, f"{name}.")
-        else:
-            yield name, field.type
-
-
-def _size(fields: Any) -> int:
-    """Fields of a schema, or of a struct."""
-    return int(getattr(fields, "num_fields", 0)) or len(fields)
-
-
-def _leaf(table: Any, name: str) -> Any:
-    """The column of a name, which may be the path of a field of a struct."""
-    if name in table.column_names:
-        return table.column(name)
-    compute = optional("pyarrow.compute")
-    top = max((own for own in table.column_names if name.startswith(f"{own}.")), key=len)
-    column, rest = table.column(top), name.removeprefix(f"{top}.")
-    while rest:
-        fields = [column.type.field(k).name for k in range(column.type.num_fields)]
-        field = max((one for one in fields if f"{rest}.".startswith(f"{one}.")), key=len)
-        column, rest = compute.struct_field(column, [fields.index(field)]), rest[len(field) + 1 :]
-    return column
+def _flattened(table: Any) -> Any:
+    """A table whose structs are columns for each of their fields, by their paths."""
+    while any(str(kind).startswith("struct<") for kind in table.schema.types):
+        table = table.flatten()
+    return table
 
 
 def _first_list(file: Any, column: str) -> Any:
     """The first list of a column that is there; [] where none is."""
     for batch in file.iter_batches(64, columns=[column]):
-        table = optional("pyarrow").Table.from_batches([batch])
-        found = next(filter(None, _leaf(table, column).to_pylist()), None)
+        table = _flattened(optional("pyarrow").Table.from_batches([batch]))
+        found = next(filter(None, table.column(column).to_pylist()), None)
         if found is not None:
             return found
     return []
-
-
-def _elements(content: Any) -> list[str]:
-    """Names of the numbers in lists and structs within one another: `0`, `1.x`, `0.2`."""
-    if not isinstance(content, list | dict):
-        return [""]
-    items = content.items() if isinstance(content, dict) else enumerate(content)
-    return [".".join(filter(None, (str(key), e))) for key, one in items for e in _elements(one)]
-
-
-def _flat(content: Any) -> list[Any]:
-    """The numbers of `_elements`."""
-    if not isinstance(content, list | dict):
-        return [content]
-    items = content.values() if isinstance(content, dict) else content
-    return [number for one in items for number in _flat(one)]
 
 
 def _read(
@@ -136,8 +104,8 @@ def _read(
     """Columns of one file, (T,) or, where they are not `single` but hold lists, (T, d)."""
 
     def load(file: Any) -> dict[str, Values]:
-        table = file.read(columns=list(columns))
-        return {name: _values(_leaf(table, name), path, name) for name in columns}
+        table = _flattened(file.read(columns=list(columns)))
+        return {name: _values(table.column(name), path, name) for name in columns}
 
     found: dict[str, Values] = _with_file(parquet, path, load, single)
     return found
@@ -174,15 +142,15 @@ def _values(column: Any, path: Path, name: str) -> Values:
         return np.asarray(column.to_numpy(zero_copy_only=False))
     there = column.drop_null()
     if _is_nested(column.type.value_type) or _is_list(column.type.value_type):
-        listed = [_flat(row) for row in there.to_pylist()]
-        lengths, flat = [len(row) for row in listed], [number for row in listed for number in row]
+        listed = [[number for _, number in flat(row)] for row in there.to_pylist()]
+        lengths, every = [len(row) for row in listed], [number for row in listed for number in row]
     else:
         lengths = optional("pyarrow.compute").list_value_length(there).to_numpy()
-        flat = there.flatten().to_numpy(zero_copy_only=False)
+        every = there.flatten().to_numpy(zero_copy_only=False)
     if len(kinds := np.unique(lengths)) > 1:
         got = ", ".join(map(str, kinds))
         raise unusable(path, f"lists of one length in {name}", got, "Leave that column out.")
-    rows = np.asarray(flat).reshape(len(there), *kinds)
+    rows = np.asarray(every).reshape(len(there), *kinds)
     if not column.null_count:
         return rows
     found = np.full((len(column), *kinds), np.nan)
@@ -214,3 +182,89 @@ def _with_file(
     except Exception as error:  # pyarrow raises what its parts raise
         cure = "Write or download it again."
         raise unusable(path, "a Parquet file", one_line(error), cure) from error
+
+
+MOST_LINES = 2**26
+"""Bytes of a `.jsonl` file. Convention: a million tasks take 60 MB."""
+
+
+def open_lerobot(folder: Path) -> Table:
+    """All episodes of a LeRobot data set of version 2 or 3, as its `meta` describes them.
+
+    Elements of a feature have the names that `info.json` gives them, and `FEATURE.0`, `FEATURE.1`,
+    ... The column `task` holds the text of each row's task.
+    """
+    path = folder / "meta" / "info.json"
+    try:
+        info = load_json(read_text(path))
+        version, features = str(info["codebase_version"]), dict(info["features"])
+        pattern = re.sub(r"\{[^}]*\}", "*", str(info["data_path"]))
+        names = {key: _feature_names(feature) for key, feature in features.items()}
+    except (OSError, UntrustedError, KeyError, TypeError, ValueError, AttributeError) as error:
+        expected = "codebase_version, features and data_path of a LeRobot data set"
+        raise unusable(path, expected, one_line(error), "Download it again.") from error
+    if not version.startswith(("v2.", "v3.")):
+        raise unusable(path, "version 2 or 3", version, "Convert it with LeRobot's own script.")
+    if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
+        raise unusable(path, "a data_path inside of the folder", pattern, "Correct it.")
+    try:
+        files = sorted(folder.glob(pattern))
+    except (ValueError, IndexError):  # no pattern at all
+        files = []
+    if not files:
+        raise unusable(folder, f"files {pattern}", "none", "Download the folder data as well.")
+    table = parquet_table(folder, files, names)
+
+    tasks_at = table.find("task_index")
+
+    def read(wanted: Sequence[int]) -> list[Values]:
+        stored = [k for k in wanted if k < len(table.names)]
+        if len(stored) == len(wanted) or tasks_at is None:
+            return list(table.read(stored))
+        *found, numbered = table.read([*stored, tasks_at])
+        tasks = _tasks(folder)
+        indices = numbers(numbered, folder, "task_index").tolist()
+        text = np.array([tasks.get(k, "") for k in indices], object)
+        return [text if k == len(table.names) else found[stored.index(k)] for k in wanted]
+
+    defaults: dict[str, object] = {
+        "time": {"column": "timestamp", "unit": "s"},
+        "segments": {"column": "episode_index"},
+    }
+    if not any(path.is_file() for path in _task_files(folder)):
+        notes = ("there is no meta/tasks.jsonl or .parquet: give the tasks in the map",)
+        return replace(table, defaults=defaults, notes=notes)
+    defaults["task"] = {"column": "task"}
+    return Table(folder, (*table.names, "task"), read, aliases=table.aliases, defaults=defaults)
+
+
+def _feature_names(feature: Mapping) -> list[str]:
+    """What `info.json` calls the elements of a feature; [] where it does not, or not all."""
+    names = feature.get("names")
+    if isinstance(names, Mapping):  # {"motors": [...]}, or {"x": 0, "y": 1}
+        inner = list(names.values())
+        names = inner[0] if len(inner) == 1 and isinstance(inner[0], list) else list(names)
+    shape = list(feature.get("shape") or [])
+    named = [str(name) for name in names] if isinstance(names, list) else []
+    return named if shape == [len(named)] and len(set(named)) == len(named) else []
+
+
+def _task_files(folder: Path) -> tuple[Path, Path]:
+    return folder / "meta" / "tasks.jsonl", folder / "meta" / "tasks.parquet"
+
+
+def _tasks(folder: Path) -> dict[float, str]:
+    """Text of each task by its index: `tasks.jsonl` of version 2, `tasks.parquet` of version 3."""
+    lines, table = _task_files(folder)
+    try:
+        if lines.is_file():
+            rows = [load_json(line) for line in read_text(lines, MOST_LINES).splitlines() if line]
+            return {float(row["task_index"]): str(row["task"]) for row in rows}
+        columns = open_parquet(table)  # the text is an index of pandas, under several names
+        texts = next(name for name in columns.names if name != "task_index")
+        found = columns.columns(["task_index", texts])
+        indices = numbers(found["task_index"], table, "task_index").tolist()
+        return {k: str(text) for k, text in zip(indices, found[texts], strict=True)}
+    except (OSError, UntrustedError, KeyError, TypeError, ValueError, StopIteration) as error:
+        cure = "Name the tasks in the map: task."
+        raise unusable(folder, "meta/tasks.jsonl or .parquet", one_line(error), cure) from error

@@ -3,23 +3,23 @@
 
 import re
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
 
 from intent_recognition.array_types import Floats
-from intent_recognition.bags import JOINT_STATE, POSE
+from intent_recognition.bags import JOINT_STATE, POSE, BagReader
+from intent_recognition.errors import BagError
 from intent_recognition.signals import POSITION_FIELDS, spelled
-from intent_recognition.tables.cells import without_zeros
-from intent_recognition.tables.scales import ANGLES
+from intent_recognition.tables.cells import ANGLES, without_zeros
+from intent_recognition.tables.files import name_pattern
 from intent_recognition.tables.table import Table
 
 FARTHEST = {"m": 20.0, "rad": 4.0 * np.pi}
 """Beyond this a number is taken for another unit [m, rad]. Convention: a lab, two turns."""
-FARTHEST_CM = 300.0
-"""Centimetres beyond which numbers are millimetres [cm]. Convention: what a person reaches."""
 JOINT = re.compile(r"(?:.*?[./])?(?P<joint>[^./]*[^./\d][^./]*)(?:[./](?:position|pos|q))?$")
 """Columns that name their joint, such as `/joint_states/panda_joint1/position`."""
 NO_NAME = {"observation", "observations", "obs", "state", "human", "field", "mocap", "pose"}
@@ -106,7 +106,7 @@ def _unit_of(table: Table, name: str, farthest: float, base: str) -> tuple[str, 
     if farthest <= FARTHEST[base]:
         is_asked = table.must_say and base == "m"
         return ("m", f"guessed: {farthest:.3g} m is near") if is_asked else ("", "")
-    unit = "deg" if base == "rad" else "cm" if farthest <= FARTHEST_CM else "mm"
+    unit = "deg" if base == "rad" else "cm" if farthest <= 300.0 else "mm"  # a person reaches 3 m
     return unit, f"guessed: {farthest:.3g} {base} is too far"
 
 
@@ -115,3 +115,58 @@ def flow(content: object) -> str:
     options: dict[str, Any] = {"default_flow_style": True, "sort_keys": False, "width": 10**6}
     text: str = yaml.safe_dump(content, allow_unicode=True, **options)
     return text.strip().removesuffix("...").strip()
+
+
+PLACES = {
+    POSE: "pose.position",
+    "geometry_msgs/msg/TransformStamped": "transform.translation",
+    "nav_msgs/msg/Odometry": "pose.pose.position",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose.position",
+    "geometry_msgs/msg/PointStamped": "point",
+    "geometry_msgs/msg/Pose": "position",
+}
+"""Types of messages that hold the place of one body [m], and where."""
+
+
+def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
+    """The text of a map that labels recordings by their names."""
+    reader = BagReader(bags[0])
+    filled = {t.name: t.type for t in reader.topics.values() if t.message_count}
+    poses = [name for name, kind in filled.items() if kind in PLACES]
+    states = [name for name, kind in filled.items() if kind == JOINT_STATE]
+    entries = [_place(topic, filled[topic]) for topic in poses]
+    entries += [_joints(reader, topic) for topic in states]
+    if not entries:
+        got = ", ".join(f"{t.name} ({t.type})" for t in reader.topics.values()) or "no topics"
+        cure = "Write the DOF file by hand (docs/bags.md)."
+        expected = f"{', '.join(PLACES)} or {JOINT_STATE}"
+        raise BagError.about(str(bags[0]), expected, got, cure)
+    pattern = name_pattern(source, bags)
+    others = [t.name for t in reader.topics.values() if t.name not in (*poses, *states)]
+    lines = [
+        f"# Suggested from {bags[0].name}: bags of ROS, whose messages stay as they are.",
+        "# Delete what is not needed, move what the robot does to `controlled`. Bags that are",
+        "# labelled, or shall have no label, need no import: intent train takes them.",
+        f"files: {flow(pattern)}" if "{task}" in pattern else "task: give_it_a_name",
+        "observed:",
+        *entries[0],
+        *(["controlled:"] if entries[1:] else []),
+        *(line for entry in entries[1:] for line in entry),
+        *([f"# Other topics: {', '.join(others)}"] if others else []),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _place(topic: str, kind: str) -> list[str]:
+    fields = [f"{PLACES[kind]}.{axis}" for axis in "xyz"]
+    return [*_head(topic, kind), f"    fields: {flow(fields)}", "    unit: m"]
+
+
+def _joints(reader: BagReader, topic: str) -> list[str]:
+    names = next(iter(reader.messages([topic]))).message.name
+    return [*_head(topic, JOINT_STATE), f"    joints: {flow(list(names))}", "    unit: rad"]
+
+
+def _head(topic: str, kind: str) -> Iterator[str]:
+    yield f"  - topic: {topic}"
+    yield f"    type: {kind}"

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from intent_recognition.signals import spelled
-from intent_recognition.tables.scales import LENGTHS
+from intent_recognition.tables.cells import LENGTHS
 from intent_recognition.tables.suggested_entries import SeenColumn
 
 COUNT_NAME = re.compile(r"(?i)(frame|index|idx|row|sample|counter)#?$")

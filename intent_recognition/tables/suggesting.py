@@ -16,15 +16,14 @@ from intent_recognition.demonstrations import find_bags
 from intent_recognition.errors import BagError, printable
 from intent_recognition.signals import LONGEST_LABEL, NONE, can_name_task
 from intent_recognition.tables.cells import numbers, texts
-from intent_recognition.tables.file_kinds import FileKind, file_kinds
-from intent_recognition.tables.files import find_tables, has_tables
-from intent_recognition.tables.suggested_bags import suggest_of_bags
+from intent_recognition.tables.files import FileKind, file_kinds, find_tables, has_tables
 from intent_recognition.tables.suggested_entries import (
     SeenColumn,
     body_entry,
     flow,
     is_angle,
     joints_entry,
+    suggest_of_bags,
 )
 from intent_recognition.tables.suggested_names import (
     NO_TASK,
@@ -41,8 +40,6 @@ from intent_recognition.tables.suggested_names import (
 from intent_recognition.tables.table import Table
 from intent_recognition.tables.times import PER_UNIT, stamps_ns, usual_unit
 
-READ_AT_ONCE = 50
-"""Columns that are read together. Convention."""
 STILL = 1e-9
 """Extent of a column, as a share of its size, below which it is constant. Convention: rounding."""
 MOST_LISTED = 12
@@ -89,7 +86,7 @@ def suggest_map(source: Path) -> str:
         raise BagError.about(str(table.source), "places or angles that move", got, cure)
     others = [line for entry in entries[1:] for line in entry]
     lines = [
-        *(f"# Suggested from {line}" for part in parts for line in part.sources),
+        *(f"# Suggested from {part.source}" for part in parts),
         "# Delete what you do not need, name the topics, move the robot's to `controlled`.",
         *(f"# Note: {note}" for part in parts for note in part.notes),
         *_files(kinds),
@@ -122,7 +119,7 @@ def _distinct(entries: Sequence[list[str]]) -> list[list[str]]:
 class _Part(NamedTuple):
     """What a kind of file contributes to a map: lines."""
 
-    sources: list[str]
+    source: str
     notes: Sequence[str]
     bodies: list[list[str]]
     others: list[list[str]]
@@ -183,7 +180,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
             more = [f"and {len(names) - MOST_LISTED} more"] if names[MOST_LISTED:] else []
             left_out.append(f"# {title}: {', '.join([*names[:MOST_LISTED], *more])}")
     return _Part(
-        [f"{kind.first}: {rows} rows, {len(table.names)} columns."],
+        f"{kind.first}: {rows} rows, {len(table.names)} columns.",
         table.notes,
         found,
         arm,
@@ -200,7 +197,7 @@ def _files(kinds: Sequence[FileKind]) -> Iterator[str]:
         yield "files:  # of one recording"
         for kind in kinds:
             yield f"  {kind.name}: {flow(kind.pattern)}"
-    elif kinds[0].says_task:
+    elif "{task}" in kinds[0].pattern:
         yield f"files: {flow(kinds[0].pattern)}"
 
 
@@ -210,8 +207,8 @@ def _columns(table: Table) -> tuple[dict[str, SeenColumn], dict[str, list[str]],
     labels: dict[str, list[str]] = {}
     why: list[str] = []
     alone = [k for k, name in enumerate(table.names) if name and table.names.count(name) == 1]
-    for start in range(0, len(alone), READ_AT_ONCE):
-        part = alone[start : start + READ_AT_ONCE]
+    for start in range(0, len(alone), 50):  # of many columns not all are in memory
+        part = alone[start : start + 50]
         for k, cells in zip(part, table.read(part), strict=True):
             name = table.names[k]
             if cells.dtype.kind == "m":
@@ -300,7 +297,7 @@ def _of_texts(
         yield f"segments: {flow({'column': cut})}  # by its name"
     if "task" in table.defaults:
         return
-    has_task = kind.says_task
+    has_task = "{task}" in kind.pattern
     for name, values in labels.items():
         kinds = sorted(set(filter(None, values)))
         if name in used or NO_TASK.search(name) or len(kinds) > MOST_LISTED:

@@ -8,11 +8,8 @@ from typing import Any
 
 from intent_recognition.errors import BagError
 from intent_recognition.signals import spelled
-from intent_recognition.tables.cells import Values
-from intent_recognition.tables.scales import scale_between
+from intent_recognition.tables.cells import Values, scale_between
 
-MOST_NAMED = 6
-"""Missing columns that a message names. Convention."""
 MOST_COLUMNS = 10_000
 """Columns of a table. Convention: a motion capture suit takes some hundreds."""
 
@@ -48,13 +45,11 @@ class Table:
         names = list(dict.fromkeys(wanted))
         found = {name: self.find(name) for name in names}
         if missing := [name for name, number in found.items() if number is None]:
-            more = missing[MOST_NAMED:] and [f"and {len(missing) - MOST_NAMED} more"]
-            raise BagError.about(
-                str(self.source),
-                f"the columns of the map, {', '.join(missing[:MOST_NAMED] + more)} among them",
-                ", ".join(dict.fromkeys(self.names)) or "no columns",
-                "Correct the names in the map; --suggest writes one that has them.",
-            )
+            shown = missing[:6] + [f"and {len(missing) - 6} more"] * (len(missing) > 6)
+            expected = f"the columns of the map, {', '.join(shown)} among them"
+            got = ", ".join(dict.fromkeys(self.names)) or "no columns"
+            cure = "Correct the names in the map; --suggest writes one that has them."
+            raise BagError.about(str(self.source), expected, got, cure)
         values = self.read([number for number in found.values() if number is not None])
         return dict(zip(names, values, strict=True))
 

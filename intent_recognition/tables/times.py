@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.errors import BagError
+from intent_recognition.signals import USUAL_PERIODS_S
 from intent_recognition.tables.cells import LONGEST_CELL, MISSING, Values, with_point
 
 PER_UNIT = {"s": NANOSECONDS, "ms": 10**6, "us": 10**3, "ns": 1}
@@ -55,8 +56,6 @@ TIME_OF_DAY = re.compile(
 )
 """A time of day, or minutes and seconds with decimals, as spreadsheets show them. What follows a
 third colon is milliseconds, or frames, whose rate is not said."""
-USUAL_PERIODS_S = 1e-3, 0.5
-"""Steps between samples by which the unit of times is known [s]. Convention."""
 
 
 class Stamps(NamedTuple):
@@ -83,16 +82,11 @@ def usual_unit(steps: Floats) -> str:
 
 
 def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, name: str) -> Stamps:
-    """Times as stamps, without rounding where the column holds whole numbers or decimal texts.
+    """Times (T,) as stamps, without rounding where the column holds whole numbers or decimal texts.
 
-    Args:
-        values: times, (T,); dates, also as text (`DATES`), are taken as they are. Times of day
-            go on after midnight, minutes and seconds after an hour.
-        unit: of the times, a key of `PER_UNIT`.
-        since_ns: what they count from [ns]; None for 1970 where they are later than 2001, else
-            `SINCE_NS`.
-        source: the file, for messages.
-        name: of the column, for messages.
+    Dates, also as text (`DATES`), are taken as they are. Times of day go on after midnight, minutes
+    and seconds after an hour. The unit is a key of `PER_UNIT`. They count from `since_ns`; None
+    for 1970 where they are later than 2001, else `SINCE_NS`.
     """
     per, place = PER_UNIT[unit], f"{source}: {name}"
     known = np.ones(values.size, bool)
@@ -184,15 +178,8 @@ def _date_ns(text: str) -> int | None:
     else:
         year, month, day = last, first, middle
     hour = _of_day(int(said["hour"]), said["half"])
-    moment = datetime(
-        year + 2000 * (year < 100),
-        month,
-        day,
-        hour,
-        int(said["minute"]),
-        int(said["second"] or 0),
-        tzinfo=timezone.utc,
-    )
+    clock = hour, int(said["minute"]), int(said["second"] or 0)
+    moment = datetime(year + 2000 * (year < 100), month, day, *clock, tzinfo=timezone.utc)
     zone_s = 3600 * int(said["off_hours"] or 0) + 60 * int(said["off_minutes"] or 0)
     seconds = int(moment.timestamp()) - (-zone_s if said["sign"] == "-" else zone_s)
     return seconds * NANOSECONDS + int((said["digits"] or "")[:9].ljust(9, "0"))

@@ -14,7 +14,7 @@ from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables import import_demonstrations, suggest_map
 from intent_recognition.tables.import_map import ImportMap
-from intent_recognition.tables.suggested_bags import PLACES
+from intent_recognition.tables.suggested_entries import PLACES
 
 
 def test_a_suggestion_knows_joints_from_clocks(tmp_path):

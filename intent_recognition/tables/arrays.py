@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays of an `.npz`, and of an `.npy`."""
+"""Arrays of NPZ, NPY, MATLAB's MAT, and HDF5 of robot learning, any with samples (T, d)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from intent_recognition.errors import optional
 from intent_recognition.tables.cells import Values
 from intent_recognition.tables.hdf5_reading import (
     MOST_DOFS,
@@ -14,6 +15,7 @@ from intent_recognition.tables.hdf5_reading import (
     on_end,
     samples_first,
 )
+from intent_recognition.tables.isolated import read_isolated
 from intent_recognition.tables.table import Table, check_columns, table_of, unusable
 from intent_recognition.untrusted import UntrustedError, read_arrays
 
@@ -83,3 +85,25 @@ def transposed(arrays: Mapping[str, Values]) -> list[str]:
                 " columns are samples: transpose it."
             )
     return found
+
+
+def open_hdf5(path: Path) -> Table:
+    """Arrays by their path: `obs.robot0_eef_pos.0`, `observations.qpos.3`, `action.0`.
+
+    Groups that are numbered, as robomimic, Isaac Lab and ManiSkill have one for each
+    demonstration, are told apart by the column `demonstration`.
+    """
+    optional("h5py")
+    arrays = read_isolated("hdf5_reading.py", path, "an HDF5 or MAT file")
+    rate = float(arrays.pop("#rate"))
+    left_out = arrays.pop("#left_out", np.empty(0)).tolist()
+    columns = flat_columns(path, arrays)
+    if not columns:
+        raise unusable(path, "arrays of numbers (T, d)", "none", "Save arrays of numbers.")
+    defaults: dict[str, object] = {"time": {"rate": rate}} if rate > 0.0 else {}
+    if "demonstration" in columns:
+        defaults["segments"] = {"column": "demonstration"}
+    notes = transposed(arrays)
+    if left_out:
+        notes.append(f"without a row for each sample, left out: {', '.join(left_out[:6])}")
+    return table_of(path, columns, defaults=defaults, notes=notes)
