@@ -8,7 +8,7 @@ import numpy as np
 
 from intent_recognition.activation.arm_clock import ArmClock
 from intent_recognition.activation.inbox import LARGEST_SKEW_NS
-from intent_recognition.activation.lateness import LARGEST_LATENESS_NS, Lateness
+from intent_recognition.activation.lateness import LATENESSES_NS, Lateness
 from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import Command, MotionPoints
 from intent_recognition.array_types import Floats
@@ -94,16 +94,10 @@ class ArmTracking:
 
     def _look_for_lateness(self, measured: Measured) -> None:
         time_ns = measured.time_ns
-        asked = self._asked(time_ns)
-        if asked is None:
+        if not self._history:
             return
-        due = [command for command in self._history if command.start_ns <= time_ns]
-        before = [
-            command.plan.positions[0] if last is None else last.at(time_ns).position
-            for last, command in zip([None, *due], due, strict=False)
-            if time_ns - command.start_ns <= LARGEST_LATENESS_NS
-        ]
-        late_ns = self._lateness.shown_ns(time_ns, measured.position, asked, before)
+        asked = [self._by(time_ns - late).at(time_ns).position for late in LATENESSES_NS.tolist()]
+        late_ns = self._lateness.shown_ns(time_ns, measured.position, np.array(asked))
         if late_ns > self.late_ns:
             self.late_ns = late_ns
             text = "a command came after its start: the next ones lead by more"
@@ -289,10 +283,12 @@ class ArmTracking:
         return None
 
     def _reference(self, time_ns: int) -> JointReference | None:
-        for command in reversed(self._history):
-            if time_ns >= command.start_ns or command is self._history[0]:
-                return command.at(time_ns)
-        return None
+        return self._by(time_ns).at(time_ns) if self._history else None
+
+    def _by(self, time_ns: int) -> Command:
+        """The command in force at a time; there must have been one."""
+        due = (command for command in reversed(self._history) if command.start_ns <= time_ns)
+        return next(due, self._history[0])
 
     def _asked(self, time_ns: int) -> Floats | None:
         """Where the arm is asked to be at a time, (n,) [rad]."""

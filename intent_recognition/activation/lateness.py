@@ -1,64 +1,91 @@
 # SPDX-License-Identifier: Apache-2.0
 """How late commands reach the arm, told from how an arm follows that lags.
 
-An arm that lags is where its reference was a while ago as long as that moves. One that has not got
-a command goes on by the one before, falls behind, and catches up once the command has come.
+An arm that lags is where a mean of what it was asked for lately is. What that was depends on how
+late the commands came, and the weights of the mean are not known: for each lateness and joint
+those count that explain the motion best (non-negative least squares).
 """
 
 from collections import deque
 
 import numpy as np
+from scipy.optimize import nnls
+from scipy.signal import lfilter
 
 from intent_recognition.activation.arm_clock import TELLING_RAD
 from intent_recognition.array_types import Floats
 
-LARGEST_LATENESS_NS = 500_000_000
-"""Commands later than this [ns] count as lost. Convention: above the delays of networks on which
-an arm should move."""
-_CAUGHT_UP = 0.33
-"""An arm has caught up if its error is below this share of what the largest lag would make it.
-Measurement: `test_late_commands.py`."""
-_STEP_NS = 9_000_000
-"""Least time between two looks [ns]. Convention: those at 100 Hz all count."""
+LATENESSES_NS = np.arange(0, 450_000_000, 50_000_000)
+"""Those compared [ns]. Convention: up to the delays of networks on which an arm should move."""
+_STEP_NS = 19_000_000
+"""Least time between two looks [ns]. Convention: at 100 Hz every second joint state counts."""
+_N_LOOKS, _N_BEFORE, _N_AGAIN = 180, 30, 10
+"""Looks that are kept, the first of them that only explain the others, and after how many it is
+compared again. Convention: 3.6 s, 0.6 s and 0.2 s at 100 Hz."""
+_DELAYS = np.arange(0, 26, 2)
+_LAGS = np.array([2.5, 5.0, 10.0, 20.0])
+"""An arm's lag is a mixture of these: pure delays, and lags of first order [looks]. Convention: up
+to 0.5 s at 100 Hz."""
+_LEAST_RAD = 5e-4
+"""An arm explained as well as this [rad] without lateness has had its commands in time. Convention:
+several times the noise of encoders."""
+_RIDGE_RAD = 1e-3
+"""Weight of the sum of the squared weights [rad]. Numerical safeguard: lags are much alike, and the
+solver must come to an end; 17 weights of 1 add less than a tenth of `_LEAST_RAD`."""
+_SHARE = 0.6
+"""What lateness must leave unexplained at most of what is without. Measurement:
+`test_late_commands.py`."""
 
 
 class Lateness:
-    """Compares a measured arm with what it was asked for in the last `LARGEST_LATENESS_NS`."""
+    """Compares a measured arm with what it was asked for by each lateness."""
 
     def __init__(self) -> None:
-        self._asked: deque[tuple[int, Floats]] = deque()  # the newest first
-        self._behind_ns = 0  # the most since the reference stood
-        self._caught_up_ns: int | None = None
+        self._looks: deque[tuple[Floats, Floats]] = deque(maxlen=_N_LOOKS)
+        self._last_ns = self._n = 0
 
-    def shown_ns(self, time_ns: int, position: Floats, asked: Floats, before: list[Floats]) -> int:
-        """By how much a command came late as the arm's motion shows now [ns]; 0 for nothing.
+    def shown_ns(self, time_ns: int, position: Floats, asked: Floats) -> int:
+        """By how much commands came late as the arm's motion shows now [ns]; 0 for nothing.
 
         Args:
             time_ns: of the measurement, above that of the last.
             position: measured (n,) [rad].
-            asked: of the arm then (n,) [rad].
-            before: where it would be then had it not got one of the last commands, (n,) each.
+            asked: of the arm then by each of `LATENESSES_NS` (n_latenesses, n) [rad].
         """
-        if self._asked and time_ns - self._asked[0][0] < _STEP_NS:
+        if time_ns - self._last_ns < _STEP_NS:
             return 0
-        self._asked.appendleft((time_ns, asked))
-        while time_ns - self._asked[-1][0] > LARGEST_LATENESS_NS:
-            self._asked.pop()
-        times_ns, rows = map(np.array, zip(*self._asked, strict=True))
-        ages_ns = time_ns - times_ns
-        errors = np.abs(rows - position).max(axis=1)
-        moved = np.abs(rows - asked).max(axis=1)
-        if errors[0] >= TELLING_RAD:
-            nearest = np.argmax(np.diff(errors, append=np.inf) >= 0.0)
-            if any(np.abs(position - one).max() < 0.5 * errors[0] for one in before):
-                self._behind_ns = max(self._behind_ns, int(ages_ns[nearest]))
-        elif moved.max() < TELLING_RAD:
-            self._behind_ns = 0
-        lagging = moved[np.searchsorted(ages_ns, self._behind_ns, "right") - 1]
-        if errors[0] > _CAUGHT_UP * lagging:
-            self._caught_up_ns = None
-        elif self._caught_up_ns is None:
-            self._caught_up_ns = time_ns
-        elif lagging >= TELLING_RAD and 2 * (time_ns - self._caught_up_ns) >= self._behind_ns:
-            return self._behind_ns
-        return 0
+        self._last_ns, self._n = time_ns, self._n + 1
+        self._looks.append((position, asked))
+        if self._n % _N_AGAIN or len(self._looks) < _N_BEFORE + 2 * _N_AGAIN:
+            return 0
+        positions, references = map(np.array, zip(*self._looks, strict=True))
+        if np.ptp(references[:, 0], axis=0).max() < TELLING_RAD:
+            return 0
+        in_time, *late = references.swapaxes(0, 1)
+        error = unexplained(positions, in_time)
+        if error <= _LEAST_RAD:
+            return 0
+        errors = [error, *(unexplained(positions, one) for one in late)]
+        if min(errors) > _SHARE * error:
+            return 0
+        self._looks.clear()
+        return int(LATENESSES_NS[np.argmin(errors)])
+
+
+def unexplained(positions: Floats, asked: Floats) -> float:
+    """Root mean square of what no lag explains of an arm's motion, but for a constant [rad].
+
+    Args:
+        positions: measured (T, n) [rad].
+        asked: of the arm at the same times (T, n) [rad].
+    """
+    rows = np.arange(len(asked))
+    late = [asked[np.maximum(rows - delay, 0)] for delay in _DELAYS]
+    for keeps in np.exp(-1.0 / _LAGS):
+        late.append(asked[0] + lfilter([1.0 - keeps], [1.0, -keeps], asked - asked[0], axis=0))
+    tables = np.array([*late, positions])[:, _N_BEFORE::2].transpose(2, 1, 0)  # one of each joint
+    tables = tables - tables.mean(axis=1, keepdims=True)
+    ridge = np.tile(_RIDGE_RAD * np.eye(len(late), len(late) + 1), (len(tables), 1, 1))
+    small = np.linalg.qr(np.concatenate([tables, ridge], axis=1), mode="r")
+    squares = sum(nnls(one[:, :-1], one[:, -1])[1] ** 2 for one in small)
+    return float(np.sqrt(squares / tables[:, :, -1].size))
