@@ -16,7 +16,7 @@ PER_TASK = 4
 def write_all(folder: Path) -> None:
     """`bags` with four good recordings of two tasks, and `dofs.yaml`."""
     for number in range(PER_TASK * 2):
-        recording = perform(TRUTH, number % 2, number)
+        recording = perform(TRUTH, number % 2, number, rate_hz=25.0)
         write_recording(folder / "bags" / recording.name, recording, DOFS)
     (folder / "dofs.yaml").write_text(yaml.safe_dump(DOFS.to_dict()))
 

@@ -26,7 +26,9 @@ from intent_recognition.recognition import DecisionState, IntentEstimator, decid
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
-    return write_recording(tmp_path_factory.mktemp("bags") / "bag", perform(TRUTH, 1, 50), DOFS)
+    return write_recording(
+        tmp_path_factory.mktemp("bags") / "bag", perform(TRUTH, 1, 50, rate_hz=25.0), DOFS
+    )
 
 
 @pytest.mark.slow
@@ -79,7 +81,7 @@ def test_of_two_signals_with_equal_stamps_the_deciding_one_is_explained(tmp_path
     truth = true_library(dofs, n_tasks=2)
     model = learned_model(dofs, truth)
     model = replace(model, library=replace(model.library, none_margin=4.0))
-    bag = write_recording(tmp_path / "bag", perform(truth, 1, 103), dofs)
+    bag = write_recording(tmp_path / "bag", perform(truth, 1, 103, rate_hz=25.0), dofs)
     rows = list(replay(BagReader(bag), model))
     decided = next(k for k, row in enumerate(rows) if row["active_task"])
     before, first = rows[decided - 1 : decided + 1]
@@ -119,7 +121,7 @@ def test_replay_writes_the_same_page(run_command, model, bag, tmp_path):
 @pytest.mark.slow
 def test_a_movement_without_a_decision_is_explained_where_it_came_nearest(tmp_path):
     model, stranger = learned_model(DOFS, TRUTH), true_library(DOFS, n_tasks=2, seed=77)
-    bag = write_recording(tmp_path / "bag", perform(stranger, 0, 3), DOFS)
+    bag = write_recording(tmp_path / "bag", perform(stranger, 0, 3, rate_hz=25.0), DOFS)
     assert not any(row["active_task"] for row in replay(BagReader(bag), model))
     found = explain(BagReader(bag), model)
     assert found

@@ -31,7 +31,7 @@ def recorded(tmp_path_factory):
     """Folders `world` and `raw`, and their DOF files."""
     folder = tmp_path_factory.mktemp("frames")
     for number in range(PER_TASK * 2):
-        recording = perform(TRUTH, number % 2, number)
+        recording = perform(TRUTH, number % 2, number, rate_hz=25.0)
         write_recording(folder / "world" / recording.name, recording, DOFS)
         write_tracked(folder / "raw" / recording.name, recording, DOFS)
     (folder / "world.yaml").write_text(yaml.safe_dump(DOFS.to_dict()))
@@ -115,7 +115,7 @@ def test_recordings_in_several_frames_are_named(train, run_command, recorded):
 def test_a_folder_of_tasks_learns_in_the_world(tmp_path):
     folder = TaskFolder(tmp_path / "tasks", WITH)
     for number in range(4):
-        recording = perform(TRUTH, number % 2, number)
+        recording = perform(TRUTH, number % 2, number, rate_hz=25.0)
         bag = folder.new_bag(recording.task)
         folder.learn(write_tracked(bag, recording, DOFS))
     model = load_model(folder.model_path)

@@ -19,7 +19,7 @@ def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
     write_all(folder)
     for number in range(8):
-        recording = perform(TRUTH, number % 2, number)
+        recording = perform(TRUTH, number % 2, number, rate_hz=25.0)
         write_recording(folder / "nameless" / f"n_{number}", recording, DOFS, task="")
     return folder
 
