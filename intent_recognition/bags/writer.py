@@ -46,22 +46,15 @@ class DiskFullError(BagError):
 
 
 class BagWriter:
-    """Writes a rosbag2 recording with MCAP storage, without ROS.
+    """Writes a rosbag2 recording with MCAP storage into a new directory, without ROS.
 
     Use it as a context manager, or call `close`. Every `flush_period_s` the chunk in progress is
-    compressed and handed to the operating system, and metadata.yaml follows every two seconds:
-    what a killed recorder leaves, the tools of rosbag2 can use. Definitions are also written
-    outside of the chunks, so that a damaged chunk makes no other unreadable; labels stand in the
-    MCAP file too, where `ros2 bag reindex` finds them.
-
-    Args:
-        path: directory of the new bag; must not exist.
-        custom_data: labels, such as {"task": "plate_handover"}.
-        flush_period_s: longest time a message stays in memory [s]. None writes by size alone,
-            so that equal input gives equal files.
-        min_free_bytes: recording stops, and the bag is closed, when less is left on the disk.
-        clock: seconds, monotonic.
-        disk_usage: gives an object with `free` in bytes for a path.
+    compressed and handed to the operating system, and metadata.yaml follows every two seconds: what
+    a killed recorder leaves, the tools of rosbag2 can use. None writes by size alone, so that equal
+    input gives equal files. Definitions are also written outside of the chunks, so that a damaged
+    chunk makes no other unreadable; labels stand in the MCAP file too, where `ros2 bag reindex`
+    finds them. Recording stops, and the bag is closed, when less than `min_free_bytes` is left on
+    the disk.
 
     Raises:
         ResourceBusyError: the directory exists already or cannot be made.

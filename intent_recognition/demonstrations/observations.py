@@ -77,12 +77,9 @@ class Sample(NamedTuple):
 
 
 class ObservationReader:
-    """Turns the messages of one entry of the DOF file into observations.
+    """Turns the messages of one entry of the DOF file into observations of an observed signal.
 
-    Args:
-        entry: what to read.
-        group: index of the observed signal; for velocities, of the signal they belong to.
-        columns: for velocities, the DOFs of that signal; None for positions.
+    Velocities are of the signal that they belong to, and of the DOFs `columns` of it.
     """
 
     def __init__(self, entry: DofEntry, group: int, columns: tuple[int, ...] | None = None):

@@ -21,12 +21,7 @@ RATE_TOLERANCE = 1e-6
 class JointLimits:
     """Limits per joint, each array of shape (n_joints,), not writable.
 
-    Attributes:
-        lower: smallest position [rad].
-        upper: largest position [rad].
-        velocity: largest speed [rad/s], symmetric.
-        acceleration: largest acceleration [rad/s^2], symmetric.
-        torque: largest torque [Nm], symmetric.
+    Positions are from `lower` to `upper` [rad]; the others, symmetric, in rad/s, rad/s^2 and Nm.
     """
 
     lower: Floats

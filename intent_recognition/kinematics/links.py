@@ -95,14 +95,10 @@ class Links(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel:
-    """The model, and how n joints drive its configuration: drive @ q + offset.
+    """The model, and how n joints drive its configuration (nv,): drive @ q + offset.
 
-    Attributes:
-        model: of pinocchio; every other joint stays at zero.
-        geometry: shapes on it, if there were any.
-        drive: (nv, n).
-        offset: (nv,).
-        direct: whether the configuration is the joint vector itself.
+    Every other joint of it stays at zero; the geometry is that of shapes on it, if there were any.
+    `direct`: the configuration is the joint vector itself.
     """
 
     model: Any

@@ -32,10 +32,9 @@ MOST_VALUES, LONGEST_VALUE = 50, 200
 
 @dataclass(frozen=True)
 class Execution:
-    """What is known of one execution.
+    """What is known of one execution, which ended at a time (ISO 8601).
 
     Attributes:
-        time: when it ended, ISO 8601.
         bag: the recording, relative to the folder; an old one may have been removed.
         model: what the task was like then: the model in the folder, relative to it; empty where
             the folder had none.

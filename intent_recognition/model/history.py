@@ -22,11 +22,9 @@ class Change:
         action: "start" (a model to begin with), "learn", "wait" (recorded, too few yet to learn
             from), "keep" (a correction, which moved its task), "improve" (what practice came to) or
             "undo".
-        task: label of the recording, empty where there is none.
-        bag: the recording, or the folder of practice, relative to the folder; empty where there is
-            none.
-        model: the model since then, relative to the folder, empty where there is none yet.
-        tasks: demonstrations per task of that model.
+        task: label of the recording; empty for none, as the paths, relative to the folder, are.
+        bag: the recording, or the folder of practice.
+        model: the model since then, with demonstrations per task in `tasks`.
     """
 
     time: str

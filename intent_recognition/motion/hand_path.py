@@ -53,13 +53,10 @@ def hand_targets(numbers: ArrayLike) -> Floats:
 
 
 def joints_along(arm: Arm, times_s: Floats, hand: Floats, rest: Floats) -> tuple[Floats, Floats]:
-    """Times and joint positions that take the hand along a predicted path.
+    """Times and joint positions that take the hand along a predicted path in the frame of the base.
 
-    Args:
-        arm: its inverse kinematics; the hand is in the frame of its base.
-        times_s: of the prediction (T,), increasing.
-        hand: its positions (T, 3) [m], or positions and quaternions xyzw (T, 7).
-        rest: posture the arm begins near, and that redundant joints are drawn to (n,) [rad].
+    That has positions (T, 3) [m], or positions and quaternions xyzw (T, 7), at increasing times
+    (T,). The arm begins near the posture `rest` (n,), to which redundant joints are drawn.
 
     Returns:
         Times (T',) [s], at most `N_POSES` of those given with the first and the last among them,

@@ -55,18 +55,13 @@ class JointPath:
 def make_path(
     times_s: Floats, positions: Floats, limits: JointLimits, velocities: Floats | None = None
 ) -> JointPath:
-    """Turn the samples of a predicted trajectory into a path over phase.
+    """Turn the samples (T, n) [rad] of a predicted trajectory into a path over phase.
 
-    Where a joint leaves its position limits less a margin of 10 mrad, it is bent back inside by
-    a saturation without kinks (identity, then tanh), so that the path stays traversable. What
+    Phase is 0 at the first of the times (T,) and 1 at the last. Velocities (T, n) [rad/s] in the
+    first and last row are the spline's end slopes; without them the path has no curvature at its
+    ends. Where a joint leaves its position limits less a margin of 10 mrad, it is bent back inside
+    by a saturation without kinks (identity, then tanh), so that the path stays traversable. What
     leaves them only between samples, where the spline overshoots, is bent likewise.
-
-    Args:
-        times_s: (T,) increasing; phase is 0 at the first and 1 at the last.
-        positions: (T, n) [rad].
-        limits: only the position limits are used.
-        velocities: (T, n) [rad/s]; the first and last row are the spline's end slopes, else the
-            path is natural (no curvature) at its ends.
 
     Raises:
         TrajectoryError: fewer than two samples, wrong sizes, times that do not increase, or a

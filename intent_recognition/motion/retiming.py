@@ -39,13 +39,12 @@ class SpeedLimits(NamedTuple):
     """Bounds along a path on a grid of G intervals; x = s'^2.
 
     On interval i: -a[i] - b[i] x <= s'' <= a[i] - b[i] x in every column (the joints at both ends
-    of the interval, then the bound on s'' itself). `ceiling` (G,) is the largest x at which any
-    s'' is allowed, `cap` (G + 1,) the largest from which the end can be reached at rest.
+    of the interval, then the bound on s'' itself). `cap` (G + 1,) is the largest x from which the
+    end can be reached at rest.
     """
 
     a: Floats
     b: Floats
-    ceiling: Floats
     cap: tuple[float, ...]
 
 
@@ -85,7 +84,7 @@ def speed_limits(
         fastest = np.minimum(fastest, rate_ceiling**2)
     fastest = np.minimum(fastest[:-1], fastest[1:]) * share**2
     ceiling = np.minimum(fastest, np.minimum(room[:-1], room[1:]) * share)
-    return SpeedLimits(a, b, ceiling, tuple(_backward(a, b, ceiling).tolist()))
+    return SpeedLimits(a, b, tuple(_backward(a, b, ceiling).tolist()))
 
 
 def _largest_with_room(a: Floats, b: Floats, own: float) -> Floats:
@@ -134,16 +133,10 @@ def run(
     """Run along the path: behind the nominal timing as fast as allowed, then along with it.
 
     The wanted rate is the nominal one plus what a lag warrants: proportional to a small lag, the
-    square root of a large one, so that the braking that joins the nominal timing is feasible.
-    Ahead of the nominal timing it slows down, at most to a stand, and never goes back.
-
-    Args:
-        limits: the bounds along the path.
-        phase: phase at time 0.
-        rate: phase rate at time 0, not above `largest_rate`.
-        nominal: the timing to follow; None brakes to a stand as fast as allowed.
-        step_s: time step.
-        hold_s: stand this long before moving on (only from a stand).
+    square root of a large one, so that the braking that joins the nominal timing is feasible. Ahead
+    of the nominal timing it slows down, at most to a stand, and never goes back. Without it, it
+    brakes to a stand as fast as allowed. Phase and rate, not above `largest_rate`, are those at
+    time 0; from a stand it moves on after `hold_s`.
 
     Returns:
         The progress until it stands (at phase 1 unless braking), or None if it took too long.

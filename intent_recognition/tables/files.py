@@ -94,13 +94,8 @@ NUMBERED = re.compile(r"(?P<task>.+?)(?P<between>[_\- ])\d+")
 
 
 class FileKind(NamedTuple):
-    """Files with the same columns.
-
-    Attributes:
-        name: of their folder, or what they are called by.
-        first: path of the first one below the source.
-        table: what it holds.
-        pattern: of their names; empty where they follow none.
+    """Files with the same columns: the name of their folder, or what they are called by, the path
+    of the first one below the source, what it holds, and the pattern of their names, "" for none.
     """
 
     name: str

@@ -31,9 +31,7 @@ class TimeSource(NamedTuple):
     """Where the times of samples come from.
 
     Attributes:
-        column: of times; None where samples come at a rate.
-        unit: of the column, a key of `PER_UNIT`.
-        rate_hz: of samples, the first of which is at zero.
+        column: of times in a unit, a key of `PER_UNIT`; None where samples come at a rate.
         since_ns: what zero is [ns since 1970]; None where the map does not say.
         nanoseconds: column of what is added to `column` [ns], "" for none.
     """

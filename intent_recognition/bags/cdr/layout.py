@@ -160,11 +160,7 @@ class LayoutCache:
         self._layouts: list[Layout] = []
 
     def layout_of(self, data: bytes) -> Layout:
-        """The layout of a message.
-
-        Raises:
-            ValueError: as `find_layout`.
-        """
+        """The layout of a message; errors as of `find_layout`."""
         for layout in self._layouts:
             if layout.fits(data):
                 return layout

@@ -36,16 +36,13 @@ LATEST_NS = 2**63
 
 
 class McapBlock(NamedTuple):
-    """One chunk, or one message outside of chunks.
+    """One chunk, or one message outside of chunks, and log times of its first and last message.
 
     Attributes:
         offset: of the record in the file.
         length: of its content, the 9 bytes of opcode and length not counted.
-        start_ns: log time of the first message, as the record's header says.
-        end_ns: log time of the last message.
         size: bytes of its records, as a chunk says itself; it need not be true: `decompress` bounds
             it.
-        is_chunk: chunk or bare message.
         is_cut: the file ends inside of this chunk.
     """
 
