@@ -25,7 +25,7 @@ from intent_recognition.recognition import DecisionSettings, DecisionState, Inte
 from intent_recognition.report import task_colours
 from intent_recognition.share import share_path
 from sim_bridge.arm import SimulatedArm
-from sim_bridge.scenarios.toolbox import ToolboxObjects
+from sim_bridge.scenarios.toolbox import STANDS_M, ToolboxObjects
 
 WIDTH, HEIGHT, DPI = 1600, 1100, 100
 LEFT = 170  # columns of the picture left away
@@ -171,12 +171,25 @@ def shade(axes, mask: np.ndarray, colour: str) -> None:
     axes.contour(mask, levels=[0.5], colors=[colour], linewidths=0.8, alpha=0.5, zorder=3)
 
 
+def furnish(client, objects: ToolboxObjects) -> None:
+    """A bench, and a post below each thing on its stand."""
+    boxes = [((0.3, 0.5, 0.02), (0.75, 0.65, 0.5, 1.0), (0.75, 0.0, 0.05))]
+    for task in STANDS_M:
+        x, y, _ = objects.position(task)
+        half = 0.5 * (client.getAABB(objects.bodies[task])[0][2] - 0.05)
+        boxes.append(((0.012, 0.012, half), (0.6, 0.6, 0.6, 1.0), (x, y, 0.05 + half)))
+    for half_edges, colour, place in boxes:
+        shape = client.createVisualShape(client.GEOM_BOX, halfExtents=half_edges, rgbaColor=colour)
+        client.createMultiBody(0.0, -1, shape, place)
+
+
 def draw_scene(axes, moment: Moment) -> None:
     """The arm now, its ghost at the predicted end, and both paths."""
     camera, images = Camera(), []
     for posture, carries in ((moment.q_now, False), (moment.robot_rad.mean(axis=0)[-1], True)):
         arm = SimulatedArm(posture)
-        objects = ToolboxObjects(arm, furniture=True)
+        objects = ToolboxObjects(arm)
+        furnish(arm.client, objects)
         objects.move_worker(moment.wrist_m[-1])
         if carries:
             objects.give_to_robot(moment.task)

@@ -69,12 +69,8 @@ def search_space(
     It depends on the paths alone: another basis of the weights (w -> M w, design -> design M^-1)
     or another unit of a DOF gives the same points the same paths, but for the signs of axes.
 
-    Args:
-        mean: weights, (d,).
-        spread: a factor of their covariance, S S', (d, r).
-        design: values of each of Q DOFs at m phases as a linear function of the weights, (Q, m, d).
-        bound: see `SearchSpace`.
-        share: of the paths' variance, each DOF counted alike.
+    Its weights have a mean (d,) and a spread (d, r), a factor of their covariance, S S'; the design
+    (Q, m, d) gives Q DOFs at m phases. The share is of the paths' variance, each DOF counted alike.
 
     Raises:
         ShapeError: the arrays do not fit each other.

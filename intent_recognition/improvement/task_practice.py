@@ -86,24 +86,13 @@ class Person(NamedTuple):
 class TaskPractice:
     """Rollouts of one task of a library.
 
-    Weights that are practised are the controlled ones and u, (Q N + 1,).
-
-    Args:
-        trained: the library with its statistics.
-        dofs: its DOFs.
-        task: label.
-        beside_m: where the robot's hand must be, from where the person's hand comes to rest (3,)
-            [m], in the frame of the arm's base; None: where it was in the demonstrations.
-        moved_m: and how far from there (3,) [m], likewise.
-        arm: whose joints are controlled; None: the LWR.
-        most_people: with whom it is executed in one rollout.
+    Weights that are practised are the controlled ones and u, (Q N + 1,). The robot's hand must be
+    `beside_m` (3,) [m] from where the person's hand comes to rest, in the frame of the arm's base,
+    or else where it was in the demonstrations, and `moved_m` from there. Without an arm the joints
+    are the LWR's. One rollout is executed with `most_people` at most.
 
     Raises:
         ArgumentError: no such task, the person's hand is not observed, or the arm has other joints.
-
-    Attributes:
-        costs: names of those that fit.
-        step: how far the search begins to look, in standard deviations.
     """
 
     costs = ("distance", "time")

@@ -114,7 +114,10 @@ class PersonBelief:
         if not self._accepts(stream, observation, topic, self.estimator.reason_to_reject):
             return False
         self._last_arrival_s = elapsed_s(self._node)
-        self._forget_if_lost(observation.stamp_ns)
+        stamp_ns, last_ns = observation.stamp_ns, self._newest_ns
+        if self.person and abs(stamp_ns - last_ns) > LOST_S * 1e9:  # it may be somebody else
+            self.forget()
+        self._newest_ns = stamp_ns
         try:
             estimate = self.estimator.update(observation)
         except ArgumentError as error:  # numbers so large that nothing can be computed of them
@@ -171,11 +174,6 @@ class PersonBelief:
             human = self.estimator.predict_observed()
             if human is not None:
                 self.output.publish_human(estimate, human, self.inputs.frame)
-
-    def _forget_if_lost(self, stamp_ns: int) -> None:
-        if self.person and abs(stamp_ns - self._newest_ns) > LOST_S * 1e9:
-            self.forget()
-        self._newest_ns = stamp_ns
 
     def look(self) -> None:
         """Tell whether the person's stream is silent, or too sparse."""

@@ -56,9 +56,7 @@ class WorkPlan:
         order: probability that the first step of a pair must be done before the second, as
             learned; relations that follow from others are left out.
         by_hand: the same, written by a person: 1 for must, 0 for need not. It has precedence.
-        repeated: probability that a movement does again what was done.
-        wrong: probability that a movement does no step.
-        n_assemblies: number of assemblies that it was learned from.
+        repeated, wrong: probability that a movement does again what was done, or no step.
 
     Raises:
         ArgumentError: two steps have one name, a relation names no step or its steps in a circle,

@@ -124,13 +124,9 @@ def ingest_pose(
     few samples, not the session. A clock that was set back is followed in the same way after
     `clock_reset_after` late samples.
 
-    Args:
-        settings: frames, gate and noise.
-        state: what the last call for this body returned, or `IngestState()`.
-        stamp_ns: time of measurement in integer nanoseconds.
-        position: (3,) [m] in `frame_id`.
-        orientation: (4,) xyzw in `frame_id`, need not be normalised; all zero means not measured.
-        frame_id: frame of the tracker; a leading slash is ignored.
+    Position (3,) [m] and orientation (4,) xyzw are in `frame_id`, of which a leading slash is
+    ignored; an orientation need not be normalised, and all zero means not measured. The state is
+    what the last call for this body returned, or `IngestState()`.
 
     Returns:
         The next state, and the pose in the world frame or why it was rejected.

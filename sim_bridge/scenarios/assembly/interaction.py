@@ -102,16 +102,8 @@ class _Person:
         share = min(1.0, np.linalg.norm(goal_m - self.wrist_m) / 0.25)
         bow = share * (np.asarray(bow_m) + BOW_STD_M * rng.standard_normal(3))
         turn = self._turn + 0.05 * rng.standard_normal(3)
-        reach = Reach(
-            self._task,
-            self.wrist_m,
-            goal_m,
-            nominal_s,
-            bow,
-            rng.uniform(1.0, 1.6),
-            turn,
-            drawn if hesitant else (),
-        )
+        way, skew = (self._task, self.wrist_m, goal_m, nominal_s, bow), rng.uniform(1.0, 1.6)
+        reach = Reach(*way, skew, turn, drawn if hesitant else ())
         self.movements.append((self.now_s, reach))
         self.wrist_m, self.now_s = goal_m, self.now_s + reach.duration_s
 
@@ -119,14 +111,7 @@ class _Person:
 def plan_interaction(
     rng: np.random.Generator, task: str, worker_m: Floats, assistant_m: Floats, onset_s: float
 ) -> AssemblyInteraction:
-    """Draw one interaction.
-
-    Args:
-        rng: source of all variation.
-        task: label.
-        worker_m: where the worker's wrist rests, (3,).
-        assistant_m: where the assistant's wrist rests, (3,).
-        onset_s: when the worker begins.
+    """Draw one interaction from where both wrists rest (3,); the worker begins at `onset_s`.
 
     Raises:
         ArgumentError: the task is unknown.

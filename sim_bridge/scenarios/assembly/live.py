@@ -23,11 +23,7 @@ SHUFFLED = ("random", "habit")
 def plan_live(seed: int, task_list: str, count: int, timing: SessionTiming) -> AssemblySession:
     """A session that was not recorded, with time for the arm to go home.
 
-    Args:
-        seed: of all variation.
-        task_list: labels separated by commas, or one of `SHUFFLED`.
-        count: how many interactions; 0: as listed.
-        timing: its rests, and the longest hold.
+    The task list is labels separated by commas, or one of `SHUFFLED`; a count of 0 takes all.
 
     Raises:
         ArgumentError: an unknown task.
@@ -41,11 +37,7 @@ def plan_live(seed: int, task_list: str, count: int, timing: SessionTiming) -> A
 
 
 def in_assistants_place(arm: str, tip: str = "") -> dict[str, dict[str, object]]:
-    """What the nodes must know of the arm that takes the assistant's place, by node.
-
-    Args:
-        arm: name, or path of a URDF.
-        tip: link that is its hand; empty: as `find_robot` takes it.
+    """What the nodes must know of the arm that takes the assistant's place, see `find_robot`.
 
     Raises:
         IntentError: there is no such arm, or its hand does not reach where assistants rest.

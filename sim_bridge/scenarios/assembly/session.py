@@ -63,12 +63,7 @@ def plan_session(
 ) -> AssemblySession:
     """Plan session number `index` of a seed: a pure function of its arguments.
 
-    Args:
-        seed: of all variation.
-        index: of the session.
-        tasks: labels in order; those of `session_tasks` if None.
-        idle_s: shortest and longest rest between two interactions.
-        hold_s: how long both hold at the end of one.
+    Without tasks they are those of `session_tasks`.
 
     Raises:
         ArgumentError: an unknown task or session.

@@ -55,12 +55,7 @@ class BallPours(AbstractContextManager["BallPours"]):
         )
 
     def pour(self, path: PourPath, fill: int) -> BallCount:
-        """Pour along a path of the lip.
-
-        Args:
-            path: of the lip, from the opening's centre.
-            fill: number of how the balls lie; `N_FILLS` of them are remembered.
-        """
+        """Pour along a path of the lip; of how the balls lie `N_FILLS` numbers are remembered."""
         inside = self._fill(fill)
         start = path.times_s[np.argmax(path.tilt_rad > QUIET_TILT_RAD)]
         end = min(path.times_s[np.argmax(path.tilt_rad)] + AFTER_S, path.times_s[-1])

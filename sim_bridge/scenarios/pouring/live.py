@@ -44,12 +44,7 @@ def start_posture(cup: str) -> Floats:
 class LivePouring:
     """A cup of balls in the hand, half full, and the second container, in an arm's world.
 
-    Args:
-        arm: at rest in `start_posture`.
-        cup: name of the container in the hand.
-        second: name of the other one.
-        opening_m: centre of its opening (3,), world.
-        seed: of how the balls lie and of the camera's noise.
+    The arm is at rest in `start_posture`; the centre of the second opening (3,) is in the world.
     """
 
     def __init__(

@@ -61,13 +61,9 @@ _STREAM = 62
 
 
 class Seen(NamedTuple):
-    """Parameters of one container, estimated from a scan.
+    """Parameters of one container, estimated from a scan, by whose references paths are divided.
 
-    Attributes:
-        references: warped parameters that variables are divided by.
-        lip_m: where it pours over (3,), in the container's frame.
-        opening_m: centre of the opening (3,), in the container's frame.
-        emptying: what it holds at which tilt about that lip.
+    Lip and centre of the opening (3,) are in the container's frame.
     """
 
     references: References
@@ -175,14 +171,9 @@ def plan(
     rng: np.random.Generator | None = None,
     level: PourLevel | None = None,
 ) -> PourPath:
-    """A path of the lip for containers with these references.
+    """A path of the lip for containers with these references: the mean, or one that is drawn.
 
-    Args:
-        primitive: learned with any pair.
-        cup: the container in the hand.
-        second: the other one.
-        rng: draws a path; the mean where left out.
-        level: how far it empties the cup; as its tilt reference has it where left out.
+    Without a level it empties the cup as far as its tilt reference has it.
     """
     count = round(primitive.duration_s / PLAN_STEP_S) + 1
     phase = np.linspace(0.0, 1.0, count)

@@ -59,17 +59,8 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
     """Rollouts of one skill with one pair of containers; use as a context.
 
     They pour as the graph does, with the parameters of the containers as they are seen. The arm is
-    not simulated: a path has to be within its reach and its limits of position and velocity.
-
-    Args:
-        skill: what was learned.
-        cup, second: names of the containers.
-        wanted: balls that are to be in the second one; all of them unless told otherwise.
-        seed: of the scans of the containers.
-
-    Attributes:
-        costs: names of those that fit.
-        step: how far the search begins to look, in standard deviations.
+    not simulated: a path has to be within its reach and its limits of position and velocity. So
+    many balls are wanted in the second container; all of them unless told otherwise.
 
     Raises:
         ArgumentError: there is no such container, or so many balls cannot be poured.
@@ -78,9 +69,7 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
     costs = ("spilled", "level")
     step = 1.0
 
-    def __init__(
-        self, skill: PouringSkill, cup: str, second: str, wanted: int = N_BALLS, *, seed: int = 1
-    ) -> None:
+    def __init__(self, skill: PouringSkill, cup: str, second: str, wanted: int = N_BALLS) -> None:
         self.skill, self.names, self._wanted = skill, (cup, second), wanted
         self._cup, poured_into = container_named(cup), container_named(second)
         radius_m = half_full_radius_m(self._cup)
@@ -88,7 +77,7 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
         if not 1 <= wanted <= most:
             cure = f"{second} holds no more. Ask for fewer, or name a larger one."
             raise ArgumentError.about("wanted", f"1 to {most} balls", wanted, cure)
-        self._seen, self._seen_second = (seen_as(name, seed) for name in self.names)
+        self._seen, self._seen_second = (seen_as(name, 1) for name in self.names)
         left = HALF_FULL * (1.0 - wanted / N_BALLS)
         self._level = PourLevel(skill.far, self._seen.emptying, HALF_FULL, left)
         self._pours = BallPours(self._cup, poured_into, radius_m, N_BALLS)
@@ -192,10 +181,7 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
 def short_skill(shown: DemonstratedPours, short_radii: float, seed: int) -> PouringSkill:
     """What demonstrations would teach that pour too short: something to practise on.
 
-    Args:
-        shown: the demonstrations, which are moved.
-        short_radii: how far on average, in radii of the second opening.
-        seed: of how far each one is moved.
+    Each is moved by its own draw; on average by so many radii of the second opening.
     """
     cup, second = (seen_as(name, 1) for name in (shown.cup, shown.second))
     radius, height = second.references.opening_radius_m, cup.references.height_m

@@ -42,17 +42,10 @@ keep others off: those need one as well."""
 class PouringTable:
     """A cup of balls fixed in the arm's hand, and a second container.
 
-    The arm must be at rest with the cup upright; it carries the weight of cup and balls from the
-    start. The world's containers and balls stay until the arm's world ends.
-
-    Args:
-        arm: its base stands at the world's origin.
-        cup: the container in the hand.
-        second: the container on the stand.
-        ball_radius_m: of every ball.
-        n_balls: put into the cup; fewer are there if they do not fit.
-        rng: of how they lie.
-        opening_m: where the centre of the second one's opening is (3,), world.
+    The arm must be at rest with the cup upright, its base at the world's origin; it carries the
+    weight of cup and balls from the start. The world's containers and balls stay until the arm's
+    world ends. Balls that do not fit are left out. The centre of the second container's opening is
+    at `opening_m` (3,), world.
 
     Attributes:
         second_pose: where the second container stands (4, 4), world.

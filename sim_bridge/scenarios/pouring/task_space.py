@@ -88,12 +88,7 @@ class SideGrasp:
         return pose
 
     def cup_poses(self, path: PourPath, opening_m: Floats) -> Floats:
-        """Poses of the container along a path (T, 4, 4), world.
-
-        Args:
-            path: the pour.
-            opening_m: centre of the second container's opening (3,), world.
-        """
+        """Poses of the container along a path (T, 4, 4), world, from the second opening's (3,)."""
         c, s = np.cos(path.tilt_rad), np.sin(path.tilt_rad)
         poses = np.tile(np.eye(4), (len(c), 1, 1))
         tilted = poses[:, :3, :3].copy()
@@ -109,26 +104,14 @@ class SideGrasp:
 
 
 def seen_path(times_s: Floats, cup_poses: Floats, lip_m: Floats, opening_m: Floats) -> PourPath:
-    """The pour that poses of the held container make, the inverse of `Grasp.cup_poses`.
-
-    Args:
-        times_s: of the poses (T,).
-        cup_poses: of the held container (T, 4, 4), world.
-        lip_m: its lip in its own frame (3,).
-        opening_m: centre of the second container's opening (3,), world.
-    """
+    """The pour that poses (T, 4, 4), world, of the held container make: inverse of `cup_poses`."""
     up = cup_poses[:, :3, 2] @ _POUR_AXES
     lip = cup_poses[:, :3, :3] @ lip_m + cup_poses[:, :3, 3]
     return PourPath(times_s, (lip - opening_m) @ _POUR_AXES, np.arctan2(up[:, 0], up[:, 2]))
 
 
 def plan_joints(path: PourPath, grasp: SideGrasp, opening_m: Floats = OPENING_M) -> CubicSpline:
-    """Joint angles as a function of time for a path of the lip.
-
-    Args:
-        path: of the lip, relative to the opening.
-        grasp: how the cup is held, and where its lip is taken to be.
-        opening_m: where the second opening's centre is taken to be (3,), world.
+    """Joint angles as a function of time for a path of the lip from the opening (3,), world.
 
     Raises:
         KinematicsError: a pose is out of reach.

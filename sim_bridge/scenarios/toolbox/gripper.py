@@ -28,9 +28,6 @@ class ToolboxGripper:
     come to rest away from the stand. The screwdriver is taken from the worker when the hand has
     come to rest away from where it was when the task became active. What is still held when the
     task ends goes to the worker.
-
-    Args:
-        arm: gets the objects into its world; its base stands at the world's origin.
     """
 
     def __init__(self, arm: SimulatedArm) -> None:

@@ -44,14 +44,9 @@ class ObjectHolder(Enum):
 
 
 class ToolboxObjects:
-    """Plate, screw and screwdriver as bodies with mass in the arm's world.
+    """Plate, screw and screwdriver as bodies with mass in the world of an arm at its origin."""
 
-    Args:
-        arm: the arm whose world they join; its base stands at the world's origin.
-        furniture: also build stands and a bench, for pictures.
-    """
-
-    def __init__(self, arm: SimulatedArm, *, furniture: bool = False) -> None:
+    def __init__(self, arm: SimulatedArm) -> None:
         self._arm = arm
         self._client = arm.client
         self._constraints: dict[str, int | None] = dict.fromkeys(TASKS)
@@ -64,8 +59,6 @@ class ToolboxObjects:
             for task in TASKS
         }
         self.move_worker(np.array([1.1, 0.0, 0.27]))
-        if furniture:
-            self._furniture()
         for task in TASKS:
             self.put_back(task)
 
@@ -171,13 +164,3 @@ class ToolboxObjects:
         if constraint is not None:
             self._client.removeConstraint(constraint)
             self._constraints[task] = None
-
-    def _furniture(self) -> None:
-        grey = (0.6, 0.6, 0.6, 1.0)
-        bench = self._body(0.0, pybullet.GEOM_BOX, (0.3, 0.5, 0.02), (0.75, 0.65, 0.5, 1.0))
-        self._place(bench, (0.75, 0.0, 0.05), _NO_TURN)
-        for task, hand in STANDS_M.items():
-            centre = stand_pose(task)[:3, :3] @ np.array(_GRASP_M[task]) + hand
-            half = 0.5 * (centre[2] - 0.05 - _HALF_EDGES_M[task][0])
-            post = self._body(0.0, pybullet.GEOM_BOX, (0.012, 0.012, half), grey)
-            self._place(post, (centre[0], centre[1], 0.05 + half), _NO_TURN)

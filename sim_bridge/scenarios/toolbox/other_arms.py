@@ -10,12 +10,7 @@ from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M
 
 
 class ToolboxArm:
-    """What a scenario needs to know of an arm.
-
-    Args:
-        robot: the arm, and where it stands.
-        home_m: where its hand waits between interactions (3,), world.
-    """
+    """What a scenario needs to know of an arm whose hand waits at a place (3,), world."""
 
     def __init__(self, robot: Robot, home_m: Floats = HOME_HAND_M):
         self.robot, self._home_m = robot, home_m

@@ -57,10 +57,8 @@ class Scoring(NamedTuple):
 
     Attributes:
         places_m: where the hand belongs in each interaction (n, 3), world.
-        hand_of: forward kinematics of the arm.
         home_m: where its hand waits (3,).
         n_joints: of the arm, without fingers.
-        by_force: whether objects are handed over by force.
         passed_m: places where the hand may rest on the way, such as stands (k, 3).
     """
 
