@@ -107,10 +107,7 @@ class EstimatorInbox:
             self._served_ns = interaction.prediction.end_ns
 
     def startable(self, now_ns: int) -> PredictedInteraction | None:
-        """The prediction of the active task, if it is new and its movement is not yet served.
-
-        Without an active task, what is ordered, from now on.
-        """
+        """The active task's prediction, if it is new and not yet served; else what is ordered."""
         if self.ordered is not None and not self.decision.active:
             return None if self.silent(now_ns) else self.ordered._replace(onset_ns=now_ns)
         return self.needed() if self.unused and not self.silent(now_ns) else None

@@ -53,11 +53,7 @@ class _Expected(NamedTuple):
 
 
 class Pretrigger:
-    """Which task to go ahead for, and when to give up.
-
-    Attributes:
-        label: task whose start the arm is at or on its way to; empty when there is none.
-    """
+    """Which task to go ahead for, and when to give up; its label is empty when there is none."""
 
     def __init__(self, settings: PretriggerSettings, decision: DecisionSettings):
         self.settings, self.decision = settings, decision

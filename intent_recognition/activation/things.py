@@ -11,11 +11,7 @@ while none is found [s]. Convention: a search takes less than half of it."""
 
 
 class Things:
-    """Keeps what is in the way, and how often a way was searched for.
-
-    Attributes:
-        obstruction: what was in the way last; None since an interaction has begun.
-    """
+    """Keeps what was in the way since an interaction began, and how often a way was searched."""
 
     def __init__(self, common: Common, arm: ArmTracking) -> None:
         self._arm, self._common = arm, common

@@ -18,11 +18,7 @@ from intent_recognition.array_types import Floats
 
 
 class Waiting:
-    """Takes the arm there and back.
-
-    Attributes:
-        home: posture it returns to (n,) [rad]; None before the arm was seen.
-    """
+    """Takes the arm there and back; home (n,) [rad] is None before the arm was seen."""
 
     def __init__(self, parts: Parts) -> None:
         self._parts, self._counts = parts, parts.counts

@@ -42,11 +42,7 @@ _STATES = {state.value for state in EXCHANGES}
 
 
 class ClearanceInput:
-    """Makes the clearance for each description of the arm.
-
-    Attributes:
-        clearance: None where nothing is kept clear of, or as long as the arm is not known.
-    """
+    """Makes the clearance for a description of the arm; None while there is none, or not wanted."""
 
     def __init__(self, node: Node, diagnostics: Diagnostics) -> None:
         self._node, self._diagnostics = node, diagnostics
@@ -201,11 +197,7 @@ class PersonInput:
 
 
 class CorrectionInput:
-    """Reads the detector, and knows how the tasks of a library may be corrected.
-
-    Attributes:
-        correction: None where the arm does not yield.
-    """
+    """Reads the detector, and knows how tasks are corrected; None where the arm does not yield."""
 
     def __init__(self, node: Node) -> None:
         name = declare(node, "correction")["correction"]

@@ -35,18 +35,18 @@ class HandInput:
         """The arm; None before its description has come, or if that cannot be used."""
         if self._arm is None and self.description:
             try:
-                self._arm = self._read(self.description)
+                self._arm = self._read()
                 self._node.get_logger().info(f"the hand is {self._arm.tip}")
             except IntentError as error:
                 self._diagnostics.reject("bad_robot_description", str(error))
                 self.description = ""
         return self._arm
 
-    def _read(self, urdf: str) -> Arm:
+    def _read(self) -> Arm:
         if self.taught and not self.link:
             with suppress(ArgumentError):  # of another arm than the model's
-                return arm_in_world(urdf, self.taught)
-        return arm_in_world(urdf, self.link)
+                return arm_in_world(self.description, self.taught)
+        return arm_in_world(self.description, self.link)
 
     def _take(self, message: String) -> None:
         if message.data != self.description:

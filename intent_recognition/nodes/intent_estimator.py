@@ -29,11 +29,7 @@ LIVE = ("publish_rate", "transition_prior", "forget_after", VIA_POINTS, PLAN)
 
 
 class IntentEstimatorNode(ManagedNode):
-    """Holds what is believed of each person (`PersonBelief`), by one model.
-
-    Attributes:
-        people: by name; one person has none.
-    """
+    """Holds what is believed of people by their names (`PersonBelief`), by one model."""
 
     _model: Model
     """From `configure` on."""

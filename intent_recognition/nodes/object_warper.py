@@ -45,10 +45,7 @@ PARAMETERS, TOWARD = "object/parameters", "object/toward"
 
 
 class ObjectWarper(Node):
-    """Translates clouds to `warping.warp_object` and back.
-
-    All it keeps between clouds is the place of the other container.
-    """
+    """Translates clouds to `warping.warp_object` and back; keeps the other container's place."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("object_warper", **kwargs)

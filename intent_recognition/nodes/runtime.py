@@ -160,11 +160,7 @@ def when_clock_goes_back(node: Node, action: Callable[[], object]) -> None:
 
 
 class LeftOvers:
-    """Messages of the pass before /clock went back: for a second other topics may bring some.
-
-    Args:
-        last_ns: stamp of the last message used before it, by stream [ns].
-    """
+    """Messages after the last ones before /clock went back: for a second topics may bring some."""
 
     def __init__(self, last_ns: Mapping[Any, int]):
         self._last_ns = dict(last_ns)

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree
 
 from intent_recognition import registry
-from intent_recognition.demonstrations import DofSpec, load_dofs
+from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.model import load_model
 from intent_recognition.nodes.graph import GRAPHS, NODES, NodeCall, arguments_of, resolve
@@ -37,7 +37,9 @@ def policy(graph: str, given: Mapping[str, object]) -> str:
         IntentError: there is no such graph or argument, or a file cannot be read.
     """
     values = arguments_of(graph, given)
-    dofs = _dofs(values)
+    path = str(values.get("dofs", "")) or None
+    trained = values.get("model") if path is None else None
+    dofs = load_model(str(trained)).dofs if trained else load_dofs(path)
     named = values.get("bodies")
     bodies = named if isinstance(named, tuple) else ("wrist",)
     sampled = {entry.topic.lstrip("/") for entry in (*dofs.recorded, *dofs.velocities)}
@@ -55,12 +57,6 @@ def policy(graph: str, given: Mapping[str, object]) -> str:
 
 def _is_tracked(topic: str) -> bool:
     return topic.startswith("mocap/") and topic.endswith("/pose") and topic.count("/") == 2
-
-
-def _dofs(values: Mapping[str, object]) -> DofSpec:
-    if values.get("dofs"):
-        return load_dofs(str(values["dofs"]))
-    return load_model(str(values["model"])).dofs if values.get("model") else load_dofs()
 
 
 def _add(

@@ -34,11 +34,7 @@ class _Begun(NamedTuple):
 
 
 class TaskPracticeService:
-    """Begins, ends and accepts practice of a task, for the `TaskTeacher` that has it.
-
-    Attributes:
-        trial: model that is tried by the estimator now; None: the library's.
-    """
+    """Begins, ends and accepts practice of a task, whose `trial` the estimator tries, or None."""
 
     def __init__(self, teacher: Any) -> None:
         self._teacher = teacher

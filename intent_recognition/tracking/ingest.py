@@ -71,11 +71,7 @@ class TrackedPose:
 
 @dataclass(frozen=True)
 class Rejected:
-    """A dropped pose.
-
-    Attributes:
-        reason: one of `REASONS`.
-    """
+    """A dropped pose, for one of `REASONS`."""
 
     reason: str
     detail: str

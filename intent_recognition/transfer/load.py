@@ -30,10 +30,7 @@ STEP_N = 0.5
 
 
 class LoadEstimator:
-    """Filters the wrench at an arm's hand.
-
-    Poses of its base are those of the world.
-    """
+    """Filters the wrench at the hand of an arm, whose base has the axes of the world."""
 
     def __init__(self, arm: Arm) -> None:
         self.arm = arm

@@ -95,7 +95,10 @@ class TrajectoryCommand:
         Raises:
             RejectedTrajectoryError: anything is wrong; its `reason` names the kind.
         """
-        order = _column_order(names, joint_names)
+        if sorted(names) != sorted(joint_names):
+            expected = f"each of {list(joint_names)} once"
+            _reject("wrong_joint_names", "joint_names", expected, list(names))
+        order = [list(names).index(name) for name in joint_names]
         times = _checked_times(times_s)
         shape = (len(times), len(order))
         q = _rows("positions", positions, shape)[:, order]
@@ -118,13 +121,6 @@ class TrajectoryCommand:
 def _reject(reason: str, argument: str, expected: str, got: object) -> None:
     cure = "The arm keeps what it was doing; correct the trajectory and send it again."
     raise RejectedTrajectoryError(reason, describe(argument, expected, got, cure))
-
-
-def _column_order(names: Sequence[str], joint_names: Sequence[str]) -> list[int]:
-    given = list(names)
-    if len(given) != len(joint_names) or set(given) != set(joint_names):
-        _reject("wrong_joint_names", "joint_names", f"each of {list(joint_names)} once", given)
-    return [given.index(name) for name in joint_names]
 
 
 def _checked_times(times_s: Sequence[float] | Floats) -> Floats:

@@ -23,17 +23,15 @@ class Hollow:
     Attributes:
         rings_m: (S, K, 2) corners of the inner wall, from the floor up.
         heights_m: (S,) ascending; the first is the inner floor, the last the rim.
+
+    Raises:
+        ShapeError: no such rings.
     """
 
     rings_m: Floats
     heights_m: Floats
 
     def __post_init__(self) -> None:
-        """Check shapes, order and orientation once.
-
-        Raises:
-            ShapeError: no such rings.
-        """
         rings, heights = self.rings_m, self.heights_m
         good = rings.ndim == 3 and rings.shape[1] >= 3 and rings.shape[2] == 2
         if not good or heights.shape != rings.shape[:1] or len(heights) < 2:

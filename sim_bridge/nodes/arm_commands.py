@@ -28,10 +28,7 @@ LARGEST_PUSH_N = 500.0
 
 
 class ArmCommands:
-    """Takes messages, and controls the arm before each of its steps.
-
-    `spread` sets the stiffness by predictions; None: nothing does.
-    """
+    """Takes messages, and controls the arm before each step; `spread` by predictions, if any."""
 
     def __init__(
         self,

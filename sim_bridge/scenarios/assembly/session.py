@@ -30,11 +30,7 @@ FACING_WORKER = np.array([0.0, 0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class AssemblySession:
-    """A planned session.
-
-    Attributes:
-        worker, assistant: what the tracker sees of each wrist, 100 Hz, at the same times.
-    """
+    """A planned session, and what the tracker sees of both wrists at the same times, 100 Hz."""
 
     interactions: tuple[AssemblyInteraction, ...]
     worker: WristSamples

@@ -73,13 +73,9 @@ class Seen(NamedTuple):
 
 
 class PourLevel(NamedTuple):
-    """How far a pour empties the cup.
+    """How far a pour empties the cup: as far as those demonstrated, and what it holds at a tilt.
 
-    Attributes:
-        far: how far the demonstrated pours do.
-        cup: what the cup holds at which tilt.
-        fluid: what is in it, as a share of its volume.
-        left: what is to be left, as a share of its volume.
+    What is in it and what is to be left are shares of its volume.
     """
 
     far: Reached

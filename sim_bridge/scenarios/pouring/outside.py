@@ -10,13 +10,9 @@ from itertools import pairwise
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from sim_bridge.balls import HULL_MARGIN_M, offset
+from sim_bridge.balls import HULL_MARGIN_M, N_CORNERS, N_HEIGHTS, offset
 from sim_bridge.containers import TUBE_CORNERS, Container, at_heights, pieces_between
 
-N_LEVELS = 7
-"""Rings of corners from base to crest. Convention."""
-N_CORNERS = 32
-"""Corners of each ring. Convention."""
 THINNEST_M, LOWEST_M = 0.0004, 0.0001
 """Hulls need a thickness and a height; with Bullet's margin a wall of 2 mm would have none left."""
 
@@ -46,7 +42,7 @@ def _rows(container: Container) -> tuple[Floats, Floats, Floats]:
     # The wall up to where the rim begins to be round, and the crest.
     level = sections.heights_m
     shoulder = int(np.argmax(np.linalg.norm(sections.outer, axis=2).max(1)))
-    wanted = np.linspace(level[0], level[shoulder], N_LEVELS - 1)
+    wanted = np.linspace(level[0], level[shoulder], N_HEIGHTS - 1)
     near = [int(np.argmin(np.abs(level[: shoulder + 1] - height))) for height in wanted]
     rows = [*sorted(set(near)), len(level) - 1]
     every = sections.inner.shape[1] // N_CORNERS

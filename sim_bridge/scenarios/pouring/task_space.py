@@ -48,6 +48,9 @@ class PourPath:
         times_s: ascending from 0 (T,).
         offset_m: lip from the centre of the second opening (T, 3): along, across, up.
         tilt_rad: of the held container about its lip (T,).
+
+    Raises:
+        ShapeError: lengths differ.
     """
 
     times_s: Floats
@@ -55,11 +58,6 @@ class PourPath:
     tilt_rad: Floats
 
     def __post_init__(self) -> None:
-        """Check that lengths agree.
-
-        Raises:
-            ShapeError: they do not.
-        """
         count = len(self.times_s)
         if self.offset_m.shape != (count, 3) or self.tilt_rad.shape != (count,):
             got = (self.times_s.shape, self.offset_m.shape, self.tilt_rad.shape)
@@ -69,11 +67,7 @@ class PourPath:
 
 @dataclass(frozen=True)
 class SideGrasp:
-    """How the arm holds a container: from the side, upright.
-
-    Attributes:
-        lip_m: the container's lip in its own frame (3,), toward its +x.
-    """
+    """How the arm holds a container: from the side, upright, its lip (3,) toward its own +x."""
 
     lip_m: Floats
     height_m: float
