@@ -12,4 +12,10 @@ from sim_bridge.balls.fluid import (
 )
 from sim_bridge.balls.hollow import Hollow, offset
 from sim_bridge.balls.tilting import Tilted, WallGuard, level_axes, tilt_along
-from sim_bridge.balls.world import CONTACT_BREAKING_M, DENSITY_KG_M3, STEP_S, BallWorld
+from sim_bridge.balls.world import (
+    CONTACT_BREAKING_M,
+    STEP_S,
+    BallWorld,
+    add_balls,
+    ball_mass_kg,
+)

@@ -4,6 +4,7 @@
 from contextlib import AbstractContextManager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -71,22 +72,11 @@ class BallWorld(AbstractContextManager["BallWorld"]):
 
     def add(self, positions_m: Floats, velocities_m_s: Floats | None = None) -> None:
         """Add balls at (N, 3), at rest or moving (N, 3)."""
-        mass = DENSITY_KG_M3 * 4.0 / 3.0 * np.pi * self.ball_radius_m**3
-        for k, position in enumerate(positions_m.tolist()):
-            ball = self.client.createMultiBody(
-                mass, self._sphere, basePosition=position, useMaximalCoordinates=1
-            )
-            self.client.changeDynamics(
-                ball,
-                -1,
-                lateralFriction=FRICTION,
-                restitution=0.0,
-                linearDamping=0.0,
-                angularDamping=0.0,
-            )
-            if velocities_m_s is not None:
-                self.client.resetBaseVelocity(ball, velocities_m_s[k].tolist(), [0.0] * 3)
-            self._balls.append(ball)
+        added = add_balls(self.client, self._sphere, self.ball_radius_m, positions_m)
+        moving = [] if velocities_m_s is None else velocities_m_s.tolist()
+        for ball, velocity in zip(added, moving, strict=False):
+            self.client.resetBaseVelocity(ball, velocity, [0.0] * 3)
+        self._balls += added
 
     def set_gravity(self, direction: Floats) -> None:
         """Let everything fall along a unit vector (3,) of the container's frame."""
@@ -117,3 +107,22 @@ class BallWorld(AbstractContextManager["BallWorld"]):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def ball_mass_kg(radius_m: float) -> float:
+    """Mass of a ball of water [kg]."""
+    return DENSITY_KG_M3 * 4.0 / 3.0 * np.pi * radius_m**3
+
+
+def add_balls(
+    client: Any, sphere: int, radius_m: float, positions_m: Floats, damping: float = 0.0
+) -> list[int]:
+    """Put balls of a shape into a world at (N, 3), at rest, with Bullet's linear damping."""
+    balls = []
+    for place in positions_m.tolist():
+        mass = ball_mass_kg(radius_m)
+        ball = client.createMultiBody(mass, sphere, basePosition=place, useMaximalCoordinates=1)
+        still = {"restitution": 0.0, "linearDamping": damping, "angularDamping": 0.0}
+        client.changeDynamics(ball, -1, lateralFriction=FRICTION, **still)
+        balls.append(ball)
+    return balls

@@ -57,6 +57,21 @@ def start_world(*, headless: bool = True) -> BulletClient:
     return client
 
 
+def fix(client: BulletClient, body: int, parent: int = -1, link: int = -1) -> int:
+    """Constrain a body, where it is, to a link of another one (-1: its base), or to the world."""
+    here, none = client.getBasePositionAndOrientation(body), ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    if parent < 0:  # the body first: PyBullet takes the world only as the child
+        ends, own, others = (body, -1, -1, -1), none, here
+    else:  # constraints are anchored at centres of mass
+        at = client.getBasePositionAndOrientation(parent)
+        if link >= 0:
+            at = client.getLinkState(parent, link, computeForwardKinematics=1)[:2]
+        own = client.multiplyTransforms(*client.invertTransform(*at), *here)
+        ends, others = (parent, link, body, -1), none
+    frames = own[0], others[0], own[1], others[1]
+    return int(client.createConstraint(*ends, pybullet.JOINT_FIXED, (0, 0, 0), *frames))
+
+
 def end_world(client: BulletClient) -> None:
     """End a world, unless it is over."""
     if client.isConnected():

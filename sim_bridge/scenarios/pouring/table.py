@@ -11,17 +11,18 @@ from intent_recognition.array_types import Flags, Floats
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.balls import (
     CONTACT_BREAKING_M,
-    DENSITY_KG_M3,
     BallWorld,
     Hollow,
     WallGuard,
+    add_balls,
+    ball_mass_kg,
     hollow_of,
     settled,
     wall_pieces,
     write_obj,
 )
 from sim_bridge.containers import Container
-from sim_bridge.physics import pybullet
+from sim_bridge.physics import fix, pybullet
 from sim_bridge.scenarios.pouring.outside import shell_pieces, solid_pieces
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, SideGrasp
 
@@ -78,10 +79,14 @@ class PouringTable:
         for link in range(-1, self._client.getNumJoints(arm.body)):
             self._client.setCollisionFilterPair(arm.body, self._cup_body, link, -1, 0)
             self._pass_outsides(arm.body, link)
-        self._hold(self.grasp.cup_in_hand)
+        fix(self._client, self._cup_body, arm.body, arm.hand_link)
         with BallWorld(self.cup, ball_radius_m) as world:
             inside = settled(world, n_balls, rng)
-        self._balls = self._add(inside @ pose[:3, :3].T + pose[:3, 3])
+        shape = self._client.createCollisionShape(pybullet.GEOM_SPHERE, radius=ball_radius_m)
+        places = inside @ pose[:3, :3].T + pose[:3, 3]
+        self._balls = add_balls(self._client, shape, ball_radius_m, places, BALL_DAMPING)
+        for ball in self._balls:
+            self._pass_outsides(ball)
         self._in_cup = np.ones(len(inside), dtype=bool)
         self._cup_guard = WallGuard(self.cup, ball_radius_m, inside)
         self._second_guard = WallGuard(self.second, ball_radius_m, self._from(stand))
@@ -169,52 +174,11 @@ class PouringTable:
     def _pass_outsides(self, body: int, link: int = -1) -> None:
         self._client.setCollisionFilterGroupMask(body, link, 1, ~OUTSIDE_GROUP)
 
-    def _hold(self, cup_in_hand: Floats) -> None:
-        client, arm = self._client, self._arm
-        centre, turn = client.getLinkState(arm.body, arm.hand_link, computeForwardKinematics=1)[:2]
-        body = client.getBasePositionAndOrientation(self._cup_body)
-        local = client.multiplyTransforms(*client.invertTransform(centre, turn), *body)
-        client.createConstraint(
-            arm.body,
-            arm.hand_link,
-            self._cup_body,
-            -1,
-            pybullet.JOINT_FIXED,
-            [0, 0, 0],
-            parentFramePosition=local[0],
-            parentFrameOrientation=local[1],
-            childFramePosition=(0.0, 0.0, 0.0),
-            childFrameOrientation=(0.0, 0.0, 0.0, 1.0),
-        )
-
-    def _add(self, positions_m: Floats) -> list[int]:
-        shape = self._client.createCollisionShape(pybullet.GEOM_SPHERE, radius=self._radius_m)
-        balls = []
-        for position in positions_m.tolist():
-            ball = self._client.createMultiBody(
-                self._ball_mass_kg, shape, basePosition=position, useMaximalCoordinates=1
-            )
-            self._client.changeDynamics(
-                ball,
-                -1,
-                lateralFriction=0.0,
-                restitution=0.0,
-                linearDamping=BALL_DAMPING,
-                angularDamping=0.0,
-            )
-            self._pass_outsides(ball)
-            balls.append(ball)
-        return balls
-
-    @property
-    def _ball_mass_kg(self) -> float:
-        return DENSITY_KG_M3 * 4.0 / 3.0 * np.pi * self._radius_m**3
-
     def _carry(self, n_balls: int) -> None:
         """Let the arm compensate cup and balls, as if all were in the middle of the cup."""
         middle = np.array([0.0, 0.0, 0.5 * self.grasp.height_m, 1.0])
         centre = (self.grasp.cup_in_hand @ middle)[:3]
-        self._arm.set_payload(CUP_MASS_KG + n_balls * self._ball_mass_kg, tuple(centre))
+        self._arm.set_payload(CUP_MASS_KG + n_balls * ball_mass_kg(self._radius_m), tuple(centre))
 
 
 def _pose_of(position: Floats, quaternion: Floats) -> Floats:

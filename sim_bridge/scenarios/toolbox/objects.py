@@ -5,7 +5,7 @@ An object is fixed to whoever holds it by a constraint: to its stand, to the arm
 worker's hand, which is a body without mass that is put where the worker is.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from enum import Enum
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from intent_recognition.array_types import Floats
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import HOLD, PLATE, SCREW, TASKS
-from sim_bridge.physics import pybullet
+from sim_bridge.physics import fix, pybullet
 from sim_bridge.scenarios.toolbox.scene import OBJECT_MASS_KG, STANDS_M, stand_pose
 
 # Where an object's centre is in the hand frame, and half its edges there.
@@ -133,31 +133,7 @@ class ToolboxObjects:
         self._client.resetBaseVelocity(body, [0.0] * 3, [0.0] * 3)
 
     def _fix(self, task: str, parent: int, link: int) -> None:
-        """Constrain an object to a link (-1 for a base), where it is; parent -1 is the world."""
-        body = self.bodies[task]
-        position, orientation = self._client.getBasePositionAndOrientation(body)
-        if parent < 0:
-            # Object first: PyBullet takes the world only as the child.
-            bodies, frames = (body, -1, -1, -1), ((0.0, 0.0, 0.0), _NO_TURN, position, orientation)
-        else:
-            inverse = self._client.invertTransform(*self._link_pose(parent, link))
-            local, turn = self._client.multiplyTransforms(*inverse, position, orientation)
-            bodies, frames = (parent, link, body, -1), (local, turn, (0.0, 0.0, 0.0), _NO_TURN)
-        self._constraints[task] = self._client.createConstraint(
-            *bodies,
-            pybullet.JOINT_FIXED,
-            [0, 0, 0],
-            parentFramePosition=frames[0],
-            parentFrameOrientation=frames[1],
-            childFramePosition=frames[2],
-            childFrameOrientation=frames[3],
-        )
-
-    def _link_pose(self, body: int, link: int) -> tuple[Sequence[float], Sequence[float]]:
-        """Position and orientation of a link's centre of mass, where constraints are anchored."""
-        if link < 0:
-            return self._client.getBasePositionAndOrientation(body)
-        return self._client.getLinkState(body, link, computeForwardKinematics=1)[:2]
+        self._constraints[task] = fix(self._client, self.bodies[task], parent, link)
 
     def _let_go(self, task: str) -> None:
         constraint = self._constraints[task]
