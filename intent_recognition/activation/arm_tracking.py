@@ -41,7 +41,6 @@ class ArmTracking:
 
     Attributes:
         current: the newest command, which takes over at its start; None before the first.
-        last_command_ns: when it was sent.
         late_ns: how long after its start a command had not reached the arm, lately [ns].
         clock: how the stamps of joint states relate to ours.
     """

@@ -51,9 +51,7 @@ class People:
     One person has no name. Where people have names, somebody whose movement is over before the arm
     was free waits, until the arm comes, or the person moves again or is not seen any more.
 
-    Attributes:
-        attended: whom the arm helps, or would help.
-        reasons: who asked when that was decided: when the arm is needed, and how certain the task.
+    The arm helps, or would help, whom it attends to; the reasons say who asked then.
     """
 
     def __init__(self, common: Common):

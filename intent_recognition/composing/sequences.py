@@ -32,8 +32,7 @@ class Condition:
 
     Attributes:
         body: whose place counts, such as `wrist`; empty for none.
-        center: of the region [m], in the world frame.
-        radius_m: of the region.
+        center, radius_m: of the region, in the world frame.
         after_s: time since the step before was done; None for no matter how long.
         rest_s: time for which the person has been at rest; None where that does not count.
     """
@@ -75,13 +74,11 @@ Sequences = Mapping[str, tuple[Step, ...]]
 
 
 class Moment(NamedTuple):
-    """What is known at a moment.
+    """What is known at a time, which never decreases.
 
     Attributes:
-        now_s: time, which never decreases.
         n_started: interactions that the arm has begun so far.
         active: task of the newest of them, until the arm is home again; empty when there is none.
-        arrived: whether the arm is at its end.
         resting_s: how long the person has been at rest; 0 in a movement.
         places: position (3,) [m] of each body that was measured lately, by name.
     """

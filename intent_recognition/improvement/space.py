@@ -33,7 +33,6 @@ class SearchSpace:
     Attributes:
         mean: weights of the primitive as it was shown, (d,).
         axes: principal axes, each as long as its standard deviation, (d, k).
-        bound: largest |z|.
     """
 
     mean: Floats

@@ -9,11 +9,9 @@ from intent_recognition.errors import ArgumentError
 
 @dataclass(frozen=True)
 class Argument:
-    """A value that can be given when a graph is started.
+    """A value that can be given when a graph is started, which cannot start without a needed one.
 
-    Attributes:
-        kind: str, bool, int, float, or tuple for texts and list for numbers, separated by commas.
-        needed: whether the graph cannot start without it.
+    Its kind may be tuple for texts and list for numbers, separated by commas.
     """
 
     name: str

@@ -57,9 +57,8 @@ class FrameOutput:
     """Tells poses as frames, where somebody listens."""
 
     def __init__(self, node: Node) -> None:
-        wanted = declare(node, "frames")["broadcast_frames"]
         self._told: Publisher | None = None
-        self._fixed: Publisher | None = None
+        wanted = declare(node, "frames")["broadcast_frames"]
         self._type: Any = message_type() if wanted else None
         if self._type is not None:
             self._told = node.create_publisher(self._type, "/tf", qos.TRANSFORMS)
@@ -78,7 +77,7 @@ class FrameOutput:
 
     def send_fixed(self, time_ns: int, parent: str, poses: dict[str, Pose]) -> None:
         """Tell once and for all where frames are."""
-        if self._fixed is not None and poses:
+        if self._told is not None and poses:
             stamped = [_stamped(time_ns, parent, child, pose) for child, pose in poses.items()]
             self._fixed.publish(self._type(transforms=stamped))
 

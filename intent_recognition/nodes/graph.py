@@ -31,11 +31,9 @@ class NodeSpec:
         fixed: parameters with a value of their own.
         remappings: topic name to the argument that sets it.
         topics: topic name to the one it is in this graph.
-        executable: of the node; empty: of its name.
         clock: parameter that makes the node publish /clock; it then does not follow it.
         when: argument that must be set for the node to start; empty: always started.
         unless: argument that must not be set.
-        package: package that the node is installed from.
         respawns: whether it starts again where it died; not one that ends with its bag or window.
         waits: nodes that must be ready before it begins to play or to move, if they are started.
     """

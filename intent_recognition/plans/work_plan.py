@@ -35,8 +35,7 @@ class WorkStep:
         name: unlike any other: the task, and a number where it is done again ("screw 2").
         share: of assemblies in which it is done, in (0, 1].
         who: share of the times that it was done by each person or robot, where that was recorded.
-        objects: number of each kind of object that it takes, on average.
-        duration_s: median time that it takes; 0 where that was not recorded.
+        objects, duration_s: that it takes: mean number of each kind, median time; 0: not recorded.
     """
 
     name: str

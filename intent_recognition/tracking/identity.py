@@ -62,10 +62,8 @@ class Track(NamedTuple):
 class Identities(NamedTuple):
     """What is remembered between frames, at first nothing; never modified.
 
-    Attributes:
-        unknown_until_ns: of labels whose persons cannot be told apart, until when.
-        n_undone: exchanges of the tracker that were undone so far.
-        n_unknown: times that two could not be told apart.
+    Labels of persons who cannot be told apart are unknown until a time. So far `n_undone` exchanges
+    of the tracker were undone, and `n_unknown` times two could not be told apart.
     """
 
     tracks: tuple[Track, ...] = ()

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.tracking.settings import IngestSettings, frame_name
-from intent_recognition.tracking.transforms import multiply_quaternions, normalise_quaternion
+from intent_recognition.tracking.transforms import multiply_quaternions, normalise_quaternions
 
 NOT_FINITE = "not_finite"
 ZERO_STAMP = "zero_stamp"
@@ -84,10 +84,8 @@ class IngestState:
     Attributes:
         recent: accepted samples of the velocity window, oldest first, thinned at high rates; the
             last is the last accepted one.
-        jump: the last of the current consecutive jumps, or None.
-        jumps: how many these are.
-        late_ns: stamp of the last of the current consecutive late samples, or None.
-        late: how many these are.
+        jump, jumps: the last of the current consecutive jumps, or None, and how many these are.
+        late_ns, late: likewise of late samples, the stamp of the last.
     """
 
     recent: tuple[Sample, ...] = ()
@@ -140,14 +138,15 @@ def ingest_pose(
     state, rejected, reanchored = _follow(settings, state, sample)
     if rejected is not None:
         return state, rejected
-    unit = normalise_quaternion(orientation)
-    turned = NO_ROTATION if unit is None else multiply_quaternions(transform.quaternion, unit)
+    unit = normalise_quaternions(orientation)
+    measured = not math.isnan(unit[0])
+    turned = multiply_quaternions(transform.quaternion, unit) if measured else NO_ROTATION
     velocity = _velocity(settings, state)
     return state, TrackedPose(
         stamp_ns=sample[0],
         position=world,
         orientation=turned,
-        orientation_measured=unit is not None,
+        orientation_measured=measured,
         position_covariance=settings.covariances[frame],
         velocity=None if velocity is None else velocity.mean,
         velocity_covariance=None if velocity is None else velocity.covariance,

@@ -8,10 +8,9 @@ import numpy as np
 
 from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.bags import PoseColumns
-from intent_recognition.signals import LEAST_QUATERNION
 from intent_recognition.tracking.ingest import FARTHEST_M, IngestState, TrackedPose, ingest_pose
 from intent_recognition.tracking.settings import IngestSettings, frame_name
-from intent_recognition.tracking.transforms import multiply_quaternions
+from intent_recognition.tracking.transforms import multiply_quaternions, normalise_quaternions
 
 GATE_SHARE = 1.0 - 1e-9
 """Steps closer to the gate than this share of it are checked one by one. Convention: above the
@@ -51,7 +50,8 @@ def ingest_poses(settings: IngestSettings, raw: PoseColumns) -> AcceptedPoses:
         if (transform := settings.frames.get(frame)) is not None:
             rows = usable & (frames == index)
             world[rows] = transform.apply(positions[rows])
-            turned[rows] = multiply_quaternions(transform.quaternion, _unit(orientations[rows]).T).T
+            units = normalise_quaternions(orientations[rows])
+            turned[rows] = multiply_quaternions(transform.quaternion, units.T).T
     uncertain = np.flatnonzero(~_follows(settings, stamps_ns, world))
     accepted = np.ones(count, bool)
     rejected: Counter[str] = Counter()
@@ -71,13 +71,6 @@ def ingest_poses(settings: IngestSettings, raw: PoseColumns) -> AcceptedPoses:
             rejected[result.reason] += 1
     rows = np.flatnonzero(accepted)
     return AcceptedPoses(rows, world[rows], turned[rows], rejected)
-
-
-def _unit(quaternions: Floats) -> Floats:
-    """Each of the quaternions (n, 4) at unit length; NaN where it is zero."""
-    largest = np.max(np.abs(quaternions), axis=1, keepdims=True)
-    scaled = quaternions / np.where(largest < LEAST_QUATERNION, np.nan, largest)
-    return scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
 
 
 def _follows(settings: IngestSettings, stamps_ns: Integers, world: Floats) -> Flags:

@@ -12,14 +12,12 @@ from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.signals import LEAST_QUATERNION, rotation_matrix
 
 
-def normalise_quaternion(quaternion: ArrayLike) -> Floats | None:
-    """Scale a finite quaternion (4,) to unit length; None if it is zero (no orientation)."""
-    quaternion = np.asarray(quaternion, dtype=np.float64)
-    largest = np.max(np.abs(quaternion))
-    if largest < LEAST_QUATERNION:
-        return None
-    scaled = quaternion / largest
-    return scaled / np.linalg.norm(scaled)
+def normalise_quaternions(quaternions: ArrayLike) -> Floats:
+    """Finite quaternions (..., 4) at unit length; NaN where they are zero (no orientation)."""
+    q = np.asarray(quaternions, dtype=np.float64)
+    largest = np.max(np.abs(q), axis=-1, keepdims=True)
+    scaled = q / np.where(largest < LEAST_QUATERNION, np.nan, largest)
+    return scaled / np.linalg.norm(scaled, axis=-1, keepdims=True)
 
 
 def multiply_quaternions(left: Floats, right: Floats) -> Floats:
@@ -62,8 +60,8 @@ class RigidTransform:
             if not np.all(np.isfinite(array)):
                 cure = "Correct the extrinsics."
                 raise ArgumentError.about(name, "finite numbers", array.tolist(), cure)
-        unit = normalise_quaternion(quaternion)
-        if unit is None:
+        unit = normalise_quaternions(quaternion)
+        if np.isnan(unit[0]):
             cure = "Use 0 0 0 1 for none."
             raise ArgumentError.about("quaternion", "a rotation", "all zeros", cure)
         for array in (translation, unit):

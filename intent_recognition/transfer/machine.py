@@ -133,13 +133,10 @@ class Situation(NamedTuple):
 
 
 class TransferOutput(NamedTuple):
-    """What to do.
+    """What to do in a state: how hard each finger presses, 0 for open.
 
-    Attributes:
-        holding: the state.
-        share: of the load that the person has, 0 to 1; 0 where it does not matter.
-        weight_n: of the object as far as it is known.
-        grip_n: force of each finger; 0: open.
+    The person has a share of the load from 0 to 1, or 0 where it does not matter. The weight is as
+    far as it is known.
     """
 
     holding: Holding

@@ -49,7 +49,6 @@ class Robot:
         urdf: text with the paths of its meshes made absolute, as PyBullet reads it.
         description: the same for viewers, beginning at the link `world`.
         tip: link that is the hand.
-        joint_names: joints of the chain, from the base on.
         ready: posture to begin in (n,) [rad].
         base_position_m: where the base stands in the world (3,).
         gains: of its controllers; None: from torque limits and inertia.

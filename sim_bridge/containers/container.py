@@ -48,15 +48,12 @@ class Container:
     """A cup or bowl and what is true of it.
 
     Attributes:
-        name: one of `CONTAINER_NAMES`.
         mesh: the solid. Wall and handle are closed surfaces each; the handle's ends are inside
             the wall.
         inner: the cavity up to the plane of the rim, a closed surface.
         sections: the wall without its handle.
-        handle: the handle alone, or None.
         opening_radius_m: mean distance of the crest of the rim from its centre, over its length.
         height_m: from the base to the crest.
-        inner_volume_m3: volume of `inner`.
         opening_centre: centre (3,) of the opening, in the plane of the rim.
     """
 

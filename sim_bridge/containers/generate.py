@@ -26,8 +26,7 @@ class ContainerShape:
 
     Attributes:
         height_m: from the base to the crest.
-        base_m: outer radius at the base.
-        top_m: outer radius at the top.
+        base_m, top_m: outer radii there.
         bulge: exponent of the profile; 1 is a cone, below it bulges outward.
         squareness: exponent of the outline; 2 is a circle, above it nears a square.
         handle_m: how far the handle reaches out, 0 for none.

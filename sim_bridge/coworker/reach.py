@@ -59,9 +59,7 @@ class Reach:
         bow_m: deviation from the straight line where it is largest, (3,).
         skew: exponent of the bow's decay, >= 1; the bow peaks at progress 1 / (1 + skew).
         turn_rad: rotation vector of the wrist relative to its rest orientation at the goal, (3,).
-        hesitations: slow-downs on the way.
-        velocity_m_s: of the wrist at the onset, (3,).
-        acceleration_m_s2: likewise, (3,).
+        velocity_m_s, acceleration_m_s2: of the wrist at the onset, (3,).
     """
 
     task: str

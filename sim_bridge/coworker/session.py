@@ -24,10 +24,9 @@ class SessionTiming:
     """The parts of a session that are not movement, all in seconds.
 
     Attributes:
-        first_idle_s: rest before the first reach.
+        first_idle_s, last_idle_s: rest before the first reach, and at the end of the session.
         idle_s: shortest and longest rest between a retract and the next reach.
         hold_s: shortest and longest wait for the robot at the end of a reach.
-        last_idle_s: rest at the end of the session.
         gaps_per_s: occlusions per second.
         overlap_share: share of each movement's time that is left when the next one begins; 0 where
             each ends at rest.
@@ -56,8 +55,7 @@ class Interaction:
 
     Attributes:
         task: label; of a changed reach that of the task it was changed to.
-        onset_s: start of the reach.
-        end_s: end of the reach.
+        onset_s, end_s: of the reach.
         goal_m: where the wrist stops, (3,), world.
         changed_from: label of the task as which a changed reach began, else empty.
         change_s: when it was changed; NaN if it was not.

@@ -15,7 +15,7 @@ import numpy as np
 from intent_recognition.errors import ArgumentError
 from intent_recognition.plans import LIKELY_BEFORE, WorkPlan
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
-from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
+from sim_bridge.coworker.styles import STYLES, TASKS
 
 CHANGED = re.compile(r"(?P<task>[^>@]+)>(?P<then>[^>@]+)@(?P<share>[^>@]+)")
 """One task that is changed to another one: OLD>NEW@SHARE."""
@@ -137,12 +137,10 @@ def _labels_of(text: str) -> tuple[str, ...]:
     return tuple(label.strip() for label in text.split(",") if label.strip())
 
 
-ORDER = (PLATE, SCREW, HOLD)
-"""The tasks of one box, in their usual order."""
 FIRST = np.array([0.8, 0.1, 0.1])
-"""Probability of the first task, in ORDER."""
+"""Probability of the first task, in their usual order, `TASKS`."""
 FOLLOWS = np.array([[0.05, 0.85, 0.10], [0.05, 0.10, 0.85], [0.85, 0.10, 0.05]])
-"""Probability of the next task (columns) after each (rows), both in ORDER."""
+"""Probability of the next task (columns) after each (rows), likewise."""
 
 
 def habitual_tasks(seed: int, count: int) -> tuple[str, ...]:
@@ -151,8 +149,8 @@ def habitual_tasks(seed: int, count: int) -> tuple[str, ...]:
     tasks: list[str] = []
     row = FIRST
     for _ in range(count):
-        k = int(rng.choice(len(ORDER), p=row))
-        tasks.append(ORDER[k])
+        k = int(rng.choice(len(TASKS), p=row))
+        tasks.append(TASKS[k])
         row = FOLLOWS[k]
     return tuple(tasks)
 

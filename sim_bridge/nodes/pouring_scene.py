@@ -19,7 +19,6 @@ from intent_recognition.nodes.qos import FEEDBACK, SENSOR, STATE
 from sim_bridge.arm import SimulatedArm
 
 POURING = "pouring"
-"""Name of the scene."""
 COUNT_STEPS, CLOUD_STEPS = 100, 1000
 """Physics steps between two counts, and two clouds. Convention: 0.1 s and 1 s."""
 

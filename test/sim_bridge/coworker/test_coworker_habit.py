@@ -17,13 +17,13 @@ from experiments.teaching.record_sessions import (
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
-from sim_bridge.coworker.task_list import FIRST, FOLLOWS, ORDER, habitual_tasks
+from sim_bridge.coworker.task_list import FIRST, FOLLOWS, TASKS, habitual_tasks
 
 
 def test_the_habit_is_the_chain_it_says(repository):
     np.testing.assert_allclose(np.vstack([FOLLOWS, FIRST]).sum(axis=1), 1.0)
     sequences = [habitual_tasks(seed, 60) for seed in range(100)]
-    counts = count_transitions(sequences, ORDER)
+    counts = count_transitions(sequences, TASKS)
     shares = counts / counts.sum(axis=1, keepdims=True)
     np.testing.assert_allclose(shares[:3], FOLLOWS, atol=0.03)
     np.testing.assert_allclose(shares[3], FIRST, atol=0.12)
@@ -62,5 +62,5 @@ def test_shipped_sessions_hold_the_habit(repository):
     assert rejections == [] and len(sequences) == SESSIONS
     for number, sequence in enumerate(sequences):
         assert sequence.tasks == habitual_tasks(FIRST_SEED + number, INTERACTIONS)
-    prior = smoothed_transitions(count_transitions([s.tasks for s in sequences], ORDER))
+    prior = smoothed_transitions(count_transitions([s.tasks for s in sequences], TASKS))
     np.testing.assert_allclose(prior[:3], FOLLOWS, atol=0.1)
