@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from experiments.change_of_mind.changes import change_of_mind
 from experiments.change_of_mind.following import FollowedReach, follow_reach
 from experiments.change_of_mind.without_pause import FlowingSession, follow_sessions
 from experiments.settings import Settings
@@ -19,7 +20,6 @@ from sim_bridge.coworker import (
     USUAL_BLEND,
     Reach,
     WristMovement,
-    change_of_mind,
     draw_reach,
     draw_rest,
 )

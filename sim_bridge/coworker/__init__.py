@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated coworker: wrist movements as pure functions of a random generator."""
 
-from sim_bridge.coworker.change import USUAL_BLEND, change_of_mind
+from sim_bridge.coworker.change import USUAL_BLEND, blend, joined, last_reach
 from sim_bridge.coworker.reach import (
     JoinedMovement,
     Reach,
@@ -19,6 +19,6 @@ from sim_bridge.coworker.session import (
     plan_people,
     plan_session,
 )
-from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, TASKS
+from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
 from sim_bridge.coworker.task_list import change_some, parse_task_list, work_shares
 from sim_bridge.coworker.timeline import RATE_HZ, WristSamples, sample_wrist

@@ -1,13 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One reach of the wrist: minimum jerk along an individual curve, with hesitation.
-
-A reach that begins in motion adds what minimum jerk makes of the velocity and the acceleration
-that the wrist has then.
-"""
+"""One reach of the wrist: minimum jerk along an individual curve, with hesitation."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple, TypeAlias
+from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -26,10 +22,6 @@ HESITATION_PROBABILITY = 0.35
 """Share of reaches with a slow-down. Convention."""
 _GRID = 2001
 """Points at which hesitations are integrated; finer ones change nothing that is recorded."""
-
-DIFFERENCE_S = 0.01
-"""Step of the differences that give the wrist's velocity and acceleration [s]. Convention: far
-below the shortest hesitation, far above the steps at which one is integrated."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +51,6 @@ class Reach:
         bow_m: deviation from the straight line where it is largest, (3,).
         skew: exponent of the bow's decay, >= 1; the bow peaks at progress 1 / (1 + skew).
         turn_rad: rotation vector of the wrist relative to its rest orientation at the goal, (3,).
-        velocity_m_s, acceleration_m_s2: of the wrist at the onset, (3,).
     """
 
     task: str
@@ -70,8 +61,6 @@ class Reach:
     skew: float
     turn_rad: Floats
     hesitations: tuple[Hesitation, ...] = ()
-    velocity_m_s: Floats = field(default_factory=lambda: np.zeros(3))
-    acceleration_m_s2: Floats = field(default_factory=lambda: np.zeros(3))
 
     @property
     def duration_s(self) -> float:
@@ -82,23 +71,11 @@ class Reach:
         """Planned wrist positions (T, 3) in the world at `time_s` (T,) after the onset."""
         progress = progress_at(self, time_s)[:, None]
         straight = self.start_m + (self.goal_m - self.start_m) * progress
-        return straight + self.bow_m * bow_profile(progress, self.skew) + self._carried(time_s)
+        return straight + self.bow_m * bow_profile(progress, self.skew)
 
     def rotations(self, time_s: Floats, before_rad: Floats) -> Floats:
         """Rotation vectors (T, 3) relative to rest, of a wrist that had `before_rad` (3,)."""
         return before_rad + (self.turn_rad - before_rad) * progress_at(self, time_s)[:, None]
-
-    def _carried(self, time_s: Floats) -> Floats:
-        """Deviation (T, 3) of minimum jerk from the initial velocity and acceleration to rest."""
-        if not (np.any(self.velocity_m_s) or np.any(self.acceleration_m_s2)):
-            return np.zeros((len(time_s), 3))
-        duration_s = self.duration_s
-        u = np.clip(np.asarray(time_s, dtype=np.float64) / duration_s, 0.0, 1.0)[:, None]
-        fading = u * (1.0 - u) ** 3
-        return fading * (
-            duration_s * (1.0 + 3.0 * u) * self.velocity_m_s
-            + 0.5 * duration_s**2 * u * self.acceleration_m_s2
-        )
 
 
 @dataclass(frozen=True)
@@ -137,28 +114,6 @@ class JoinedMovement:
 
 WristMovement: TypeAlias = Reach | JoinedMovement
 """What the wrist does between two rests."""
-
-
-class WristState(NamedTuple):
-    """Position [m], velocity [m/s] and acceleration [m/s^2] of the wrist, (3,) each, world."""
-
-    position_m: Floats
-    velocity_m_s: Floats = np.zeros(3)
-    acceleration_m_s2: Floats = np.zeros(3)
-
-
-def state_at(movement: WristMovement, time_s: float) -> WristState:
-    """The planned state of the wrist at a time after a movement's onset."""
-    before, now, after = movement.positions(time_s + DIFFERENCE_S * np.array([-1.0, 0.0, 1.0]))
-    velocity = (after - before) / (2.0 * DIFFERENCE_S)
-    return WristState(now, velocity, (before - 2.0 * now + after) / DIFFERENCE_S**2)
-
-
-def depart(reach: Reach, state: WristState) -> Reach:
-    """A reach, drawn from a state's position, that begins in that state."""
-    return replace(
-        reach, velocity_m_s=state.velocity_m_s, acceleration_m_s2=state.acceleration_m_s2
-    )
 
 
 def bow_profile(progress: Floats, skew: float) -> Floats:

@@ -12,7 +12,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
-from sim_bridge.coworker.change import USUAL_BLEND, change_of_mind, superposed
+from sim_bridge.coworker.change import USUAL_BLEND, blend, superposed
 from sim_bridge.coworker.reach import WristMovement, draw_reach, draw_rest, draw_retract
 from sim_bridge.coworker.styles import STYLES
 from sim_bridge.coworker.task_list import Intention, read_intention
@@ -141,8 +141,8 @@ def _intended(
     reach = draw_reach(rng, intention.task, start_m, side=side)
     if not intention.then:
         return reach
-    blend = min(USUAL_BLEND, 1.0 - intention.share)
-    return change_of_mind(rng, reach, intention.then, intention.share, blend)
+    then = draw_reach(rng, intention.then, start_m, reach.nominal_s)
+    return blend(reach, then, intention.share, min(USUAL_BLEND, 1.0 - intention.share))
 
 
 def _following(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from experiments.change_of_mind import experiment, following, report, study
+from experiments.change_of_mind.changes import change_of_mind
 from experiments.change_of_mind.following import FollowedReach, follow_reach
 from experiments.change_of_mind.study import CHANGES, GoalChange, follow_all, summarise
 from experiments.change_of_mind.without_pause import score_flowing
@@ -21,7 +22,6 @@ from sim_bridge.coworker import (
     TASKS,
     USUAL_BLEND,
     WITHOUT_PAUSE,
-    change_of_mind,
     draw_reach,
     draw_rest,
     plan_session,

@@ -4,7 +4,8 @@
 import numpy as np
 import pytest
 
-from sim_bridge.coworker.change import APART_M, change_of_mind, draw_elsewhere
+from experiments.change_of_mind.changes import APART_M, change_of_mind, depart, draw_elsewhere
+from sim_bridge.coworker import last_reach
 from sim_bridge.coworker.reach import Reach, draw_reach, draw_rest
 from sim_bridge.coworker.styles import STYLES, TASKS
 
@@ -60,9 +61,8 @@ def test_a_replanned_straight_reach_is_the_fifth_order_polynomial_of_its_ends():
     v = (30 * tau**2 - 60 * tau**3 + 30 * tau**4) / 2.0
     a = (60 * tau - 180 * tau**2 + 120 * tau**3) / 4.0
     state = [0.4 * np.array([value, 0, 0]) for value in (s, v, a)]
-    second = Reach(
-        "", state[0], np.array([0.2, 0.1, 0]), 1.2, np.zeros(3), 1.0, np.zeros(3), (), *state[1:]
-    )
+    reach = Reach("", state[0], np.array([0.2, 0.1, 0]), 1.2, np.zeros(3), 1.0, np.zeros(3))
+    second = depart(reach, *state[1:])
     times = np.linspace(0.0, 1.2, 7)
     rows = np.array(
         [[t**k for k in range(6)] for t in (0.0, 1.2)]
@@ -83,7 +83,7 @@ def test_the_wrist_turns_to_the_new_task_without_a_jump():
         _, changed = drawn(6, 0.25, blend)
         turned = changed.rotations(np.linspace(0.0, changed.duration_s, 2000), np.zeros(3))
         assert np.abs(np.diff(turned, axis=0)).max() < 0.01
-        np.testing.assert_allclose(turned[-1], changed.second.turn_rad, atol=1e-12)
+        np.testing.assert_allclose(turned[-1], last_reach(changed).turn_rad, atol=1e-12)
 
 
 def test_a_movement_to_no_task_ends_far_from_every_goal():
