@@ -36,7 +36,6 @@ from numpy.typing import NDArray
 from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.filtering.grid import PriorGrid, duration_offsets, log_durations, log_pace
 from intent_recognition.filtering.observation_model import Measurement
-from intent_recognition.filtering.posterior import BornBelief, CourseTimes, counted_joint
 from intent_recognition.filtering.rates import (
     AFRESH,
     DELAY,
@@ -101,6 +100,7 @@ class Births:
 
     Attributes:
         usual_s: how long the tasks usually take.
+        table: their rows.
     """
 
     def __init__(self, library: TaskLibrary, grid: PriorGrid, prior: GaussianBatch):
@@ -117,7 +117,7 @@ class Births:
         n_born = ((n_tasks + 1) * len(self._offsets) + len(DELAYS)) * len(FADINGS)
         n_born += n_tasks * 2 * len(REACH_OFFSETS)
         room = self._n_kept + n_born * -(-SETTLING // BIRTHS_EVERY)
-        self._table = HypothesisTable(room, library, self._settling)
+        self.table = HypothesisTable(room, library, self._settling)
         none_variance = np.diag(library.none_covariance).reshape(n_dofs, -1)
         std, powers = np.sqrt(none_variance.mean(axis=1))[:, None], np.arange(OFFSET_BASIS)
         self._fading = (std * self._rates[:, None, None] ** powers * [1.0, 1.0, PUSH]) ** 2
@@ -137,7 +137,7 @@ class Births:
             log_weight: log of what the posterior of the known tasks will be multiplied by, (K,).
                 It is known of the task at the onset: who turns to another one keeps it.
         """
-        self._table.clear()
+        self.table.clear()
         known = np.zeros(self._library.n_tasks) if log_weight is None else log_weight
         self._log_weight = np.append(np.maximum(known, LEAST_LOG_WEIGHT), 0.0)
         self._first: list[tuple[NDArray, NDArray, NDArray]] = []  # DOFs, values and noise
@@ -147,7 +147,7 @@ class Births:
     def log_joint(self) -> Floats:
         """Log of prior and density of all observations, of the K tasks and none, (K + 1,)."""
         total = np.full(self._library.n_tasks + 1, -np.inf)
-        np.logaddexp.at(total, self._table.rows["task"], self._table.log_joint)
+        np.logaddexp.at(total, self.table.rows["task"], self.table.log_joint)
         return total
 
     @property
@@ -178,60 +178,38 @@ class Births:
             log_evidence: see `onset_log_joint`; this measurement is among the observations.
         """
         self._remember_start(measurement)
-        now_s, table = measurement.elapsed_s, self._table
+        now_s, table = measurement.elapsed_s, self.table
         self._last_s = max(now_s, self._last_s)
         self._n_used += 1
         if table.n:
             table.condition(measurement)
-        total = np.logaddexp(self.log_joint, self.onset_log_joint(log_evidence))
+        left = self.onset_log_joint(log_evidence)
+        total = np.logaddexp(self.log_joint, left)
         self._settle(total)
         table.drop(self._hopeless(float(np.logaddexp.reduce(total))))
         if self._n_used % self._every == 0:
             self._between_s = max(now_s - self._last_birth_s, 0.0)
             self._last_birth_s = max(now_s, self._last_birth_s)
             first = table.n
-            self._give_birth(now_s, log_evidence)
+            self._give_birth(now_s, log_evidence, left)
             table.condition(measurement, np.arange(first, table.n))
             self._give_birth_to_delays(now_s, log_evidence, onset)
-
-    def belief(self, log_evidence: Floats) -> BornBelief:
-        """What they make of task and timing, and what is left of the hypotheses of the onset.
-
-        Args:
-            log_evidence: see `onset_log_joint`.
-        """
-        grid, n_tasks, table = self._grid, self._library.n_tasks, self._table
-        left, total = self.onset_log_joint(log_evidence), self.log_joint
-        everything = np.logaddexp(left, total)
-        all_known = float(np.logaddexp.reduce(everything[:-1]))
-        some = np.isfinite(table.log_joint)
-        rows, joint = table.rows[some], table.log_joint[some]
-        task = rows["task"]
-        weight = np.exp(joint - total[task])
-        counted = counted_joint(joint, rows["log_birth"], all_known, grid.task_evidence)
-        of_task = np.full(n_tasks + 1, -np.inf)
-        np.logaddexp.at(of_task, task, np.where(task < n_tasks, counted, joint))
-        prior = grid.log_task_prior[:-1] + self.log_stay
-        left[:-1] = counted_joint(left[:-1], prior, all_known, grid.task_evidence)
-        share = np.exp(total - np.where(np.isfinite(everything), everything, 0.0))
-        timing = CourseTimes(task, weight, rows["onset_s"], rows["duration_s"])
-        return BornBelief(np.logaddexp(left, of_task), all_known, share, timing)
 
     def of_task(self, task: int) -> tuple[GaussianBatch, Floats, Floats]:
         """A task's n born hypotheses: weights without offsets, durations, probabilities, (n,).
 
         A duration reaches from the movement's onset to its end.
         """
-        rows = self._table.rows
-        joint = np.where(rows["task"] == task, self._table.log_joint, -np.inf)
+        rows = self.table.rows
+        joint = np.where(rows["task"] == task, self.table.log_joint, -np.inf)
         weight = np.exp(joint - np.max(joint))
         index = np.flatnonzero(weight > NEGLIGIBLE_SHARE)
         until_s = rows["onset_s"][index] + rows["duration_s"][index]
-        return self._table.courses(index), until_s, weight[index] / weight[index].sum()
+        return self.table.courses(index), until_s, weight[index] / weight[index].sum()
 
     def _settle(self, total: Floats) -> None:
         """Give those that are judged from now on their share of what all are worth, (K + 1,)."""
-        rows = self._table.rows
+        rows = self.table.rows
         settled = np.flatnonzero(rows["seen"] == self._settling)
         if len(settled):
             shares = birth_shares(
@@ -248,7 +226,7 @@ class Births:
 
     def _hopeless(self, total: float) -> Flags:
         """What explains far less than all together, and the worst of too many."""
-        rows, joint = self._table.rows, self._table.log_joint
+        rows, joint = self.table.rows, self.table.log_joint
         settled = rows["seen"] >= self._settling
         joint += self._grid.none_margin * (rows["task"] == self._library.n_tasks)
         hopeless = settled & (joint < total - NEGLIGIBLE)
@@ -257,12 +235,12 @@ class Births:
             hopeless[kept[np.argsort(joint[kept])[: -self._n_kept]]] = True
         return hopeless
 
-    def _give_birth(self, birth_s: float, log_evidence: Floats) -> None:
+    def _give_birth(self, birth_s: float, log_evidence: Floats, left: Floats) -> None:
         """Add newborn hypotheses of the most probable tasks, and of none."""
         n_tasks, basis = self._library.n_tasks, self._library.basis
         tasks = np.arange(n_tasks)
         if n_tasks > MAX_TASKS:
-            joint = np.logaddexp(self.log_joint, self.onset_log_joint(log_evidence))[:-1]
+            joint = np.logaddexp(self.log_joint, left)[:-1]
             tasks = np.sort(np.argpartition(joint, -MAX_TASKS)[-MAX_TASKS:])
         of_all, known = np.append(tasks, n_tasks), np.arange(len(tasks))  # none begins at its birth
         courses = self._prior.resized(of_all, basis.n_basis)
@@ -273,7 +251,7 @@ class Births:
         task = of_all[which]
         is_none = task == n_tasks
         pace = log_pace(self._grid, log_evidence, self._offsets) - np.log(len(FADINGS))
-        self._table.add(
+        self.table.add(
             courses.resized(slice(None), self._width, self._fading).state,
             len(self._offsets),
             kind=TURN,
@@ -290,7 +268,7 @@ class Births:
         task = tasks[which]
         duration_s = REACH_PART * self._durations_s(task, REACH_OFFSETS[duration])
         pace = log_pace(self._grid, log_evidence, REACH_OFFSETS)[0]
-        self._table.add(
+        self.table.add(
             courses.resized(known, self._width, self._ending).state,
             2 * len(REACH_OFFSETS),
             kind=np.where(straight, STRAIGHT, AFRESH),
@@ -306,7 +284,7 @@ class Births:
         self, birth_s: float, log_evidence: Floats, onset: HypothesisTable
     ) -> None:
         """Add copies of the most probable hypothesis of a known task, set back in time."""
-        n_tasks, table = self._library.n_tasks, self._table
+        n_tasks, table = self._library.n_tasks, self.table
         joint = self._grid.log_prior + log_evidence + self.log_stay
         joint[onset.rows["task"] == n_tasks] = -np.inf
         of_born = np.where(table.rows["task"] < n_tasks, table.log_joint, -np.inf)

@@ -25,7 +25,13 @@ from intent_recognition.filtering.observation_model import Measurement, Observat
 from intent_recognition.filtering.posterior import TaskPosterior, task_posterior
 from intent_recognition.filtering.prediction import TaskPrediction
 from intent_recognition.filtering.table import HypothesisTable
-from intent_recognition.gaussian import GaussianBatch, cholesky, half_log_det, student_log_density
+from intent_recognition.gaussian import (
+    GaussianBatch,
+    cholesky,
+    half_log_det,
+    log_sum,
+    student_log_density,
+)
 from intent_recognition.promp import (
     ControlGrid,
     StartPosture,
@@ -163,8 +169,8 @@ class MovementFilter:
         """What the observations so far say of task and progress at a stamp."""
         elapsed_s = (stamp_ns - self.onset_ns) * 1e-9
         if self._posterior is None:
-            born = None if self.births is None else self.births.belief(self.log_evidence)
-            self._posterior = task_posterior(self.log_evidence, self.grid, elapsed_s, born)
+            born = () if self.births is None else (self.births.table, self.births.log_stay)
+            self._posterior = task_posterior(self.log_evidence, self.grid, elapsed_s, *born)
         return self._posterior.at(elapsed_s)
 
     def _condition(self, measurement: Measurement) -> None:
@@ -196,7 +202,7 @@ class MovementFilter:
         """Log joint of some tasks, or where they lag a bound on it, (k,)."""
         joint = self.table.log_joint.reshape(-1, self.grid.n_scales)[tasks]
         missed = self._peaks[-1] - self._peaks[self._seen[tasks]]
-        return np.asarray(np.logaddexp.reduce(joint, axis=1) + missed)
+        return log_sum(joint) + missed
 
     def _limit(self) -> Floats:
         """What the log joint of each task is compared with, (K + 1,); that of none matters always.

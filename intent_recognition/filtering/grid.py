@@ -7,6 +7,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
+from intent_recognition.gaussian import log_sum
 from intent_recognition.promp import TaskLibrary
 
 N_SCALES = 15
@@ -48,7 +49,7 @@ class PriorGrid(NamedTuple):
     def log_task_joint(self, log_evidence: Floats | float) -> Floats:
         """Log of prior and density of the observations, (B,), of each task and none, (K + 1,)."""
         joint = (self.log_prior + log_evidence).reshape(-1, self.n_scales)
-        return np.asarray(np.logaddexp.reduce(joint, axis=1))
+        return log_sum(joint)
 
     def duration_weights(self, log_evidence: Floats) -> Floats:
         """Posterior probability of each duration given its task, (K + 1, S).
@@ -131,7 +132,7 @@ def log_pace(grid: PriorGrid, log_evidence: Floats, offsets: Floats) -> Floats:
     at, log_prior = duration_offsets(grid.n_scales)
     own = grid.log_task_joint(log_evidence)[:-1]
     tempered = log_prior + grid.duration_evidence * log_evidence.reshape(-1, len(at))[:-1]
-    tempered -= np.logaddexp.reduce(tempered, axis=1, keepdims=True)
-    so_far = np.logaddexp.reduce(tempered + (own - np.logaddexp.reduce(own))[:, None], axis=0)
+    tempered += (own - log_sum(own) - log_sum(tempered))[:, None]
+    so_far = log_sum(tempered.T)
     table = np.array([np.interp(offsets, at, row) for row in (so_far, log_prior)])
-    return np.asarray(table - np.logaddexp.reduce(table, axis=1, keepdims=True))
+    return table - log_sum(table)[:, None]

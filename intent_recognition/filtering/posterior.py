@@ -22,6 +22,8 @@ import numpy as np
 
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.filtering.grid import PriorGrid
+from intent_recognition.filtering.table import HypothesisTable
+from intent_recognition.gaussian import log_sum
 
 ANSWER_TRUST = 0.99
 """Probability with which somebody who is asked names the right task. Convention."""
@@ -51,23 +53,6 @@ class CourseTimes(NamedTuple):
         return self.expected(np.clip((elapsed_s - self.begin_s) / self.course_s, 0.0, 1.0))
 
 
-class BornBelief(NamedTuple):
-    """What hypotheses of the onset and born ones make of a movement; for the latter its timing.
-
-    Attributes:
-        log_joint: log of prior and density of all observations, of the K tasks and none, (K + 1,);
-            the density counts to a power (`counted_joint`).
-        total: of the K tasks together, the density as it is.
-        share: of born ones in the posterior of each task, (K + 1,).
-        timing: of the born ones.
-    """
-
-    log_joint: Floats
-    total: float
-    share: Floats
-    timing: CourseTimes
-
-
 class TaskPosterior(NamedTuple):
     """What is believed about task and phase after some observations.
 
@@ -94,29 +79,45 @@ class TaskPosterior(NamedTuple):
 
 
 def task_posterior(
-    log_evidence: Floats, grid: PriorGrid, elapsed_s: float, born: BornBelief | None = None
+    log_evidence: Floats,
+    grid: PriorGrid,
+    elapsed_s: float,
+    born: HypothesisTable | None = None,
+    log_stay: float = 0.0,
 ) -> TaskPosterior:
     """Posterior of the tasks, marginal over the durations (Maeda et al. 2014, Eq. 9-11).
 
     Args:
-        log_evidence: log density of the observations under each hypothesis, (B,).
+        log_evidence: log density of the observations under each hypothesis of the onset, (B,).
         grid: of tasks and durations.
         elapsed_s: time since onset.
-        born: what hypotheses that were born on the way say; None without any.
+        born: hypotheses that were born on the way; None without any.
+        log_stay: log of what those of the onset have kept of their tasks.
     """
-    log_prior, log_task = grid.log_task_prior, grid.log_task_joint(log_evidence)
-    possible = np.isfinite(log_task)
+    log_prior, onset = grid.log_task_prior, grid.log_task_joint(log_evidence)
+    onset[:-1] += log_stay
+    possible, none = np.isfinite(onset), len(onset) - 1
     scale_weights = grid.duration_weights(log_evidence)
-    task = np.repeat(np.arange(len(log_task)), grid.n_scales)
-    timing = CourseTimes(task, scale_weights.ravel(), np.zeros(len(task)), grid.duration_s)
-    if born is None:
-        all_known = float(np.logaddexp.reduce(log_task[:-1]))
-        log_task[:-1] = counted_joint(log_task[:-1], log_prior[:-1], all_known, grid.task_evidence)
-    else:
-        all_known, log_task = born.total, np.where(possible, born.log_joint, log_task)
-        timing = _together(timing, born.timing, np.where(possible, born.share, 0.0))
+    task, begin_s = np.repeat(np.arange(none + 1), grid.n_scales), np.zeros(len(grid.duration_s))
+    timing = CourseTimes(task, scale_weights.ravel(), begin_s, grid.duration_s)
+    total = onset.copy()
+    if born is not None:
+        some = np.isfinite(born.log_joint)
+        rows, joint = born.rows[some], born.log_joint[some]
+        np.logaddexp.at(total, rows["task"], joint)
+    log_known, power = float(log_sum(total[:-1])), grid.task_evidence
+    log_task = onset.copy()
+    log_task[:-1] = counted_joint(onset[:-1], log_prior[:-1] + log_stay, log_known, power)
+    if born is not None:
+        counted = counted_joint(joint, rows["log_birth"], log_known, power)
+        np.logaddexp.at(log_task, rows["task"], np.where(rows["task"] < none, counted, joint))
+        kept = np.where(possible, np.exp(onset - np.where(possible, total, 0.0)), 1.0)
+        of_born = rows["task"], np.exp(joint - total[rows["task"]]), rows["onset_s"]
+        timing = timing._replace(weight=timing.weight * kept[task])
+        both = zip(timing, (*of_born, rows["duration_s"]), strict=True)
+        timing = CourseTimes(*map(np.concatenate, both))
     with np.errstate(invalid="ignore"):
-        log_task[:-1] += np.nan_to_num(all_known - np.logaddexp.reduce(log_task[:-1]))
+        log_task[:-1] += np.nan_to_num(log_known - log_sum(log_task[:-1]))
         counted = np.where(possible, log_task - log_prior, -np.inf)
         counted[-1] = counted_none(counted, log_prior, grid.none_margin)
         log_task = log_prior + counted
@@ -125,13 +126,6 @@ def task_posterior(
     expected_s = timing.expected(timing.begin_s + timing.course_s)
     phase = timing.phase(elapsed_s)
     return TaskPosterior(probabilities, counted, phase, expected_s, scale_weights, timing)
-
-
-def _together(one: CourseTimes, other: CourseTimes, share: Floats) -> CourseTimes:
-    """Both, the other with its share in each task, (K + 1,)."""
-    weights = one.weight * (1.0 - share[one.task]), other.weight * share[other.task]
-    one, other = one._replace(weight=weights[0]), other._replace(weight=weights[1])
-    return CourseTimes(*(np.concatenate(both) for both in zip(one, other, strict=True)))
 
 
 def answered(posterior: TaskPosterior, task: int) -> TaskPosterior:

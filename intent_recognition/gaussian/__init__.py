@@ -8,6 +8,7 @@ from intent_recognition.gaussian.linalg import (
     cholesky,
     covariance_root,
     half_log_det,
+    log_sum,
     solve_lower,
     student_log_density,
     symmetrize,

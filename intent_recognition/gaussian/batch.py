@@ -111,14 +111,17 @@ class GaussianBatch:
             n_basis: weights per DOF of a copy, M.
             variance: of the new ones, those beyond N, (R, P, M - N); None without any.
         """
-        state, new = self.state[index], np.zeros((1, 0)) if variance is None else variance
-        n, width = state.shape
-        found = np.zeros((n, len(new), 1 + width + new[0].size))
-        found[:, :, 1 : width + 1] = state[:, None]
-        found[:, :, width + 1 :] = new.reshape(len(new), -1)
-        source = _resizing(*self._shape, n_basis)
-        state = np.take(found.reshape(n * len(new), -1), source, axis=1)
-        return GaussianBatch(state, self._shape[0], n_basis)
+        (mean, covariance), (n_dofs, old) = self.moments(index), self._shape
+        new = np.zeros((1, n_dofs, 0)) if variance is None else variance
+        n, kept, size = len(mean), slice(min(old, n_basis)), n_dofs * n_basis
+        means = np.zeros((n, len(new), n_dofs, n_basis))
+        wide = np.zeros((*means.shape, n_dofs, n_basis))
+        means[..., kept] = mean.reshape(n, 1, n_dofs, old)[..., kept]
+        by_dof = covariance.reshape(n, 1, n_dofs, old, n_dofs, old)
+        wide[..., kept, :, kept] = by_dof[..., kept, :, kept]
+        dof, own = np.arange(n_dofs)[:, None], np.arange(old, n_basis)
+        wide[:, :, dof, own, dof, own] = new
+        return GaussianBatch.of(means.reshape(-1, size), wide.reshape(-1, size, size), n_basis)
 
     def condition(
         self,
@@ -179,22 +182,6 @@ def _packed(covariance: NDArray) -> NDArray:
     n, size, _ = covariance.shape
     whole = np.pad(covariance, ((0, 0), (0, 0), (0, -size % 4)))
     return np.take(whole.reshape(n, -1), _layout(size)[0], axis=1)
-
-
-@cache
-def _resizing(n_dofs: int, n_basis: int, wanted: int) -> Integers:
-    """What each number of a resized state is among zero, the old state and the new variances."""
-    size, kept = n_dofs * n_basis, min(n_basis, wanted)
-    mean = np.zeros((n_dofs, wanted), dtype=np.int64)
-    covariance = np.zeros((*mean.shape, *mean.shape), dtype=np.int64)
-    mean[:, :kept] = 1 + np.arange(size).reshape(n_dofs, -1)[:, :kept]
-    old = 1 + _layout(size)[1].reshape(n_dofs, n_basis, n_dofs, n_basis)
-    covariance[:, :kept, :, :kept] = old[:, :kept, :, :kept]
-    dof, new = np.arange(n_dofs)[:, None], np.arange(kept, wanted)
-    covariance[dof, new, dof, new] = (
-        1 + state_width(size) + np.arange(n_dofs * len(new)).reshape(n_dofs, -1)
-    )
-    return np.concatenate([mean.ravel(), _packed(covariance.reshape(1, mean.size, mean.size))[0]])
 
 
 @cache

@@ -69,8 +69,8 @@ def _of_left_out(
 def largest_odds_against(library: TaskLibrary, task: int, recorded: TrainingExample) -> float:
     """Highest log odds of the other tasks against the true one along a movement."""
     followed = follow(library, recorded)
-    beliefs = [run.births.belief(run.log_evidence) for run in followed if run.births]
-    total = np.array([one.log_joint[:-1] for one in beliefs])
+    counted = [run.posterior(0).log_evidence + run.grid.log_task_prior for run in followed]
+    total = np.array(counted)[:, :-1]
     others = np.logaddexp.reduce(np.delete(total, task, axis=1), axis=1)
     return float(np.max(others - total[:, task]))
 

@@ -143,7 +143,7 @@ def test_hypotheses_are_born_of_the_tasks_that_are_most_probable_though_they_lag
     )
     for observation in observations:
         observe((pruned, whole), [observation])
-        ours, theirs = (np.unique(run.births._table.rows["task"]) for run in (pruned, whole))
+        ours, theirs = (np.unique(run.births.table.rows["task"]) for run in (pruned, whole))
         assert np.array_equal(ours, theirs)
     assert len(pruned.pruned_tasks) > library.n_tasks - 2 * births.MAX_TASKS
 
