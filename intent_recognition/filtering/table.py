@@ -86,8 +86,11 @@ class HypothesisTable:
         self._usual_s = library.usual_s
         self._basis, n_dofs, n_basis = library.basis, library.n_observed, library.basis.n_basis
         self._shape = n_dofs, n_basis + OFFSET_BASIS * bool(settling)
-        # The system hands out memory when it is touched: now, not later.
-        self._state = np.full((room, state_width(n_dofs * self._shape[1])), 0.0)
+        # The system hands out memory when it is touched: now, not later. It
+        # begins with a cache line: updates of blocks across two take a tenth longer.
+        shape = room, state_width(n_dofs * self._shape[1])
+        memory = np.full(room * shape[1] + 8, 0.0)
+        self._state = memory[-memory.ctypes.data // 8 % 8 :][: room * shape[1]].reshape(shape)
         self._columns = np.zeros(room, dtype=COLUMNS)
         self._prior = deviation_prior(self._model)
         self.deviation = np.ones((room, len(self._prior)))
