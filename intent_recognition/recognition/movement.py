@@ -21,7 +21,8 @@ from intent_recognition.signals import Observation
 
 STOP_LEADS = (0.035, 0.06, 0.085)
 """A reach after a stop began one of these earlier than the stop, per usual duration of the tasks:
-it first had to halt the hand (docs/decisions/change_of_mind.md)."""
+it first had to halt the hand (docs/decisions/change_of_mind.md). Until then the hand was on another
+way, of which nothing counts."""
 RECOGNISED = 0.9
 """Probability of the known tasks together from which a movement after a stop takes over.
 Convention: what the decision asks for; it also says which task."""
@@ -79,8 +80,7 @@ class Movements:
         after = self._after_stop = self._after_stop or [self._make() for _ in STOP_LEADS]
         for each, lead_ns in zip(after, self._leads_ns, strict=True):
             if stopped_ns is not None:
-                onset_ns = stopped_ns - lead_ns
-                each.restart(onset_ns, task_weight, detector.since(onset_ns))
+                each.restart(stopped_ns - lead_ns, task_weight, detector.since(stopped_ns))
             else:
                 each.observe(observation)
         odds = odds_over_none([each.posterior(observation.stamp_ns) for each in after])
@@ -94,11 +94,7 @@ class Movements:
 
 
 def odds_over_none(posteriors: Sequence[TaskPosterior]) -> Floats:
-    """Odds of the known tasks over none, (n, K).
-
-    None is what explains observations from before an onset, too, so that odds compare filters that
-    have seen other parts of a movement.
-    """
+    """Odds of the known tasks over none, (n, K)."""
     p = np.array([posterior.probabilities for posterior in posteriors])
     return np.asarray(p[:, :-1] / np.maximum(p[:, -1:], np.finfo(np.float64).tiny))
 
