@@ -84,6 +84,11 @@ def transposed(arrays: Mapping[str, Values]) -> list[str]:
                 f"{name or 'it'} has {len(array)} rows and {array.shape[1]} columns. Likely its"
                 " columns are samples: transpose it."
             )
+        elif array.ndim == 3 and array.shape[1] <= 4 and MOST_DOFS < array.shape[2] > len(array):
+            found.append(
+                f"{name or 'it'} has the shape {array.shape}. Likely its last axis is samples: move"
+                " that to the front."
+            )
     return found
 
 
@@ -96,6 +101,7 @@ def open_hdf5(path: Path) -> Table:
     optional("h5py")
     arrays = read_isolated("hdf5_reading.py", path, "an HDF5 or MAT file")
     rate = float(arrays.pop("#rate"))
+    unit = str(arrays.pop("#unit", ""))
     left_out = arrays.pop("#left_out", np.empty(0)).tolist()
     columns = flat_columns(path, arrays)
     if not columns:
@@ -106,4 +112,5 @@ def open_hdf5(path: Path) -> Table:
     notes = transposed(arrays)
     if left_out:
         notes.append(f"without a row for each sample, left out: {', '.join(left_out[:6])}")
-    return table_of(path, columns, defaults=defaults, notes=notes)
+    about = {"defaults": defaults, "notes": notes, "unit": unit, "must_say": bool(unit)}
+    return table_of(path, columns, **about)

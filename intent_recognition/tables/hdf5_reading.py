@@ -36,11 +36,15 @@ def read(path: str) -> dict[str, NDArray[Any]]:
     """Arrays of numbers (T,), (T, d) or (T, n, 3) by path, with dots, demonstrations on end.
 
     `demonstration` says of each row of those which it is of; `#rate` is the control rate that
-    robomimic notes, 0 for none; `#left_out` names arrays that have no row for each sample. Images
-    and what has more dimensions are left out.
+    robomimic notes, 0 for none; `#unit` is that of all arrays, where it is known; `#left_out` names
+    arrays that have no row for each sample. Images and what has more dimensions are left out.
     """
     if not (h5py := importlib.import_module("h5py")).is_hdf5(path):  # MATLAB's before 7.3
         matlab = importlib.import_module("scipy.io").loadmat(path, simplify_cells=True)
+        for content in matlab.values():
+            if isinstance(content, dict) and (found := _of_qualisys(content)):
+                rate = float(content["FrameRate"])
+                return {**found, "#rate": np.array(rate), "#unit": np.array("mm")}
         arrays = samples_first(on_end(dict(_of_structs(matlab, ""))))
         return {**arrays, "#rate": np.array(0.0)}
     with h5py.File(path, "r") as file:
@@ -173,6 +177,20 @@ def _roughness(array: NDArray[Any], axis: int) -> float:
     if values.shape[axis] < 2 or not variance > 0.0:
         return np.inf
     return float(np.mean(np.diff(values, axis=axis) ** 2, axis=axis).sum()) / (2.0 * variance)
+
+
+def _of_qualisys(take: dict[str, Any]) -> dict[str, NDArray[Any]]:
+    """Columns `MARKER.x`, `BODY.x`, ... of a QTM take, which has places (n, d, T) beside names."""
+    found: dict[str, NDArray[Any]] = {}
+    markers = take.get("Trajectories", {}).get("Labeled", {})
+    bodies = take.get("RigidBodies", {})
+    for group, said, key in ((markers, "Labels", "Data"), (bodies, "Name", "Positions")):
+        if "FrameRate" in take and {said, key} <= group.keys() and np.size(group[key]):
+            width = 4 if group is markers else 3  # a residual after x, y, z
+            places = np.reshape(group[key], (-1, width, np.shape(group[key])[-1]))
+            for name, rows in zip(np.atleast_1d(group[said]), places, strict=True):
+                found |= {f"{name}.{axis}": row for axis, row in zip("xyz", rows, strict=False)}
+    return found
 
 
 def _of_structs(content: dict[str, Any], before: str) -> Iterator[tuple[str, NDArray[Any]]]:

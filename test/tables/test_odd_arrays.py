@@ -92,6 +92,41 @@ def test_samples_along_the_second_axis_are_read_as_along_the_first(kind, times, 
     np.testing.assert_array_equal(np.column_stack(w), PLACE / 1000)
 
 
+def qualisys(count, bodies=()):
+    """A take of QTM, whose places (n, 4, T) [mm] have residuals."""
+    data = np.stack([np.column_stack([PLACE + 10.0 * k, SHARE]).T for k in range(count)])
+    labels = np.array(["wrist", "elbow"][:count] or ["none"], object)
+    markers = {"Labels": labels, "Data": data, "Type": np.ones((count, ROWS))}
+    take = {"FrameRate": 50, "Frames": ROWS, "Trajectories": {"Labeled": markers}}
+    if bodies:
+        places = np.stack([PLACE.T for _ in bodies])
+        turns = np.zeros((len(bodies), 9, ROWS))
+        names = np.array(bodies, object)
+        take["RigidBodies"] = {"Name": names, "Positions": places, "Rotations": turns}
+    return take
+
+
+@pytest.mark.parametrize(("count", "bodies"), [(1, ()), (2, ()), (2, ("hand",))])
+def test_markers_and_bodies_of_qtm_in_matlab(count, bodies, tmp_path):
+    pytest.importorskip("h5py")
+    savemat(tmp_path / "a.mat", {"take01": qualisys(count, bodies)})
+    read = open_table(tmp_path / "a.mat")
+    assert (read.unit, read.defaults, read.notes) == ("mm", {"time": {"rate": 50.0}}, [])
+    names = [*["wrist", "elbow"][:count], *bodies]
+    assert read.names == tuple(f"{name}.{axis}" for name in names for axis in "xyz")
+    for k, name in enumerate(names):
+        found = np.column_stack([*read.columns([f"{name}.{axis}" for axis in "xyz"]).values()])
+        np.testing.assert_array_equal(found, PLACE + (0.0 if name == "hand" else 10.0 * k))
+
+
+def test_samples_along_the_last_of_three_axes_are_named(tmp_path):
+    pytest.importorskip("h5py")
+    take = qualisys(2)["Trajectories"]["Labeled"]
+    savemat(tmp_path / "a.mat", {"p": {"Data": take["Data"], "t": TIMES_S}})
+    (said,) = open_table(tmp_path / "a.mat").notes
+    assert said.startswith(f"p.Data has the shape (2, 4, {ROWS}). Likely its last axis is samples")
+
+
 ON_END = {
     "one array each": ("w", {f"w_{k}": PLACE[k:] / 1000 for k in range(3)}, 3),
     "two of one name": ("demo", {f"demo_{k}": PLACE / 1000 for k in range(2)}, 2),
