@@ -55,6 +55,7 @@ from intent_recognition.signals.turns import (
 from intent_recognition.signals.units import (
     LONGEST_PERIOD_S,
     OFTEN_TAKEN,
+    SHORTEST_PERIOD_S,
     SPATIAL_UNITS,
     UNITS,
     USUAL_PERIODS_S,

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from intent_recognition.signals import UNITS, spelled
 from intent_recognition.tables.table import without_subjects
-from intent_recognition.tables.times import PER_UNIT
+from intent_recognition.tables.times import PER_UNIT, unit_of_times
 
 OF_VICON = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
 """Titles of tables of Nexus and Tracker; of those in one file the first of these is read."""
@@ -18,6 +19,10 @@ OF_ALL, OF_BODY = ("scorer",), ("bodyparts",)
 """Lines of DeepLabCut that say who found the places, and which bodies they are of."""
 NUMBER = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?|\d[\d:.,T /-]*")
 """A number, or a time."""
+UNIT_IN_NAME = re.compile(r"(?:[\[(]|_(?=(?:mm|cm|deg|rad)$))\s*([^\[\]()_\s]+)\s*[\])]?$")
+"""The unit at the end of a name: `x [mm]`, `x (mm)`, `x_mm`."""
+AXIS = re.compile(r"(?i)(?:.*[\W_])?([xyz])(?:\s*[\[(][^\[\]()]*[\])])?")
+"""The name of a coordinate: `x`, `pos_x`, `X (mm)`."""
 Rows = Sequence[Sequence[str]]
 
 
@@ -177,7 +182,8 @@ def levels(rows: Rows) -> Header | None:
     at = next((k for k, found in enumerate(has_number) if found), 0)
     count = len(rows[at])
     heads = [[cell.strip() for cell in (*row, *[""] * count)[:count]] for row in rows[:at]]
-    if len(heads) < 2 or not {"x", "y"} <= {cell.lower() for cell in heads[-1]}:
+    axes = {match[1].lower() for cell in heads[-1:] for match in map(AXIS.fullmatch, cell) if match}
+    if len(heads) < 2 or not {"x", "y"} <= axes:
         return None
     if len(heads) > 6 or not all(any(row[1:]) for row in heads):  # Visual3D's are five
         return None
@@ -187,7 +193,15 @@ def levels(rows: Rows) -> Header | None:
     first = next((name for name in firsts if name not in PER_UNIT), "".join(firsts[:1]))
     names = [".".join(filter(None, (row[k] for row in (*above, heads[-1])))) for k in range(count)]
     names = [first, *names[1:]] if first else names
-    return Header(tuple(names), at, {"must_say": True})
+    units = units_of(heads[-1], heads[-1][:1])
+    return Header(tuple(names), at, {"must_say": True, "units": units})
+
+
+def units_of(names: Sequence[str], below: Sequence[str] = ()) -> dict[int, str]:
+    """Units of columns by number: in a line below their names, or else at the ends of these."""
+    found = {k: match[1] for k, name in enumerate(names) if (match := UNIT_IN_NAME.search(name))}
+    found |= {k: unit for k, cell in enumerate(below) if (unit := cell.strip().strip("[]()"))}
+    return {k: unit for k, unit in found.items() if spelled(unit) in UNITS or unit_of_times(unit)}
 
 
 def _spread(row: Sequence[str]) -> list[str]:

@@ -31,7 +31,8 @@ class TimeSource(NamedTuple):
     """Where the times of samples come from.
 
     Attributes:
-        column: of times in a unit, a key of `PER_UNIT`; None where samples come at a rate.
+        column: of times; None where samples come at a rate.
+        unit: of the column, a key of `PER_UNIT`, or "" for what the file says, or else seconds.
         since_ns: what zero is [ns since 1970]; None where the map does not say.
         nanoseconds: column of what is added to `column` [ns], "" for none.
     """
@@ -239,8 +240,8 @@ def _files(value: object, place: str) -> dict[str, str]:
 
 def _time(value: object, place: str) -> TimeSource:
     items = _mapping(value, place, ("column", "unit", "rate", "since", "nanoseconds"))
-    unit = str(items.get("unit", "s"))
-    if unit not in (*PER_UNIT, SAMPLES):
+    unit = str(items.get("unit", ""))
+    if "unit" in items and unit not in (*PER_UNIT, SAMPLES):
         raise _error(f"{place}: unit", f"one of {', '.join(PER_UNIT)}, {SAMPLES}", unit)
     if unit == SAMPLES and not {"column", "rate"} <= set(items):
         raise _error(place, f"column and rate with unit: {SAMPLES}", ", ".join(items))

@@ -239,7 +239,8 @@ def _rows(
         stamps = counted_ns(counts, time.rate_hz, time.since_ns, table.source)
     else:
         place = (table.source, time.column)
-        stamps = stamps_ns(data[time.column], time.unit, time.since_ns, *place)
+        unit = time.unit or table.time_unit_of(time.column) or "s"
+        stamps = stamps_ns(data[time.column], unit, time.since_ns, *place)
     ns, known = stamps.ns, stamps.known
     if time.nanoseconds:
         more = numbers(data[time.nanoseconds], table.source, time.nanoseconds)

@@ -257,7 +257,7 @@ def _time(
             continue
         later = steps > 0.0
         often = np.mean(later) > (MOSTLY if np.any(steps < 0.0) else REPEATED)
-        if often and (unit := usual_unit(steps[later])):
+        if often and (unit := usual_unit(steps[later], table.time_unit_of(column.name))):
             rate_hz = NANOSECONDS / (PER_UNIT[unit] * float(np.median(steps[later])))
             odd = "" if np.all(later) else f", {np.sum(~later)} times repeat or go back"
             return {"column": column.name, "unit": unit}, f"{rate_hz:.4g} Hz then{odd}"

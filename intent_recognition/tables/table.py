@@ -9,6 +9,7 @@ from typing import Any
 from intent_recognition.errors import BagError
 from intent_recognition.signals import spelled
 from intent_recognition.tables.cells import Values, scale_between
+from intent_recognition.tables.times import unit_of_times
 
 MOST_COLUMNS = 10_000
 """Columns of a table. Convention: a motion capture suit takes some hundreds."""
@@ -83,6 +84,13 @@ class Table:
             expected = f"a unit of {name} that becomes {wanted}"
             raise BagError.about(str(self.source), expected, repr(said), cure)
         return unit
+
+    def time_unit_of(self, name: str) -> str:
+        """The unit of a column of times, a key of `PER_UNIT`; "" where the file does not say."""
+        number = self.find(name)
+        if number is None:
+            return ""
+        return unit_of_times(self.units.get(number, "")) or unit_of_times(self.names[number])
 
 
 def table_of(source: Path, columns: Mapping[str, Values], **more: Any) -> Table:

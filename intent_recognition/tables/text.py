@@ -15,9 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from intent_recognition.signals import UNITS, spelled
 from intent_recognition.tables.cells import MISSING, Values, with_point
-from intent_recognition.tables.headers import OF_VICON, Header, known_header
+from intent_recognition.tables.headers import OF_VICON, Header, known_header, units_of
 from intent_recognition.tables.table import Table, check_columns, unusable
 
 DELIMITERS = ",;\t| "
@@ -35,8 +34,6 @@ HEAD_ROWS = 60
 """Rows that are looked at for a header. Convention: OpenSim's have some thirty."""
 NO_PLACES = ("Devices", "Events")
 """Titles of tables of Nexus that are never read."""
-UNIT_IN_NAME = re.compile(r"(?:[\[(]|_(?=(?:mm|cm|deg|rad)$))\s*([^\[\]()_\s]+)\s*[\])]?$")
-"""The unit at the end of a name: `x [mm]`, `x (mm)`, `x_mm`."""
 TEXTS = (".csv", ".tsv", ".txt", ".trc", ".mot", ".sto")
 
 
@@ -138,11 +135,17 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
     names = tuple(name.strip().lstrip("#").strip() for name in first)
     if all(map(_is_number, names)) or _is_row(names, head[1:3]):
         return Header(tuple(map(str, range(len(names)))), 0)
-    units = {k: found[1] for k, name in enumerate(names) if (found := UNIT_IN_NAME.search(name))}
-    below = [cell.strip().strip("[]()") for cell in head[1]] if len(head) > 1 else []
-    if all(spelled(cell) in UNITS for cell in below[1:]) and len(below) > 1:
-        return Header(names, 2, {"units": dict(enumerate(below[1:], 1))})
-    return Header(names, 1, {"units": {k: u for k, u in units.items() if spelled(u) in UNITS}})
+    second = len(head) > 1 and _is_second_line(head[1:])
+    units = units_of(names, head[1] if second else ())
+    return Header(names, 1 + second, {"units": units})
+
+
+def _is_second_line(rows: Sequence[Sequence[str]]) -> bool:
+    """Whether a row belongs to the header, as units do: its texts are above numbers."""
+    said = [k for k, cell in enumerate(rows[0]) if cell.strip()]
+    return not any(_is_number(rows[0][k]) for k in said) and any(
+        k < len(row) and row[k].strip() and _is_number(row[k]) for row in rows[1:] for k in said
+    )
 
 
 def _is_shifted(row: Sequence[str], width: int) -> bool:

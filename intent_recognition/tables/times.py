@@ -13,11 +13,17 @@ from numpy.typing import NDArray
 from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.errors import BagError
-from intent_recognition.signals import USUAL_PERIODS_S
+from intent_recognition.signals import LONGEST_PERIOD_S, SHORTEST_PERIOD_S, USUAL_PERIODS_S
 from intent_recognition.tables.cells import LONGEST_CELL, MISSING, Values, with_point
 
 PER_UNIT = {"s": NANOSECONDS, "ms": 10**6, "us": 10**3, "ns": 1}
 """Nanoseconds in each unit of time."""
+TIME_UNIT = re.compile(
+    r"(?i)(?:^|[\W_])(?:(?P<ms>ms(?:ecs?)?|milli(?:s(?:ec(?:ond)?s?)?)?)"
+    r"|(?P<us>[u\u00b5\u03bc]s(?:ecs?)?|micro(?:s(?:ec(?:ond)?s?)?)?)"
+    r"|(?P<ns>ns(?:ecs?)?|nano(?:s(?:ec(?:ond)?s?)?)?)|(?P<s>s(?:ec(?:ond)?s?)?))\W*$"
+)
+"""A unit of time at the end of a name: `time_ms`, `t [ms]`, `Time (Seconds)`, `msec`."""
 SAMPLES = "samples"
 """Unit of a column that counts samples, at a rate."""
 SINCE_NS = 946_684_800 * NANOSECONDS
@@ -72,9 +78,17 @@ class Stamps(NamedTuple):
     zero_ns: int
 
 
-def usual_unit(steps: Floats) -> str:
-    """The unit in which steps between samples are usual, "" where there is none."""
+def unit_of_times(name: str) -> str:
+    """The key of `PER_UNIT` at the end of a name, "" for none."""
+    found = TIME_UNIT.search(name)
+    return found.lastgroup or "" if found else ""
+
+
+def usual_unit(steps: Floats, said: str = "") -> str:
+    """The unit that is said, or else in which steps between samples are usual; "" for none."""
     step = float(np.median(steps)) if steps.size else 0.0
+    if said and SHORTEST_PERIOD_S <= step * PER_UNIT[said] / NANOSECONDS <= LONGEST_PERIOD_S:
+        return said
     for unit, per in PER_UNIT.items():
         if USUAL_PERIODS_S[0] <= step * per / NANOSECONDS <= USUAL_PERIODS_S[1]:
             return unit

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, day_time, imported, plain, table
 
-from intent_recognition.tables import Doubt, import_demonstrations
+from intent_recognition.tables import Doubt, import_demonstrations, suggest_map
 from intent_recognition.tables.files import open_table
 from intent_recognition.tables.import_map import ImportMap
 
@@ -108,6 +108,58 @@ def test_a_unit_in_a_name_is_taken(name, tmp_path):
     samples, said = imported(tmp_path, "a.csv", content, names, time={"column": "t"})
     assert not said
     np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
+
+
+SECOND_LINES = {
+    "units of some": ("n,t,x,y,z\n,,mm,mm,mm", ("x", "y", "z")),
+    "a unit of the time alone": ("n,t,x mm,y mm,z mm\n,[s],,,", ("2", "3", "4")),
+    "other texts": ("n,t,x,y,z\n,,lab,lab,lab", ("x", "y", "z")),
+    "names of axes": ("n,t,wrist,,\n,,pos_x,pos_y,pos_z", ("wrist.pos_x", "3", "wrist.pos_z")),
+    "axes with units": ("n,t,wrist,,\n,,X (mm),Y (mm),Z (mm)", ("2", "wrist.Y (mm)", "4")),
+}
+"""Two lines of a header, of which the second begins with empty cells, and columns."""
+
+
+@pytest.mark.parametrize("kind", SECOND_LINES)
+def test_a_second_line_of_the_header_is_no_row(kind, tmp_path):
+    head, columns = SECOND_LINES[kind]
+    content = table(head, lambda k: [str(k), f"{TIMES_S[k]}", *cells(k)])
+    unit = {} if "mm,mm" in head or "(mm)" in head else {"unit": "mm"}
+    samples, said = imported(tmp_path, "a.csv", content, columns, time={"column": "1"}, **unit)
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
+
+
+@pytest.mark.parametrize("column", ["by name", "0"])
+@pytest.mark.parametrize(
+    ("head", "per_s"),
+    [
+        ("time_ms,x,y,z", 1e3),
+        ("t [ms],x,y,z", 1e3),
+        ("Time(us),x,y,z", 1e6),
+        ("timestamp_ns,x,y,z", 1e9),
+        ("elapsed_usec,x,y,z", 1e6),
+        ("Time (Seconds),x,y,z", 1.0),
+        ("t,x,y,z\nms,mm,mm,mm", 1e3),
+        ("t,wrist,wrist,wrist\nms,x,y,z", 1e3),
+    ],
+)
+def test_the_unit_of_times_is_that_of_the_header(head, per_s, column, tmp_path):
+    column = head.split(",")[0] if column == "by name" else column
+    content = plain(head=head, at=lambda t: f"{per_s * t:.12g}")
+    samples, said = imported(
+        tmp_path, "a.csv", content, ("1", "2", "3"), unit="mm", time={"column": column}
+    )
+    assert not said
+    np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=1)
+    wrong = {"column": column, "unit": "s" if per_s > 1.0 else "ms"}  # the map's is taken first
+    assert imported(tmp_path, "a.csv", content, ("1", "2", "3"), unit="mm", time=wrong)[0] is None
+
+
+def test_the_unit_of_the_header_is_suggested_where_another_were_usual(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(plain(head="time_ms,x,y,z", at=lambda t: f"{1e5 * t:.6g}"))  # 1 Hz
+    assert "time: {column: time_ms, unit: ms}  # 1 Hz then" in suggest_map(path)
 
 
 @pytest.mark.parametrize("cell", ["#N/A", "#DIV/0!", "-", "NaN", "inf"])
