@@ -19,9 +19,9 @@ from intent_recognition.tables.cells import LONGEST_CELL, MISSING, Values, with_
 PER_UNIT = {"s": NANOSECONDS, "ms": 10**6, "us": 10**3, "ns": 1}
 """Nanoseconds in each unit of time."""
 TIME_UNIT = re.compile(
-    r"(?i)(?:^|[\W_])(?:(?P<ms>ms(?:ecs?)?|milli(?:s(?:ec(?:ond)?s?)?)?)"
-    r"|(?P<us>[u\u00b5\u03bc]s(?:ecs?)?|micro(?:s(?:ec(?:ond)?s?)?)?)"
-    r"|(?P<ns>ns(?:ecs?)?|nano(?:s(?:ec(?:ond)?s?)?)?)|(?P<s>s(?:ec(?:ond)?s?)?))\W*$"
+    r"(?i)(?:^|[\W_])(?:(?P<ms>msecs?|ms|millis|milliseconds?)"
+    r"|(?P<us>[u\u00b5\u03bc]secs?|[u\u00b5\u03bc]s|micros|microseconds?)"
+    r"|(?P<ns>nsecs?|ns|nanos|nanosecs?|nanoseconds?)|(?P<s>s|secs?|seconds?))\W*$"
 )
 """A unit of time at the end of a name: `time_ms`, `t [ms]`, `Time (Seconds)`, `msec`."""
 SAMPLES = "samples"
