@@ -21,6 +21,7 @@ def c3d_file(
     analog_stated=0,
     analog=0,
     order="<",
+    more=(),
 ) -> bytes:
     """A file with float values.
 
@@ -34,6 +35,7 @@ def c3d_file(
         analog_stated: analog values of a frame that the header states; there are none.
         analog: channels, whose scales and names the file does not say.
         order: of bytes, "<" of Intel or ">" of SGI.
+        more: further parameters of the points, names and texts.
     """
     pytest.importorskip("ezc3d", reason="it reads them")
     frames, count = points.shape[:2]
@@ -46,6 +48,8 @@ def c3d_file(
     body += _parameter(order, 2, "USED", 2, [], struct.pack(f"{order}H", analog))
     for k in range(0, count, 255):
         body += _texts(order, 1, f"LABELS{k // 255 + 1 if k else ''}", labels[k : k + 255])
+    for name, values in dict(more).items():
+        body += _texts(order, 1, name, values)
     for _ in range(2 if repeat else 1):
         body += b"" if units is None else _texts(order, 1, "UNITS", [units])
     if frames_by == "TRIAL":

@@ -2,6 +2,7 @@
 """Points of a C3D file by ezc3d, or by c3d where it cannot: run by `isolated`."""
 
 import importlib
+import re
 import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -12,6 +13,9 @@ from numpy.typing import NDArray
 
 MOST_STATED = 2**16 - 1
 """Frames that a header can state."""
+MOST_LABELS = 255
+"""Texts that a parameter holds."""
+NAMED = re.compile(r"LABELS\d*")
 INTEL, SGI = b"\x54", b"\x56"
 """Processors by the fourth byte of the parameters; of others, VAX, the words of a float change
 places, and words are as Intel's."""
@@ -59,7 +63,7 @@ def _by_ezc3d(library: Any, path: str) -> Arrays:
     return {
         "points": np.where((residuals < 0.0)[:, :, None], np.nan, points),
         "labels": np.array(
-            _all_labels({key: point[key]["value"] for key in point if "LABELS" in key})
+            _all_labels({key: point[key].get("value", ()) for key in point}, points.shape[1])
         ),
         "unit": np.array("".join(point["UNITS"]["value"][:1]) if "UNITS" in point else ""),
         "rate": np.array(float(header["frame_rate"]) or float(point["RATE"]["value"][0])),
@@ -77,17 +81,28 @@ def _by_c3d(library: Any, path: str) -> Arrays:
         points = np.array(frames, np.float64).reshape(len(frames), -1, 5)
         return {
             "points": np.where((points[:, :, 3] < 0.0)[:, :, None], np.nan, points[:, :, :3]),
-            "labels": np.array(_all_labels(labels)),
+            "labels": np.array(_all_labels(labels, points.shape[1])),
             "unit": np.array(str(units.string_array.ravel()[0]) if units is not None else ""),
             "rate": np.array(float(reader.point_rate)),
             "said": np.array(_stated(path)),
         }
 
 
-def _all_labels(parts: dict[str, Any]) -> list[str]:
-    """Labels of LABELS, LABELS2, ... in this order."""
-    order = sorted(parts, key=lambda key: int(key.removeprefix("LABELS") or 1))
-    return [str(label).strip() for key in order for label in parts[key]]
+def _all_labels(parts: Mapping[str, Any], count: int) -> list[str]:
+    """Labels of LABELS, LABELS2, ... in this order, where these go on with those before.
+
+    They do after a full parameter, or where `count` points have room for both; else they repeat
+    them, or say what else the points are called.
+    """
+    order = sorted((key for key in parts if NAMED.fullmatch(key)), key=lambda key: (len(key), key))
+    found: list[str] = []
+    for key in order:
+        own = [str(label).strip() for label in parts[key]]
+        if found and own[: len(found)] == found:
+            found = own
+        elif len(found) % MOST_LABELS == 0 or len(found) + len(own) <= count:
+            found += own
+    return found
 
 
 def _fitting_values(path: str) -> int | None:

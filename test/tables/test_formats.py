@@ -31,7 +31,7 @@ from tables.exported_files import (
 
 from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
-from intent_recognition.tables import ImportedDemonstration, import_demonstrations
+from intent_recognition.tables import ImportedDemonstration, c3d_reading, import_demonstrations
 from intent_recognition.tables.files import open_table
 from intent_recognition.tables.import_map import ImportMap
 from intent_recognition.tables.times import SINCE_NS
@@ -139,6 +139,30 @@ def test_more_than_255_markers_and_lax_headers(tmp_path):
         (tmp_path / "b.c3d").write_bytes(c3d_file(PLACE[:, None], labels=["W"], **options))
         (found,) = imported(tmp_path / "b.c3d", three("W"))
         assert np.allclose(found.samples[0].values, PLACE / 1000)
+
+
+LABELS = {
+    "other names": ({"LABELS2": ["wrist", "elbow"]}, ["W", "V", "unlabelled_2"]),
+    "all again": ({"LABELS2": ["W", "V"]}, ["W", "V", "unlabelled_2"]),
+    "all of them, the first again": ({"LABELS2": ["W", "V", "U"]}, ["W", "V", "U"]),
+    "the rest": ({"LABELS2": ["U"]}, ["W", "V", "U"]),
+    "other parameters": ({"XLABELS": ["a"], "LABELS_OLD": ["b"]}, ["W", "V", "unlabelled_2"]),
+    "descriptions": ({"DESCRIPTIONS": ["wrist", "elbow", "hip"]}, ["W", "V", "unlabelled_2"]),
+}
+"""What else the parameters of three points say, whose LABELS are two, and their names."""
+
+
+@pytest.mark.parametrize("library", ["_by_ezc3d", "_by_c3d"])
+@pytest.mark.parametrize("kind", LABELS)
+def test_labels_that_repeat_others_are_of_no_further_marker(kind, library, tmp_path):
+    module = pytest.importorskip(library.removeprefix("_by_"))
+    more, names = LABELS[kind]
+    data = c3d_file(np.repeat(PLACE[:, None], 3, axis=1), labels=["W", "V"], more=more)
+    (tmp_path / "a.c3d").write_bytes(data)
+    found = getattr(c3d_reading, library)(module, str(tmp_path / "a.c3d"))["labels"].tolist()
+    assert found == [name for name in names if not name.startswith("unlabelled")]
+    table = open_table(tmp_path / "a.c3d")
+    assert table.names == tuple(f"{name}.{axis}" for name in names for axis in "xyz")
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
