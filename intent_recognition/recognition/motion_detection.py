@@ -79,8 +79,11 @@ class Stops:
         """Forget everything."""
         self._moved_ns = self._again_ns = 0
         self._velocity: Floats | None = None
+        self._dofs: tuple[int, ...] = ()
 
-    def stopped_ns(self, now_ns: int, velocity: Floats | None) -> int | None:
+    def stopped_ns(
+        self, now_ns: int, velocity: Floats | None, dofs: tuple[int, ...] = ()
+    ) -> int | None:
         """Stamp of a stop after which the signal, just now, surely moves again.
 
         The middle between the last moment at which it moved before and the first at which it does
@@ -88,12 +91,14 @@ class Stops:
 
         Args:
             now_ns: stamp of its last sample.
-            velocity: there, (P,); None where it is not known.
+            velocity: there, (m,); None where it is not known.
+            dofs: of which DOFs, (m,); those of others tell nothing of them. Empty for all.
         """
         settings = self._settings
         if velocity is None:
             return None
-        before, self._velocity = self._velocity, velocity
+        before = self._velocity if dofs == self._dofs else None
+        self._velocity, self._dofs = velocity, dofs
         limit = settings.start_share * settings.reference_speed
         if velocity @ velocity < limit**2:
             self._again_ns = 0
@@ -207,7 +212,7 @@ class MotionDetector:
         To be asked after every observation of a movement.
         """
         found = [
-            stops.stopped_ns(moving[0].samples.last_ns, moving[0].velocity)
+            stops.stopped_ns(moving[0].samples.last_ns, moving[0].velocity, moving[0].samples.dofs)
             for stops, moving in zip(self._stops, self._active(), strict=True)
             if moving
         ]

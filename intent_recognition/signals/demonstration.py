@@ -120,13 +120,15 @@ class Demonstration:
             name: of the demonstration, for reports and messages; those without one are numbered
                 there, in the order in which they are learned from.
             group: the person, or the pair, who did it (`metadata["group"]`), so that what differs
-                between people is learned; "" where that is not known.
+                between people is learned; "" where that is not known. With few people less is
+                known of a new one, who is helped later (docs/recognition.md).
 
         Raises:
             ShapeError: the arrays do not fit each other or the names.
             ArgumentError: times do not increase, a value is not finite, there are fewer than four
                 samples, metres cannot be the unit, the robot was not recorded while the human
-                moved, two columns have one name, or the label cannot name a task.
+                moved, two columns have one name, the group is no text, or the label cannot name a
+                task.
         """
         if task is not None and not can_name_task(task):
             cure = "Give one such as give_cup; None where there is no label."
@@ -144,6 +146,9 @@ class Demonstration:
             () if context is None else (_constant(context, start_ns, context_names, context_unit),)
         )
         robots = (controlled,) if controlled.names else ()
+        if not isinstance(group, str):
+            cure = "Pass a name, such as str(group)."
+            raise ArgumentError.about("group", "a text", repr(group), cure)
         whose = {GROUP: group} if group else {}
         made = cls(name, "", task, (observed,), robots, start_ns, end_ns, whose, context=known)
         if defect := stream_defect(made):
@@ -216,7 +221,7 @@ def _signal(
         cure = "Pass one row per time and one column per DOF."
         if samples.ndim == 2 and samples.shape[1] == times.size:
             cure = f"Pass it transposed: {argument}.T."
-        elif samples.ndim == 2 and argument == "robot":
+        elif samples.ndim == 2 and argument == "robot" and times_name == "times_s":
             cure = "Pass its own times as robot_times_s, or one row per time of the human."
         raise ShapeError.about(argument, expected, samples.shape, cure)
     n_dofs = samples.shape[1]

@@ -15,10 +15,11 @@ NEVER_NS = -(2**63)
 
 
 class Samples(NamedTuple):
-    """Stamps (T,) [ns], increasing, and values (T, m) of some DOFs of a signal."""
+    """Stamps (T,) [ns], increasing, and values (T, m) of some DOFs of a signal, () for all."""
 
     stamps_ns: Integers
     values: Floats
+    dofs: tuple[int, ...] = ()
 
     @property
     def first_ns(self) -> int:
@@ -173,7 +174,7 @@ class SignalPast:
         """
         found = [(dofs, h.samples) for (dofs, d), h in self._histories.items() if not d]
         if len(found) < 2:
-            return [samples for _, samples in found]
+            return [samples._replace(dofs=tuple(dofs or ())) for dofs, samples in found]
         newest_ns = max(samples.last_ns for _, samples in found)
         together: dict[tuple[int, ...], list[int]] = {}
         for dof in range(self.n_dofs):
@@ -181,7 +182,7 @@ class SignalPast:
             together.setdefault(seen, []).append(dof)
         together.pop((), None)
         joined = [
-            _join([_columns(*found[k], columns) for k in seen])
+            _join([_columns(*found[k], columns) for k in seen])._replace(dofs=tuple(columns))
             for seen, columns in together.items()
         ]
         active = [s for s in joined if newest_ns - s.last_ns <= rest_s * 1e9]

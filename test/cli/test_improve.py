@@ -79,4 +79,4 @@ def test_the_experiment_compares_both_searches_from_the_same_start():
     numbers = json.loads(json.dumps(dict(outcome.numbers)))
     cma, random = numbers["CMA-ES"][0], numbers["random search"][0]
     assert cma["costs"][0] == random["costs"][0] and cma["start"] == random["start"] > 10.0
-    assert len(outcome.blocks) == 2 and all(one.remark for one in outcome.findings)
+    assert len(outcome.blocks) == 1 and all(one.remark for one in outcome.findings)

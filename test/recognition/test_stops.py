@@ -115,6 +115,23 @@ def recognised(estimator, values):
     return found
 
 
+@pytest.mark.parametrize("seen", [[2], [1, 2]], ids=["one", "two"])
+@pytest.mark.parametrize("first", range(60, 180, 20))
+def test_dofs_that_are_missing_for_a_moment_change_nothing_of_the_task(rng, seen, first):
+    """The others' velocity says nothing of a stop since theirs was known, nor is it an error."""
+    library = make_library(rng, n_basis=8, spread=0.02, correlation_time_s=0.05)
+    values = flowing(library, rng, (1,))
+    by_nan, by_dofs = IntentEstimator(library), IntentEstimator(library)
+    for k, row in enumerate(values[:280]):
+        gone = first <= k < first + 12
+        dofs = seen if gone else [0, 1, 2]
+        found = by_dofs.observe(k * STEP_S, row[dofs], dofs=dofs)
+        row[np.setdiff1d([0, 1, 2], dofs)] = np.nan
+        again = by_nan.observe(k * STEP_S, row)
+        np.testing.assert_array_equal(found.probabilities, again.probabilities)
+    assert found.task == library.labels[1]
+
+
 @pytest.mark.slow
 def test_reaches_without_a_rest_are_recognised_one_after_the_other(rng):
     library = make_library(rng, n_basis=8, spread=0.02, correlation_time_s=0.05)
