@@ -68,7 +68,7 @@ def _by_group(recordings: Sequence[Demonstration], key: str) -> list[Fold]:
             has = ", ".join(sorted(recorded.metadata)) or "none"
             expected = f"the key {key!r} in custom_data of every recording"
             got = f"the keys {has} in {recorded.name}"
-            cure = "Choose a key that all have, or add it to metadata.yaml."
+            cure = "Choose a key that all have, or add it to metadata.yaml (arrays: group=)."
             raise ArgumentError.about(f"protocol logo:{key}", expected, got, cure)
         groups[recorded.metadata[key]].append(index)
     if len(groups) < 2:

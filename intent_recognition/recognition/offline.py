@@ -15,8 +15,9 @@ from intent_recognition.filtering import (
     make_prior_grid,
 )
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory
-from intent_recognition.recognition.arguments import LIBRARY_CURE
+from intent_recognition.recognition.arguments import LIBRARY_CURE, observation_error
 from intent_recognition.recognition.estimate import Estimate
+from intent_recognition.recognition.first_samples import FirstSamples
 from intent_recognition.recognition.observed_turns import ObservedTurns
 from intent_recognition.signals import as_numbers, as_stamp_ns, check_times, observations_of
 
@@ -47,8 +48,8 @@ def recognize_task(
 
     Raises:
         ShapeError: the arrays do not fit each other or the library.
-        ArgumentError: times do not increase or are no seconds, a value is infinite, or nothing was
-            measured.
+        ArgumentError: times do not increase or are no seconds, a value is infinite or in another
+            unit than was learned, or nothing was measured.
     """
     run = _filtered(library, _hypotheses(library, duration_s), times_s, human, onset_s)
     last_ns = run.observations[-1].stamp_ns
@@ -119,7 +120,10 @@ def _filtered(
     stamps_ns, values = _checked(library, times_s, human)
     onset_ns = int(stamps_ns[0]) if onset_s is None else as_stamp_ns("onset_s", onset_s)
     run, turns = MovementFilter(library, hypotheses, onset_ns), ObservedTurns(library)
+    first_samples = FirstSamples(library)
     for observation in observations_of(library.observed_groups, stamps_ns, values):
+        if first_samples.refuse(observation):
+            raise observation_error("unit", observation, library.n_observed, first_samples.misfit)
         if observation.stamp_ns >= onset_ns:
             run.observe(turns.bring(observation))
     if not run.observations:

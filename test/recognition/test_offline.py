@@ -90,6 +90,8 @@ def test_the_task_may_be_given(library, recording):
         (lambda t, y: (t, np.full_like(y, np.nan)), ArgumentError, "at least one measured"),
         (lambda t, y: (t, np.full_like(y, np.inf)), ArgumentError, "infinity"),
         (lambda t, y: (t * 1e9 + 1.7e18, y), ArgumentError, "times_s: .* divide them by 1e"),
+        (lambda t, y: (t, 1000.0 * y), ArgumentError, "millimetres"),
+        (lambda t, y: (1000.0 * t, y), ArgumentError, "milliseconds for seconds"),
         (
             lambda t, y: (t, ["a"] * len(t)),
             ShapeError,
