@@ -4,7 +4,8 @@
 import numpy as np
 
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.signals import Observation
+from intent_recognition.recognition.first_samples import context_misfit
+from intent_recognition.signals import Misfit, Observation
 
 CONTEXT_PERIOD_S = 0.2
 """Least time between two changes of context in one movement, which is filtered anew at each [s].
@@ -23,11 +24,13 @@ class KnownContext:
     Attributes:
         learned: that library, whatever is known.
         values: of the context, (M,); NaN for what is not known.
+        misfit: why the last sample was refused as in another unit, None if it was not.
     """
 
     def __init__(self, library: TaskLibrary):
         self.use(library)
         self.values = np.full(len(library.context_names), np.nan)
+        self.misfit: Misfit | None = None
 
     def use(self, library: TaskLibrary) -> None:
         """Go on with another library of the same context."""
@@ -54,7 +57,12 @@ class KnownContext:
         if np.any(np.isinf(observation.values)):
             return "not_finite"
         measured = ~np.isnan(observation.values)
-        self.values[first + np.array(dofs)[measured]] = observation.values[measured]
+        known = self.values.copy()
+        known[first + np.array(dofs)[measured]] = observation.values[measured]
+        self.misfit = context_misfit(model, known)
+        if self.misfit is not None:
+            return "unit"
+        self.values = known
         self._newest_ns[observation.group] = observation.stamp_ns
         return None
 

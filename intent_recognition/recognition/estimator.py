@@ -30,7 +30,7 @@ from intent_recognition.recognition.arguments import (
 from intent_recognition.recognition.context import KnownContext
 from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.explaining import Evidence, explain_movement
-from intent_recognition.recognition.first_samples import FirstSamples
+from intent_recognition.recognition.first_samples import FirstSamples, context_misfit
 from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
 from intent_recognition.recognition.movement import Movements
 from intent_recognition.recognition.observed_turns import ObservedTurns
@@ -250,9 +250,15 @@ class IntentEstimator:
 
         Raises:
             ShapeError: it is not one number for each of `context_names`.
-            ArgumentError: a number is infinite.
+            ArgumentError: a number is infinite, or in another unit than was learned.
         """
-        self._context.values = as_context(values, self._context.learned.context_names)
+        known, model = (
+            as_context(values, self._context.learned.context_names),
+            self._context.learned.context,
+        )
+        if model is not None and (found := context_misfit(model, known)) is not None:
+            raise ArgumentError(found.reason)
+        self._context.values = known
         if self._context.changed():
             self._use(self._context.apply())
 
@@ -263,7 +269,10 @@ class IntentEstimator:
         movement under way is filtered anew, at most every `CONTEXT_PERIOD_S` and `CONTEXT_SHARE` of
         its time so far. Groups count the context signals, in the order of the DOF file.
         """
-        return "zero_stamp" if observation.stamp_ns <= 0 else self._context.take(observation)
+        reason = "zero_stamp" if observation.stamp_ns <= 0 else self._context.take(observation)
+        if reason == "unit":
+            self.first_samples.misfit = self._context.misfit
+        return reason
 
     def bend(self, change: Callable[[TaskLibrary], TaskLibrary]) -> None:
         """Predict by what a function makes of the library, from now on and in every context.

@@ -5,9 +5,9 @@ from collections import deque
 
 import numpy as np
 
-from intent_recognition.array_types import Integers
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.gaussian import Gaussian
-from intent_recognition.promp import TaskLibrary, rollout
+from intent_recognition.promp import ContextModel, TaskLibrary, rollout
 from intent_recognition.signals import (
     Known,
     Misfit,
@@ -27,6 +27,20 @@ STD_LEARNED = 3.0
 """Standard deviations about the mean movements that count as learned. Convention."""
 LEARNED_PHASES = np.linspace(0.0, 1.0, 21)
 """Phases at which learned movements are looked at."""
+
+
+def context_misfit(model: ContextModel, values: Floats) -> Misfit | None:
+    """Why a context (M,), NaN where it is not known, is hardly in the learned units, if so."""
+    spread = STD_LEARNED * np.sqrt(np.diagonal(model.covariance, axis1=1, axis2=2))
+    for last, size in zip(np.cumsum(model.groups), model.groups, strict=True):
+        dofs = np.arange(last - size, last)[np.isfinite(values[last - size : last])]
+        if dofs.size:
+            mean, names = model.mean[:, dofs], [model.names[k] for k in dofs]
+            around = np.maximum(spread[:, dofs], 0.5 * np.abs(mean).max())  # few are shown
+            learned = Known((mean - around).min(axis=0), (mean + around).max(axis=0))
+            if found := learned_misfit(names, model.units[dofs[0]], values[dofs], learned):
+                return found
+    return None
 
 
 class FirstSamples:

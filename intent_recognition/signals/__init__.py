@@ -71,6 +71,7 @@ from intent_recognition.signals.units import (
     misfit,
     other_units,
     place_misfit,
+    scene_misfit,
     size_of,
     spelled,
     taken_for,

@@ -9,7 +9,7 @@ import numpy as np
 from intent_recognition.signals.onset import earliest_onset
 from intent_recognition.signals.segmentation import LEAST_RATE_HZ, onset_settings
 from intent_recognition.signals.signal import Signal
-from intent_recognition.signals.units import Known, in_words, misfit, time_misfit
+from intent_recognition.signals.units import Known, in_words, misfit, scene_misfit, time_misfit
 
 LARGEST_MISSING_SHARE = 0.1
 """Share of the observed recording that a controlled stream may miss after the human's onset, or at
@@ -29,6 +29,8 @@ class _Recorded(Protocol):
     def observed(self) -> tuple[Signal, ...]: ...
     @property
     def controlled(self) -> tuple[Signal, ...]: ...
+    @property
+    def context(self) -> tuple[Signal, ...]: ...
     @property
     def start_ns(self) -> int: ...
     @property
@@ -93,10 +95,12 @@ def _misfits(recorded: _Recorded, brief: bool = False) -> Iterator[tuple[bool, s
         if late.certain:  # of others `_sparse` tells
             yield late.certain, late.reason
     of_arms = recorded.known or (None,) * len(recorded.controlled)
-    for signal, known in zip(signals, (*[None] * len(recorded.observed), *of_arms), strict=True):
-        if (found := misfit(signal, known)) is not None:
-            short = brief and found.likely
-            yield found.certain, f"{in_words(signal)}: {short}" if short else found.reason
+    known = (*[None] * len(recorded.observed), *of_arms)
+    found = [(one, misfit(one, of)) for one, of in zip(signals, known, strict=True)]
+    for signal, odd in [*found, *((one, scene_misfit(one)) for one in recorded.context)]:
+        if odd is not None:
+            short = brief and odd.likely
+            yield odd.certain, f"{in_words(signal)}: {short}" if short else odd.reason
 
 
 def _missing(recorded: _Recorded) -> str:

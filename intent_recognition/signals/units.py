@@ -246,6 +246,15 @@ def place_misfit(position_m: Floats) -> Misfit | None:
     return length_misfit(distance_m, f"is {distance_m:.3g} m from the origin of its frame")
 
 
+def scene_misfit(signal: Signal) -> Misfit | None:
+    """As `misfit`, of a thing that may stand still: where it is (T, d) counts, too."""
+    found = misfit(signal)
+    if found is None and signal.unit == "m" and signal.values.size:
+        found = place_misfit(np.median(signal.values, axis=0))
+        found = found and found._replace(reason=f"{in_words(signal)} {found.reason}")
+    return found
+
+
 def length_misfit(length_m: float, said: str, do: str = "record") -> Misfit | None:
     """Why a length, of an arm or from an origin, is hardly in metres; None where it may be.
 

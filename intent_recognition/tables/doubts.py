@@ -12,6 +12,7 @@ from intent_recognition.signals import (
     Rejection,
     Signal,
     misfit,
+    scene_misfit,
     time_misfit,
     zeros,
 )
@@ -63,7 +64,8 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
         if part.entry.unit == "rad":  # reading takes wrapped angles as continuous, too
             values = np.unwrap(values, axis=0)
         signal = Signal(part.entry.names, part.stamps_ns[seen], values, part.entry.unit)
-        found = None if part.entry.orientation else misfit(signal)
+        judge = scene_misfit if part.entry.context else misfit
+        found = None if part.entry.orientation else judge(signal)
         if found is not None:
             yield _with_cure(found)
         if not part.entry.context:

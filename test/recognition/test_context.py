@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from moved_box import hand_over, learned
 
-from intent_recognition.errors import DofError, ShapeError
+from intent_recognition.errors import ArgumentError, DofError, ShapeError
 from intent_recognition.learning import add_demonstration
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.recognition.context import CONTEXT_PERIOD_S, CONTEXT_SHARE
 from intent_recognition.signals import Observation, merge
+from intent_recognition.signals.streams import recording_doubts
 
 BOX, ELSEWHERE = np.array([0.2, -0.15]), np.array([-0.1, 0.25])
 
@@ -54,6 +55,28 @@ def in_context(library, recorded):
     """The estimator that was given the library in this context."""
     estimator = IntentEstimator(library.given(BOX))
     return estimator, feed(estimator, recorded)
+
+
+@pytest.mark.parametrize("factor", [1000.0, 100.0])
+def test_a_context_in_another_unit_is_refused_with_the_factor(factor, library):
+    estimator = IntentEstimator(library)
+    with pytest.raises(ArgumentError, match=f"factor of {factor:.0f}"):
+        estimator.observe_context(factor * BOX)
+    assert estimator.update_context(Observation(10**9, 0, factor * BOX)) == "unit"
+    assert f"{factor:.0f}" in estimator.first_samples.misfit.reason
+    assert np.isnan(estimator._context.values).all()
+    estimator.observe_context(10.0 * BOX)  # far away, in metres
+    in_part = np.array([factor * BOX[0], np.nan])
+    assert estimator.update_context(Observation(2 * 10**9, 0, in_part)) == "unit"
+
+
+def test_a_context_in_millimetres_is_named_in_a_recording(recorded):
+    assert not any("factor" in text for text in recording_doubts(recorded))
+    (box,) = recorded.context
+    in_mm = replace(recorded, context=(replace(box, values=1000.0 * box.values),))
+    (said,) = [text for text in recording_doubts(in_mm) if "factor" in text]
+    assert said.startswith("box/pose") and "is 250 m from the origin of its frame" in said
+    assert "Likely millimetres" in said
 
 
 def test_a_context_known_before_is_the_library_in_it(library, recorded, in_context):

@@ -5,6 +5,7 @@ from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
+from tables.exported_files import entry
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, day_time, imported, plain, table
 
 from intent_recognition.tables import Doubt, import_demonstrations, suggest_map
@@ -269,3 +270,17 @@ def test_zeros_of_plain_columns_are_named(tmp_path):
     assert samples is not None and "is at exactly zero in 5 of 200 samples" in said
     good = plain(scale=1e-3)
     assert not imported(tmp_path, "b.csv", good, time={"column": "t"})[1]
+
+
+@pytest.mark.parametrize("said", ["mm", "m"])
+def test_a_scene_that_stands_still_in_another_unit_is_named(said, tmp_path):
+    content = table("t,x,y,z,a,b,c", lambda k: [f"{TIMES_S[k]}", *cells(k), "300.0", "200.0", "90"])
+    (tmp_path / "a.csv").write_text(content)
+    box = {**entry(["a", "b", "c"], columns_unit=said), "topic": "/box/pose", "context": True}
+    observed = [entry(["x", "y", "z"], columns_unit="mm"), box]
+    mapping = ImportMap.from_dict({"observed": observed, "task": "t", "time": {"column": "t"}})
+    *doubts, found = import_demonstrations(tmp_path / "a.csv", mapping)
+    assert not isinstance(found, Doubt) and len(doubts) == (said == "m")
+    for doubt in doubts:
+        assert "is 372 m from the origin of its frame. Likely millimetres" in doubt.reason
+        assert doubt.reason.startswith("box/pose") and "columns_unit" in doubt.reason
