@@ -270,8 +270,7 @@ class IntentEstimator:
         its time so far. Groups count the context signals, in the order of the DOF file.
         """
         reason = "zero_stamp" if observation.stamp_ns <= 0 else self._context.take(observation)
-        if reason == "unit":
-            self.first_samples.misfit = self._context.misfit
+        self.first_samples.misfit = self._context.misfit
         return reason
 
     def bend(self, change: Callable[[TaskLibrary], TaskLibrary]) -> None:

@@ -88,9 +88,8 @@ class Table:
     def time_unit_of(self, name: str) -> str:
         """The unit of a column of times, a key of `PER_UNIT`; "" where the file does not say."""
         number = self.find(name)
-        if number is None:
-            return ""
-        return unit_of_times(self.units.get(number, "")) or unit_of_times(self.names[number])
+        said = ("", "") if number is None else (self.units.get(number, ""), self.names[number])
+        return unit_of_times(said[0]) or unit_of_times(said[1])
 
 
 def table_of(source: Path, columns: Mapping[str, Values], **more: Any) -> Table:
