@@ -164,7 +164,7 @@ def predict_agents(
     """
     size = library.n_observed_weights
     mean = np.array([one.mean for one in left_out])[:, None]
-    gain = np.array([one.gain for one in left_out])
+    gain = np.array([one.rule.matrix for one in left_out])
     filtered = followed.progress.weights.mean[followed.own]
     change = (filtered - mean[..., :size]) @ np.swapaxes(gain, 1, 2)
     weights = np.concatenate([filtered, mean[..., size:] + change], axis=2)

@@ -7,6 +7,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from intent_recognition.array_types import Floats, Integers
+from intent_recognition.gaussian import Gaussian, Regression, regression
 from intent_recognition.learning.examples import TrainingExample, scored_phases
 from intent_recognition.learning.hyperparameters import STRENGTH, Hyperparameters
 from intent_recognition.learning.persons import covariance_of_strangers, people, without_group
@@ -36,8 +37,8 @@ class LeftOutExample(NamedTuple):
         task: number of its task.
         mean: weights of its task, (D N,).
         covariance: of the observed weights, shared by the tasks, (P N, P N).
-        gain: of the controlled weights on the observed ones, (Q N, P N).
-        joint: covariance of all its weights, which the gain comes from, (D N, D N).
+        joint: covariance of all its weights, (D N, D N).
+        rule: regression of the controlled weights on the observed ones, from the same.
         rivals: numbers of the other tasks it is compared with.
         rival_means: their observed weights, without the person who was left out, (r, P N).
         observed: its samples, (m, P).
@@ -49,8 +50,8 @@ class LeftOutExample(NamedTuple):
     task: int
     mean: Floats
     covariance: Floats
-    gain: Floats
     joint: Floats
+    rule: Regression
     rivals: Integers
     rival_means: Floats
     observed: Floats
@@ -95,8 +96,8 @@ class _Rest(NamedTuple):
 
     mean: Floats
     covariance: Floats
-    gain: Floats
     joint: Floats
+    rule: Regression
     log_duration: float
 
 
@@ -112,15 +113,10 @@ def _of_others(
     found = []
     for task in rest:
         parts = task.moments, pooled, task.n, floor, chosen.strength, chosen.target(n_observed)
-        joint = predictive_covariance(*parts)
-        regressed = _gain(joint, size), joint
-        found.append(_Rest(task.mean.ravel(), shared, *regressed, task.log_duration_mean))
+        joint = Gaussian(task.mean.ravel(), predictive_covariance(*parts))
+        rule = regression(joint, size)
+        found.append(_Rest(joint.mean, shared, joint.covariance, rule, task.log_duration_mean))
     return found
-
-
-def _gain(covariance: Floats, size: int) -> Floats:
-    """Of the controlled weights on the observed ones, of which there are so many."""
-    return np.linalg.solve(covariance[:size, :size], covariance[:size, size:]).T
 
 
 def _without(
@@ -147,7 +143,8 @@ def _without(
     mean = (task.mean - deviation / (task.n - 1)).ravel()
     log_s = float(np.log(as_recorded.duration_s))
     log_duration = task.log_duration_mean + (task.log_duration_mean - log_s) / (task.n - 1)
-    rest_of_task = _Rest(mean, shared, _gain(covariance, size), covariance, log_duration)
+    rule = regression(Gaussian(mean, covariance), size)
+    rest_of_task = _Rest(mean, shared, covariance, rule, log_duration)
     means = [one.mean.ravel() for one in tasks]
     return _left_out(tasks, number, rest_of_task, means, units, example, as_recorded)
 
@@ -163,7 +160,7 @@ def _left_out(
 ) -> LeftOutExample:
     others = np.delete(np.arange(len(tasks)), number)
     rivals = nearest_tasks(tasks, example, others, units[: example.observed.shape[1]])
-    samples, size = as_recorded.observed, rest.gain.shape[1]
+    samples, size = as_recorded.observed, rest.rule.matrix.shape[1]
     return LeftOutExample(
         number,
         *rest[:4],

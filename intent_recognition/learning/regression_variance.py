@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.gaussian import Gaussian, expected_distance, regression
+from intent_recognition.gaussian import expected_distance
 from intent_recognition.learning.held_out import (
     expected_rows,
     follow_known,
@@ -66,11 +66,10 @@ def _losses(
     """Twice the mean negative log density of each demonstration under each variance, (r, n)."""
     size, n = library.n_observed_weights, len(left_out)
     shape = n, library.n_controlled, library.basis.n_basis
-    gain = np.array([one.gain for one in left_out]).reshape(*shape, size)
+    gain = np.array([one.rule.matrix for one in left_out]).reshape(*shape, size)
     usual = np.array([one.mean[:size] for one in left_out])
     precision = np.array([np.linalg.inv(one.joint[:size, :size]) for one in left_out])
-    rules = [regression(Gaussian(one.mean, one.joint), size) for one in left_out]
-    given = np.array([rule.covariance for rule in rules]).reshape(*shape, *shape[1:])
+    given = np.array([one.rule.covariance for one in left_out]).reshape(*shape, *shape[1:])
     given = np.einsum("nqkql->nqkl", given)
     truth, losses = np.array([one.truth for one in left_out]), []
     for followed in follow_known(library, left_out, tasks):

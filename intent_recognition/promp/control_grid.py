@@ -55,7 +55,7 @@ class ControlGrid:
         self._start_covariance = np.tensordot(start, toward_start, axes=(0, 1))
         own = np.einsum("qnqm->qnm", covariance)
         variance = np.einsum("tn,qnm,tm->tq", design, own, design, optimize=True)
-        self._variance = variance.ravel()
+        self._variance, self._noise_at_all = variance.ravel(), np.tile(self._noise, n_points)
 
     def predict(
         self, observed: Gaussian, duration_s: float, start: StartPosture | None = None
@@ -71,7 +71,7 @@ class ControlGrid:
         within = self._matrix @ observed.covariance @ self._matrix.swapaxes(1, 2)  # (Q, N, N)
         at = np.add.reduce((self._design @ within) * self._design, axis=2)
         scale = self._regressions.uncertainty(self._task, *observed)
-        variance = scale * self._variance + np.tile(self._noise, len(self.phase)) + at.T.ravel()
+        variance = scale * self._variance + self._noise_at_all + at.T.ravel()
         if start is not None:
             toward = observed.covariance @ self._start_response.T
             covariance = scale * self._start_covariance + self._start_response @ toward

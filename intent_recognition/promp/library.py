@@ -41,23 +41,27 @@ class Regressions:
     def __init__(self, mean: Floats, covariance: Floats, n_observed: int, variance: float = 0.0):
         self._mean, self._covariance, self._n_observed = mean, covariance, n_observed
         self._variance = variance
-        self._kept: dict[int, Regression] = {}
-        self._precision: dict[int, Floats] = {}
+        self._kept: dict[int, tuple[Regression, Floats | None]] = {}
 
     def __len__(self) -> int:
         return len(self._mean)
 
     def __getitem__(self, task: int) -> Regression:
         """N(A w_o + b, C) of a task, negative numbers counting from the end."""
-        index = range(len(self))[task]
+        return self._find(task)[0]
+
+    def _find(self, task: int) -> tuple[Regression, Floats | None]:
+        """A regression, and S_oo^-1 where its coefficients are uncertain."""
+        index, n = range(len(self))[task], self._n_observed
         found = self._kept.pop(index, None)
         if found is None:
             joint = Gaussian(self._mean[index], self._covariance[index])
-            found = regression(joint, self._n_observed)
+            precision: Floats | None = None
+            if self._variance:
+                precision = np.asarray(np.linalg.inv(joint.covariance[:n, :n]), dtype=np.float64)
+            found = regression(joint, n), precision
             while len(self._kept) >= N_KEPT:
-                oldest = next(iter(self._kept))
-                del self._kept[oldest]
-                self._precision.pop(oldest, None)
+                del self._kept[next(iter(self._kept))]
         self._kept[index] = found
         return found
 
@@ -67,16 +71,15 @@ class Regressions:
         1 + r E[(w_o - mu_o)^T S_oo^-1 (w_o - mu_o)], r the variance of the coefficients.
 
         Args:
-            task: number of the task, not negative.
+            task: number of the task.
             mean: of the observed weights, (..., P N).
             covariance: of them, (..., P N, P N).
         """
-        if not self._variance:
+        _, precision = self._find(task)
+        if precision is None:
             return np.ones(mean.shape[:-1])
-        n = self._n_observed
-        if task not in self._precision:
-            self._precision[task] = np.linalg.inv(self._covariance[task][:n, :n])
-        distance = expected_distance(self._precision[task], mean - self._mean[task, :n], covariance)
+        apart = mean - self._mean[task, : self._n_observed]
+        distance = expected_distance(precision, apart, covariance)
         return np.asarray(1.0 + self._variance * distance, dtype=np.float64)
 
 

@@ -52,6 +52,7 @@ def inside(trained: Trained, recordings: list[Demonstration], variance: float) -
     return float(np.mean(covered))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("usually_left_out")
 def test_new_people_are_within_two_standard_deviations_whom_the_robot_meets_in_their_own_way():
     covered = []
@@ -66,6 +67,7 @@ def test_new_people_are_within_two_standard_deviations_whom_the_robot_meets_in_t
     assert certain < 0.75
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("usually_left_out")
 def test_nothing_is_uncertain_where_the_robot_meets_all_in_the_same_way():
     rng = np.random.default_rng(7)

@@ -143,7 +143,7 @@ def test_leaving_one_out_equals_never_having_seen_it(seed, counts, strength, ind
         target = structured_target(own, pooled, floor, chosen.target(P)).covariance()
         joint = own.matrix + strength * target
         gain = joint[size:, :size] @ np.linalg.inv(joint[:size, :size])
-        np.testing.assert_allclose(one.gain, gain, rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(one.rule.matrix, gain, rtol=1e-5, atol=1e-6)
         assert sorted(one.rivals) == [other for other in range(len(counts)) if other != k]
 
 
