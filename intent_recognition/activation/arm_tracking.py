@@ -93,7 +93,7 @@ class ArmTracking:
 
     def _look_for_lateness(self, measured: Measured) -> None:
         time_ns = measured.time_ns
-        if not self._history:
+        if not self._history or not self._lateness.is_due(time_ns):
             return
         asked = [self._by(time_ns - late).at(time_ns).position for late in LATENESSES_NS.tolist()]
         late_ns = self._lateness.shown_ns(time_ns, measured.position, np.array(asked))

@@ -44,16 +44,18 @@ class Lateness:
         self._looks: deque[tuple[Floats, Floats]] = deque(maxlen=_N_LOOKS)
         self._last_ns = self._n = 0
 
+    def is_due(self, time_ns: int) -> bool:
+        """Whether a measurement at a time is far enough from the last that was looked at."""
+        return time_ns - self._last_ns >= _STEP_NS
+
     def shown_ns(self, time_ns: int, position: Floats, asked: Floats) -> int:
         """By how much commands came late as the arm's motion shows now [ns]; 0 for nothing.
 
         Args:
-            time_ns: of the measurement, above that of the last.
+            time_ns: of the measurement, which `is_due`.
             position: measured (n,) [rad].
             asked: of the arm then by each of `LATENESSES_NS` (n_latenesses, n) [rad].
         """
-        if time_ns - self._last_ns < _STEP_NS:
-            return 0
         self._last_ns, self._n = time_ns, self._n + 1
         self._looks.append((position, asked))
         if self._n % _N_AGAIN or len(self._looks) < _N_BEFORE + 2 * _N_AGAIN:
