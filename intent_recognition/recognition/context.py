@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from intent_recognition.array_types import Floats
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition.first_samples import context_misfit
 from intent_recognition.signals import Misfit, Observation
@@ -24,7 +25,7 @@ class KnownContext:
     Attributes:
         learned: that library, whatever is known.
         values: of the context, (M,); NaN for what is not known.
-        misfit: why the last sample was refused as in another unit, None if it was not.
+        misfit: why the last values were refused as in another unit, None if it was not.
     """
 
     def __init__(self, library: TaskLibrary):
@@ -38,6 +39,14 @@ class KnownContext:
         self._used = np.full(len(library.context_names), np.nan)
         self._used_at_ns = 0
         self._newest_ns: dict[int, int] = {}
+
+    def know(self, values: Floats) -> Misfit | None:
+        """Know these (M,), NaN for what is not known, or say why they are in another unit."""
+        model = self.learned.context
+        self.misfit = None if model is None else context_misfit(model, values)
+        if self.misfit is None:
+            self.values = values
+        return self.misfit
 
     def take(self, observation: Observation) -> str | None:
         """Take a sample; returns why it was not taken, as a diagnostics key, or None.
@@ -59,10 +68,8 @@ class KnownContext:
         measured = ~np.isnan(observation.values)
         known = self.values.copy()
         known[first + np.array(dofs)[measured]] = observation.values[measured]
-        self.misfit = context_misfit(model, known)
-        if self.misfit is not None:
+        if self.know(known) is not None:
             return "unit"
-        self.values = known
         self._newest_ns[observation.group] = observation.stamp_ns
         return None
 

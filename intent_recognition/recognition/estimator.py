@@ -30,7 +30,7 @@ from intent_recognition.recognition.arguments import (
 from intent_recognition.recognition.context import KnownContext
 from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.explaining import Evidence, explain_movement
-from intent_recognition.recognition.first_samples import FirstSamples, context_misfit
+from intent_recognition.recognition.first_samples import FirstSamples
 from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
 from intent_recognition.recognition.movement import Movements
 from intent_recognition.recognition.observed_turns import ObservedTurns
@@ -252,13 +252,9 @@ class IntentEstimator:
             ShapeError: it is not one number for each of `context_names`.
             ArgumentError: a number is infinite, or in another unit than was learned.
         """
-        known, model = (
-            as_context(values, self._context.learned.context_names),
-            self._context.learned.context,
-        )
-        if model is not None and (found := context_misfit(model, known)) is not None:
-            raise ArgumentError(found.reason)
-        self._context.values = known
+        known = as_context(values, self._context.learned.context_names)
+        if (misfit := self._context.know(known)) is not None:
+            raise ArgumentError(misfit.reason)
         if self._context.changed():
             self._use(self._context.apply())
 
