@@ -44,6 +44,8 @@ PHYSICS = ("pybullet", "pybullet_utils", "pybullet_data")
 QUIETED = ("pybullet", "pybullet_utils")
 """They write to the standard streams when they are imported anywhere else."""
 HEAVY = ("rclpy", "pybullet", "matplotlib", "viser", "pinocchio", "coal", "pyarrow", "c3d", "cma")
+SLOW = ("scipy.signal", "scipy.stats")
+"""Each node would start half a second later."""
 
 
 class Import(NamedTuple):
@@ -191,6 +193,7 @@ def test_ros_physics_plots_and_page_stay_in_their_rooms():
             or (top == EXPERIMENTS and not found.file.startswith(MAY_RUN_EXPERIMENTS))
             or (is_ros and not is_node)
             or (in_library and top in PHYSICS)
+            or (found.module in SLOW and not found.file.startswith(EXPERIMENTS))
             or (top in QUIETED and not found.file.startswith("sim_bridge.physics"))
             or (top == "matplotlib" and in_library and room not in MAY_PLOT)
             or (top == "matplotlib" and found.file.startswith(SIMULATION))
@@ -216,7 +219,7 @@ def loaded_after_importing(modules: list[str]) -> list[str]:
     """Which of the heavy packages a fresh Python has loaded after importing `modules`."""
     code = (
         f"import importlib, sys\nfor name in {modules!r}: importlib.import_module(name)\n"
-        f"print(*[name for name in {HEAVY!r} if name in sys.modules])"
+        f"print(*[name for name in {HEAVY + SLOW!r} if name in sys.modules])"
     )
     return python_says(code).split()
 

@@ -10,7 +10,6 @@ from collections import deque
 
 import numpy as np
 from scipy.optimize import nnls
-from scipy.signal import lfilter
 
 from intent_recognition.activation.arm_clock import TELLING_RAD
 from intent_recognition.array_types import Floats
@@ -26,6 +25,13 @@ _DELAYS = np.arange(0, 26, 2)
 _LAGS = np.array([2.5, 5.0, 10.0, 20.0])
 """An arm's lag is a mixture of these: pure delays, and lags of first order [looks]. Convention: up
 to 0.5 s at 100 Hz."""
+_LAGGED = np.array(
+    [
+        (1.0 - keeps) * np.tril(keeps ** np.abs(np.subtract.outer(*2 * [np.arange(_N_LOOKS)])))
+        for keeps in np.exp(-1.0 / _LAGS)
+    ]
+)
+"""First-order lags of all looks, as matrices (4, looks, looks); those of fewer are its corners."""
 _LEAST_RAD = 5e-4
 """An arm explained as well as this [rad] without lateness has had its commands in time. Convention:
 several times the noise of encoders."""
@@ -83,8 +89,7 @@ def unexplained(positions: Floats, asked: Floats) -> float:
     """
     rows = np.arange(len(asked))
     late = [asked[np.maximum(rows - delay, 0)] for delay in _DELAYS]
-    for keeps in np.exp(-1.0 / _LAGS):
-        late.append(asked[0] + lfilter([1.0 - keeps], [1.0, -keeps], asked - asked[0], axis=0))
+    late.extend(asked[0] + _LAGGED[:, : len(asked), : len(asked)] @ (asked - asked[0]))
     tables = np.array([*late, positions])[:, _N_BEFORE::2].transpose(2, 1, 0)  # one of each joint
     tables = tables - tables.mean(axis=1, keepdims=True)
     ridge = np.tile(_RIDGE_RAD * np.eye(len(late), len(late) + 1), (len(tables), 1, 1))

@@ -10,7 +10,7 @@ from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import binomtest
+from scipy.special import betaincinv
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
@@ -91,9 +91,10 @@ class Rehearsal(NamedTuple):
 
     def wrong_interval(self) -> tuple[float, float]:
         """Of the share acted on wrongly, by Clopper and Pearson, recordings being independent."""
-        test = binomtest(self.n_wrong, len(self.runs))
-        found = test.proportion_ci(0.95, method="exact")
-        return float(found.low), float(found.high)
+        wrong, right = self.n_wrong, len(self.runs) - self.n_wrong
+        low = betaincinv(wrong, right + 1, 0.025) if wrong else 0.0
+        high = betaincinv(wrong + 1, right, 0.975) if right else 1.0
+        return float(low), float(high)
 
     def worst(self, most: int) -> list[Rehearsed]:
         """The runs with the worst moments: wrong ones, then misses, then by the odds."""

@@ -5,7 +5,6 @@ All processes are sampled at a fixed rate and drawn from the generator handed in
 """
 
 import numpy as np
-from scipy.signal import lfilter
 
 from intent_recognition.array_types import Flags, Floats
 from intent_recognition.promp import minimum_jerk
@@ -47,9 +46,17 @@ def tremor(rng: np.random.Generator, count: int, rate_hz: float) -> Floats:
 
 
 def _recursive(white: Floats, first: float, second: float) -> Floats:
-    """y_k = first y_{k-1} + second y_{k-2} + white_k, scaled to unit stationary variance."""
+    """y_k = first y_{k-1} + second y_{k-2} + white_k, scaled to unit stationary variance.
+
+    As scipy.signal's lfilter, whose import takes the simulation half a second.
+    """
     variance = (1.0 - second) / ((1.0 + second) * ((1.0 - second) ** 2 - first**2))
-    return lfilter([1.0], [1.0, -first, -second], white, axis=0) / np.sqrt(variance)
+    out = np.zeros_like(white)
+    previous, before = np.zeros(3), np.zeros(3)
+    for k, value in enumerate(white):
+        out[k] = first * previous + second * before + value
+        before, previous = previous, out[k]
+    return out / np.sqrt(variance)
 
 
 def signal_dependent(rng: np.random.Generator, positions: Floats, rate_hz: float) -> Floats:
