@@ -19,8 +19,6 @@ from intent_recognition.errors import ResourceBusyError, describe
 LOCK_S = 60.0
 """Longest wait for another process to end its change [s]. Convention: learning takes up to 5 s, and
 four times as long on a busy machine."""
-RETRY_S = 0.02
-"""Time between two tries to lock [s]. Convention."""
 
 
 def commit(temporary: Path, target: Path) -> None:
@@ -114,7 +112,7 @@ def locked(
                     raise ResourceBusyError(
                         describe(str(path.parent), "a folder that is free", got, cure)
                     ) from error
-                time.sleep(RETRY_S)
+                time.sleep(0.02)
         yield
     finally:
         os.close(descriptor)

@@ -72,10 +72,6 @@ class ResourceBusyError(IntentError):
     """A port, a ROS domain or a file is in use or cannot be opened."""
 
 
-LONGEST_GOT = 2000
-"""Characters of what came that a message repeats. Convention."""
-
-
 def describe(argument: str, expected: str, got: object, cure: str) -> str:
     """Build the message every error of this package carries.
 
@@ -85,7 +81,7 @@ def describe(argument: str, expected: str, got: object, cure: str) -> str:
         got: what came instead.
         cure: what the caller can do about it, as a sentence.
     """
-    came = "\n".join(map(printable, _words(got, argument)[:LONGEST_GOT].split("\n")))
+    came = "\n".join(map(printable, _words(got, argument)[:2000].split("\n")))
     return f"{argument}: expected {expected}, got {came.removesuffix('.')}. {cure}"
 
 

@@ -17,9 +17,6 @@ if TYPE_CHECKING:
 else:  # so that annotations can be resolved without matplotlib
     Axes = Figure = Any
 
-WIDTH_STD = 2.0
-"""Half the width of a band in standard deviations. Convention: 95 % of a normal variable."""
-
 
 def draw_bands(
     axes: Axes, times_s: Floats, mean: Floats, std: Floats, names: Sequence[str]
@@ -35,7 +32,7 @@ def draw_bands(
     """
     for k, name in enumerate(names):
         (line,) = axes.plot(times_s, mean[:, k], label=name)
-        half = WIDTH_STD * std[:, k]
+        half = 2.0 * std[:, k]
         band = (mean[:, k] - half, mean[:, k] + half)
         axes.fill_between(times_s, *band, color=line.get_color(), alpha=0.2, linewidth=0)
     axes.set_xlabel("time since onset [s]")

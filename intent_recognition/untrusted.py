@@ -22,15 +22,11 @@ from intent_recognition.errors import ArgumentError, ModelError, describe
 
 MOST_TEXT = 4_000_000
 """Bytes of a YAML or JSON text. Convention: the metadata of a thousand topics take 0.7 MB."""
-MOST_LOG = 100_000_000
-"""Bytes of a log of lines. Convention: three hundred thousand changes or executions."""
 DEEPEST = 32
 """Nesting of YAML and XML. Convention: a DOF file has 4 levels, a URDF 5, metadata.yaml 7."""
 MOST_NODES = 100_000
 """Nodes of YAML, with those that aliases repeat, and elements of XML. Convention: a thousand topics
 take 60 000, a thousand links 20 000."""
-LONGEST_NUMBER = 100
-"""Characters of a number. Convention: 2^64 takes 20."""
 MOST_MESH = 200_000_000
 """Bytes of a mesh or cloud. Convention: four million triangles."""
 MOST_ARRAYS = 2**29
@@ -95,7 +91,7 @@ def read_log(path: Path, start: int = 0) -> bytes:
         ModelError: it is no regular file, or too large.
     """
     try:
-        check_regular(path, MOST_LOG)
+        check_regular(path, 100_000_000)  # 300,000 changes or executions
     except UntrustedError as error:
         cure = "Remove it, or choose another folder."
         raise ModelError(describe(str(path), "a log of lines", error, cure)) from error
@@ -257,7 +253,7 @@ def _check_events(text: str) -> None:
             nodes += 1
             if anchor is not None:
                 sizes[anchor] = 1
-            if len(event.value) > LONGEST_NUMBER and _is_number(event):
+            if len(event.value) > 100 and _is_number(event):
                 raise UntrustedError(f"a number of {len(event.value)} characters")
         elif isinstance(event, yaml.CollectionEndEvent):
             anchor, before = open_.pop()

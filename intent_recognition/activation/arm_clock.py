@@ -12,9 +12,6 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 
-_WINDOW_NS = 2_000_000_000
-"""The offset is the least of two windows of this length [ns]. Convention: at 10 Hz 20 messages,
-the quickest of which is not late."""
 TELLING_RAD = 0.02
 """Difference of two references that tells which of both an arm follows [rad]. Convention: several
 times the noise of encoders, less than what an arm lags behind."""
@@ -45,7 +42,7 @@ class ArmClock:
         behind_ns = arrival_ns - stamp_ns
         if self._since_ns is None:
             self._since_ns, self._least_ns, self._before_ns = arrival_ns, behind_ns, behind_ns
-        elif arrival_ns - self._since_ns > _WINDOW_NS:
+        elif arrival_ns - self._since_ns > 2_000_000_000:  # at 10 Hz 20 messages
             self._since_ns, self._before_ns, self._least_ns = arrival_ns, self._least_ns, behind_ns
         self._least_ns = min(self._least_ns, behind_ns)
         self.offset_ns = min(self._least_ns, self._before_ns)

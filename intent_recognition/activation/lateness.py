@@ -16,8 +16,6 @@ from intent_recognition.array_types import Floats
 
 LATENESSES_NS = np.arange(0, 450_000_000, 50_000_000)
 """Those compared [ns]. Convention: up to the delays of networks on which an arm should move."""
-_STEP_NS = 19_000_000
-"""Least time between two looks [ns]. Convention: at 100 Hz every second joint state counts."""
 _N_LOOKS, _N_BEFORE, _N_AGAIN = 180, 30, 10
 """Looks that are kept, the first of them that only explain the others, and after how many it is
 compared again. Convention: 3.6 s, 0.6 s and 0.2 s at 100 Hz."""
@@ -52,7 +50,7 @@ class Lateness:
 
     def is_due(self, time_ns: int) -> bool:
         """Whether a measurement at a time is far enough from the last that was looked at."""
-        return time_ns - self._last_ns >= _STEP_NS
+        return time_ns - self._last_ns >= 19_000_000  # at 100 Hz every second state
 
     def shown_ns(self, time_ns: int, position: Floats, asked: Floats) -> int:
         """By how much commands came late as the arm's motion shows now [ns]; 0 for nothing.

@@ -50,10 +50,6 @@ from intent_recognition.array_types import Floats
 from intent_recognition.motion import PredictedPerson
 from intent_recognition.recognition import DecisionState
 
-_LARGEST_BACK_NS = 100_000_000
-"""A clock may go back by this [ns]. Convention: more than the jitter of threads, less than any
-restart of a simulation or recording."""
-
 
 class Activation:
     """Takes what is observed, and gives the next command when `step` is called.
@@ -296,7 +292,7 @@ class Activation:
 
     def step(self, now_ns: int) -> Command | None:
         """Advance to now; returns a command to send, if there is one."""
-        if now_ns < self._now_ns - _LARGEST_BACK_NS:
+        if now_ns < self._now_ns - 100_000_000:  # more than the jitter of threads
             self._now_ns = now_ns
             self._reject("clock_jumped_back", "the node's clock went back; starting over")
             self._arm.forget_joints()

@@ -13,8 +13,6 @@ from intent_recognition.signals import Signal
 
 MIN_SAMPLES = 4
 """Fewest samples of a trajectory that local linear regression can smooth. Convention."""
-SMALLEST_SCALE = 0.01
-"""Smallest typical deviation of a DOF after alignment, as a share of its range. Convention."""
 
 
 class Template(NamedTuple):
@@ -106,7 +104,7 @@ def typical_deviation(samples: Floats, deviations: Floats) -> Floats:
     moving = np.any(np.ptp(samples, axis=1) > 1e-9 * np.abs(samples).max(axis=(0, 1)), axis=0)
     centred = deviations - deviations.mean(axis=1, keepdims=True)
     typical = np.median(np.mean(np.abs(centred), axis=1), axis=0)
-    scale = np.maximum(typical, SMALLEST_SCALE * extent)
+    scale = np.maximum(typical, 0.01 * extent)
     return np.where(moving & (scale >= np.finfo(np.float64).tiny), scale, np.inf)
 
 

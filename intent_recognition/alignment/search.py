@@ -20,10 +20,6 @@ FINENESS = 4
 MOVES = np.array([1, 2, 3, 4, 5, 6, 8, 11])
 """Recorded intervals a reference interval may take: rates from 1/4 to 11/4."""
 
-ABSOLUTE_PER_ROOT = 0.8
-"""Mean absolute over root mean square deviation of a Gaussian, sqrt(2 / pi), rounded: estimates the
-L1 norm over DOFs from the L2 norm."""
-
 
 def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> Floats:
     """Parameters (n, K + 1) of smooth warps near the best coarse paths.
@@ -44,7 +40,8 @@ def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> Fl
     distance = np.sqrt(np.maximum(squares, 0.0, out=squares), out=squares)
     n_moving = np.count_nonzero(np.any(problem.reference != 0.0, axis=0))
     share = problem.n_independent / (STEPS + 1)
-    distance *= np.float32(ABSOLUTE_PER_ROOT * np.sqrt(n_moving) * share)
+    # sqrt(2 / pi) = 0.8 makes an L1 norm of the L2 norm of Gaussian deviations
+    distance *= np.float32(0.8 * np.sqrt(n_moving) * share)
     paths = _best_paths(distance, rate_std, rate_correlation, problem.end_std)
     return _smoothed(problem, recorded[paths])
 

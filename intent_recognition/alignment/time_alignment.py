@@ -33,13 +33,6 @@ from intent_recognition.alignment.warp import MAX_LOG_RATE, Warp, slope_basis
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 
-ROUGH_ITERATIONS = 4
-"""Steps of the descent that estimates the scales only. Convention: scales need no converged warps.
-"""
-SCALE_DEMONSTRATIONS = 16
-"""Demonstrations, evenly drawn, that scales are estimated from: each is a median over
-demonstrations. Convention."""
-
 
 @dataclass(frozen=True)
 class AlignmentSettings:
@@ -140,8 +133,8 @@ def align(
     if isinstance(reference, str) and reference == "mean":
         template, index = _mean_template(samples, rough, settings), None
     else:
-        some = samples[:: -(-len(samples) // SCALE_DEMONSTRATIONS)]
-        parameters = _fit(some, rough, settings, ROUGH_ITERATIONS)
+        some = samples[:: -(-len(samples) // 16)]  # evenly drawn, for medians
+        parameters = _fit(some, rough, settings, 4)  # scales need no converged warps
         deviations = _warped(some, parameters, settings) - values
         template = Template(values, typical_deviation(samples, deviations))
     parameters = _fit(samples, template, settings, settings.n_iterations)

@@ -31,12 +31,6 @@ from intent_recognition.errors import BagError, ResourceBusyError, one_line
 
 FLUSH_PERIOD_S = 0.5
 """Longest time a message stays in memory [s]. Convention: a killed recorder loses less than 1 s."""
-METADATA_PERIOD_S = 2.0
-"""Longest time for which metadata.yaml counts fewer messages than the file has [s]. Convention: it
-takes 10 ms to write."""
-MIN_FREE_BYTES = 16 * 2**20
-"""Recording stops when less is left on the disk [bytes]. Convention: room for the largest chunk and
-the summary."""
 CHUNK_BYTES = 2**20
 """Size of a chunk before compression [bytes]. MCAP's default."""
 
@@ -67,7 +61,7 @@ class BagWriter:
         custom_data: Mapping[str, str] | None = None,
         *,
         flush_period_s: float | None = FLUSH_PERIOD_S,
-        min_free_bytes: int = MIN_FREE_BYTES,
+        min_free_bytes: int = 16 * 2**20,
         clock: Callable[[], float] = time.monotonic,
         disk_usage: Callable[[Path], Any] = shutil.disk_usage,
     ):
@@ -187,7 +181,7 @@ class BagWriter:
             return
         self._guard(self._writer.flush)
         self._flushed_s = self._clock()
-        if self._pending and self._flushed_s - self._described_s >= METADATA_PERIOD_S:
+        if self._pending and self._flushed_s - self._described_s >= 2.0:  # it takes 10 ms
             self._guard(self._write_metadata)
             self._described_s = self._flushed_s
         self._pending = self._pending_bytes = 0

@@ -94,8 +94,6 @@ if TYPE_CHECKING:
     from intent_recognition.evaluation import InteractionRecord
 
 SCENARIOS = (*LIVE, "pouring")
-DEFAULT_RATE, DASHBOARD_RATE = 1.5, 1.0
-"""Simulated seconds per real second, without and with a page to watch. Convention."""
 
 
 OPTIONS = {
@@ -126,7 +124,7 @@ def run(args: argparse.Namespace) -> int:
         _check(args)
         return run_recordings(args, console)
     if args.rate is None:
-        args.rate = DASHBOARD_RATE if args.dashboard else DEFAULT_RATE
+        args.rate = 1.0 if args.dashboard else 1.5
     args.transfers |= args.scenario == CELL
     if args.scenario == "pouring":
         from intent_recognition.cli.demo_pouring import run_pouring

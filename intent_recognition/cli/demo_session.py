@@ -35,8 +35,6 @@ OWN_INPUTS = ("mocap/wrist/pose", "joint_states", "/clock")
 """Topics that nothing but the demo may publish."""
 GRAPH_DEADLINE_S = 30.0
 """Longest wait until the nodes have found one another [s]. Convention."""
-START_S, LONGEST_INTERACTION_S = 120.0, 150.0
-"""Longest session [s]: its start, and each interaction at the slowest pace. Convention."""
 PRETRIGGER_THRESHOLD = 0.7
 """Probability of the next task from which on the arm goes ahead (docs/recognition.md)."""
 DOMAINS = (1, 101)
@@ -200,14 +198,15 @@ def _follow(
     args: argparse.Namespace, observer: "SessionObserver", progress: ProgressLine, watch: NodeWatch
 ) -> float:
     """Show the session until the last motion is over; returns the pace of its time."""
-    longest_s = START_S + LONGEST_INTERACTION_S * progress.total
+    start_s = 120.0
+    longest_s = start_s + 150.0 * progress.total  # each at the slowest pace
     began_s, began_ns = time.monotonic(), observer.get_clock().now().nanoseconds
     with progress:
         watch.until(lambda: not watch.processes.running(COWORKER), longest_s, "the session's end")
         over_ns = observer.get_clock().now().nanoseconds + 3_000_000_000
         watch.until(
             lambda: observer.get_clock().now().nanoseconds >= over_ns,
-            START_S,
+            start_s,
             "the end of the last motion",
         )
     simulated_s = (observer.get_clock().now().nanoseconds - began_ns) * 1e-9

@@ -14,9 +14,6 @@ from intent_recognition.cli.console import MOST_LISTED, escape, plain_table, pri
 from intent_recognition.demonstrations import BagSummary, TopicSummary
 from intent_recognition.errors import BagError
 
-FIRST_PLAUSIBLE_NS = 1_000_000_000 * 86_400 * 365
-"""Earlier stamps are not dates: one year after 1970 [ns]. Convention."""
-
 
 def bag_json(summary: BagSummary) -> dict:
     """A bag's summary as plain values."""
@@ -114,7 +111,7 @@ def damage_line(damage: Damage) -> str:
 
 def moment(stamp_ns: int) -> str:
     """A date in UTC; plain seconds for clocks that do not count from 1970."""
-    if stamp_ns < FIRST_PLAUSIBLE_NS:
+    if stamp_ns < 365 * 86_400 * 1_000_000_000:  # before 1971
         return f"t = {stamp_ns * 1e-9:.3f} s"
     when = datetime.fromtimestamp(stamp_ns * 1e-9, tz=timezone.utc)
     return when.strftime("%Y-%m-%d %H:%M:%S.%f")[:-3] + " UTC"

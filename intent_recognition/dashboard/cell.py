@@ -33,8 +33,6 @@ ASKED = "asked for help"
 """Key of the diagnostics of `primitive_activation`."""
 FRESH_S = 1.0
 """What is older is shown as old [s]. Convention."""
-SILENT_AFTER_S = 3.0
-"""A node is silent after so long without a report [s]: three of its periods. Convention."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +91,7 @@ class NodeHealth:
     def silent_s(self, now_s: float) -> float:
         """For how long it has been silent; zero while reports are due."""
         waited = now_s - self.at_s
-        return waited if waited > SILENT_AFTER_S else 0.0
+        return waited if waited > 3.0 else 0.0  # three of its periods
 
 
 @dataclass(frozen=True)

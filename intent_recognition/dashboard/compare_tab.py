@@ -18,18 +18,14 @@ from intent_recognition.evaluation import explain, replay
 from intent_recognition.model import load_model
 from intent_recognition.report import heading, short_name, task_colours, without_rows
 
-PLOTTED = 400
-"""Points of a plotted posterior at most. Convention."""
 ABOUT = (
     "Both models replay one recording: which recognises the task sooner, and with more certainty?"
 )
-NO_MODELS = "There is no model to compare."
 CURES = (
     "Train one, and start the page where it lies: `intent train BAG... --output M.npz`",
     "Or name their folder: `-p models:=FOLDER`",
 )
 HEAD = ("model", "acts on", "after", "at the end")
-WHY = ("signal", "nats", "without it")
 
 
 class CompareTab:
@@ -82,7 +78,9 @@ class CompareTab:
             field.visible = bool(self._models and self._bags)
 
     def _about(self) -> str:
-        return markup.remark(ABOUT) if self._models else markup.ways(NO_MODELS, CURES)
+        if not self._models:
+            return markup.ways("There is no model to compare.", CURES)
+        return markup.remark(ABOUT)
 
     def _run(self) -> None:
         try:
@@ -131,7 +129,7 @@ def posterior_over(
     stamps = np.array([row["stamp"] for row in rows])
     times = (stamps - stamps[0]) * 1e-9
     labels = tuple(rows[0]["probabilities"])
-    every = max(1, len(rows) // PLOTTED)
+    every = max(1, len(rows) // 400)
     columns = {
         label: np.array([row["probabilities"][label] for row in rows[::every]]) for label in labels
     }
@@ -161,4 +159,5 @@ def why_over(bag: Path, model: Path) -> str:
         (short_name(name, names), "" if added is None else f"{added:+.1f}", instead)
         for name, added, instead in without_rows(one)
     ]
-    return markup.remark(f"{model.stem}: {heading(one)}") + markup.table(WHY, rows)
+    table = markup.table(("signal", "nats", "without it"), rows)
+    return markup.remark(f"{model.stem}: {heading(one)}") + table

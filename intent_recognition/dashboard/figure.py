@@ -19,11 +19,6 @@ from intent_recognition.array_types import Floats
 
 HIP, SHOULDER, UPPER_ARM, FOREARM = 0.530, 0.818, 0.186, 0.146
 SHOULDER_HALF_WIDTH = 0.129
-STRETCHED = 0.98
-"""The farthest that a wrist is from its shoulder, as a share of the arm's length: an arm that is
-quite stretched has no plane to bend in. Convention."""
-FOLDED = 1.1
-"""The nearest, as a multiple of the difference between the two bones. Convention."""
 MOST_LEAN_RAD = 0.8
 """The upper body leans this far [rad]; for what is farther away the figure is moved. Convention."""
 ELBOW_POLE = np.array([-0.35, 0.45, -1.0])
@@ -103,7 +98,8 @@ def reach(stance: Stance, wrist: Floats) -> Posture:
     """
     upper, fore = stance.arm_m
     hip = stance.ground_m + np.array([0.0, 0.0, HIP * stance.height_m])
-    longest, shortest = STRETCHED * (upper + fore), FOLDED * abs(upper - fore)
+    # a stretched arm has no plane to bend in
+    longest, shortest = 0.98 * (upper + fore), 1.1 * abs(upper - fore)
     lean = lean_toward(stance.arm, wrist - hip, longest)
     shoulder = hip + lean @ stance.arm
     way = wrist - shoulder

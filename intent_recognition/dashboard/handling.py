@@ -21,16 +21,11 @@ from intent_recognition.dashboard.scene_file import PERSON, ROBOT, Body
 GRASP_M = 0.06
 """The hand takes a body where it is nearest to its grasp, if within so much [m]. Convention: the
 simulated arm errs by a third."""
-PASSED_M = 0.004
-"""The nearest place was passed when the hand is so much farther away [m]. Convention: more than
-the noise of measured joints."""
 CARRIED_M = 0.12
 """What is carried less far is not given or laid down [m]; as the simulated gripper has it."""
 NEAR_M = 0.4
 """Hand and wrist can hand a body over when so near [m]. Convention: the robot's hand, a body and
 the person's hand lie between."""
-STILL_M, STILL_S = 0.012, 0.3
-"""A hand rests when it has stayed within so much [m] for so long [s]. Convention."""
 GLIDE_S = 0.5
 """Duration of what is drawn where a body changes its place without a measured way [s]."""
 
@@ -45,7 +40,7 @@ class BodyHolder(Enum):
 
 
 class Rest:
-    """Whether a point rests, and since when."""
+    """Whether a point rests, within 12 mm for 0.3 s, and since when."""
 
     def __init__(self) -> None:
         self._anchor: Floats | None = None
@@ -56,9 +51,9 @@ class Rest:
         if point is None:
             self._anchor = None
             return False
-        if self._anchor is None or np.linalg.norm(point - self._anchor) > STILL_M:
+        if self._anchor is None or np.linalg.norm(point - self._anchor) > 0.012:
             self._anchor, self._since_s = point, now_s
-        return bool(now_s - self._since_s >= STILL_S)
+        return bool(now_s - self._since_s >= 0.3)
 
 
 @dataclass(frozen=True)
@@ -176,7 +171,8 @@ class _Followed:
         elif active and moment.hand is not None and self._body.grasp is not None:
             distance = float(np.linalg.norm(moment.hand[:3, 3] - self._body.grasp))
             self._nearest_m = min(self._nearest_m, distance)
-            passed = distance > self._nearest_m + PASSED_M or hand_rests
+            # more than the noise of joints
+            passed = distance > self._nearest_m + 0.004 or hand_rests
             if passed and self._nearest_m <= GRASP_M and distance <= 2.0 * GRASP_M:
                 self._hold(moment)
 

@@ -29,11 +29,6 @@ from intent_recognition.nodes.people import meet_all
 from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.share import share_path
 
-MOST_BAGS = 500
-"""Recordings to choose from. Convention."""
-MOST_MODELS = 50
-"""Models to choose from. Convention."""
-MODEL_DEPTH = ("*.npz", "*/*.npz", "*/*/*.npz")
 NEVER_PLAYED = ("joint_trajectory", "clock", "diagnostics", "rosout")
 """A replay shows; it must not move a robot that is there."""
 
@@ -61,7 +56,7 @@ class Dashboard(Node):
             self._commands,
             teleoperation,
             session,
-            bags=(find_bags(Path(bags)) if bags else shipped_bags())[:MOST_BAGS],
+            bags=(find_bags(Path(bags)) if bags else shipped_bags())[:500],
             models=self._find_models,
             play=self._play,
             stop=self._stop,
@@ -91,8 +86,9 @@ class Dashboard(Node):
 
     def _find_models(self) -> list[Path]:
         folder = Path(self._models)
-        found = [path.absolute() for depth in MODEL_DEPTH for path in sorted(folder.glob(depth))]
-        return [path for path in found if _is_model(path, path.stat().st_mtime_ns)][:MOST_MODELS]
+        depths = ("*.npz", "*/*.npz", "*/*/*.npz")
+        found = [path.absolute() for depth in depths for path in sorted(folder.glob(depth))]
+        return [path for path in found if _is_model(path, path.stat().st_mtime_ns)][:50]
 
     def _play(self, bag: Path, offset_s: float, rate: float) -> BagPlayer:
         """Play the topics without other publishers from an offset, stamped with the present.

@@ -27,14 +27,6 @@ from intent_recognition.errors import IntentError, one_line
 from intent_recognition.report import INK, task_colours
 
 TITLE = "intent recognition"
-PANEL_PERIOD_S = 0.1
-"""Time between two updates of the panel [s]. Convention."""
-SLOW_PERIOD_S = 1.0
-"""Time between two updates of what changes slowly: nodes, models, buttons [s]. Convention."""
-MOST_ASKED = 200
-"""Actions that wait for the graph's thread, the newest. Convention: a second of drags."""
-MESSAGE_S = 6.0
-"""Time for which a message is shown [s]. Convention."""
 
 
 class DashboardPage:
@@ -130,7 +122,7 @@ class DashboardPage:
         colour = INK if ok else markup.WARNING
         self._banner.content = markup.banner(text, colour)
         self._banner.visible = True
-        self._message_until_s = self._clock() + MESSAGE_S
+        self._message_until_s = self._clock() + 6.0
 
     def update(self) -> None:
         """Do what was asked for, and show the newest."""
@@ -147,7 +139,7 @@ class DashboardPage:
         self._choose_colours()
         people = markup.people_colours(name for name in state.people if name)
         problem = self._scene.update(state, self._colours, people, now_s)
-        if now_s - self._panel_at_s >= PANEL_PERIOD_S:
+        if now_s - self._panel_at_s >= 0.1:
             self._panel_at_s = now_s
             self._now.visible = bool(state.joints) or state.believes
             self._now.content = markup.now_line(state, self._colours, people)
@@ -155,7 +147,7 @@ class DashboardPage:
             self._via.update(state.via_points, self._scene.hand_path)
             self._teach.update(state)
             self._replay.update()
-        if now_s - self._slow_at_s >= SLOW_PERIOD_S:
+        if now_s - self._slow_at_s >= 1.0:
             self._slow_at_s = now_s
             self._update_slowly(now_s, problem)
 
@@ -168,7 +160,7 @@ class DashboardPage:
         """Have something done at the next update: once, however often it is asked for till then."""
         with self._asking:
             self._asked[action] = None
-            if len(self._asked) > MOST_ASKED:
+            if len(self._asked) > 200:  # a second of drags
                 del self._asked[next(iter(self._asked))]
 
     def _draws_slowly(self) -> None:

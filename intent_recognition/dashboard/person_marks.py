@@ -12,16 +12,10 @@ from intent_recognition.dashboard.things_view import Colour, rgb
 from intent_recognition.promp import NONE
 from intent_recognition.report import NONE_COLOUR, readable
 
-TUBE_OPACITY = 0.28
-"""With viser's lights; RViz shows the same tube with `markers.TUBE_ALPHA`. Convention."""
 STALE_S = 1.5
 """Age from which on a prediction is not drawn [s]. Convention."""
 PATH_WIDTH_M = 0.006
 """Width of a drawn path [m]. Convention."""
-NAME_M = 0.08
-"""The name is so far above the wrist [m]. Convention."""
-TASK_M = 0.14
-"""The task is so far above the predicted end [m]. Convention."""
 NOTHING = np.zeros((0, 3))
 GREY = rgb(NONE_COLOUR)
 """Of what is old."""
@@ -66,7 +60,7 @@ class PersonMarks:
         self._frame = scene.add_frame(root, show_axes=False) if name else None
         self._wrist = scene.add_icosphere(f"{root}/wrist", 0.022, colour, visible=False)
         if name:
-            above = (0.0, 0.0, NAME_M)
+            above = (0.0, 0.0, 0.08)
             scene.add_label(f"{root}/wrist/name", name, anchor="bottom-center", position=above)
         self._label = scene.add_label(f"{root}/task", "", visible=False, anchor="bottom-center")
 
@@ -87,7 +81,7 @@ class PersonMarks:
         self._draw_tube(NOTHING if shown is None else shown.tube, colour)
         self._label.visible = len(path) > 0 and best != NONE
         if self._label.visible:
-            self._label.position = path[-1] + np.array([0.0, 0.0, TASK_M])
+            self._label.position = path[-1] + np.array([0.0, 0.0, 0.14])
             self._label.text = readable(best)
 
     def remove(self) -> None:
@@ -107,7 +101,7 @@ class PersonMarks:
                 vertices,
                 np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3),
                 color=colour,
-                opacity=TUBE_OPACITY,
+                opacity=0.28,  # with viser's lights; RViz: `markers.TUBE_ALPHA`
                 side="double",
                 cast_shadow=False,
                 receive_shadow=False,

@@ -22,8 +22,6 @@ CHANGES: dict[str, Callable[[WorkPlan, str], WorkPlan]] = {
     "Forget": without,
 }
 MUST, NEED_NOT = "Must wait", "Need not"
-MOST_UNDONE = 20
-"""Changes that can be taken back. Convention."""
 
 
 class PlanPanel:
@@ -35,7 +33,7 @@ class PlanPanel:
     def __init__(self, page: PageAccess):
         gui, self._commands = page.server.gui, page.commands
         self._plan: WorkPlan | None = None
-        self._before: deque[WorkPlan] = deque(maxlen=MOST_UNDONE)
+        self._before: deque[WorkPlan] = deque(maxlen=20)
         self._folder = gui.add_folder("Plan of the assembly", visible=False)
         with self._folder:
             self._list = gui.add_html("")

@@ -21,15 +21,9 @@ from intent_recognition.kinematics import Chain, joint_poses, tip_pose, tip_posi
 from intent_recognition.motion import is_hand
 
 ROOT = "/robot"
-LARGEST_PATH = 32
-"""Points of a drawn hand path."""
 TURNING, SHIFTING = ("revolute", "continuous"), ("prismatic",)
 MOST_JOINTS = 300
 """Joints of a description. Convention."""
-LARGEST_MESH = 50_000_000
-"""Bytes of a mesh of a description. Convention."""
-LIGHTER = 0.35
-"""Colourful materials become greys nearer to white by this share: colours are for tasks."""
 
 
 class RobotView:
@@ -75,7 +69,7 @@ class RobotView:
 
     def hand_path(self, joints: Sequence[str], positions: Floats) -> Floats:
         """Positions of the hand (T', 3) [m] along a trajectory (T, d) of joints [rad] or of it."""
-        chosen = np.unique(np.linspace(0, len(positions) - 1, LARGEST_PATH).round().astype(int))
+        chosen = np.unique(np.linspace(0, len(positions) - 1, 32).round().astype(int))
         if is_hand(joints):
             return positions[chosen, :3]
         values = joint_values(self._chain, joints, positions[chosen])
@@ -115,7 +109,7 @@ def _paint(shape: Any) -> None:
 def _mesh_file(fname: str) -> str:
     """Where a mesh is, as yourdfpy looks for it; nowhere if it is too large."""
     path = yourdfpy.urdf.filename_handler_magic(fname, dir="")
-    return path if Path(path).is_file() and Path(path).stat().st_size <= LARGEST_MESH else ""
+    return path if Path(path).is_file() and Path(path).stat().st_size <= 50_000_000 else ""
 
 
 class _MovingUrdf(ViserUrdf):
@@ -185,7 +179,7 @@ def greyed(description: str) -> str:
         except ValueError:
             return found[0]
         bright = 0.3 * red + 0.59 * green + 0.11 * blue
-        bright += LIGHTER * (1.0 - bright) * (max(red, green, blue) - min(red, green, blue))
+        bright += 0.35 * (1.0 - bright) * (max(red, green, blue) - min(red, green, blue))
         return 'rgba="' + " ".join(f"{number:.3f}" for number in (*[bright] * 3, *rest)) + '"'
 
     return re.sub(r'rgba="([^"]*)"', grey, description)

@@ -25,13 +25,8 @@ from intent_recognition.errors import one_line
 from intent_recognition.kinematics import JOINT_NAMES, frame_poses
 from intent_recognition.report import INK, NONE_COLOUR
 
-HAND_PATH_PERIOD_S = 0.2
-"""Time between two updates of the predicted path of the hand [s]. Convention."""
-
 DARK = rgb(INK)
 """Of the only person's wrist, and of what has no task."""
-AMBIENT = 1.2
-"""Intensity of the light from everywhere that is there instead of the environment. Convention."""
 
 
 class PageScene:
@@ -63,7 +58,7 @@ class PageScene:
         """Draw no shadows from now on, and no light of the environment, whose shaders are slow."""
         self._server.scene.configure_default_lights(cast_shadow=False)
         self._server.scene.configure_environment_map(None)
-        self._server.scene.add_light_ambient("/ambient", intensity=AMBIENT)
+        self._server.scene.add_light_ambient("/ambient", intensity=1.2)
 
     @property
     def robot(self) -> RobotView | None:
@@ -165,7 +160,7 @@ class PageScene:
         if predicted is None or not state.fresh(person.predicted_at_s, now_s, STALE_S):
             self._lines.draw("hand_path", NOTHING, DARK, PATH_WIDTH_M)
             return
-        due = now_s - self._hand_path_at_s >= HAND_PATH_PERIOD_S
+        due = now_s - self._hand_path_at_s >= 0.2
         if self._robot is None or not due or len(predicted.positions) < 2:
             return
         self._hand_path_at_s = now_s

@@ -46,7 +46,6 @@ from intent_recognition.nodes.conversions import position_array
 from intent_recognition.nodes.diagnostics import ENDED
 from intent_recognition.plans import read_plan
 
-DEFAULT_BODY = "wrist"
 MOST_NAMES = 100
 """Joints or tasks of a message, and nodes whose health is shown. Convention."""
 MOST_POINTS = 10_000
@@ -59,8 +58,6 @@ MOST_PEOPLE = 8
 """People with names who are shown at a time; who is seen no more makes room. Convention."""
 LONGEST_SENTENCE = 2000
 """Characters of a message that is shown. Convention."""
-LONGEST_PLAN = 100_000
-"""Characters of a plan: three times one of sixty steps. Convention."""
 LONGEST_DESCRIPTION = 1_000_000
 """Characters of a URDF: thirty times that of the simulated arm. Convention."""
 
@@ -72,7 +69,7 @@ class CellSubscriptions:
         self,
         node: Node,
         state: CellState,
-        body: str = DEFAULT_BODY,
+        body: str = "wrist",
         reject: Callable[[str, str], None] = lambda reason, text: None,
         clock: Callable[[], float] = time.monotonic,
     ):
@@ -212,7 +209,7 @@ class CellSubscriptions:
         steps = [pair for pair in message.values if pair.key != "yaml"]
         texts = [pair.value for pair in message.values if pair.key == "yaml"]
         _, told = _told(DiagnosticStatus(message=message.message, values=steps))
-        plan = read_plan(checked_text("yaml", texts[0], LONGEST_PLAN)) if texts else None
+        plan = read_plan(checked_text("yaml", texts[0], 100_000)) if texts else None
         checked_names("step", plan.names if plan else (), MOST_NAMES)
         self._state.plan = plan
         self._state.progress = {step: what.rpartition(" ")[0] for step, what in told.items()}

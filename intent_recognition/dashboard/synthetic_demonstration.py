@@ -18,12 +18,6 @@ REST_S = 0.9
 """Both rest so long before and after [s]: the onset is found from rest."""
 REACTION_SHARE = 0.15
 """The arm sets out after this share of the wrist's movement. Convention."""
-LAG_S = 0.3
-"""The arm arrives so long after the wrist [s]. Convention."""
-BOW_SHARE = 0.08
-"""Standard deviation of the bow, as a share of the path's length. Convention."""
-ARM_STEP_S = 0.05
-"""Time between two points of the arm's trajectory [s]. Convention."""
 PEAK_SPEED, PEAK_ACCELERATION = 15.0 / 8.0, 10.0 / np.sqrt(3.0)
 """Of a minimum-jerk motion from 0 to 1 in unit time (Flash and Hogan 1985)."""
 
@@ -53,7 +47,7 @@ class SyntheticDemonstration:
     @property
     def arm_duration_s(self) -> float:
         """How long the arm moves."""
-        return (1.0 - REACTION_SHARE) * self.duration_s + LAG_S
+        return (1.0 - REACTION_SHARE) * self.duration_s + 0.3
 
     @property
     def length_s(self) -> float:
@@ -81,7 +75,7 @@ def sample_demonstration(
     """
     shift = variation_m * rng.standard_normal(3)
     way = goal_m + shift - start_m
-    bow = BOW_SHARE * np.linalg.norm(way) * rng.standard_normal(3)
+    bow = 0.08 * np.linalg.norm(way) * rng.standard_normal(3)
     along = way / max(float(np.linalg.norm(way)), 1e-9)
     bow -= along * (bow @ along)
     duration = duration_s * float(np.clip(1.0 + 0.1 * rng.standard_normal(), 0.7, 1.3))
@@ -100,7 +94,7 @@ def arm_motion(
     start_rad: Floats, goal_rad: Floats, duration_s: float
 ) -> tuple[Floats, Floats, Floats]:
     """Times (T,) [s], positions and velocities (T, d) of a motion from rest to rest."""
-    times = np.linspace(0.0, duration_s, max(int(np.ceil(duration_s / ARM_STEP_S)), 2) + 1)
+    times = np.linspace(0.0, duration_s, max(int(np.ceil(duration_s / 0.05)), 2) + 1)
     still = np.zeros_like(start_rad)
     positions, velocities = Offset(start_rad - goal_rad, still, still, duration_s).sample(times)
     velocities[-1] = 0.0

@@ -42,13 +42,11 @@ BY_POINTER = (
     BY_GOALS[2],
     "Drag the wrist again: the robot should help.",
 )
-NOBODY_RECORDS = "Nobody records yet."
 NO_TEACHER = (
     "The demo brings a teacher along: `intent demo --dashboard`",
     "Or start one:"
     " `ros2 run intent_recognition task_teacher --ros-args -p library:=tasks -p model:=M.npz`",
 )
-NOT_FREE = "Another node moves the wrist."
 OTHERS = ("With the demo: wait until the coworker is done.", "With a tracker: stop it.")
 NO_ARM = "No arm that can be moved from here publishes its joint states."
 ARMS = (
@@ -115,9 +113,9 @@ class TeachTab:
     def _obstacle(self, teacher: bool, taken: bool) -> str:
         """What has to be mended before anything can be recorded, and how; empty if nothing."""
         if not teacher:
-            return markup.ways(NOBODY_RECORDS, NO_TEACHER)
+            return markup.ways("Nobody records yet.", NO_TEACHER)
         if not taken and self._teleoperation.others_move_wrist():
-            return markup.ways(NOT_FREE, OTHERS)
+            return markup.ways("Another node moves the wrist.", OTHERS)
         if not self._teleoperation.can_move_arm():
             return markup.ways(self._teleoperation.arm_problem or NO_ARM, ARMS)
         return ""

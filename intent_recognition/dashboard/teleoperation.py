@@ -26,14 +26,6 @@ from intent_recognition.nodes.runtime import steady_timer
 
 RATE_HZ = 100.0
 """Rate of the published poses [Hz]: that of the shipped recordings."""
-STIFFNESS = 12.0
-"""Natural frequency with which the wrist follows the pointer [rad/s]: smooth, not sluggish."""
-ARM_PERIOD_S = 0.15
-"""Shortest time between two commands to the arm [s]. Convention."""
-ARM_SPEED_RAD_S = 0.9
-"""Mean speed of the fastest joint while the hand is dragged [rad/s]. Convention."""
-SHORTEST_ARM_S = 0.4
-"""Shortest motion of the arm [s]. Convention."""
 RETURN_S = 1.5
 """Duration of the way back after a demonstration [s]. Convention."""
 SILENT_ARM = "The arm's joint states have stopped."
@@ -185,7 +177,7 @@ class Teleoperation:
     def step_arm(self) -> None:
         """Send the arm after the hand's target, if that has moved."""
         now_s = time.monotonic()
-        if self._hand is None or now_s - self._arm_sent_s < ARM_PERIOD_S:
+        if self._hand is None or now_s - self._arm_sent_s < 0.15:
             return
         target, self._hand, self._arm_sent_s = self._hand, None, now_s
         try:
@@ -193,7 +185,7 @@ class Teleoperation:
         except KinematicsError:
             return
         distance = float(np.max(np.abs(goal - self.measured())))
-        self.send_arm(goal, max(SHORTEST_ARM_S, distance / ARM_SPEED_RAD_S))
+        self.send_arm(goal, max(0.4, distance / 0.9))  # [rad/s] of the fastest joint
 
     def _step(self) -> None:
         if self._playing is not None:
@@ -219,7 +211,7 @@ class Teleoperation:
 
     def _follow(self) -> None:
         """A critically damped spring, solved exactly over one step."""
-        step_s, w = 1.0 / RATE_HZ, STIFFNESS
+        step_s, w = 1.0 / RATE_HZ, 12.0  # [rad/s]: smooth, not sluggish
         away = self._position - self._target
         carried = self._velocity + w * away
         decay = np.exp(-w * step_s)

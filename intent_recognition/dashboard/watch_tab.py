@@ -13,7 +13,6 @@ from intent_recognition.dashboard.plan_panel import PlanPanel
 from intent_recognition.dashboard.widgets import PageAccess, TimePlot, set_value
 from intent_recognition.report import readable
 
-NO_INPUT = "No tracker, arm or estimator publishes yet."
 NEXT_STEPS = (
     "See it work, with a simulated coworker and arm: `intent demo --dashboard`",
     "Your own cell: start tracker and arm, then"
@@ -28,7 +27,9 @@ class WatchTab:
     def __init__(self, page: PageAccess, tab: viser.GuiTabHandle):
         gui, commands = page.server.gui, page.commands
         self._page, self._gui, self._tab, self._commands = page, gui, tab, commands
-        self._empty = gui.add_html(markup.ways(NO_INPUT, NEXT_STEPS))
+        self._empty = gui.add_html(
+            markup.ways("No tracker, arm or estimator publishes yet.", NEXT_STEPS)
+        )
         self._people, self._n_met = {"": PersonPanel(page.server, "")}, 0
         self._question = gui.add_folder("Which task is it?", visible=False)
         self._choices: dict[str, viser.GuiButtonHandle] = {}

@@ -17,8 +17,6 @@ from intent_recognition.report import NONE_COLOUR, readable
 FONT = "12px sans-serif"
 GRID = "rgba(128, 140, 153, 0.22)"
 """Seen on a light page and on a dark one."""
-PLOT_PERIOD_S = 0.2
-"""Time between two updates of a plot [s]. Convention."""
 ControlValue = TypeVar("ControlValue")
 
 
@@ -89,7 +87,7 @@ class TimePlot:
     def due(self, visible: bool, now_s: float) -> bool:
         """Show or hide it; whether it is time to draw."""
         self._folder.visible = visible
-        if not visible or now_s - self._drawn_at_s < PLOT_PERIOD_S:
+        if not visible or now_s - self._drawn_at_s < 0.2:
             return False
         self._drawn_at_s = now_s
         return True

@@ -24,9 +24,6 @@ from intent_recognition.signals import Rejection
 MARKER_TOPIC = "demonstration"
 MARKER_TYPE = "std_msgs/msg/String"
 ACTIVE_TOPIC = "intent/active_task"
-SAME_CLOCK_NS = 1_000_000_000
-"""Stamps that differ less from the log times [ns] are of the same clock. Convention: longer than
-any transport takes, much shorter than the difference between simulated and wall time."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +56,7 @@ class TaskSequence(NamedTuple):
 def clock_shift_ns(differences: Integers) -> int:
     """Log time minus stamp of messages (n,), where they are two clocks; 0 where they are one."""
     shift_ns = int(np.median(differences)) if differences.size else 0
-    return shift_ns if abs(shift_ns) > SAME_CLOCK_NS else 0
+    return shift_ns if abs(shift_ns) > 1_000_000_000 else 0  # longer than any transport
 
 
 def task_of(reader: BagReader) -> str | None:

@@ -12,8 +12,6 @@ from intent_recognition.signals import Demonstration
 Fold = tuple[list[int], list[int]]
 """Indices to train and to test on."""
 PROTOCOLS = "loo, kfold:K, logo:KEY, temporal[:F] or holdout:FOLDER"
-TRAINED_SHARE = 0.7
-"""Share of each task's recordings that `temporal` trains on. Convention."""
 
 
 def make_folds(recordings: Sequence[Demonstration], protocol: str) -> list[Fold]:
@@ -38,7 +36,7 @@ def make_folds(recordings: Sequence[Demonstration], protocol: str) -> list[Fold]
     if name == "logo" and argument:
         return _by_group(recordings, argument)
     if name == "temporal" and (not colon or _share(argument) is not None):
-        return [_by_name(recordings, _share(argument) or TRAINED_SHARE)]
+        return [_by_name(recordings, _share(argument) or 0.7)]
     raise ArgumentError.about("protocol", PROTOCOLS, protocol, "Choose one of these.")
 
 

@@ -25,8 +25,6 @@ SURE_LOG_STD = 1e-6
 """Standard deviation of the logarithm of a duration that is known. Numerical safeguard."""
 MOST_FOLDS = 10
 """Models that are learned to score the decisions, at most. Convention: it bounds the time."""
-ALWAYS_MOVING = 1e-9
-"""Reference speed below which nothing rests, so that a movement begins with the recording."""
 
 
 class OnlineOutcome(NamedTuple):
@@ -167,13 +165,14 @@ def _told(library: TaskLibrary, recorded: Demonstration) -> IntentEstimator:
     """An estimator that knows when the movement begins and how long it lasts."""
     log_duration = np.log(recorded.duration_s)
     sure = np.full(library.n_tasks, SURE_LOG_STD)
+    # so that nothing rests
     told = replace(
         library,
         log_duration_mean=np.full(library.n_tasks, log_duration),
         log_duration_std=sure,
         usual_log_duration=np.log(library.usual_s),
         none_log_duration=np.array([log_duration, SURE_LOG_STD]),
-        onset=tuple(replace(own, reference_speed=ALWAYS_MOVING) for own in library.onset),
+        onset=tuple(replace(own, reference_speed=1e-9) for own in library.onset),
     )
     return IntentEstimator(told, n_scales=1)
 

@@ -34,8 +34,6 @@ PREDICTION_FRACTIONS = (0.25, 0.5, 0.75, 1.0)
 """Shares of the movement, or of the recording, after which prediction is scored. Convention."""
 TRUTH_PHASES = np.linspace(0.0, 1.0, 100)
 PHASES = ("known_phase", "unknown_phase")
-SMALLEST_PROBABILITY = 1e-300
-"""Bounds the log loss. Numerical safeguard."""
 PREDICTION_NAMES = (
     "rmse",
     "rmse_inferred_task",
@@ -146,7 +144,7 @@ def _score_recognition(
         phase,
         fraction,
         accuracy=float(library.labels[np.argmax(probabilities)] == task),
-        log_loss=-np.log(max(own, SMALLEST_PROBABILITY)),
+        log_loss=-np.log(max(own, 1e-300)),
     )
     none = bool(posterior.probabilities[-1] > posterior.probabilities[:-1].max())
     collected.recognitions.add(

@@ -11,9 +11,6 @@ from intent_recognition.array_types import Floats
 from intent_recognition.evaluation.rehearsing import Rehearsal
 from intent_recognition.learning import Trained, TrainingExample, example_of
 
-SMALLEST_VARIANCE = 1e-12
-"""Of a DOF, that distances are divided by. Numerical safeguard."""
-
 
 class Suggestion(NamedTuple):
     """A demonstration that is worth more than others.
@@ -92,7 +89,7 @@ def _squared_distances(
     about = [known[[task == one for one in own]].mean(axis=0) for task in own]
     freedom = max(len(own) - len(set(own)), 1)
     variance = ((known - np.array(about)) ** 2).mean(axis=1).sum(axis=0) / freedom
-    scaled = paths / np.sqrt(np.maximum(variance, SMALLEST_VARIANCE))
+    scaled = paths / np.sqrt(np.maximum(variance, 1e-12))
     flat = scaled.reshape(len(paths), -1)
     return np.asarray(cdist(flat[len(shown) :], flat, "sqeuclidean") / flat.shape[1])
 

@@ -10,9 +10,6 @@ from scipy.linalg import solve_triangular
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 
-RANK_TOLERANCE = 1e-10
-"""Singular values below this part of the largest one count as zero. Convention: rounding."""
-
 
 def symmetrize(matrix: Floats) -> Floats:
     """Mean of a matrix and its transpose, (..., d, d)."""
@@ -118,6 +115,6 @@ def affine_span(vectors: Floats) -> AffineSpan:
     mean = vectors.mean(axis=0)
     left, values, axes = np.linalg.svd(vectors - mean, full_matrices=False)
     scale = max(float(values[0]) if values.size else 0.0, float(np.abs(mean).max(initial=0.0)))
-    rank = int(np.sum(values > RANK_TOLERANCE * scale)) if scale > 0 else 0
+    rank = int(np.sum(values > 1e-10 * scale)) if scale > 0 else 0
     rank = min(rank, len(vectors) - 1)
     return AffineSpan(mean, axes[:rank], left[:, :rank] * values[:rank])

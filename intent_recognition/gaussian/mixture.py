@@ -27,8 +27,6 @@ from intent_recognition.gaussian.linalg import (
     student_log_density,
 )
 
-MEMBER = 1e-13
-"""Responsibilities below this count as zero in a covariance. Convention."""
 NUMBERS_AT_ONCE = 250_000
 """Largest size of one array, in numbers; more fits are computed in batches. Convention."""
 EMPTY = 1e-8
@@ -134,7 +132,7 @@ def maximisation(points: Floats, responsibilities: Floats, prior: CovariancePrio
         target = scatter + prior.shared * pooled[:, None]
         target /= np.maximum(count + prior.shared, EMPTY)[..., None]
         diagonal += target * (prior.strength / (count + prior.strength))[..., None]
-    weight = np.where(share > MEMBER, share, 0.0) / (divisor + prior.strength)[..., None]
+    weight = np.where(share > 1e-13, share, 0.0) / (divisor + prior.strength)[..., None]
     n_members = max(int(np.count_nonzero(weight, axis=2).max()), 1)
     rows = np.argpartition(-weight, n_members - 1, axis=2)[..., :n_members]
     share_of_all = np.where(present, count, 0.0) / np.maximum(count.sum(axis=1), EMPTY)[:, None]

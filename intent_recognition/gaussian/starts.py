@@ -5,9 +5,6 @@ import numpy as np
 
 from intent_recognition.array_types import Floats, Integers
 
-LLOYD_STEPS = 10
-"""Steps of Lloyd's algorithm from each start. Convention: EM refines what comes of it."""
-
 
 def kmeans_starts(
     points: Floats, n_components: int, n_starts: int, rng: np.random.Generator
@@ -25,7 +22,7 @@ def kmeans_starts(
     for start in range(n_starts):
         centers = _plus_plus(distance, n_components, rng)
         labels[start] = np.argmin(distance[centers], axis=0)
-        for _ in range(LLOYD_STEPS):
+        for _ in range(10):  # EM refines what comes of it
             moved = _lloyd(distance, labels[start], n_components)
             if np.array_equal(moved, labels[start]):
                 break

@@ -39,9 +39,6 @@ to the seed spans several samples."""
 _MIN_SECTION_RAD = 1e-7
 """Sections of swivel are not split below this [rad]: a nearly singular posture, in which joints
 turn half a revolution within such a section, counts as singular."""
-_N_ZOOMS = 8
-"""Each zoom narrows a bracket eightfold: 8^-8 of 0.35 rad is 2e-8 rad, the precision to which
-double precision locates a quadratic minimum."""
 
 
 class Branch(NamedTuple):
@@ -225,7 +222,7 @@ def _nearest_on_circle(
     low, middle = swivels[np.maximum(k - 1, 0)], swivels[k]
     high = swivels[np.minimum(k + 1, swivels.size - 1)]
     rows, share = np.arange(k.size), np.linspace(0.0, 1.0, 9)
-    for _ in range(_N_ZOOMS):
+    for _ in range(8):  # 8^-8 of 0.35 rad: a quadratic minimum in double precision
         below = low[:, None] + share[:-1] * (middle - low)[:, None]
         above = middle[:, None] + share * (high - middle)[:, None]
         zoomed = np.hstack([below, above])

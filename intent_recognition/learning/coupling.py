@@ -14,13 +14,9 @@ import numpy as np
 from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.promp import ResidualCoupling, residual_weights
 
-DECAYS = (0.02, 0.05, 0.15, 0.5)
-"""Decays of the residuals' correlation that are tried, in durations of the movement. Convention."""
 SHRINKAGES = (0.3, 3.0, 30.0)
 """Equivalent sample sizes of the prior that there is no coupling, in demonstrations, that are
 tried. Convention."""
-MIN_LEFT_OUT = 4
-"""Demonstrations left out of a task from which on its coupling is learned. Convention."""
 
 
 class HeldOutResiduals(NamedTuple):
@@ -90,10 +86,10 @@ def learn_coupling(
     left = np.sum(residuals.controlled**2, axis=2)
     for task in np.unique(residuals.task):
         own = residuals.task == task
-        if np.count_nonzero(own) < MIN_LEFT_OUT:
+        if np.count_nonzero(own) < 4:
             continue
         best = np.sum(left[:, own] / variance)
-        for decay in DECAYS:
+        for decay in (0.02, 0.05, 0.15, 0.5):  # in durations of the movement
             moments = _moments(residuals, own, decay)
             for shrinkage in SHRINKAGES:
                 gains = moments.gains_without(shrinkage)

@@ -21,8 +21,6 @@ from intent_recognition.signals import (
     onset_settings,
 )
 
-SCORED_PHASES = 20
-"""Phases at which predictions of the controlled agent are scored. Convention."""
 SAMPLES_PER_MOVEMENT = 30
 """Samples of one movement that count as independent evidence; denser ones share it. Convention."""
 SAMPLES_USED = 2 * SAMPLES_PER_MOVEMENT
@@ -64,7 +62,7 @@ def sample_phases() -> Floats:
 
 def scored_phases() -> Floats:
     """Phases at which the controlled agent's prediction is scored, (s,)."""
-    return np.linspace(0.0, 1.0, SCORED_PHASES)
+    return np.linspace(0.0, 1.0, 20)
 
 
 def make_example(

@@ -38,8 +38,6 @@ the same variance. Convention."""
 EVIDENCE_FREEDOM = 4.0
 """Degrees of freedom of the Student density that evidence is computed with
 (docs/decisions/one_filter.md)."""
-SMALLEST_DURATION_STD = 0.05
-"""Smallest standard deviation of the log duration of a task: 5 % of the duration. Convention."""
 
 
 class LearnedFields(TypedDict):
@@ -191,4 +189,4 @@ def _durations(tasks: Sequence[TaskStatistics]) -> tuple[Floats, Floats]:
     if of_strangers is not None:
         variance = np.full(len(tasks), of_strangers)
     mean = np.array([task.log_duration_mean for task in tasks])
-    return mean, np.sqrt(np.maximum(variance, SMALLEST_DURATION_STD**2))
+    return mean, np.sqrt(np.maximum(variance, 0.05**2))  # of the log duration: 5 %

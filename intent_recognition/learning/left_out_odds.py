@@ -23,9 +23,6 @@ from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import NO_ODDS, LeftOutOdds, TaskLibrary, conformal_bound
 from intent_recognition.signals import observations_of
 
-FALSE_SWITCHES = 0.05
-"""Share of movements in which another task may become more probable than the true one. Convention.
-"""
 MAX_FOLLOWED = 40
 """Demonstrations that are followed at most. Convention: it bounds the time; 19 suffice for a share
 of one in twenty."""
@@ -88,7 +85,8 @@ def learn_switch_margin(
         recorded: statistics of the examples as they were recorded.
     """
     odds, _ = _of_left_out(library, tasks, recorded, largest_odds)
-    return max(conformal_bound(np.array(odds), FALSE_SWITCHES), 0.0) if len(odds) > 1 else 0.0
+    # another task becomes more probable than the true one in one movement of twenty
+    return max(conformal_bound(np.array(odds), 0.05), 0.0) if len(odds) > 1 else 0.0
 
 
 def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> float:

@@ -48,8 +48,6 @@ MAX_FOLDS = 100
 Convention: it bounds the time."""
 MAX_DEMONSTRATIONS = 2000
 """Most demonstrations that a mixture is fitted to. Convention: it bounds memory and time."""
-N_STARTS = 30
-"""Runs of k-means that EM starts from. Convention."""
 REASSIGNMENTS = 10
 """Rounds of reassignment by the mixtures without each demonstration, at most. Convention."""
 
@@ -137,7 +135,7 @@ def cluster(features: Features, n_components: int, rng: np.random.Generator) -> 
     fitted without it, and EM restarted from there, as long as the likelihood rises.
     """
     points, prior = features.coordinates, features.prior
-    n_starts = N_STARTS if n_components > 1 else 1
+    n_starts = 30 if n_components > 1 else 1
     starts = np.unique(kmeans_starts(points, n_components, n_starts, rng), axis=0)
     fits = fit_mixture(points, one_hot(starts, n_components), prior)
     ranks = [_rank(fits, b, n_components) for b in range(len(starts))]

@@ -19,12 +19,6 @@ from intent_recognition.signals import commensurate
 DEPARTURE_SAMPLE_SIZE = 0.25
 """Equivalent sample size, in tasks, of the prior that tasks differ as much as movements depart from
 their starts (docs/recognition.md)."""
-UNKNOWN_DEVIATION_WIDTH = 0.25
-"""Width of the kernel, in phase, that correlates an unknown movement's deviation from the tasks'
-mean along the movement. Convention."""
-UNKNOWN_AMPLITUDE_WIDTH = 0.1
-"""Width of the kernel, in phase, that the variance of this deviation is averaged with. Convention.
-"""
 
 
 class Departure(NamedTuple):
@@ -85,9 +79,9 @@ def none_primitive(means: Floats, covariances: Floats, departed: Sequence[Depart
     centre = means.mean(axis=0)
     phase = np.linspace(0.0, 1.0, n_basis)
     distance = phase[:, None] - phase
-    average = np.exp(-0.5 * (distance / UNKNOWN_AMPLITUDE_WIDTH) ** 2)
+    average = np.exp(-0.5 * (distance / 0.1) ** 2)  # widths in phase
     average /= average.sum(axis=1, keepdims=True)
-    correlation = np.exp(-0.5 * (distance / UNKNOWN_DEVIATION_WIDTH) ** 2)
+    correlation = np.exp(-0.5 * (distance / 0.25) ** 2)
     between = np.zeros((centre.size, centre.size))
     for dofs, square in departed:
         scatter = np.sum(np.mean((means[:, dofs] - centre[dofs]) ** 2, axis=1), axis=0)

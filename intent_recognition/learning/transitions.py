@@ -9,9 +9,6 @@ from scipy.special import gammaln
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ShapeError
 
-_PSEUDO_COUNTS = np.geomspace(0.1, 100.0, 61)
-"""Pseudo-counts a task over which the Dirichlet prior is averaged. Convention."""
-
 
 def count_transitions(sequences: Iterable[Sequence[str]], labels: Sequence[str]) -> Floats:
     """How often which task followed which, (K + 1, K); the last row counts first tasks.
@@ -44,7 +41,7 @@ def smoothed_transitions(counts: Floats) -> Floats:
     if n.ndim != 2 or n.shape[0] != n.shape[1] + 1:
         cure = "One row a last task and one for none, one column a task."
         raise ShapeError.about("counts", "shape (K + 1, K)", n.shape, cure)
-    a = _PSEUDO_COUNTS[:, None, None]
+    a = np.geomspace(0.1, 100.0, 61)[:, None, None]
     total = n.shape[1] * a[:, :, 0]
     cells = np.sum(gammaln(n + a) - gammaln(a), axis=2)
     log_evidence = np.sum(cells + gammaln(total) - gammaln(total + n.sum(axis=1)), axis=1)

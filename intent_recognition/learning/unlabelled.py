@@ -25,8 +25,6 @@ from intent_recognition.learning.training import TrainingReport, learn_with_repo
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration
 
-UNLABELLED = "unlabelled"
-
 
 class Relabelled(NamedTuple):
     """Demonstrations with their components as labels.
@@ -140,7 +138,7 @@ def _examples(
     demonstrations: Sequence[Demonstration], settings: TrainingSettings
 ) -> tuple[list[Demonstration], list[TrainingExample], tuple[tuple[str, str], ...]]:
     """The usable recordings, their examples, and why others are left out."""
-    stand_ins = [replace(recorded, task=UNLABELLED) for recorded in demonstrations]
+    stand_ins = [replace(recorded, task="unlabelled") for recorded in demonstrations]
     own = replace(settings, n_basis=BASIS.n_basis, width=BASIS.width, ridge=RIDGE)
     accumulated = accumulate(stand_ins, own)
     if accumulated.preprocessing is None:  # not one usable

@@ -33,9 +33,6 @@ from intent_recognition.signals import right_jacobian, to_tangent
 BEYOND_M = 0.004
 """Paths are bent so much farther than the clearance [m]. Convention: more than splines and
 linearised rows leave."""
-_BEYOND_RAD = 0.005
-"""Joints are taken so much farther inside their limits [rad]. Convention: more than splines leave
-between samples."""
 _LARGEST_STEP_RAD = 0.5
 """No joint moves farther in one round [rad]: distances are linear in the joints nearby only.
 Convention."""
@@ -192,7 +189,8 @@ def _position_rows(
     for sign, outside in ((-1.0, q - upper), (1.0, lower - q)):
         for sample, joint in np.argwhere(outside > 0.0):
             rows.append(sign * moves[sample, joint])
-            needs.append(float(outside[sample, joint] + _BEYOND_RAD + rows[-1] @ z))
+            # 0.005 rad more than needed: splines leave less between samples
+            needs.append(float(outside[sample, joint] + 0.005 + rows[-1] @ z))
     return rows, needs
 
 

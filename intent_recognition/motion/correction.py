@@ -20,10 +20,6 @@ from intent_recognition.motion.bending import Spread
 from intent_recognition.motion.deviation import DeviationDetector
 from intent_recognition.motion.path import JointPath
 
-EXACTNESS_RAD = 1e-3
-"""Standard deviation with which a corrected path passes where the arm was left [rad]. Convention:
-about 1 mm at the hand, ten times the noise of an encoder."""
-
 
 class Via(NamedTuple):
     """Where the arm was left: the phase of the movement, and the posture (n,) [rad]."""
@@ -66,7 +62,7 @@ def corrected_by(spread: Spread, path: JointPath, vias: Sequence[Via], phases: F
     rows = spread.design(at, before)
     rows = rows.reshape(-1, rows.shape[2])
     innovation = (np.array([via.position for via in vias]) - before).ravel()
-    noise = EXACTNESS_RAD**2 * np.eye(len(innovation))
+    noise = 1e-3**2 * np.eye(len(innovation))  # 1 mm at the hand; ten times an encoder's noise
     change, _ = condition(
         Gaussian(np.zeros(rows.shape[1]), spread.covariance), rows, innovation, noise
     )

@@ -12,9 +12,6 @@ from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics import JointLimits, position_violation
 from intent_recognition.motion.plan import POSITION_MARGIN_RAD
 
-SOFT_BAND_RAD = 0.06
-"""Width of the band in which a joint is bent back inside [rad]. Convention: 3.4 degrees."""
-
 
 @dataclass(frozen=True, eq=False)
 class JointPath:
@@ -111,7 +108,7 @@ def _bend_inside(positions: Floats, limits: JointLimits) -> tuple[Floats, tuple[
     outside = np.any((positions < lower) | (positions > upper), axis=0)
     if not outside.any():
         return positions, ()
-    band = np.minimum(SOFT_BAND_RAD, (upper - lower) / 4.0)
+    band = np.minimum(0.06, (upper - lower) / 4.0)
     over, under = positions - (upper - band), (lower + band) - positions
     bent = np.where(over > 0.0, upper - band + band * np.tanh(over / band), positions)
     bent = np.where(under > 0.0, lower + band - band * np.tanh(under / band), bent)

@@ -40,21 +40,9 @@ from intent_recognition.motion.retiming import (
     speed_limits,
 )
 
-_FIRST_SHARE = 0.96
-"""Share of the path's bounds a first attempt uses. Convention: sampling the path's progress adds a
-few percent to its accelerations."""
 _LEAST_SHARE = 0.1
 """Share of the limits the path keeps, however much the offset takes. Convention: it never stands
 still for good."""
-_OFFSET_SHARE = 0.4
-"""Share of the acceleration limit an offset may use. Convention: the path keeps more than half."""
-_OFFSET_VELOCITY_SHARE = 0.35
-"""Share of the velocity limit an offset may use. Convention: likewise."""
-_SHORTEST_OFFSET_S = 0.25
-"""Shortest decay of an offset [s]. Convention: several updates of a running plan."""
-_JOIN_WITHIN_RAD = 0.15
-"""The path waits until every joint of the offset is below this [rad]. Convention: about 10 cm at
-the hand."""
 
 
 def plan_interaction(
@@ -85,7 +73,7 @@ def plan_interaction(
         The plan, or None if none keeps the limits from this start: the plan before it ends at
         rest and is safe to go on with.
     """
-    share = 1.0 if nominal is None else _FIRST_SHARE
+    share = 1.0 if nominal is None else 0.96  # sampling the progress adds a few percent
     budget = _Budget(np.full(N_GRID, share), stretch)
     for attempt in range(8):  # nearly all that can be mended are by the fourth
         tried = _attempt(path, nominal, start, progress, limits, budget, rate_ceiling)
@@ -170,9 +158,9 @@ def _join(
         start.position - path.spline(progress.phase),
         start.velocity - slope * progress.rate,
         start.acceleration - bend * progress.rate**2 - slope * progress.acceleration,
-        max_velocity=_OFFSET_VELOCITY_SHARE * limits.velocity,
-        max_acceleration=_OFFSET_SHARE * limits.acceleration,
-        shortest_s=_SHORTEST_OFFSET_S,
+        max_velocity=0.35 * limits.velocity,  # the path keeps more than half
+        max_acceleration=0.4 * limits.acceleration,
+        shortest_s=0.25,  # several updates of a running plan
     )
 
 
@@ -194,7 +182,7 @@ def _hold(offset: Offset) -> float:
     """When the offset is small enough to move on along the path [s]."""
     times = np.linspace(0.0, offset.duration_s, 33)
     q, _ = offset.sample(times)
-    far = np.flatnonzero(np.abs(q).max(axis=1) > _JOIN_WITHIN_RAD)
+    far = np.flatnonzero(np.abs(q).max(axis=1) > 0.15)  # 10 cm at the hand
     return float(times[far[-1]]) if far.size else 0.0
 
 

@@ -16,9 +16,6 @@ from intent_recognition.motion.path import JointPath
 
 N_GRID = 100
 """Intervals of the grid over the phase. Convention: 1 % of an interaction each."""
-_MAX_RATE_RATIO = 6.0
-"""Largest multiple of the predicted speed when catching up; bounds s' where no joint moves.
-Convention."""
 _RATE_RATIO_PER_S = 15.0
 """That multiple changes by at most this per second; bounds s'' where no joint moves. Convention."""
 _CATCH_UP_GAIN = 6.0
@@ -79,7 +76,8 @@ def speed_limits(
     room = _largest_with_room(a, b, _RATE_RATIO_PER_S / path.duration_s)
     a = np.hstack([a[:-1], a[1:], own]) * share[:, None]
     b = np.hstack([b[:-1], b[1:], np.zeros_like(own)])
-    fastest = np.minimum((max_velocity / slope).min(axis=1), _MAX_RATE_RATIO / path.duration_s) ** 2
+    # at most six times as fast as predicted: bounds s' where no joint moves
+    fastest = np.minimum((max_velocity / slope).min(axis=1), 6.0 / path.duration_s) ** 2
     if rate_ceiling is not None:
         fastest = np.minimum(fastest, rate_ceiling**2)
     fastest = np.minimum(fastest[:-1], fastest[1:]) * share**2

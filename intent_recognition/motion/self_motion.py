@@ -29,9 +29,6 @@ from intent_recognition.promp import minimum_jerk
 
 _LARGEST_STEP_RAD = 0.2
 """No joint turns farther in one round [rad]: null space and distances are those of the posture."""
-_OTHER_START_RAD = 0.6
-"""How far along each self-motion the other searches begin [rad]. Convention: a third of what the
-joints of a shoulder or wrist mostly have to one side."""
 
 
 class Turn(NamedTuple):
@@ -68,7 +65,8 @@ class HandKept:
         found = self._descend(bodies, pose, end)
         if found is not None:
             return found
-        starts = (end + s * _OTHER_START_RAD * motion for motion in motions for s in (1.0, -1.0))
+        # 0.6 rad is a third of what the joints of a shoulder or wrist mostly have to one side
+        starts = (end + s * 0.6 * motion for motion in motions for s in (1.0, -1.0))
         others = (self._descend(bodies, pose, self._onto(pose, start)) for start in starts)
         clear = [q for q in others if q is not None]
         return min(clear, key=lambda q: float(np.linalg.norm(q - end)), default=None)

@@ -19,9 +19,6 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.runtime import steady_timer
 from intent_recognition.registry import ANSWERS
 
-PERIOD_S = 1.0
-"""Time between two reports [s] (contract: 1 Hz)."""
-
 PUBLISHERS, LIFECYCLE, ACTIVE, INACTIVE = "publishers ", "lifecycle", "active", "not active"
 """Keys of a report, the first to be followed by a topic, and what a lifecycle node says."""
 
@@ -77,7 +74,7 @@ class Diagnostics:
     """
 
     def __init__(
-        self, node: Node, *, period_s: float = PERIOD_S, clock: Callable[[], float] = time.monotonic
+        self, node: Node, *, period_s: float = 1.0, clock: Callable[[], float] = time.monotonic
     ):
         self._node = node
         self._clock = clock

@@ -11,10 +11,6 @@ from intent_recognition.demonstrations import CORRECTION_TOPIC, CORRECTION_TYPE
 from intent_recognition.errors import IntentError
 from intent_recognition.model import CORRECTIONS, Executions
 
-BEFORE_NS = 6_000_000_000
-"""So much of what came before the execution is recorded with it [ns]. Convention: a rest, and the
-reach until it is recognised."""
-
 
 class ExecutionRecorder:
     """Writes executions to bags, and what becomes known of them to the list of outcomes.
@@ -56,7 +52,8 @@ class ExecutionRecorder:
         if not self._most:
             return
         self._recent.append(message)
-        while self._recent[0].log_time_ns < message.log_time_ns - BEFORE_NS:
+        # a reach, and the rest before
+        while self._recent[0].log_time_ns < message.log_time_ns - 6_000_000_000:
             self._recent.popleft()
         self._write(message)
 

@@ -50,9 +50,6 @@ from intent_recognition.nodes.sequence_runner import SequenceRunner
 from intent_recognition.nodes.services import serve
 from intent_recognition.promp import Trajectory
 
-SILENT_S = 0.6
-"""A stream without a message for this long is reported as silent [s]. Convention: with the time
-between two looks, a sender that died is named within 1 s."""
 TASKS, PREDICTION = "intent/tasks", "intent/robot_trajectory"
 """Streams that are noted together for all people."""
 SENDERS = {TASKS: "estimator or tracker", "joint_states": "arm driver"}
@@ -304,7 +301,8 @@ class PrimitiveActivation(ManagedNode):
             with suppress(RejectionError):  # predictions are rejected for it
                 self._keep_clear(self.joint_names)
         silent_s, senders = self.diagnostics.silent_s, SENDERS.items() if self.active else ()
-        dead = [f"{name} ({who})" for name, who in senders if silent_s(name) > SILENT_S]
+        # named within 1 s, with the time between two looks
+        dead = [f"{name} ({who})" for name, who in senders if silent_s(name) > 0.6]
         silent = f"silent: {', '.join(dead)}" if dead else ""
         changed = self._output.look_for_others() or silent != self._silent
         refused = bool(self._output.shared) and not self._settings.allows_shared_arm

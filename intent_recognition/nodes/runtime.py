@@ -31,9 +31,6 @@ from intent_recognition.nodes.parameters import COMMAND_LINE, parameter_sources
 END_S = 30.0
 """A node that cannot be destroyed in this time [s] ends with its process. Convention: longer than
 closing any file takes."""
-LARGEST_BACK_S = 0.1
-"""/clock may go back by this [s] and be the same. Convention: more than jitter, less than a pass
-of any recording."""
 MAX_DOMAIN = 232
 """Largest ROS_DOMAIN_ID whose ports fit into 16 bits (DDSI-RTPS 2.5, 9.6.2.3)."""
 SomeNode = TypeVar("SomeNode", bound=Node)
@@ -152,9 +149,8 @@ def when_clock_goes_back(node: Node, action: Callable[[], object]) -> None:
         node.get_logger().info(f"/clock went back by {-jump.delta.nanoseconds * 1e-9:.1f} s")
         action()
 
-    threshold = JumpThreshold(
-        min_forward=None, min_backward=Duration(seconds=-LARGEST_BACK_S), on_clock_change=False
-    )
+    least = Duration(seconds=-0.1)  # more than jitter, less than a pass of any recording
+    threshold = JumpThreshold(min_forward=None, min_backward=least, on_clock_change=False)
     handle = node.get_clock().create_jump_callback(threshold, post_callback=jumped)
     node.__dict__.setdefault("_jump_handles", []).append(handle)  # it ends with the last reference
 

@@ -40,9 +40,6 @@ from intent_recognition.untrusted import read_named
 
 FRESH_S = 0.5
 """A place that was measured longer ago is not known any more [s]. Convention."""
-AGAIN_S = 1.0
-"""A step that could not begin is ordered again after this [s]. Convention: often enough for a
-person, rare enough for the log."""
 
 MakePath = Callable[[Trajectory], JointPath]
 FindArm = Callable[[], Arm | None]
@@ -102,7 +99,7 @@ class SequenceRunner:
             self._tried_s = -math.inf
         step = awaited(self._sequences, self._progress)
         lost = self._progress.ordered and not activation.ordered
-        if step is not None and lost and moment.now_s - self._tried_s >= AGAIN_S:
+        if step is not None and lost and moment.now_s - self._tried_s >= 1.0:
             self._tried_s = moment.now_s
             activation.order(self._prediction(self._library, step.task, make_path, arm))
         self._tell()

@@ -31,7 +31,6 @@ from intent_recognition.registry import ANSWERS
 
 UNPUBLISHED_S = 3.0
 """How long after its start a recorder names the topics without a publisher [s]. Convention."""
-NOISE_TOPICS = ("/rosout", "/parameter_events")
 ABSOLUTE_TOPICS = ("/clock", "/diagnostics")
 
 
@@ -196,7 +195,7 @@ class TopicRecorder(Node):
         return {
             t: self._stored_name(t)
             for t in found
-            if t not in NOISE_TOPICS
+            if t not in ("/rosout", "/parameter_events")
             and t.rpartition("/")[2] != ANSWERS  # of nodes in any namespace
             and (t.startswith(space) or t in ABSOLUTE_TOPICS)
             and t not in hidden

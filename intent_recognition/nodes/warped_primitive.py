@@ -36,10 +36,6 @@ OBJECTS = ("cup", "second")
 REQUEST = "pour"
 REFUSED = "refused"
 """Key of the diagnostics: why the last pour asked for was refused; empty where it was not."""
-DELAY_NS = 500_000_000
-"""From a request to the onset of the pour [ns]. Convention: more than a decision takes."""
-WATCH_NS = 1_000_000_000
-"""How long a pour stays the task after its planned end [ns]: an arm may be slower. Convention."""
 
 
 class WarpedPrimitiveNode(Node):
@@ -105,8 +101,9 @@ class WarpedPrimitiveNode(Node):
             self._diagnostics.value(REFUSED, one_line(error))
             return
         self._diagnostics.value(REFUSED, "")
-        onset_ns = now_ns(self) + DELAY_NS
-        self._end_ns = onset_ns + round(float(plan.times_s[-1]) * 1e9) + WATCH_NS
+        onset_ns = now_ns(self) + 500_000_000  # more than a decision takes
+        # an arm may be slower
+        self._end_ns = onset_ns + round(float(plan.times_s[-1]) * 1e9) + 1_000_000_000
         self._left, self._arrived = plan.left, False
         numbers = plan.times_s, joints, None, joint_std(plan, joints)
         trajectory = self._builder.build(onset_ns, *numbers, frame_id=self._task)

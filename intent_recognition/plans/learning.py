@@ -39,9 +39,6 @@ N_SAMPLES = 20_000
 """Steps of the chain, of which the first fifth is left out (docs/plans.md)."""
 SLIP_WEIGHT = 30.0
 """Movements that the prior of USUAL_SLIP counts as. Convention: two or three assemblies."""
-DONE_COUNT, LEFT_COUNT = 1.0, 0.1
-"""Beta prior of the share of assemblies in which a step is done. Convention: one in ten leaves it
-out."""
 
 Occurrence = tuple[str, int]
 """A task, and how many times it has been done by then."""
@@ -135,7 +132,8 @@ def _step(
         for assembly, one in zip(assemblies, found, strict=True)
         if step in one
     ]
-    share = (len(records) + DONE_COUNT) / (len(assemblies) + DONE_COUNT + LEFT_COUNT)
+    # Beta prior: one in ten leaves a step out
+    share = (len(records) + 1.0) / (len(assemblies) + 1.0 + 0.1)
     people = Counter(record.who for record in records if record.who)
     objects: Counter[str] = Counter()
     for record in records:

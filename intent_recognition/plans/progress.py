@@ -25,18 +25,10 @@ from intent_recognition.array_types import Flags, Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.plans.work_plan import USUAL_SLIP, WorkPlan
 
-MOST_STATES = 128
-"""Sets of done steps that are kept, the most probable. Convention: a noisy recogniser leaves a
-dozen above a thousandth."""
 HABIT_WEIGHT = 0.5
 """Exponent of what usually follows, among the steps that may come (docs/plans.md)."""
-VAIN = 0.1
-"""How often a step that is undone is done in vain; tasks of which nothing is undone count 1.
-Convention."""
 FORGOTTEN = 0.4
 """Probability from which a step counts as forgotten (docs/plans.md)."""
-POSSIBLE = 0.1
-"""Probability from which a step may come next. Convention: one of ten."""
 
 
 class StepState(NamedTuple):
@@ -59,7 +51,7 @@ class StepState(NamedTuple):
             return "done"
         if self.forgotten >= FORGOTTEN:
             return "forgotten"
-        return "may come" if self.next >= POSSIBLE else "later"
+        return "may come" if self.next >= 0.1 else "later"
 
 
 class WorkProgress:
@@ -135,7 +127,7 @@ class WorkProgress:
     def _keep(self, sets: Flags, weights: Floats) -> None:
         done, where = np.unique(sets, axis=0, return_inverse=True)
         weight = np.bincount(where.ravel(), weights, minlength=len(done))
-        best = np.argsort(-weight, kind="stable")[:MOST_STATES]
+        best = np.argsort(-weight, kind="stable")[:128]
         self._done, self._weight = done[best], weight[best] / weight[best].sum()
 
     def steps(self, habit: Floats | None = None) -> tuple[StepState, ...]:
@@ -184,5 +176,5 @@ class WorkProgress:
         step, anew = known * (1.0 - over) * into, known * over * fresh
         rest = 1.0 - (step.sum(axis=1) + anew.sum(axis=1) + again.sum(axis=1))
         undone = (~done).astype(np.float64) @ self._of_task
-        vain = np.where(undone > 0.0, VAIN, 1.0)
+        vain = np.where(undone > 0.0, 0.1, 1.0)  # what is undone is seldom done in vain
         return step, anew, again + rest[:, None] * vain / vain.sum(axis=1, keepdims=True)

@@ -28,9 +28,6 @@ from intent_recognition.gaussian import cholesky, solve_lower, symmetrize
 CONTEXT_STRENGTH = 0.1
 """Equivalent sample size, in demonstrations, of the prior that the weights do not depend on the
 context: one standard deviation of it moves them by about three of what it leaves. Convention."""
-SAME_CONTEXT = 0.05
-"""Share of a context's standard deviation by which it must change to count. Convention: well below
-what moves a prediction, and above the noise of a tracker."""
 
 
 class Given(NamedTuple):
@@ -72,7 +69,7 @@ class ContextModel:
     def tolerance(self) -> Floats:
         """Changes of the context that make no difference, (M,)."""
         least = np.min(np.diagonal(self.covariance, axis1=1, axis2=2), axis=0)
-        return SAME_CONTEXT * np.sqrt(least)
+        return 0.05 * np.sqrt(least)
 
     def given(self, values: Floats) -> Given:
         """Condition the weights on a context (M,); NaN for what is not known."""

@@ -19,9 +19,6 @@ from scipy.special import expit, ndtri
 
 from intent_recognition.array_types import Floats
 
-LEAST_THRESHOLD = 0.6
-"""Probability below which no task is acted on, however well the tasks differ. Convention."""
-
 
 class LeftOutOdds(NamedTuple):
     """What demonstrations that were left out say about the risk of acting.
@@ -102,7 +99,7 @@ def risk_of(left_out: LeftOutOdds, max_wrong: float) -> Risk:
     n_groups = left_out.n_groups
     quantile = conformal_bound(odds, max_wrong, weights)
     bound = max(max_wrong, 1.0 / (n_groups + 1.0))
-    threshold = max(float(expit(quantile)), LEAST_THRESHOLD)
+    threshold = max(float(expit(quantile)), 0.6)
     grouped = any(left_out.groups)
     return Risk(min(threshold, 1.0), max_wrong, bound, n_groups, grouped)
 

@@ -15,7 +15,6 @@ from intent_recognition.report.figures_evaluation import (
     roc_figure,
 )
 
-SHOWN_FRACTIONS = ("0.2", "0.5")
 UNKNOWN_EXPLANATION = (
     "Each task is left out in turn, and a library of the others sees its movements with unknown"
     " progress, as the nodes would. Known movements are seen by libraries learned without them. A"
@@ -50,7 +49,7 @@ def confusion_section(result: Mapping, segment: str) -> html.Section:
     rows: list[html.Block] = []
     for phase, by_fraction in by_phase(result.get("confusion")).items():
         figures = []
-        for fraction in SHOWN_FRACTIONS:
+        for fraction in ("0.2", "0.5"):
             if fraction in by_fraction:
                 table = by_fraction[fraction]
                 figure = confusion_shares_figure(

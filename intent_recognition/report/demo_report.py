@@ -38,8 +38,6 @@ from intent_recognition.report.interaction_table import cells, fields_of
 LARGEST_FORCE_N = 15.0
 """That a person may have to bear in a transfer [N] (docs/transfer.md)."""
 TITLE = "Toolbox assembly with a simulated coworker"
-TITLE_OF_MANY = "Toolbox assembly of {} with one arm"
-PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
 COLOURS = "Green: an aim is met, such as the paper's hand error; red: missed; blue: no aim."
 
 
@@ -92,7 +90,7 @@ def demo_page(
         " measured on the ROS 2 topics, and the true task is used for scoring only."
     )
     names = " and ".join(one.person for one in summary.people)
-    title = TITLE_OF_MANY.format(names) if names else TITLE
+    title = f"Toolbox assembly of {names} with one arm" if names else TITLE
     return ReportPage(title, subtitle, tuple(sections), summary_line(summary))
 
 
@@ -216,7 +214,7 @@ def _settings(settings: Mapping[str, object]) -> tuple[Block, ...]:
 
 def hand_error_text(error: HandError) -> str:
     """As `3.2 +- 2.6 cm`, or what is known of it."""
-    return _absent(error.mean_cm, lambda _: error.short.replace("+-", PLUS_MINUS))
+    return _absent(error.mean_cm, lambda _: error.short.replace("+-", "\N{PLUS-MINUS SIGN}"))
 
 
 def _absent(value: float | None, form: Callable[[float], str]) -> str:

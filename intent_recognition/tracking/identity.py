@@ -28,8 +28,6 @@ MISSED = 0.05
 """Probability that the tracker does not see a person in a frame. Convention."""
 NEW_PER_M3 = 1e-3
 """Density of new people in a frame [1/m^3]. Convention: some ten a minute in a cell, at 100 Hz."""
-FIRST_SPEED_STD_M_S = 1.0
-"""Standard deviation of a new person's velocity [m/s]. Convention: of a reach."""
 NOBODY = ""
 """The person of a body whose person is not known."""
 
@@ -42,8 +40,6 @@ of people who reach in 1 s went unnoticed, with 5 more people cannot be told apa
 POSITION_STD_M = 0.004
 """Of the tracker [m]. Convention: twice that of `IngestSettings`; with it the squared innovations
 of the shipped toolbox demonstrations have a mean of 0.2, of 3."""
-LEAST_ODDS = 1000.0
-"""An assignment holds only if exchanging two people is less likely by this. Convention."""
 
 
 class Track(NamedTuple):
@@ -91,7 +87,7 @@ def identify(
     ahead = [_predicted(track, stamp_ns) for track in known]
     labels = list(seen)
     costs, columns = _assignment(ahead, [seen[label] for label in labels])
-    unsure = _alike(costs, columns, math.log(LEAST_ODDS))
+    unsure = _alike(costs, columns, math.log(1000.0))
     tracks, found = [], dict.fromkeys(positions, NOBODY)
     for k, (track, at) in enumerate(zip(known, ahead, strict=True)):
         label = labels[columns[k]] if columns[k] < len(labels) else ""
@@ -147,7 +143,7 @@ def _corrected(track: Track, label: str, position: Floats) -> Track:
 
 
 def _born(person: str, label: str, stamp_ns: int, at: Floats) -> Track:
-    covariance = np.diag([POSITION_STD_M**2, FIRST_SPEED_STD_M_S**2])
+    covariance = np.diag([POSITION_STD_M**2, 1.0**2])
     return Track(person, label, stamp_ns, np.stack([at, np.zeros(3)]), covariance)
 
 

@@ -12,11 +12,6 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.tracking.transforms import RigidTransform
 
-NOISE_MARGIN = 6.0
-"""Standard deviations of the tracker by which two samples may differ at any rate. Convention: noise
-beyond it is one in 10^8."""
-
-
 UNKNOWN_VARIANCE = 1e6
 """Of what was not measured: orientation [rad^2], velocity before the third sample [m^2/s^2], rate
 of turning [rad^2/s^2]. Convention: so large that no filter takes it for a measurement."""
@@ -102,7 +97,7 @@ class IngestSettings:
     @cached_property
     def margin_m(self) -> float:
         """Distance by which two samples of a body at rest may differ [m]."""
-        return NOISE_MARGIN * self.largest_std_m
+        return 6.0 * self.largest_std_m  # noise beyond is one in 10^8
 
 
 def frame_name(frame_id: str) -> str:

@@ -10,11 +10,6 @@ from intent_recognition.errors import IntentError
 from intent_recognition.tracking.settings import frame_name
 from intent_recognition.tracking.transforms import RigidTransform, multiply_quaternions
 
-KEEP_S = 10.0
-"""How long a moving frame is remembered [s]. Convention: the length of tf2's buffer."""
-LARGEST_DEPTH = 100
-"""Frames from one to the root of its tree at most. Convention: more are a loop."""
-
 
 class NoTransformError(IntentError):
     """A frame cannot be put into another one at a time.
@@ -68,7 +63,7 @@ class TransformTree:
             track[at] = stamp_ns, transform
             return
         insort(track, (stamp_ns, transform), key=_stamp)
-        oldest_ns = track[-1][0] - round(KEEP_S * 1e9)
+        oldest_ns = track[-1][0] - round(10.0 * 1e9)  # as tf2's buffer
         del track[: bisect_left(track, oldest_ns, key=_stamp)]
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> RigidTransform:
@@ -95,7 +90,7 @@ class TransformTree:
 
     def _ancestors(self, frame: str) -> list[str]:
         found = [frame]
-        while frame in self._parents and len(found) <= LARGEST_DEPTH:
+        while frame in self._parents and len(found) <= 100:  # more are a loop
             frame = self._parents[frame]
             found.append(frame)
         return found

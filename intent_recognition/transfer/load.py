@@ -17,11 +17,6 @@ from intent_recognition.kinematics import Arm
 BANDWIDTH_RAD_S = 45.0
 """Of the residual's filter [rad/s]: at 63 % after 22 ms, as a slip must be noticed within 50 ms
 (docs/transfer.md), with as little noise of differenced velocities as that allows."""
-LONGEST_GAP_S = 0.1
-"""Joint states further apart begin the filter anew [s]. Convention: three time constants."""
-FORCE_STD_N, MOMENT_STD_NM = 20.0, 1.0
-"""Forces and moments expected at a hand [N], [Nm]; they decide only what the torques leave open.
-Convention: twice what a transfer has."""
 TORQUE_STD_NM = 0.2
 """Of the residual of a joint [Nm]: that of the simulated LWR with sensor noise."""
 
@@ -61,7 +56,7 @@ class LoadEstimator:
         state, tip_m_s = np.array([q, velocity, torque]), J[:3] @ velocity
         share, halfway, acceleration = 1.0, state, np.zeros(len(q))
         rise_m_s2 = doubt_n = 0.0
-        if self._last is not None and (gap_s := time_s - self._last[0]) <= LONGEST_GAP_S:
+        if self._last is not None and (gap_s := time_s - self._last[0]) <= 0.1:
             _, before, before_m_s = self._last
             share = 1.0 - np.exp(-BANDWIDTH_RAD_S * gap_s)
             halfway, acceleration = 0.5 * (before + state), (velocity - before[1]) / gap_s
@@ -84,7 +79,7 @@ def wrench_from_torques(J: Floats, torque: Floats) -> Floats:
 
     Gaussian prior of w and noise of the torques: bounded at singular postures.
     """
-    prior = np.repeat([FORCE_STD_N**2, MOMENT_STD_NM**2], 3)
+    prior = np.repeat([20.0**2, 1.0**2], 3)  # [N], [Nm]: twice what a transfer has
     PJ = prior[:, None] * J
     S = J.T @ PJ + TORQUE_STD_NM**2 * np.eye(J.shape[1])
     return PJ @ np.linalg.solve(S, torque)

@@ -35,16 +35,12 @@ HARD = 2.5
 Convention: more than a person needs who lifts and pulls at once."""
 PATIENCE_S = 4.0
 """Time after which what nobody takes is brought back [s]. Convention."""
-OPENING_S = 0.3
-"""Time in which the fingers open [s]: 40 mm at 0.15 m/s."""
 SLIP_SHARE, SLIP_NS, SLIP_S = 0.2, 0.015, 0.02
 """Share of the weight that may be missing while the arm moves: what its model and the acceleration
 leave unexplained; the impulse beyond it that is a slip [N s] (a cumulative sum: Page 1954), and how
 long it must grow at least [s]. Single loads have a noise of 1 N, but its sum stays small, as it
 comes from differences of the velocity: in 450 s of the cell's demo two sums were larger for as long
 (of 11 that were larger), both with the Panda."""
-LIGHT_N = 2.0
-"""What weighs less is held by the least grip [N]."""
 SLIP_GRIP = 2.0
 """Grip after a slip, by what the friction that was felt needs to hold. Convention: it must stop the
 object, too, and the load is still falling when the slip is noticed."""
@@ -52,12 +48,8 @@ PRESENT_S = 0.6
 """Time that the person's tracked hand must rest near before open fingers close [s]: it may be the
 wrist that is tracked, while the fingers still bring the object. A reaction to the arm that has come
 (0.23 s: Woods et al. 2015) and half a reach."""
-FIRST_N = 8.0
-"""Force with which fingers close on what a person holds [N]. Convention: firm, and harmless."""
 GRIPPED_S = 0.15
 """Time that the fingers must have stood still on something [s]. Convention."""
-STILL_M_S = 0.005
-"""Speed of a finger below which it stands [m/s]. Convention."""
 EMPTY_M = 0.0015
 """Half opening below which there is nothing between the fingers [m]. Convention."""
 STEADY_S, STEADY_N = 0.8, 0.3
@@ -257,14 +249,14 @@ class TransferMachine:
             self._enter(Holding.CARRYING, now.time_s)
 
     def _releasing(self, _: Request, now: Situation) -> None:
-        if now.time_s - self._entered_s > OPENING_S:
+        if now.time_s - self._entered_s > 0.3:  # 40 mm at 0.15 m/s
             self.drop()
 
     def _grip(self, now: Situation) -> float:
         if self.holding in (Holding.EMPTY, Holding.RECEIVING, Holding.RELEASING):
             return 0.0
         if self.holding is Holding.CLOSING:
-            return FIRST_N
+            return 8.0  # firm, and harmless
         load_n = float(np.linalg.norm(now.force_n))
         grip_n = carrying_grip(max(load_n, self.weight_n))
         if load_n < HARD * max(self.weight_n, LIGHTEST_N):
@@ -279,7 +271,7 @@ class TransferMachine:
 
     def _slips(self, now: Situation, step_s: float) -> bool:
         """Less than the weight is carried, and nobody takes it: grip harder from now on."""
-        if self._share > 0.0 or self.weight_n < LIGHT_N:
+        if self._share > 0.0 or self.weight_n < 2.0:  # the least grip holds it
             self._missing_ns = self._missing_s = 0.0
             return False
         expected_n = self.weight_n * now.heaviness
@@ -315,7 +307,7 @@ class TransferMachine:
         moved_m = abs(now.half_opening_m - self._half_opening_m)
         before = self._since.get("finger", now.time_s)
         self._since["finger"] = now.time_s
-        return bool(moved_m <= STILL_M_S * max(now.time_s - before, 1e-6))
+        return bool(moved_m <= 0.005 * max(now.time_s - before, 1e-6))
 
     def _put_down(self, now: Situation) -> None:
         if not now.moving and now.speed_m_s < SETTLED_M_S:

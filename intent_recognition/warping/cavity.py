@@ -25,8 +25,6 @@ FLOOR_TO_WALL = 1.7
 """Thickness of a floor in thicknesses of the wall, where the floor was seen from one side only."""
 MIN_DEPTH = 0.08
 """Least depth of a cavity, in depths of the object."""
-MAX_LID_SHARE = 0.008
-"""Share of the points in the plane of the rim above which the object has a lid."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +62,7 @@ def fit_cavity(points: Floats, normals: Floats, rim: Rim) -> Cavity:
     outer = _levels(depth, radius, outside & (outward > 0.5), rim.depth_m)
     lid = (facing[:, 0] > 0.5) & (radius < 0.6 * rim.radius_m)
     lid &= np.abs(depth) < MIN_DEPTH * rim.depth_m
-    if lid.mean() > MAX_LID_SHARE:
+    if lid.mean() > 0.008:
         cure = "It is closed on top: open it in a mesh editor, or scan it without its lid."
         got = f"{100.0 * lid.mean():.1f} % of the points inside the rim, in its plane"
         raise ArgumentError.about("points", "a container with an open top", got, cure)

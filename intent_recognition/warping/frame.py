@@ -10,10 +10,6 @@ from intent_recognition.warping.opening import OpeningPlane, across
 
 N_LEVELS = 12
 """Heights at which the outer wall's distance is taken."""
-PROTRUSION = 1.25
-"""Points this many wall distances from the axis belong to the handle."""
-WALL_LIMITS = (0.3, 3.0)
-"""Wall distances beyond these, in radii of the opening, are clipped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +80,7 @@ def coarse_frame(points: Floats, normals: Floats, opening: OpeningPlane) -> Obje
     direction = direction - (direction @ up) * up
     direction /= np.linalg.norm(direction)
     axes = np.stack([up, direction, np.cross(up, direction)])
-    wall = np.clip(wall / opening.radius_m, *WALL_LIMITS)
+    wall = np.clip(wall / opening.radius_m, 0.3, 3.0)
     return ObjectFrame(opening.centre, axes, opening.radius_m, height, reach, wall)
 
 
@@ -111,7 +107,7 @@ def outer_wall(share: Floats, radius: Floats, outward: Floats) -> Floats:
 
 def protruding(share: Floats, radius: Floats, wall: Floats) -> Flags:
     """Which points (n,) stand out of the wall (N_LEVELS,) by far."""
-    return radius > PROTRUSION * np.maximum(wall[_level(share)], 0.6 * np.median(wall))
+    return radius > 1.25 * np.maximum(wall[_level(share)], 0.6 * np.median(wall))
 
 
 def _level(share: Floats) -> Floats:

@@ -19,9 +19,6 @@ from intent_recognition.warping.mapping import agreeing_neighbours
 from intent_recognition.warping.object_model import AnnotatedObject
 from intent_recognition.warping.object_warp import ObjectModel, WarpedObject, aligned_source
 
-REACH_M = 0.012
-"""Surface up to so far from the middle of a pad is warped with it [m]. Convention: half a pad of a
-usual gripper and what is around it."""
 DEPTH_M = 0.004
 """How far behind a pad the surface may lie that it will touch [m]: the sagitta of a cup's wall."""
 MIN_FACING = 0.5
@@ -32,11 +29,6 @@ MIN_POINTS = 4
 SEEN_RADII = 0.3
 """A source point without an agreeing target point so near was not seen, in radii of the opening:
 between the noise of a scan and the far wall of a cup."""
-MIN_ALIKE = 0.7
-"""Least cosine between the normals of a source point and of its target point. Convention: 45
-degrees."""
-LEAST_WIDTH = 0.2
-"""A warped width below this share of what the sizes let one expect is noise. Convention."""
 
 
 class _Contacts(NamedTuple):
@@ -64,7 +56,7 @@ def contact_rows(
     """Rows of the points under the pad on the side of +y, and under the other."""
     local = (annotated.points - grasp.centre) @ grasp.pose[:3, :3]
     facing = annotated.normals @ grasp.closing
-    near = (np.abs(local[:, [0, 2]]) < REACH_M).all(1)
+    near = (np.abs(local[:, [0, 2]]) < 0.012).all(1)  # half a pad of a usual gripper
     near &= np.abs(local[:, 1]) < 0.5 * grasp.width_m + DEPTH_M
     sides = tuple(np.flatnonzero(near & (sign * facing > MIN_FACING)) for sign in (1.0, -1.0))
     least = min(len(rows) for rows in sides)
@@ -128,7 +120,7 @@ def warp_grasp(source: ObjectModel, warped: WarpedObject) -> Grasp:
     pose = np.eye(4)
     pose[:3, :3] = frame.axes.T @ turn @ own.axes @ grasp.pose[:3, :3]
     pose[:3, 3] = frame.origin + (after.middle + turn @ offset) @ frame.axes
-    width = max(after.width_m / before.width_m, LEAST_WIDTH * wide) * grasp.width_m
+    width = max(after.width_m / before.width_m, 0.2 * wide) * grasp.width_m
     return Grasp(pose, width)
 
 
@@ -150,7 +142,7 @@ def _moved(
     across = facing - np.outer(facing @ approach, approach)
     steep = (across**2).sum(1)
     close = np.linalg.norm(offsets, axis=1) < reach
-    close &= ((facing * normals).sum(1) > MIN_ALIKE) & (steep > MIN_FACING**2)
+    close &= ((facing * normals).sum(1) > 0.7) & (steep > MIN_FACING**2)
     if close.mean() < 0.5:
         return _Side(rows, points, normals, None)
     moves = ((offsets * facing).sum(1) / np.maximum(steep, MIN_FACING**2))[:, None] * across

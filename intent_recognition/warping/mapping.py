@@ -8,8 +8,6 @@ from scipy.spatial import cKDTree
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 
-LOOKS = (4, 16)
-"""Numbers of neighbours looked at until k of them agree."""
 CHUNK = 64
 """Rows whose distances to all candidates are held at once."""
 
@@ -36,7 +34,7 @@ def agreeing_neighbours(
     tree = cKDTree(candidates)
     found = np.empty((len(points), k), dtype=int)
     missing = np.arange(len(points))
-    for look in LOOKS:
+    for look in (4, 16):
         look = min(look + k, m)
         _, near = tree.query(points[missing], k=look)
         near = near.reshape(len(missing), look)

@@ -27,8 +27,6 @@ from intent_recognition.warping.rim import Rim, fit_rim
 Mapping = Literal["label", "point"]
 LEAST_APART_M = 1e-6
 """Least distance of the middles of a source's wall and rim [m]. Convention: below any object."""
-MAX_ASIDE = 0.7
-"""Greatest distance of the points' middle from the axis, in radii of the opening."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +130,7 @@ def warp_object(
     check_scan(target.points)
     frame = _frame(target, source.classifier)
     aside = float(np.linalg.norm(frame.to_local(target.points)[:, 1:].mean(0)))
-    if aside > MAX_ASIDE * frame.radius_m:
+    if aside > 0.7 * frame.radius_m:
         cure = "Cut the cloud into objects and warp one at a time."
         got = f"points that lie {aside / frame.radius_m:.1f} radii beside the opening"
         raise ArgumentError.about("points", "one container", got, cure)
@@ -212,15 +210,9 @@ SMALLEST_M = 0.01
 """Smallest extent of a cup or bowl [m]."""
 LARGEST_M = 1.5
 """Largest extent of a cup or bowl [m]."""
-FLATTEST = 0.03
-"""A cloud with a smaller ratio of least to largest standard deviation is a plane."""
 N_LOOKED_AT = (500, 4000)
 """A thin rim may be all that joins two walls in one view, and be lost among few points: what looks
 like two pieces is looked at closely."""
-GAP = 5.0
-"""Two pieces are apart by more than so many usual distances between neighbours."""
-OTHER_PIECE = 0.25
-"""A second piece of more than this share of the largest is another object."""
 
 
 def check_scan(points: Floats) -> None:
@@ -232,13 +224,13 @@ def check_scan(points: Floats) -> None:
         raise ArgumentError.about("points", expected, f"{extent:.3g} m across", cure)
     offsets = points - points.mean(0)
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(offsets.T @ offsets / len(points)), 0.0))
-    if spread[0] < FLATTEST * spread[2]:
+    if spread[0] < 0.03 * spread[2]:
         cure = "Cut out the object, not the table, and scan it from more sides."
         got = f"one of {1e3 * spread[0]:.2g} by {1e3 * spread[2]:.2g} mm (standard deviations)"
         raise ArgumentError.about("points", "a body with a depth", got, cure)
     for n_looked_at in N_LOOKED_AT:
         sizes = _pieces(points, n_looked_at)
-        if len(sizes) == 1 or sizes[1] <= OTHER_PIECE * sizes[0]:
+        if len(sizes) == 1 or sizes[1] <= 0.25 * sizes[0]:
             break
     else:
         cure = "Cut the cloud into objects and warp one at a time."
@@ -251,7 +243,7 @@ def _pieces(points: Floats, n_looked_at: int) -> NDArray[np.integer]:
     looked_at = points[:: max(1, len(points) // n_looked_at)]
     tree = cKDTree(looked_at)
     nearest = np.asarray(tree.query(looked_at, k=2)[0])
-    reach_m = GAP * float(np.median(nearest[:, 1]))
+    reach_m = 5.0 * float(np.median(nearest[:, 1]))
     pairs = tree.query_pairs(reach_m, output_type="ndarray")
     n = len(looked_at)
     links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))

@@ -15,12 +15,6 @@ MIN_RIM_POINTS = 8
 """Fewer points in a plane are no rim."""
 LIKELY_SHARE = 0.15
 """Share of the points, the most rim-like ones, that hypotheses are drawn from."""
-MIN_SCORE = 0.3
-"""Share of the rim that must be found; with less there is no opening."""
-SURE_SCORE = 0.9
-"""With this share found, no further planes are tried."""
-MAX_RING_SPREAD = 0.25
-"""Greatest standard deviation of a ring's radius, in radii."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +56,11 @@ def find_opening(points: Floats, normals: Floats, rim_probability: Floats) -> Op
 
     by_rim = [_refine(points, rim_probability, plane, tolerance) for plane in likely]
     score_of = {opening: score(opening) for opening in by_rim if opening is not None}
-    if max(score_of.values(), default=0.0) < SURE_SCORE:
+    if max(score_of.values(), default=0.0) < 0.9:  # of the rim found
         by_shape = [_bearing(points, up) for up in _directions(normals, likely[:2, :3])]
         score_of |= {opening: score(opening) for opening in by_shape if opening is not None}
     best = max(score_of, key=score_of.__getitem__, default=None)
-    return best if best is not None and score_of[best] > MIN_SCORE else None
+    return best if best is not None and score_of[best] > 0.3 else None
 
 
 def fit_circle(plane_points: Floats) -> tuple[Floats, float]:
@@ -148,7 +142,7 @@ def _circle(rim: Floats, up: Floats) -> OpeningPlane | None:
     first, second = across(up)
     flat = rim @ np.stack([first, second], 1)
     centre, radius = fit_circle(flat)
-    if np.std(np.linalg.norm(flat - centre, axis=1)) > MAX_RING_SPREAD * radius:
+    if np.std(np.linalg.norm(flat - centre, axis=1)) > 0.25 * radius:
         return None
     height = rim.mean(0) @ up
     return OpeningPlane(centre[0] * first + centre[1] * second + height * up, up, radius)

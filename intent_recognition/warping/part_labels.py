@@ -12,8 +12,6 @@ from intent_recognition.warping.object_model import AnnotatedObject, Part
 
 RIDGE = 1.0
 """Penalty on weights per standard deviation of a feature: classes overlap little."""
-N_VIEWS = (1, 1, 1, 2, 2, 3, 3, 3)
-"""Numbers of cameras of the partial views that the classifier is trained on."""
 N_POINTS = 2000
 """Points of the whole object and of each view, as many as a scan has."""
 
@@ -36,7 +34,7 @@ def fit_rim_classifier(source: AnnotatedObject, up: Floats) -> LogisticModel:
     everything = np.arange(len(source.points))
     count = min(N_POINTS, len(everything))
     chosen = [everything, *(rng.choice(everything, count, replace=False) for _ in range(2))]
-    chosen += [_seen(source, up, n_views, rng) for n_views in N_VIEWS]
+    chosen += [_seen(source, up, n_views, rng) for n_views in (1, 1, 1, 2, 2, 3, 3, 3)]
     features = np.concatenate([local_features(source.points[c], source.normals[c]) for c in chosen])
     on_rim = source.labels[np.concatenate(chosen)] == Part.RIM
     return fit_logistic(features, on_rim, ridge=RIDGE)

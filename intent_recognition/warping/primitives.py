@@ -29,8 +29,6 @@ from the opening as the demonstrations begin."""
 NOISE_STD = 1e-3
 """Noise of a position, in the warped space. Convention: a tenth of a millimetre, and above what
 rounding leaves of a variance that is zero."""
-FREE_SCALE = 0.15
-"""Phase over which that is smooth. Convention: a part of the way to the opening."""
 
 
 def warped_scale(cup: References, second: References) -> Floats:
@@ -128,7 +126,7 @@ class WarpedPrimitive:
         above = at[np.hypot(path[:, 0], path[:, 1]) < 1.0]
         first, last = (above[0], above[-1]) if len(above) else (0.5, 0.5)
         share = np.maximum((first - at) / first, 0.0) + np.maximum((at - last) / (1.0 - last), 0.0)
-        apart = (at[:, None] - at) / FREE_SCALE
+        apart = (at[:, None] - at) / 0.15  # smooth over this phase
         own = np.outer(share, share) * np.exp(-0.5 * apart**2)
         roots = np.kron(np.eye(N_WARPED), FREE_STD * covariance_root(own))
         return np.asarray(roots, dtype=np.float64)

@@ -14,8 +14,6 @@ N_CORNERS = 48
 """Corners of the outline."""
 N_HARMONICS = 8
 """Harmonics of its radius over the direction: enough for a rounded square."""
-SMOOTHNESS = 0.02
-"""Penalty on the square of a harmonic's order."""
 MIN_RIM_POINTS = 8
 """Fewer points determine no rim."""
 
@@ -117,7 +115,7 @@ def _fit_harmonics(angles: Floats, radii: Floats, outward: Floats) -> Floats:
     """Coefficients of the radius over direction, and of the normal's outward share."""
     design = np.column_stack([_harmonics(angles), outward])
     orders = np.arange(1, N_HARMONICS + 1)
-    penalty = SMOOTHNESS * np.concatenate([[0.0], orders**2, orders**2, [0.0]])
+    penalty = 0.02 * np.concatenate([[0.0], orders**2, orders**2, [0.0]])
     penalty[[1, 1 + N_HARMONICS]] = 0.0
     normal = design.T @ design + np.diag(penalty + 1e-9)
     return np.linalg.solve(normal, design.T @ radii)

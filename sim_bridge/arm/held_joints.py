@@ -8,9 +8,6 @@ import numpy as np
 from sim_bridge.arm.urdf_loading import Joint
 from sim_bridge.physics import BulletClient, pybullet
 
-FINGER_FORCE_N = 20.0
-"""Largest force of a finger, or torque of another joint beside the chain [N, Nm]. Convention."""
-
 
 class HeldJoints:
     """Holds fingers as far from the middle as asked for, and others near zero."""
@@ -49,5 +46,5 @@ class HeldJoints:
                 joint.number,
                 pybullet.POSITION_CONTROL,
                 targetPosition=self._held(joint),
-                force=FINGER_FORCE_N,
+                force=20.0,
             )

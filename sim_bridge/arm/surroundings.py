@@ -15,8 +15,6 @@ from sim_bridge.physics import BulletClient, pybullet
 
 APART_STEPS = 100
 """Two bodies that part for less than this do not touch anew [ms]. Convention: they bounce."""
-_COLOUR = (0.55, 0.45, 0.35, 1.0)
-"""Red, green, blue and opacity of the boxes, 0 to 1."""
 
 
 class Surroundings:
@@ -67,5 +65,7 @@ def add_box(client: BulletClient, box: Box) -> int:
     """Put a box into a world, where it stays; returns its body."""
     half = [0.5 * edge for edge in box.size]
     shape = client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half)
-    looks = client.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=_COLOUR)
+    looks = client.createVisualShape(
+        pybullet.GEOM_BOX, halfExtents=half, rgbaColor=(0.55, 0.45, 0.35, 1.0)
+    )
     return int(client.createMultiBody(0.0, shape, looks, box.center, box.quaternion))

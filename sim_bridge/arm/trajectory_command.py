@@ -17,8 +17,6 @@ from intent_recognition.kinematics import (
     position_violation,
 )
 
-VELOCITY_TOLERANCE = 1e-6
-"""Largest velocity of the last point that counts as zero [rad/s]. Numerical safeguard."""
 REASONS = (
     "wrong_joint_names",
     "empty",
@@ -111,7 +109,7 @@ class TrajectoryCommand:
         )
         _check_limits(times, q, qd, qdd, limits, joint_names, position)
         qd = _smooth_velocities(times, q) if qd is None else qd
-        if np.any(np.abs(qd[-1]) > VELOCITY_TOLERANCE):
+        if np.any(np.abs(qd[-1]) > 1e-6):
             _reject("velocity_at_end", "velocities", "zero in the last point", qd[-1].tolist())
         if start_s is not None:
             _check_start(start_s, times[-1], now_s)

@@ -26,20 +26,12 @@ _OFFSET_VELOCITY = 1.875
 ACCELERATION_SHARE = 0.5
 """Share of the joints' acceleration limit that a difference to a new trajectory may use to fade
 out, on top of the trajectory's own acceleration. Convention."""
-VELOCITY_SHARE = 0.5
-"""Share of the velocity limit an offset in position may use. Convention."""
-SHORTEST_FADE_S = 0.05
-"""A difference takes at least this long to fade out [s]. Convention."""
 LONGEST_FADE_S = 8.0
 """A trajectory that cannot be joined in this time [s] is rejected. Convention: the longest time in
 which the activation lets an offset fade."""
-_SLOWER = 1.15
-"""Factor between two durations tried. Convention."""
 _N_LOOKS = 64
 """Places of a fade at which both together are compared with the limits, beside the trajectory's
 points. Convention: between them its acceleration rises by 0.1 % of the limit."""
-_IN_FORCE_RAD = 1e-9
-"""A smaller difference [rad, rad/s] is that of rounding, and fades at once. Numerical safeguard."""
 
 
 class ArmReference(NamedTuple):
@@ -143,7 +135,7 @@ class TrajectoryFollower:
         while True:
             fading = _quintic(offset, velocity, rest, rest, rest, rest, fade_s)
             entry = _Entry(switch_s, curve, fading, fade_s)
-            if max(np.abs(offset).max(), np.abs(velocity).max()) < _IN_FORCE_RAD:
+            if max(np.abs(offset).max(), np.abs(velocity).max()) < 1e-9:
                 return entry
             times = switch_s + fade_s * np.linspace(0.0, 1.0, _N_LOOKS + 1)
             knots = curve.knots_s[(curve.knots_s > switch_s) & (curve.knots_s < times[-1])]
@@ -157,7 +149,7 @@ class TrajectoryFollower:
             if fade_s >= longest_s:
                 text = f"cannot be joined within the limits from {np.abs(offset).max():.3f} rad off"
                 raise RejectedTrajectoryError("cannot_join", f"joint_trajectory {text}")
-            fade_s = min(_SLOWER * fade_s, longest_s)
+            fade_s = min(1.15 * fade_s, longest_s)
 
     def sample(self, time_s: float) -> ArmReference:
         """Return the reference at a time not before the last accepted command's `now_s`."""
@@ -173,9 +165,9 @@ class TrajectoryFollower:
         by_velocity = _VELOCITY_ACCELERATION * np.abs(velocity)
         root = np.sqrt(by_velocity**2 + 4.0 * bound * by_offset)
         fade = (by_velocity + root) / (2.0 * bound)
-        speed = VELOCITY_SHARE * self._limits.velocity
+        speed = 0.5 * self._limits.velocity
         fade = np.maximum(fade, _OFFSET_VELOCITY * np.abs(offset) / speed)
-        return max(float(fade.max()), SHORTEST_FADE_S)
+        return max(float(fade.max()), 0.05)
 
 
 def _sample(entries: list[_Entry], time_s: float) -> ArmReference:

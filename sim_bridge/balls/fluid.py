@@ -15,10 +15,6 @@ N_HEIGHTS = 7
 """Heights at which the inner outline is taken. Convention."""
 N_CORNERS = 32
 """Corners of each outline. Convention."""
-SETTLE_STEPS = 240
-"""Physics steps, one second, in which balls come to rest. Convention."""
-LAYER_PITCH = 2.02
-"""Distance of balls when they are put in, in radii."""
 
 
 def hollow_of(container: Container) -> Hollow:
@@ -49,7 +45,7 @@ def settled(world: BallWorld, n_balls: int, rng: np.random.Generator) -> Floats:
         Centres (N, 3) of the balls that are in it, the lowest first, N <= n_balls.
     """
     world.fill(_layers(world.hollow, world.ball_radius_m, n_balls, rng))
-    world.step(SETTLE_STEPS)
+    world.step(240)  # one second
     positions = world.positions_m()
     inside = positions[world.hollow.holds(positions)]
     return inside[np.argsort(inside[:, 2])]
@@ -57,7 +53,7 @@ def settled(world: BallWorld, n_balls: int, rng: np.random.Generator) -> Floats:
 
 def _layers(hollow: Hollow, radius_m: float, n_balls: int, rng: np.random.Generator) -> Floats:
     """Places (n_balls, 3) in layers from the floor up, none in another or in the wall."""
-    pitch = LAYER_PITCH * radius_m
+    pitch = 2.02 * radius_m
     reach = np.max(np.abs(hollow.rings_m))
     places, height = np.zeros((0, 3)), hollow.heights_m[0] + 1.1 * radius_m
     while len(places) < n_balls:

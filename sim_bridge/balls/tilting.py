@@ -14,8 +14,6 @@ from intent_recognition.array_types import Flags, Floats
 from sim_bridge.balls.hollow import Hollow
 from sim_bridge.balls.world import STEP_S, BallWorld
 
-CALM_S = 0.05
-"""Wait between settling and tilting [s]. Convention."""
 _STEPS_PER_LOOK = 4
 """Physics steps between two looks at the balls: 17 ms, in which none crosses a wall."""
 
@@ -53,7 +51,7 @@ def tilt_along(world: BallWorld, balls_m: Floats, tilts_rad: Floats) -> Tilted:
     each physics step.
     """
     world.fill(balls_m)
-    world.step(round(CALM_S / STEP_S))
+    world.step(round(0.05 / STEP_S))
     lip_m = world.hollow.lip_m(np.array([1.0, 0.0]))
     guard = WallGuard(world.hollow, world.ball_radius_m, world.positions_m())
     exit_time_s = np.full(len(balls_m), np.nan)

@@ -15,11 +15,6 @@ from numpy.typing import NDArray
 from intent_recognition.array_types import Floats
 from intent_recognition.warping import Part, half_volume_angle, nearest_on_loop
 
-RIM_BAND_M = 0.0025
-"""Points so near to the crest belong to the rim [m]."""
-HANDLE_GAP_M = 0.0008
-"""Points so far from the outer wall belong to the handle [m]."""
-
 
 @dataclass(frozen=True)
 class Sections:
@@ -99,8 +94,8 @@ class Container:
         parts = np.full(len(points), int(Part.CONTAINER))
         if self.handle is not None:
             outside = self._outer_distance(points)
-            parts[(outside > HANDLE_GAP_M) & (points[:, 0] < 0.0)] = int(Part.HANDLE)
-        parts[(points[:, 2] > self.height_m - RIM_BAND_M) & (parts != Part.HANDLE)] = int(Part.RIM)
+            parts[(outside > 0.0008) & (points[:, 0] < 0.0)] = int(Part.HANDLE)
+        parts[(points[:, 2] > self.height_m - 0.0025) & (parts != Part.HANDLE)] = int(Part.RIM)
         return parts
 
     def _outer_distance(self, points: Floats) -> Floats:

@@ -18,11 +18,6 @@ from sim_bridge.coworker.styles import (
     STYLES,
 )
 
-HESITATION_PROBABILITY = 0.35
-"""Share of reaches with a slow-down. Convention."""
-_GRID = 2001
-"""Points at which hesitations are integrated; finer ones change nothing that is recorded."""
-
 
 @dataclass(frozen=True)
 class Hesitation:
@@ -129,7 +124,7 @@ def normalised_time(reach: Reach, time_s: Floats) -> Floats:
     strictly increasing and the movement ends at `reach.duration_s` exactly.
     """
     time_s = np.asarray(time_s, dtype=np.float64)
-    tau = np.linspace(0.0, 1.0, _GRID)
+    tau = np.linspace(0.0, 1.0, 2001)
     elapsed = reach.nominal_s * tau
     for hesitation in reach.hesitations:
         bump = np.exp(-0.5 * ((tau - hesitation.centre) / hesitation.width) ** 2)
@@ -201,7 +196,7 @@ def draw_retract(rng: np.random.Generator, start_m: Floats, side: float = 0.0) -
 
 def draw_hesitations(rng: np.random.Generator) -> tuple[Hesitation, ...]:
     """None as a rule, else one or two slow-downs within the movement."""
-    hesitates = rng.uniform() < HESITATION_PROBABILITY
+    hesitates = rng.uniform() < 0.35
     count = 1 + int(rng.uniform() < 0.25)
     drawn = tuple(
         Hesitation(rng.uniform(0.3, 0.75), rng.uniform(0.03, 0.06), rng.uniform(0.15, 0.45))

@@ -42,8 +42,6 @@ class SessionTiming:
 
 MOST_PEOPLE = 2
 """At one table: its two sides."""
-SEEDS_APART = 1000
-"""From one worker's seed to the next one's. Convention: sessions of other seeds stay others."""
 WITHOUT_PAUSE = SessionTiming(idle_s=(0.0, 0.0), hold_s=(0.0, 0.0), overlap_share=0.1)
 """One movement flows into the next: there is no rest but before the first and after the last.
 Convention: after 90 % of a movement's time 99 % of its way is done."""
@@ -132,7 +130,7 @@ def plan_people(
         raise ArgumentError.about("people", f"1 to {MOST_PEOPLE}", len(tasks), cure)
     sides = (0.0,) if len(tasks) == 1 else (1.0, -1.0)
     each = enumerate(zip(tasks, sides, strict=True))
-    return tuple(plan_session(seed + SEEDS_APART * k, own, timing, side) for k, (own, side) in each)
+    return tuple(plan_session(seed + 1000 * k, own, timing, side) for k, (own, side) in each)
 
 
 def _intended(

@@ -21,8 +21,6 @@ from sim_bridge.coworker.reach import WristMovement
 
 RATE_HZ = 100.0
 """Samples of the tracker per second [Hz]. Convention."""
-DROP_RATE = 0.002
-"""Probability that a single sample is lost. Convention."""
 # The wrist at rest: its x axis (along the hand) toward the robot, its z axis up.
 REST_QUATERNION = np.array([0.0, 0.0, 1.0, 0.0])
 
@@ -81,7 +79,7 @@ def sample_wrist(
     true = planned + sway + tremor(rng, count, RATE_HZ)
     measured = true + MARKER_STD_M * rng.standard_normal((count, 3))
     rotation = rotation + MARKER_ANGLE_STD_RAD * rng.standard_normal((count, 3))
-    visible = occlusions(rng, count, RATE_HZ, gaps_per_s, DROP_RATE)
+    visible = occlusions(rng, count, RATE_HZ, gaps_per_s, 0.002)
     return WristSamples(times, measured, quaternions(rotation, rest), visible, true)
 
 

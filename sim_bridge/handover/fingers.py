@@ -18,8 +18,6 @@ FINGERS = ("grip_finger_left", "grip_finger_right")
 PALM_M, FINGER_M = (0.05, 0.12, 0.03), (0.024, 0.012, 0.07)
 """Its palm and fingers: width, length in the direction of closing, depth [m]. Convention: small
 beside a Franka Hand, with pads as wide."""
-PALM_KG, FINGER_KG = 0.35, 0.05
-"""Its masses [kg]. Convention: half of a Franka Hand."""
 OPENING_M = 0.04
 """Largest distance of a finger from the middle [m], as the Franka Hand's."""
 PAD_M = 0.015
@@ -39,8 +37,6 @@ millimetre to the strongest grip, and so presses evenly. What hard faces hold tu
 and what slides between pads with less damping rocks (this is that of the Panda's URDF)."""
 GEAR_N = 500.0
 """Force that keeps the fingers alike apart from the middle [N]: much more than they press."""
-OPENED_M = 0.002
-"""Fingers within this of fully open are held there [m]. Convention."""
 
 
 def with_fingers(robot: Robot) -> Robot:
@@ -101,7 +97,7 @@ class Fingers:
         for link in self.links:
             if force_n > 0.0:
                 aim = {"targetVelocity": -CLOSING_M_S, "force": force_n}
-            elif self.half_opening_m() < OPENING_M - OPENED_M:
+            elif self.half_opening_m() < OPENING_M - 0.002:
                 aim = {"targetVelocity": OPENING_M_S, "force": GEAR_N}
             else:
                 aim = {"targetVelocity": 0.0, "force": GEAR_N}
@@ -126,11 +122,11 @@ class Fingers:
 def _add(text: str, tip: str) -> str:
     """A URDF with the gripper fixed to a link, pointing along its z."""
     root = parse_xml(text)
-    palm = _link(root, "grip_palm", PALM_M, (0.0, 0.0, 0.5 * PALM_M[2]), PALM_KG)
+    palm = _link(root, "grip_palm", PALM_M, (0.0, 0.0, 0.5 * PALM_M[2]), 0.35)
     add_joint(root, "grip_palm_joint", "fixed", tip, palm, (0.0, 0.0, 0.0))
     for name, side in zip(FINGERS, (1.0, -1.0), strict=True):
         centre = (0.0, 0.5 * side * FINGER_M[1], 0.5 * FINGER_M[2])
-        finger = _link(root, f"{name}_link", FINGER_M, centre, FINGER_KG)
+        finger = _link(root, f"{name}_link", FINGER_M, centre, 0.05)
         joint = add_joint(root, name, "prismatic", palm, finger, (0.0, 0.0, PALM_M[2]))
         ET.SubElement(joint, "axis", xyz=f"0 {side} 0")
         limit = {"lower": "0", "upper": str(OPENING_M), "effort": "100", "velocity": "0.2"}

@@ -24,12 +24,8 @@ object to oneself [s]."""
 PRECISE_S = 0.3
 """What it takes longer to bring an object between fingers than to reach for one [s]: with 1 cm to
 spare on each side instead of 5 cm it has 2.3 bits more (Fitts 1954: 0.1 to 0.15 s each)."""
-MISJUDGED = 0.2
-"""Standard deviation of the weight that is expected, as a share. Convention."""
 MISSED_M = 0.005
 """Standard deviation of where the hand takes hold [m]. Convention."""
-GRASPED_S = 0.15
-"""From the touch until the load is taken over [s]. Convention."""
 PUSHED_N, AGAIN_M = 3.0, 0.05
 """Load beyond what was carried by which a giver feels that the object met a finger [N], and how far
 it is taken back then, to be brought again where it should be [m]. Convention.
@@ -75,7 +71,7 @@ class Manner:
         """Draw one for an object of a weight; the person is in the direction of x."""
         spans = (REACTION_S, REACH_S, LOAD_S, PULL_S, BUSY_S)
         reaction, reach, load, pull, busy = (float(rng.uniform(*span)) for span in spans)
-        expected = weight_n * float(np.clip(1.0 + MISJUDGED * rng.standard_normal(), 0.5, 1.5))
+        expected = weight_n * float(np.clip(1.0 + 0.2 * rng.standard_normal(), 0.5, 1.5))
         way = np.array([1.0, rng.uniform(-0.4, 0.4), rng.uniform(0.1, 0.6)])
         miss_m = rng.normal(0.0, MISSED_M, 3)
         toward = way / np.linalg.norm(way)
@@ -116,7 +112,7 @@ class Taker:
                 hand.grasp(seen.point_m, seen.turn, 0.0)
                 self._held_s = time_s
             return
-        loading_s = time_s - self._held_s - GRASPED_S
+        loading_s = time_s - self._held_s - 0.15
         hand.lift_n = manner.weight_n * progress(loading_s / manner.load_s)
         brought = manner.brought_m * progress((loading_s - 0.5 * manner.load_s) / manner.pull_s)
         hand.target_m = self._to_m + brought * manner.toward

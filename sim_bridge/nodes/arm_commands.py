@@ -20,12 +20,6 @@ from sim_bridge.arm import (
 )
 from sim_bridge.nodes.physics_clock import PhysicsClock
 
-DROPPED_S = 0.02
-"""Time that the physics has left out [s], after which the command in force is taken up where it is
-by its stamp. Convention: 0.04 rad of a fast motion."""
-LARGEST_PUSH_N = 500.0
-"""Stronger pushes are rejected [N]. Convention."""
-
 
 class ArmCommands:
     """Takes messages, and controls the arm before each step; `spread` by predictions, if any."""
@@ -78,7 +72,7 @@ class ArmCommands:
 
     def catch_up(self) -> None:
         """Follow the last command where it is by its stamp, if the physics has left out time."""
-        if self._clock.pacer.dropped_s <= self._caught_up_s + DROPPED_S:
+        if self._clock.pacer.dropped_s <= self._caught_up_s + 0.02:  # 0.04 rad of a fast motion
             return
         self._caught_up_s = self._clock.pacer.dropped_s
         command, at_ns = self._followed or (None, 0)
@@ -108,7 +102,7 @@ class ArmCommands:
             self._diagnostics.reject("unknown_frame", f"push in {message.header.frame_id!r}")
         elif not np.all(np.isfinite(push)):
             self._diagnostics.reject("not_finite", f"push of {push.tolist()} N")
-        elif np.linalg.norm(push) > LARGEST_PUSH_N:
+        elif np.linalg.norm(push) > 500.0:
             self._diagnostics.reject("push_too_strong", f"push of {push.tolist()} N")
         else:
             self._push_n, self._push_until = push, self._arm.n_steps + 100

@@ -23,8 +23,6 @@ from sim_bridge.scenarios.assembly import of_worker, plan_live
 
 SAMPLE_NS = round(1e9 / RATE_HZ)
 """Time between two samples [ns]."""
-EARLY_NS = 500_000
-"""A timer that fires earlier by at most this is on time [ns]. Convention."""
 BURST = 8
 """Samples sent at once when behind: fewer than the subscribers' queues hold (`qos.SENSOR`)."""
 
@@ -48,7 +46,7 @@ class _Worker:
     def tick(self, first_ns: int, now_ns: int) -> bool:
         """Publish the samples whose time has come; whether more will follow."""
         samples = self.plan.samples
-        due = min((now_ns - first_ns + EARLY_NS) // SAMPLE_NS + 1, len(samples.times_s))
+        due = min((now_ns - first_ns + 500_000) // SAMPLE_NS + 1, len(samples.times_s))
         last = min(due, self._next_sample + BURST)
         for k in range(self._next_sample, last):
             self._announce(k * SAMPLE_NS)

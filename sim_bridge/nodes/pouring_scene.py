@@ -19,8 +19,6 @@ from intent_recognition.nodes.qos import FEEDBACK, SENSOR, STATE
 from sim_bridge.arm import SimulatedArm
 
 POURING = "pouring"
-COUNT_STEPS, CLOUD_STEPS = 100, 1000
-"""Physics steps between two counts, and two clouds. Convention: 0.1 s and 1 s."""
 
 
 class PouringScene:
@@ -82,13 +80,13 @@ class PouringScene:
     def update(self) -> None:
         """Look at the balls, and publish what is due; call it every few milliseconds."""
         counts, n = self._world.look(), self._arm.n_steps
-        if n % COUNT_STEPS:
+        if n % 100:  # 0.1 s
             return
         header = Header(stamp=self._stamp(), frame_id="world")
         said = JointState(header=header, name=list(counts._fields))
         said.position = [float(value) for value in counts]
         self._counts.publish(said)
-        if n % CLOUD_STEPS == 0 and not self._task:
+        if n % 1000 == 0 and not self._task:  # 1 s
             for publisher, cloud in zip(self._clouds, self._world.clouds(), strict=True):
                 no_labels = np.zeros(len(cloud.points))
                 publisher.publish(to_labelled_cloud(header, cloud.points, cloud.normals, no_labels))

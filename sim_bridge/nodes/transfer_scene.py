@@ -28,9 +28,6 @@ TRANSFERS = "transfers"
 TAKES = ("intent/transfer", "mocap/wrist/pose")
 """Topics that the clock waits for until it has taken them."""
 HAND, HOLDING = "coworker/hand", "intent/holding"
-HAND_STEPS = 10
-"""Physics steps between two messages of it, from the first pose of the wrist on: as often as the
-tracker sees that."""
 AXES = ("force_x", "force_y", "force_z")
 """Of the person's force on the object [N], world."""
 
@@ -81,7 +78,8 @@ class TransferScene:
     def update(self) -> None:
         """Look at the hands, and publish who holds what; call it every few milliseconds."""
         self._world.update()
-        if self._first_step is None or (self._arm.n_steps - self._first_step) % HAND_STEPS:
+        # as the tracker sees it
+        if self._first_step is None or (self._arm.n_steps - self._first_step) % 10:
             return
         contact = self._world.contact()
         message = JointState(name=list(AXES), position=contact.force_n.tolist())

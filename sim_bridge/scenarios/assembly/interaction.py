@@ -37,8 +37,6 @@ Timed = tuple[float, Reach]
 """Onset on the session's clock [s] and movement."""
 BOW_STD_M = 0.012
 """Individual deviation of a path from its bow per axis [m]. Convention."""
-HESITANT_SHARE = 0.5
-"""Of its about two long reaches a person hesitates in one, as often as in the toolbox assembly."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +96,7 @@ class _Person:
         nominal_s *= self._tempo * float(np.exp(PERSONAL_LOG_STD * rng.standard_normal()))
         nominal_s = max(nominal_s, not_before_s - self.now_s)
         drawn = draw_hesitations(rng)
-        hesitant = hesitant and rng.uniform() < HESITANT_SHARE
+        hesitant = hesitant and rng.uniform() < 0.5
         share = min(1.0, np.linalg.norm(goal_m - self.wrist_m) / 0.25)
         bow = share * (np.asarray(bow_m) + BOW_STD_M * rng.standard_normal(3))
         turn = self._turn + 0.05 * rng.standard_normal(3)

@@ -14,8 +14,6 @@ from sim_bridge.scenarios.toolbox import ToolboxArm
 
 REST_M = RESTS[ASSISTANT].centre_m
 """Where assistants rest (3,), world."""
-STAY_S = 2.5
-"""The hand stays where it has come to so long [s]: workers are done within that. Convention."""
 SHUFFLED = ("random", "habit")
 """Task lists that mean the order of a recorded session: the assembly has no habit."""
 
@@ -47,6 +45,6 @@ def in_assistants_place(arm: str, tip: str = "") -> dict[str, dict[str, object]]
     return {
         "intent_estimator": hand,
         "dashboard": hand,
-        "primitive_activation": hand | {"home": home, "hold_time": STAY_S},
+        "primitive_activation": hand | {"home": home, "hold_time": 2.5},
         "arm_sim": {"initial_position": home, "scene": "none", "tip": tip},
     }

@@ -19,8 +19,6 @@ from sim_bridge.balls import STEP_S, BallWorld, Tilted, balls_in, hollow_of, set
 from sim_bridge.containers import Container
 from sim_bridge.scenarios.pouring.task_space import PourPath
 
-QUIET_TILT_RAD = 0.3
-"""Nothing leaves a half full cup before it is tilted so far [rad]."""
 AFTER_S = 0.5
 """Balls are watched so long after the largest tilt [s]."""
 N_FILLS = 8
@@ -57,7 +55,7 @@ class BallPours(AbstractContextManager["BallPours"]):
     def pour(self, path: PourPath, fill: int) -> BallCount:
         """Pour along a path of the lip; of how the balls lie `N_FILLS` numbers are remembered."""
         inside = self._fill(fill)
-        start = path.times_s[np.argmax(path.tilt_rad > QUIET_TILT_RAD)]
+        start = path.times_s[np.argmax(path.tilt_rad > 0.3)]  # none leave it before
         end = min(path.times_s[np.argmax(path.tilt_rad)] + AFTER_S, path.times_s[-1])
         times = np.arange(start, end, STEP_S)
         tilted = tilt_along(self._world, inside, np.interp(times, path.times_s, path.tilt_rad))

@@ -40,16 +40,10 @@ from sim_bridge.scenarios.pouring.pairs import BIG_BOWL, container_named, half_f
 from sim_bridge.scenarios.pouring.task_space import PourPath, SideGrasp, seen_path
 
 JOINT_TOPIC = "joint_states"
-ANNOTATED = "mug"
-"""The shipped object whose parts are annotated."""
-AHEAD_M = 0.2
-"""How far from a container's opening the other one is, when its lip is chosen [m]."""
 
 BALLS_ABOVE = 1.7
 """How far balls stand above the lip before they leave, in radii: what a container of the ten holds
 at a tilt is then known to 6 of 80 balls (root mean square). Measured by tilting eight of them."""
-PLAN_STEP_S = 0.05
-"""Time between two points of a planned path [s]. Convention."""
 N_PHASES = 400
 """Phases at which the largest tilt of a primitive is looked for. Convention."""
 HALF_FULL = 0.5
@@ -95,14 +89,14 @@ class DemonstratedPours(NamedTuple):
 @cache
 def annotated_source() -> ObjectModel:
     """The one object whose parts are annotated, ready to be warped onto others."""
-    return ObjectModel.learn(load_object(find_object(ANNOTATED)))
+    return ObjectModel.learn(load_object(find_object("mug")))
 
 
 def look_at(source: ObjectModel, container: Container, rng: np.random.Generator) -> Seen:
     """Scan a container from three sides and warp the annotated object onto it."""
     seen = scan(container.mesh, rng)
     warped = warp_object(source, ObjectCloud(seen.points, seen.normals))
-    ahead = container.opening_centre + np.array([AHEAD_M, 0.0, 0.0])
+    ahead = container.opening_centre + np.array([0.2, 0.0, 0.0])
     found = pouring_parameters(warped, toward=ahead)
     lip = found.lip_point
     above_m = BALLS_ABOVE * half_full_radius_m(container)
@@ -171,7 +165,7 @@ def plan(
 
     Without a level it empties the cup as far as its tilt reference has it.
     """
-    count = round(primitive.duration_s / PLAN_STEP_S) + 1
+    count = round(primitive.duration_s / 0.05) + 1
     phase = np.linspace(0.0, 1.0, count)
     path = primitive.mean_path(phase) if rng is None else primitive.sample(phase, rng)
     offset, tilt = from_warped(path, cup, second)

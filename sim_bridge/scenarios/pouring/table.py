@@ -30,10 +30,6 @@ SOLVER_ITERATIONS = 15
 """Of the contact solver: more than for balls alone, since a cup hangs on the arm."""
 CUP_MASS_KG = 0.25
 """Mass of an empty cup [kg]. Convention."""
-BALL_DAMPING = 0.05
-"""Bullet's linear damping of the balls. Convention."""
-OUTSIDE_MASS_KG = 1e-3
-"""Mass of the link that carries a cup's outside [kg]: too small to matter."""
 OUTSIDE_LINK, OUTSIDE_GROUP = 0, 64
 """Each container is a body that balls collide with, and a link with its true outside, which
 collides with that of the other container and with nothing else. A filter on one side does not
@@ -84,7 +80,7 @@ class PouringTable:
             inside = settled(world, n_balls, rng)
         shape = self._client.createCollisionShape(pybullet.GEOM_SPHERE, radius=ball_radius_m)
         places = inside @ pose[:3, :3].T + pose[:3, 3]
-        self._balls = add_balls(self._client, shape, ball_radius_m, places, BALL_DAMPING)
+        self._balls = add_balls(self._client, shape, ball_radius_m, places, 0.05)
         for ball in self._balls:
             self._pass_outsides(ball)
         self._in_cup = np.ones(len(inside), dtype=bool)
@@ -147,7 +143,7 @@ class PouringTable:
                 shapes[0],
                 basePosition=pose[:3, 3].tolist(),
                 baseOrientation=Rotation.from_matrix(pose[:3, :3]).as_quat().tolist(),
-                linkMasses=[OUTSIDE_MASS_KG if mass_kg else 0.0],
+                linkMasses=[1e-3 if mass_kg else 0.0],  # too small to matter
                 linkCollisionShapeIndices=[shapes[1]],
                 linkVisualShapeIndices=[-1],
                 linkPositions=[(0.0, 0.0, 0.0)],

@@ -27,8 +27,6 @@ _HAND_IN_CUP = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 OPENING_M = np.array([0.70, 0.15, 0.26])
 """Where the centre of the second container's opening is, world."""
 
-FINGERS_M = 0.11
-"""From the hand's frame to the axis of the held container [m]."""
 
 GRASP_SHARE = 0.5
 """At which share of the container's height it is held."""
@@ -36,8 +34,6 @@ GRASP_SHARE = 0.5
 
 SEED_POSTURE = np.array([0.76, -1.24, 2.02, -1.72, 0.11, -0.92, 0.96])
 """A posture with the cup held from the side; paths of the arm begin near it."""
-KNOT_S = 0.1
-"""Time between two postures of a planned pour [s]; a spline joins them."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +74,7 @@ class SideGrasp:
         pose = np.eye(4)
         pose[:3, :3] = _HAND_IN_CUP.T
         held = np.array([0.0, 0.0, GRASP_SHARE * self.height_m])
-        pose[:3, 3] = np.array([0.0, 0.0, FINGERS_M]) - pose[:3, :3] @ held
+        pose[:3, 3] = np.array([0.0, 0.0, 0.11]) - pose[:3, :3] @ held
         return pose
 
     def cup_poses(self, path: PourPath, opening_m: Floats) -> Floats:
@@ -110,7 +106,7 @@ def plan_joints(path: PourPath, grasp: SideGrasp, opening_m: Floats = OPENING_M)
     Raises:
         KinematicsError: a pose is out of reach.
     """
-    count = max(int(np.ceil(path.times_s[-1] / KNOT_S)), 4) + 1
+    count = max(int(np.ceil(path.times_s[-1] / 0.1)), 4) + 1
     knots = np.linspace(0.0, path.times_s[-1], count)
     offset = CubicSpline(path.times_s, path.offset_m)(knots)
     tilt = CubicSpline(path.times_s, path.tilt_rad)(knots)

@@ -13,10 +13,6 @@ GRASP_RADIUS_M = 0.03
 """Distance of the hand from a stand at which it takes the object [m]. Convention."""
 GRASP_SPEED_M_S = 0.12
 """Speed of the hand below which it does [m/s]. Convention."""
-RELEASE_SPEED_M_S = 0.03
-"""Speed of the hand below which it rests [m/s]. Convention."""
-RELEASE_REST_S = 0.25
-"""Rest after which it lets go, or takes the screwdriver [s]. Convention."""
 CARRIED_M = 0.12
 """Distance from where the hand took or began that counts as away [m]. Convention."""
 
@@ -82,9 +78,9 @@ class ToolboxGripper:
     def _at_rest(self, hand: Floats, speed: float) -> bool:
         """Whether the hand has rested for a while away from where it took or began."""
         away = np.linalg.norm(hand - self._start_m) > CARRIED_M
-        if not away or speed > RELEASE_SPEED_M_S:
+        if not away or speed > 0.03:
             self._rest_since_s = None
             return False
         if self._rest_since_s is None:
             self._rest_since_s = self._arm.time_s
-        return self._arm.time_s - self._rest_since_s >= RELEASE_REST_S
+        return self._arm.time_s - self._rest_since_s >= 0.25

@@ -25,8 +25,6 @@ _HALF_EDGES_M = {
     HOLD: (0.1, 0.014, 0.014),
 }
 _COLOURS = {PLATE: (0.2, 0.4, 0.8, 1.0), SCREW: (0.9, 0.5, 0.1, 1.0), HOLD: (0.2, 0.7, 0.3, 1.0)}
-BENCH_PLACE_M = (0.98, 0.32, 0.085)
-"""Where the screwdriver lies on the bench [m]. Convention."""
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 """Quaternion xyzw of no rotation."""
 
@@ -81,7 +79,7 @@ class ToolboxObjects:
             centre = target[:3, 3] + target[:3, :3] @ np.array(_GRASP_M[task])
             self._place(body, centre, Rotation.from_matrix(target[:3, :3]).as_quat())
         else:
-            self._place(body, BENCH_PLACE_M, _NO_TURN)
+            self._place(body, (0.98, 0.32, 0.085), _NO_TURN)
         self._fix(task, -1, -1)
         self.holders[task] = ObjectHolder.STAND
 

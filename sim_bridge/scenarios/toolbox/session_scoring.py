@@ -27,8 +27,6 @@ REST_SPEED_RAD_S = 0.03
 AWAY_FROM_HOME_M = 0.08
 """Distance of the hand from home, and from stands, above which it rests at an interaction [m].
 Convention."""
-DETAIL_S = 1.5
-"""Time after the human's end that a trace shows [s]. Convention."""
 
 
 def first_sample_ns(log: SessionLog, plan: SessionPlan) -> int | None:
@@ -259,7 +257,7 @@ def _arrival(
 def _trace(
     log: SessionLog, number: int, onset: int, end: int, decided: int | None, n_joints: int
 ) -> Trace:
-    stop = end + round(DETAIL_S * 1e9)
+    stop = end + round(1.5 * 1e9)
     tasks = (log.tasks_ns >= onset) & (log.tasks_ns <= end)
     wrist = (log.wrist_ns >= onset) & (log.wrist_ns <= stop)
     joints = (log.joint_ns >= onset) & (log.joint_ns <= stop)

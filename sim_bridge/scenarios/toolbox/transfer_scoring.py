@@ -9,9 +9,6 @@ from intent_recognition.array_types import Integers
 from intent_recognition.evaluation import ContactLog, SessionLog, Trace
 from sim_bridge.scenarios.toolbox.transfers import Holder
 
-FALLING_NS = 50_000_000
-"""Time in nobody's hand from which on an object was dropped [ns]. Convention: a bounce of the
-pads is shorter, and it falls by 1 cm."""
 HANDS = (Holder.ROBOT.value, Holder.PERSON.value)
 SHOWN_NS = 1_000_000_000
 """Time after the transfer that a trace shows [ns]. Convention."""
@@ -52,7 +49,7 @@ def _dropped(stamps: Integers, holders: tuple[str, ...]) -> bool:
             begun = None
             continue
         begun = stamp if begun is None else begun
-        if stamp - begun >= FALLING_NS:
+        if stamp - begun >= 50_000_000:  # a bounce of the pads is shorter
             return True
     return False
 
