@@ -16,10 +16,6 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ResourceBusyError, describe
 
-LOCK_S = 60.0
-"""Longest wait for another process to end its change [s]. Convention: learning takes up to 5 s, and
-four times as long on a busy machine."""
-
 
 def commit(temporary: Path, target: Path) -> None:
     """Give a file that is complete its name; the old file or the new one is there, on the disk."""
@@ -86,7 +82,7 @@ def sync_folder(folder: Path) -> None:
 
 @contextmanager
 def locked(
-    path: Path, patience_s: float = LOCK_S, clock: Callable[[], float] = time.monotonic
+    path: Path, patience_s: float = 60.0, clock: Callable[[], float] = time.monotonic
 ) -> Iterator[None]:
     """Hold a lock among processes; the system releases it when one dies.
 

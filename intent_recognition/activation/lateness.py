@@ -30,12 +30,6 @@ _LAGGED = np.array(
     ]
 )
 """First-order lags of all looks, as matrices (4, looks, looks); those of fewer are its corners."""
-_LEAST_RAD = 5e-4
-"""An arm explained as well as this [rad] without lateness has had its commands in time. Convention:
-several times the noise of encoders."""
-_RIDGE_RAD = 1e-3
-"""Weight of the sum of the squared weights [rad]. Numerical safeguard: lags are much alike, and the
-solver must come to an end; 17 weights of 1 add less than a tenth of `_LEAST_RAD`."""
 _SHARE = 0.6
 """What lateness must leave unexplained at most of what is without. Measurement:
 `test_late_commands.py`."""
@@ -69,7 +63,7 @@ class Lateness:
             return 0
         in_time, *late = references.swapaxes(0, 1)
         error = unexplained(positions, in_time)
-        if error <= _LEAST_RAD:
+        if error <= 5e-4:  # several times the noise of encoders
             return 0
         errors = [error, *(unexplained(positions, one) for one in late)]
         if min(errors) > _SHARE * error:
@@ -90,7 +84,8 @@ def unexplained(positions: Floats, asked: Floats) -> float:
     late.extend(asked[0] + _LAGGED[:, : len(asked), : len(asked)] @ (asked - asked[0]))
     tables = np.array([*late, positions])[:, _N_BEFORE::2].transpose(2, 1, 0)  # one of each joint
     tables = tables - tables.mean(axis=1, keepdims=True)
-    ridge = np.tile(_RIDGE_RAD * np.eye(len(late), len(late) + 1), (len(tables), 1, 1))
+    # lags are much alike, and the solver must come to an end
+    ridge = np.tile(1e-3 * np.eye(len(late), len(late) + 1), (len(tables), 1, 1))
     small = np.linalg.qr(np.concatenate([tables, ridge], axis=1), mode="r")
     squares = sum(nnls(one[:, :-1], one[:, -1])[1] ** 2 for one in small)
     return float(np.sqrt(squares / tables[:, :, -1].size))

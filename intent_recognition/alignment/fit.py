@@ -23,8 +23,6 @@ from intent_recognition.array_types import Flags, Floats
 
 ROUNDING = 0.3
 """Rounding of |x|: sqrt(x^2 + ROUNDING^2), x in units of the deviations' scale. Convention."""
-CONVERGED = 0.05
-"""Smallest expected decrease of the cost [nats] for which a descent goes on. Convention."""
 
 
 class Curves(NamedTuple):
@@ -182,7 +180,7 @@ def descend(problem: WarpProblem, start: Floats, n_iterations: int) -> tuple[Flo
     active = np.arange(len(start))
     for _ in range(n_iterations):
         step = _step(local, damping[active])
-        going = -0.5 * np.sum(step * local.gradient, axis=1) > CONVERGED
+        going = -0.5 * np.sum(step * local.gradient, axis=1) > 0.05  # [nats]
         active, step, local = (
             active[going],
             step[going],

@@ -10,8 +10,6 @@ from typing import NamedTuple
 LONGEST_DEFINITION = 100_000
 """Bytes of a definition with those of all types it contains. Convention: Jazzy's longest have 4000,
 with their comments 20 000."""
-MOST_FIELDS = 2000
-"""Lines of a definition that are no comment. Convention: Jazzy's longest have 150."""
 MOST_VALUES = 1_000_000
 """Values in the arrays of fixed length of one message. Convention: a covariance has 36."""
 DEEPEST = 16
@@ -50,8 +48,8 @@ def check_definition(name: str, text: str) -> None:
     for other in others:
         head, _, body = other.strip().partition("\n")
         types[head.removeprefix("MSG:").strip()] = _fields(body)
-    if (count := sum(map(len, types.values()))) > MOST_FIELDS:
-        raise ValueError(f"a definition of {count} fields, more than {MOST_FIELDS}")
+    if (count := sum(map(len, types.values()))) > 2000:
+        raise ValueError(f"a definition of {count} fields, more than 2000")
     _size(name, types, {}, 0)
 
 

@@ -25,8 +25,6 @@ Decoder = Callable[[bytes], object]
 """Function from CDR bytes to a message with the attributes of its type."""
 ZSTD = b"\x28\xb5\x2f\xfd"
 """First bytes of what zstd has compressed, a file or a message; no message of CDR begins so."""
-MOST_MESSAGE = 2**26
-"""Bytes of one message, unpacked. Convention: a depth image has 2 MB."""
 HEADER = "std_msgs/msg/Header"
 RECOVER = "Save what is left with `intent recover`."
 """Advice in messages about damaged recordings."""
@@ -134,8 +132,8 @@ def unpacked(data: bytes) -> bytes:
         size = None
     if size is None:
         return data
-    if not 0 <= size <= MOST_MESSAGE:
-        raise ValueError(f"a message of {size} bytes unpacked, more than {MOST_MESSAGE}")
+    if not 0 <= size <= 2**26:
+        raise ValueError(f"a message of {size} bytes unpacked, more than {2**26}")
     return zstandard.ZstdDecompressor().decompress(data)
 
 

@@ -12,8 +12,6 @@ from intent_recognition.errors import BagError
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
 FILE_NAME = "metadata.yaml"
-VERSION = 9
-"""Of the format, as Jazzy's rosbag2 writes it."""
 RECORD_NAME, RECORD_KEY = "rosbag2", "serialized_metadata"
 """Name and key of the metadata record in an MCAP file that says what metadata.yaml says."""
 
@@ -120,7 +118,7 @@ def _to_dict(metadata: BagMetadata) -> dict[str, object]:
     duration = {"nanoseconds": metadata.duration_ns}
     count = metadata.message_count
     return {
-        "version": VERSION,
+        "version": 9,  # as Jazzy's rosbag2 writes it
         "storage_identifier": metadata.storage,
         "duration": dict(duration),
         "starting_time": dict(start),

@@ -43,8 +43,6 @@ AFTER_S = 6.0
 movement, and the arm goes on with what it has begun."""
 START_S = 60.0
 """Longest start of the nodes [s]. Convention."""
-END_S = 0.2
-"""Last part of a recording in which the taught arm is where it belongs [s]. Convention."""
 
 
 class Shown(NamedTuple):
@@ -208,7 +206,7 @@ def _end(recorded: Demonstration, model: Model, arm: "ToolboxArm") -> Floats:
     names = model.dofs.controlled_message_names
     values = []
     for signal in recorded.controlled:
-        last = signal.stamps_ns > signal.stamps_ns[-1] - END_S * 1e9
+        last = signal.stamps_ns > signal.stamps_ns[-1] - 0.2 * 1e9
         values += signal.values[last].mean(axis=0).tolist()
     if is_hand(names):
         return np.array(values[:3])

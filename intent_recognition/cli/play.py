@@ -32,8 +32,6 @@ from intent_recognition.cli.options import (
 PARAMETERS = ("rate", "loop", "start_paused", "wait_for_subscribers", "clock", "restamp")
 """Options that are parameters of the node `bag_player` under these names."""
 
-SECONDS = "{task.completed:.1f} of {task.total:.1f} s"
-
 
 OPTIONS = {
     "rate": {"type": number(float, 0), "default": 1.0},
@@ -51,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     from intent_recognition.nodes.runtime import steady_timer
 
     stderr = Console(stderr=True)
-    with bar_with(stderr, TextColumn(SECONDS)) as bar:
+    with bar_with(stderr, TextColumn("{task.completed:.1f} of {task.total:.1f} s")) as bar:
         task = bar.add_task("seconds played", total=None)
 
         def bag_player() -> BagPlayer:

@@ -14,9 +14,6 @@ from intent_recognition.errors import BagError, first_of
 from intent_recognition.model import Frames, FromBags, mixed_frames
 from intent_recognition.signals import Demonstration, Rejection, stream_doubts
 
-MOST_KINDS = 3
-"""Kinds of reasons that a message tells when nothing could be read. Convention."""
-
 
 def print_left_out(
     console: Console, left_out: Sequence[object], n_left_out: int | None = None
@@ -33,7 +30,7 @@ def nothing_of(argument: str, expected: str, left_out: Sequence[Rejection], cure
     alike: dict[str, list[Rejection]] = {}
     for one in left_out:
         alike.setdefault(_without_numbers(f"{one.topic}: {one.reason}"), []).append(one)
-    kinds, hidden = list(alike.values())[:MOST_KINDS], list(alike.values())[MOST_KINDS:]
+    kinds, hidden = list(alike.values())[:3], list(alike.values())[3:]
     lines = [
         str(replace(kind[0], cure="")).removesuffix(".")
         + (f", and {len(kind) - 1} alike" if kind[1:] else "")

@@ -25,9 +25,6 @@ from intent_recognition.learning import (
 from intent_recognition.model import Model, merge_frames
 from intent_recognition.signals import Demonstration
 
-SEED = 0
-"""Of the starts of EM: the same recordings give the same components."""
-
 
 def add_unlabelled_options(parser: argparse.ArgumentParser) -> None:
     """Options of a command that may look for the tasks itself."""
@@ -99,7 +96,7 @@ def find_components(
         found = label_by_components(
             demonstrations,
             settings,
-            np.random.default_rng(SEED),
+            np.random.default_rng(0),  # the same recordings give the same components
             n_components=wanted,
             progress=lambda done: bar.update(task, completed=done),
         )

@@ -17,12 +17,6 @@ LARGEST_DISTANCE = 6.0
 """Mahalanobis distance from what a task does beyond which a via point is refused, in standard
 deviations of both. Convention: the hand of the shipped plate_handover may so be moved by some 9 cm
 at a third of the way, and by 25 to 36 cm at the end (docs/combining.md)."""
-HAND_MISSED_M = 0.005
-"""A hand that stays farther from its via point cannot reach it [m], unless that is as exact as the
-wish. Convention: as `motion.hand_path` has it for a predicted path."""
-EXACT = 1e-6
-"""Standard deviation of a via point that is asked for with less [m or rad]. Convention: beyond what
-an arm can do, and well above rounding."""
 _N_STEPS, _CONVERGED_RAD = 50, 1e-6
 """Linearisations of a hand at most, and the step at which they end. Measured: 5 to 7 are taken."""
 
@@ -124,7 +118,8 @@ def control_point(
         if phase > 1.0:
             expected = f"a time of at most {duration_s:.2f} s, as {library.labels[task]} takes"
             raise ArgumentError.about(label, expected, f"{point.time_s:g} s", "Name a phase.")
-    covariance = np.diag(np.square(np.maximum(point.std, EXACT)))
+    # beyond what an arm can do, and well above rounding
+    covariance = np.diag(np.square(np.maximum(point.std, 1e-6)))
     if point.of_hand:
         goal = np.array(point.values[HAND])
         if columns := hand_columns(names):
@@ -185,7 +180,8 @@ def _at_hand(
         if change < _CONVERGED_RAD:
             break
     missed_m = float(np.linalg.norm(arm.forward_kinematics(posture[columns])[:3, 3] - goal))
-    if change >= _CONVERGED_RAD or missed_m > HAND_MISSED_M + 3.0 * np.sqrt(np.trace(covariance)):
+    # as `motion.hand_path`
+    if change >= _CONVERGED_RAD or missed_m > 0.005 + 3.0 * np.sqrt(np.trace(covariance)):
         cure = "Bring it nearer to where the hand passes."
         got = f"one of which {missed_m:.3f} m are left"
         raise KinematicsError.about(label, "a place that the hand can reach", got, cure)

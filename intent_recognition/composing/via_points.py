@@ -16,8 +16,6 @@ USUAL_STD = 0.01
 or half a degree."""
 MOST_POINTS = 100
 """Via points in force at once. Convention."""
-LONGEST_NAME = 100
-"""Characters of a name. Convention."""
 CHECKS = YamlChecks("docs/combining.md describes them.")
 KEYS = ("name", "task", "phase", "time", HAND, "dofs", "std")
 
@@ -101,7 +99,7 @@ def _read(content: Any) -> ViaPoint:
     if not isinstance(content, Mapping):
         CHECKS.refuse("via point", f"keys of {', '.join(KEYS)}", content)
     name = content.get("name")
-    if not isinstance(name, str) or not 0 < len(name) <= LONGEST_NAME or not name.isprintable():
+    if not isinstance(name, str) or not 0 < len(name) <= 100 or not name.isprintable():
         CHECKS.refuse("via point", "a name", name)
     place = f"via point {name}"
     CHECKS.keys(place, content, KEYS)

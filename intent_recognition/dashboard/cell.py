@@ -23,8 +23,6 @@ PLOTTED_STEP_S = 0.05
 """Shortest time between two plotted values [s]. Convention."""
 WRIST_S = 3.0
 """Past of the wrist that is drawn [s]. Convention."""
-MOST_JOINTS = 500
-"""Joints of all messages together. Convention."""
 FORCES, SENSOR = ("load", "weight", "grip_force"), "sensor"
 """Forces on `intent/transfer`, and the magnitude of that on `wrench` [N]."""
 SHARE, SLIP = "load_share", "slip"
@@ -71,11 +69,6 @@ class PathMarkers:
     observed: Floats
     predicted: Floats
     tube: Floats
-
-
-ASKED_AFTER_S = 0.5
-"""Time for which the same tasks must be in question before somebody is asked [s]. Convention: most
-movements are recognised before."""
 
 
 @dataclass(frozen=True)
@@ -273,14 +266,14 @@ class CellState:
         self._question, self._question_at_s = tasks, now_s
 
     def question(self, now_s: float) -> tuple[str, ...]:
-        """The tasks to ask about: those that have been in question for `ASKED_AFTER_S`."""
-        return self._question if now_s - self._question_at_s >= ASKED_AFTER_S else ()
+        """The tasks to ask about: those in question for 0.5 s; most are recognised before."""
+        return self._question if now_s - self._question_at_s >= 0.5 else ()
 
     def take_joints(self, names: Sequence[str], positions: Sequence[float], now_s: float) -> None:
         """A joint state, of all joints or some; names that keep changing are forgotten."""
         self.joints.update(zip(names, positions, strict=False))
         self._joints_at_s |= dict.fromkeys(names, now_s)
-        while len(self.joints) > MOST_JOINTS:
+        while len(self.joints) > 500:
             oldest = next(iter(self.joints))
             del self.joints[oldest], self._joints_at_s[oldest]
 

@@ -25,7 +25,6 @@ CURES = (
     "Train one, and start the page where it lies: `intent train BAG... --output M.npz`",
     "Or name their folder: `-p models:=FOLDER`",
 )
-HEAD = ("model", "acts on", "after", "at the end")
 
 
 class CompareTab:
@@ -96,7 +95,8 @@ class CompareTab:
         self._draw(found)
         rows = [(n, *summary) for n, (_, _, summary) in zip("AB", found, strict=True)]
         reasons = "".join(why[model] for model in dict.fromkeys(models))
-        self._result.content = markup.table(HEAD, rows) + reasons
+        table = markup.table(("model", "acts on", "after", "at the end"), rows)
+        self._result.content = table + reasons
 
     def _draw(self, found: Sequence[tuple]) -> None:
         """One diagram for each model, in the same colours and over the same time."""

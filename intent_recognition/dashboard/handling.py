@@ -23,9 +23,6 @@ GRASP_M = 0.06
 simulated arm errs by a third."""
 CARRIED_M = 0.12
 """What is carried less far is not given or laid down [m]; as the simulated gripper has it."""
-NEAR_M = 0.4
-"""Hand and wrist can hand a body over when so near [m]. Convention: the robot's hand, a body and
-the person's hand lie between."""
 GLIDE_S = 0.5
 """Duration of what is drawn where a body changes its place without a measured way [s]."""
 
@@ -85,7 +82,7 @@ class HandlingMoment:
         """Whether the robot's hand and the person's wrist are near one another."""
         if self.hand is None or self.wrist is None:
             return False
-        return bool(np.linalg.norm(self.hand[:3, 3] - self.wrist) <= NEAR_M)
+        return bool(np.linalg.norm(self.hand[:3, 3] - self.wrist) <= 0.4)  # with a body between
 
 
 class Handling:

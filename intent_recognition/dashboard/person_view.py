@@ -14,8 +14,6 @@ from intent_recognition.dashboard.things_view import Colour, quaternions
 
 ROOT = "/person"
 FIGURE_GREY = (158, 160, 163)
-TINT = 0.3
-"""Part of a person's own colour in the figure's. Convention: told apart, and still a stand-in."""
 UPPER_ARM_FRAME = "/upper_body/upper_arm"
 FOREARM_FRAME = f"{UPPER_ARM_FRAME}/forearm"
 MOVED_M = 1e-3
@@ -74,7 +72,7 @@ class PersonView:
         colour: Colour = FIGURE_GREY,
     ):
         self._server, self._stance, self._path = server, stance, root
-        mixed = (1.0 - TINT) * np.array(FIGURE_GREY) + TINT * np.array(colour)
+        mixed = 0.7 * np.array(FIGURE_GREY) + 0.3 * np.array(colour)
         self._colour = mixed / 255.0
         self._root = self._frame("", wxyz=quaternions(stance.rotation), visible=False)
         self._upper_body = self._frame("/upper_body")

@@ -17,8 +17,6 @@ RATES = {"0.25 x": 0.25, "0.5 x": 0.5, "1 x": 1.0, "2 x": 2.0, "4 x": 4.0}
 NO_BAGS = ("Start the page with `-p bags:=FOLDER`, or record one: `intent record --output BAG`.",)
 SHOWN_ONLY = "No estimator runs: a recording is shown, but no task recognised."
 START_ESTIMATOR = ("Start one: `ros2 launch intent_recognition intent.launch.py model:=M.npz`",)
-SHORTEST_S = 0.01
-"""Step of the slider of positions, and its least length [s]. Convention."""
 
 Play = Callable[[Path, float, float], BagPlayer]
 
@@ -38,7 +36,7 @@ class ReplayTab:
         self._bag = gui.add_dropdown("Recording", tuple(self._bags) or ("-",))
         self._facts = gui.add_html("")
         self._rate = gui.add_dropdown("Speed", tuple(RATES), initial_value="1 x")
-        self._at = gui.add_slider("Position [s]", 0.0, 1.0, SHORTEST_S, 0.0)
+        self._at = gui.add_slider("Position [s]", 0.0, 1.0, 0.01, 0.0)
         self._button = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
         page.on_click(self._button, self._press)
         page.on_change(self._bag, self._chosen)
@@ -89,7 +87,7 @@ class ReplayTab:
         self._facts.content = markup.remark(", ".join(facts))
 
     def _set_length(self, seconds: float) -> None:
-        self._at.max = max(round(seconds, 2), SHORTEST_S)
+        self._at.max = max(round(seconds, 2), 0.01)
 
     def _seek(self) -> None:
         if self._player is not None:

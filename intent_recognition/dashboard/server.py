@@ -48,8 +48,6 @@ SEND_S = 10.0
 """A browser that takes nothing for so long is cut off [s]. Convention."""
 LARGEST_MESSAGE = 2**16
 """Bytes of a message from a browser: it sends where a handle is. Convention."""
-MOST_WAITING = 8
-"""Messages of one browser that wait to be read. Convention."""
 WINDOW = 32
 """Messages that viser packs into one transmission, which is what a slow browser holds in memory.
 Convention: an update of the page has fewer."""
@@ -151,7 +149,7 @@ class _Guard:
                 "create_connection": Connection,
                 "logger": _LOGGER,
                 "max_size": LARGEST_MESSAGE,
-                "max_queue": MOST_WAITING,
+                "max_queue": 8,
             }
             guard.in_place = True
             return serve(*arguments, **options)

@@ -52,8 +52,6 @@ MOST_POINTS = 10_000
 """Points of a path, a tube or a trajectory. Convention."""
 MOST_VALUES = 200
 """Values of one node's health. Convention."""
-MOST_CHANGES = 2000
-"""Changes of all tasks that are shown. Convention: twenty of each of a hundred."""
 MOST_PEOPLE = 8
 """People with names who are shown at a time; who is seen no more makes room. Convention."""
 LONGEST_SENTENCE = 2000
@@ -239,7 +237,7 @@ class CellSubscriptions:
             nodes[name] = NodeHealth(level, text, values, now_s, ENDED in values)
 
     def _on_skills(self, message: DiagnosticArray) -> None:
-        check("status", f"at most {MOST_CHANGES}", len(message.status) <= MOST_CHANGES, "more")
+        check("status", "at most 2000", len(message.status) <= 2000, "more")
         skills: dict[str, list[SkillRow]] = {}
         for status in message.status:
             row = SkillRow(*_told(status))

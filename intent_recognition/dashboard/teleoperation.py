@@ -29,7 +29,6 @@ RATE_HZ = 100.0
 RETURN_S = 1.5
 """Duration of the way back after a demonstration [s]. Convention."""
 SILENT_ARM = "The arm's joint states have stopped."
-UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 class Teleoperation:
@@ -223,7 +222,7 @@ class Teleoperation:
         if stamp_ns <= self._last_ns or self._pose is None:
             return
         self._last_ns = stamp_ns
-        message = PoseStamped(pose=to_pose(self._position, UPRIGHT))
+        message = PoseStamped(pose=to_pose(self._position, np.array([0.0, 0.0, 0.0, 1.0])))
         message.header.stamp = to_stamp(stamp_ns)
         message.header.frame_id = "world"
         self._pose.publish(message)

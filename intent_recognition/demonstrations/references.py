@@ -18,14 +18,11 @@ from intent_recognition.errors import ArgumentError, BagError, DofError
 from intent_recognition.signals import mean_orientation
 from intent_recognition.tracking import Extrinsics, IngestSettings, frame_name, multiply_quaternions
 
-REFERENCE_BAGS = 50
-"""Recordings from which the mean orientation is taken. Convention: the mean need not be exact."""
-
 
 def settle_orientations(dofs: DofSpec, paths: Paths) -> DofSpec:
     """The same DOFs, with a reference for every orientation that has none: the mean of recordings.
 
-    Of the bags at most `REFERENCE_BAGS` are read.
+    Of the bags at most 50 are read: the mean need not be exact.
 
     Raises:
         BagError: a path does not exist.
@@ -34,7 +31,7 @@ def settle_orientations(dofs: DofSpec, paths: Paths) -> DofSpec:
     if all(entry.reference for entry in dofs.recorded if entry.orientation):
         return dofs
     bags = [bag for path in as_paths(paths) for bag in find_bags(path)]
-    readers = [*map(_sound_reader, bags[:: -(-len(bags) // REFERENCE_BAGS) or 1])]
+    readers = [*map(_sound_reader, bags[:: -(-len(bags) // 50) or 1])]
 
     def settled(entry: DofEntry) -> DofEntry:
         if not entry.orientation or entry.reference:

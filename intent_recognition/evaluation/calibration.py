@@ -11,8 +11,6 @@ import numpy as np
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.promp import NONE
 
-N_BINS = 10
-"""Bins of probability in reliability diagrams. Convention."""
 LEVELS = (0.5, 0.6827, 0.8, 0.9, 0.9545, 0.99)
 """Shares of the truth that central intervals of the normal distribution should contain. Convention.
 """
@@ -125,7 +123,7 @@ class NormalisedErrors:
 
 
 def reliability_bins(
-    probabilities: Floats, truth: Floats, n_bins: int = N_BINS
+    probabilities: Floats, truth: Floats, n_bins: int = 10
 ) -> tuple[Floats, Floats, Integers]:
     """Mean probability, share true and count per bin of probability, each (B,).
 

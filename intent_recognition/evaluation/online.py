@@ -23,8 +23,6 @@ from intent_recognition.signals import Demonstration, common_span, merge
 
 SURE_LOG_STD = 1e-6
 """Standard deviation of the logarithm of a duration that is known. Numerical safeguard."""
-MOST_FOLDS = 10
-"""Models that are learned to score the decisions, at most. Convention: it bounds the time."""
 
 
 class OnlineOutcome(NamedTuple):
@@ -129,7 +127,7 @@ def score_online(
     """What the nodes would have done, by phase knowledge; see `summarise_online`.
 
     The models are those of `intent train`: learned from the movements, whatever the settings say.
-    Folds are merged to at most `MOST_FOLDS`.
+    Folds are merged to at most ten, which bounds the time.
 
     Args:
         demonstrations: labelled recordings.
@@ -144,7 +142,7 @@ def score_online(
     movements = [where_both_were_recorded(recorded) for recorded in cut_to_movement(demonstrations)]
     outcomes: dict[str, list[OnlineOutcome]] = {phase: [] for phase in PHASES}
     done = 0
-    for train, test in merge_folds(folds, MOST_FOLDS):
+    for train, test in merge_folds(folds, 10):
         library = learn([movements[i] for i in train], settings)
         for recorded in (movements[i] for i in test):
             for phase in PHASES:

@@ -26,8 +26,6 @@ from intent_recognition.improvement.search import Search, next_point, settled_po
 from intent_recognition.untrusted import UntrustedError, load_json, read_text
 
 STATE, ROLLOUTS = "practice.json", "rollouts"
-MOST_TEXT = 100_000_000
-"""Bytes of the file. Convention: a hundred thousand rollouts."""
 FORMAT = 1
 """Version of the file; another one is not read."""
 
@@ -143,7 +141,7 @@ class PracticeSession:
         path = self.folder / STATE
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            text = read_text(path, MOST_TEXT) if path.exists() else ""
+            text = read_text(path, 100_000_000) if path.exists() else ""
         except OSError as error:
             cure = "Choose another folder."
             expected = "a folder that can be made and read"

@@ -53,13 +53,6 @@ DECIDED_SHARE = 0.2
 NEAR_M = 0.03
 """A hand is there within this distance [m]. Convention: what a person reaches over without a
 step."""
-REACHING_M_S = 0.25
-"""A hand that stays too far off is as late as if it went on with this speed [m/s]. Convention: a
-slow reach; it makes the cost continuous."""
-STEP_S = 0.02
-"""Time between two samples of a rollout [s]. Convention."""
-AFTER_S = 0.5
-"""Rest after both agents have arrived that is logged [s]. Convention."""
 
 
 class Person(NamedTuple):
@@ -243,7 +236,7 @@ class TaskPractice:
         """Run it; where there is no plan the arm stays at rest."""
         plan, decided_s = self._plan(person, weights), DECIDED_SHARE * person.duration_s
         end_s = decided_s + (0.0 if plan is None else plan.duration_s)
-        times = np.arange(0.0, max(end_s, person.duration_s) + AFTER_S, STEP_S)
+        times = np.arange(0.0, max(end_s, person.duration_s) + 0.5, 0.02)  # and a rest
         joints = np.tile(self._rest, (len(times), 1))
         if plan is not None:
             for k in np.flatnonzero(times >= decided_s):
@@ -262,7 +255,8 @@ class TaskPractice:
 def arrival_s(times_s: Floats, points_m: Floats, place_m: Floats) -> float:
     """From when on points (T, 3) stay within `NEAR_M` of a place, at times (T,) [s].
 
-    Where they do not, it is as if they went on from the last one with `REACHING_M_S`.
+    Where they do not, it is as if they went on from the last one at 0.25 m/s, a slow reach,
+    so that the cost is continuous.
     """
     far_m = np.linalg.norm(points_m - place_m, axis=1)
     outside = np.flatnonzero(far_m > NEAR_M)
@@ -270,7 +264,7 @@ def arrival_s(times_s: Floats, points_m: Floats, place_m: Floats) -> float:
         return float(times_s[0])
     if outside[-1] + 1 < len(times_s):
         return float(times_s[outside[-1] + 1])
-    return float(times_s[-1] + (far_m[-1] - NEAR_M) / REACHING_M_S)
+    return float(times_s[-1] + (far_m[-1] - NEAR_M) / 0.25)
 
 
 def warping_matrix(basis: NormalizedRBFBasis, ahead: float) -> Floats:

@@ -36,9 +36,6 @@ _GRID_STEP_RAD = np.radians(10.0)
 _MAX_STEP_RAD = 0.25
 """Largest joint motion between sampled swivels [rad]. Convention: a local minimum of the distance
 to the seed spans several samples."""
-_MIN_SECTION_RAD = 1e-7
-"""Sections of swivel are not split below this [rad]: a nearly singular posture, in which joints
-turn half a revolution within such a section, counts as singular."""
 
 
 class Branch(NamedTuple):
@@ -250,7 +247,8 @@ def _sampled_swivels(circle: _ElbowCircle, start: float, limits: JointLimits) ->
     while True:
         q = _postures(circle, swivels, 1, 1)  # the other branches turn by as much
         turn = np.abs((np.diff(q, axis=0) + np.pi) % (2.0 * np.pi) - np.pi).max(axis=1)
-        split = (turn > _MAX_STEP_RAD) & (np.diff(swivels) > _MIN_SECTION_RAD)
+        # where joints turn half a revolution in a smaller section, the posture is singular
+        split = (turn > _MAX_STEP_RAD) & (np.diff(swivels) > 1e-7)
         if not split.any():
             return swivels
         middles = 0.5 * (swivels[:-1] + swivels[1:])[split]

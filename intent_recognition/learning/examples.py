@@ -25,8 +25,6 @@ SAMPLES_PER_MOVEMENT = 30
 """Samples of one movement that count as independent evidence; denser ones share it. Convention."""
 SAMPLES_USED = 2 * SAMPLES_PER_MOVEMENT
 """Samples of one movement that the filter uses (`filtering.SPACING`)."""
-MIN_DURATION_S = 0.2
-"""Shortest movement that can be learned from [s]. Convention."""
 
 
 class TrainingExample(NamedTuple):
@@ -128,9 +126,9 @@ def _movement(recorded: Demonstration) -> list[_Part] | TrainingError:
     """Each signal from start to end, observed ones first, or why that is too little."""
     start_ns, end_ns = recorded.start_ns, recorded.end_ns
     duration = (end_ns - start_ns) * 1e-9
-    if duration < MIN_DURATION_S:
+    if duration < 0.2:
         return TrainingError.about(
-            "demonstration", f"at least {MIN_DURATION_S} s", f"{duration:.3f} s", "Re-record."
+            "demonstration", "at least 0.2 s", f"{duration:.3f} s", "Re-record."
         )
     parts = []
     for signal in (*recorded.observed, *recorded.controlled):

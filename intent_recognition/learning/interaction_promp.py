@@ -16,16 +16,13 @@ from intent_recognition.learning.statistics import summarize, variance_scales
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis
 from intent_recognition.signals import Demonstration
 
-STRENGTH = 10.0
-"""Equivalent sample size of the structured target, in demonstrations. Convention."""
-
 
 def fit_interaction_promp(
     demonstrations: Sequence[Demonstration],
     *,
     basis: NormalizedRBFBasis | None = None,
     ridge: float = TrainingSettings.ridge,
-    strength: float = STRENGTH,
+    strength: float = 10.0,
 ) -> InteractionProMP:
     """Fit the joint Gaussian over both agents' weights to demonstrations of one task.
 

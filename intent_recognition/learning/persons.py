@@ -23,10 +23,6 @@ from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.learning.statistics import TaskStatistics, summarize
 from intent_recognition.promp import Scatter, shared_covariance
 
-MIN_FREEDOM = 3
-"""Degrees of freedom between people from which on B is estimated: two people with three tasks, or
-four with one. Convention: with fewer the target would be inflated by far (`structured_target`)."""
-
 
 class Grouped(NamedTuple):
     """Scatter of demonstrations by whose they are.
@@ -51,7 +47,8 @@ def compares_people(groups: Sequence[Sequence[str]]) -> bool:
     """
     n, cells = sum(map(len, groups)), sum(len(set(task)) for task in groups)
     known = all(name for task in groups for name in task)
-    return known and n > cells and cells - len(groups) >= MIN_FREEDOM
+    # with fewer the target would be inflated by far
+    return known and n > cells and cells - len(groups) >= 3
 
 
 def group_scatter(

@@ -15,8 +15,6 @@ from intent_recognition.warping import N_WARPED, PouringSkill, Reached, WarpedPr
 
 FORMAT_VERSION = 1
 """Of the file; others are not read."""
-LARGEST = 1e4
-"""Of all numbers in the file. Convention: a pour takes a minute, and moves by metres."""
 CURE = "Write it again: `intent improve pouring --accept`, or `save_pouring_skill`."
 
 
@@ -48,7 +46,8 @@ def load_pouring_skill(path: str | Path) -> PouringSkill:
     version = found.pop("format_version", np.array(np.nan))
     known = not version.shape and bool(version == FORMAT_VERSION)
     require(known, f"{path}: format_version", str(FORMAT_VERSION), version, CURE)
-    check = partial(check_arrays, path, found, largest=LARGEST, cure=CURE)
+    # a pour takes a minute, and moves by metres
+    check = partial(check_arrays, path, found, largest=1e4, cure=CURE)
     check({"basis": (2,), "duration_s": (), "reached": (3,)})
     try:
         begin, largest, _ = found["reached"].tolist()

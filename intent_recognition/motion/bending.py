@@ -33,9 +33,6 @@ from intent_recognition.signals import right_jacobian, to_tangent
 BEYOND_M = 0.004
 """Paths are bent so much farther than the clearance [m]. Convention: more than splines and
 linearised rows leave."""
-_LARGEST_STEP_RAD = 0.5
-"""No joint moves farther in one round [rad]: distances are linear in the joints nearby only.
-Convention."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +173,7 @@ def bend(path: TouchingPath, largest: float = np.inf, start: Floats | None = Non
         if newer is None or np.linalg.norm(newer) > largest:
             return None
         step = float(np.abs(moves @ (newer - z)).max())
-        z = z + min(1.0, _LARGEST_STEP_RAD / max(step, 1e-9)) * (newer - z)
+        z = z + min(1.0, 0.5 / max(step, 1e-9)) * (newer - z)  # distances are linear nearby only
     return None
 
 

@@ -16,12 +16,6 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.motion.bending import TouchingPath, bend
 
-_DETOUR_RAD = 0.15
-"""Amplitude of the slowest detour [rad], one standard deviation. Convention: some 10 cm at the
-hand, more than demonstrations vary."""
-_ROUGHNESS = 1.5
-"""Power by which the amplitude falls with the number of half waves. Convention: smooth as a
-primitive."""
 _N_DESCENTS = 4
 """Descents from drawn detours at most. Measurement: docs/decisions/replanning.md."""
 
@@ -33,7 +27,8 @@ def detours(phases: Floats, n_joints: int, first: float) -> Floats:
     """
     share = np.clip((phases - first) / max(1.0 - first, 1e-9), 0.0, 1.0)
     waves = np.arange(1, 6)
-    table = _DETOUR_RAD * np.sin(np.pi * np.outer(share, waves)) / waves**_ROUGHNESS
+    # 10 cm at the hand, more than demonstrations vary
+    table = 0.15 * np.sin(np.pi * np.outer(share, waves)) / waves**1.5
     rows = np.einsum("jd,tk->tjdk", np.eye(n_joints), table)
     return rows.reshape(*rows.shape[:2], -1)
 

@@ -27,9 +27,6 @@ from intent_recognition.motion.path import JointPath, make_path
 from intent_recognition.motion.plan import POSITION_MARGIN_RAD
 from intent_recognition.promp import minimum_jerk
 
-_LARGEST_STEP_RAD = 0.2
-"""No joint turns farther in one round [rad]: null space and distances are those of the posture."""
-
 
 class Turn(NamedTuple):
     """How the arm turns about its hand along a path.
@@ -108,7 +105,8 @@ class HandKept:
             if change is None:
                 return None
             step = own @ change
-            step *= min(1.0, _LARGEST_STEP_RAD / max(float(np.abs(step).max()), 1e-9))
+            # null space and distances are those of the posture
+            step *= min(1.0, 0.2 / max(float(np.abs(step).max()), 1e-9))
             q = self._onto(pose, q + step)
         return None
 

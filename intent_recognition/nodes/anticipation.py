@@ -42,11 +42,6 @@ from intent_recognition.recognition import (
 )
 from intent_recognition.signals import Observation
 
-LARGEST_AHEAD_NS = 1_000_000_000
-"""A posture stamped farther than this ahead of both the clock and the posture before [ns] is
-dropped: all that came after it would seem to be late. Convention: clocks of a graph differ by
-less."""
-
 
 class PostureInput:
     """Passes the controlled agent's measured positions to the estimators, for its posture at onset.
@@ -130,7 +125,8 @@ class PostureInput:
         if self._left_overs.include(group, stamp):
             self._diagnostics.count("left_over")
             return
-        if 0 < max(now_ns, self._last_ns.get(group, 0)) < stamp - LARGEST_AHEAD_NS:
+        # all that came after it would seem to be late
+        if 0 < max(now_ns, self._last_ns.get(group, 0)) < stamp - 1_000_000_000:
             self._diagnostics.reject("posture_in_future", f"{topic} at {stamp} ns")
             return
         self._last_ns[group] = stamp

@@ -42,9 +42,6 @@ from intent_recognition.tracking import (
     parse_extrinsics,
 )
 
-MAX_WAITING = 1000
-"""Poses of a body that wait for transforms at most. Convention: seconds of a fast tracker."""
-
 LIVE = {
     "max_speed": "max_speed_m_s",
     "max_gap": "max_gap_s",
@@ -145,7 +142,7 @@ class MocapIngest(Node):
         self._last_ns[body] = measured.stamp_ns
         waiting = self._waiting[body]
         if waiting or (self._hears and frame_name(measured.frame_id) not in self._settings.frames):
-            if len(waiting) >= MAX_WAITING:
+            if len(waiting) >= 1000:
                 waiting.popleft()
                 self._diagnostics.count("no_transform")
             waiting.append((elapsed_s(self), measured))

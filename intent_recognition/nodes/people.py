@@ -19,9 +19,6 @@ from intent_recognition.tracking import NOBODY, Identities, IngestSettings, fram
 ANYBODY = "*"
 """Stands for everybody whose topics appear."""
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
-_WAIT_NS = 50_000_000
-"""A frame waits for bodies that were seen until now, at most as long as this by the stamps [ns].
-Convention: some frames of a tracker, and shorter than a person reacts."""
 
 
 def named_people(node: Node) -> list[str]:
@@ -83,7 +80,7 @@ class _Frame(NamedTuple):
 class IdentityInput:
     """Collects the bodies of a frame, and passes them on by person.
 
-    A frame is complete once all who were seen the last time have come; after `_WAIT_NS` it is taken
+    A frame is complete once all who were seen the last time have come; after 50 ms it is taken
     as it is. The position of `body` tells who it is; `send` takes person, body and pose.
     """
 
@@ -122,7 +119,7 @@ class IdentityInput:
             positions[label] = settings.frames[frame].apply(measured.pose[:3])
         for stamp_ns in sorted(self._frames):
             complete = self._frames[stamp_ns].positions.keys() >= self._expected
-            if not complete and self._newest_ns - stamp_ns < _WAIT_NS:
+            if not complete and self._newest_ns - stamp_ns < 50_000_000:
                 break
             self._take_frame(stamp_ns)
 

@@ -20,9 +20,6 @@ from intent_recognition.recognition import Estimate, IntentEstimator
 from intent_recognition.signals import Observation
 from intent_recognition.tracking import LOST_S
 
-STREAM_TIMEOUT_S = 0.5
-"""Silence of the observed agent during a movement that is reported [s]; the default `timeout` of
-`primitive_activation` (contract)."""
 WAITING = Level.OK, "waiting for a movement"
 """Status of a person at rest."""
 
@@ -178,7 +175,7 @@ class PersonBelief:
     def look(self) -> None:
         """Tell whether the person's stream is silent, or too sparse."""
         silent_s = elapsed_s(self._node) - self._last_arrival_s
-        if self._moving and silent_s > STREAM_TIMEOUT_S:
+        if self._moving and silent_s > 0.5:  # the default `timeout` of `primitive_activation`
             self._silent = True
             self._say(Level.WARN, f"human stream stopped {silent_s:.1f} s ago")
         elif not self._moving:

@@ -28,11 +28,6 @@ from intent_recognition.errors import ArgumentError, IntentError, nearest, one_l
 from intent_recognition.interrupts import SAME_S
 from intent_recognition.nodes.parameters import COMMAND_LINE, parameter_sources
 
-END_S = 30.0
-"""A node that cannot be destroyed in this time [s] ends with its process. Convention: longer than
-closing any file takes."""
-MAX_DOMAIN = 232
-"""Largest ROS_DOMAIN_ID whose ports fit into 16 bits (DDSI-RTPS 2.5, 9.6.2.3)."""
 SomeNode = TypeVar("SomeNode", bound=Node)
 _START_ERRORS = (
     IntentError,
@@ -222,7 +217,7 @@ def end(node: Node | None, executor: Executor | None = None) -> None:
     The Fast DDS of the wheels of ROS may otherwise spin for ever when the last node of a process is
     destroyed while another one is being discovered (docs/decisions/ros.md).
     """
-    faulthandler.dump_traceback_later(END_S, exit=True, file=2)  # needs no thread of Python
+    faulthandler.dump_traceback_later(30.0, exit=True, file=2)  # needs no thread of Python
     try:
         if executor is not None:
             executor.shutdown()
@@ -233,9 +228,10 @@ def end(node: Node | None, executor: Executor | None = None) -> None:
 
 
 def _check_domain(domain: str) -> None:
-    if domain and not (domain.isdecimal() and int(domain) <= MAX_DOMAIN):
+    # ports of larger ones do not fit into 16 bits (DDSI-RTPS 2.5, 9.6.2.3)
+    if domain and not (domain.isdecimal() and int(domain) <= 232):
         cure = "Use 0 to 101."
-        raise ArgumentError.about("ROS_DOMAIN_ID", f"0 to {MAX_DOMAIN}", repr(domain), cure)
+        raise ArgumentError.about("ROS_DOMAIN_ID", "0 to 232", repr(domain), cure)
 
 
 class _Signals:

@@ -38,9 +38,6 @@ from intent_recognition.nodes.runtime import when_clock_goes_back
 from intent_recognition.promp import TaskLibrary, Trajectory, largest_by_unit
 from intent_recognition.untrusted import read_named
 
-FRESH_S = 0.5
-"""A place that was measured longer ago is not known any more [s]. Convention."""
-
 MakePath = Callable[[Trajectory], JointPath]
 FindArm = Callable[[], Arm | None]
 
@@ -116,7 +113,7 @@ class SequenceRunner:
         elif self._rest_since_s is None:
             self._rest_since_s = now_s
         resting_s = 0.0 if self._rest_since_s is None else now_s - self._rest_since_s
-        fresh_s = time.monotonic() - FRESH_S
+        fresh_s = time.monotonic() - 0.5
         places = {body: at for body, (seen_s, at) in self._places.items() if seen_s >= fresh_s}
         n_started, task = activation.counts["started"], activation.active_task
         return Moment(now_s, n_started, task, activation.arrived, resting_s, places)

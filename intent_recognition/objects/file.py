@@ -13,8 +13,6 @@ from intent_recognition.share import share_path
 from intent_recognition.untrusted import UntrustedError, read_arrays
 from intent_recognition.warping import AnnotatedObject, Grasp
 
-FORMAT_VERSION = 2
-"""Of the file that is written."""
 KNOWN_VERSIONS = (1, 2)
 """Versions that are read. 1 has no grasp."""
 FOLDER = "config/objects"
@@ -25,7 +23,7 @@ CURE = "Write it again with `save_object`; docs/warping.md says how."
 def save_object(path: str | Path, annotated: AnnotatedObject) -> Path:
     """Write an annotated object; positions and normals are rounded to 32 bits."""
     arrays = {
-        "format_version": np.array(FORMAT_VERSION),
+        "format_version": np.array(2),
         "name": np.array(annotated.name),
         "points": annotated.points.astype(np.float32),
         "normals": annotated.normals.astype(np.float32),

@@ -25,9 +25,6 @@ N_SURFACE_POINTS = 100_000
 MOSTLY_SOLID = 0.8
 """Share of its convex hull above which a mesh counts as closed on top. Convention: a container
 with walls fills less."""
-SHORTEST_RIM = 0.5
-"""Length of the open edges of a single surface, in diagonals of its box, from which they are a rim.
-Convention: a round rim as wide as its cup is high has 1.8; holes of scans are shorter."""
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".xyz")
 """Kinds that are read. Others of trimesh are archives and XML, which may unpack without end."""
 NEEDED = "a mesh file (.obj, .ply, .stl, .off, .glb, .gltf) or a cloud (.ply, .xyz)"
@@ -177,7 +174,8 @@ def _hull_share(solid: "trimesh.Trimesh") -> float:
 def _is_sheet(solid: "trimesh.Trimesh") -> bool:
     uses = np.bincount(solid.edges_unique_inverse)
     rim_m = float(solid.edges_unique_length[uses == 1].sum())
-    return rim_m > SHORTEST_RIM * float(solid.scale)
+    # a round rim as wide as its cup is high has 1.8; holes of scans are shorter
+    return rim_m > 0.5 * float(solid.scale)
 
 
 def _wall_m(solid: "trimesh.Trimesh", points: NDArray, faces: NDArray) -> float:

@@ -14,8 +14,6 @@ from intent_recognition.untrusted import YamlChecks
 
 MOST_STEPS = 60
 """Steps of a plan. Convention: the belief and the sampled orders grow with their square."""
-MOST_TASKS = 100_000
-"""Tasks of all sessions of a file. Convention."""
 BEFORE = " < "
 STEP_KEYS = ("step", "task", "share", "who", "objects", "duration")
 CHECKS = YamlChecks("docs/plans.md describes plans.")
@@ -113,8 +111,8 @@ def read_assemblies(text: str) -> tuple[Assembly, ...]:
     several = content if isinstance(content[0], list) else [content]
     if not all(isinstance(one, list) for one in several):
         CHECKS.refuse("session", "either tasks or lists of tasks", content)
-    if (n_tasks := sum(map(len, several))) > MOST_TASKS:
-        CHECKS.refuse("session", f"at most {MOST_TASKS} tasks", n_tasks)
+    if (n_tasks := sum(map(len, several))) > 100_000:
+        CHECKS.refuse("session", "at most 100000 tasks", n_tasks)
     return tuple(
         tuple(_done(f"assembly {a + 1}, task {k + 1}", one) for k, one in enumerate(assembly))
         for a, assembly in enumerate(several)

@@ -23,11 +23,6 @@ DEVIATION_SPAN = 3.5
 DEVIATION_FREEDOM = 4.0
 """Degrees of freedom of the Student distribution that the phase deviation has
 (docs/decisions/one_filter.md)."""
-JUMP = 1e-12
-"""Probability that the deviation is drawn anew between two observations, so that none is ruled out.
-
-Convention.
-"""
 
 
 @dataclass(frozen=True)
@@ -95,7 +90,7 @@ def deviation_transition(phase_deviation: PhaseDeviation, passed: Floats) -> Flo
     kernel = np.exp(-share[..., None] * decay) @ modes
     kernel = kernel.reshape(*share.shape, len(grid), len(grid))
     np.maximum(kernel, 0.0, out=kernel)
-    kernel += JUMP * _student(grid)
+    kernel += 1e-12 * _student(grid)  # so that none is ruled out
     kernel /= kernel.sum(axis=-1, keepdims=True)
     return kernel
 

@@ -15,10 +15,6 @@ from intent_recognition.signals import ANGLE_UNIT, SPATIAL_UNITS
 USUAL_END_STD = {"rad": 0.35, "m": 0.1}
 """Largest standard deviation of a predicted end that is acted on, by unit, in [rad] and [m].
 Convention."""
-USUAL_END_SHARE = 0.5
-"""The same in other units, in parts of the demonstrations' own spread in them
-(`controlled_spread`). Convention: about what 0.1 m are of a reach, or 0.35 rad of a joint's path.
-"""
 CERTAIN_END = 1.5
 """Where a whole movement leaves more than that, its standard deviation may be this many times as
 large (docs/decisions/end_certainty.md)."""
@@ -117,7 +113,8 @@ def end_std_limits(library: TaskLibrary) -> dict[str, dict[str, float]]:
     times the least standard deviation that observing it leaves.
     """
     spread = zip(library.controlled_units, controlled_spread(library).tolist(), strict=True)
-    share = {unit: USUAL_END_SHARE * std for unit, std in spread if unit not in SPATIAL_UNITS}
+    # about what 0.1 m are of a reach
+    share = {unit: 0.5 * std for unit, std in spread if unit not in SPATIAL_UNITS}
     usual = USUAL_END_STD | share
     return {
         label: {

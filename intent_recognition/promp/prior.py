@@ -48,11 +48,6 @@ PHASE_WIDTH, OWN_PHASE_WIDTH = 0.15, 0.03
 """Width in phase over which the correlation over DOFs is averaged, and where nothing is borrowed
 from other tasks. Convention; validation on held-out demonstrations chooses between the two
 (docs/decisions/covariance_target.md)."""
-AMPLITUDE_SAMPLE_SIZE = 4.0
-"""Equivalent sample size of the assumption that a DOF varies alike at all phases.
-
-In demonstrations. Convention.
-"""
 LAGS = np.arange(0.0, 0.26, 0.01)
 """Lags of the controlled agent behind the observed one that are compared, in phase. Convention."""
 FEW = 3.5
@@ -180,7 +175,8 @@ def structured_target(
     n_dofs = len(floor)
     variance = np.diag(scatter).reshape(n_dofs, -1)
     typical = variance.mean(axis=1, keepdims=True)
-    weight = demonstrations / (demonstrations + AMPLITUDE_SAMPLE_SIZE)
+    # as if four demonstrations said that a DOF varies alike at all phases
+    weight = demonstrations / (demonstrations + 4.0)
     inflation = (FEW / max(demonstrations, 2.0)) ** 6
     amplitude = np.sqrt(weight * variance + (1 - weight) * typical + floor[:, None])
     n_basis = amplitude.shape[1]

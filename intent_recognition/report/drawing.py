@@ -27,7 +27,6 @@ Drawing: TypeAlias = "Figure"
 NONE_COLOUR = "#8792a0"
 INK = "#1d2733"
 SOFT = "#5a6777"
-GRID = "#e3e8ee"
 PAPER_COLOUR = "#3d4856"
 
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#7a5195", "#8c564b")
@@ -61,7 +60,7 @@ STYLE: dict[str, Any] = {
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.axisbelow": True,
-    "grid.color": GRID,
+    "grid.color": "#e3e8ee",
     "grid.linewidth": 0.8,
     "xtick.color": SOFT,
     "ytick.color": SOFT,

@@ -15,9 +15,6 @@ from intent_recognition.signals.signal import Signal
 
 ANGLE_UNIT = "rad"
 TURN = 2.0 * np.pi
-WRAP_TOLERANCE = 1.0
-"""How far a jump may be from a whole turn to be taken for one [rad]. Convention: an angle may move
-that far between samples; components of a rotation vector, no angles, jump by less than a turn."""
 
 
 def whole_turns(difference: Floats) -> Floats:
@@ -28,7 +25,8 @@ def whole_turns(difference: Floats) -> Floats:
 def jumps(difference: Floats) -> Floats:
     """The whole turns by which angles jump from one sample to the next, zero for none, (...)."""
     turns = whole_turns(difference)
-    return np.where(np.abs(difference - turns) < WRAP_TOLERANCE, turns, 0.0)
+    # an angle may move that far between samples
+    return np.where(np.abs(difference - turns) < 1.0, turns, 0.0)
 
 
 def continuous(signal: Signal) -> tuple[Signal, tuple[str, ...]]:

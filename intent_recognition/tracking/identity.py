@@ -26,8 +26,6 @@ UNKNOWN_S = 0.6
 that what was believed of them is forgotten everywhere."""
 MISSED = 0.05
 """Probability that the tracker does not see a person in a frame. Convention."""
-NEW_PER_M3 = 1e-3
-"""Density of new people in a frame [1/m^3]. Convention: some ten a minute in a cell, at 100 Hz."""
 NOBODY = ""
 """The person of a body whose person is not known."""
 
@@ -157,7 +155,7 @@ def _assignment(tracks: list[Track], positions: list[Floats]) -> tuple[Floats, l
     costs = np.full((n + m, m + n), np.inf)
     costs[n:, m:] = 0.0
     np.fill_diagonal(costs[:n, m:], -math.log(MISSED))
-    np.fill_diagonal(costs[n:, :m], -math.log(NEW_PER_M3))
+    np.fill_diagonal(costs[n:, :m], -math.log(1e-3))  # some ten people a minute
     for i, track in enumerate(tracks):
         variance = track.covariance[0, 0] + POSITION_STD_M**2
         density = 1.5 * math.log(2.0 * math.pi * variance)

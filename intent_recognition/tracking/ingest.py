@@ -23,9 +23,6 @@ JUMP = "jump"
 UNKNOWN_FRAME = "unknown_frame"
 REASONS = (NOT_FINITE, ZERO_STAMP, STAMP_NOT_INCREASING, JUMP, UNKNOWN_FRAME)
 
-WINDOW_SAMPLES = 20
-"""Samples to which the velocity is fitted, at most twice as many. Convention: more cost time and do
-not make it better."""
 FARTHEST_M = 1e5
 """Positions farther away [m] are rejected as infinite ones. Convention: no tracker reaches it."""
 NO_ROTATION = np.array([0.0, 0.0, 0.0, 1.0])
@@ -198,9 +195,9 @@ def _follow(
 def _slide(
     settings: IngestSettings, recent: tuple[Sample, ...], sample: Sample
 ) -> tuple[Sample, ...]:
-    """The velocity window with a new sample; at high rates it keeps `WINDOW_SAMPLES` and it."""
+    """The velocity window with a new sample; at high rates it keeps 20 and it."""
     window_ns = settings.velocity_window_s * 1e9
-    if len(recent) > 1 and sample[0] - recent[-2][0] < window_ns / WINDOW_SAMPLES:
+    if len(recent) > 1 and sample[0] - recent[-2][0] < window_ns / 20:
         recent = recent[:-1]
     oldest_ns = sample[0] - window_ns
     return (*(s for s in recent if s[0] >= oldest_ns), sample)

@@ -12,10 +12,6 @@ from intent_recognition.tracking.ingest import FARTHEST_M, IngestState, TrackedP
 from intent_recognition.tracking.settings import IngestSettings, frame_name
 from intent_recognition.tracking.transforms import multiply_quaternions, normalise_quaternions
 
-GATE_SHARE = 1.0 - 1e-9
-"""Steps closer to the gate than this share of it are checked one by one. Convention: above the
-rounding of positions and lengths, which are computed in another order here."""
-
 
 @dataclass(frozen=True)
 class AcceptedPoses:
@@ -79,7 +75,8 @@ def _follows(settings: IngestSettings, stamps_ns: Integers, world: Floats) -> Fl
     steps_ns = np.diff(stamps_ns)
     lengths_m = np.linalg.norm(np.diff(world, axis=0), axis=1)
     reach_m = settings.max_speed_m_s * steps_ns * 1e-9 + settings.margin_m
-    near = lengths_m <= GATE_SHARE * reach_m
+    # rounding: lengths are computed in another order here
+    near = lengths_m <= (1.0 - 1e-9) * reach_m
     gap = (steps_ns * 1e-9 > settings.max_gap_s) & follows[:-1]
     follows[1:] &= (steps_ns > 0) & (near | gap)  # the first has nothing to compare with
     return follows

@@ -17,11 +17,6 @@ from intent_recognition.kinematics import Arm
 BANDWIDTH_RAD_S = 45.0
 """Of the residual's filter [rad/s]: at 63 % after 22 ms, as a slip must be noticed within 50 ms
 (docs/transfer.md), with as little noise of differenced velocities as that allows."""
-TORQUE_STD_NM = 0.2
-"""Of the residual of a joint [Nm]: that of the simulated LWR with sensor noise."""
-
-STEP_N = 0.5
-"""Of the force of half a step of the torques, what is noise [N]: with 0.1 Nm 90 % are below."""
 
 
 class LoadEstimator:
@@ -62,7 +57,8 @@ class LoadEstimator:
             halfway, acceleration = 0.5 * (before + state), (velocity - before[1]) / gap_s
             rise_m_s2 = float(tip_m_s[2] - before_m_s[2]) / gap_s
             step_n = wrench_from_torques(J, 0.5 * (torque - before[2]))[2]
-            doubt_n = max(abs(float(step_n)) - STEP_N, 0.0)
+            # 90 % of steps with 0.1 Nm of noise are below
+            doubt_n = max(abs(float(step_n)) - 0.5, 0.0)
         at, moving, held = halfway
         residual = self.arm.inverse_dynamics(at, moving, acceleration) - held
         self._residual = self._residual + share * (residual - self._residual)
@@ -81,5 +77,5 @@ def wrench_from_torques(J: Floats, torque: Floats) -> Floats:
     """
     prior = np.repeat([20.0**2, 1.0**2], 3)  # [N], [Nm]: twice what a transfer has
     PJ = prior[:, None] * J
-    S = J.T @ PJ + TORQUE_STD_NM**2 * np.eye(J.shape[1])
+    S = J.T @ PJ + 0.2**2 * np.eye(J.shape[1])  # [Nm] of noise
     return PJ @ np.linalg.solve(S, torque)

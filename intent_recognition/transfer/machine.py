@@ -30,9 +30,6 @@ SHARE_PER_S = 5.0
 TAKEN_SHARE, LEFT_SHARE = 0.9, 0.3
 """Share at which the hand opens, and below which an offer may end. Convention: nearly all, and
 less than a hand that rests on the object."""
-HARD = 2.5
-"""A load that is this times the weight is gripped against, whoever may be taking the object.
-Convention: more than a person needs who lifts and pulls at once."""
 PATIENCE_S = 4.0
 """Time after which what nobody takes is brought back [s]. Convention."""
 SLIP_SHARE, SLIP_NS, SLIP_S = 0.2, 0.015, 0.02
@@ -41,9 +38,6 @@ leave unexplained; the impulse beyond it that is a slip [N s] (a cumulative sum:
 long it must grow at least [s]. Single loads have a noise of 1 N, but its sum stays small, as it
 comes from differences of the velocity: in 450 s of the cell's demo two sums were larger for as long
 (of 11 that were larger), both with the Panda."""
-SLIP_GRIP = 2.0
-"""Grip after a slip, by what the friction that was felt needs to hold. Convention: it must stop the
-object, too, and the load is still falling when the slip is noticed."""
 PRESENT_S = 0.6
 """Time that the person's tracked hand must rest near before open fingers close [s]: it may be the
 wrist that is tracked, while the fingers still bring the object. A reaction to the arm that has come
@@ -259,7 +253,8 @@ class TransferMachine:
             return 8.0  # firm, and harmless
         load_n = float(np.linalg.norm(now.force_n))
         grip_n = carrying_grip(max(load_n, self.weight_n))
-        if load_n < HARD * max(self.weight_n, LIGHTEST_N):
+        # more than a person needs who lifts and pulls at once
+        if load_n < 2.5 * max(self.weight_n, LIGHTEST_N):
             grip_n = min(grip_n, offering_grip(self._share, self.weight_n))
         return min(self._factor * grip_n, MOST_N)
 
@@ -282,7 +277,8 @@ class TransferMachine:
         if slips:  # what was still carried on average shows the friction
             mean_n = self._missing_ns / self._missing_s
             carried_n = max((1.0 - SLIP_SHARE) * expected_n - mean_n, 0.1 * expected_n)
-            self._factor = max(self._factor, SLIP_GRIP * expected_n / carried_n)
+            # it must stop the object, too, and the load is still falling
+            self._factor = max(self._factor, 2.0 * expected_n / carried_n)
         return slips
 
     def _weigh(self, now: Situation) -> None:

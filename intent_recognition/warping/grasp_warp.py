@@ -19,16 +19,11 @@ from intent_recognition.warping.mapping import agreeing_neighbours
 from intent_recognition.warping.object_model import AnnotatedObject
 from intent_recognition.warping.object_warp import ObjectModel, WarpedObject, aligned_source
 
-DEPTH_M = 0.004
-"""How far behind a pad the surface may lie that it will touch [m]: the sagitta of a cup's wall."""
 MIN_FACING = 0.5
 """Least cosine between a pad's direction and the normal of what it touches. Convention: 60
 degrees."""
 MIN_POINTS = 4
 """Points of the annotated object that a pad must touch."""
-SEEN_RADII = 0.3
-"""A source point without an agreeing target point so near was not seen, in radii of the opening:
-between the noise of a scan and the far wall of a cup."""
 
 
 class _Contacts(NamedTuple):
@@ -57,7 +52,7 @@ def contact_rows(
     local = (annotated.points - grasp.centre) @ grasp.pose[:3, :3]
     facing = annotated.normals @ grasp.closing
     near = (np.abs(local[:, [0, 2]]) < 0.012).all(1)  # half a pad of a usual gripper
-    near &= np.abs(local[:, 1]) < 0.5 * grasp.width_m + DEPTH_M
+    near &= np.abs(local[:, 1]) < 0.5 * grasp.width_m + 0.004  # the sagitta of a cup's wall
     sides = tuple(np.flatnonzero(near & (sign * facing > MIN_FACING)) for sign in (1.0, -1.0))
     least = min(len(rows) for rows in sides)
     if least < MIN_POINTS:
@@ -100,7 +95,7 @@ def warp_grasp(source: ObjectModel, warped: WarpedObject) -> Grasp:
             raise ArgumentError.about("grasp", "a target with a handle", "one without", cure)
         near = agreeing_neighbours(aligned[rows], aligned_normals[rows], seen, seen_normals)[:, 0]
         start = (rows, aligned[rows], aligned_normals[rows])
-        reach = SEEN_RADII * frame.radius_m
+        reach = 0.3 * frame.radius_m  # between the noise of a scan and the far wall of a cup
         sides.append(_moved(*start, seen[near], seen_normals[near], approach, reach))
     first, second = (
         side if side.moved is not None or other.moved is None

@@ -18,10 +18,6 @@ MIN_POINTS = 100
 """Fewer points describe no object."""
 
 
-N_NEIGHBOURS = 10
-"""Neighbours from which a normal is estimated."""
-
-
 class Part(IntEnum):
     """Part of a container that a surface point belongs to (Brandl et al. II-A)."""
 
@@ -156,7 +152,7 @@ def with_estimated_normals(points: Floats, viewpoints: Floats | None) -> ObjectC
 
 def _plane_normals(points: Floats) -> Floats:
     """Unit normals (n, 3) of either sign."""
-    _, near = cKDTree(points).query(points, k=min(N_NEIGHBOURS, len(points)))
+    _, near = cKDTree(points).query(points, k=min(10, len(points)))
     offsets = points[near] - points[near].mean(1, keepdims=True)
     _, vectors = np.linalg.eigh(offsets.transpose(0, 2, 1) @ offsets)
     return vectors[:, :, 0]

@@ -9,8 +9,6 @@ from intent_recognition.array_types import Floats
 
 N_SECTORS = 24
 """Directions around the centre in which the rim is looked for."""
-BAND = 0.03
-"""Half thickness of the plane, in root mean square distances of the points from their mean."""
 MIN_RIM_POINTS = 8
 """Fewer points in a plane are no rim."""
 LIKELY_SHARE = 0.15
@@ -39,7 +37,7 @@ def find_opening(points: Floats, normals: Floats, rim_probability: Floats) -> Op
     """
     middle = points.mean(0)
     size = float(np.sqrt(((points - middle) ** 2).sum(1).mean()))
-    tolerance = BAND * size
+    tolerance = 0.03 * size
     # How probable a rim looks differs from camera to camera; what counts is the order.
     usual = np.quantile(rim_probability, 1.0 - LIKELY_SHARE)
     rim_probability = rim_probability / (rim_probability + usual + 1e-12)

@@ -14,9 +14,6 @@ from intent_recognition.array_types import Floats
 from intent_recognition.warping.clipping import half_volume_angle
 from intent_recognition.warping.object_warp import WarpedObject
 
-LEVEL_RAD = 0.05
-"""An opening tilted by less is level [rad]."""
-
 
 class References(NamedTuple):
     """What the variables of one container are divided by.
@@ -71,7 +68,7 @@ def lip_point(
         direction = -rim.axes[1]
         if vertical is not None:
             downhill = (vertical @ rim.up) * rim.up - vertical
-            if np.linalg.norm(downhill) > LEVEL_RAD:
+            if np.linalg.norm(downhill) > 0.05:
                 direction = downhill
         toward = rim.centre + 100.0 * direction / np.linalg.norm(direction)
     return nearest_on_loop(rim.crest, toward)

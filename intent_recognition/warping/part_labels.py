@@ -10,14 +10,8 @@ from intent_recognition.errors import TrainingError
 from intent_recognition.warping.logistic import LogisticModel, fit_logistic
 from intent_recognition.warping.object_model import AnnotatedObject, Part
 
-RIDGE = 1.0
-"""Penalty on weights per standard deviation of a feature: classes overlap little."""
 N_POINTS = 2000
 """Points of the whole object and of each view, as many as a scan has."""
-
-
-N_NEIGHBOURS = 20
-"""Neighbours from which a point's features are computed."""
 
 
 def fit_rim_classifier(source: AnnotatedObject, up: Floats) -> LogisticModel:
@@ -37,7 +31,7 @@ def fit_rim_classifier(source: AnnotatedObject, up: Floats) -> LogisticModel:
     chosen += [_seen(source, up, n_views, rng) for n_views in (1, 1, 1, 2, 2, 3, 3, 3)]
     features = np.concatenate([local_features(source.points[c], source.normals[c]) for c in chosen])
     on_rim = source.labels[np.concatenate(chosen)] == Part.RIM
-    return fit_logistic(features, on_rim, ridge=RIDGE)
+    return fit_logistic(features, on_rim, ridge=1.0)  # classes overlap little
 
 
 def local_features(
@@ -59,7 +53,7 @@ def local_features(
         Features (m, 16): eight and their squares.
     """
     tree = tree or cKDTree(points)
-    count = min(N_NEIGHBOURS, len(points))
+    count = min(20, len(points))
     _, near = tree.query(points[rows], k=count)
     offsets = points[near] - points[rows][:, None]
     around, own = normals[near], normals[rows]

@@ -25,8 +25,6 @@ LEFT_WHEN_EMPTY = 0.01
 on the rim alone."""
 FULL_SHARE = 0.9
 """Share of the second container's volume that fills it. Convention: a hand's care for the table."""
-SHOWN_SHARE = 0.5
-"""Share of the volume that the demonstrated container was filled to."""
 EMPTY, FULL = "empty", "full"
 
 
@@ -118,7 +116,7 @@ def reached(ratios: Floats, tilt_reference_rad: float, shown: Emptying) -> Reach
         ArgumentError: they do not tilt it so far that it begins to pour.
     """
     largest = float(np.max(ratios))
-    begin = shown.tilt_leaving(SHOWN_SHARE) / tilt_reference_rad
+    begin = shown.tilt_leaving(0.5) / tilt_reference_rad  # what the demonstrated one was filled to
     if not begin < largest:
         expected, got = f"a tilt ratio above {begin:.2f}, at which it begins", f"{largest:.2f}"
         raise ArgumentError.about("pours", expected, got, "Tilt the container further.")

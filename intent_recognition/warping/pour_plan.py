@@ -18,10 +18,6 @@ from intent_recognition.warping.pour_level import Emptying, Reached, amount_to_l
 from intent_recognition.warping.primitives import N_WARPED, WarpedPrimitive
 
 UP = np.array([0.0, 0.0, 1.0])
-LEVEL_RAD = 0.1
-"""A cup tilted by less is upright [rad]. Convention: what a soft arm sags."""
-STEP_S = 0.1
-"""Time between two poses of a plan [s]. Convention."""
 
 
 class PouringSkill(NamedTuple):
@@ -113,13 +109,13 @@ def plan_pour(
         ArgumentError: the cup is tilted, or it cannot be poured so much.
     """
     tilted = float(np.arccos(np.clip(cup.up @ UP, -1.0, 1.0)))
-    if tilted > LEVEL_RAD:
+    if tilted > 0.1:  # what a soft arm sags
         got = f"one tilted by {np.degrees(tilted):.0f} degrees"
         raise ArgumentError.about("cup", "an upright one", got, "Hold it upright.")
     own, other = cup.references, second.references
     left = amount_to_leave(asked, fluid * own.volume_m3, other.volume_m3) / own.volume_m3
     primitive = conditioned(skill, cup, second)
-    found = primitive.predict_controlled(round(primitive.duration_s / STEP_S) + 1)
+    found = primitive.predict_controlled(round(primitive.duration_s / 0.1) + 1)
     path = found.positions
     tilt = tilts_to_level(path[:, 3] / own.tilt_rad, skill.far, cup.emptying, fluid, left)
     axes = pour_axes(cup)

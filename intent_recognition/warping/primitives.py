@@ -23,9 +23,6 @@ from intent_recognition.warping.parameters import References
 WARPED_NAMES = ("along", "across", "up", "tilt")
 N_WARPED = len(WARPED_NAMES)
 
-FREE_STD = 3.0
-"""Standard deviation, in the warped space, of where a pour may begin and end. Convention: as far
-from the opening as the demonstrations begin."""
 NOISE_STD = 1e-3
 """Noise of a position, in the warped space. Convention: a tenth of a millimetre, and above what
 rounding leaves of a variance that is zero."""
@@ -128,7 +125,8 @@ class WarpedPrimitive:
         share = np.maximum((first - at) / first, 0.0) + np.maximum((at - last) / (1.0 - last), 0.0)
         apart = (at[:, None] - at) / 0.15  # smooth over this phase
         own = np.outer(share, share) * np.exp(-0.5 * apart**2)
-        roots = np.kron(np.eye(N_WARPED), FREE_STD * covariance_root(own))
+        # as far from the opening as the demonstrations begin
+        roots = np.kron(np.eye(N_WARPED), 3.0 * covariance_root(own))
         return np.asarray(roots, dtype=np.float64)
 
     def mean_path(self, phase: Floats) -> Floats:

@@ -34,8 +34,6 @@ ROTOR_KG_M2_PER_NM = 1.1e-3
 """Inertia of a motor behind its gear by torque limit [kg m^2/Nm]: the LWR's."""
 STIFFNESS_PER_RAD = 1.2
 """Stiffness by torque limit [1/rad]: that of the LWR's large joints."""
-DAMPING_RATIO = 0.8
-"""Of a joint alone in the ready posture. Convention."""
 READY_POSITION: tuple[float, ...] = (0.0, -0.45, 0.0, 1.55, 0.0, -1.1415926535897931, 0.0)
 """The LWR's joint angles [rad] with the elbow up and the hand in front of the base, fingers down:
 all limits are far away. Convention."""
@@ -182,7 +180,7 @@ def derived_gains(torque: Floats, inertia: Floats) -> ControllerGains:
     stiffness = STIFFNESS_PER_RAD * torque
     return ControllerGains(
         stiffness=stiffness,
-        damping=2.0 * DAMPING_RATIO * np.sqrt(stiffness * inertia),
+        damping=2.0 * 0.8 * np.sqrt(stiffness * inertia),  # ratio 0.8, each joint alone
         guide_damping=0.01 * torque,
         guide_friction=np.zeros(len(torque)),
         limit_stiffness=8.0 * torque,

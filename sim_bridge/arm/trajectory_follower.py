@@ -29,9 +29,6 @@ out, on top of the trajectory's own acceleration. Convention."""
 LONGEST_FADE_S = 8.0
 """A trajectory that cannot be joined in this time [s] is rejected. Convention: the longest time in
 which the activation lets an offset fade."""
-_N_LOOKS = 64
-"""Places of a fade at which both together are compared with the limits, beside the trajectory's
-points. Convention: between them its acceleration rises by 0.1 % of the limit."""
 
 
 class ArmReference(NamedTuple):
@@ -137,7 +134,7 @@ class TrajectoryFollower:
             entry = _Entry(switch_s, curve, fading, fade_s)
             if max(np.abs(offset).max(), np.abs(velocity).max()) < 1e-9:
                 return entry
-            times = switch_s + fade_s * np.linspace(0.0, 1.0, _N_LOOKS + 1)
+            times = switch_s + fade_s * np.linspace(0.0, 1.0, 65)
             knots = curve.knots_s[(curve.knots_s > switch_s) & (curve.knots_s < times[-1])]
             times = np.concatenate([times, knots, np.nextafter(knots, -np.inf)])
             alone = [curve.sample(time) for time in times]

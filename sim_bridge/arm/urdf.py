@@ -16,8 +16,6 @@ from intent_recognition.kinematics import end_of, package_shares
 
 WORLD = "world"
 """Root link of a description."""
-BLOCK_WIDTH_M = 0.2
-"""Of the block that is drawn below a raised base [m]. Convention: wider than a small arm's foot."""
 
 
 def add_joint(
@@ -147,7 +145,7 @@ def add_world(root: ET.Element, base_position_m: tuple[float, float, float]) -> 
 def _block(x: float, y: float, height: float) -> ET.Element:
     visual = ET.Element("visual")
     ET.SubElement(visual, "origin", xyz=f"{x} {y} {0.5 * height}")
-    size = f"{BLOCK_WIDTH_M} {BLOCK_WIDTH_M} {height}"
+    size = f"0.2 0.2 {height}"  # wider than a small arm's foot
     ET.SubElement(ET.SubElement(visual, "geometry"), "box", size=size)
     ET.SubElement(ET.SubElement(visual, "material", name="block"), "color", rgba="0.4 0.44 0.48 1")
     return visual

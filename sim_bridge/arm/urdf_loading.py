@@ -17,8 +17,6 @@ from sim_bridge.physics import BulletClient, pybullet
 
 MOST_LINKS = 128
 """Links of which PyBullet tells the states."""
-LOADED_S = 15.0
-"""Longest time for a URDF to be loaded [s]. Convention: large meshes take seconds."""
 _TRY = """
 import sys, pybullet
 pybullet.connect(pybullet.DIRECT)
@@ -119,10 +117,10 @@ def _try_meshes(urdf: str, path: Path, flags: int) -> None:
     check_meshes(meshes)
     command = [sys.executable, "-c", _TRY, str(path), str(flags)]
     try:
-        code = subprocess.run(command, capture_output=True, timeout=LOADED_S).returncode
+        code = subprocess.run(command, capture_output=True, timeout=15.0).returncode
         got = f"some that end it by signal {-code}" if code < 0 else ""
     except subprocess.TimeoutExpired:
-        got = f"some that it has not read within {LOADED_S:.0f} s"
+        got = "some that it has not read within 15 s"
     if got:
         cure = "Export them again."
         raise ArgumentError.about("robot", "meshes that PyBullet can read", got, cure)

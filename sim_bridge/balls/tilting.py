@@ -14,9 +14,6 @@ from intent_recognition.array_types import Flags, Floats
 from sim_bridge.balls.hollow import Hollow
 from sim_bridge.balls.world import STEP_S, BallWorld
 
-_STEPS_PER_LOOK = 4
-"""Physics steps between two looks at the balls: 17 ms, in which none crosses a wall."""
-
 
 @dataclass(frozen=True)
 class Tilted:
@@ -59,7 +56,7 @@ def tilt_along(world: BallWorld, balls_m: Floats, tilts_rad: Floats) -> Tilted:
     for k, angle in enumerate(tilts_rad.tolist(), 1):
         world.set_gravity(np.array([np.sin(angle), 0.0, -np.cos(angle)]))  # as the cup sees it
         world.step()
-        if k % _STEPS_PER_LOOK:
+        if k % 4:  # 17 ms, in which none crosses a wall
             continue
         positions, axes = world.positions_m(), level_axes(angle)
         inside, from_lip = guard.look(positions), (positions - lip_m) @ axes.T

@@ -16,8 +16,6 @@ N_CORNERS = 64
 """Corners of each outline. Convention."""
 CONTAINER_SEED = 1
 """Seed of the shapes of the ten containers in all recordings and trials. Convention."""
-SIZE_SPREAD = 0.08
-"""Standard deviation of the log size of a seed's container. Convention."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ def make_container(name: str, seed: int = 0) -> Container:
 
 def vary(shape: ContainerShape, rng: np.random.Generator) -> ContainerShape:
     """The shape in another size, its height and its width drawn apart."""
-    tall, wide = rng.uniform(1.0 - SIZE_SPREAD, 1.0 + SIZE_SPREAD, 2)
+    tall, wide = rng.uniform(0.92, 1.08, 2)
     return replace(
         shape,
         height_m=shape.height_m * tall,

@@ -17,8 +17,6 @@ TREMOR_STD_M = 0.0004
 """Its standard deviation per axis [m]: below a millimetre. Convention."""
 SWAY_STD_M = 0.0012
 """Standard deviation of slow postural sway per axis [m]. Convention."""
-SIGNAL_DEPENDENT_GAIN = 0.06
-"""Standard deviation of the velocity noise in parts of the speed. Convention."""
 MARKER_STD_M = 0.001
 """Noise of a tracked position per axis [m]. Convention."""
 MARKER_ANGLE_STD_RAD = 0.006
@@ -68,7 +66,7 @@ def signal_dependent(rng: np.random.Generator, positions: Floats, rate_hz: float
     count = len(positions)
     velocity = np.gradient(positions, 1.0 / rate_hz, axis=0)
     speed = np.linalg.norm(velocity, axis=1, keepdims=True)
-    error = SIGNAL_DEPENDENT_GAIN * speed * smooth_noise(rng, count, rate_hz, 1.5)
+    error = 0.06 * speed * smooth_noise(rng, count, rate_hz, 1.5)
     deviation = np.cumsum(error, axis=0) / rate_hz
     taken_back = minimum_jerk(np.linspace(0.0, 1.0, count))[:, None]
     return deviation - taken_back * deviation[-1]

@@ -26,15 +26,6 @@ GRIP_M = PALM_M[2] + FINGER_M[2] - PAD_M
 """From the link that it was added to, along its z, to the grip [m]."""
 CLOSING_M_S, OPENING_M_S = 0.1, 0.15
 """Speed of the fingers [m/s]: the Franka Hand has at most 0.1 and 0.2."""
-PAD_FRICTION = 1.0
-"""Of the pads; that of a contact is the product of both bodies'."""
-PAD_RADIUS_M = 0.015
-"""Radius of the patch in which a soft pad touches [m]: a finger holds a torque of two thirds of it
-times its friction. Without it the corners of boxes touch, and what hangs off its centre creeps."""
-PAD_N_M, PAD_NS_M = 2e4, 1000.0
-"""Stiffness and damping of a pad at each point that touches [N/m], [N s/m]: it yields by a
-millimetre to the strongest grip, and so presses evenly. What hard faces hold turns about one edge,
-and what slides between pads with less damping rocks (this is that of the Panda's URDF)."""
 GEAR_N = 500.0
 """Force that keeps the fingers alike apart from the middle [N]: much more than they press."""
 
@@ -75,14 +66,15 @@ class Fingers:
             cure = "Give it a gripper by `with_fingers`."
             raise ArgumentError.about("arm", "two fingers", arm.others.names, cure)
         for link in self.links:
+            # Soft pads: hard faces hold by one edge, and what slides with less damping rocks.
             self._client.changeDynamics(
                 self._body,
                 link,
-                lateralFriction=PAD_FRICTION,
+                lateralFriction=1.0,
                 frictionAnchor=False,
-                spinningFriction=PAD_RADIUS_M * 2.0 / 3.0,
-                contactStiffness=PAD_N_M,
-                contactDamping=PAD_NS_M,
+                spinningFriction=0.015 * 2.0 / 3.0,  # two thirds of the radius of a soft pad
+                contactStiffness=2e4,  # it yields by 1 mm to the strongest grip
+                contactDamping=1000.0,  # as the Panda's URDF
             )
             self._client.resetJointState(self._body, link, OPENING_M)
         gear = self._client.createConstraint(

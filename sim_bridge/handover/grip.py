@@ -23,10 +23,6 @@ LEAST_LIMIT_N, LIMIT_PER_LOAD = 3.0, 1.6
 1984: people grip 1.4 to 2 times as hard as friction needs)."""
 FEEL_S = 0.08
 """Time until the grip follows the load [s] (Johansson and Westling 1984: 60 to 100 ms)."""
-LARGEST_TORQUE_NM = 1.0
-"""Of a grip [Nm]. Convention: of a few fingers."""
-LOST_M = 0.04
-"""Sliding after which the object is out of the hand [m]: the width of a few fingers."""
 NOISE_SHARE, TREMOR_N, NOISE_RAD_S = 0.04, 0.1, 60.0
 """Noise of the arm's force: its share of the force (Jones, Hamilton and Wolpert 2002), that at rest
 [N], and its bandwidth [rad/s]: tremor has about 10 Hz."""
@@ -149,7 +145,7 @@ class CompliantHand:
             held = (force - damping * (self.velocity_m_s - velocity_m_s)) / GRIP_N_M
             self._slid_m += float(np.linalg.norm(stretch - held))
             self._offset_m += held - stretch
-            if self._slid_m > LOST_M:
+            if self._slid_m > 0.04:  # the width of a few fingers
                 self.let_go()
         return force
 
@@ -162,4 +158,4 @@ class CompliantHand:
         sign = 1.0 if w0 * w + axis0 @ axis >= 0.0 else -1.0
         torque = -2.0 * sign * GRIP_NM_RAD * away - 0.02 * spin_rad_s
         size = float(np.linalg.norm(torque))
-        return torque * min(1.0, LARGEST_TORQUE_NM / max(size, 1e-9))
+        return torque * min(1.0, 1.0 / max(size, 1e-9))  # 1 Nm: of a few fingers

@@ -21,9 +21,6 @@ BUSY_S = (0.0, 1.0)
 REACH_S, LOAD_S, PULL_S = (0.6, 1.0), (0.15, 0.4), (0.9, 1.5)
 """Time of the reach, of taking over or giving up a load (Chan et al. 2012), and of bringing the
 object to oneself [s]."""
-PRECISE_S = 0.3
-"""What it takes longer to bring an object between fingers than to reach for one [s]: with 1 cm to
-spare on each side instead of 5 cm it has 2.3 bits more (Fitts 1954: 0.1 to 0.15 s each)."""
 MISSED_M = 0.005
 """Standard deviation of where the hand takes hold [m]. Convention."""
 PUSHED_N, AGAIN_M = 3.0, 0.05
@@ -83,7 +80,8 @@ class Manner:
         A slower movement misses by less in proportion (Schmidt, Zelaznik, Hawkins, Frank and Quinn
         1979).
         """
-        reach_s = self.reach_s + PRECISE_S
+        # 2.3 bits more (Fitts 1954): 1 cm to spare on each side, not 5
+        reach_s = self.reach_s + 0.3
         return replace(self, reach_s=reach_s, miss_m=self.miss_m * self.reach_s / reach_s)
 
 

@@ -18,9 +18,6 @@ from intent_recognition.bags.mcap.scan import Damage, FileScan, open_view, scan_
 from intent_recognition.bags.messages import RECOVER, complete_schema
 from intent_recognition.errors import BagError
 
-MOST_WAITING = 2**29
-"""Bytes of messages held at once to put them in order. Convention: a recorder's chunks hardly
-overlap, and hold 1 MB."""
 ITEM_BYTES = 400
 """What one message takes beside its content [bytes], measured."""
 
@@ -114,7 +111,7 @@ class McapFile:
                 del waiting[:before]
                 table = self._table(view, block)
                 held = sum(ITEM_BYTES + len(item.data) for item in waiting)
-                if held + len(table.data) + ITEM_BYTES * table.starts.size > MOST_WAITING:
+                if held + len(table.data) + ITEM_BYTES * table.starts.size > 2**29:
                     reason = "too many messages whose times overlap"
                     raise self._error(Damage(block.offset, reason, block.start_ns, block.end_ns))
                 waiting += self._block_items(block, table, wanted)

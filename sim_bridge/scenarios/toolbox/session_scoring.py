@@ -15,9 +15,6 @@ from sim_bridge.coworker import Interaction, SessionPlan
 from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M, handover_point
 from sim_bridge.scenarios.toolbox.transfer_scoring import score_transfer, transfer_trace
 
-SCORED_AFTER_S = 1.0
-"""The hand is scored so long after the end of the human's movement, or, where objects are handed
-over by force, when it has come, if that is later [s]."""
 DECIDED_WITHIN_S = 0.3
 """A change of mind must have been followed so long after the movement's end [s]."""
 EARLIEST_DECISION_S = 0.1
@@ -116,7 +113,7 @@ def score_interaction(
     at_ns = None if transfer is None else transfer.at_ns
     if decided_ns is not None and recognised == interaction.task:
         arrival = _arrival(log, decided_ns, end, until_ns, scoring, at_ns)
-        late_s = SCORED_AFTER_S
+        late_s = 1.0  # after the end of the movement, or later:
         if scoring.by_force and arrival is not None:  # it may have helped somebody else first
             late_s = max(late_s, arrival)
         scored_ns = end + round(late_s * 1e9)

@@ -53,9 +53,6 @@ REST_M_S = 0.03
 ASIDE_M = np.array([0.16, 0.0, 0.0])
 """From the wrist to where the person holds an object until the robot is near, and from the fingers
 then [m]. Convention: out of their way."""
-ALIGNED_M = 0.02
-"""Distance from the line on which the fingers point, from which on an object is brought between
-them [m]. Convention: their opening leaves 2.4 cm to each side of the screwdriver."""
 BETWEEN = 0.5
 """Share of an object's thickness that fingers which hold it are apart. Convention: pads yield, and
 fingers that closed in front of it touch one another."""
@@ -264,7 +261,8 @@ class ToolboxTransfers:
             return
         manner = replace(self._manner, toward=_turned(self._manner.toward, self._wrist_m - grip_m))
         room_m = self._fingers.half_opening_m() - thing.what.half_edges_m[1]
-        if gives and room_m > ALIGNED_M > self._off_line_m(hand, thing):
+        # the fingers' opening leaves 2.4 cm to each side
+        if gives and room_m > 0.02 > self._off_line_m(hand, thing):
             self._person = Giver(hand, manner, self._place(thing))
         elif not gives and self._gripped(thing):
             self._person = Taker(hand, manner)
