@@ -10,10 +10,6 @@ from typing import NamedTuple
 LONGEST_DEFINITION = 100_000
 """Bytes of a definition with those of all types it contains. Convention: Jazzy's longest have 4000,
 with their comments 20 000."""
-MOST_VALUES = 1_000_000
-"""Values in the arrays of fixed length of one message. Convention: a covariance has 36."""
-DEEPEST = 16
-"""Types within types. Convention: Jazzy's deepest have 6."""
 _SEPARATOR = re.compile(r"^=+\s*$", re.MULTILINE)
 _FIELD = re.compile(r"^(?P<type>[\w/]+)(<=\d+)?(?P<array>\[(?P<bound><=)?(?P<size>\d*)\])?\s+\w")
 
@@ -70,8 +66,8 @@ def _fields(text: str) -> list[_Field]:
 def _size(
     name: str, types: Mapping[str, list[_Field]], known: dict[str, _Size], depth: int
 ) -> _Size:
-    if depth > DEEPEST:
-        raise ValueError(f"more than {DEEPEST} types within one another")
+    if depth > 16:  # Jazzy's deepest have 6
+        raise ValueError("more than 16 types within one another")
     fields = types.get(name)
     if fields is None:  # a number, a text or a type that is not defined; its parser says so
         return _Size(1, 1)
@@ -83,8 +79,8 @@ def _size(
                 raise ValueError(f"a sequence of {field.type}, which has no bytes")
             values += 1 if field.is_sequence else field.times * inner.values
             size += 1 if field.is_sequence else field.times * inner.bytes
-            if values > MOST_VALUES:
-                raise ValueError(f"messages of more than {MOST_VALUES} values")
+            if values > 1_000_000:  # a covariance has 36
+                raise ValueError("messages of more than 1000000 values")
         known[name] = _Size(max(values, 1), size)
     return known[name]
 

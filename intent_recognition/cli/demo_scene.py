@@ -38,9 +38,6 @@ over: where the end of a way touches, there is no way."""
 SLOW_M, SLOW_M_S = 0.03, 0.1
 """Distance from a stand within which the hand is slow, and its speed there [m], [m/s]: the object
 is taken where both are less (`GRASP_RADIUS_M`, `GRASP_SPEED_M_S`)."""
-TRANSFER_HOLD_S = (5.0, 6.0)
-"""Shortest and longest time for which the worker stays where an object is handed over [s].
-Convention: an arm that is late, and both of them taking their time."""
 CELL_PEOPLE = ("anna", "ben")
 """Who work in the scenario `cell`."""
 WITH_PEOPLE = ("coworker_sim", "object_transfer", *RECOGNITION)
@@ -50,10 +47,6 @@ OF_EACH = (
     *("intent/tasks", "intent/robot_trajectory", "intent/next_task"),
 )
 """Of the topics that are recorded, those that everybody with a name has."""
-CELL_HOLD_S = (13.0, 14.0)
-"""The same where two of them wait for one arm [s]. Measured: who comes second has the object up to
-11 s after the own movement, since the arm first serves the other one (3 s), and then fetches it
-slowly past two hands (5 s)."""
 CELL_SEPARATION: Mapping[str, object] = {
     "person_dofs": [f"mocap/wrist/pose.pose.position.{axis}" for axis in "xyz"],
     "human_speed": 0.5,
@@ -129,7 +122,9 @@ def _toolbox(args: argparse.Namespace) -> Scene:
     )
 
     tasks = session_tasks(args)
-    hold_s = TRANSFER_HOLD_S if len(tasks) == 1 else CELL_HOLD_S
+    # The arm is late, and both take their time. Of two people who wait for one arm the second has
+    # the object up to 11 s after the own movement: after 3 s for the other, and 5 s past two hands.
+    hold_s = (5.0, 6.0) if len(tasks) == 1 else (13.0, 14.0)
     timing = SessionTiming(hold_s=hold_s) if args.transfers else SessionTiming()
     sessions = plan_people(args.seed, list(tasks.values()), timing)
     plans = dict(zip(tasks, sessions, strict=True))

@@ -22,8 +22,6 @@ COWORKER, PLAYER = "coworker_sim", "bag_player"
 HUNG_S = 15.0
 """A node that has said nothing on /diagnostics for so long hangs [s]. Convention: three times the
 longest that learning keeps one busy."""
-LONGEST_STEP_S = 1.0
-"""What counts at most of the time between two looks [s]: this process may have been stopped."""
 
 
 class Heartbeats:
@@ -52,7 +50,8 @@ class Heartbeats:
     def check(self, names: Iterable[str]) -> None:
         """Make sure that none of these nodes hangs."""
         now_s = self._clock()
-        step_s, self._looked_s = min(now_s - self._looked_s, LONGEST_STEP_S), now_s
+        # this process may have been stopped
+        step_s, self._looked_s = min(now_s - self._looked_s, 1.0), now_s
         for name in self._silent_s:
             self._silent_s[name] += step_s
         for name in names:

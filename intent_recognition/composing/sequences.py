@@ -21,8 +21,6 @@ IN_REGION = "_in"
 WITHIN_S = 60.0
 """Time after which a step is not waited for any more, where none is given [s]. Convention: as
 `recognition.FORGET_AFTER_S`, after which a habit tells nothing."""
-MOST_STEPS = 1000
-"""Steps of all sequences. Convention."""
 CHECKS = YamlChecks("docs/combining.md describes sequences.")
 
 
@@ -187,8 +185,8 @@ def read_sequences(text: str, labels: Sequence[str] | None = None) -> dict[str, 
     if not isinstance(content, Mapping) or not content:
         CHECKS.refuse("sequences", "NAME: [steps]", content)
     found = {str(name): _steps(str(name), steps) for name, steps in content.items()}
-    if (n_steps := sum(map(len, found.values()))) > MOST_STEPS:
-        CHECKS.refuse("sequences", f"at most {MOST_STEPS} steps", n_steps)
+    if (n_steps := sum(map(len, found.values()))) > 1000:
+        CHECKS.refuse("sequences", "at most 1000 steps", n_steps)
     first = [steps[0].task for steps in found.values()]
     if doubled := sorted({task for task in first if first.count(task) > 1}):
         CHECKS.refuse(

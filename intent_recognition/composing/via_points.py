@@ -14,8 +14,6 @@ HAND = "hand"
 USUAL_STD = 0.01
 """Standard deviation of a via point where none is given, in the unit of its DOFs. Convention: 1 cm,
 or half a degree."""
-MOST_POINTS = 100
-"""Via points in force at once. Convention."""
 CHECKS = YamlChecks("docs/combining.md describes them.")
 KEYS = ("name", "task", "phase", "time", HAND, "dofs", "std")
 
@@ -72,8 +70,8 @@ def read_via_points(text: str) -> tuple[ViaPoint, ...]:
     content = CHECKS.load("via_points", text)
     if content is None:
         return ()
-    if not isinstance(content, list) or len(content) > MOST_POINTS:
-        CHECKS.refuse("via_points", f"a list of at most {MOST_POINTS} points", content)
+    if not isinstance(content, list) or len(content) > 100:
+        CHECKS.refuse("via_points", "a list of at most 100 points", content)
     points = tuple(map(_read, content))
     names = [point.name for point in points]
     if doubled := sorted({name for name in names if names.count(name) > 1}):

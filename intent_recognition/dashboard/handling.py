@@ -18,9 +18,6 @@ from scipy.spatial.transform import Rotation, Slerp
 from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.scene_file import PERSON, ROBOT, Body
 
-GRASP_M = 0.06
-"""The hand takes a body where it is nearest to its grasp, if within so much [m]. Convention: the
-simulated arm errs by a third."""
 CARRIED_M = 0.12
 """What is carried less far is not given or laid down [m]; as the simulated gripper has it."""
 GLIDE_S = 0.5
@@ -170,7 +167,7 @@ class _Followed:
             self._nearest_m = min(self._nearest_m, distance)
             # more than the noise of joints
             passed = distance > self._nearest_m + 0.004 or hand_rests
-            if passed and self._nearest_m <= GRASP_M and distance <= 2.0 * GRASP_M:
+            if passed and self._nearest_m <= 0.06 and distance <= 0.12:
                 self._hold(moment)
 
     def _from_robot(self, moment: HandlingMoment, active: bool, hand_rests: bool) -> None:

@@ -50,8 +50,6 @@ MOST_NAMES = 100
 """Joints or tasks of a message, and nodes whose health is shown. Convention."""
 MOST_POINTS = 10_000
 """Points of a path, a tube or a trajectory. Convention."""
-MOST_VALUES = 200
-"""Values of one node's health. Convention."""
 MOST_PEOPLE = 8
 """People with names who are shown at a time; who is seen no more makes room. Convention."""
 LONGEST_SENTENCE = 2000
@@ -247,7 +245,7 @@ class CellSubscriptions:
 
 def _told(status: DiagnosticStatus) -> tuple[str, dict[str, str]]:
     """Message and values of a status."""
-    check("values", f"at most {MOST_VALUES}", len(status.values) <= MOST_VALUES, "more")
+    check("values", "at most 200", len(status.values) <= 200, "more")
     text = checked_text("message", status.message, LONGEST_SENTENCE)
     return text, {
         checked_text("key", pair.key): checked_text("value", pair.value, LONGEST_SENTENCE)

@@ -16,12 +16,6 @@ from numpy.typing import ArrayLike
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 
-BOUND = 2.0
-"""How far practice may go from what was shown, in standard deviations. Convention: the tube that
-all reports draw."""
-SHARE = 0.95
-"""Share of the variance of the paths that the axes hold. Convention: what is left is hardly seen in
-a path and would make the search slower."""
 NEGLIGIBLE = 1e-10
 """Singular values below this share of the largest one are numerical zeros."""
 
@@ -37,7 +31,7 @@ class SearchSpace:
 
     mean: Floats
     axes: Floats
-    bound: float = BOUND
+    bound: float = 2.0
 
     @property
     def n_axes(self) -> int:
@@ -60,8 +54,8 @@ def search_space(
     spread: ArrayLike,
     design: ArrayLike,
     *,
-    bound: float = BOUND,
-    share: float = SHARE,
+    bound: float = 2.0,
+    share: float = 0.95,
 ) -> SearchSpace:
     """The search space of a primitive.
 

@@ -12,8 +12,6 @@ import numpy as np
 from intent_recognition.errors import ArgumentError, one_line, optional
 from intent_recognition.untrusted import MOST_TEXT, UntrustedError, load_xml, read_text
 
-MOST_LINKS = 1000
-"""Links of a URDF. Convention: a humanoid with two hands has a hundred."""
 MOST_JOINTS = 150
 """Joints of a URDF that are not fixed. Measured: pinocchio takes 3 MB for 30, 70 MB for 100 and
 1.7 GB for 300. A humanoid with two hands has 80."""
@@ -101,8 +99,8 @@ def parse_urdf(source: str | Path) -> ET.Element:
         raise ArgumentError.about("robot", "a URDF: <robot> with links", got, "Check the file.")
     joints = [joint for joint in joints if joint.get("type")]
     moving = sum(joint.get("type") != "fixed" for joint in joints)
-    if len(links) > MOST_LINKS:
-        _refuse("robot", f"at most {MOST_LINKS} links", len(links))
+    if len(links) > 1000:  # a humanoid with two hands has a hundred
+        _refuse("robot", "at most 1000 links", len(links))
     if moving > MOST_JOINTS:
         _refuse("robot", f"at most {MOST_JOINTS} joints that move", moving)
     names = _names("link", links)

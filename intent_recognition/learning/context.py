@@ -18,12 +18,6 @@ from intent_recognition.promp import (
     shared_covariance,
 )
 
-STILL = 1e-6
-"""Standard deviation of a context, in parts of its size, below which it did not vary: it is not
-learned from. Convention."""
-ANY = 1e6
-"""Standard deviation that it is given then, so that no value of it counts. Convention."""
-
 
 def fit_context(
     tasks: Mapping[str, TaskStatistics],
@@ -79,12 +73,15 @@ def fit_context(
 
 
 def _typical_variance(tasks: Iterable[TaskStatistics]) -> Floats:
-    """Variance of the context about the means of the tasks, (M,); `ANY` where it did not vary."""
+    """Variance of the context about the means of the tasks, (M,).
+
+    Where it did not vary it is so large that no value of it counts.
+    """
     tasks = list(tasks)
     scatter = np.sum([np.diag(task.context_scatter) for task in tasks], axis=0)
     variance = scatter / max(sum(task.n - 1 for task in tasks), 1)
     size = np.max([np.abs(task.context_mean) for task in tasks], axis=0)
-    return np.where(variance > (STILL * size) ** 2, variance, ANY**2)
+    return np.where(variance > (1e-6 * size) ** 2, variance, 1e6**2)
 
 
 def _left(task: TaskStatistics, scatter: Floats, gain: Floats) -> Scatter:

@@ -14,10 +14,6 @@ import numpy as np
 from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.promp import ResidualCoupling, residual_weights
 
-SHRINKAGES = (0.3, 3.0, 30.0)
-"""Equivalent sample sizes of the prior that there is no coupling, in demonstrations, that are
-tried. Convention."""
-
 
 class HeldOutResiduals(NamedTuple):
     """What the filtered weights leave unexplained of n left-out demonstrations.
@@ -91,7 +87,7 @@ def learn_coupling(
         best = np.sum(left[:, own] / variance)
         for decay in (0.02, 0.05, 0.15, 0.5):  # in durations of the movement
             moments = _moments(residuals, own, decay)
-            for shrinkage in SHRINKAGES:
+            for shrinkage in (0.3, 3.0, 30.0):  # in demonstrations
                 gains = moments.gains_without(shrinkage)
                 remaining = moments.left(gains)
                 gained = np.sum((moments.controlled - remaining) / variance, axis=(0, 2))

@@ -18,9 +18,6 @@ a metre it stays within 0.1 mm of them, and takes 5 to 10 ms."""
 LARGEST_SHORTFALL_M = 0.005
 """A path that ends so short of a prediction is still executed [m]. Convention: a fifth of what the
 hand may be off."""
-LARGEST_TURN_RAD = 0.05
-"""A path that ends so far turned from a prediction is still executed [rad]. Convention: a few times
-what a person's hand can tell."""
 LARGEST_JUMP_RAD = 0.8
 """A joint that turns further from one of the poses to the next has changed its branch [rad].
 Convention: a hand path of half a metre turns none by more than a tenth of a radian."""
@@ -69,7 +66,8 @@ def joints_along(arm: Arm, times_s: Floats, hand: Floats, rest: Floats) -> tuple
     chosen = np.unique(np.linspace(0, len(times_s) - 1, N_POSES).round().astype(int))
     times_s, hand = times_s[chosen], hand[chosen]
     path = arm.follow(hand_targets(hand), rest, rest)
-    missed = (path.distance_m > LARGEST_SHORTFALL_M) | (path.angle_rad > LARGEST_TURN_RAD)
+    # a few times what a hand can tell
+    missed = (path.distance_m > LARGEST_SHORTFALL_M) | (path.angle_rad > 0.05)
     if missed.any():
         worst = int(np.argmax(path.distance_m + path.angle_rad))
         turned = f" and {path.angle_rad[worst]:.2f} rad" if path.angle_rad[worst] > 0.0 else ""

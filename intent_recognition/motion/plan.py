@@ -16,17 +16,12 @@ from intent_recognition.kinematics import (
     position_violation,
 )
 
-RETURN_ROOM_RAD = 1e-3
-"""How much farther a joint that starts outside its limits may go out [rad]. Convention."""
 POSITION_MARGIN_RAD = 0.01
 """Paths keep this far away from position limits [rad]. Convention: no cubic strays farther
 between its samples (`plan_step`)."""
 STEP_S = 0.02
 """Time between the samples of a plan [s]; longer motions get longer steps (`plan_step`).
 Convention: a cubic strays from a path of 8 rad/s^2 by 0.4 mrad at most."""
-N_SAMPLES = 200
-"""The step grows so that the nominal duration has about so many samples. Convention: a message of
-200 points."""
 
 
 class JointReference(NamedTuple):
@@ -237,7 +232,7 @@ def keeps_limits(plan: JointPlan, start: JointReference, limits: JointLimits) ->
         return False
     room = position_violation(start.position, limits)
     if room.any():
-        room = np.where(room > 0.0, room + RETURN_ROOM_RAD, 0.0)
+        room = np.where(room > 0.0, room + 1e-3, 0.0)
         limits = replace(limits, lower=limits.lower - room, upper=limits.upper + room)
     return excess(plan.times_s, plan.positions, plan.velocities, limits).within()
 
@@ -260,7 +255,7 @@ def plan_step(duration_s: float, limits: JointLimits) -> float:
     between its samples by a h^2 / 8, which is to be less than `POSITION_MARGIN_RAD`.
     """
     longest_s = float(np.sqrt(8.0 * POSITION_MARGIN_RAD / limits.acceleration.max()))
-    return max(STEP_S, min(duration_s / N_SAMPLES, longest_s))
+    return max(STEP_S, min(duration_s / 200, longest_s))  # about 200 points in a message
 
 
 def sample_times(duration_s: float, step_s: float) -> Floats:

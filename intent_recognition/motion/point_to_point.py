@@ -31,8 +31,6 @@ RISE_TIME_S = 0.1
 """Shortest time in which an acceleration rises from zero to its limit [s]; the jerk limit is the
 acceleration limit divided by it: 80 rad/s^3 at 8 rad/s^2. Measurement: docs/decisions,
 "Ruckig goes home and brakes"."""
-HOME_SHARE = 0.6
-"""Share of the velocity and acceleration limits for a motion that is in no hurry. Convention."""
 _INTERPOLATION = 8.0 / 27.0
 """Largest error of a Hermite cubic's acceleration, as a share of jerk limit times sample spacing:
 the integral of |3 u^2 - 2 u| over [0, 1], its Peano kernel at the ends of the interval."""
@@ -41,15 +39,16 @@ the integral of |3 u^2 - 2 u| over [0, 1], its Peano kernel at the ends of the i
 def home_plan(start: JointReference, home: Floats, limits: JointLimits) -> JointPlan | None:
     """Go to a posture (n,) [rad], all joints together; from rest straight in joint space.
 
-    The posture is held inside the position limits (reported as clamped). A motion uses `HOME_SHARE`
-    of the other limits unless a moving start needs more. None (brake first) if no plan keeps them.
+    The posture is held inside the position limits (reported as clamped). A motion, in no
+    hurry, uses 0.6 of the other limits unless a moving start needs more. None (brake first) if no
+    plan keeps them.
 
     Raises:
         TrajectoryError: start or home hold NaN or infinity.
     """
     target = np.clip(home, limits.lower + 1e-6, limits.upper - 1e-6)
     clamped = tuple(int(j) for j in np.flatnonzero(target != np.asarray(home, dtype=np.float64)))
-    for share in (HOME_SHARE, 1.0):
+    for share in (0.6, 1.0):
         motion = _input(start, limits, scaled_limits(limits, share, share))
         motion.target_position = target
         if not (start.velocity.any() or start.acceleration.any()):

@@ -12,8 +12,6 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.plans.work_plan import Pair, WorkPlan, WorkStep
 from intent_recognition.untrusted import YamlChecks
 
-MOST_STEPS = 60
-"""Steps of a plan. Convention: the belief and the sampled orders grow with their square."""
 BEFORE = " < "
 STEP_KEYS = ("step", "task", "share", "who", "objects", "duration")
 CHECKS = YamlChecks("docs/plans.md describes plans.")
@@ -78,8 +76,9 @@ def read_plan(text: str) -> WorkPlan:
     if not isinstance(content, Mapping) or not isinstance(content.get("steps"), list):
         CHECKS.refuse("plan", "steps: [...]", content)
     CHECKS.keys("plan", content, PLAN_KEYS)
-    if not 0 < len(content["steps"]) <= MOST_STEPS:
-        CHECKS.refuse("plan", f"1 to {MOST_STEPS} steps", len(content["steps"]))
+    # the belief and the sampled orders grow with their square
+    if not 0 < len(content["steps"]) <= 60:
+        CHECKS.refuse("plan", "1 to 60 steps", len(content["steps"]))
     numbers = {
         key: CHECKS.number(f"plan, {key}", content[key], 0.0)
         for key in ("repeated", "wrong")

@@ -35,9 +35,6 @@ FLOOR_OF_RANGE = 1e-3
 
 Convention. It keeps the covariance positive definite when demonstrations are identical or very few.
 """
-STILL = 1e-6
-"""Range of a DOF, in parts of its largest value, below which it does not move: what differs is the
-rounding of the regression. Convention."""
 
 OTHERS_SAMPLE_SIZE = 5.0
 """Equivalent sample size of all other tasks together in a task's target, in demonstrations.
@@ -139,7 +136,7 @@ def weight_extent(weights: Floats, units: Sequence[str] | None = None) -> Floats
     """
     of_dof = np.moveaxis(weights, 1, 0).reshape(weights.shape[1], -1)
     extent, size = np.ptp(of_dof, axis=1), np.abs(of_dof).max(axis=1)
-    moves, least = extent > STILL * size, np.ones(len(extent))
+    moves, least = extent > 1e-6 * size, np.ones(len(extent))  # rounding of the regression
     for unit in set(units or ()) - set(SPATIAL_UNITS):
         alike = np.array(units) == unit
         widest = np.max(extent[alike & moves], initial=0.0)

@@ -14,9 +14,6 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.warping.grasp import LARGEST_M, Grasp
 
-MIN_POINTS = 100
-"""Fewer points describe no object."""
-
 
 class Part(IntEnum):
     """Part of a container that a surface point belongs to (Brandl et al. II-A)."""
@@ -103,9 +100,9 @@ def checked_points(points: Floats) -> Floats:
     points = np.array(points, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3:
         raise ShapeError.about("points", "shape (n, 3)", points.shape, "One row per point.")
-    if len(points) < MIN_POINTS:
+    if len(points) < 100:
         cure = "Scan the object closer or from more sides."
-        raise ArgumentError.about("points", f"at least {MIN_POINTS}", len(points), cure)
+        raise ArgumentError.about("points", "at least 100", len(points), cure)
     bad = ~np.all(np.abs(points) <= LARGEST_M, axis=1)
     if bad.any():
         cure = "Leave pixels without depth out."

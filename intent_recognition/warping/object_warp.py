@@ -206,10 +206,6 @@ def aligned_source(source: ObjectModel, target: ObjectFrame) -> tuple[Floats, Fl
     return points, normals, ~handle
 
 
-SMALLEST_M = 0.01
-"""Smallest extent of a cup or bowl [m]."""
-LARGEST_M = 1.5
-"""Largest extent of a cup or bowl [m]."""
 N_LOOKED_AT = (500, 4000)
 """A thin rim may be all that joins two walls in one view, and be lost among few points: what looks
 like two pieces is looked at closely."""
@@ -218,9 +214,9 @@ like two pieces is looked at closely."""
 def check_scan(points: Floats) -> None:
     """Refuse points (n, 3) that cannot be one cup or bowl in metres."""
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
-    if not SMALLEST_M < extent < LARGEST_M:
+    if not 0.01 < extent < 1.5:
         cure = "Give points in metres; millimetres are scaled by 0.001."
-        expected = f"a cup or bowl of {SMALLEST_M} to {LARGEST_M} m"
+        expected = "a cup or bowl of 0.01 to 1.5 m"
         raise ArgumentError.about("points", expected, f"{extent:.3g} m across", cure)
     offsets = points - points.mean(0)
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(offsets.T @ offsets / len(points)), 0.0))

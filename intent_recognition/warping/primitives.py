@@ -23,10 +23,6 @@ from intent_recognition.warping.parameters import References
 WARPED_NAMES = ("along", "across", "up", "tilt")
 N_WARPED = len(WARPED_NAMES)
 
-NOISE_STD = 1e-3
-"""Noise of a position, in the warped space. Convention: a tenth of a millimetre, and above what
-rounding leaves of a variance that is zero."""
-
 
 def warped_scale(cup: References, second: References) -> Floats:
     """What along [m], across [m], up [m] and tilt [rad] are divided by (4,)."""
@@ -113,7 +109,7 @@ class WarpedPrimitive:
         scale = np.repeat(warped_scale(cup, second), self.basis.n_basis)
         spread = scale[:, None] * np.column_stack([self.spread, self._free_ends()])
         weights = Gaussian(scale * self.mean, spread @ spread.T)
-        noise = (NOISE_STD * warped_scale(cup, second)) ** 2
+        noise = (1e-3 * warped_scale(cup, second)) ** 2  # a tenth of a millimetre, above rounding
         return InteractionProMP(self.basis, weights, 0, noise, self.duration_s)
 
     def _free_ends(self) -> Floats:

@@ -30,10 +30,6 @@ from sim_bridge.arm.urdf import add_rotors, add_world, find_meshes, hold_others,
 LARGEST_TORQUE_NM = 100.0
 """Torque limit from which on stiffness and rotors do not grow [Nm]: URDFs often exaggerate it.
 Convention: that of the LWR's middle joints."""
-ROTOR_KG_M2_PER_NM = 1.1e-3
-"""Inertia of a motor behind its gear by torque limit [kg m^2/Nm]: the LWR's."""
-STIFFNESS_PER_RAD = 1.2
-"""Stiffness by torque limit [1/rad]: that of the LWR's large joints."""
 READY_POSITION: tuple[float, ...] = (0.0, -0.45, 0.0, 1.55, 0.0, -1.1415926535897931, 0.0)
 """The LWR's joint angles [rad] with the elbow up and the hand in front of the base, fingers down:
 all limits are far away. Convention."""
@@ -148,7 +144,7 @@ def find_robot(
         ready = np.array(usual.ready)
     if robot != "lwr":  # whose URDF has them
         torque = np.minimum(chain.limits.torque, LARGEST_TORQUE_NM)
-        add_rotors(root, dict(zip(chain.names, ROTOR_KG_M2_PER_NM * torque, strict=True)))
+        add_rotors(root, dict(zip(chain.names, 1.1e-3 * torque, strict=True)))
     simulated = written(root)
     add_world(root, at)
     return Robot(
@@ -177,7 +173,7 @@ def derived_gains(torque: Floats, inertia: Floats) -> ControllerGains:
     The inertia (n,) [kg m^2] is of each joint alone in the ready posture.
     """
     torque = np.minimum(torque, LARGEST_TORQUE_NM)
-    stiffness = STIFFNESS_PER_RAD * torque
+    stiffness = 1.2 * torque  # as the LWR's large joints
     return ControllerGains(
         stiffness=stiffness,
         damping=2.0 * 0.8 * np.sqrt(stiffness * inertia),  # ratio 0.8, each joint alone

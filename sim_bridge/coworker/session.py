@@ -40,8 +40,6 @@ class SessionTiming:
     overlap_share: float = 0.0
 
 
-MOST_PEOPLE = 2
-"""At one table: its two sides."""
 WITHOUT_PAUSE = SessionTiming(idle_s=(0.0, 0.0), hold_s=(0.0, 0.0), overlap_share=0.1)
 """One movement flows into the next: there is no rest but before the first and after the last.
 Convention: after 90 % of a movement's time 99 % of its way is done."""
@@ -125,9 +123,9 @@ def plan_people(
     Raises:
         ArgumentError: as of `plan_session`, or there is no place for so many.
     """
-    if not 1 <= len(tasks) <= MOST_PEOPLE:
+    if not 1 <= len(tasks) <= 2:  # sides of the table
         cure = "Name no more people."
-        raise ArgumentError.about("people", f"1 to {MOST_PEOPLE}", len(tasks), cure)
+        raise ArgumentError.about("people", "1 to 2", len(tasks), cure)
     sides = (0.0,) if len(tasks) == 1 else (1.0, -1.0)
     each = enumerate(zip(tasks, sides, strict=True))
     return tuple(plan_session(seed + 1000 * k, own, timing, side) for k, (own, side) in each)

@@ -20,10 +20,8 @@ PALM_M, FINGER_M = (0.05, 0.12, 0.03), (0.024, 0.012, 0.07)
 beside a Franka Hand, with pads as wide."""
 OPENING_M = 0.04
 """Largest distance of a finger from the middle [m], as the Franka Hand's."""
-PAD_M = 0.015
-"""From a fingertip to where it holds [m]. Convention: near the middle of a pad."""
-GRIP_M = PALM_M[2] + FINGER_M[2] - PAD_M
-"""From the link that it was added to, along its z, to the grip [m]."""
+GRIP_M = PALM_M[2] + FINGER_M[2] - 0.015
+"""From the link that it was added to, along its z, to the grip [m]: near the middle of a pad."""
 CLOSING_M_S, OPENING_M_S = 0.1, 0.15
 """Speed of the fingers [m/s]: the Franka Hand has at most 0.1 and 0.2."""
 GEAR_N = 500.0

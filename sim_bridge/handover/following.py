@@ -8,9 +8,6 @@ from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.handover.fingers import Fingers
 
-PAYLOAD_N_S = 40.0
-"""Fastest change of the weight that the arm compensates [N/s]. Convention: slower than the load is
-measured, and faster than people give it up."""
 CARRIED = (Holding.CARRYING, Holding.OFFERING, Holding.RETURNING)
 OPEN = (Holding.EMPTY, Holding.RELEASING)
 
@@ -27,6 +24,7 @@ class GripFollower:
         """Do what is asked for from now on, `step_s` after the last time."""
         self._fingers.press(grip_n)
         wanted_n = weight_n * (1.0 - share) if holding in CARRIED else 0.0
-        reach_n = np.inf if holding in OPEN else PAYLOAD_N_S * step_s
+        # slower than it is measured, faster than people give it up
+        reach_n = np.inf if holding in OPEN else 40.0 * step_s
         self._payload_n += float(np.clip(wanted_n - self._payload_n, -reach_n, reach_n))
         self._arm.set_payload(max(self._payload_n, 0.0) / GRAVITY_M_S2)

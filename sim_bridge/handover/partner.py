@@ -27,10 +27,6 @@ PUSHED_N, AGAIN_M = 3.0, 0.05
 """Load beyond what was carried by which a giver feels that the object met a finger [N], and how far
 it is taken back then, to be brought again where it should be [m]. Convention.
 """
-LEFT_SHARE = 0.5
-"""Share of the load felt below which a giver opens the hand. Convention."""
-BROUGHT_M = 0.3
-"""How far a taker brings the object, and a giver comes from [m]. Convention."""
 
 
 class SeenRobot(NamedTuple):
@@ -61,7 +57,7 @@ class Manner:
     weight_n: float
     toward: Floats
     miss_m: Floats
-    brought_m: float = BROUGHT_M
+    brought_m: float = 0.3
 
     @classmethod
     def draw(cls, rng: np.random.Generator, weight_n: float) -> "Manner":
@@ -148,7 +144,7 @@ class Giver:
         lowering_s = time_s - self._closed_s - manner.reaction_s
         if hand.holds:
             hand.lift_n = manner.weight_n * (1.0 - progress(lowering_s / manner.load_s))
-            relieved = hand.felt_n < LEFT_SHARE * manner.weight_n
+            relieved = hand.felt_n < 0.5 * manner.weight_n
             if lowering_s > manner.load_s and (relieved or lowering_s > 2.0 * manner.load_s):
                 hand.let_go()
                 self._gone_s, self.to_m = time_s, hand.position_m.copy()

@@ -23,8 +23,6 @@ from sim_bridge.scenarios.assembly import of_worker, plan_live
 
 SAMPLE_NS = round(1e9 / RATE_HZ)
 """Time between two samples [ns]."""
-BURST = 8
-"""Samples sent at once when behind: fewer than the subscribers' queues hold (`qos.SENSOR`)."""
 
 
 class _Worker:
@@ -47,7 +45,7 @@ class _Worker:
         """Publish the samples whose time has come; whether more will follow."""
         samples = self.plan.samples
         due = min((now_ns - first_ns + 500_000) // SAMPLE_NS + 1, len(samples.times_s))
-        last = min(due, self._next_sample + BURST)
+        last = min(due, self._next_sample + 8)  # fewer than queues hold (`qos.SENSOR`)
         for k in range(self._next_sample, last):
             self._announce(k * SAMPLE_NS)
             if samples.visible[k]:

@@ -12,8 +12,6 @@ from sim_bridge.arm import TIME_STEP_S, SimulatedArm
 
 STEP_NS = 1_000_000
 """Physics step [ns]."""
-BURST = 8
-"""Joint states sent at once when catching up: fewer than their queue holds (`qos.STATE`)."""
 
 LONGEST_LAG_S = 0.1
 """Simulated time to catch up at most [s]. Convention."""
@@ -92,7 +90,8 @@ class PhysicsClock:
     ) -> None:
         self._node, self._arm, self._rate_hz, self.publishes = node, arm, rate_hz, publishes
         self.follows = node.get_parameter("use_sim_time").value and not publishes
-        batch = max(1, int(BURST / (rate_hz * TIME_STEP_S)))
+        # fewer than their queue holds (`qos.STATE`)
+        batch = max(1, int(8 / (rate_hz * TIME_STEP_S)))
         self.pacer = Pacer(TIME_STEP_S, 1.0 if self.follows else factor, batch)
 
     def now_s(self) -> float:

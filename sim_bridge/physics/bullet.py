@@ -37,9 +37,6 @@ def _flush() -> None:
     ctypes.CDLL(None).fflush(None)
 
 
-CONTACT_BREAKING_M = 0.02
-"""Distance at which a contact ends [m]. PyBullet's default."""
-
 with _silent(STDOUT, STDERR):
     pybullet = optional("pybullet")
     from pybullet_utils.bullet_client import BulletClient
@@ -53,7 +50,7 @@ def start_world(*, headless: bool = True) -> BulletClient:
     with _silent(STDOUT):
         client = BulletClient(pybullet.DIRECT if headless else pybullet.GUI)
     # PyBullet has one threshold for all worlds of a process: that of the balls would stay.
-    client.setPhysicsEngineParameter(contactBreakingThreshold=CONTACT_BREAKING_M)
+    client.setPhysicsEngineParameter(contactBreakingThreshold=0.02)  # PyBullet's default
     return client
 
 

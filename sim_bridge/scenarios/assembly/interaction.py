@@ -35,8 +35,6 @@ from sim_bridge.scenarios.assembly.styles import (
 
 Timed = tuple[float, Reach]
 """Onset on the session's clock [s] and movement."""
-BOW_STD_M = 0.012
-"""Individual deviation of a path from its bow per axis [m]. Convention."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +96,7 @@ class _Person:
         drawn = draw_hesitations(rng)
         hesitant = hesitant and rng.uniform() < 0.5
         share = min(1.0, np.linalg.norm(goal_m - self.wrist_m) / 0.25)
-        bow = share * (np.asarray(bow_m) + BOW_STD_M * rng.standard_normal(3))
+        bow = share * (np.asarray(bow_m) + 0.012 * rng.standard_normal(3))
         turn = self._turn + 0.05 * rng.standard_normal(3)
         way, skew = (self._task, self.wrist_m, goal_m, nominal_s, bow), rng.uniform(1.0, 1.6)
         reach = Reach(*way, skew, turn, drawn if hesitant else ())

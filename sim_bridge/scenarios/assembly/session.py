@@ -18,10 +18,6 @@ MARGIN_S = 0.4
 """How long before the worker's onset and after the rest of both a demonstration is marked [s]."""
 IDLE_S = (0.45, 0.6)
 """Shortest and longest rest between two interactions [s]. Convention."""
-HOLD_S = 0.45
-"""Both hold so long at the end of an interaction [s]. Convention."""
-LAST_S = 0.6
-"""Rest at the end of the session [s]. Convention."""
 GAPS_PER_S = 0.08
 """Occlusions per second, on average. Convention."""
 FACING_WORKER = np.array([0.0, 0.0, 0.0, 1.0])
@@ -55,7 +51,7 @@ def plan_session(
     tasks: Sequence[str] | None = None,
     *,
     idle_s: tuple[float, float] = IDLE_S,
-    hold_s: float = HOLD_S,
+    hold_s: float = 0.45,
 ) -> AssemblySession:
     """Plan session number `index` of a seed: a pure function of its arguments.
 
@@ -78,7 +74,7 @@ def plan_session(
             movements[body] += [*moved, (back, retract)]
             wrists[body], over = retract.goal_m, max(over, back + retract.duration_s)
         now = over + rng.uniform(*idle_s)
-    length = over + LAST_S
+    length = over + 0.6
     worker = sample_wrist(rng, movements[WORKER], length, gaps_per_s=GAPS_PER_S)
     assistant = sample_wrist(
         rng, movements[ASSISTANT], length, gaps_per_s=GAPS_PER_S, rest=FACING_WORKER

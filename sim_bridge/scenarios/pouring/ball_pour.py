@@ -19,8 +19,6 @@ from sim_bridge.balls import STEP_S, BallWorld, Tilted, balls_in, hollow_of, set
 from sim_bridge.containers import Container
 from sim_bridge.scenarios.pouring.task_space import PourPath
 
-AFTER_S = 0.5
-"""Balls are watched so long after the largest tilt [s]."""
 N_FILLS = 8
 """How many ways the balls may lie. Convention: settling takes as long as half a pour."""
 
@@ -56,7 +54,7 @@ class BallPours(AbstractContextManager["BallPours"]):
         """Pour along a path of the lip; of how the balls lie `N_FILLS` numbers are remembered."""
         inside = self._fill(fill)
         start = path.times_s[np.argmax(path.tilt_rad > 0.3)]  # none leave it before
-        end = min(path.times_s[np.argmax(path.tilt_rad)] + AFTER_S, path.times_s[-1])
+        end = min(path.times_s[np.argmax(path.tilt_rad)] + 0.5, path.times_s[-1])
         times = np.arange(start, end, STEP_S)
         tilted = tilt_along(self._world, inside, np.interp(times, path.times_s, path.tilt_rad))
         left = int(tilted.left.sum())

@@ -44,14 +44,8 @@ JOINT_TOPIC = "joint_states"
 BALLS_ABOVE = 1.7
 """How far balls stand above the lip before they leave, in radii: what a container of the ten holds
 at a tilt is then known to 6 of 80 balls (root mean square). Measured by tilting eight of them."""
-N_PHASES = 400
-"""Phases at which the largest tilt of a primitive is looked for. Convention."""
 HALF_FULL = 0.5
 """Share of the volume in the cup before a pour."""
-N_BASIS = 30
-"""Basis functions of the warped primitive. Convention."""
-_STREAM = 62
-"""Keeps the scans' random numbers apart from others with the same seed."""
 
 
 class Seen(NamedTuple):
@@ -145,12 +139,12 @@ def learn_pouring(pours: Sequence[PourPath], cup: Seen, second: Seen) -> WarpedP
         to_warped(pour.offset_m, pour.tilt_rad, cup.references, second.references) for pour in pours
     ]
     durations = [float(pour.times_s[-1]) for pour in pours]
-    return WarpedPrimitive.learn(paths, durations, NormalizedRBFBasis(N_BASIS))
+    return WarpedPrimitive.learn(paths, durations, NormalizedRBFBasis(30))
 
 
 def reached_by(primitive: WarpedPrimitive, cup: Seen) -> Reached:
     """How far the mean of a primitive learned with this cup tilts it."""
-    tilts = primitive.mean_path(np.linspace(0.0, 1.0, N_PHASES))[:, 3]
+    tilts = primitive.mean_path(np.linspace(0.0, 1.0, 400))[:, 3]
     return reached(tilts, cup.references.tilt_rad, cup.emptying)
 
 
@@ -189,7 +183,7 @@ def pour_of(times_s: Floats, joints_rad: Floats, custom_data: Mapping[str, str])
 def seen_as(name: str, seed: int) -> Seen:
     """Parameters of a container, estimated from a scan."""
     index = (*CONTAINER_NAMES, BIG_BOWL).index(name)
-    rng = np.random.default_rng([seed, _STREAM, 1000, index])
+    rng = np.random.default_rng([seed, 62, 1000, index])  # of scans alone
     return look_at(annotated_source(), container_named(name), rng)
 
 

@@ -44,8 +44,6 @@ SHORT_STD_RADII = 0.3
 leaves practice some room to find the opening in."""
 OTHER_STD = np.array([0.0, 0.1, 0.08])
 """How much they vary across and up, as ratios of the warped space. Convention."""
-_STREAM = 71
-"""Number that keeps these draws apart from others of the same seed."""
 
 
 class _Planned(NamedTuple):
@@ -185,7 +183,7 @@ def short_skill(shown: DemonstratedPours, short_radii: float, seed: int) -> Pour
     """
     cup, second = (seen_as(name, 1) for name in (shown.cup, shown.second))
     radius, height = second.references.opening_radius_m, cup.references.height_m
-    rng = np.random.default_rng([seed, _STREAM])
+    rng = np.random.default_rng([seed, 71])  # of these draws alone
     pours = []
     for pour in shown.pours:
         ratios = np.append(-short_radii + SHORT_STD_RADII * rng.standard_normal(), [0.0, 0.0])

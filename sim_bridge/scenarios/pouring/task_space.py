@@ -28,10 +28,6 @@ OPENING_M = np.array([0.70, 0.15, 0.26])
 """Where the centre of the second container's opening is, world."""
 
 
-GRASP_SHARE = 0.5
-"""At which share of the container's height it is held."""
-
-
 SEED_POSTURE = np.array([0.76, -1.24, 2.02, -1.72, 0.11, -0.92, 0.96])
 """A posture with the cup held from the side; paths of the arm begin near it."""
 
@@ -73,7 +69,7 @@ class SideGrasp:
         """Pose of the container in the hand's frame (4, 4)."""
         pose = np.eye(4)
         pose[:3, :3] = _HAND_IN_CUP.T
-        held = np.array([0.0, 0.0, GRASP_SHARE * self.height_m])
+        held = np.array([0.0, 0.0, 0.5 * self.height_m])  # by its middle
         pose[:3, 3] = np.array([0.0, 0.0, 0.11]) - pose[:3, :3] @ held
         return pose
 

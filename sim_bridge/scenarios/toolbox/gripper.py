@@ -13,8 +13,6 @@ GRASP_RADIUS_M = 0.03
 """Distance of the hand from a stand at which it takes the object [m]. Convention."""
 GRASP_SPEED_M_S = 0.12
 """Speed of the hand below which it does [m/s]. Convention."""
-CARRIED_M = 0.12
-"""Distance from where the hand took or began that counts as away [m]. Convention."""
 
 
 class ToolboxGripper:
@@ -77,7 +75,7 @@ class ToolboxGripper:
 
     def _at_rest(self, hand: Floats, speed: float) -> bool:
         """Whether the hand has rested for a while away from where it took or began."""
-        away = np.linalg.norm(hand - self._start_m) > CARRIED_M
+        away = np.linalg.norm(hand - self._start_m) > 0.12
         if not away or speed > 0.03:
             self._rest_since_s = None
             return False

@@ -16,8 +16,6 @@ from intent_recognition.kinematics import Branch, solve
 from sim_bridge.coworker import HOLD, PLATE, SCREW
 
 ARM_BRANCH = Branch(shoulder=-1, elbow=1, wrist=1)
-ARM_SWIVEL_RAD = -0.25
-"""Swivel of the elbow about the line from shoulder to wrist [rad]. Convention."""
 
 # From the worker's wrist to the robot's hand, at the handover: a plate is held at opposite edges,
 # a screwdriver is taken by its end. The screw is given at one place, wherever the human reaches.
@@ -73,7 +71,7 @@ def arm_posture(hand_pose: Floats) -> Floats:
     Raises:
         KinematicsError: the pose is out of reach.
     """
-    return solve(hand_pose, ARM_SWIVEL_RAD, ARM_BRANCH)
+    return solve(hand_pose, -0.25, ARM_BRANCH)  # swivel of the elbow
 
 
 def handover_point(task: str, goal_m: Floats) -> Floats:
