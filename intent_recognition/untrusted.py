@@ -40,11 +40,8 @@ class UntrustedError(ValueError):
 
 
 def check_regular(path: Path, most_bytes: int | None = None) -> None:
-    """Make sure that a path is a file that can be read to its end: no FIFO, device or folder.
-
-    Args:
-        path: of the file.
-        most_bytes: size allowed; None for any.
+    """Make sure that a path is a file that can be read to its end, of at most so many bytes: no
+    FIFO, device or folder.
 
     Raises:
         OSError: nothing is there, or it may not be looked at.

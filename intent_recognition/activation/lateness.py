@@ -73,11 +73,8 @@ class Lateness:
 
 
 def unexplained(positions: Floats, asked: Floats) -> float:
-    """Root mean square of what no lag explains of an arm's motion, but for a constant [rad].
-
-    Args:
-        positions: measured (T, n) [rad].
-        asked: of the arm at the same times (T, n) [rad].
+    """Root mean square of what no lag explains of an arm's motion, but for a constant [rad]: of
+    what was measured and asked of it at the same times, (T, n) [rad] each.
     """
     rows = np.arange(len(asked))
     late = [asked[np.maximum(rows - delay, 0)] for delay in _DELAYS]

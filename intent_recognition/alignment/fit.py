@@ -106,11 +106,8 @@ def recorded_phase(basis: Floats, parameters: Floats) -> tuple[Floats, Floats]:
 
 
 def local_cost(problem: WarpProblem, parameters: Floats) -> LocalCost:
-    """Cost, its exact gradient, and the Gauss-Newton curvature (Eq. 16 with priors).
-
-    Args:
-        problem: data and prior.
-        parameters: shift, then weights of the log rate, (n, K + 1).
+    """Cost, its exact gradient, and the Gauss-Newton curvature (Eq. 16 with priors), at a shift and
+    weights of the log rate, (n, K + 1).
     """
     phase, rate = recorded_phase(problem.basis, parameters)
     slope, residual, distance = _deviations(problem, phase)

@@ -53,12 +53,8 @@ def even_trajectory(
 
 
 def resample(trajectories: Sequence[Floats] | Floats, n_grid: int, smoothing: float) -> Floats:
-    """Checked, smoothed and at even phases, (n, n_grid, D).
-
-    Args:
-        trajectories: n arrays (T_i, D) at even phases from 0 to 1.
-        n_grid: phases wanted.
-        smoothing: width of the kernel, in phase.
+    """Trajectories (T_i, D) at even phases from 0 to 1, checked, smoothed with a kernel of a width
+    in phase, and at `n_grid` phases, (n, n_grid, D).
 
     Raises:
         ShapeError: no trajectories, too short ones, or ones that do not fit each other.

@@ -131,9 +131,7 @@ class Operator:
     The first to come operates, until it leaves or has done nothing for `IDLE_S`; then whoever
     acts next does.
 
-    Args:
-        read_only: nobody operates.
-        clock: seconds, monotonic.
+    With `read_only` nobody does; `clock` is monotonic [s].
     """
 
     def __init__(self, read_only: bool = False, clock: Callable[[], float] = time.monotonic):

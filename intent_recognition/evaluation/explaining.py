@@ -86,11 +86,8 @@ def explain(
 ) -> list[Explanation]:
     """Explain each decision during a recording, and each movement without one.
 
-    Args:
-        reader: the recording.
-        model: the trained model.
-        rejected: filled with the number of dropped observations, by reason.
-        against: label of the rival; None for the most probable other one.
+    `rejected` is filled with the number of dropped observations by reason. The rival is given by
+    its label, None for the most probable other task.
 
     Raises:
         ArgumentError: there is no such rival.

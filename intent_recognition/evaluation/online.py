@@ -129,11 +129,7 @@ def score_online(
     The models are those of `intent train`: learned from the movements, whatever the settings say.
     Folds are merged to at most ten, which bounds the time.
 
-    Args:
-        demonstrations: labelled recordings.
-        folds: indices to train and to test on.
-        settings: how to learn.
-        progress: called with the number of recordings fed so far.
+    `progress` is called with the number of recordings fed so far.
 
     Raises:
         TrainingError: a fold cannot be learned from.

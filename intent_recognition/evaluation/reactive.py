@@ -89,13 +89,8 @@ class ReactiveCase(NamedTuple):
     def score(
         self, scores: ScoreTable, run: MovementFilter, task_weights: Floats, elapsed_s: float
     ) -> None:
-        """Add the squared errors at one moment.
-
-        Args:
-            scores: by task and horizon.
-            run: filtered until the moment.
-            task_weights: probabilities of the K tasks, (K,).
-            elapsed_s: time of the moment after the start.
+        """Add the squared errors at one moment after the start, by task and horizon, of a run that
+        was filtered until then; the K tasks have these probabilities (K,).
         """
         times_s = elapsed_s + np.array(HORIZONS_S)
         times_s = times_s[times_s <= self.test.duration_s + 1e-9]

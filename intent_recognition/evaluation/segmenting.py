@@ -93,15 +93,10 @@ def label_spans(spans: Sequence[Span], seen: Iterable[Estimate]) -> list[Segment
 def write_segments(
     path: Path, dofs: DofSpec, segments: Sequence[Segment], output: Path
 ) -> list[Path]:
-    """Write segments of a session as demonstrations, each a bag of its own.
+    """Write segments of a session as demonstrations, each a bag of its own: `<name of the
+    session>_000` and so on in a folder.
 
     All topics are copied but the session's own markers.
-
-    Args:
-        path: of the session.
-        dofs: by which it was segmented.
-        segments: in order of time.
-        output: folder of the new bags, `<name of the session>_000` and so on.
 
     Raises:
         ResourceBusyError: a directory exists already.

@@ -142,12 +142,8 @@ def regression(joint: Gaussian, n_source: int) -> Regression:
 
 
 def expected_distance(precision: Floats, apart: Floats, covariance: Floats) -> Floats:
-    """E[x^T precision x] of x ~ N(apart, covariance), (...).
-
-    Args:
-        precision: (..., d, d).
-        apart: (..., d).
-        covariance: (..., d, d).
+    """E[x^T precision x] of x ~ N(apart, covariance), (...), for shapes (..., d, d), (..., d) and
+    (..., d, d).
     """
     turned = np.matmul(precision, apart[..., None])[..., 0]
     return np.sum(apart * turned, axis=-1) + np.sum(precision * covariance, axis=(-2, -1))

@@ -155,12 +155,8 @@ def samples_at(shares: Sequence[float]) -> list[int]:
 def predict_agents(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], followed: Followed
 ) -> tuple[Floats, Floats]:
-    """Means of both agents at the scored phases, (n, S, s, P) and (n, S, s, Q).
-
-    Args:
-        library: whose basis and phase deviation are used.
-        left_out: n demonstrations.
-        followed: their own tasks after some of their samples.
+    """Means of both agents at the scored phases, (n, S, s, P) and (n, S, s, Q), of n demonstrations
+    whose own tasks were followed to some of their samples.
     """
     size = library.n_observed_weights
     mean = np.array([one.mean for one in left_out])[:, None]
@@ -178,10 +174,6 @@ def predict_agents(
 
 def expected_rows(library: TaskLibrary, followed: Followed) -> tuple[Floats, Floats]:
     """Basis functions of both agents at the scored phases, expected over phase deviations.
-
-    Args:
-        library: whose basis and phase deviation are used.
-        followed: as in `predict_agents`.
 
     Returns:
         Of the observed and the controlled DOFs, (n S, s, N) each.

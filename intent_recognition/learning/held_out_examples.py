@@ -190,12 +190,8 @@ def evenly(items: Sequence[T], most: int) -> list[T]:
 def paired_examples(
     tasks: Mapping[str, TaskStatistics], recorded: Mapping[str, TaskStatistics], most: int
 ) -> list[tuple[int, TrainingExample, TrainingExample]]:
-    """Demonstrations, evenly drawn from all tasks: number of the task, as learned, as recorded.
-
-    Args:
-        tasks: statistics that primitives are built from.
-        recorded: of the same labels or more, of the examples as they were recorded.
-        most: how many.
+    """At most so many demonstrations, evenly drawn from all tasks: number of the task, as learned,
+    as recorded.
     """
     labels = list(recorded)
     pairs = [
@@ -212,14 +208,10 @@ def nearest_tasks(
     others: Integers,
     units: Sequence[str],
 ) -> Integers:
-    """The tasks whose mean weights come nearest to an example's, at most `MAX_RIVALS`.
+    """Of these other tasks those whose mean weights come nearest to an example's, at most
+    `MAX_RIVALS`.
 
-    Args:
-        tasks: their statistics.
-        example: what they are compared with.
-        others: numbers of those that are compared.
-        units: of the observed DOFs, (P,); distances in incommensurate ones are each divided by
-            their mean.
+    Distances in incommensurate units (P,) are each divided by their mean.
     """
     if len(others) <= MAX_RIVALS:
         return others

@@ -34,12 +34,7 @@ class Departure(NamedTuple):
 
 
 def departures(tasks: Sequence[TaskStatistics], units: Sequence[str]) -> list[Departure]:
-    """Of the observed DOFs, by what their units have in common (`signals.commensurate`).
-
-    Args:
-        tasks: their statistics.
-        units: of the observed DOFs, (P,).
-    """
+    """Of the observed DOFs, by what their units (P,) have in common (`signals.commensurate`)."""
     return [Departure(dofs, departure(tasks, dofs)) for dofs in commensurate(units)]
 
 
@@ -68,12 +63,8 @@ def departure(tasks: Sequence[TaskStatistics], dofs: Integers) -> Floats:
 
 
 def none_primitive(means: Floats, covariances: Floats, departed: Sequence[Departure]) -> Gaussian:
-    """Observed weights of a movement that is none of K tasks but of their kind.
-
-    Args:
-        means: of the tasks' observed weights, (K, P, N).
-        covariances: theirs, (K, P N, P N).
-        departed: see `departures`; tasks differ alike in the DOFs of each.
+    """Observed weights of a movement that is none of K tasks but of their kind; these have means
+    (K, P, N) and covariances (K, P N, P N), and differ alike in the DOFs of each of `departures`.
     """
     n_tasks, n_dofs, n_basis = means.shape
     centre = means.mean(axis=0)

@@ -66,11 +66,8 @@ def choose(
     candidates: Mapping[str, tuple[TaskLibrary, Mapping[str, TaskStatistics]]],
     recorded: Mapping[str, TaskStatistics],
 ) -> Choice:
-    """The best hyperparameters, their coupling, and all that were tried.
-
-    Args:
-        candidates: by pace a library, with the statistics that it was built from.
-        recorded: statistics of the examples as they were recorded.
+    """The best hyperparameters, their coupling, and all that were tried; candidates are by pace a
+    library, with the statistics that it was built from.
     """
 
     @lru_cache(maxsize=2)

@@ -180,12 +180,8 @@ def add_demonstration(trained: Trained, demonstration: Demonstration) -> Trained
 def add_statistics(
     trained: Trained, tasks: Mapping[str, TaskStatistics], names: Sequence[str] = ()
 ) -> Trained:
-    """Add demonstrations, whose statistics come from the same preprocessing.
-
-    Args:
-        trained: what to add to; it stays as it is.
-        tasks: statistics of each label.
-        names: of the demonstrations, for the provenance.
+    """Add demonstrations by their names, whose statistics come from the same preprocessing; what
+    they are added to stays as it is.
 
     Raises:
         TrainingError: one of them is in another unit than those learned before.

@@ -73,14 +73,11 @@ def deviation_prior(phase_deviation: PhaseDeviation) -> Floats:
 
 
 def deviation_transition(phase_deviation: PhaseDeviation, passed: Floats) -> Floats:
-    """Transition of the phase deviation while recorded phase passes, (..., E, E), rows sum to one.
+    """Transition of the phase deviation while recorded phase (...) passes, not less than zero:
+    (..., E, E), rows sum to one.
 
     It keeps the prior, and two transitions one after the other equal that of their sum, however
     short they are, so that it does not matter how often one looks.
-
-    Args:
-        phase_deviation: prior of the phase deviation.
-        passed: recorded phase, (...); less than zero counts as zero.
     """
     grid = phase_deviation.grid
     if len(grid) == 1:

@@ -275,10 +275,8 @@ def shared_covariance(pooled: Scatter, floor: Floats, strength: float) -> Floats
     Differences between covariances of few demonstrations are mostly due to chance and would tell
     tasks apart wrongly (linear discriminant analysis; Friedman 1989).
 
-    Args:
-        pooled: scatter of all demonstrations about the means of their tasks.
-        floor: variance floor per DOF, (D,).
-        strength: equivalent sample size of the target, in demonstrations.
+    `pooled` is the scatter about the means of the tasks; the target counts as `strength`
+    demonstrations, with a variance floor per DOF (D,).
     """
     assumed = TargetSettings(independent=OBSERVED_INDEPENDENT)
     target = structured_target(pooled, pooled, floor, assumed).covariance()

@@ -86,14 +86,11 @@ class Risk(NamedTuple):
 
 
 def risk_of(left_out: LeftOutOdds, max_wrong: float) -> Risk:
-    """When to act, so that at most a share of interactions is acted on wrongly.
+    """When to act, so that at most a share, in (0, 0.5], of interactions is acted on wrongly; by
+    two or more left-out demonstrations.
 
     Fewer groups than that takes bound the share by 1 / (G + 1); the threshold is extrapolated by a
     normal distribution then.
-
-    Args:
-        left_out: two demonstrations or more.
-        max_wrong: the share, in (0, 0.5].
     """
     odds, weights = np.array(left_out.odds), left_out.weights()
     n_groups = left_out.n_groups

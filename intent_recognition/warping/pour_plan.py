@@ -95,15 +95,11 @@ def plan_pour(
     asked: str,
     fluid: float,
 ) -> PourPlan:
-    """Poses of the hand for a pour from where the cup is, and back.
+    """Poses of the hand (4, 4) that holds the cup, upright, for a pour into the second container,
+    and back.
 
-    Args:
-        skill: what was learned.
-        cup: the container in the hand, upright.
-        second: the other one.
-        hand: pose of the hand (4, 4) that holds the cup.
-        asked: "empty", "full" or millilitres; see `amount_to_leave`.
-        fluid: what is in the cup, as a share of its volume.
+    What is asked for is "empty", "full" or millilitres (`amount_to_leave`); `fluid` is what is in
+    the cup, as a share of its volume.
 
     Raises:
         ArgumentError: the cup is tilted, or it cannot be poured so much.

@@ -35,14 +35,8 @@ class TransferObject(NamedTuple):
 
 
 class HandedThing:
-    """The body in a world.
-
-    Args:
-        client: of the world.
-        what: the object.
-        centre_m: where its centre is (3,).
-        turn: how it is turned (4,), xyzw.
-        friction: on the pads.
+    """The body of an object in a world, with its centre there (3,), turned (4,), xyzw, and a
+    friction on the pads.
     """
 
     def __init__(
