@@ -113,10 +113,8 @@ def load_yaml(text: str) -> Any:
 
 
 class YamlChecks(NamedTuple):
-    """Checks of what people write in YAML; what fails is an ArgumentError that names the place.
-
-    Attributes:
-        cure: last sentence of its message.
+    """Checks of what people write in YAML; what fails is an ArgumentError that names the place, and
+    ends with the cure.
     """
 
     cure: str

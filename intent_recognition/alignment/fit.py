@@ -26,10 +26,8 @@ ROUNDING = 0.3
 
 
 class Curves(NamedTuple):
-    """Piecewise cubic demonstrations on an even grid of recorded phases.
-
-    Attributes:
-        coefficients: of 1, f, f^2, f^3 in each interval, (4, n, T - 1, D); f runs from 0 to 1.
+    """Piecewise cubic demonstrations on an even grid of recorded phases: coefficients of 1, f, f^2,
+    f^3 in each interval, (4, n, T - 1, D), where f runs from 0 to 1.
     """
 
     coefficients: Floats

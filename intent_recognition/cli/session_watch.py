@@ -25,10 +25,8 @@ longest that learning keeps one busy."""
 
 
 class Heartbeats:
-    """For how long nodes that have reported once have been silent.
-
-    Attributes:
-        unanswered: nodes that simulated time went on without, in words; empty for none.
+    """For how long nodes that have reported once have been silent; and which ones simulated time
+    went on without, in words.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:

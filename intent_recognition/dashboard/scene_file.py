@@ -72,11 +72,7 @@ class ScenePart(Placed, frozen=True):
 
 
 class Thing(Placed, frozen=True):
-    """Something that stays where it is, in the world.
-
-    Attributes:
-        name: one word, unique in the scene.
-    """
+    """Something that stays where it is, in the world; its name is one word, unique in the scene."""
 
     name: Annotated[str, Meta(pattern=r"^\w+\Z")]
     parts: Annotated[tuple[ScenePart, ...], Meta(min_length=1, max_length=MOST_THINGS)]

@@ -21,11 +21,9 @@ ControlValue = TypeVar("ControlValue")
 
 
 class PageAccess(NamedTuple):
-    """What the parts of the page need; each is made on the page where it is called.
-
-    Attributes:
-        commands: reaches the other nodes, and notifies.
-        do: runs a function in the thread of the graph, at the next update.
+    """What the parts of the page need; each is made on the page where it is called. `commands`
+    reach the other nodes, and notify; `do` runs a function in the thread of the graph, at the next
+    update.
     """
 
     server: viser.ViserServer

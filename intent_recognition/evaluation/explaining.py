@@ -28,11 +28,8 @@ from intent_recognition.recognition import (
 
 
 class Without(NamedTuple):
-    """What would have been decided without a signal.
-
-    Attributes:
-        task: the first that would have become active during the movement; empty for none.
-        after_s: when, after the onset that was found with all signals; None for never.
+    """What would have been decided without a signal: the first task that would have become active
+    during the movement, and when after the onset that was found with all; "" and None for none.
     """
 
     task: str

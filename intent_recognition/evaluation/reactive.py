@@ -76,11 +76,7 @@ def moments(test: Demonstration) -> list[float]:
 
 
 class ReactiveCase(NamedTuple):
-    """One recording that was left out.
-
-    Attributes:
-        start: posture of the controlled agent when it begins.
-    """
+    """One recording that was left out, and the posture of the controlled agent when it begins."""
 
     windows: NearestWindows
     test: Demonstration

@@ -22,12 +22,8 @@ from intent_recognition.tracking import IngestSettings
 
 
 class Decided(NamedTuple):
-    """An estimate, and what the decision made of it.
-
-    Attributes:
-        estimate: after an observation of the human.
-        state: of the decision.
-        end_std: what was predicted of the end, by unit; None where nothing was.
+    """An estimate after an observation of the human, what the decision made of it, and what was
+    predicted of the end, by unit; None where nothing was.
     """
 
     estimate: Estimate

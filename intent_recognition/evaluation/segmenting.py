@@ -32,12 +32,8 @@ Convention: the rest after which `OnsetSettings` lets another movement begin.
 
 
 class Segment(NamedTuple):
-    """One interaction of a session.
-
-    Attributes:
-        start_ns: onset of the human's movement.
-        end_ns: when the last of both agents has come to rest.
-        task: its label; None where no model has said one.
+    """One interaction of a session: from the onset of the human's movement until the last of both
+    agents has come to rest. Its label is None where no model has said one.
     """
 
     start_ns: int

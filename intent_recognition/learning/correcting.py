@@ -56,12 +56,7 @@ Measurement: docs/correcting.md."""
 
 
 class RuleChange(NamedTuple):
-    """The controlled weights change by `slopes` (w_o - m) + `offset`.
-
-    Attributes:
-        slopes: (Q N, P N).
-        offset: (Q N,).
-    """
+    """The controlled weights change by `slopes` (w_o - m) + `offset`, (Q N, P N) and (Q N,)."""
 
     slopes: Floats
     offset: Floats

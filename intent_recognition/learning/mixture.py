@@ -109,12 +109,8 @@ def mixture_features(weights: Floats, n_observed: int, basis: NormalizedRBFBasis
 
 
 class Clustering(NamedTuple):
-    """The best of many fits with K components.
-
-    Attributes:
-        labels: component of each demonstration, (n,).
-        log_likelihood: mean log likelihood of a demonstration.
-        left_out: for each demonstration, the mixture fitted without it, a batch of n.
+    """The best of many fits with K components: the component of each demonstration (n,), their mean
+    log likelihood, and the mixtures fitted without each, a batch of n.
     """
 
     labels: Integers

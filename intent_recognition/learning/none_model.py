@@ -22,11 +22,8 @@ their starts (docs/recognition.md)."""
 
 
 class Departure(NamedTuple):
-    """How far movements depart from their starts in some observed DOFs.
-
-    Attributes:
-        dofs: which, (p,).
-        square: mean square distance per basis function, (N,).
+    """How far movements depart from their starts in some observed DOFs (p,): the mean square
+    distance per basis function (N,).
     """
 
     dofs: Integers

@@ -50,11 +50,8 @@ alike: copies of a finished movement (docs/decisions/new_people.md)."""
 
 
 class Choice(NamedTuple):
-    """What was chosen.
-
-    Attributes:
-        coupling: of the residuals, learned with them; None where there is none in any task.
-        tried: all hyperparameters that were scored.
+    """What was chosen, all hyperparameters that were scored, and the coupling of the residuals,
+    learned with them; None where there is none in any task.
     """
 
     best: Hyperparameters

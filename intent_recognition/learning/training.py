@@ -34,11 +34,8 @@ from intent_recognition.signals import Demonstration
 
 @dataclass(frozen=True)
 class Trained:
-    """A library with the statistics that are needed to add demonstrations to it.
-
-    Attributes:
-        preprocessing: how a recording becomes an example.
-        tasks: statistics of each label, in the library's order.
+    """A library with what is needed to add demonstrations to it: the statistics of each label, in
+    its order, and how a recording becomes an example.
     """
 
     library: TaskLibrary

@@ -28,11 +28,8 @@ next; of a plan, nothing is left out."""
 
 
 class Obstruction(NamedTuple):
-    """What a motion would come too near to first.
-
-    Attributes:
-        bodies: names of the two.
-        where: of the motion, for people.
+    """What a motion would come too near to first: the names of the two bodies, and where of the
+    motion, for people.
     """
 
     bodies: tuple[str, str]

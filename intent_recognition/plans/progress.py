@@ -32,12 +32,8 @@ FORGOTTEN = 0.4
 
 
 class StepState(NamedTuple):
-    """What is believed of a step.
-
-    Attributes:
-        done: probability that it is done.
-        next: probability that the next movement does it.
-        forgotten: probability that it was left out, though a step was done that needs it.
+    """Probabilities that a step is done, that the next movement does it, and that it was left out,
+    though a step was done that needs it.
     """
 
     name: str

@@ -30,11 +30,8 @@ STEP_S = 0.01
 
 
 class Span(NamedTuple):
-    """A proposed part of a session.
-
-    Attributes:
-        start_ns: onset of the observed agent's movement.
-        end_ns: when the last of both agents has come to rest.
+    """A proposed part of a session: from the onset of the observed agent's movement until the last
+    of both agents has come to rest.
     """
 
     start_ns: int

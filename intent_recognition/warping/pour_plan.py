@@ -21,11 +21,8 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 class PouringSkill(NamedTuple):
-    """What was learned from demonstrated pours.
-
-    Attributes:
-        primitive: in the warped space.
-        far: how far they tilt the cup.
+    """What was learned from demonstrated pours: a primitive in the warped space, and how far they
+    tilt the cup.
     """
 
     primitive: WarpedPrimitive

@@ -30,11 +30,8 @@ NOISE_SHARE, TREMOR_N, NOISE_RAD_S = 0.04, 0.1, 60.0
 
 @dataclass(frozen=True)
 class Strength:
-    """What the arm of a person is like.
-
-    Attributes:
-        stiffness_n_m: of the arm at the hand (Mussa-Ivaldi, Hogan and Bizzi 1985: 100 to 400).
-        strongest_n: force at which it yields.
+    """What the arm of a person is like: its stiffness at the hand (Mussa-Ivaldi, Hogan and Bizzi
+    1985: 100 to 400 N/m), and the force at which it yields.
     """
 
     stiffness_n_m: float = 200.0

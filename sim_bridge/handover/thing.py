@@ -22,11 +22,8 @@ UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 class TransferObject(NamedTuple):
-    """A box that is handed over.
-
-    Attributes:
-        half_edges_m: vertical, between the fingers, and from robot to person.
-        grasp_m: how far from its centre, toward the robot, the robot holds it.
+    """A box that is handed over, its half edges vertical, between the fingers, and from robot to
+    person; the robot holds it `grasp_m` from its centre, toward itself.
     """
 
     mass_kg: float
