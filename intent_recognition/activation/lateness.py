@@ -49,10 +49,7 @@ class Lateness:
     def shown_ns(self, time_ns: int, position: Floats, asked: Floats) -> int:
         """By how much commands came late as the arm's motion shows now [ns]; 0 for nothing.
 
-        Args:
-            time_ns: of the measurement, which `is_due`.
-            position: measured (n,) [rad].
-            asked: of the arm then by each of `LATENESSES_NS` (n_latenesses, n) [rad].
+        It is due, is at a position (n,) [rad], and is asked for one by each of `LATENESSES_NS`.
         """
         self._last_ns, self._n = time_ns, self._n + 1
         self._looks.append((position, asked))

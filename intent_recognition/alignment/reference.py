@@ -91,10 +91,8 @@ def typical_deviation(samples: Floats, deviations: Floats) -> Floats:
 
     Deviations count from their mean in each demonstration, as in the cost of a warp.
 
-    Args:
-        samples: demonstrations, (n, G, D); a DOF that never moves, or by less than the smallest
-            normal number, gets infinity.
-        deviations: from the reference, (n, G, D).
+    A DOF of the demonstrations (n, G, D) that never moves, or by less than the smallest normal
+    number, has infinity; the deviations from the reference are (n, G, D).
     """
     extent = np.ptp(samples.reshape(-1, samples.shape[-1]), axis=0)
     moving = np.any(np.ptp(samples, axis=1) > 1e-9 * np.abs(samples).max(axis=(0, 1)), axis=0)

@@ -48,11 +48,8 @@ def _best_paths(
 ) -> NDArray[np.intp]:
     """Recorded index at each reference step, (n, STEPS + 1), of least total cost.
 
-    Args:
-        distance: (n, STEPS + 1, J).
-        rate_std: prior standard deviation of the log rate.
-        rate_correlation: steps within twice this share one draw of it.
-        end_std: prior standard deviation of both ends.
+    Distances are (n, STEPS + 1, J); the log rate has a prior standard deviation, of which steps
+    within twice the correlation length share one draw, and both ends have one.
     """
     n, _, size = distance.shape
     each = min(1.0, 1.0 / (2.0 * rate_correlation * STEPS))

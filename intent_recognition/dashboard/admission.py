@@ -188,9 +188,7 @@ def new_token(environment: Mapping[str, str] = os.environ) -> str:
 def response_headers(scripts: Iterable[str], host: str) -> dict[str, str]:
     """Headers of every answer: no frame, no other origin, no script but the page's own.
 
-    Args:
-        scripts: sources of the page's scripts, as `script_sources` gives them.
-        host: the `Host` that the request named, which was checked.
+    The scripts are those of `script_sources`, the host what the request named, which was checked.
     """
     rules = {
         "default-src": "'none'",

@@ -79,7 +79,7 @@ class DashboardPage:
             Operator(read_only),
             lambda why: self.show_message(False, why),
             light,
-            lambda: self._ask(self._draws_slowly),
+            lambda: self._ask(self._scene.lighten),
         )
         self._scene = PageScene(self._server, scene or CellScene(), hand_link, light == ALWAYS)
         gui = self._server.gui
@@ -162,10 +162,6 @@ class DashboardPage:
             self._asked[action] = None
             if len(self._asked) > 200:  # a second of drags
                 del self._asked[next(iter(self._asked))]
-
-    def _draws_slowly(self) -> None:
-        """A browser does, so shadows and the environment go."""
-        self._scene.lighten()
 
     def _perform(self, action: Callable[[], None]) -> None:
         """Do what was asked for; what a browser sent that makes no sense is told, no more."""

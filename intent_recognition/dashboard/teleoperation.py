@@ -32,7 +32,11 @@ SILENT_ARM = "The arm's joint states have stopped."
 
 
 class Teleoperation:
-    """Publishes `mocap/<body>/pose` while it holds the wrist, and `joint_trajectory` when asked."""
+    """Publishes `mocap/<body>/pose` while it holds the wrist, and `joint_trajectory` when asked.
+
+    What is asked of the arm raises a KinematicsError where there is none, its joint states have
+    stopped, or the place is out of reach.
+    """
 
     def __init__(self, node: Node, state: CellState, body: str = "wrist", hand_link: str = ""):
         self._node, self._state, self._body = node, state, body
@@ -100,38 +104,22 @@ class Teleoperation:
         return self._finder.problem or ("" if arm is None or self._speaks(arm) else SILENT_ARM)
 
     def drag_hand(self, position: Floats) -> None:
-        """Let the arm bring its hand to a position (3,) [m], soon.
-
-        Raises:
-            KinematicsError: there is no arm, or its joint states have stopped.
-        """
+        """Let the arm bring its hand to a position (3,) [m], soon."""
         self._found()
         self._hand = np.array(position, dtype=float)
         if self._timer is None:
             self.step_arm()
 
     def measured(self) -> Floats:
-        """The arm's joint angles (n,) [rad].
-
-        Raises:
-            KinematicsError: there is no arm, or its joint states have stopped.
-        """
+        """The arm's joint angles (n,) [rad]."""
         return np.array([self._state.joints[name] for name in self._found().joint_names])
 
     def hand(self) -> Floats:
-        """Where the arm's hand is (3,) [m].
-
-        Raises:
-            KinematicsError: there is no arm, or its joint states have stopped.
-        """
+        """Where the arm's hand is (3,) [m]."""
         return self._found().hand(self.measured())
 
     def posture_at(self, position: Floats) -> Floats:
-        """Joint angles (n,) [rad] near the present ones that have the hand there.
-
-        Raises:
-            KinematicsError: out of reach, or there is no arm that speaks.
-        """
+        """Joint angles (n,) [rad] near the present ones that have the hand there."""
         return self._found().posture_at(np.asarray(position, dtype=float), self.measured())
 
     def send_arm(self, goal: Floats, duration_s: float) -> float:

@@ -52,12 +52,9 @@ def run_online(
 ) -> OnlineOutcome:
     """Feed a recording to the estimator and the decision, as the nodes do.
 
-    Args:
-        library: the learned tasks.
-        recorded: a recording; its observations are fed up to the end of its movement, from the
-            beginning of the recording on, so that the estimator has to find the onset.
-        settings: of the decision; the node's defaults when None.
-        phase_known: give the movement's start and duration instead.
+    It is fed up to the end of its movement, from the beginning of the recording on, so that the
+    estimator has to find the onset; unless the phase is known, the movement's start and duration.
+    Without settings the decision has the node's defaults.
     """
     followed = [*follow_online(library, recorded, settings, phase_known=phase_known)]
     recognised = next((found for _, _, found in followed if found), "")

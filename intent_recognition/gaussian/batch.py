@@ -104,12 +104,8 @@ class GaussianBatch:
     def resized(
         self, index: Integers | slice, n_basis: int, variance: Floats | None = None
     ) -> "GaussianBatch":
-        """Copies with the first weights of each DOF, and R times with new, independent ones.
-
-        Args:
-            index: of which, n of them.
-            n_basis: weights per DOF of a copy, M.
-            variance: of the new ones, those beyond N, (R, P, M - N); None without any.
+        """Copies of n of them with the first weights of each DOF, and R times with new, independent
+        ones beyond N, which have variances (R, P, M - N).
         """
         (mean, covariance), (n_dofs, old) = self.moments(index), self._shape
         new = np.zeros((1, n_dofs, 0)) if variance is None else variance

@@ -36,12 +36,7 @@ def log_density(distribution: Gaussian, value: Floats) -> Floats:
 
 
 def marginal(distribution: Gaussian, index: Integers) -> Gaussian:
-    """Distribution of some of the elements.
-
-    Args:
-        distribution: over (d,).
-        index: which elements to keep, (m,).
-    """
+    """Distribution of the elements `index`, (m,), of one over (d,)."""
     return Gaussian(distribution.mean[index], distribution.covariance[np.ix_(index, index)])
 
 

@@ -75,12 +75,9 @@ def filter_samples(
 ) -> Iterator[FilteredSamples]:
     """Filter samples at `sample_phases` of demonstrations; yields after each sample.
 
-    Args:
-        library: whose basis, noise and phase deviation are used.
-        prior: of the observed weights, (n, P N) and (n, P N, P N).
-        pace: duration of the demonstration in parts of the hypothesis' duration, (n,).
-        relative: the latter in parts of what its task usually takes, (n,).
-        values: observed DOFs, (m, n, P).
+    The prior is over the observed weights, (n, P N) and (n, P N, P N), and the samples are (m, n,
+    P). `pace` (n,) is the duration of a demonstration in parts of its hypothesis', `relative` (n,)
+    that in parts of what its task usually takes.
     """
     model, basis, n = library.phase_deviation, library.basis, len(pace)
     weights = GaussianBatch.of(*prior, basis.n_basis)

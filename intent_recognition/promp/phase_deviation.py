@@ -101,10 +101,8 @@ def steady_phase(
     phase are those of the recorded one times a power of the relative duration: with an exponent of
     1 a movement begins at the same speed however long it takes, with -1 it ends so.
 
-    Args:
-        phase_deviation: with the exponent.
-        recorded: recorded phases, (...); clipped to [0, 1].
-        relative: duration in parts of what the task usually takes, of a shape that goes with them.
+    Recorded phases (...) are clipped to [0, 1]; `relative` is the duration in parts of what the
+    task usually takes, of a shape that goes with them.
     """
     recorded = np.minimum(np.maximum(recorded, 0.0), 1.0)
     if not phase_deviation.duration_exponent:

@@ -107,11 +107,8 @@ def conformal_bound(values: Floats, accepted: float, weights: Floats | None = No
     Whatever the distribution (Vovk et al. 2005). Fewer values than that takes are extrapolated by
     a normal distribution.
 
-    Args:
-        values: (n,), two or more.
-        accepted: the probability, in (0, 1).
-        weights: probability that one more is like each of them, (n,); they sum to less than one.
-            None for 1 / (n + 1) each.
+    Two or more values (n,) are known, and the probability is in (0, 1). One more is like each of
+    them with these weights, (n,), which sum to less than one; None for 1 / (n + 1) each.
     """
     n = len(values)
     share = np.full(n, 1.0 / (n + 1.0)) if weights is None else weights

@@ -126,12 +126,8 @@ def tilts_to_level(
     the way back it falls in proportion, so that what is left stays in, and so it rises beyond what
     was demonstrated. What is emptied is tilted as far beyond as was demonstrated.
 
-    Args:
-        ratios: demonstrated tilts as ratios to the tilt reference (T,).
-        far: how far they go.
-        cup: the container in the hand.
-        fluid: what is in it, as a share of its volume.
-        left: what is to be left, as a share of its volume, below `fluid`; 0 to empty it.
+    The demonstrated tilts (T,) are ratios to the tilt reference. What is in the cup, and what is to
+    be left, less than that, or 0 to empty it, are shares of its volume.
     """
     begin, end = cup.tilt_leaving(fluid), cup.empty_rad + far.beyond_rad
     if left >= LEFT_WHEN_EMPTY:
