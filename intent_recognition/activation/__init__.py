@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From task probabilities and predictions to the robot's motion: a state machine without ROS."""
+"""From task probabilities and predictions to the robot's motion: a state machine without ROS.
+
+One machine in a file for each thing that it decides, plans or compares the arm with.
+"""
 
 from intent_recognition.activation.pretrigger import PretriggerSettings
 from intent_recognition.activation.settings import ActivationSettings

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scores of recognition and prediction, calibration, unknown movements, sessions."""
+"""Scores of recognition and prediction, calibration, unknown movements, sessions.
+
+A file for each score and each way of replaying: all are of the same left-out recordings.
+"""
 
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.calibration import reliability_bins

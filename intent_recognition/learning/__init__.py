@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From demonstrations to a task library: examples, statistics, hyperparameters, unknown tasks."""
+"""From demonstrations to a task library: examples, statistics, hyperparameters, unknown tasks.
+
+A file for each thing that is learned, and for each choice that validation makes: one library holds
+them all.
+"""
 
 from intent_recognition.learning.accumulation import (
     BATCH,

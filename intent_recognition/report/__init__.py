@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages and figures: drawing and writing, neither training nor scoring."""
+"""Pages and figures: drawing and writing, neither training nor scoring.
+
+A file for each page, and for the figures on it.
+"""
 
 from intent_recognition.report.arms_report import write_arms_report
 from intent_recognition.report.demo_report import write_demo_report

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Warped parameters: what one annotated object tells about the next."""
+"""Warped parameters: what one annotated object tells about the next.
+
+A file for each step from the points of an object to a grasp or a pour.
+"""
 
 from intent_recognition.warping.clipping import closed_tube_faces, half_volume_angle, surface_volume
 from intent_recognition.warping.grasp import Grasp
