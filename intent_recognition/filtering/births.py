@@ -141,6 +141,7 @@ class Births:
         known = np.zeros(self._library.n_tasks) if log_weight is None else log_weight
         self._log_weight = np.append(np.maximum(known, LEAST_LOG_WEIGHT), 0.0)
         self._first: list[tuple[NDArray, NDArray, NDArray]] = []  # DOFs, values and noise
+        self._states: tuple[Integers, Floats, Floats] | None = None
         self._n_used, self._last_s, self._last_birth_s, self._between_s = 0, 0.0, 0.0, 0.0
 
     @property
@@ -237,22 +238,18 @@ class Births:
 
     def _give_birth(self, birth_s: float, log_evidence: Floats, left: Floats) -> None:
         """Add newborn hypotheses of the most probable tasks, and of none."""
-        n_tasks, basis = self._library.n_tasks, self._library.basis
+        n_tasks = self._library.n_tasks
         tasks = np.arange(n_tasks)
         if n_tasks > MAX_TASKS:
             joint = np.logaddexp(self.log_joint, left)[:-1]
             tasks = np.sort(np.argpartition(joint, -MAX_TASKS)[-MAX_TASKS:])
-        of_all, known = np.append(tasks, n_tasks), np.arange(len(tasks))  # none begins at its birth
-        courses = self._prior.resized(of_all, basis.n_basis)
-        start = basis.design_matrix(np.zeros((len(known), 1)))
-        for dofs, values, noise in self._first:
-            courses.condition(LinearMeasurement(dofs, start, values, noise), index=known)
+        of_all, (fading, ending) = np.append(tasks, n_tasks), self._newborn(tasks)
         which, rate, duration = _combined(len(of_all), len(FADINGS), len(self._offsets))
         task = of_all[which]
         is_none = task == n_tasks
         pace = log_pace(self._grid, log_evidence, self._offsets) - np.log(len(FADINGS))
         self.table.add(
-            courses.resized(slice(None), self._width, self._fading).state,
+            fading,
             len(self._offsets),
             kind=TURN,
             task=task,
@@ -269,7 +266,7 @@ class Births:
         duration_s = REACH_PART * self._durations_s(task, REACH_OFFSETS[duration])
         pace = log_pace(self._grid, log_evidence, REACH_OFFSETS)[0]
         self.table.add(
-            courses.resized(known, self._width, self._ending).state,
+            ending,
             2 * len(REACH_OFFSETS),
             kind=np.where(straight, STRAIGHT, AFRESH),
             task=task,
@@ -279,6 +276,23 @@ class Births:
             rate=1.0 / (self._moving[task] * duration_s),
             log_share=pace[duration] + np.where(straight, self._log_telling[task], 0.0),
         )
+
+    def _newborn(self, tasks: Integers) -> tuple[Floats, Floats]:
+        """Weights of those born of tasks and none, with offsets that fade, and of tasks, that end.
+
+        The courses begin where the movement began, but for none, which begins at its birth. They
+        are the same at each birth until another DOF is seen for the first time.
+        """
+        if self._states is None or not np.array_equal(tasks, self._states[0]):
+            basis, known = self._library.basis, np.arange(len(tasks))
+            courses = self._prior.resized(np.append(tasks, self._library.n_tasks), basis.n_basis)
+            start = basis.design_matrix(np.zeros((len(known), 1)))
+            for dofs, values, noise in self._first:
+                courses.condition(LinearMeasurement(dofs, start, values, noise), index=known)
+            fading = courses.resized(slice(None), self._width, self._fading).state
+            ending = courses.resized(known, self._width, self._ending).state
+            self._states = tasks, fading, ending
+        return self._states[1:]
 
     def _give_birth_to_delays(
         self, birth_s: float, log_evidence: Floats, onset: HypothesisTable
@@ -316,6 +330,7 @@ class Births:
         if new.any() and not measurement.derivative:
             dofs, values, noise = measurement[2:5]
             self._first.append((dofs[new], values[new], noise[new][:, new]))
+            self._states = None
 
 
 def _combined(*sizes: int) -> list[Integers]:

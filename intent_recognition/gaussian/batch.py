@@ -107,7 +107,10 @@ class GaussianBatch:
         """Copies of n of them with the first weights of each DOF, and R times with new, independent
         ones beyond N, which have variances (R, P, M - N).
         """
-        (mean, covariance), (n_dofs, old) = self.moments(index), self._shape
+        n_dofs, old = self._shape
+        if n_basis == old:
+            return GaussianBatch(self.state[index].copy(), *self._shape)
+        mean, covariance = self.moments(index)
         new = np.zeros((1, n_dofs, 0)) if variance is None else variance
         n, kept, size = len(mean), slice(min(old, n_basis)), n_dofs * n_basis
         means = np.zeros((n, len(new), n_dofs, n_basis))
