@@ -84,8 +84,12 @@ def sync_folder(folder: Path) -> None:
 def locked(
     path: Path, patience_s: float = 60.0, clock: Callable[[], float] = time.monotonic
 ) -> Iterator[None]:
-    """Hold a lock among processes, for which a file stands, waiting for it at most so long [s]; the
-    system releases it when one dies.
+    """Hold a lock among processes; the system releases it when one dies.
+
+    Args:
+        path: of the file that stands for it.
+        patience_s: longest wait [s].
+        clock: seconds, monotonic.
 
     Raises:
         ResourceBusyError: another process has held it for so long.

@@ -21,7 +21,15 @@ else:  # so that annotations can be resolved without matplotlib
 def draw_bands(
     axes: Axes, times_s: Floats, mean: Floats, std: Floats, names: Sequence[str]
 ) -> None:
-    """Draw the mean (T, d) of DOFs over time (T,), each in a band of two standard deviations."""
+    """Draw the mean of d DOFs over time, each in a band of two standard deviations.
+
+    Args:
+        axes: to draw into.
+        times_s: (T,).
+        mean: (T, d).
+        std: (T, d).
+        names: of the DOFs.
+    """
     for k, name in enumerate(names):
         (line,) = axes.plot(times_s, mean[:, k], label=name)
         half = 2.0 * std[:, k]

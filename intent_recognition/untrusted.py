@@ -40,8 +40,11 @@ class UntrustedError(ValueError):
 
 
 def check_regular(path: Path, most_bytes: int | None = None) -> None:
-    """Make sure that a path is a file that can be read to its end, of at most so many bytes: no
-    FIFO, device or folder.
+    """Make sure that a path is a file that can be read to its end: no FIFO, device or folder.
+
+    Args:
+        path: of the file.
+        most_bytes: size allowed; None for any.
 
     Raises:
         OSError: nothing is there, or it may not be looked at.
@@ -113,8 +116,10 @@ def load_yaml(text: str) -> Any:
 
 
 class YamlChecks(NamedTuple):
-    """Checks of what people write in YAML; what fails is an ArgumentError that names the place, and
-    ends with the cure.
+    """Checks of what people write in YAML; what fails is an ArgumentError that names the place.
+
+    Attributes:
+        cure: last sentence of its message.
     """
 
     cure: str

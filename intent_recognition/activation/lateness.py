@@ -49,7 +49,10 @@ class Lateness:
     def shown_ns(self, time_ns: int, position: Floats, asked: Floats) -> int:
         """By how much commands came late as the arm's motion shows now [ns]; 0 for nothing.
 
-        It is due, is at a position (n,) [rad], and is asked for one by each of `LATENESSES_NS`.
+        Args:
+            time_ns: of the measurement, which `is_due`.
+            position: measured (n,) [rad].
+            asked: of the arm then by each of `LATENESSES_NS` (n_latenesses, n) [rad].
         """
         self._last_ns, self._n = time_ns, self._n + 1
         self._looks.append((position, asked))
@@ -70,8 +73,11 @@ class Lateness:
 
 
 def unexplained(positions: Floats, asked: Floats) -> float:
-    """Root mean square of what no lag explains of an arm's motion, but for a constant [rad]: of
-    what was measured and asked of it at the same times, (T, n) [rad] each.
+    """Root mean square of what no lag explains of an arm's motion, but for a constant [rad].
+
+    Args:
+        positions: measured (T, n) [rad].
+        asked: of the arm at the same times (T, n) [rad].
     """
     rows = np.arange(len(asked))
     late = [asked[np.maximum(rows - delay, 0)] for delay in _DELAYS]

@@ -105,8 +105,11 @@ class PlannedWay(NamedTuple):
 
 
 class PredictedInteraction(NamedTuple):
-    """What the estimator predicts of an interaction; `end_std` is the largest standard deviation at
-    the end over the controlled DOFs of each unit, {"rad": ...}, None if unknown.
+    """What the estimator predicts of an interaction.
+
+    Attributes:
+        end_std: largest standard deviation at the end over the controlled DOFs of each unit,
+            {"rad": ...}; None if unknown.
     """
 
     label: str

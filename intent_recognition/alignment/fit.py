@@ -26,8 +26,10 @@ ROUNDING = 0.3
 
 
 class Curves(NamedTuple):
-    """Piecewise cubic demonstrations on an even grid of recorded phases: coefficients of 1, f, f^2,
-    f^3 in each interval, (4, n, T - 1, D), where f runs from 0 to 1.
+    """Piecewise cubic demonstrations on an even grid of recorded phases.
+
+    Attributes:
+        coefficients: of 1, f, f^2, f^3 in each interval, (4, n, T - 1, D); f runs from 0 to 1.
     """
 
     coefficients: Floats
@@ -104,8 +106,11 @@ def recorded_phase(basis: Floats, parameters: Floats) -> tuple[Floats, Floats]:
 
 
 def local_cost(problem: WarpProblem, parameters: Floats) -> LocalCost:
-    """Cost, its exact gradient, and the Gauss-Newton curvature (Eq. 16 with priors), at a shift and
-    weights of the log rate, (n, K + 1).
+    """Cost, its exact gradient, and the Gauss-Newton curvature (Eq. 16 with priors).
+
+    Args:
+        problem: data and prior.
+        parameters: shift, then weights of the log rate, (n, K + 1).
     """
     phase, rate = recorded_phase(problem.basis, parameters)
     slope, residual, distance = _deviations(problem, phase)

@@ -53,8 +53,12 @@ def even_trajectory(
 
 
 def resample(trajectories: Sequence[Floats] | Floats, n_grid: int, smoothing: float) -> Floats:
-    """Trajectories (T_i, D) at even phases from 0 to 1, checked, smoothed with a kernel of a width
-    in phase, and at `n_grid` phases, (n, n_grid, D).
+    """Checked, smoothed and at even phases, (n, n_grid, D).
+
+    Args:
+        trajectories: n arrays (T_i, D) at even phases from 0 to 1.
+        n_grid: phases wanted.
+        smoothing: width of the kernel, in phase.
 
     Raises:
         ShapeError: no trajectories, too short ones, or ones that do not fit each other.
@@ -91,8 +95,10 @@ def typical_deviation(samples: Floats, deviations: Floats) -> Floats:
 
     Deviations count from their mean in each demonstration, as in the cost of a warp.
 
-    A DOF of the demonstrations (n, G, D) that never moves, or by less than the smallest normal
-    number, has infinity; the deviations from the reference are (n, G, D).
+    Args:
+        samples: demonstrations, (n, G, D); a DOF that never moves, or by less than the smallest
+            normal number, gets infinity.
+        deviations: from the reference, (n, G, D).
     """
     extent = np.ptp(samples.reshape(-1, samples.shape[-1]), axis=0)
     moving = np.any(np.ptp(samples, axis=1) > 1e-9 * np.abs(samples).max(axis=(0, 1)), axis=0)

@@ -24,7 +24,10 @@ MOVES = np.array([1, 2, 3, 4, 5, 6, 8, 11])
 def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> Floats:
     """Parameters (n, K + 1) of smooth warps near the best coarse paths.
 
-    The prior of the log rate has a standard deviation and a correlation length in phase.
+    Args:
+        problem: data and prior.
+        rate_std: prior standard deviation of the log rate.
+        rate_correlation: its correlation length in phase.
     """
     at = np.linspace(0, len(problem.reference) - 1, STEPS + 1).round().astype(int)
     reference = (problem.reference[at] - problem.reference.mean(axis=0)).astype(np.float32)
@@ -48,8 +51,11 @@ def _best_paths(
 ) -> NDArray[np.intp]:
     """Recorded index at each reference step, (n, STEPS + 1), of least total cost.
 
-    Distances are (n, STEPS + 1, J); the log rate has a prior standard deviation, of which steps
-    within twice the correlation length share one draw, and both ends have one.
+    Args:
+        distance: (n, STEPS + 1, J).
+        rate_std: prior standard deviation of the log rate.
+        rate_correlation: steps within twice this share one draw of it.
+        end_std: prior standard deviation of both ends.
     """
     n, _, size = distance.shape
     each = min(1.0, 1.0 / (2.0 * rate_correlation * STEPS))

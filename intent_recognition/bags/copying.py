@@ -16,8 +16,11 @@ from intent_recognition.errors import BagError
 
 
 class BagPart(NamedTuple):
-    """A part of a recording, to be written as a bag of its own in a new directory: from the log
-    time of its first message or earlier to that of its last or later, before the next part begins.
+    """A part of a recording, to be written as a bag of its own, in a new directory.
+
+    Attributes:
+        start_ns: log time of its first message, or earlier.
+        end_ns: log time of its last message, or later; before the next part begins.
     """
 
     start_ns: int

@@ -83,7 +83,11 @@ def refuse_options(
 def begin_library(library: Path, model: Path, console: Console) -> None:
     """Let the teacher begin with the estimator's model; what was taught before is kept.
 
-    A folder that is there gets the next free number, unless the estimator's model is its own.
+    Args:
+        library: folder of the page's tasks; where it is there, it gets the next free number, unless
+            the estimator's model is its own.
+        model: model file of the estimator.
+        console: where that is told.
     """
     if not library.exists() or model.resolve() == (library / LIBRARY_MODEL).resolve():
         return

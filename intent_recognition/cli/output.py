@@ -62,8 +62,12 @@ def check_output(option: str, path: Path | None) -> None:
 
 
 def write_json(path: Path | None, content: object, indent: int | None = 2) -> None:
-    """Write plain values as JSON where `--json` says, nowhere for None; the folder is made if it is
-    missing. Without an indent it is one line.
+    """Write JSON where `--json` says; the folder is made if it is missing.
+
+    Args:
+        path: a file, PRINTED, or None for nowhere.
+        content: plain values.
+        indent: spaces per level; None for one line.
     """
     if path is None:
         return

@@ -25,8 +25,10 @@ longest that learning keeps one busy."""
 
 
 class Heartbeats:
-    """For how long nodes that have reported once have been silent; and which ones simulated time
-    went on without, in words.
+    """For how long nodes that have reported once have been silent.
+
+    Attributes:
+        unanswered: nodes that simulated time went on without, in words; empty for none.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:

@@ -40,8 +40,11 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
 
 @contextmanager
 def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Run]:
-    """A `map` over `jobs` processes (1: this one), or over the workers of a dask scheduler at an
-    address such as `tcp://127.0.0.1:8786`, which read the same paths.
+    """A `map` over `jobs` processes, or over the workers of a dask scheduler.
+
+    Args:
+        jobs: number of processes; 1 is this one.
+        scheduler: address as `tcp://127.0.0.1:8786`; its workers read the same paths.
     """
     if scheduler is not None:
         with _dask(scheduler) as run:

@@ -55,8 +55,11 @@ class Condition:
 
 @dataclass(frozen=True)
 class Step:
-    """One task of a sequence: what begins it, besides being recognised, and for how long after the
-    step before it is waited for.
+    """One task of a sequence.
+
+    Attributes:
+        when: what begins it, besides being recognised.
+        within_s: time after the step before for which it is waited for.
     """
 
     task: str

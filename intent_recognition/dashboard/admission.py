@@ -131,7 +131,9 @@ class Operator:
     The first to come operates, until it leaves or has done nothing for `IDLE_S`; then whoever
     acts next does.
 
-    With `read_only` nobody does; `clock` is monotonic [s].
+    Args:
+        read_only: nobody operates.
+        clock: seconds, monotonic.
     """
 
     def __init__(self, read_only: bool = False, clock: Callable[[], float] = time.monotonic):
@@ -188,7 +190,9 @@ def new_token(environment: Mapping[str, str] = os.environ) -> str:
 def response_headers(scripts: Iterable[str], host: str) -> dict[str, str]:
     """Headers of every answer: no frame, no other origin, no script but the page's own.
 
-    The scripts are those of `script_sources`, the host what the request named, which was checked.
+    Args:
+        scripts: sources of the page's scripts, as `script_sources` gives them.
+        host: the `Host` that the request named, which was checked.
     """
     rules = {
         "default-src": "'none'",

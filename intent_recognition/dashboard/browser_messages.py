@@ -82,8 +82,12 @@ def read_message(data: bytes | str) -> LookFrom | Action | None:
 
 
 def can_become(value: ControlValue, present: object, options: Sequence[str] | None = None) -> bool:
-    """Whether a browser can give a control that has a present value another one: of the same kind,
-    and one of its options where it offers some.
+    """Whether a browser can give a control this value.
+
+    Args:
+        value: that was sent.
+        present: value that the control has.
+        options: that it offers; None: any of the same kind.
     """
     if isinstance(present, tuple):
         return isinstance(value, list) and len(value) == len(present)

@@ -58,8 +58,12 @@ class PredictedMotion:
 
 @dataclass(frozen=True)
 class PathMarkers:
-    """The newest of `intent/markers`, as arrays [m]: the path so far (A, 3), its predicted rest (B,
-    3), and corners of the +-2 sigma tube's triangles (C, 3).
+    """The newest of `intent/markers`, as arrays.
+
+    Attributes:
+        observed: path so far (A, 3) [m].
+        predicted: rest of the path (B, 3) [m].
+        tube: corners of the +-2 sigma tube's triangles (C, 3) [m].
     """
 
     observed: Floats

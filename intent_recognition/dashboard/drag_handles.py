@@ -34,8 +34,12 @@ Moved = Callable[[Floats], None]
 
 
 class Drag:
-    """Drags of a handle, in the order in which they were sent: `moved` is called with the position
-    (3,) [m], and whether the handle was left there.
+    """Drags of a handle, in the order in which they were sent.
+
+    Args:
+        server: the page.
+        handle: what is dragged.
+        moved: called with the position (3,) [m], and whether the handle was left there.
     """
 
     def __init__(
@@ -60,8 +64,11 @@ class Drag:
 
 
 class DragHandles:
-    """Two pairs of viser transform controls, of `wrist` and `hand`, hidden until they are shown; at
-    first they are at these places (3,) [m].
+    """Two pairs of viser transform controls, hidden until they are shown.
+
+    Args:
+        server: the page.
+        places: initial position (3,) [m] by body: `wrist` and `hand`.
     """
 
     def __init__(self, server: viser.ViserServer, places: dict[str, Floats]):

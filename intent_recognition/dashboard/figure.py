@@ -86,11 +86,15 @@ class Posture(NamedTuple):
 
 
 def reach(stance: Stance, wrist: Floats) -> Posture:
-    """The posture of a figure whose wrist is at a point (3,) [m], world.
+    """The posture of a figure whose wrist is at a point.
 
     The upper body leans toward a wrist that is out of the arm's reach, by as little as is needed;
     where that is not enough the whole figure is moved. The wrist is always reached, bones keep
     their lengths, and the posture changes continuously with the wrist.
+
+    Args:
+        stance: where the person stands.
+        wrist: (3,) [m], world.
     """
     upper, fore = stance.arm_m
     hip = stance.ground_m + np.array([0.0, 0.0, HIP * stance.height_m])
@@ -108,10 +112,14 @@ def reach(stance: Stance, wrist: Floats) -> Posture:
 
 
 def lean_toward(arm: Floats, target: Floats, reach_m: float) -> Floats:
-    """The smallest rotation (3, 3) that brings the end of a lever within reach of a target, both
-    from its pivot (3,) [m].
+    """The smallest rotation (3, 3) of a lever that brings its end within reach of a target.
 
     It is at most `MOST_LEAN_RAD`, and none where the target is within reach already.
+
+    Args:
+        arm: end of the lever from its pivot (3,) [m].
+        target: from the pivot (3,) [m].
+        reach_m: wanted distance between the two.
     """
     lever, distance = float(np.linalg.norm(arm)), float(np.linalg.norm(target))
     axis = np.cross(arm, target)
@@ -129,8 +137,14 @@ def lean_toward(arm: Floats, target: Floats, reach_m: float) -> Floats:
 
 
 def bend(root: Floats, end: Floats, first_m: float, second_m: float, pole: Floats) -> Floats:
-    """The joint (3,) between two bones of these lengths that begin and end there (3,) [m], no
-    farther apart than both are long. It points to `pole` (3,), which is not along their line.
+    """The joint (3,) between two bones, in the plane of their ends and a direction.
+
+    Args:
+        root: where the first bone begins (3,) [m].
+        end: where the second one ends (3,) [m], no farther than both are long.
+        first_m: length of the first bone.
+        second_m: of the second one.
+        pole: direction that the joint points to (3,), not along the line between the ends.
     """
     way = end - root
     distance = float(np.linalg.norm(way))

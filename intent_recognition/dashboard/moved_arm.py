@@ -40,9 +40,13 @@ LWR = MovedArm(JOINT_NAMES, hand_position, reach_position, LWR_LIMITS)
 
 
 class ArmFinder:
-    """Finds the arm of a cell: an LWR by its joints, another by `robot_description`, whose hand is
-    `hand_link`; where that is empty, the last link before the tree branches. `problem` says why it
-    cannot be moved, if it cannot.
+    """Finds the arm of a cell: an LWR by its joints, another by `robot_description`.
+
+    Args:
+        hand_link: link that is the hand; empty: the last one before the tree branches.
+
+    Attributes:
+        problem: why the arm on `robot_description` cannot be moved, empty if it can.
     """
 
     def __init__(self, hand_link: str = ""):

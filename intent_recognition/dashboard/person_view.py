@@ -14,7 +14,6 @@ from intent_recognition.dashboard.things_view import Colour, quaternions
 
 ROOT = "/person"
 FIGURE_GREY = (158, 160, 163)
-"""Of the figure, into which 30 % of a person's own colour is mixed."""
 UPPER_ARM_FRAME = "/upper_body/upper_arm"
 FOREARM_FRAME = f"{UPPER_ARM_FRAME}/forearm"
 MOVED_M = 1e-3

@@ -27,10 +27,13 @@ MOST_JOINTS = 300
 
 
 class RobotView:
-    """The robot of one URDF that uses only what yourdfpy knows (no capsules).
+    """The robot of one URDF.
 
-    Its hand is `hand_link`; where that is empty, or the URDF has it not, the link that most joints
-    move.
+    Args:
+        server: the page.
+        description: text of the URDF; it must use only what yourdfpy knows (no capsules).
+        hand_link: the link that is the hand; empty, or one that the URDF has not: the link that
+            most joints move.
 
     Raises:
         Exception: of any kind: what yourdfpy, lxml and trimesh raise is no part of their contract.

@@ -30,8 +30,10 @@ DARK = rgb(INK)
 
 
 class PageScene:
-    """Draws a `CellState`; `update` is cheap where nothing has changed. `hand_path` is the task,
-    with the positions (T, 3) [m], of the path predicted last.
+    """Draws a `CellState`; `update` is cheap where nothing has changed.
+
+    Attributes:
+        hand_path: task and positions (T, 3) [m] of the path predicted last; None before the first.
     """
 
     def __init__(

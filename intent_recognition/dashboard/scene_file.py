@@ -72,7 +72,11 @@ class ScenePart(Placed, frozen=True):
 
 
 class Thing(Placed, frozen=True):
-    """Something that stays where it is, in the world; its name is one word, unique in the scene."""
+    """Something that stays where it is, in the world.
+
+    Attributes:
+        name: one word, unique in the scene.
+    """
 
     name: Annotated[str, Meta(pattern=r"^\w+\Z")]
     parts: Annotated[tuple[ScenePart, ...], Meta(min_length=1, max_length=MOST_THINGS)]
@@ -148,7 +152,10 @@ class CellScene:
 
 
 def load_scene(path: str | Path) -> CellScene:
-    """Read a scene from a YAML file, or a shipped one by its name, such as `toolbox`.
+    """Read a scene.
+
+    Args:
+        path: of a YAML file, or the name of a shipped one, such as `toolbox`.
 
     Raises:
         ArgumentError: it is missing, no YAML or malformed; names the place in the file.

@@ -64,10 +64,14 @@ class SyntheticDemonstration:
 def sample_demonstration(
     rng: np.random.Generator, start_m: Floats, goal_m: Floats, duration_s: float, variation_m: float
 ) -> tuple[SyntheticDemonstration, Floats]:
-    """A demonstration from where the wrist rests (3,) toward about this goal (3,), and the shift
-    (3,) [m] the arm's goal makes with it.
+    """A demonstration toward about this goal, and the shift (3,) [m] the arm's goal makes with it.
 
-    The goal varies by a standard deviation along each axis, the duration by a tenth.
+    Args:
+        rng: source of the variation.
+        start_m: where the wrist rests (3,).
+        goal_m: where it goes (3,).
+        duration_s: usual duration; it varies by a tenth.
+        variation_m: standard deviation of the goal along each axis.
     """
     shift = variation_m * rng.standard_normal(3)
     way = goal_m + shift - start_m

@@ -27,9 +27,14 @@ class TeachingSession:
     def show(
         self, task: str, wrist_goal: Floats, hand_goal: Floats, length_s: float, vary: float
     ) -> None:
-        """Record one demonstration of a task, of about this length [s]: wrist to its goal, hand of
-        the arm to its own (3,) [m], world. Both vary between demonstrations by a standard deviation
-        [m].
+        """Record one demonstration of a task: wrist to its goal, hand of the arm to its own.
+
+        Args:
+            task: label.
+            wrist_goal: (3,) [m], world.
+            hand_goal: (3,) [m], world.
+            length_s: usual duration of the movement.
+            vary: standard deviation of the goals between demonstrations [m].
         """
         if not self._is_free() or not self._holds_wrist():
             return

@@ -42,8 +42,11 @@ class ViaPointControls:
         page.on_click(self._remove, self.remove)
 
     def update(self, points: tuple[ViaPoint, ...], path: tuple[str, Floats] | None) -> None:
-        """Show the points in force, and the handle on the path: a task, and positions of the hand
-        (T, 3) [m] evenly spaced in time; None for none.
+        """Show what is in force, and the handle on the path.
+
+        Args:
+            points: in force.
+            path: task, and positions of the hand (T, 3) [m] evenly spaced in time; None for none.
         """
         self._path = path
         visible = bool(self._drag.value) and path is not None

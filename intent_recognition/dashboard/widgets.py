@@ -21,9 +21,11 @@ ControlValue = TypeVar("ControlValue")
 
 
 class PageAccess(NamedTuple):
-    """What the parts of the page need; each is made on the page where it is called. `commands`
-    reach the other nodes, and notify; `do` runs a function in the thread of the graph, at the next
-    update.
+    """What the parts of the page need; each is made on the page where it is called.
+
+    Attributes:
+        commands: reaches the other nodes, and notifies.
+        do: runs a function in the thread of the graph, at the next update.
     """
 
     server: viser.ViserServer
@@ -59,8 +61,11 @@ def slider_value(handle: viser.GuiSliderHandle) -> float:
 class TimePlot:
     """Curves over the last seconds in a folder, which is there while there is something to draw.
 
-    The title says what is plotted, with its unit; `top` is the largest value that is expected,
-    None: as large as it is. The folder is made where it is called, or in this `order`.
+    Args:
+        server: the page; the folder is made where it is called.
+        title: of the folder: what is plotted, with its unit.
+        top: the largest value that is expected; None: as large as it is.
+        order: place of the folder on the page; None: the last one.
     """
 
     def __init__(

@@ -66,7 +66,11 @@ class Source(Enum):
 
 
 class Sample(NamedTuple):
-    """One measurement; the `group` of its observation counts the signals of that source."""
+    """One measurement.
+
+    Attributes:
+        observation: its `group` counts the signals of that source.
+    """
 
     source: Source
     observation: Observation

@@ -42,8 +42,10 @@ class SessionPart:
 
 
 class TaskSequence(NamedTuple):
-    """Tasks that followed one another without a long pause between them; durations are the times
-    between each label and the empty text after it.
+    """Tasks that followed one another without a long pause between them.
+
+    Attributes:
+        durations_s: time between each label and the empty text after it.
     """
 
     source: str

@@ -125,8 +125,12 @@ class NormalisedErrors:
 def reliability_bins(
     probabilities: Floats, truth: Floats, n_bins: int = 10
 ) -> tuple[Floats, Floats, Integers]:
-    """Mean probability, share true and count in each of B bins of equal width, (B,) each; of the
-    probabilities of n events (n,), and whether each was true.
+    """Mean probability, share true and count per bin of probability, each (B,).
+
+    Args:
+        probabilities: (n,) in [0, 1].
+        truth: (n,) whether each event was true, 0 or 1.
+        n_bins: bins of equal width B.
     """
     probabilities, truth = np.asarray(probabilities, float), np.asarray(truth, float)
     bins = np.minimum((probabilities * n_bins).astype(int), n_bins - 1)

@@ -28,8 +28,11 @@ from intent_recognition.recognition import (
 
 
 class Without(NamedTuple):
-    """What would have been decided without a signal: the first task that would have become active
-    during the movement, and when after the onset that was found with all; "" and None for none.
+    """What would have been decided without a signal.
+
+    Attributes:
+        task: the first that would have become active during the movement; empty for none.
+        after_s: when, after the onset that was found with all signals; None for never.
     """
 
     task: str
@@ -83,8 +86,11 @@ def explain(
 ) -> list[Explanation]:
     """Explain each decision during a recording, and each movement without one.
 
-    `rejected` is filled with the number of dropped observations by reason. The rival is given by
-    its label, None for the most probable other task.
+    Args:
+        reader: the recording.
+        model: the trained model.
+        rejected: filled with the number of dropped observations, by reason.
+        against: label of the rival; None for the most probable other one.
 
     Raises:
         ArgumentError: there is no such rival.

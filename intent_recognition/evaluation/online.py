@@ -52,9 +52,12 @@ def run_online(
 ) -> OnlineOutcome:
     """Feed a recording to the estimator and the decision, as the nodes do.
 
-    It is fed up to the end of its movement, from the beginning of the recording on, so that the
-    estimator has to find the onset; unless the phase is known, the movement's start and duration.
-    Without settings the decision has the node's defaults.
+    Args:
+        library: the learned tasks.
+        recorded: a recording; its observations are fed up to the end of its movement, from the
+            beginning of the recording on, so that the estimator has to find the onset.
+        settings: of the decision; the node's defaults when None.
+        phase_known: give the movement's start and duration instead.
     """
     followed = [*follow_online(library, recorded, settings, phase_known=phase_known)]
     recognised = next((found for _, _, found in followed if found), "")
@@ -126,7 +129,11 @@ def score_online(
     The models are those of `intent train`: learned from the movements, whatever the settings say.
     Folds are merged to at most ten, which bounds the time.
 
-    `progress` is called with the number of recordings fed so far.
+    Args:
+        demonstrations: labelled recordings.
+        folds: indices to train and to test on.
+        settings: how to learn.
+        progress: called with the number of recordings fed so far.
 
     Raises:
         TrainingError: a fold cannot be learned from.

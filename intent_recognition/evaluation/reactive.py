@@ -76,7 +76,11 @@ def moments(test: Demonstration) -> list[float]:
 
 
 class ReactiveCase(NamedTuple):
-    """One recording that was left out, and the posture of the controlled agent when it begins."""
+    """One recording that was left out.
+
+    Attributes:
+        start: posture of the controlled agent when it begins.
+    """
 
     windows: NearestWindows
     test: Demonstration
@@ -85,8 +89,13 @@ class ReactiveCase(NamedTuple):
     def score(
         self, scores: ScoreTable, run: MovementFilter, task_weights: Floats, elapsed_s: float
     ) -> None:
-        """Add the squared errors at one moment after the start, by task and horizon, of a run that
-        was filtered until then; the K tasks have these probabilities (K,).
+        """Add the squared errors at one moment.
+
+        Args:
+            scores: by task and horizon.
+            run: filtered until the moment.
+            task_weights: probabilities of the K tasks, (K,).
+            elapsed_s: time of the moment after the start.
         """
         times_s = elapsed_s + np.array(HORIZONS_S)
         times_s = times_s[times_s <= self.test.duration_s + 1e-9]

@@ -22,8 +22,12 @@ from intent_recognition.tracking import IngestSettings
 
 
 class Decided(NamedTuple):
-    """An estimate after an observation of the human, what the decision made of it, and what was
-    predicted of the end, by unit; None where nothing was.
+    """An estimate, and what the decision made of it.
+
+    Attributes:
+        estimate: after an observation of the human.
+        state: of the decision.
+        end_std: what was predicted of the end, by unit; None where nothing was.
     """
 
     estimate: Estimate
@@ -39,11 +43,13 @@ def samples_of(reader: BagReader, model: Model, rejected: Counter[str]) -> Itera
 def estimates(
     estimator: IntentEstimator, reader: BagReader, model: Model, rejected: Counter[str]
 ) -> Iterator[Estimate]:
-    """Show a recording to the estimator of a model; its estimate after each observation of the
-    human.
+    """Show a recording to an estimator; its estimate after each observation of the human.
 
-    The model's DOF file says what is read, and the frame it was learned in is the world. `rejected`
-    is filled with the number of dropped observations by reason.
+    Args:
+        estimator: of this model.
+        reader: the recording.
+        model: its DOF file says what is read, and the frame it was learned in is the world.
+        rejected: filled with the number of dropped observations, by reason.
     """
     return follow(estimator, samples_of(reader, model, rejected), rejected)
 
@@ -69,8 +75,12 @@ def follow(
 def decisions(
     estimator: IntentEstimator, settings: DecisionSettings, followed: Iterable[Estimate]
 ) -> Iterator[Decided]:
-    """What the decision makes of each estimate of an estimator, which predicts the ends, as the
-    activation node takes it.
+    """What the decision makes of each estimate, as the activation node takes it.
+
+    Args:
+        estimator: that gives the estimates; it predicts the ends.
+        settings: of the decision.
+        followed: its estimates, as it gives them.
     """
     state = DecisionState()
     for estimate in followed:
@@ -99,8 +109,11 @@ def replay(
 ) -> Iterator[dict]:
     """One dictionary per observation: stamp [ns], probabilities, phase, active task.
 
-    `rejected` is filled with the number of dropped observations by reason, `held_back` with the
-    last reason why a recognised task was not active, by task.
+    Args:
+        reader: the recording.
+        model: the trained model; its own DOF file says what is read.
+        rejected: filled with the number of dropped observations, by reason.
+        held_back: filled with the last reason why a recognised task was not active, by task.
     """
     rejected = Counter() if rejected is None else rejected
     settings = decision_settings(model.library)

@@ -82,10 +82,15 @@ def score_demonstration(
     start_posture: bool,
     windows: NearestWindows | None = None,
 ) -> None:
-    """Add the scores of a left-out demonstration by a library that was learned from `training`.
+    """Add one left-out demonstration's scores.
 
-    The tables of prediction may know the controlled agent's start; `windows` are the baseline of
-    reactive prediction, None leaves that out.
+    Args:
+        collected: what they are added to.
+        library: learned without it.
+        training: what it was learned from.
+        test: the demonstration.
+        start_posture: whether the controlled agent's start is known to the tables of prediction.
+        windows: baseline of reactive prediction; None to leave that out.
     """
     duration, test = test.duration_s, in_turns(test, angle_starts(library))
     times = TRUTH_PHASES * duration

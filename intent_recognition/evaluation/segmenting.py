@@ -32,8 +32,12 @@ Convention: the rest after which `OnsetSettings` lets another movement begin.
 
 
 class Segment(NamedTuple):
-    """One interaction of a session: from the onset of the human's movement until the last of both
-    agents has come to rest. Its label is None where no model has said one.
+    """One interaction of a session.
+
+    Attributes:
+        start_ns: onset of the human's movement.
+        end_ns: when the last of both agents has come to rest.
+        task: its label; None where no model has said one.
     """
 
     start_ns: int
@@ -89,10 +93,15 @@ def label_spans(spans: Sequence[Span], seen: Iterable[Estimate]) -> list[Segment
 def write_segments(
     path: Path, dofs: DofSpec, segments: Sequence[Segment], output: Path
 ) -> list[Path]:
-    """Write segments of a session as demonstrations, each a bag of its own: `<name of the
-    session>_000` and so on in a folder.
+    """Write segments of a session as demonstrations, each a bag of its own.
 
     All topics are copied but the session's own markers.
+
+    Args:
+        path: of the session.
+        dofs: by which it was segmented.
+        segments: in order of time.
+        output: folder of the new bags, `<name of the session>_000` and so on.
 
     Raises:
         ResourceBusyError: a directory exists already.

@@ -13,8 +13,11 @@ from intent_recognition.learning import Trained, TrainingExample, example_of
 
 
 class Suggestion(NamedTuple):
-    """A demonstration that is worth more than others: the number of the rehearsed movement that it
-    should be like, and how many fewer of those are expected to go wrong.
+    """A demonstration that is worth more than others.
+
+    Attributes:
+        like: number of the rehearsed movement that it should be like.
+        prevented: of the rehearsed interactions, how many fewer are expected to go wrong.
     """
 
     task: str

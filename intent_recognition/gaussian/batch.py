@@ -104,8 +104,12 @@ class GaussianBatch:
     def resized(
         self, index: Integers | slice, n_basis: int, variance: Floats | None = None
     ) -> "GaussianBatch":
-        """Copies of n of them with the first weights of each DOF, and R times with new, independent
-        ones beyond N, which have variances (R, P, M - N).
+        """Copies with the first weights of each DOF, and R times with new, independent ones.
+
+        Args:
+            index: of which, n of them.
+            n_basis: weights per DOF of a copy, M.
+            variance: of the new ones, those beyond N, (R, P, M - N); None without any.
         """
         n_dofs, old = self._shape
         if n_basis == old:

@@ -112,8 +112,12 @@ def one_hot(labels: Integers, n_components: int) -> Floats:
 
 
 def maximisation(points: Floats, responsibilities: Floats, prior: CovariancePrior) -> Components:
-    """M step (Ewerton et al. 2015, Eq. 8-10) of B mixtures over points (n, r) at once, by
-    responsibilities (B, n, K), zero for a point that is left out.
+    """M step (Ewerton et al. 2015, Eq. 8-10) of B mixtures at once.
+
+    Args:
+        points: (n, r).
+        responsibilities: (B, n, K), zero for a point that is left out.
+        prior: of the covariances.
     """
     share = np.ascontiguousarray(np.swapaxes(responsibilities, 1, 2))
     count = share.sum(axis=2)

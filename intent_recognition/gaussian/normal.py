@@ -36,7 +36,12 @@ def log_density(distribution: Gaussian, value: Floats) -> Floats:
 
 
 def marginal(distribution: Gaussian, index: Integers) -> Gaussian:
-    """Distribution of the elements `index`, (m,), of one over (d,)."""
+    """Distribution of some of the elements.
+
+    Args:
+        distribution: over (d,).
+        index: which elements to keep, (m,).
+    """
     return Gaussian(distribution.mean[index], distribution.covariance[np.ix_(index, index)])
 
 
@@ -137,8 +142,12 @@ def regression(joint: Gaussian, n_source: int) -> Regression:
 
 
 def expected_distance(precision: Floats, apart: Floats, covariance: Floats) -> Floats:
-    """E[x^T precision x] of x ~ N(apart, covariance), (...), for shapes (..., d, d), (..., d) and
-    (..., d, d).
+    """E[x^T precision x] of x ~ N(apart, covariance), (...).
+
+    Args:
+        precision: (..., d, d).
+        apart: (..., d).
+        covariance: (..., d, d).
     """
     turned = np.matmul(precision, apart[..., None])[..., 0]
     return np.sum(apart * turned, axis=-1) + np.sum(precision * covariance, axis=(-2, -1))

@@ -27,8 +27,12 @@ _WIDEST_RAD = np.pi
 
 
 class Box(NamedTuple):
-    """A thing that stands in the cell: its centre (3,) and whole edge lengths (3,) [m], and its
-    quaternion xyzw, in the frame of the URDF's root link.
+    """A thing that stands in the cell.
+
+    Attributes:
+        center: (3,) [m], in the frame of the URDF's root link.
+        size: whole edge lengths (3,) [m].
+        quaternion: x, y, z, w.
     """
 
     name: str
@@ -74,8 +78,12 @@ def _parse_box(text: str) -> Box:
 
 
 class Contact(NamedTuple):
-    """Two bodies of a pair that are nearer to one another than they may be at a sample of the
-    motion; their distance is negative where they overlap.
+    """Two bodies that are nearer to one another than they may be.
+
+    Attributes:
+        sample: where along the motion.
+        pair: number of the pair of bodies.
+        distance_m: between them; negative where they overlap.
     """
 
     sample: int

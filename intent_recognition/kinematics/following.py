@@ -21,8 +21,12 @@ LARGEST_JUMP_RAD = 0.5
 
 
 class FollowedPath(NamedTuple):
-    """Postures (T, n) [rad] along T poses, and how far they are from them, (T,) each: zero where a
-    position is reached, and where an orientation is reached or free.
+    """Postures along T poses, and how far from them they are.
+
+    Attributes:
+        positions: joint vectors (T, n) [rad].
+        distance_m: from each position (T,); zero where it is reached.
+        angle_rad: from each orientation (T,), zero where it is free.
     """
 
     positions: Floats

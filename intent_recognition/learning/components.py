@@ -83,8 +83,11 @@ def choose_components(
 ) -> ComponentChoice:
     """The smallest number of components within one standard error of the best prediction.
 
-    At most `max_components` are tried, fewer if components would have less than `MIN_MEMBERS`;
-    `progress` is called with each number tried.
+    Args:
+        features: the demonstrations.
+        rng: for the starts of EM.
+        max_components: most to try; fewer if components would have less than `MIN_MEMBERS`.
+        progress: called with each number tried.
     """
     largest = max(1, min(max_components, len(features.coordinates) // MIN_MEMBERS))
     tried = []
@@ -126,7 +129,11 @@ def predict_left_out(
     The prior on the covariance is taken as inverse Wishart, so what is left out has a Student t
     distribution: the covariance of a component with few members is uncertain.
 
-    Mixture number i was fitted without demonstration i; those of `part` are predicted.
+    Args:
+        features: the demonstrations.
+        left_out: mixture number i was fitted without demonstration i.
+        prior: of the covariances.
+        part: which of them to predict.
     """
     split, points = features.n_observed, features.coordinates
     components = left_out.select(part)
@@ -163,8 +170,11 @@ def predict_left_out(
 
 
 def score(prediction: LeftOutPrediction, truth: Floats) -> tuple[Floats, Floats]:
-    """Negative log density per sample of the true controlled trajectories (n, s) of n
-    demonstrations, and error of the mixture's mean, each (n,).
+    """Negative log density per sample, and error of the mixture's mean, each (n,).
+
+    Args:
+        prediction: of n demonstrations.
+        truth: their controlled trajectories, (n, s).
     """
     squared = (truth[:, None] - prediction.mean) ** 2 / prediction.variance
     density = _log_student(squared, prediction.freedom[..., None], 1)

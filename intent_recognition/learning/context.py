@@ -26,11 +26,17 @@ def fit_context(
     floor: Floats,
     chosen: Hyperparameters,
 ) -> tuple[ContextModel, Floats, Floats]:
-    """Regress the weights on the context, whose signals have these names; what that leaves is
-    shrunk as without a context, with a variance floor per DOF (D,).
+    """Regress the weights on the context; what that leaves is shrunk as without a context.
 
     The regression is Bayesian with a prior of CONTEXT_STRENGTH demonstrations, so that it exists
     from the first demonstration on.
+
+    Args:
+        tasks: statistics of each label.
+        signals: names of the context.
+        n_observed: number of observed DOFs.
+        floor: variance floor per DOF, (D,).
+        chosen: how strong the target of each is, and what it borrows.
 
     Returns:
         The context, and the covariances of all weights (K, D N, D N) and of the observed ones

@@ -56,7 +56,12 @@ Measurement: docs/correcting.md."""
 
 
 class RuleChange(NamedTuple):
-    """The controlled weights change by `slopes` (w_o - m) + `offset`, (Q N, P N) and (Q N,)."""
+    """The controlled weights change by `slopes` (w_o - m) + `offset`.
+
+    Attributes:
+        slopes: (Q N, P N).
+        offset: (Q N,).
+    """
 
     slopes: Floats
     offset: Floats
@@ -67,8 +72,10 @@ def keep_correction(
 ) -> Trained:
     """Move the robot's part of a known task towards a corrected execution.
 
-    What was learned before stays as it is. `earlier` corrections of the same task were kept before,
-    the oldest first.
+    Args:
+        trained: what to change; it stays as it is.
+        corrected: what the person did, and how the robot was wanted to move, labelled.
+        earlier: corrections of the same task that were kept before, the oldest first.
 
     Raises:
         TrainingError: the task is not known, or an execution cannot be used; says why.
@@ -128,8 +135,10 @@ def change_rule(trained: Trained, label: str, change: RuleChange) -> Trained:
 
 
 def correction_gain(places: Sequence[Floats]) -> Floats:
-    """The gain k of the last of some corrections of a task, (1 + M,), the offset's first, by where
-    the person reached in each, (w_o - m) / s (M,), the oldest first.
+    """The gain k of the last of some corrections of a task, (1 + M,), the offset's first.
+
+    Args:
+        places: where the person reached in each, the oldest first: (w_o - m) / s, (M,).
     """
     covariance = np.diag(np.r_[OFFSET_VARIANCE, np.full(len(places[-1]), SLOPE_VARIANCE)])
     gain = np.empty(0)
@@ -195,7 +204,14 @@ def _sheared(matrix: Floats, slopes: Floats) -> Floats:
 def _moved(
     task: TaskStatistics, change: RuleChange, basis: NormalizedRBFBasis, own: NormalizedRBFBasis
 ) -> TaskStatistics:
-    """The statistics of demonstrations whose controlled weights all follow the changed rule."""
+    """The statistics of demonstrations whose controlled weights all follow the changed rule.
+
+    Args:
+        task: of the demonstrations.
+        change: in `basis`.
+        basis: of the change.
+        own: of the statistics.
+    """
     if own != basis:
         change = _onto(own, basis, change)
     slopes, n_basis = change.slopes, own.n_basis

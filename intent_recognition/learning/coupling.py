@@ -70,8 +70,10 @@ def learn_coupling(
 ) -> tuple[ResidualCoupling, Floats]:
     """The coupling of each task, and the squared errors that it leaves, each left out: (f, n, Q).
 
-    Squares of the controlled DOFs are divided by `variance` (Q,) to be added up; a task usually
-    takes `durations_s` (K,).
+    Args:
+        residuals: of left-out demonstrations.
+        variance: by which the squares of the controlled DOFs are divided to be added up, (Q,).
+        durations_s: usual duration of each task, (K,).
     """
     n_tasks, n_phases = len(durations_s), residuals.controlled.shape[2]
     found = ResidualCoupling.none(

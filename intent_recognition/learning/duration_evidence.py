@@ -78,8 +78,12 @@ def choose_duration_evidence(
     Another one than the first takes the place of it where it predicts better by more than the
     standard error over the demonstrations.
 
-    Predictions follow after shares (f,) of the movement, `at_once` demonstrations at a time under
-    all their durations; `variance` (Q,) divides the squares of the controlled DOFs.
+    Args:
+        library: whose basis, noise and timing are used.
+        left_out: the demonstrations.
+        shares: of the movement after which it is predicted, (f,).
+        variance: by which squares of the controlled DOFs are divided, (Q,).
+        at_once: demonstrations filtered at a time, under all their durations.
     """
     parts = [
         follow(library, left_out[first : first + at_once], shares)

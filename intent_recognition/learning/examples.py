@@ -89,8 +89,12 @@ def make_examples(
 
     Signals that were sampled at the same phases, as in aligned demonstrations, are fitted together.
 
-    Warps lead from the recorded to the reference phase of each; samples of the examples may be
-    taken at recorded phases all the same.
+    Args:
+        recordings: the demonstrations.
+        basis: the basis functions.
+        ridge: relative weight of the curvature penalty.
+        warps: from the recorded to the reference phase of each; None for recorded phases.
+        recorded_samples: take the samples of the examples at recorded phases all the same.
     """
     found = as_recorded = [_movement(recorded) for recorded in recordings]
     if warps is not None:

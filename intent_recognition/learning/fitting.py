@@ -64,8 +64,13 @@ def library_from_statistics(
     chosen: Hyperparameters,
     provenance: Mapping[str, object] | None = None,
 ) -> TaskLibrary:
-    """The library of the statistics of each label, sorted, at least one of two demonstrations. Its
-    provenance is stored beside settings and hyperparameters.
+    """The library of given statistics.
+
+    Args:
+        tasks: statistics of each label, sorted; at least one of two demonstrations.
+        preprocessing: how their examples were made.
+        chosen: the hyperparameters.
+        provenance: stored in the library, beside settings and hyperparameters.
     """
     settings, n_tasks = preprocessing.settings, len(tasks)
     observed, controlled = preprocessing.observed, preprocessing.controlled
@@ -155,7 +160,11 @@ def predictive_covariances(
 ) -> Floats:
     """Predictive covariance of each task's next demonstration, (K, D N, D N).
 
-    The target counts as `strength` demonstrations, with a variance floor per DOF (D,).
+    Args:
+        tasks: statistics of each label.
+        strength: equivalent sample size of the target, in demonstrations.
+        floor: variance floor per DOF, (D,).
+        assumed: by the target of each.
     """
     pooled = pooled_moments(tasks.values())
     of_all = floor, strength, assumed

@@ -75,9 +75,12 @@ def filter_samples(
 ) -> Iterator[FilteredSamples]:
     """Filter samples at `sample_phases` of demonstrations; yields after each sample.
 
-    The prior is over the observed weights, (n, P N) and (n, P N, P N), and the samples are (m, n,
-    P). `pace` (n,) is the duration of a demonstration in parts of its hypothesis', `relative` (n,)
-    that in parts of what its task usually takes.
+    Args:
+        library: whose basis, noise and phase deviation are used.
+        prior: of the observed weights, (n, P N) and (n, P N, P N).
+        pace: duration of the demonstration in parts of the hypothesis' duration, (n,).
+        relative: the latter in parts of what its task usually takes, (n,).
+        values: observed DOFs, (m, n, P).
     """
     model, basis, n = library.phase_deviation, library.basis, len(pace)
     weights = GaussianBatch.of(*prior, basis.n_basis)
@@ -152,8 +155,12 @@ def samples_at(shares: Sequence[float]) -> list[int]:
 def predict_agents(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], followed: Followed
 ) -> tuple[Floats, Floats]:
-    """Means of both agents at the scored phases, (n, S, s, P) and (n, S, s, Q), of n demonstrations
-    whose own tasks were followed to some of their samples.
+    """Means of both agents at the scored phases, (n, S, s, P) and (n, S, s, Q).
+
+    Args:
+        library: whose basis and phase deviation are used.
+        left_out: n demonstrations.
+        followed: their own tasks after some of their samples.
     """
     size = library.n_observed_weights
     mean = np.array([one.mean for one in left_out])[:, None]
@@ -171,6 +178,10 @@ def predict_agents(
 
 def expected_rows(library: TaskLibrary, followed: Followed) -> tuple[Floats, Floats]:
     """Basis functions of both agents at the scored phases, expected over phase deviations.
+
+    Args:
+        library: whose basis and phase deviation are used.
+        followed: as in `predict_agents`.
 
     Returns:
         Of the observed and the controlled DOFs, (n S, s, N) each.

@@ -190,8 +190,12 @@ def evenly(items: Sequence[T], most: int) -> list[T]:
 def paired_examples(
     tasks: Mapping[str, TaskStatistics], recorded: Mapping[str, TaskStatistics], most: int
 ) -> list[tuple[int, TrainingExample, TrainingExample]]:
-    """At most so many demonstrations, evenly drawn from all tasks: number of the task, as learned,
-    as recorded.
+    """Demonstrations, evenly drawn from all tasks: number of the task, as learned, as recorded.
+
+    Args:
+        tasks: statistics that primitives are built from.
+        recorded: of the same labels or more, of the examples as they were recorded.
+        most: how many.
     """
     labels = list(recorded)
     pairs = [
@@ -208,10 +212,14 @@ def nearest_tasks(
     others: Integers,
     units: Sequence[str],
 ) -> Integers:
-    """Of these other tasks those whose mean weights come nearest to an example's, at most
-    `MAX_RIVALS`.
+    """The tasks whose mean weights come nearest to an example's, at most `MAX_RIVALS`.
 
-    Distances in incommensurate units (P,) are each divided by their mean.
+    Args:
+        tasks: their statistics.
+        example: what they are compared with.
+        others: numbers of those that are compared.
+        units: of the observed DOFs, (P,); distances in incommensurate ones are each divided by
+            their mean.
     """
     if len(others) <= MAX_RIVALS:
         return others

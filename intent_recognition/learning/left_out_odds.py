@@ -35,8 +35,12 @@ def learn_left_out_odds(
     tasks: Mapping[str, TaskStatistics],
     recorded: Mapping[str, TaskStatistics],
 ) -> LeftOutOdds:
-    """The largest odds against its own task along each demonstration that was left out of a library
-    with all margins.
+    """The largest odds against its own task along each demonstration that was left out.
+
+    Args:
+        library: the learned tasks, with all margins.
+        tasks: statistics that it was built from.
+        recorded: statistics of the examples as they were recorded.
     """
     odds, groups = _of_left_out(library, tasks, recorded, largest_odds_against)
     return LeftOutOdds(tuple(odds), tuple(groups)) if len(odds) > 1 else NO_ODDS
@@ -73,8 +77,12 @@ def learn_switch_margin(
     tasks: Mapping[str, TaskStatistics],
     recorded: Mapping[str, TaskStatistics],
 ) -> float:
-    """Evidence by which turning to another task is held to be rarer, in nats, zero or more; the
-    library's own margin is not used.
+    """Evidence by which turning to another task is held to be rarer, in nats, zero or more.
+
+    Args:
+        library: the learned tasks; its own margin is not used.
+        tasks: statistics that it was built from.
+        recorded: statistics of the examples as they were recorded.
     """
     odds, _ = _of_left_out(library, tasks, recorded, largest_odds)
     # another task becomes more probable than the true one in one movement of twenty
@@ -82,11 +90,15 @@ def learn_switch_margin(
 
 
 def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> float:
-    """Highest log odds, along a movement that the library does not know, of other tasks than its
-    own that were born on the way.
+    """Highest log odds along a movement of other tasks that were born on the way.
 
     At least `-NEGLIGIBLE`: less probable hypotheses are given up. Evidence counts as it is here,
     and to a power later (`filtering.posterior.counted_joint`): the margin is a cautious one.
+
+    Args:
+        library: one that does not know the movement.
+        task: number of the true one.
+        recorded: the movement.
     """
     largest = -NEGLIGIBLE
     for run in follow(replace(library, switch_margin=0.0), recorded):

@@ -75,12 +75,16 @@ class Features(NamedTuple):
 
 
 def mixture_features(weights: Floats, n_observed: int, basis: NormalizedRBFBasis) -> Features:
-    """Coordinates of demonstrations for a mixture, from their weights (n, D, N), observed DOFs
-    first.
+    """Coordinates of demonstrations for a mixture.
 
     Scaling: every DOF is divided by its standard deviation over all demonstrations and phases (one
     that never varies is left alone), and every agent by the square root of its number of
     values, so that units and numbers of DOFs do not matter.
+
+    Args:
+        weights: (n, D, N), observed DOFs first.
+        n_observed: number of observed DOFs.
+        basis: what the weights belong to.
 
     Raises:
         TrainingError: no demonstrations, or too many.
@@ -109,8 +113,12 @@ def mixture_features(weights: Floats, n_observed: int, basis: NormalizedRBFBasis
 
 
 class Clustering(NamedTuple):
-    """The best of many fits with K components: the component of each demonstration (n,), their mean
-    log likelihood, and the mixtures fitted without each, a batch of n.
+    """The best of many fits with K components.
+
+    Attributes:
+        labels: component of each demonstration, (n,).
+        log_likelihood: mean log likelihood of a demonstration.
+        left_out: for each demonstration, the mixture fitted without it, a batch of n.
     """
 
     labels: Integers

@@ -22,8 +22,11 @@ their starts (docs/recognition.md)."""
 
 
 class Departure(NamedTuple):
-    """How far movements depart from their starts in some observed DOFs (p,): the mean square
-    distance per basis function (N,).
+    """How far movements depart from their starts in some observed DOFs.
+
+    Attributes:
+        dofs: which, (p,).
+        square: mean square distance per basis function, (N,).
     """
 
     dofs: Integers
@@ -31,7 +34,12 @@ class Departure(NamedTuple):
 
 
 def departures(tasks: Sequence[TaskStatistics], units: Sequence[str]) -> list[Departure]:
-    """Of the observed DOFs, by what their units (P,) have in common (`signals.commensurate`)."""
+    """Of the observed DOFs, by what their units have in common (`signals.commensurate`).
+
+    Args:
+        tasks: their statistics.
+        units: of the observed DOFs, (P,).
+    """
     return [Departure(dofs, departure(tasks, dofs)) for dofs in commensurate(units)]
 
 
@@ -60,8 +68,12 @@ def departure(tasks: Sequence[TaskStatistics], dofs: Integers) -> Floats:
 
 
 def none_primitive(means: Floats, covariances: Floats, departed: Sequence[Departure]) -> Gaussian:
-    """Observed weights of a movement that is none of K tasks but of their kind; these have means
-    (K, P, N) and covariances (K, P N, P N), and differ alike in the DOFs of each of `departures`.
+    """Observed weights of a movement that is none of K tasks but of their kind.
+
+    Args:
+        means: of the tasks' observed weights, (K, P, N).
+        covariances: theirs, (K, P N, P N).
+        departed: see `departures`; tasks differ alike in the DOFs of each.
     """
     n_tasks, n_dofs, n_basis = means.shape
     centre = means.mean(axis=0)

@@ -54,8 +54,11 @@ def compares_people(groups: Sequence[Sequence[str]]) -> bool:
 def group_scatter(
     examples: Sequence[Sequence[TrainingExample]], value: Callable[[TrainingExample], Floats]
 ) -> Grouped | None:
-    """The scatter of a value (d,) of K tasks' demonstrations by group; None where groups say
-    nothing of people.
+    """The scatter of K tasks' demonstrations by group; None where groups say nothing of people.
+
+    Args:
+        examples: of each task.
+        value: what is compared of an example, (d,).
     """
     if not compares_people([[one.group for one in task] for task in examples]):
         return None
@@ -84,8 +87,11 @@ def people(tasks: Sequence[TaskStatistics]) -> int:
 
 
 def without_group(tasks: Sequence[TaskStatistics], name: str) -> list[TaskStatistics] | None:
-    """The tasks without a person's demonstrations, "" being nobody; None where one has no others,
-    or all have one.
+    """The tasks without a person's demonstrations; None where one has no others, or all have one.
+
+    Args:
+        tasks: statistics, of which the demonstrations that were kept count.
+        name: the group; "" is nobody's.
     """
     kept = [[one for one in task.examples if one.group != name] for task in tasks]
     if not name or not all(kept) or sum(map(len, kept)) == len(kept):
@@ -94,8 +100,12 @@ def without_group(tasks: Sequence[TaskStatistics], name: str) -> list[TaskStatis
 
 
 def between_people(grouped: Grouped, floor: Floats, strength: float) -> tuple[Floats, Floats]:
-    """Covariances E within and B between people, (d, d) each, shrunk towards a target that counts
-    as `strength` demonstrations, with a variance floor per observed DOF (P,).
+    """Covariances E within and B between people, (d, d) each.
+
+    Args:
+        grouped: scatter by whose demonstrations they are.
+        floor: variance floor per observed DOF, (P,).
+        strength: equivalent sample size of the target that both are shrunk towards.
     """
     within = shared_covariance(grouped.within, floor, strength)
     means = shared_covariance(grouped.between, floor, strength)
@@ -114,8 +124,11 @@ def covariance_of_strangers(
     These means are uncertain, too, as if each of the G people were one demonstration: B counts
     1 + 1 / G. Without people to compare it is the covariance that all demonstrations share.
 
-    `pooled` is the scatter of the observed weights about the tasks' means; floor and strength are
-    as of `between_people`.
+    Args:
+        examples: of each task.
+        pooled: scatter of the observed weights of all demonstrations about the tasks' means.
+        floor: variance floor per observed DOF, (P,).
+        strength: equivalent sample size of the target, in demonstrations.
     """
     grouped = group_scatter(examples, lambda one: one.weights[: len(floor)].ravel())
     if grouped is None:

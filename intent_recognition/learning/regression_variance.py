@@ -39,8 +39,12 @@ def choose_regression_variance(
     Another one than the first takes the place of it where its log density is higher by more than
     the standard error over the demonstrations.
 
-    It is predicted after shares of the movement, `at_once` demonstrations at a time with their
-    rivals.
+    Args:
+        library: whose basis, noise and timing are used.
+        left_out: the demonstrations.
+        tasks: statistics of each label.
+        shares: of the movement after which it is predicted.
+        at_once: demonstrations filtered at a time, with their rivals.
     """
     parts = [
         _losses(library, left_out[first : first + at_once], tasks, samples_at(shares))

@@ -50,8 +50,11 @@ alike: copies of a finished movement (docs/decisions/new_people.md)."""
 
 
 class Choice(NamedTuple):
-    """What was chosen, all hyperparameters that were scored, and the coupling of the residuals,
-    learned with them; None where there is none in any task.
+    """What was chosen.
+
+    Attributes:
+        coupling: of the residuals, learned with them; None where there is none in any task.
+        tried: all hyperparameters that were scored.
     """
 
     best: Hyperparameters
@@ -63,8 +66,11 @@ def choose(
     candidates: Mapping[str, tuple[TaskLibrary, Mapping[str, TaskStatistics]]],
     recorded: Mapping[str, TaskStatistics],
 ) -> Choice:
-    """The best hyperparameters, their coupling, and all that were tried; candidates are by pace a
-    library, with the statistics that it was built from.
+    """The best hyperparameters, their coupling, and all that were tried.
+
+    Args:
+        candidates: by pace a library, with the statistics that it was built from.
+        recorded: statistics of the examples as they were recorded.
     """
 
     @lru_cache(maxsize=2)

@@ -148,8 +148,9 @@ def estimate_duration_exponent(
     exponent is the slope of a regression with the prior N(0, 1), in which the variance of single
     recordings is that with an exponent of zero.
 
-    Deviations (n, U) are of recordings of tasks with two or more, `log_relative` (n,) the
-    logarithms of their durations less the mean of the task.
+    Args:
+        deviations: of the recordings of each task, two or more of each, (n, U).
+        log_relative: logarithms of their durations less the mean of the task, (n,).
     """
     if not deviations:
         return 0.0

@@ -34,8 +34,11 @@ from intent_recognition.signals import Demonstration
 
 @dataclass(frozen=True)
 class Trained:
-    """A library with what is needed to add demonstrations to it: the statistics of each label, in
-    its order, and how a recording becomes an example.
+    """A library with the statistics that are needed to add demonstrations to it.
+
+    Attributes:
+        preprocessing: how a recording becomes an example.
+        tasks: statistics of each label, in the library's order.
     """
 
     library: TaskLibrary
@@ -177,8 +180,12 @@ def add_demonstration(trained: Trained, demonstration: Demonstration) -> Trained
 def add_statistics(
     trained: Trained, tasks: Mapping[str, TaskStatistics], names: Sequence[str] = ()
 ) -> Trained:
-    """Add demonstrations by their names, whose statistics come from the same preprocessing; what
-    they are added to stays as it is.
+    """Add demonstrations, whose statistics come from the same preprocessing.
+
+    Args:
+        trained: what to add to; it stays as it is.
+        tasks: statistics of each label.
+        names: of the demonstrations, for the provenance.
 
     Raises:
         TrainingError: one of them is in another unit than those learned before.

@@ -78,8 +78,12 @@ def label_by_components(
 ) -> Relabelled:
     """Find the interaction patterns in demonstrations, whatever labels they have.
 
-    The settings say how to segment; the mixture has a basis and a ridge of its own. `n_components`
-    of None is chosen by left-out prediction; `progress` is called with each number tried.
+    Args:
+        demonstrations: recordings with the same DOFs.
+        settings: segmentation; the mixture has a basis and a ridge of its own.
+        rng: for the starts of EM.
+        n_components: how many, None to choose by left-out prediction.
+        progress: called with each number of components tried.
 
     Raises:
         TrainingError: no recording can be used.

@@ -28,8 +28,11 @@ next; of a plan, nothing is left out."""
 
 
 class Obstruction(NamedTuple):
-    """What a motion would come too near to first: the names of the two bodies, and where of the
-    motion, for people.
+    """What a motion would come too near to first.
+
+    Attributes:
+        bodies: names of the two.
+        where: of the motion, for people.
     """
 
     bodies: tuple[str, str]
@@ -81,8 +84,11 @@ class Clearance:
         self.replan_budget_s, self.wait_s, self._clock = replan_budget_s, wait_s, clock
 
     def obstruction(self, plan: JointPlan, since_s: float = 0.0) -> Obstruction | None:
-        """What a plan of the arm comes too near to after a time, between its samples too; None if
-        it is clear.
+        """What a plan comes too near to, between its samples too; None if it is clear.
+
+        Args:
+            plan: of the arm.
+            since_s: what of it is past does not count.
         """
         past = int(np.searchsorted(plan.times_s, since_s, side="right")) - 1
         past = int(np.clip(past, 0, len(plan.times_s) - 2))

@@ -33,8 +33,13 @@ simulated LWR (docs/correcting.md)."""
 
 
 class TrackedMotion(NamedTuple):
-    """An execution, sampled evenly at a step [s]: measured positions less those of the reference
-    [rad], and velocity and acceleration of the reference, (T, n) each.
+    """An execution, sampled evenly, each (T, n).
+
+    Attributes:
+        step_s: time between two samples [s].
+        error: measured positions less those of the reference [rad].
+        velocity: of the reference [rad/s].
+        acceleration: of the reference [rad/s^2].
     """
 
     step_s: float

@@ -98,8 +98,11 @@ def stop_plan(
 
 @dataclass(frozen=True, eq=False)
 class _Budget:
-    """What path and offset may use of the limits: the share of the path's bounds in each interval
-    of its grid, (N_GRID,), and how many times longer the offset takes than its own ask for.
+    """What path and offset may use of the limits.
+
+    Attributes:
+        share: share of the path's bounds in each interval of its grid, (N_GRID,).
+        stretch: how many times longer the offset takes than its own bounds ask for.
     """
 
     share: Floats

@@ -29,8 +29,11 @@ from intent_recognition.promp import minimum_jerk
 
 
 class Turn(NamedTuple):
-    """How the arm turns about its hand along a path: since a phase, by a shift of the joints at the
-    end (n,) [rad].
+    """How the arm turns about its hand along a path.
+
+    Attributes:
+        since: phase from which on it does.
+        shift: of the joints at the end (n,) [rad].
     """
 
     since: float

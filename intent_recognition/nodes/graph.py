@@ -189,8 +189,11 @@ GRAPHS = {
 
 @dataclass(frozen=True)
 class NodeCall:
-    """A node of a graph with all values that it starts with, see `NodeSpec`: its module's `main`
-    runs it, which a node of another package has not; remappings are pairs, from and to.
+    """A node of a graph with all values that it starts with, see `NodeSpec`.
+
+    Attributes:
+        module: module whose `main` runs it; empty for a node of another package.
+        remappings: pairs of names, from and to.
     """
 
     name: str

@@ -16,8 +16,11 @@ from intent_recognition.errors import MessageError
 
 
 class PoseNumbers(NamedTuple):
-    """What a node uses of a pose: position [m] and orientation xyzw, (7,), and the covariance of
-    position and rotation, (6, 6), None in a message without one.
+    """What a node uses of a pose.
+
+    Attributes:
+        pose: position [m] and orientation xyzw, (7,).
+        covariance: of position and rotation, (6, 6), None in a message without one.
     """
 
     stamp_ns: int

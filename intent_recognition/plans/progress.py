@@ -32,8 +32,12 @@ FORGOTTEN = 0.4
 
 
 class StepState(NamedTuple):
-    """Probabilities that a step is done, that the next movement does it, and that it was left out,
-    though a step was done that needs it.
+    """What is believed of a step.
+
+    Attributes:
+        done: probability that it is done.
+        next: probability that the next movement does it.
+        forgotten: probability that it was left out, though a step was done that needs it.
     """
 
     name: str

@@ -17,8 +17,12 @@ from intent_recognition.promp.trajectory import Trajectory
 
 
 class ControlGrid:
-    """T evenly spaced phases of one task of a library from start to end, or, if T is 1, its end
-    alone.
+    """T evenly spaced phases of one task from start to end, or its end alone.
+
+    Args:
+        library: the learned tasks.
+        task: number of the task.
+        n_points: T; 1 is the end.
     """
 
     def __init__(self, library: TaskLibrary, task: int, n_points: int = 101):
@@ -56,8 +60,12 @@ class ControlGrid:
     def predict(
         self, observed: Gaussian, duration_s: float, start: StartPosture | None = None
     ) -> Trajectory:
-        """The trajectory given the filtered observed weights (P N), which lasts `duration_s` from
-        phase 0 to 1, and the measured posture of the controlled agent at onset, if it is known.
+        """The trajectory given the filtered observed weights, and the start posture if known.
+
+        Args:
+            observed: weights of the observed DOFs, (P N).
+            duration_s: time from phase 0 to 1.
+            start: measured posture of the controlled agent at onset.
         """
         values = self._response @ observed.mean + self._base
         within = self._matrix @ observed.covariance @ self._matrix.swapaxes(1, 2)  # (Q, N, N)

@@ -47,8 +47,12 @@ def condition_controlled(
 ) -> Gaussian:
     """The observed weights as they are, the controlled ones given them conditioned on a point.
 
-    `joint` is over `n_observed` weights w_o, then w_c; H of the controlled ones is (m, n_c), y
-    (m,), R (m, m).
+    Args:
+        joint: of (w_o, w_c).
+        n_observed: weights w_o.
+        matrix: H of the controlled weights, (m, n_c).
+        point: y, (m,).
+        spread: R, (m, m).
     """
     rule = condition_response(regression(joint, n_observed), matrix, point, spread)
     observed = marginal(joint, np.arange(n_observed))
@@ -70,7 +74,11 @@ def condition_response(
     2013, "modulation of via-points", given the person). What is observed of the person before or
     after tells the same.
 
-    b, A and C are as `TaskLibrary.regressions` has them; H is (m, n_c), y (m,), R (m, m).
+    Args:
+        rule: b, A and C, as `TaskLibrary.regressions` has them.
+        matrix: H of the controlled weights, (m, n_c).
+        point: y, (m,).
+        spread: R, (m, m).
     """
     own, _ = condition(Gaussian(rule.offset, rule.covariance), matrix, point, spread)
     gained = matrix @ rule.covariance

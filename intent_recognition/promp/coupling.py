@@ -47,7 +47,10 @@ def residual_weights(seen_s: Floats, times_s: Floats, decay_s: float) -> tuple[F
     The conditional mean of an Ornstein-Uhlenbeck process, which is Markov: only the measurements
     before and after a time count.
 
-    Times of the n measurements ascend; after `decay_s` the correlation has fallen to 1/e.
+    Args:
+        seen_s: of the n measurements, ascending, at least one.
+        times_s: (T,).
+        decay_s: time after which the correlation has fallen to 1/e.
 
     Returns:
         What each measurement counts, (T, n), and the share of the variance that is known, (T,).

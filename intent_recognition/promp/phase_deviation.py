@@ -73,11 +73,14 @@ def deviation_prior(phase_deviation: PhaseDeviation) -> Floats:
 
 
 def deviation_transition(phase_deviation: PhaseDeviation, passed: Floats) -> Floats:
-    """Transition of the phase deviation while recorded phase (...) passes, not less than zero:
-    (..., E, E), rows sum to one.
+    """Transition of the phase deviation while recorded phase passes, (..., E, E), rows sum to one.
 
     It keeps the prior, and two transitions one after the other equal that of their sum, however
     short they are, so that it does not matter how often one looks.
+
+    Args:
+        phase_deviation: prior of the phase deviation.
+        passed: recorded phase, (...); less than zero counts as zero.
     """
     grid = phase_deviation.grid
     if len(grid) == 1:
@@ -101,8 +104,10 @@ def steady_phase(
     phase are those of the recorded one times a power of the relative duration: with an exponent of
     1 a movement begins at the same speed however long it takes, with -1 it ends so.
 
-    Recorded phases (...) are clipped to [0, 1]; `relative` is the duration in parts of what the
-    task usually takes, of a shape that goes with them.
+    Args:
+        phase_deviation: with the exponent.
+        recorded: recorded phases, (...); clipped to [0, 1].
+        relative: duration in parts of what the task usually takes, of a shape that goes with them.
     """
     recorded = np.minimum(np.maximum(recorded, 0.0), 1.0)
     if not phase_deviation.duration_exponent:

@@ -125,12 +125,14 @@ class StructuredTarget(NamedTuple):
 
 
 def weight_extent(weights: Floats, units: Sequence[str] | None = None) -> Floats:
-    """Range of the weights (n, D, N) of each DOF over all demonstrations, (D,).
+    """Range of the weights of each DOF over all demonstrations, (D,).
 
     Where there is none it is 1 m or rad; in another unit it is the widest of this unit's DOFs, and
     if none of them moves, the largest value among them.
 
-    Without units, (D,), all DOFs are in metres and radians.
+    Args:
+        weights: (n, D, N).
+        units: of the DOFs, (D,); None for metres and radians.
     """
     of_dof = np.moveaxis(weights, 1, 0).reshape(weights.shape[1], -1)
     extent, size = np.ptp(of_dof, axis=1), np.abs(of_dof).max(axis=1)
@@ -157,8 +159,11 @@ def structured_target(
     sample size of all is below `FEW`, the amplitudes are inflated and the correlation along the
     phase is mixed with a smooth one (small-sample inflation).
 
-    `pooled` is the scatter of all tasks, `own` that of the one that the target is for; some task
-    has two demonstrations. The floor is a variance per DOF, (D,).
+    Args:
+        own: scatter of the task the target is for.
+        pooled: sum over all tasks, this one included; some task has two demonstrations.
+        floor: variance floor per DOF, (D,).
+        assumed: what it borrows, and how the weights depend on each other.
     """
     borrowed = assumed.borrowed
     if own.freedom < FEW:
@@ -203,8 +208,10 @@ def explained_by_lag(pooled: Scatter, n_observed: int, floor: Floats) -> Floats:
     By ridge regression on the observed DOFs a lag before, on average over the phases, (L,): few
     demonstrations explain little.
 
-    `pooled` is the scatter about the means of the tasks, observed DOFs first; the floor is a
-    variance per DOF, (D,).
+    Args:
+        pooled: scatter of all demonstrations about the means of their tasks.
+        n_observed: number of observed DOFs, which come first.
+        floor: variance floor per DOF, (D,).
     """
     n_basis, found = len(pooled.matrix) // len(floor), []
     scatter = pooled.matrix.reshape(len(floor), n_basis, -1, n_basis)
@@ -248,8 +255,12 @@ def _moved(lag: float, n_observed: int, n_dofs: int, n_basis: int) -> Floats:
 def without_demonstration(
     pooled: Scatter, own: Scatter, deviation: Floats
 ) -> tuple[Scatter, Scatter]:
-    """Scatter of a task of two or more demonstrations, and of all tasks, without one whose weights
-    deviate so from the mean of all of its task (d,).
+    """Scatter of a task, and of all tasks, without one demonstration.
+
+    Args:
+        pooled: of all tasks; at least two demonstrations beyond their means.
+        own: of the n demonstrations of the task, at least two.
+        deviation: of the demonstration's weights from the mean of all n, (d,).
     """
     part = np.zeros_like(own.matrix)  # nothing varies about the mean of one, not even rounding
     if own.freedom > 1:
@@ -264,8 +275,10 @@ def shared_covariance(pooled: Scatter, floor: Floats, strength: float) -> Floats
     Differences between covariances of few demonstrations are mostly due to chance and would tell
     tasks apart wrongly (linear discriminant analysis; Friedman 1989).
 
-    `pooled` is the scatter about the means of the tasks; the target counts as `strength`
-    demonstrations, with a variance floor per DOF (D,).
+    Args:
+        pooled: scatter of all demonstrations about the means of their tasks.
+        floor: variance floor per DOF, (D,).
+        strength: equivalent sample size of the target, in demonstrations.
     """
     assumed = TargetSettings(independent=OBSERVED_INDEPENDENT)
     target = structured_target(pooled, pooled, floor, assumed).covariance()
@@ -302,8 +315,13 @@ def predictive_covariance(
 
     (scatter + strength * target) / (freedom + strength), times 1 + 1/n for the uncertain mean.
 
-    The mean is of n demonstrations; the target counts as `strength` demonstrations, with a variance
-    floor per DOF, (D,).
+    Args:
+        own: scatter of the task.
+        pooled: sum over all tasks, this one included.
+        n: demonstrations behind the mean, at least 1.
+        floor: variance floor per DOF, (D,).
+        strength: equivalent sample size of the target, in demonstrations, positive.
+        assumed: by the target.
     """
     target = structured_target(own, pooled, floor, assumed).covariance()
     covariance = (own.matrix + strength * target) * ((1.0 + 1.0 / n) / (own.freedom + strength))

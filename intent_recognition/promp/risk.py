@@ -86,11 +86,14 @@ class Risk(NamedTuple):
 
 
 def risk_of(left_out: LeftOutOdds, max_wrong: float) -> Risk:
-    """When to act, so that at most a share, in (0, 0.5], of interactions is acted on wrongly; by
-    two or more left-out demonstrations.
+    """When to act, so that at most a share of interactions is acted on wrongly.
 
     Fewer groups than that takes bound the share by 1 / (G + 1); the threshold is extrapolated by a
     normal distribution then.
+
+    Args:
+        left_out: two demonstrations or more.
+        max_wrong: the share, in (0, 0.5].
     """
     odds, weights = np.array(left_out.odds), left_out.weights()
     n_groups = left_out.n_groups
@@ -107,8 +110,11 @@ def conformal_bound(values: Floats, accepted: float, weights: Floats | None = No
     Whatever the distribution (Vovk et al. 2005). Fewer values than that takes are extrapolated by
     a normal distribution.
 
-    Two or more values (n,) are known, and the probability is in (0, 1). One more is like each of
-    them with these weights, (n,), which sum to less than one; None for 1 / (n + 1) each.
+    Args:
+        values: (n,), two or more.
+        accepted: the probability, in (0, 1).
+        weights: probability that one more is like each of them, (n,); they sum to less than one.
+            None for 1 / (n + 1) each.
     """
     n = len(values)
     share = np.full(n, 1.0 / (n + 1.0)) if weights is None else weights

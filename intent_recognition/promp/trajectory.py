@@ -46,8 +46,14 @@ def rollout(
     duration_s: float,
     noise_variance: Floats,
 ) -> Trajectory:
-    """Trajectory of d DOFs at phases (T,), lasting `duration_s` from phase 0 to 1, with weights
-    (d N,) and a residual variance per DOF (d,), which is added to that of the mean.
+    """Trajectory of d DOFs at phases (T,), lasting `duration_s` from phase 0 to 1.
+
+    Args:
+        basis: the basis functions.
+        weights: distribution of the weights, (d N,).
+        phase: (T,).
+        duration_s: time from phase 0 to 1.
+        noise_variance: residual variance per DOF, added to the variance of the mean, (d,).
     """
     design = basis.design_matrix(phase)
     n_dofs = len(weights.mean) // basis.n_basis

@@ -14,7 +14,12 @@ from intent_recognition.signals import MIN_SAMPLES
 
 
 class WeightFit(NamedTuple):
-    """Weights (d, N) of d DOFs, and their mean squared residuals (d,), in their squared units."""
+    """Weights of d DOFs and their residuals.
+
+    Attributes:
+        weights: (d, N).
+        residual_variance: mean squared residual per DOF, (d,), squared units of the DOF.
+    """
 
     weights: Floats
     residual_variance: Floats

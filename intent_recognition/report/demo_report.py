@@ -48,10 +48,15 @@ def write_demo_report(
     traces: Sequence[Trace] = (),
     settings: Mapping[str, object] | None = None,
 ) -> Path:
-    """Write the demo's report as one HTML file; its folder is made if it is missing.
+    """Write the demo's report as one HTML file.
 
-    Traces are of as many interactions as there are (keys: `traces.Trace`), and figures without data
-    are left out. The settings, what the session was run with, are shown at the end.
+    Args:
+        path: of the file; its folder is made if it is missing.
+        records: all interactions, in order.
+        summary: of these records.
+        traces: arrays of as many interactions as there are (keys: `traces.Trace`); figures
+            without data are left out.
+        settings: name and value of what the session was run with, shown at the end.
 
     Raises:
         ResourceBusyError: the file cannot be written.

@@ -168,8 +168,11 @@ def shared_legend(figure: "Figure", panels: Iterable["Axes"], n_columns: int) ->
 
 
 def task_colours(labels: Iterable[str], earlier: Mapping[str, str] | None = None) -> dict[str, str]:
-    """One colour per label, the same wherever the same labels are drawn; `none` is grey. Tasks keep
-    earlier colours; the others get those that are left.
+    """One colour per label, the same wherever the same labels are drawn; `none` is grey.
+
+    Args:
+        labels: of all tasks.
+        earlier: colours that tasks keep; the others get those that are left.
     """
     tasks = sorted(set(labels) - {NONE, ""})
     colours = {task: earlier[task] for task in tasks if task in earlier} if earlier else {}

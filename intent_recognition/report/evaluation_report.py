@@ -55,8 +55,12 @@ EXPLANATION = (
 
 
 def write_evaluation_report(path: str | Path, result: Mapping, title: str) -> Path:
-    """Write the report on the JSON of `intent evaluate`, parts of which may be missing, as one HTML
-    file; its folder is made if it is missing.
+    """Write the report as one HTML file.
+
+    Args:
+        path: of the file; its folder is made if it is missing.
+        result: the JSON of `intent evaluate`; parts that are missing are left out.
+        title: of the page.
     """
     return html.write_page(path, evaluation_page(result, title))
 

@@ -97,8 +97,12 @@ def coverage_figure(coverage: Series, segment: str = "movement") -> "Figure":
 
 @styled
 def reliability_figure(confidence: Floats, share_right: Floats, counts: Integers) -> "Figure":
-    """How often a task was true (B,) when its probability was about `confidence` (B,), NaN for an
-    empty bin; dots have areas by the counts.
+    """How often a task was true (B,) when its probability was about `confidence` (B,).
+
+    Args:
+        confidence: mean probability per bin; NaN for an empty bin.
+        share_right: share of true ones per bin.
+        counts: probabilities per bin; the area of the dots.
     """
     counts = np.asarray(counts, dtype=float)
     figure, axes = new_axes(5.6, 3.7)
@@ -117,8 +121,10 @@ def reliability_figure(confidence: Floats, share_right: Floats, counts: Integers
 
 @styled
 def regions_figure(regions: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> "Figure":
-    """Share of true values inside regions, against the share that they should hold (L,), per phase
-    knowledge.
+    """Share of true values inside regions, against the share that they should hold.
+
+    Args:
+        regions: per phase knowledge, shares that should (L,) and that do (L,) lie inside.
     """
     figure, axes = new_axes(5.6, 3.7)
     axes.plot([0.4, 1], [0.4, 1], color=SOFT, linewidth=1.2, linestyle=DASHED)

@@ -39,8 +39,11 @@ def hand_error_figure(
 ) -> "Figure":
     """Every hand error as a dot, their mean +- two standard deviations, and the paper's beside.
 
-    By task: distances (n,), and the paper's mean and two standard deviations, in cm, and a word
-    below its name. Colours and markers depend on all labels, also of tasks that did not happen.
+    Args:
+        errors_cm: per task, (n,) distances in cm.
+        paper_cm: per task, mean and two standard deviations in cm.
+        remarks: per task, a word below its name.
+        labels: of all tasks, also those that did not happen: colours and markers depend on them.
     """
     paper_cm, remarks = paper_cm or {}, remarks or {}
     tasks = {*errors_cm, *labels}
@@ -146,8 +149,12 @@ def posterior_figure(
 ) -> "Figure":
     """Task posteriors over the share of the movement: one panel per true task, a line each.
 
-    Shares (T_i,) at each observation increase, probabilities are (T_i, L); a tick at the top marks
-    at which share each was decided.
+    Args:
+        tasks: true task of each of n interactions.
+        labels: of the L columns of the probabilities.
+        shares: (T_i,) share of the human's movement at each observation, increasing.
+        probabilities: (T_i, L) of each interaction.
+        decisions: share at which each was decided, marked by a tick at the top.
     """
     colours = task_colours(labels)
     panels = sorted(set(tasks))

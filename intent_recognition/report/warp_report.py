@@ -87,8 +87,10 @@ def _text(value: object) -> str:
 
 @styled
 def parts_figure(views: tuple[tuple[str, Floats, NDArray[np.integer]], ...]) -> "Figure":
-    """Points of several objects, coloured by part, each upright in its own frame: title, local
-    points (n, 3) [m] with the first axis up, and labels (n,) of each.
+    """Points of several objects, coloured by part, each upright in its own frame.
+
+    Args:
+        views: title, local points (n, 3) [m] with the first axis up, and labels (n,) of each.
     """
     figure = new_figure(4.2 * len(views), 4.0)
     for number, (title, points, labels) in enumerate(views):

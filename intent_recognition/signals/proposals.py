@@ -30,8 +30,11 @@ STEP_S = 0.01
 
 
 class Span(NamedTuple):
-    """A proposed part of a session: from the onset of the observed agent's movement until the last
-    of both agents has come to rest.
+    """A proposed part of a session.
+
+    Attributes:
+        start_ns: onset of the observed agent's movement.
+        end_ns: when the last of both agents has come to rest.
     """
 
     start_ns: int
@@ -39,8 +42,11 @@ class Span(NamedTuple):
 
 
 def propose_spans(observed: Sequence[Signal], controlled: Sequence[Signal]) -> list[Span]:
-    """Propose where the interactions of a session begin and end, by the signals of both agents on
-    one clock; the controlled one may have none.
+    """Propose where the interactions of a session begin and end.
+
+    Args:
+        observed: the signals of the observed agent, over the whole session.
+        controlled: those of the controlled agent, on the same clock; none where there is none.
     """
     signals = (*observed, *controlled)
     # Offline nothing is lost by a late look, so that all that is no rest is taken for movement.

@@ -87,8 +87,10 @@ def coarse_frame(points: Floats, normals: Floats, opening: OpeningPlane) -> Obje
 def outer_wall(share: Floats, radius: Floats, outward: Floats) -> Floats:
     """Distance (N_LEVELS,) of the outer wall from the axis, from the base up.
 
-    Points are at shares of the height, -1 to 0, above the opening and at distances from the axis
-    [m], (n,); outward are those whose normal points away from it.
+    Args:
+        share: height (n,) above the opening in heights of the object, so -1 to 0.
+        radius: distance (n,) from the axis [m].
+        outward: whether each point's normal (n,) points away from the axis.
     """
     row = _level(share)
     wall = np.full(N_LEVELS, np.nan)

@@ -16,8 +16,13 @@ from intent_recognition.warping.object_warp import WarpedObject
 
 
 class References(NamedTuple):
-    """What horizontal distances from the opening of one container, amounts in it, vertical
-    distances and its tilt are divided by.
+    """What the variables of one container are divided by.
+
+    Attributes:
+        opening_radius_m: for horizontal distances from its opening.
+        volume_m3: for amounts in it.
+        height_m: for vertical distances.
+        tilt_rad: for its tilt.
     """
 
     opening_radius_m: float

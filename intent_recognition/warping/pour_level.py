@@ -61,9 +61,12 @@ class Reached(NamedTuple):
 
 
 def emptying(warped: WarpedObject, lip: Floats, above_m: float = 0.0) -> Emptying:
-    """What a warped container holds when it is tilted over its lip (3,) [m].
+    """What a warped container holds when it is tilted over its lip.
 
-    What is in it stands `above_m` above the lip before it leaves: 0 for a liquid.
+    Args:
+        warped: the container.
+        lip: of it (3,) [m].
+        above_m: how far above the lip what is in it stands before it leaves: 0 for a liquid.
     """
     rim, cavity = warped.rim, warped.cavity
     outward = rim.outward(lip)
@@ -102,8 +105,12 @@ def amount_to_leave(asked: str | float, fluid_m3: float, second_m3: float) -> fl
 
 
 def reached(ratios: Floats, tilt_reference_rad: float, shown: Emptying) -> Reached:
-    """How far demonstrated pours go, from the tilts of their mean as ratios to the reference of the
-    shown container (T,).
+    """How far demonstrated pours go, from the tilts of their mean as ratios to the reference (T,).
+
+    Args:
+        ratios: tilts (T,).
+        tilt_reference_rad: of the demonstrated container.
+        shown: that container.
 
     Raises:
         ArgumentError: they do not tilt it so far that it begins to pour.
@@ -126,8 +133,12 @@ def tilts_to_level(
     the way back it falls in proportion, so that what is left stays in, and so it rises beyond what
     was demonstrated. What is emptied is tilted as far beyond as was demonstrated.
 
-    The demonstrated tilts (T,) are ratios to the tilt reference. What is in the cup, and what is to
-    be left, less than that, or 0 to empty it, are shares of its volume.
+    Args:
+        ratios: demonstrated tilts as ratios to the tilt reference (T,).
+        far: how far they go.
+        cup: the container in the hand.
+        fluid: what is in it, as a share of its volume.
+        left: what is to be left, as a share of its volume, below `fluid`; 0 to empty it.
     """
     begin, end = cup.tilt_leaving(fluid), cup.empty_rad + far.beyond_rad
     if left >= LEFT_WHEN_EMPTY:

@@ -21,8 +21,11 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 class PouringSkill(NamedTuple):
-    """What was learned from demonstrated pours: a primitive in the warped space, and how far they
-    tilt the cup.
+    """What was learned from demonstrated pours.
+
+    Attributes:
+        primitive: in the warped space.
+        far: how far they tilt the cup.
     """
 
     primitive: WarpedPrimitive
@@ -92,11 +95,15 @@ def plan_pour(
     asked: str,
     fluid: float,
 ) -> PourPlan:
-    """Poses of the hand (4, 4) that holds the cup, upright, for a pour into the second container,
-    and back.
+    """Poses of the hand for a pour from where the cup is, and back.
 
-    What is asked for is "empty", "full" or millilitres (`amount_to_leave`); `fluid` is what is in
-    the cup, as a share of its volume.
+    Args:
+        skill: what was learned.
+        cup: the container in the hand, upright.
+        second: the other one.
+        hand: pose of the hand (4, 4) that holds the cup.
+        asked: "empty", "full" or millilitres; see `amount_to_leave`.
+        fluid: what is in the cup, as a share of its volume.
 
     Raises:
         ArgumentError: the cup is tilted, or it cannot be poured so much.

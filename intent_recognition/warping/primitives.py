@@ -31,8 +31,13 @@ def warped_scale(cup: References, second: References) -> Floats:
 
 
 def to_warped(offset_m: Floats, tilt_rad: Floats, cup: References, second: References) -> Floats:
-    """A path of the lip as ratios (T, 4): its way from the centre of the second opening, along,
-    across and up (T, 3) [m], and the tilt of the held container (T,).
+    """A path of the lip as ratios (T, 4).
+
+    Args:
+        offset_m: lip from the centre of the second opening (T, 3): along, across, up.
+        tilt_rad: of the held container (T,).
+        cup: the held container.
+        second: the other one.
     """
     return np.column_stack([offset_m, tilt_rad]) / warped_scale(cup, second)
 
@@ -67,8 +72,12 @@ class WarpedPrimitive:
         durations_s: Sequence[float],
         basis: NormalizedRBFBasis | None = None,
     ) -> WarpedPrimitive:
-        """Learn from demonstrations (T_i, 4), evenly spaced in time, that begin and end together;
-        with 20 basis functions where none are given.
+        """Learn from demonstrations that begin and end together.
+
+        Args:
+            paths: of each demonstration (T_i, 4), evenly spaced in time.
+            durations_s: of each.
+            basis: 20 basis functions where left out.
 
         Raises:
             TrainingError: fewer than two demonstrations.

@@ -18,10 +18,13 @@ FLOOR = 0.35
 
 
 def check_wall(warped: WarpedObject, surface: ObjectCloud) -> None:
-    """Refuse a container with a hole in its inner wall or floor, by tens of thousands of points
-    spread evenly over all of its surface.
+    """Refuse a container with a hole in its inner wall or floor.
 
     Pinholes of a few millimetres, as scans of thin plastic have, are not looked for.
+
+    Args:
+        warped: the container.
+        surface: points spread evenly over all of its surface, tens of thousands.
 
     Raises:
         ArgumentError: there is a hole; says where.

@@ -18,8 +18,11 @@ APART_STEPS = 100
 
 
 class Surroundings:
-    """Puts boxes into the arm's world, and counts from then on how often a link began to touch a
-    thing; `last` names the two that touched last.
+    """Puts boxes into the arm's world, and counts touches from then on.
+
+    Attributes:
+        touches: how often a link began to touch a thing.
+        last: names of the two that touched last; empty before.
     """
 
     def __init__(self, arm: SimulatedArm, boxes: Sequence[Box]) -> None:

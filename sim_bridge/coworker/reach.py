@@ -21,8 +21,12 @@ from sim_bridge.coworker.styles import (
 
 @dataclass(frozen=True)
 class Hesitation:
-    """A slow-down within a movement, by a Gaussian in undisturbed time from 0 to 1: its middle, its
-    standard deviation, and the time it adds to the movement.
+    """A slow-down within a movement.
+
+    Attributes:
+        centre: progress in undisturbed time, in (0, 1), at which it is slowest.
+        width: standard deviation of the slow-down in the same unit.
+        extra_s: time it adds to the movement.
     """
 
     centre: float

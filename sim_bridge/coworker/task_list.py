@@ -24,8 +24,12 @@ CHANGE_SHARES = (0.15, 0.25, 0.4)
 
 
 class Intention(NamedTuple):
-    """One entry of a task list: the task as which the reach begins, the one it is changed to, empty
-    for none, and the share of the movement's time at which the mind changes.
+    """One entry of a task list.
+
+    Attributes:
+        task: as which the reach begins.
+        then: the task it is changed to, empty if it is not.
+        share: of the movement's time at which the mind changes.
     """
 
     task: str

@@ -44,8 +44,10 @@ def finger_joints(robot: Robot) -> list[str]:
 
 
 class Fingers:
-    """The two fingers of a simulated arm, which slide beside its chain, pressed together by a
-    force.
+    """The two fingers of a simulated arm, pressed together by a force.
+
+    Args:
+        arm: whose joints beside the chain are two fingers that slide.
 
     Raises:
         ArgumentError: it has not two.

@@ -30,8 +30,11 @@ NOISE_SHARE, TREMOR_N, NOISE_RAD_S = 0.04, 0.1, 60.0
 
 @dataclass(frozen=True)
 class Strength:
-    """What the arm of a person is like: its stiffness at the hand (Mussa-Ivaldi, Hogan and Bizzi
-    1985: 100 to 400 N/m), and the force at which it yields.
+    """What the arm of a person is like.
+
+    Attributes:
+        stiffness_n_m: of the arm at the hand (Mussa-Ivaldi, Hogan and Bizzi 1985: 100 to 400).
+        strongest_n: force at which it yields.
     """
 
     stiffness_n_m: float = 200.0
@@ -75,7 +78,10 @@ class CompliantHand:
     def grasp(self, point_m: Floats, turn: Floats, ready: float = 1.0) -> None:
         """Take hold of the object at a point (3,), as it is turned (quaternion xyzw).
 
-        It has a share of its grip at once; the rest comes with what it feels.
+        Args:
+            point_m: of the object.
+            turn: of the object.
+            ready: share of its grip that it has at once; the rest comes with what it feels.
         """
         self.holds, self._slid_m, self._ready = True, 0.0, ready
         self._offset_m, self._turn0 = point_m - self.position_m, np.array(turn)
@@ -97,9 +103,15 @@ class CompliantHand:
         spin_rad_s: Floats,
         mass_kg: float,
     ) -> tuple[Floats, Floats]:
-        """Move the hand; return force (3,) [N] and torque (3,) [Nm] on the object, which is held at
-        a point (3,) that moves (3,), turned (4,), xyzw, and spins (3,). Its mass sets the damping
-        of the grip.
+        """Move the hand; return force (3,) [N] and torque (3,) [Nm] on the object.
+
+        Args:
+            step_s: of the physics.
+            point_m: of the object at which it is held (3,).
+            velocity_m_s: of that point (3,).
+            turn: orientation of the object (4,), xyzw.
+            spin_rad_s: its angular velocity (3,).
+            mass_kg: of the object, which sets the damping of the grip.
         """
         self.force_n, torque = np.zeros(3), np.zeros(3)
         if self.holds:

@@ -113,8 +113,10 @@ class Taker:
 
 
 class Giver:
-    """Brings an object to the robot's hand, to where `to_m` (3,) is now, and lets go of it while
-    the robot holds it.
+    """Brings an object to the robot's hand, and lets go of it while the robot holds it.
+
+    Attributes:
+        to_m: where the hand brings it (3,); it may change on the way.
     """
 
     def __init__(self, hand: CompliantHand, manner: Manner, to_m: Floats) -> None:

@@ -22,8 +22,11 @@ UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 class TransferObject(NamedTuple):
-    """A box that is handed over, its half edges vertical, between the fingers, and from robot to
-    person; the robot holds it `grasp_m` from its centre, toward itself.
+    """A box that is handed over.
+
+    Attributes:
+        half_edges_m: vertical, between the fingers, and from robot to person.
+        grasp_m: how far from its centre, toward the robot, the robot holds it.
     """
 
     mass_kg: float
@@ -32,8 +35,14 @@ class TransferObject(NamedTuple):
 
 
 class HandedThing:
-    """The body of an object in a world, with its centre there (3,), turned (4,), xyzw, and a
-    friction on the pads.
+    """The body in a world.
+
+    Args:
+        client: of the world.
+        what: the object.
+        centre_m: where its centre is (3,).
+        turn: how it is turned (4,), xyzw.
+        friction: on the pads.
     """
 
     def __init__(

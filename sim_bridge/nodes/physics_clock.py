@@ -75,9 +75,14 @@ class Pacer:
 
 
 class PhysicsClock:
-    """Paces the physics by a steady clock, or by another node's `/clock`, which it then follows.
+    """Paces the physics by a steady clock, or by another node's `/clock`.
 
     Stamps are simulated time (from zero at start) if that is published, else ROS time.
+
+    Attributes:
+        publishes: whether simulated time is published.
+        follows: whether another node's clock paces.
+        pacer: counts the steps.
     """
 
     def __init__(

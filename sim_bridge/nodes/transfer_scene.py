@@ -35,8 +35,13 @@ AXES = ("force_x", "force_y", "force_z")
 class TransferScene:
     """Translates between topics and `ToolboxTransfers`.
 
-    `stamp` gives that of a message now; `note` is called with the topic of what is taken, or sent
-    to those whom the clock waits for.
+    Args:
+        node: of the arm.
+        arm: with fingers.
+        seed: of the person.
+        lever_m: as of `ToolboxTransfers`.
+        stamp: of a message now.
+        note: called with the topic of what is taken, or sent to those whom the clock waits for.
     """
 
     def __init__(

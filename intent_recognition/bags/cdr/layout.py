@@ -50,8 +50,11 @@ def message_fields() -> Mapping[str, tuple[object, Sequence[tuple[str, tuple[int
 
 
 class NumberRun(NamedTuple):
-    """Numbers that follow one another without padding, from an offset in the message on [bytes];
-    each of a type as `struct` and numpy name it, such as "<d".
+    """Numbers that follow one another without padding.
+
+    Attributes:
+        start: offset of the first in the message [bytes].
+        dtype: of each, as `struct` and numpy name it, such as "<d".
     """
 
     start: int

@@ -23,8 +23,12 @@ ITEM_BYTES = 400
 
 
 class Item(NamedTuple):
-    """One message, by the offset of its block in the file, its row in that and its channel; sorts
-    by log time, then as recorded: by block, then by row.
+    """One message; sorts by log time, then as recorded: by block, then by row.
+
+    Attributes:
+        offset: of its block in the file.
+        row: in the block.
+        channel: that it is of.
     """
 
     log_time_ns: int

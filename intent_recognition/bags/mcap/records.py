@@ -32,7 +32,9 @@ MESSAGE = int(Opcode.MESSAGE)
 def record_positions(data: bytes | memoryview, is_cut: bool) -> NDArray:
     """Where the records of a chunk begin, int64 (n,): each tells where the next one does.
 
-    Of a cut chunk an incomplete last record is left out.
+    Args:
+        data: the chunk, decompressed.
+        is_cut: whether its end may be missing; an incomplete last record is then left out.
 
     Raises:
         ValueError: a message is too short, or the last record incomplete.

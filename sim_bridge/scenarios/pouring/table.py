@@ -37,13 +37,15 @@ keep others off: those need one as well."""
 
 
 class PouringTable:
-    """A cup of balls fixed in the arm's hand, and a second container, which stands at
-    `second_pose`.
+    """A cup of balls fixed in the arm's hand, and a second container.
 
     The arm must be at rest with the cup upright, its base at the world's origin; it carries the
     weight of cup and balls from the start. The world's containers and balls stay until the arm's
     world ends. Balls that do not fit are left out. The centre of the second container's opening is
     at `opening_m` (3,), world.
+
+    Attributes:
+        second_pose: where the second container stands (4, 4), world.
     """
 
     def __init__(

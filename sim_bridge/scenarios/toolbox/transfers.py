@@ -82,8 +82,11 @@ class HandContact(NamedTuple):
 class ToolboxTransfers:
     """The objects, the fingers and the worker's hand in an arm's world.
 
-    `lever_m` is from the hand as it was taught to the grip, along its z; `tell` is called with
-    whether the fingers hold something that nobody handed to them.
+    Args:
+        arm: with fingers.
+        seed: of the person.
+        lever_m: from the hand as it was taught to the grip, along its z.
+        tell: called with whether the fingers hold something that nobody handed to them.
     """
 
     def __init__(
