@@ -14,6 +14,7 @@ from intent_recognition.dashboard.things_view import Colour, quaternions
 
 ROOT = "/person"
 FIGURE_GREY = (158, 160, 163)
+"""Red, green and blue of a figure of nobody in particular, 0 to 255. Convention: no skin's."""
 UPPER_ARM_FRAME = "/upper_body/upper_arm"
 FOREARM_FRAME = f"{UPPER_ARM_FRAME}/forearm"
 MOVED_M = 1e-3
