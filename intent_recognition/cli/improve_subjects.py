@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
-from intent_recognition.cli.console import busy
 from intent_recognition.cli.teach import (
     DEFAULT_LIBRARY,
     HANDED_OVER_S,
     refuse_other_model,
     teacher_node,
+    wait_until_used,
 )
 from intent_recognition.cli.undo import FOUND_S
 from intent_recognition.demonstrations import arm_in_world
@@ -184,10 +184,7 @@ def _changed(
                 change()
                 runs = teacher.loaded or "a model that it does not tell"
                 return f"{what}; used by nobody: the estimator runs {runs}, and goes on with it"
-        text = teacher.changed(change(), what)
-        with busy(console, "sending the model"):
-            spin(lambda: not teacher.sending_model, HANDED_OVER_S)
-        return teacher.last_status or text
+        return wait_until_used(teacher, spin, console, teacher.changed(change(), what))
 
 
 def _skill(args: argparse.Namespace) -> "PouringSkill":

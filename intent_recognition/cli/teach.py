@@ -98,11 +98,11 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["Ta
         yield node, partial(spin_until, executor)
 
 
-def wait_until_used(teacher: "TaskTeacher", spin: Spin, console: Console, what: str) -> None:
-    """Wait until a running estimator uses the model, and print how it went."""
+def wait_until_used(teacher: "TaskTeacher", spin: Spin, console: Console, what: str) -> str:
+    """Wait until a running estimator uses the model; says how it went, or what was done."""
     with busy(console, "sending the model"):
         spin(lambda: not teacher.sending_model, HANDED_OVER_S)
-    say(console, teacher.last_status or what)
+    return teacher.last_status or what
 
 
 def _paths(args: argparse.Namespace) -> dict[str, str]:
@@ -167,7 +167,7 @@ def _teach(args: argparse.Namespace, teacher: "TaskTeacher", spin: Spin, console
             say(console, error, "yellow")
             continue
         learned += 1
-        wait_until_used(teacher, spin, console, what)
+        say(console, wait_until_used(teacher, spin, console, what))
         if lines is None and not args.count:
             break
     return learned

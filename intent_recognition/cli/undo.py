@@ -8,7 +8,7 @@ intent undo --library tasks
 
 import argparse
 
-from intent_recognition.cli.console import busy, make_console
+from intent_recognition.cli.console import busy, make_console, say
 from intent_recognition.cli.teach import (
     add_library_options,
     refuse_other_model,
@@ -35,5 +35,5 @@ def run(args: argparse.Namespace) -> int:
         with busy(console, "looking for the estimator"):
             spin(teacher.estimator_runs, FOUND_S)
         change = {"keep": teacher.keep, "undo": teacher.undo}[args.command]
-        wait_until_used(teacher, spin, console, change())
+        say(console, wait_until_used(teacher, spin, console, change()))
     return 0

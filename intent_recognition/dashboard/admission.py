@@ -173,13 +173,13 @@ class Operator:
         return f"An onlooker's action was not done: one browser operates the page, {free}."
 
 
-def new_token(environment: Mapping[str, str] = os.environ) -> str:
+def new_token() -> str:
     """The token of `TOKEN_VARIABLE`, or a new one.
 
     Raises:
         ArgumentError: the variable holds something that can be guessed or does not fit an address.
     """
-    token = environment.get(TOKEN_VARIABLE) or secrets.token_urlsafe(TOKEN_BYTES)
+    token = os.environ.get(TOKEN_VARIABLE) or secrets.token_urlsafe(TOKEN_BYTES)
     if not TOKEN_FORM.fullmatch(token):
         expected = "16 to 128 letters, digits, - and _"
         cure = "Unset it: a token is made at each start."

@@ -12,14 +12,13 @@ N_SIDES = 10
 
 
 def tube_rings(
-    path: Floats, std: Floats, n_std: float = 2.0, *, n_rings: int = N_RINGS, n_sides: int = N_SIDES
+    path: Floats, std: Floats, *, n_rings: int = N_RINGS, n_sides: int = N_SIDES
 ) -> Floats:
-    """Rings about a path, each on the ellipsoid of `n_std` standard deviations of its point.
+    """Rings about a path, each on the ellipsoid of two standard deviations of its point.
 
     Args:
         path: (T, 3) [m], T >= 1.
         std: standard deviations along the axes (T, 3) [m].
-        n_std: how many.
         n_rings: rings, evenly spaced along the path.
         n_sides: points of a ring.
 
@@ -36,7 +35,7 @@ def tube_rings(
         np.cos(angle)[None, :, None] * first[:, None]
         + np.sin(angle)[None, :, None] * second[:, None]
     )
-    return centre[:, None] + n_std * radius[:, None] * circle
+    return centre[:, None] + 2.0 * radius[:, None] * circle
 
 
 def tube_faces(n_rings: int = N_RINGS, n_sides: int = N_SIDES) -> Integers:

@@ -173,8 +173,8 @@ def _path_bounds(
         path,
         np.maximum(limits.velocity - speed, _LEAST_SHARE * limits.velocity),
         np.maximum(limits.acceleration - acceleration, _LEAST_SHARE * limits.acceleration),
-        share=share,
-        rate_ceiling=rate_ceiling,
+        share,
+        rate_ceiling,
     )
 
 

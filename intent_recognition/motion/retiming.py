@@ -58,14 +58,13 @@ def speed_limits(
     path: JointPath,
     max_velocity: Floats,
     max_acceleration: Floats,
-    *,
-    share: Floats | float = 1.0,
-    rate_ceiling: Floats | None = None,
+    share: Floats,
+    rate_ceiling: Floats | None,
 ) -> SpeedLimits:
     """Bounds on the speed along a path that has these limits (n,) left [rad/s, rad/s^2].
 
-    `share` is that of both to use, (G,) one per interval or one for all; `rate_ceiling` the largest
-    rate at each point of the grid (G + 1,) [1/s].
+    `share` (G,) is that of both to use in each interval; `rate_ceiling` the largest rate at each
+    point of the grid (G + 1,) [1/s].
     """
     grid = np.linspace(0.0, 1.0, N_GRID + 1)
     first, second = path.derivative(grid), path.derivative(grid, 1)
@@ -73,7 +72,6 @@ def speed_limits(
     a = max_acceleration / slope
     b = second * np.where(first < 0.0, -1.0, 1.0) / slope
     own = np.full((N_GRID, 1), _RATE_RATIO_PER_S / path.duration_s)
-    share = np.broadcast_to(share, (N_GRID,))
     room = _largest_with_room(a, b, _RATE_RATIO_PER_S / path.duration_s)
     a = np.hstack([a[:-1], a[1:], own]) * share[:, None]
     b = np.hstack([b[:-1], b[1:], np.zeros_like(own)])

@@ -143,7 +143,7 @@ def to_path(
     frame: str,
     human: Prediction,
     positions: Floats,
-    orientations: Floats | None = None,
+    orientations: Floats | None,
 ) -> Path:
     """The predicted rest of the movement, each pose stamped with the time it is expected at.
 

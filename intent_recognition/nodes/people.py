@@ -51,17 +51,15 @@ def meet(node: Node, template: str, act: Callable[[str], object]) -> bool:
     return bool(names)
 
 
-def meet_all(
-    node: Node, template: str, act: Callable[[str], object], met: set[str], most: int = 100
-) -> None:
-    """Act once for whoever's topic appears, for so many people at most; see `meet`."""
+def meet_all(node: Node, template: str, act: Callable[[str], object], met: set[str]) -> None:
+    """Act once for whoever's topic appears, for at most a hundred people; see `meet`."""
     parts = node.resolve_topic_name(template.format("X_X")).split("X_X")
     pattern = re.compile(f"({_NAME.pattern})".join(map(re.escape, parts)), re.ASCII)
 
     def look() -> None:
         for topic, _ in node.get_topic_names_and_types():
             found = pattern.fullmatch(topic)
-            new = found is not None and found[1] not in met and len(met) < most
+            new = found is not None and found[1] not in met and len(met) < 100
             if found and new and node.count_publishers(topic):
                 met.add(found[1])
                 node.get_logger().info(f"meets {found[1]}")

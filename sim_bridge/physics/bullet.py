@@ -54,7 +54,7 @@ def start_world(*, headless: bool = True) -> BulletClient:
     return client
 
 
-def fix(client: BulletClient, body: int, parent: int = -1, link: int = -1) -> int:
+def fix(client: BulletClient, body: int, parent: int, link: int) -> int:
     """Constrain a body, where it is, to a link of another one (-1: its base), or to the world."""
     here, none = client.getBasePositionAndOrientation(body), ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     if parent < 0:  # the body first: PyBullet takes the world only as the child

@@ -60,8 +60,7 @@ class ToolboxGripper:
         hand = self._arm.hand_pose().position
         speed = float(np.linalg.norm(self._arm.hand_velocity()))
         if self.task in STANDS_M and not self.held:
-            near = np.linalg.norm(hand - STANDS_M[self.task]) < GRASP_RADIUS_M
-            if near and speed < GRASP_SPEED_M_S:
+            if takes(self.task, hand, speed):
                 self.objects.give_to_robot(self.task)
                 self._start_m = hand
             return
@@ -82,3 +81,9 @@ class ToolboxGripper:
         if self._rest_since_s is None:
             self._rest_since_s = self._arm.time_s
         return self._arm.time_s - self._rest_since_s >= 0.25
+
+
+def takes(task: str, hand_m: Floats, speed_m_s: float) -> bool:
+    """Whether a hand (3,) [m] takes the object of a task from its stand: it passes it slowly."""
+    near = np.linalg.norm(hand_m - STANDS_M[task]) < GRASP_RADIUS_M
+    return bool(near and speed_m_s < GRASP_SPEED_M_S)

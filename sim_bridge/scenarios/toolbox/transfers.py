@@ -33,6 +33,7 @@ from sim_bridge.handover import (
     TransferObject,
     in_grip,
 )
+from sim_bridge.scenarios.toolbox.gripper import takes
 from sim_bridge.scenarios.toolbox.scene import STANDS_M
 
 THINGS = {
@@ -41,9 +42,6 @@ THINGS = {
     HOLD: TransferObject(0.3, (0.014, 0.014, 0.1), 0.05),
 }
 """The object of each task: a plate, a box of screws, a screwdriver."""
-GRASP_RADIUS_M, GRASP_SPEED_M_S = 0.03, 0.12
-"""Distance of the hand from a stand, and speed of the hand, below which it has the object [m],
-[m/s]. Convention."""
 NEAR_M, AWAY_M = 0.3, 0.12
 """Distance from the grip to the wrist below which the person acts, and way of the wrist after which
 the person goes on with something else [m]. Convention."""
@@ -190,8 +188,7 @@ class ToolboxTransfers:
         if self.task not in STANDS_M or self._thing is not None:
             return
         hand_m = pose.position - self._lever_m * _outward(pose.orientation)
-        near = np.linalg.norm(hand_m - STANDS_M[self.task]) < GRASP_RADIUS_M
-        if near and np.linalg.norm(self._arm.hand_velocity()) < GRASP_SPEED_M_S:
+        if takes(self.task, hand_m, self._speed()):
             what = THINGS[self.task]
             self._thing = self._make(what, *in_grip(what, pose.position, pose.orientation))
             self._fingers.close_on(what.half_edges_m[1])
