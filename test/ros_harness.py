@@ -40,6 +40,9 @@ class Harness:
         spin_until(self.executor, self._is_alone, LEAVE_S)
         for node in self.nodes:
             self.executor.remove_node(node)
+        for _ in range(20):  # what it took it also runs: else it would keep clients of actions
+            self.executor.spin_once(timeout_sec=0.0)
+        for node in self.nodes:
             node.destroy_node()
         self.executor.shutdown()
         rclpy.try_shutdown()

@@ -38,8 +38,6 @@ class BagListener:
         self._stopping = threading.Event()
         self._passes, self._passed = 0, threading.Condition()
         self._thread = threading.Thread(target=self._listen, name="bag_listener", daemon=True)
-        self._thread.start()
-        atexit.register(self.close)  # Python ends a daemon thread in C++ by aborting the process
 
     def subscribe(self, topic: str, kind: type, profile: QoSProfile) -> None:
         """Subscribe to a topic; replaces the subscription of before."""
@@ -53,36 +51,34 @@ class BagListener:
             self._handles[topic] = (handle, kind)
         if previous is not None:
             previous[0].destroy_when_not_in_use()
+        if self._thread.ident is None:  # a node that is refused before is kept by nothing
+            self._thread.start()
+            atexit.register(self.close)  # Python aborts where a daemon thread is in C++
 
     def catch_up(self) -> None:
         """Wait until all that was received before this call is passed on."""
         with self._passed:
             enough = self._passes + 2  # the pass under way may have left a topic behind
-            self._passed.wait_for(lambda: self._passes >= enough or self._ended, timeout=1.0)
+            listening = self._thread.is_alive
+            self._passed.wait_for(lambda: self._passes >= enough or not listening(), timeout=1.0)
 
     def close(self) -> None:
         """End the thread and the subscriptions."""
         atexit.unregister(self.close)
         self._stopping.set()
-        self._thread.join()
+        if self._thread.ident is not None:
+            self._thread.join()
         for handle, _ in self._handles.values():
             handle.destroy_when_not_in_use()
         self._handles.clear()
 
-    @property
-    def _ended(self) -> bool:
-        return self._stopping.is_set() or not self._node.context.ok()
-
     def _listen(self) -> None:
-        while not self._ended:
+        while self._node.context.ok() and not self._stopping.is_set():
             with self._passed:
                 self._passes += 1
                 self._passed.notify_all()
             with self._lock:
                 sources = list(self._handles.items())
-            if not sources:
-                self._stopping.wait(0.02)
-                continue
             try:
                 self._wait_and_take(sources)
             except (_rclpy.RCLError, _rclpy.InvalidHandle) as error:

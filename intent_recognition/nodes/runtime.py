@@ -35,6 +35,9 @@ _START_ERRORS = (
     NameValidationException,
     rclpy_implementation.RCLError,
 )
+END_S = 30.0
+"""A node that cannot be destroyed in this time [s] ends with its process. Convention: longer than
+closing any file takes."""
 
 
 def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
@@ -217,7 +220,7 @@ def end(node: Node | None, executor: Executor | None = None) -> None:
     The Fast DDS of the wheels of ROS may otherwise spin for ever when the last node of a process is
     destroyed while another one is being discovered (docs/decisions/ros.md).
     """
-    faulthandler.dump_traceback_later(30.0, exit=True, file=2)  # needs no thread of Python
+    faulthandler.dump_traceback_later(END_S, exit=True, file=2)  # needs no thread of Python
     try:
         if executor is not None:
             executor.shutdown()

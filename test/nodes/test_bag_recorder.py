@@ -2,6 +2,7 @@
 """What the recorder writes is what was sent: bit for bit, with its stamps, for any type."""
 
 import signal
+import threading
 
 import pytest
 from builtin_interfaces.msg import Time
@@ -201,6 +202,7 @@ def test_all_there_are_in_a_namespace_leave_other_cells_out(harness, tmp_path):
 def test_topics_that_would_be_one_in_the_bag_are_refused(harness, tmp_path):
     with pytest.raises(BagError, match="differ in the bag"):
         recorder("lab", topics=["p", "/p"])
+    assert "bag_listener" not in {thread.name for thread in threading.enumerate()}
 
 
 @pytest.mark.slow
