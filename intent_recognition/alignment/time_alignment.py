@@ -30,7 +30,7 @@ from intent_recognition.alignment.reference import (
 )
 from intent_recognition.alignment.search import search
 from intent_recognition.alignment.warp import MAX_LOG_RATE, Warp, slope_basis
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, brief
 from intent_recognition.errors import ArgumentError, ShapeError
 
 
@@ -82,6 +82,7 @@ class AlignmentSettings:
         return slope_basis(self.n_basis, self.n_grid)
 
 
+@brief
 class Alignment(NamedTuple):
     """Warps of the demonstrations and what they lead to.
 

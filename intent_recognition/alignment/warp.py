@@ -15,7 +15,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, brief
 from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import NormalizedRBFBasis
 
@@ -36,6 +36,7 @@ def slope_basis(n_basis: int, n_grid: int) -> Floats:
     return design
 
 
+@brief
 @dataclass(frozen=True)
 class Warp:
     """One recording's time, seen from the reference: strictly increasing by construction.

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.array_types import Floats, Integers
+from intent_recognition.array_types import Floats, Integers, brief
 from intent_recognition.filtering.grid import PriorGrid
 from intent_recognition.filtering.table import HypothesisTable
 from intent_recognition.gaussian import log_sum
@@ -53,6 +53,7 @@ class CourseTimes(NamedTuple):
         return self.expected(np.clip((elapsed_s - self.begin_s) / self.course_s, 0.0, 1.0))
 
 
+@brief
 class TaskPosterior(NamedTuple):
     """What is believed about task and phase after some observations.
 

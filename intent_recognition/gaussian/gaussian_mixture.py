@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, brief
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian.linalg import symmetrize
 from intent_recognition.gaussian.mixture import CovariancePrior, fit_mixture, one_hot
@@ -21,6 +21,7 @@ number where a component has fewer points than dimensions, and is far below any 
 """
 
 
+@brief
 @dataclass(frozen=True)
 class GaussianMixture:
     """A mixture of K Gaussians over vectors (d,).

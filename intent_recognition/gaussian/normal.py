@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import cho_solve
 
-from intent_recognition.array_types import Floats, Integers
+from intent_recognition.array_types import Floats, Integers, brief
 from intent_recognition.errors import ShapeError
 from intent_recognition.gaussian.linalg import (
     cholesky,
@@ -20,6 +20,7 @@ from intent_recognition.gaussian.linalg import (
 )
 
 
+@brief
 class Gaussian(NamedTuple):
     """A normal distribution: mean (d,) and covariance (d, d)."""
 

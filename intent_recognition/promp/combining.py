@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intent_recognition.array_types import Floats, Integers
+from intent_recognition.array_types import Floats, Integers, brief
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian import condition, product, symmetrize
 from intent_recognition.promp.control_points import condition_controlled
@@ -23,6 +23,7 @@ from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.signals import as_numbers
 
 
+@brief
 class Blend(NamedTuple):
     """The trajectory of some DOFs that primitives give together.
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, brief
 from intent_recognition.filtering import TaskPosterior
 from intent_recognition.plots import (
     Axes,
@@ -95,6 +95,7 @@ class Estimate(NamedTuple):
         return axes
 
 
+@brief
 class Prediction(NamedTuple):
     """Trajectory of one agent under the most probable task.
 

@@ -16,13 +16,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, brief
 from intent_recognition.errors import ArgumentError
 from intent_recognition.filtering import MovementFilter, TaskPosterior
 from intent_recognition.promp import NONE, TaskLibrary
 from intent_recognition.signals import Observation
 
 
+@brief
 class Evidence(NamedTuple):
     """What speaks for a task, and against a rival.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intent_recognition.array_types import Floats, Integers
+from intent_recognition.array_types import Floats, Integers, brief
 from intent_recognition.errors import ArgumentError, ShapeError
 
 POSITION_FIELDS = tuple(f"pose.position.{axis}" for axis in "xyz")
@@ -21,6 +21,7 @@ MIN_SAMPLES = 4
 curvature that ridge regression penalises, one more leaves a residual."""
 
 
+@brief
 @dataclass(frozen=True)
 class Signal:
     """Samples of the DOFs of one topic; gaps stay gaps, nothing is imputed.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, brief
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.warping.grasp import LARGEST_M, Grasp
 
@@ -23,6 +23,7 @@ class Part(IntEnum):
     HANDLE = 2
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class ObjectCloud:
     """The surface of an object.
@@ -60,6 +61,7 @@ class ObjectCloud:
             object.__setattr__(self, name, array)
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class AnnotatedObject(ObjectCloud):
     """An object whose parts are known.

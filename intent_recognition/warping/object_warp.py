@@ -13,7 +13,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from intent_recognition.array_types import Flags, Floats
+from intent_recognition.array_types import Flags, Floats, brief
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.warping.cavity import Cavity, fit_cavity
 from intent_recognition.warping.frame import N_LEVELS, ObjectFrame, coarse_frame
@@ -29,6 +29,7 @@ LEAST_APART_M = 1e-6
 """Least distance of the middles of a source's wall and rim [m]. Convention: below any object."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class ObjectModel:
     """An annotated object with the classifier learned from it (Brandl et al. 2014, II-A).
@@ -67,6 +68,7 @@ class ObjectModel:
         return cls(annotated, classifier, _frame(annotated, classifier))
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class WarpedObject:
     """What warping makes of source and target: points that know their parts.

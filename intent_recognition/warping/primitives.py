@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, brief
 from intent_recognition.errors import TrainingError
 from intent_recognition.gaussian import Gaussian, covariance_root
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, fit_weights
@@ -48,6 +48,7 @@ def from_warped(path: Floats, cup: References, second: References) -> tuple[Floa
     return scaled[:, :3], scaled[:, 3]
 
 
+@brief
 @dataclass(frozen=True)
 class WarpedPrimitive:
     """Distribution over pours in the warped space; `learn` makes one.
