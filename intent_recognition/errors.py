@@ -3,7 +3,11 @@
 
 import difflib
 import importlib
+import math
 from collections.abc import Iterable, Sequence
+from numbers import Integral, Real
+from os import PathLike
+from pathlib import Path
 from typing import Any, TypeVar
 
 from intent_recognition.extras import installing
@@ -94,6 +98,37 @@ def check_type(argument: str, value: object, expected: type, cure: str) -> None:
     if not isinstance(value, expected):
         came = f"one of type {type(value).__name__}"
         raise ArgumentError.about(argument, f"a {expected.__name__}", came, cure)
+
+
+def check_whole(
+    argument: str, value: object, least: int, cure: str, most: float = math.inf
+) -> None:
+    """Make sure that an argument is a whole number in a range.
+
+    Raises:
+        ArgumentError: it is not.
+    """
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if not (whole and least <= number(value) <= most):
+        expected = f"a whole number from {least} {'on' if most == math.inf else f'to {most}'}"
+        raise ArgumentError.about(argument, expected, repr(value), cure)
+
+
+def number(value: object) -> float:
+    """A number as it is; for what is none NaN, which is in no range."""
+    return float(value) if isinstance(value, Real) else math.nan
+
+
+def as_path(argument: str, value: object) -> Path:
+    """An argument as a path.
+
+    Raises:
+        ArgumentError: it is none.
+    """
+    if not isinstance(value, str | PathLike):
+        cure = "Pass where the file or the folder is."
+        raise ArgumentError.about(argument, "a path", f"one of type {type(value).__name__}", cure)
+    return Path(value)
 
 
 def one_line(error: BaseException) -> str:

@@ -140,6 +140,40 @@ def test_things_are_shown_on_one_line(library):
     assert str(moving) == "<Estimate at 1.500 s: right, probability 0.950, phase 0.30>"
 
 
+def test_what_holds_arrays_is_shown_on_one_line(library, demonstrations):
+    primitive = library.primitive(0)
+    ahead = primitive.predict_controlled(30)
+    assert repr(ahead) == (
+        "Trajectory(times_s=array (30,), positions=array (30, 2), velocities=array (30, 2),"
+        " std=array (30, 2))"
+    )
+    assert str(primitive).startswith(f"InteractionProMP(basis={library.basis}, weights=Gaussian")
+    assert "noise_variance=array (5,)" in str(primitive)
+    estimator = ir.IntentEstimator(library)
+    for k, row in enumerate(demonstrations[0].observed[0].values[:60]):
+        estimate = estimator.observe(0.02 * k, row)
+    shown = estimator.predict_controlled(), estimator.explain(), estimate.posterior
+    assert str(shown[0]).startswith("Prediction(task='left', onset_ns=")
+    assert str(shown[1]).startswith("Evidence(task='left', rival='")
+    assert all("\n" not in repr(one) and len(repr(one)) < 600 for one in shown)
+
+
+@pytest.mark.parametrize(
+    "fold", [([0, 1], [9]), ([0, -1], [2]), ([True, False], [1]), ([0.0], [1])]
+)
+def test_an_index_of_no_demonstration_is_named(fold, demonstrations):
+    with pytest.raises(
+        ir.ArgumentError, match=r"protocol\[1\]: expected a whole number from 0 to 7"
+    ):
+        ir.evaluate(demonstrations, [([0, 1, 4, 5], [2]), fold])
+
+
+def test_a_misspelt_label_is_a_warning(demonstrations):
+    odd = replace(demonstrations[-1], task="rihgt", name="odd")
+    with pytest.warns(UserWarning, match="odd: 1 with the task rihgt, 3 with right. Did you mean"):
+        ir.learn([*demonstrations[:-1], odd], ir.TrainingSettings(switching=False))
+
+
 @pytest.mark.parametrize(
     ("call", "says"),
     [
@@ -152,6 +186,48 @@ def test_things_are_shown_on_one_line(library):
         (lambda _: ir.TrainingSettings(n_basis=12.5), "n_basis, width: .* got 12.5"),
         (lambda _: ir.learn([], {"n_basis": 20}), "settings: expected a TrainingSettings, got one"),
         (lambda _: ir.TrainingSettings(ridge=0.0), "ridge: expected a positive number"),
+        (lambda _: ir.TrainingSettings(ridge="a"), "ridge: expected a positive number, got a"),
+        (lambda _: ir.TrainingSettings(none_prior=None), "none_prior: expected a probability"),
+        (
+            lambda one: ir.IntentEstimator(one, n_scales=2.5),
+            "n_scales: expected a whole .* got 2.5",
+        ),
+        (lambda one: ir.IntentEstimator(one).observe(0, [0], signal="x"), "signal: .* got 'x'"),
+        (lambda one: ir.IntentEstimator(one).observe(0, [0], dofs=3), "dofs: expected different"),
+        (
+            lambda one: ir.IntentEstimator(one).observe_controlled(0, [0], signal=-1),
+            "signal: expected a whole number from 0 to 1, got -1",
+        ),
+        (
+            lambda one: one.primitive("left"),
+            "task: expected a whole number from 0 to 1, got 'left'",
+        ),
+        (
+            lambda _: ir.decision_settings(None),
+            "library: expected a TaskLibrary, got one of type No",
+        ),
+        (lambda one: ir.decision_settings(one, "5 %"), "max_wrong: expected a share .* got '5 %'"),
+        (lambda _: ir.DecisionSettings(threshold="0.9"), "threshold: .* got '0.9'"),
+        (lambda _: ir.DecisionSettings(n_observations=2.5), "n_observations: .* got 2.5"),
+        (
+            lambda one: ir.evaluate(one),
+            "demonstrations: expected a list of Demonstration, got Task",
+        ),
+        (lambda _: ir.evaluate("bags"), r"demonstrations\[0\]: expected a Demonstration, got str"),
+        (lambda _: ir.evaluate([], settings={}), "settings: expected a TrainingSettings, got one"),
+        (lambda _: ir.evaluate([], None), "protocol: expected loo, .* or pairs .* got None"),
+        (lambda _: ir.make_folds([], None), "protocol: expected loo, .* got None"),
+        (lambda _: ir.cut_to_movement(None), "demonstrations: expected a list of Demonstration"),
+        (lambda one: ir.fit_interaction_promp(one), "demonstrations: expected a list of Demonstr"),
+        (lambda _: ir.learn_mixture(None), "demonstrations: expected a list of Demonstration"),
+        (
+            lambda _: ir.load_model(None),
+            "path: expected a path, got one of type NoneType. Pass where",
+        ),
+        (lambda one: ir.save_model(None, one), "path: expected a path, got one of type NoneType"),
+        (lambda _: ir.load_dofs(3), "path: expected a path, got one of type int"),
+        (lambda _: ir.BagReader(None), "path: expected a path, got one of type NoneType"),
+        (lambda _: ir.load_object(None), "path: expected a path, got one of type NoneType"),
     ],
 )
 def test_arguments_of_another_kind_are_named(call, says, library):

@@ -33,7 +33,7 @@ from intent_recognition.bags.metadata import (
     parse_qos,
 )
 from intent_recognition.bags.rosbags_file import RosbagsFile
-from intent_recognition.errors import MessageError, one_line
+from intent_recognition.errors import MessageError, as_path, one_line
 
 
 class BagReader:
@@ -59,7 +59,7 @@ class BagReader:
     """
 
     def __init__(self, path: str | Path, *, tolerant: bool = False):
-        self.path = Path(path)
+        self.path = as_path("path", path)
         self.notes: list[str] = []
         self.damage: list[Damage] = []
         self._tolerant = tolerant

@@ -27,7 +27,7 @@ from intent_recognition.bags.metadata import (
     dump_yaml,
     write_metadata,
 )
-from intent_recognition.errors import BagError, ResourceBusyError, one_line
+from intent_recognition.errors import BagError, ResourceBusyError, as_path, one_line
 
 FLUSH_PERIOD_S = 0.5
 """Longest time a message stays in memory [s]. Convention: a killed recorder loses less than 1 s."""
@@ -65,7 +65,7 @@ class BagWriter:
         clock: Callable[[], float] = time.monotonic,
         disk_usage: Callable[[Path], Any] = shutil.disk_usage,
     ):
-        self.path = Path(path)
+        self.path = as_path("path", path)
         self.custom_data = {str(k): str(v) for k, v in (custom_data or {}).items()}
         self._flush_period_s = flush_period_s
         self._min_free_bytes = min_free_bytes

@@ -52,7 +52,7 @@ from intent_recognition.model import (
     read_history,
     skill_history,
 )
-from intent_recognition.signals import Rejection, StreamFinding, stream_doubts
+from intent_recognition.signals import Rejection, StreamFinding, label_doubts, stream_doubts
 
 CURE = "Give a bag, a folder of bags, or a model that `intent train` wrote."
 
@@ -154,7 +154,8 @@ def _stream_faults(
                 correlations.append(found._replace(name=part))
                 owners.append(path)
     owner = {one.name: path for one, path in zip(correlations, owners, strict=True)}
-    for doubt in stream_doubts(correlations):
+    labels = label_doubts((one.name, one.task) for one in correlations)
+    for doubt in [*stream_doubts(correlations), *labels]:
         faults[owner[doubt.name]].append(doubt)
     return faults
 

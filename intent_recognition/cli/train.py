@@ -31,7 +31,12 @@ from intent_recognition.cli.recordings import (
     provenance_of,
     training_settings,
 )
-from intent_recognition.cli.rejections import all_left_out, print_found, print_mixed_frames
+from intent_recognition.cli.rejections import (
+    all_left_out,
+    print_doubtful,
+    print_found,
+    print_mixed_frames,
+)
 from intent_recognition.cli.train_add import add_adding_options, add_to_model, check_adding
 from intent_recognition.cli.train_sessions import add_sessions_option, with_sessions
 from intent_recognition.cli.train_workers import add_worker_options, workers
@@ -90,6 +95,7 @@ def finish(args: argparse.Namespace, model: Model, report: TrainingReport, conso
     if args.json != output.PRINTED:
         print_library(console, model.library, report)
     print_mixed_frames(console, frames_of(model.library))
+    print_doubtful(console, report.doubtful)
     model = with_sessions(model, args.sessions, console)
     save_model(args.output, model, report.trained)
     output.write_json(args.json, report_json(model, report) | {"output": str(args.output)})

@@ -13,7 +13,7 @@ import numpy as np
 from intent_recognition.bags import JOINT_STATE, POSE
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.paths import MOST_ELEMENTS, is_path
-from intent_recognition.errors import ArgumentError, DofError
+from intent_recognition.errors import ArgumentError, DofError, as_path
 from intent_recognition.share import share_path
 from intent_recognition.signals import ORIENTATION_FIELDS, POSITION_FIELDS, spelled
 from intent_recognition.tracking import Extrinsics, parse_extrinsics
@@ -148,7 +148,7 @@ def load_dofs(path: str | Path | None = None) -> DofSpec:
     Raises:
         DofError: the file is missing, no YAML, or malformed; names the file, entry and key.
     """
-    source = share_path(DEFAULT) if path is None else Path(path)
+    source = share_path(DEFAULT) if path is None else as_path("path", path)
     try:
         text = read_text(source)
     except (OSError, UntrustedError) as error:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from intent_recognition.bags import cure_of, is_bag
-from intent_recognition.errors import BagError
+from intent_recognition.errors import BagError, as_path
 from intent_recognition.signals import LABEL, LONGEST_LABEL, Rejection, can_name_task
 
 Paths = str | Path | Iterable[str | Path]
@@ -14,7 +14,9 @@ Paths = str | Path | Iterable[str | Path]
 
 def as_paths(paths: Paths) -> list[Path]:
     """One path or several, as several."""
-    return [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]
+    if isinstance(paths, str | Path) or not isinstance(paths, Iterable):
+        paths = [paths]
+    return [as_path("paths", path) for path in paths]
 
 
 def find_bags(path: Path, above: frozenset[Path] = frozenset()) -> list[Path]:

@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
-from intent_recognition.errors import ArgumentError
-from intent_recognition.signals import Demonstration
+from intent_recognition.errors import ArgumentError, check_whole
+from intent_recognition.signals import Demonstration, numbered
 
 Fold = tuple[list[int], list[int]]
 """Indices to train and to test on."""
@@ -27,7 +27,8 @@ def make_folds(recordings: Sequence[Demonstration], protocol: str) -> list[Fold]
     Raises:
         ArgumentError: an unknown protocol, or too few recordings or groups for it.
     """
-    name, colon, argument = protocol.partition(":")
+    name, colon, argument = str(protocol).partition(":")
+    recordings = [*numbered(recordings)]
     n = len(recordings)
     if name == "loo" and not colon:
         return _by_index(n, n)
@@ -49,6 +50,26 @@ def merge_folds(folds: Sequence[Fold], most: int) -> list[Fold]:
         test = {index for fold in group for index in fold[1]}
         merged.append((sorted(train - test), sorted(test)))
     return merged
+
+
+def check_folds(folds: Sequence[Fold], n: int) -> list[Fold]:
+    """Folds of n recordings that somebody else has made, as lists.
+
+    Raises:
+        ArgumentError: they are no pairs of indices, or there is no such recording.
+    """
+    expected = f"{PROTOCOLS}, or pairs of the indices to train and to test on"
+    try:
+        found = [([*train], [*test]) for train, test in folds]
+    except (TypeError, ValueError):
+        found = []
+    if not found:
+        cure = "Pass such as [([0, 1], [2]), ([1, 2], [0])]."
+        raise ArgumentError.about("protocol", expected, repr(folds), cure)
+    for k, fold in enumerate(found):
+        for index in (*fold[0], *fold[1]):
+            check_whole(f"protocol[{k}]", index, 0, "Count the demonstrations from 0.", n - 1)
+    return found
 
 
 def _by_index(n: int, k: int) -> list[Fold]:

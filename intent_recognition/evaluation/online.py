@@ -9,7 +9,7 @@ import numpy as np
 
 from intent_recognition.evaluation.folds import Fold, merge_folds
 from intent_recognition.evaluation.scoring import PHASES
-from intent_recognition.learning import TrainingSettings, cut_to_movement, learn
+from intent_recognition.learning import TrainingSettings, cut_to_movement, learn_with_report
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import (
     DecisionSettings,
@@ -143,7 +143,7 @@ def score_online(
     outcomes: dict[str, list[OnlineOutcome]] = {phase: [] for phase in PHASES}
     done = 0
     for train, test in merge_folds(folds, 10):
-        library = learn([movements[i] for i in train], settings)
+        library = learn_with_report([movements[i] for i in train], settings).library
         for recorded in (movements[i] for i in test):
             for phase in PHASES:
                 known = phase == "known_phase"

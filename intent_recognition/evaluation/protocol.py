@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError
-from intent_recognition.evaluation.folds import Fold, make_folds
+from intent_recognition.errors import ArgumentError, check_type
+from intent_recognition.evaluation.folds import Fold, check_folds, make_folds
 from intent_recognition.evaluation.online import score_online, where_both_were_recorded
 from intent_recognition.evaluation.reactive import HORIZONS_S, REACTIVE_NAMES, NearestWindows
 from intent_recognition.evaluation.scores import ScoreTable
@@ -29,12 +29,13 @@ from intent_recognition.learning import (
     angle_references,
     cut_to_movement,
     in_turns,
-    learn,
+    learn_with_report,
 )
 from intent_recognition.signals import (
     Demonstration,
     StreamFinding,
     correlate_speeds,
+    label_doubts,
     numbered,
     stream_defect,
     stream_doubts,
@@ -73,20 +74,26 @@ def evaluate(
         `doubtful`, each with the reason.
 
     Raises:
-        ArgumentError: an unknown protocol, or too few demonstrations for it.
+        ArgumentError: an item is not a `Demonstration`, an unknown protocol, an index of no
+            demonstration, or too few demonstrations for it.
         TrainingError: a fold cannot be learned from.
     """
-    settings = settings or TrainingSettings()
+    settings = TrainingSettings() if settings is None else settings
+    check_type("settings", settings, TrainingSettings, "Pass `TrainingSettings(...)`, or None.")
     demonstrations = [*numbered(demonstrations)]
     left_out = defects(demonstrations, settings)
     kept = [index for index in range(len(demonstrations)) if index not in left_out]
     usable = [demonstrations[index] for index in kept]
-    folds = make_folds(usable, protocol) if isinstance(protocol, str) else _only(kept, protocol)
+    if isinstance(protocol, str):
+        folds = make_folds(usable, protocol)
+    else:
+        folds = _only(kept, check_folds(protocol, len(demonstrations)))
     if not folds:
         reasons = "; ".join(map(str, [*left_out.values()][:3])) or "none"
         expected, cure = "recordings to train and to test on", "See docs/recognition.md."
         raise ArgumentError.about("demonstrations", expected, reasons, cure)
     doubts = stream_doubts([*map(correlate_speeds, usable)])
+    doubts += label_doubts((recorded.name, recorded.task) for recorded in usable)
     angles = angle_references(usable)
     usable = [in_turns(recorded, angles) for recorded in usable]
     recordings, segment = usable, settings.segmentation
@@ -99,7 +106,7 @@ def evaluate(
     units: tuple[str, ...] = ()
     for train, test in folds:
         training = [usable[i] for i in train]
-        library = learn(training, replace(settings, switching=False))
+        library = learn_with_report(training, replace(settings, switching=False)).library
         units = tuple(dict.fromkeys(library.controlled_units))
         labels |= set(library.labels)
         windows = NearestWindows(training)

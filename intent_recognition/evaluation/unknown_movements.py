@@ -15,7 +15,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.filtering import MovementFilter, make_prior_grid, task_posterior
-from intent_recognition.learning import TrainingSettings, learn
+from intent_recognition.learning import TrainingSettings, learn_with_report
 from intent_recognition.promp import NONE, TaskLibrary
 from intent_recognition.recognition import (
     DecisionSettings,
@@ -143,7 +143,7 @@ def follow_unknown(
         rest = [d for d in demonstrations if d.task != task]
         if len(rest) < 2 or len(rest) == len({d.task for d in rest}):
             continue
-        library = learn(rest, replace(settings, switching=False))
+        library = learn_with_report(rest, replace(settings, switching=False)).library
         for recorded in (d for d in demonstrations if d.task == task):
             outcomes.append(follow(library, recorded))
             progress(len(outcomes))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, check_whole
 from intent_recognition.gaussian import log_sum
 from intent_recognition.promp import TaskLibrary
 
@@ -86,8 +86,7 @@ def make_prior_grid(
     if prior.shape != (n_tasks,) or not (np.all(prior >= 0) and abs(prior.sum() - 1.0) < 1e-6):
         expected, cure = f"{n_tasks} probabilities that sum to one", "Divide them by their sum."
         raise ArgumentError.about("task_prior", expected, prior, cure)
-    if n_scales < 1:
-        raise ArgumentError.about("n_scales", "1 or more", n_scales, f"Try {N_SCALES}.")
+    check_whole("n_scales", n_scales, 1, f"Try {N_SCALES}.")
     offsets, log_weight = duration_offsets(n_scales)
     mean, std = log_durations(library)
     with np.errstate(divide="ignore"):

@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import chain, islice
 from typing import NamedTuple
 
-from intent_recognition.errors import ArgumentError, TrainingError
+from intent_recognition.errors import TrainingError
 from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.learning.preprocessing import (
     Preprocessing,
@@ -66,7 +66,7 @@ def accumulate(
     """
     total = Accumulated(preprocessing, {})
     head: list[Demonstration] = []
-    stream = _demonstrations(recordings)
+    stream = numbered(recordings)
     limit = len(recordings) if isinstance(recordings, Sequence) else REFERENCE_RECORDINGS
     if preprocessing is None:
         for recorded in stream:
@@ -128,19 +128,6 @@ def _reject(total: Accumulated, name: str, reason: str) -> Accumulated:
     return total._replace(
         rejected=(*total.rejected, (name, reason))[:NAMES_KEPT], n_rejected=total.n_rejected + 1
     )
-
-
-def _demonstrations(recordings: Iterable[Demonstration]) -> Iterator[Demonstration]:
-    """The recordings one by one; refuses anything else."""
-    given = numbered(recordings) if isinstance(recordings, Iterable) else [None]
-    for number, recorded in enumerate(given):
-        if not isinstance(recorded, Demonstration):
-            found = type(recordings if recorded is None else recorded).__name__
-            cure = "Make them with `Demonstration.from_arrays` or `read_demonstrations`."
-            cure = "Put it into a list." if isinstance(recordings, Demonstration) else cure
-            place = f"demonstrations[{number}]" if recorded is not None else "demonstrations"
-            raise ArgumentError.about(place, "a list of Demonstration", found, cure)
-        yield recorded
 
 
 def _taken(reversed_head: list[Demonstration]) -> Iterator[Demonstration]:

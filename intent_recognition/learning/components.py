@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from intent_recognition.array_types import Floats, Integers
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import check_whole
 from intent_recognition.gaussian import (
     EMPTY,
     Components,
@@ -107,9 +107,7 @@ def try_components(
         ArgumentError: fewer than one component, or more than demonstrations.
     """
     n = len(features.coordinates)
-    if not 1 <= n_components <= n:
-        expected = f"between 1 and {n}, the demonstrations"
-        raise ArgumentError.about("n_components", expected, n_components, "Lower it.")
+    check_whole("n_components", n_components, 1, "There are no more demonstrations.", n)
     found = cluster(features, n_components, rng)
     if n < 2 or not features.loadings.size:  # nothing to leave out, or nothing to predict
         return ComponentTrial(n_components, found.labels, np.zeros(n), np.zeros(n))

@@ -18,6 +18,7 @@ from intent_recognition.signals import (
     Demonstration,
     OnsetSettings,
     movement_span,
+    numbered,
     onset_settings,
 )
 
@@ -182,6 +183,7 @@ def cut_to_movement(demonstrations: Sequence[Demonstration]) -> list[Demonstrati
 
     Thresholds come from the recordings themselves; the onset is found as it would be online.
     """
+    demonstrations = [*numbered(demonstrations)]
     if not demonstrations:
         return []
     observed = onset_settings([recorded.observed for recorded in demonstrations])

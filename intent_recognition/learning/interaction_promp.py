@@ -7,14 +7,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, TrainingError
+from intent_recognition.errors import ArgumentError, TrainingError, number
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.examples import make_example
 from intent_recognition.learning.fitting import predictive_covariances
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import summarize, variance_scales
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis
-from intent_recognition.signals import Demonstration
+from intent_recognition.signals import Demonstration, numbered
 
 
 def fit_interaction_promp(
@@ -43,8 +43,9 @@ def fit_interaction_promp(
         ArgumentError: the demonstrations differ in their DOFs or tasks, or `strength` or `ridge`
             is not positive.
     """
-    if not strength > 0:
+    if not number(strength) > 0:
         raise ArgumentError.about("strength", "a positive number", strength, "Try 10.")
+    demonstrations = [*numbered(demonstrations)]
     if len(demonstrations) < 2:
         got, cure = len(demonstrations), "A covariance takes more than one; record more."
         raise TrainingError.about("demonstrations", "two or more", got, cure)

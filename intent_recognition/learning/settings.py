@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, number
 from intent_recognition.promp import NormalizedRBFBasis
 
 SEGMENTATIONS = ("movement", "recording")
@@ -45,15 +45,15 @@ class TrainingSettings:
     def __post_init__(self) -> None:
         for n_basis in (self.n_basis, self.n_aligned_basis):
             NormalizedRBFBasis(n_basis, self.width)  # says what is wrong with them
-        if not self.ridge > 0:
+        if not number(self.ridge) > 0:
             raise ArgumentError.about("ridge", "a positive number", self.ridge, "Try 3e-3.")
         if self.segmentation not in SEGMENTATIONS:
             expected = f"one of {SEGMENTATIONS}"
             raise ArgumentError.about("segmentation", expected, self.segmentation, "Choose one.")
-        if self.duration_evidence is not None and not 0 < self.duration_evidence <= 1:
+        if self.duration_evidence is not None and not 0 < number(self.duration_evidence) <= 1:
             raise ArgumentError.about(
                 "duration_evidence", "an exponent in (0, 1]", self.duration_evidence, "Try 0.2."
             )
-        if not 0 < self.none_prior < 1:
+        if not 0 < number(self.none_prior) < 1:
             expected = "a probability between 0 and 1"
             raise ArgumentError.about("none_prior", expected, self.none_prior, "Try 0.11.")

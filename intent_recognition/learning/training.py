@@ -10,7 +10,7 @@ from typing import NamedTuple, TypedDict
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, brief
 from intent_recognition.errors import TrainingError, check_type
 from intent_recognition.learning.accumulation import NAMES_KEPT, Accumulated, accumulate
 from intent_recognition.learning.fitting import learned_from, library_from_statistics, statistics_of
@@ -29,9 +29,10 @@ from intent_recognition.learning.timing import PACES
 from intent_recognition.learning.unit_check import other_units_of
 from intent_recognition.learning.unknown_task import learn_none_margin
 from intent_recognition.promp import ResidualCoupling, TaskLibrary
-from intent_recognition.signals import Demonstration
+from intent_recognition.signals import Demonstration, StreamFinding, label_doubts
 
 
+@brief
 @dataclass(frozen=True)
 class Trained:
     """A library with the statistics that are needed to add demonstrations to it.
@@ -47,6 +48,7 @@ class Trained:
     chosen: Hyperparameters
 
 
+@brief
 class TrainingReport(NamedTuple):
     """The learned library, and which demonstrations were used and left out.
 
@@ -71,6 +73,12 @@ class TrainingReport(NamedTuple):
         """The learned tasks."""
         return self.trained.library
 
+    @property
+    def doubtful(self) -> list[StreamFinding]:
+        """Recordings of rare tasks whose label may be misspelt."""
+        tasks = self.trained.tasks.items()
+        return label_doubts((one.name, label) for label, task in tasks for one in task.examples)
+
 
 def learn(
     demonstrations: Iterable[Demonstration], settings: TrainingSettings | None = None
@@ -80,7 +88,7 @@ def learn(
     Noise, alignment in time and the margin over unknown movements are chosen by
     cross-validation. Demonstrations that cannot be used (too short, other DOFs, no label) are left
     out with a warning; `learn_with_report` returns which and why instead. One that seems to be in
-    another unit than the others is learned from, with a warning.
+    another unit than the others, or to have a misspelt label, is learned from, with a warning.
 
     Args:
         demonstrations: labelled recordings with the same DOFs: a list, or a stream of any length,
@@ -100,7 +108,8 @@ def learn(
             f"{report.n_rejected} of {n} demonstrations are left out: {first}", stacklevel=2
         )
     trained = report.trained
-    for finding in other_units_of(trained.tasks, trained.tasks, trained.preprocessing):
+    units = other_units_of(trained.tasks, trained.tasks, trained.preprocessing)
+    for finding in [*units, *report.doubtful]:
         warnings.warn(str(finding), stacklevel=2)
     return report.library
 
@@ -276,7 +285,9 @@ def _check_enough(accumulated: Accumulated) -> Preprocessing:
             "at least two usable, labelled demonstrations of a task",
             f"none of {accumulated.n_rejected}"
             + "".join(f"; {name}: {reason}" for name, reason in accumulated.rejected[:3]),
-            "Check the DOFs and the labels; without labels, use learn_mixture or --unlabelled.",
+            "Check the DOFs and the labels; without labels, use learn_mixture or --unlabelled."
+            if accumulated.n_rejected
+            else "Check where they were read from.",
         )
     if accumulated.n_used == len(accumulated.tasks):
         expected = "at least two demonstrations of a task"

@@ -23,7 +23,7 @@ from intent_recognition.learning.preprocessing import example_of
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.training import TrainingReport, learn_with_report
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.signals import Demonstration
+from intent_recognition.signals import Demonstration, numbered
 
 
 class Relabelled(NamedTuple):
@@ -138,6 +138,7 @@ def _examples(
     demonstrations: Sequence[Demonstration], settings: TrainingSettings
 ) -> tuple[list[Demonstration], list[TrainingExample], tuple[tuple[str, str], ...]]:
     """The usable recordings, their examples, and why others are left out."""
+    demonstrations = [*numbered(demonstrations)]
     stand_ins = [replace(recorded, task="unlabelled") for recorded in demonstrations]
     own = replace(settings, n_basis=BASIS.n_basis, width=BASIS.width, ridge=RIDGE)
     accumulated = accumulate(stand_ins, own)

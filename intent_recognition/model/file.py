@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import DofEntry, DofSpec, reference_of
 from intent_recognition.durable import write_arrays
-from intent_recognition.errors import DofError, IntentError, ModelError, check_type, first_of
+from intent_recognition.errors import (
+    DofError,
+    IntentError,
+    ModelError,
+    as_path,
+    check_type,
+    first_of,
+)
 from intent_recognition.learning import Trained
 from intent_recognition.model.array_dofs import dofs_of_arrays
 from intent_recognition.model.arrays import RETRAIN, check_arrays
@@ -128,7 +135,7 @@ def save_model(
         header["statistics"], statistics = pack_statistics(trained)
         arrays |= statistics
     try:
-        write_arrays(Path(path), {"header": np.array(json.dumps(header)), **arrays})
+        write_arrays(as_path("path", path), {"header": np.array(json.dumps(header)), **arrays})
     except OSError as error:
         cure = "Choose another --output."
         raise ModelError.about(str(path), "a file that can be written", error, cure) from error
@@ -138,9 +145,11 @@ def load_model(path: str | Path) -> Model:
     """Read and check a model file.
 
     Raises:
+        ArgumentError: the path is none.
         ModelError: no such file, not a model, unknown version, missing array, wrong shape, or a
             value that is not finite or makes no sense; names the file and the array.
     """
+    path = as_path("path", path)
     content = ADDED | _read(path, (*SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING))
     header = _header(path, content)
     try:
@@ -188,7 +197,7 @@ def load_trained(path: str | Path) -> tuple[Model, Trained]:
         ModelError: as `load_model`, or the file holds no statistics.
     """
     model = load_model(path)
-    content = _read(path, ARRAYS)
+    content = _read(Path(path), ARRAYS)
     header = _header(path, content)
     if "statistics" not in header:
         expected = "statistics to add demonstrations to"
@@ -233,11 +242,11 @@ def _with_references(
     )
 
 
-def _read(path: str | Path, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
+def _read(path: Path, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
     """Header and wanted arrays that the file holds."""
     try:
-        check_archive(Path(path))
-        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+        check_archive(path)
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             return {
                 name: _read_array(path, file, name)
                 for name in ("header", *wanted)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.durable import write_arrays
-from intent_recognition.errors import IntentError, ModelError
+from intent_recognition.errors import IntentError, ModelError, as_path
 from intent_recognition.share import share_path
 from intent_recognition.untrusted import UntrustedError, read_arrays
 from intent_recognition.warping import AnnotatedObject, Grasp
@@ -45,7 +45,7 @@ def load_object(path: str | Path) -> AnnotatedObject:
         ModelError: it is not there, of another version, or an array is missing or bad.
     """
     try:
-        arrays = read_arrays(Path(path))
+        arrays = read_arrays(as_path("path", path))
     except (OSError, UntrustedError) as error:
         raise ModelError.about(str(path), "an annotated object", error, CURE) from error
     version = arrays.get("format_version")

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, number
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class NormalizedRBFBasis:
 
     def __post_init__(self) -> None:
         whole = isinstance(self.n_basis, int | np.integer)
-        if not whole or self.n_basis < 3 or not self.width > 0:
+        if not whole or self.n_basis < 3 or not number(self.width) > 0:
             expected = "3 basis functions or more, a whole number, of positive width"
             got = f"{self.n_basis} of width {self.width}"
             raise ArgumentError.about("n_basis, width", expected, got, "Try 20 of width 1.5.")

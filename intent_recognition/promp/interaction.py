@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, brief
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian import Gaussian, condition, marginal
 from intent_recognition.promp.basis import NormalizedRBFBasis
@@ -22,6 +22,7 @@ from intent_recognition.promp.trajectory import Trajectory, check_points, rollou
 from intent_recognition.signals import as_numbers
 
 
+@brief
 @dataclass(frozen=True)
 class InteractionProMP:
     """Joint distribution of the weights of P observed and Q controlled DOFs, D = P + Q.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats, Integers
-from intent_recognition.errors import first_of
+from intent_recognition.errors import check_whole, first_of
 from intent_recognition.gaussian import Gaussian, Regression, expected_distance, regression
 from intent_recognition.plots import Figure, by_unit, draw_bands, name_lines, new_panels
 from intent_recognition.promp.basis import NormalizedRBFBasis
@@ -243,7 +243,12 @@ class TaskLibrary:
         return np.exp(usual)
 
     def primitive(self, task: int) -> InteractionProMP:
-        """The interaction primitive of task number `task`, at steady progress."""
+        """The interaction primitive of task number `task`, at steady progress.
+
+        Raises:
+            ArgumentError: there is no such task.
+        """
+        check_whole("task", task, 0, "Pass a task's place in `labels`.", self.n_tasks - 1)
         return InteractionProMP(
             self.basis,
             Gaussian(self.weight_mean[task], self.weight_covariance[task]),

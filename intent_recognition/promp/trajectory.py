@@ -7,12 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError
+from intent_recognition.array_types import Floats, brief
+from intent_recognition.errors import check_whole
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.promp.basis import NormalizedRBFBasis
 
 
+@brief
 class Trajectory(NamedTuple):
     """Mean and standard deviation of some DOFs over a grid of times.
 
@@ -35,8 +36,7 @@ def check_points(n_points: int) -> None:
     Raises:
         ArgumentError: it is not.
     """
-    if n_points < 1:
-        raise ArgumentError.about("n_points", "1 or more", n_points, "Pass 50, or leave it out.")
+    check_whole("n_points", n_points, 1, "Pass 50, or leave it out.")
 
 
 def rollout(

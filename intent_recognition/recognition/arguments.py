@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError, DofError, ShapeError, check_type
+from intent_recognition.errors import ArgumentError, DofError, ShapeError, check_type, check_whole
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Misfit, Observation, SignalPast, as_numbers, as_stamp_ns
 
@@ -38,22 +38,21 @@ def as_observation(
         ShapeError: values or covariance are no arrays of numbers.
         ArgumentError: there is no such signal, no such DOF, or the stamp is not in seconds.
     """
-    if not 0 <= signal < len(sizes):
-        cure = "The library's observed_groups lists its signals."
-        raise ArgumentError.about("signal", f"0 to {len(sizes) - 1}", signal, cure)
+    check_whole("signal", signal, 0, "`observed_groups` lists the signals.", len(sizes) - 1)
     n_dofs = sizes[signal]
-    if dofs is not None and not (
-        dofs and len(set(dofs)) == len(dofs) and all(k in range(n_dofs) for k in dofs)
+    some = None if dofs is None else tuple(np.atleast_1d(dofs).tolist())
+    if some is not None and not (
+        some and len(set(some)) == len(some) and all(k in range(n_dofs) for k in some)
     ):
         expected = f"different numbers from 0 to {n_dofs - 1}"
         cure = "Leave out the DOFs that were not measured."
-        raise ArgumentError.about("dofs", expected, list(dofs), cure)
+        raise ArgumentError.about("dofs", expected, list(some), cure)
     return Observation(
         as_stamp_ns("stamp_s", stamp_s),
         signal,
         as_numbers("values", values),
         None if covariance is None else as_numbers("covariance", covariance),
-        None if dofs is None else tuple(dofs),
+        some,
     )
 
 
@@ -81,13 +80,14 @@ def as_posture(n_controlled: int, stamp_s: float, values: ArrayLike, signal: int
 
     Raises:
         ShapeError: values are not a vector of at most Q numbers.
-        ArgumentError: the stamp is not in seconds.
+        ArgumentError: the stamp is not in seconds, or there is no such signal.
     """
     position = as_numbers("values", values)
     if position.ndim != 1 or len(position) > n_controlled:
         cure = "Pass the positions of one controlled signal."
         expected = f"a vector of at most {n_controlled} numbers"
         raise ShapeError.about("values", expected, position.shape, cure)
+    check_whole("signal", signal, 0, "Count the controlled signals from 0.", n_controlled - 1)
     return Observation(as_stamp_ns("stamp_s", stamp_s), signal, position)
 
 

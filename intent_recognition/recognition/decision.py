@@ -33,8 +33,9 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.errors import ArgumentError, ShapeError, check_type, check_whole, number
 from intent_recognition.promp import NONE, USUAL_END_STD, Risk, TaskLibrary, end_std_limits, risk_of
+from intent_recognition.recognition.arguments import LIBRARY_CURE
 
 EVEN = 1e-6
 """Log Bayes factor that counts as zero. Convention: rounding, and what the margin leaves of it.
@@ -85,17 +86,16 @@ class DecisionSettings:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if not 0.5 < self.threshold <= 1.0:
+        if not 0.5 < number(self.threshold) <= 1.0:
             _refuse("threshold", "a probability in (0.5, 1]", self.threshold)
-        if self.n_observations < 1:
-            _refuse("n_observations", "at least 1", self.n_observations)
+        check_whole("n_observations", self.n_observations, 1, "Try 5.")
         for name in ("max_end_std_rad", "max_end_std_m"):
             limit = getattr(self, name)
-            if limit is not None and not limit > 0.0:
+            if limit is not None and not number(limit) > 0.0:
                 _refuse(name, "a positive number, or None for the learned limit", limit)
-        if not 0.0 <= self.release_below < self.threshold:
+        if not 0.0 <= number(self.release_below) < self.threshold:
             _refuse("release_below", "a probability below threshold", self.release_below)
-        if not 0.0 <= self.min_evidence < 1.0:
+        if not 0.0 <= number(self.min_evidence) < 1.0:
             _refuse("min_evidence", "a share in [0, 1)", self.min_evidence)
 
     def is_sure(self, labels: Sequence[str], p: Floats, task: int) -> bool:
@@ -120,7 +120,11 @@ def decision_settings(library: TaskLibrary, max_wrong: float = MAX_WRONG) -> Dec
     Args:
         library: the learned tasks.
         max_wrong: share of interactions that may be acted on wrongly, in (0, 0.5].
+
+    Raises:
+        ArgumentError: `library` is none, or `max_wrong` no share in (0, 0.5].
     """
+    check_type("library", library, TaskLibrary, LIBRARY_CURE)
     return DecisionSettings(
         learned_end_std=end_std_limits(library), risk=learned_risk(library, max_wrong)
     )
@@ -132,7 +136,7 @@ def learned_risk(library: TaskLibrary, max_wrong: float = MAX_WRONG) -> Risk | N
     Raises:
         ArgumentError: `max_wrong` is no share in (0, 0.5].
     """
-    if not 0.0 < max_wrong <= 0.5:
+    if not 0.0 < number(max_wrong) <= 0.5:
         _refuse("max_wrong", "a share in (0, 0.5]", max_wrong)
     return risk_of(library.left_out_odds, max_wrong) if library.left_out_odds.odds else None
 
@@ -329,4 +333,4 @@ def _checked(labels: Sequence[str], probabilities: Floats) -> Floats:
 def _refuse(
     argument: str, expected: str, got: object, cure: str = "Change it, or leave it out."
 ) -> None:
-    raise ArgumentError.about(argument, expected, got, cure)
+    raise ArgumentError.about(argument, expected, repr(got), cure)

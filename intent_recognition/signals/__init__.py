@@ -3,6 +3,7 @@
 
 from intent_recognition.signals.arrays import as_numbers, as_stamp_ns, check_times
 from intent_recognition.signals.demonstration import Demonstration, Rejection, numbered
+from intent_recognition.signals.labels import label_doubts
 from intent_recognition.signals.lags import (
     SpeedCorrelation,
     StreamFinding,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError, IntentError, ShapeError, one_line
+from intent_recognition.errors import ArgumentError, IntentError, ShapeError, check_type, one_line
 from intent_recognition.signals.arrays import as_numbers, as_seconds, check_times
 from intent_recognition.signals.signal import GROUP, LABEL, MIN_SAMPLES, Signal, can_name_task
 from intent_recognition.signals.streams import recording_doubts, stream_defect
@@ -146,15 +146,15 @@ class Demonstration:
             () if context is None else (_constant(context, start_ns, context_names, context_unit),)
         )
         robots = (controlled,) if controlled.names else ()
-        if not isinstance(group, str):
-            cure = "Pass a name, such as str(group)."
-            raise ArgumentError.about("group", "a text", repr(group), cure)
+        for argument, text in (("name", name), ("group", group)):
+            check_type(argument, text, str, f"Pass a name, such as str({argument}).")
         whose = {GROUP: group} if group else {}
         made = cls(name, "", task, (observed,), robots, start_ns, end_ns, whose, context=known)
         if defect := stream_defect(made):
             raise ArgumentError(f"{name}: {defect}")
         for doubt in recording_doubts(made, brief=True):
-            warnings.warn(doubt, stacklevel=2)  # Python tells the same text of one line once
+            # Python tells the same text of one line once
+            warnings.warn(f"{name}: {doubt}", stacklevel=2)
         return made
 
     def __repr__(self) -> str:
@@ -182,10 +182,22 @@ class Demonstration:
 
 
 def numbered(recordings: Iterable[Demonstration]) -> Iterator[Demonstration]:
-    """The recordings; those that were given no name have their place, from 0, in it."""
-    for number, recorded in enumerate(recordings):
-        unnamed = isinstance(recorded, Demonstration) and recorded.name == UNNAMED
-        yield replace(recorded, name=f"{UNNAMED}_{number}") if unnamed else recorded
+    """The recordings; those that were given no name have their place, from 0, in it.
+
+    Raises:
+        ArgumentError: they, or one of them, are something else.
+    """
+    cure = "Make them with `Demonstration.from_arrays` or `read_demonstrations`."
+    if not isinstance(recordings, Iterable):
+        cure = "Put it into a list." if isinstance(recordings, Demonstration) else cure
+        found = type(recordings).__name__
+        raise ArgumentError.about("demonstrations", "a list of Demonstration", found, cure)
+    for place, recorded in enumerate(recordings):
+        if not isinstance(recorded, Demonstration):
+            argument, found = f"demonstrations[{place}]", type(recorded).__name__
+            raise ArgumentError.about(argument, "a Demonstration", found, cure)
+        unnamed = recorded.name == UNNAMED
+        yield replace(recorded, name=f"{UNNAMED}_{place}") if unnamed else recorded
 
 
 def _constant(context: ArrayLike, stamp_ns: int, names: Sequence[str] | None, unit: str) -> Signal:
@@ -216,11 +228,16 @@ def _signal(
     if times.ndim != 1:
         cure = "Pass one time for each sample."
         raise ShapeError.about(times_name, "shape (T,)", times.shape, cure)
+    if not times.size:
+        expected = f"at least {MIN_SAMPLES} times"
+        raise ArgumentError.about(times_name, expected, "none", "Check what was recorded.")
     if samples.ndim != 2 or len(samples) != len(times):
         expected = f"shape ({times.size}, number of DOFs), a row for each of {times.size} times"
         cure = "Pass one row per time and one column per DOF."
         if samples.ndim == 2 and samples.shape[1] == times.size:
             cure = f"Pass it transposed: {argument}.T."
+        elif samples.ndim < 2 and argument == "robot" and samples.size in (0, times.size):
+            cure = "Pass robot[:, None] for one joint; numpy.empty((T, 0)) without a robot."
         elif samples.ndim == 2 and argument == "robot" and times_name == "times_s":
             cure = "Pass its own times as robot_times_s, or one row per time of the human."
         raise ShapeError.about(argument, expected, samples.shape, cure)

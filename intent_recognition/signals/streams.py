@@ -26,6 +26,8 @@ class _Recorded(Protocol):
     """What is needed of a `Demonstration`, which asks for doubts when it is made."""
 
     @property
+    def source(self) -> str: ...
+    @property
     def observed(self) -> tuple[Signal, ...]: ...
     @property
     def controlled(self) -> tuple[Signal, ...]: ...
@@ -97,10 +99,16 @@ def _misfits(recorded: _Recorded, brief: bool = False) -> Iterator[tuple[bool, s
     of_arms = recorded.known or (None,) * len(recorded.controlled)
     known = (*[None] * len(recorded.observed), *of_arms)
     found = [(one, misfit(one, of)) for one, of in zip(signals, known, strict=True)]
-    for signal, odd in [*found, *((one, scene_misfit(one)) for one in recorded.context)]:
+    found += [(one, scene_misfit(one)) for one in recorded.context]
+    sides = ["observed"] * len(recorded.observed) + ["controlled"] * len(recorded.controlled)
+    sides += ["context"] * len(recorded.context)
+    for (signal, odd), side in zip(found, sides, strict=True):
         if odd is not None:
             short = brief and odd.likely
-            yield odd.certain, f"{in_words(signal)}: {short}" if short else odd.reason
+            said = f"{in_words(signal)}: {short}" if short else odd.reason
+            from_arrays = not recorded.source and np.isfinite(odd.factor)
+            said += f" Or pass their unit as {side}_unit." if from_arrays else ""
+            yield odd.certain, said
 
 
 def _missing(recorded: _Recorded) -> str:

@@ -5,6 +5,7 @@ import json
 from dataclasses import replace
 
 import pytest
+import yaml
 from cli.recorded import DOFS, TRUTH, write_all
 from model_builder import perform, write_recording
 from rich.console import Console
@@ -81,6 +82,24 @@ def test_inspect(run_command, folder, with_dofs):
     _, text = run_command("inspect", folder / "bags", *options, "--json")
     named = {bag["path"].split("/")[-1]: bag["streams"] for bag in json.loads(text)}
     assert {name for name, faults in named.items() if faults} == set(SPOILED)
+
+
+@pytest.mark.parametrize("command", ["inspect", "train", "evaluate"])
+def test_a_misspelt_label_is_named(command, run_command, tmp_path):
+    labels = ["give_cup"] * 6 + ["give_cpu"]
+    for number, label in enumerate(labels):
+        recorded = replace(perform(TRUTH, 0, number, rate_hz=25.0), task=label)
+        write_recording(tmp_path / "bags" / f"reach_{number}", recorded, DOFS, task=label)
+    (tmp_path / "dofs.yaml").write_text(yaml.safe_dump(DOFS.to_dict()))
+    options = {
+        "inspect": (),
+        "train": ("--basis", 8, "--output", tmp_path / "m.npz"),
+        "evaluate": ("--basis", 8, "--protocol", "temporal", "--unknown-tasks", "off"),
+    }[command]
+    options = ("--dofs", tmp_path / "dofs.yaml", *options)
+    code, text = run_command(command, tmp_path / "bags", *options)
+    said = "1 with the task give_cpu, 6 with give_cup. Did you mean give_cup?"
+    assert code == 0 and " ".join(text.split()).count(f"doubtful reach_6: {said}") == 1
 
 
 def test_recordings_with_one_fault_are_one_line(capsys):

@@ -4,6 +4,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -257,7 +258,10 @@ def steady_library(recordings: Sequence[Demonstration], settings: TrainingSettin
 @pytest.mark.slow
 def test_scores_against_a_loop_written_out(rng, monkeypatch):
     """RMSE, coverage and likelihood at full observation, known phase, one joint Gaussian each."""
-    monkeypatch.setattr("intent_recognition.evaluation.protocol.learn", steady_library)
+    monkeypatch.setattr(
+        "intent_recognition.evaluation.protocol.learn_with_report",
+        lambda *given: SimpleNamespace(library=steady_library(*given)),
+    )
     truth = make_library(rng, n_tasks=1, groups=(1,), n_controlled=2, n_basis=8)
     recordings = [simulate(truth, 0, rng, name=str(i), n_samples=12) for i in range(6)]
     folds = make_folds(some(6), "loo")

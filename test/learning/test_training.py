@@ -158,9 +158,9 @@ def test_unusable_recordings_are_left_out_by_name_and_reason(truth, rng):
 
 
 def test_nothing_to_learn_from_is_an_error_that_says_why(truth, rng):
-    with pytest.raises(TrainingError, match=r"demonstrations: .*none of 0.*Check the DOFs"):
+    with pytest.raises(TrainingError, match=r"demonstrations: .*none of 0.*Check where"):
         learn([], WHOLE)
-    with pytest.raises(TrainingError, match=r"none of 1; demo: it has no label"):
+    with pytest.raises(TrainingError, match=r"none of 1; demo: it has no label .*Check the DOFs"):
         learn([replace(simulate(truth, 0, rng), task=None)], WHOLE)
     with pytest.raises(TrainingError, match=r"no controlled degrees of freedom: add an entry"):
         learn([replace(simulate(truth, 0, rng), controlled=()) for _ in range(2)], WHOLE)

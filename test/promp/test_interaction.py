@@ -114,5 +114,5 @@ def test_what_is_no_number_is_named(promp):
         promp.condition("x", [0.1, 0.2, 0.3])
     with pytest.raises(ArgumentError, match=r"dofs: expected numbers from 0 to 4, got \['x'\]"):
         promp.condition(0.5, [0.1], dofs=["x"])
-    with pytest.raises(ArgumentError, match="n_points: expected 1 or more, got 0"):
+    with pytest.raises(ArgumentError, match="n_points: expected a whole number from 1 on, got 0"):
         promp.predict_controlled(0)

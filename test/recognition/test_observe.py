@@ -84,8 +84,8 @@ def test_nothing_measured_begins_nothing(library):
         (0.5, [0.0, 0.0, 0.0], {}, ArgumentError, "stamp_s: expected a stamp later"),
         (1.0, [0.0, 0.0, 0.0], {"covariance": np.eye(2)}, ArgumentError, "covariance"),
         (1.0, [0.0, 0.0, 0.0], {"covariance": -np.eye(3)}, ArgumentError, "covariance"),
-        (1.0, [0.0, 0.0, 0.0], {"signal": 1}, ArgumentError, "signal: expected 0 to 0"),
-        (1.0, [0.0, 0.0, 0.0], {"signal": -1}, ArgumentError, "signal: expected 0 to 0"),
+        (1.0, [0.0, 0.0, 0.0], {"signal": 1}, ArgumentError, "signal: expected a whole number"),
+        (1.0, [0.0, 0.0, 0.0], {"signal": -1}, ArgumentError, "signal: expected a whole number"),
         (1.0, [0.0], {"dofs": [3]}, ArgumentError, "dofs: expected different numbers"),
         (1.0, [0.0, 0.0], {"dofs": [1, 1]}, ArgumentError, "dofs: expected different numbers"),
         (1.0, [], {"dofs": []}, ArgumentError, "dofs: expected different numbers"),
@@ -138,7 +138,7 @@ def test_the_robot_may_be_observed_with_arrays(library, truth, rng):
     [
         ({"task_prior": np.ones(9) / 9}, "task_prior: expected . probabilities that sum to one"),
         ({"task_prior": [2.0, -1.0, 0.0]}, "task_prior: expected"),
-        ({"n_scales": 0}, "n_scales: expected 1 or more, got 0"),
+        ({"n_scales": 0}, "n_scales: expected a whole number from 1 on, got 0"),
     ],
 )
 def test_a_prior_that_is_none_is_refused(library, options, says):

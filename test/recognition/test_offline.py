@@ -117,7 +117,7 @@ def test_a_duration_must_be_positive(library, recording):
         ({"onset_s": np.nan}, "onset_s: expected seconds, a finite number"),
         ({"onset_s": "0"}, "onset_s: expected seconds, .* got '0'"),
         ({"duration_s": "2"}, "duration_s: expected a positive number, got 2"),
-        ({"n_points": 0}, "n_points: expected 1 or more, got 0"),
+        ({"n_points": 0}, "n_points: expected a whole number from 1 on, got 0"),
     ],
 )
 def test_options_that_are_none_are_refused(library, recording, options, says):

@@ -63,7 +63,11 @@ def test_rows_that_were_not_measured_are_left_out_and_not_filled_in():
             ShapeError,
             "each of 10 times, .* Pass one row per time and one column",
         ),
-        (TIMES_S, HUMAN, ROBOT, {"group": 0}, ArgumentError, "group: expected a text, got 0"),
+        (TIMES_S, HUMAN, ROBOT, {"group": 0}, ArgumentError, "group: expected a str, got"),
+        (TIMES_S, HUMAN, ROBOT, {"name": 7}, ArgumentError, r"name: .* Pass a name, such as str"),
+        ([], [], [], {}, ArgumentError, "times_s: expected at least 4 times, got none"),
+        (TIMES_S, HUMAN, ROBOT[:, 0], {}, ShapeError, r"robot\[:, None\] for one joint"),
+        (TIMES_S, HUMAN, [], {}, ShapeError, r"numpy.empty\(\(T, 0\)\) without a robot"),
         (TIMES_S, HUMAN.T, ROBOT, {}, ShapeError, "Pass it transposed: human.T"),
         (TIMES_S, HUMAN + 1j, ROBOT, {}, ShapeError, "human: .*complex numbers"),
         (TIMES_S, HUMAN, ROBOT, {"observed_unit": "Meters"}, ArgumentError, "Write 'm'"),
@@ -113,7 +117,7 @@ def reach(share: float = 1.0) -> np.ndarray:
             1000.0 * reach(),
             reach(),
             {},
-            "first: human_0 moves over 400 m at .* metres. Likely mill",
+            "first: human_0 moves over 400 m at .* metres. Likely mill.* as observed_unit",
         ),
         (reach(), reach()[:40], {"robot_times_s": LONG_S[:40]}, "robot_0 covers 39% of the"),
     ],
@@ -126,9 +130,13 @@ def test_what_no_recording_could_be_learned_from_is_refused_as_in_bags(human, ro
 @pytest.mark.parametrize(
     ("human", "robot", "says"),
     [
-        (0.0 * reach(), reach(), "the observed agent does not move"),
-        (reach(), np.degrees(reach()) * 2.0, "robot_0: Likely degrees for radians"),
-        (reach(), 68.0 + np.degrees(reach()) * 0.1, "robot_0: Likely degrees for radians"),
+        (0.0 * reach(), reach(), "first: the observed agent does not move"),
+        (reach(), np.degrees(reach()) * 2.0, "first: robot_0: Likely deg.* as controlled_unit"),
+        (
+            reach(),
+            68.0 + np.degrees(reach()) * 0.1,
+            "first: robot_0: Likely deg.* as controlled_unit",
+        ),
     ],
 )
 def test_what_gives_reason_to_doubt_in_bags_is_a_warning(human, robot, says):
