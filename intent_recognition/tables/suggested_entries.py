@@ -22,6 +22,8 @@ FARTHEST = {"m": 20.0, "rad": 4.0 * np.pi}
 """Beyond this a number is taken for another unit [m, rad]. Convention: a lab, two turns."""
 JOINT = re.compile(r"(?:.*?[./])?(?P<joint>[^./]*[^./\d][^./]*)(?:[./](?:position|pos|q))?$")
 """Columns that name their joint, such as `/joint_states/panda_joint1/position`."""
+UNIT_END = re.compile(r"(?i)(?<=[^\W_])[\W_]+(?:deg(?:ree)?s?|rad(?:ian)?s?)[\W_]*$")
+"""A unit at the end of the name of a joint."""
 NO_NAME = {"observation", "observations", "obs", "state", "human", "field", "mocap", "pose"}
 NO_NAME |= {"position", "pos", "poses", "xyz", "translation", "t"}
 """What names of columns say that is no name of a body."""
@@ -77,6 +79,8 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
     ]
     if len(set(called)) < len(called):
         called = [joint.name for joint in joints]
+    bare = [UNIT_END.sub("", name) for name in called]  # the unit is another from here on
+    called = bare if len(set(bare)) == len(bare) else called
     names = [re.sub(r"\W+", "_", name).strip("_") for name in called]
     farthest = max(joint.farthest for joint in joints)
     unit, note = _unit_of(table, joints[0].name, farthest, "rad")

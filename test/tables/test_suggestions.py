@@ -42,6 +42,27 @@ def suggested(source):
     return content, text, found
 
 
+@pytest.mark.parametrize(
+    ("columns", "joints"),
+    [
+        (("shoulder_deg", "elbow_deg"), ["shoulder", "elbow"]),
+        (("shoulder [deg]", "elbow [deg]"), ["shoulder", "elbow"]),
+        (("q1.degrees", "q2.degrees"), ["q1", "q2"]),
+        (("elbow_rad", "wrist_rad"), ["elbow", "wrist"]),
+        (("elbow_grad", "degree"), ["elbow_grad", "degree"]),
+        (("elbow_deg", "elbow_rad"), ["elbow_deg", "elbow_rad"]),
+    ],
+)
+def test_joints_are_not_called_by_a_unit_that_is_converted(columns, joints, tmp_path):
+    def row(k):
+        return [f"{TIMES_S[k]}", f"{SHARE[k, 0]}", f"{1.0 - SHARE[k, 0]}"]
+
+    (tmp_path / "a.csv").write_text(table(",".join(("t", *columns)), row))
+    content, *_ = suggested(tmp_path / "a.csv")
+    assert content["observed"][0]["joints"] == joints
+    assert content["observed"][0]["columns"] == list(columns)
+
+
 def test_a_map_is_suggested_of_bags(tmp_path):
     write_ros1(tmp_path / "give_00.bag")
     content, _, (found,) = suggested(tmp_path)
