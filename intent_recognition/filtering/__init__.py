@@ -2,6 +2,7 @@
 """Recursive conditioning of every hypothesis over task, duration and phase; births; pruning."""
 
 from intent_recognition.filtering.births import NEGLIGIBLE
+from intent_recognition.filtering.deviations import Deviations, deviations_at
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import (
     N_SCALES,
@@ -11,5 +12,3 @@ from intent_recognition.filtering.grid import (
     make_prior_grid,
 )
 from intent_recognition.filtering.posterior import TaskPosterior, answered, task_posterior
-from intent_recognition.filtering.prediction import deviations_at
-from intent_recognition.filtering.table import Deviations

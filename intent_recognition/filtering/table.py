@@ -12,12 +12,12 @@ more weights per DOF, those of its offset (`fading`).
 
 from dataclasses import replace
 from math import inf
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.array_types import Flags, Floats, Integers
+from intent_recognition.filtering.deviations import Deviations
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.rates import AFRESH, STRAIGHT
 from intent_recognition.gaussian import GaussianBatch, LinearMeasurement, state_width
@@ -48,21 +48,6 @@ COLUMNS = np.dtype(
     ]
 )
 """Columns of a hypothesis beside its state and the probabilities of its phase deviation."""
-
-
-class Deviations(NamedTuple):
-    """What was believed of some hypotheses' phase deviation, one measurement after the other.
-
-    Attributes:
-        times_s: of the n measurements after onset, (n,), ascending; a late one has the time of the
-            one before.
-        filtered: probability of each deviation given the measurements so far, (n, S, E).
-        likelihood: what each measurement weighed the deviations with, (n, S, E).
-    """
-
-    times_s: Floats
-    filtered: Floats
-    likelihood: Floats
 
 
 class HypothesisTable:

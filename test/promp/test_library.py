@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from simulation import make_library
 
 from intent_recognition.gaussian.normal import regression
-from intent_recognition.promp.library import N_KEPT
+from intent_recognition.promp.regressions import N_KEPT
 
 
 def test_sizes_and_blocks(rng):

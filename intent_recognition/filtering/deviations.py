@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What measurements say of the phase deviation of hypotheses, at any time: smoothing."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.array_types import Floats
+from intent_recognition.promp import PhaseDeviation, deviation_prior, deviation_transition
+
+
+class Deviations(NamedTuple):
+    """What was believed of some hypotheses' phase deviation, one measurement after the other.
+
+    Attributes:
+        times_s: of the n measurements after onset, (n,), ascending; a late one has the time of the
+            one before.
+        filtered: probability of each deviation given the measurements so far, (n, S, E).
+        likelihood: what each measurement weighed the deviations with, (n, S, E).
+    """
+
+    times_s: Floats
+    filtered: Floats
+    likelihood: Floats
+
+
+def deviations_at(
+    model: PhaseDeviation, durations_s: Floats, deviations: Deviations, times_s: Floats
+) -> Floats:
+    """Probability of each deviation at times given all observations, (S, T, E).
+
+    Args:
+        model: prior of the phase deviation.
+        durations_s: of the whole movement under each hypothesis, (S,).
+        deviations: what was believed after each measurement.
+        times_s: after onset, (T,).
+    """
+    seen_s, filtered, likelihood = deviations
+    prior = deviation_prior(model)
+    if not len(seen_s) or len(prior) == 1:
+        return np.tile(prior, (len(durations_s), len(times_s), 1))
+    if np.all(times_s >= seen_s[-1]):
+        smoothed = filtered[-1][:, None]
+        seen_s = seen_s[-1:]
+    else:
+        smoothed = _smoothed(model, durations_s, seen_s, filtered, likelihood)
+    after = np.clip(np.searchsorted(seen_s, times_s), 0, len(seen_s) - 1)
+    before = np.maximum(after - 1, 0)
+    gap = np.maximum(seen_s[after] - seen_s[before], 1e-9)
+    share = np.clip((times_s - seen_s[before]) / gap, 0.0, 1.0)[:, None]
+    found = (1.0 - share) * smoothed[:, before] + share * smoothed[:, after]
+    future = times_s > seen_s[-1]
+    passed = (times_s[future] - seen_s[-1]) / durations_s[:, None]
+    found[:, future] = np.einsum("se,stef->stf", filtered[-1], deviation_transition(model, passed))
+    return found
+
+
+def _smoothed(
+    model: PhaseDeviation,
+    durations_s: Floats,
+    times_s: Floats,
+    filtered: Floats,
+    likelihood: Floats,
+) -> Floats:
+    """Deviations at the measurements given all of them, (S, n, E): the backward recursion."""
+    later, smoothed = np.ones_like(filtered[0]), []
+    moved = deviation_transition(model, np.diff(times_s)[:, None] / durations_s)
+    for k in range(len(times_s) - 1, -1, -1):
+        now = filtered[k] * later
+        smoothed.append(now / now.sum(axis=1, keepdims=True))
+        if k:
+            later = np.matmul(moved[k - 1], (later * likelihood[k])[..., None])[..., 0]
+            later /= later.max(axis=1, keepdims=True)
+    return np.stack(smoothed[::-1], axis=1)

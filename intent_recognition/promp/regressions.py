@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the controlled weights follow from the observed ones, and how surely."""
+
+import numpy as np
+
+from intent_recognition.array_types import Floats
+from intent_recognition.gaussian import Gaussian, Regression, expected_distance, regression
+
+N_KEPT = 16
+"""Regressions held in memory. Convention: few tasks become the most probable in one movement."""
+
+
+class Regressions:
+    """Regressions of K tasks, computed when asked for; the most recently used are kept.
+
+    Args:
+        mean: weights, observed first, (K, D N).
+        covariance: (K, D N, D N).
+        n_observed: number of observed weights.
+        variance: of the coefficients, in parts of C (x) S_oo^-1.
+    """
+
+    def __init__(self, mean: Floats, covariance: Floats, n_observed: int, variance: float = 0.0):
+        self._mean, self._covariance, self._n_observed = mean, covariance, n_observed
+        self._variance = variance
+        self._kept: dict[int, tuple[Regression, Floats | None]] = {}
+
+    def __len__(self) -> int:
+        return len(self._mean)
+
+    def __getitem__(self, task: int) -> Regression:
+        """N(A w_o + b, C) of a task, negative numbers counting from the end."""
+        return self._find(task)[0]
+
+    def _find(self, task: int) -> tuple[Regression, Floats | None]:
+        """A regression, and S_oo^-1 where its coefficients are uncertain."""
+        index, n = range(len(self))[task], self._n_observed
+        found = self._kept.pop(index, None)
+        if found is None:
+            joint = Gaussian(self._mean[index], self._covariance[index])
+            precision: Floats | None = None
+            if self._variance:
+                precision = np.asarray(np.linalg.inv(joint.covariance[:n, :n]), dtype=np.float64)
+            found = regression(joint, n), precision
+            while len(self._kept) >= N_KEPT:
+                del self._kept[next(iter(self._kept))]
+        self._kept[index] = found
+        return found
+
+    def uncertainty(self, task: int, mean: Floats, covariance: Floats) -> Floats:
+        """By what the uncertain coefficients multiply C where the observed weights are so, (...).
+
+        1 + r E[(w_o - mu_o)^T S_oo^-1 (w_o - mu_o)], r the variance of the coefficients.
+
+        Args:
+            task: number of the task.
+            mean: of the observed weights, (..., P N).
+            covariance: of them, (..., P N, P N).
+        """
+        _, precision = self._find(task)
+        if precision is None:
+            return np.ones(mean.shape[:-1])
+        apart = mean - self._mean[task, : self._n_observed]
+        distance = expected_distance(precision, apart, covariance)
+        return np.asarray(1.0 + self._variance * distance, dtype=np.float64)
