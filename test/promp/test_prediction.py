@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trajectories against Monte Carlo, finite differences and joint conditioning."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -116,6 +118,19 @@ def test_no_end_is_surer_than_with_everything_else_known(seed):
     unknown = Gaussian(joint.mean[:size], joint.covariance[:size, :size])
     prior = dof_variance(row, controlled_weights(library, task, unknown).covariance) + noise
     assert least["rad"] <= np.sqrt(prior.max())
+
+
+def test_the_least_uncertainty_of_an_end_is_that_of_people_as_they_usually_are(rng):
+    library = make_library(rng, n_tasks=2, n_basis=7, groups=(2,), n_controlled=2)
+    library, size = replace(library, regression_variance=0.05), library.n_observed_weights
+    human = library.weight_mean[0, :size], library.weight_covariance[0, :size, :size]
+    row, exact = library.basis.design_matrix(np.ones(1)), np.zeros((size, size))
+    variances = [
+        dof_variance(row, controlled_weights(library, 0, Gaussian(weights, exact)).covariance)
+        for weights in rng.multivariate_normal(*human, size=2000)
+    ]
+    expected = np.sqrt((np.mean(variances, axis=0) + library.control_noise_variance()).max())
+    assert least_end_std(library, 0, start_known=False)["rad"] == pytest.approx(expected, rel=0.02)
 
 
 @pytest.mark.parametrize("with_start", [False, True])
