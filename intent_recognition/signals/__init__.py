@@ -44,7 +44,7 @@ from intent_recognition.signals.signal import (
     Signal,
     can_name_task,
 )
-from intent_recognition.signals.streams import common_span, stream_defect, zeros
+from intent_recognition.signals.streams import common_span, sparse, stream_defect, zeros
 from intent_recognition.signals.turns import (
     ANGLE_UNIT,
     begin_near,

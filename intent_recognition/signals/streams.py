@@ -72,7 +72,7 @@ def recording_doubts(recorded: _Recorded, *, brief: bool = False) -> list[str]:
     clock = [*_shifted_clock(recorded)] or [*_shifted_edges(recorded)]
     return [
         *(clock or _in_part(recorded)),
-        *_sparse(recorded),
+        *(said for one in recorded.observed for said in sparse(one)),
         *(said for one in (*recorded.observed, *recorded.controlled) for said in zeros(one)),
         *_found_late(recorded),
         *(reason for is_certain, reason in _misfits(recorded, brief) if not is_certain),
@@ -94,7 +94,7 @@ def _misfits(recorded: _Recorded, brief: bool = False) -> Iterator[tuple[bool, s
     """Of signals that are hardly in their unit, whether that is certain, and why."""
     signals = (*recorded.observed, *recorded.controlled)
     for late in filter(None, map(time_misfit, signals)):
-        if late.certain:  # of others `_sparse` tells
+        if late.certain:  # of others `sparse` tells
             yield late.certain, late.reason
     of_arms = recorded.known or (None,) * len(recorded.controlled)
     known = (*[None] * len(recorded.observed), *of_arms)
@@ -203,23 +203,21 @@ def _in_part(recorded: _Recorded) -> Iterator[str]:
         )
 
 
-def _sparse(recorded: _Recorded) -> Iterator[str]:
-    """Observed streams with too few samples for an onset to be found in them."""
-    for signal in recorded.observed:
-        steps_ns = np.diff(signal.stamps_ns)
-        rate_hz = 1e9 / np.median(steps_ns) if len(steps_ns) else np.inf
-        if rate_hz >= LEAST_RATE_HZ - 1e-6:
-            continue
-        if np.any(steps_ns % 10**9):
-            yield (
-                f"{in_words(signal)} was sampled at {rate_hz:.2g} Hz, and no movement is found"
-                f" online below {LEAST_RATE_HZ:.2g} Hz. Record it at 10 Hz or more."
-            )
-        else:
-            yield (
-                f"the times of {in_words(signal)} are whole seconds. Likely milliseconds, or"
-                " numbers of samples, for seconds: correct the times."
-            )
+def sparse(signal: Signal) -> list[str]:
+    """Whether it has too few samples for an onset to be found in it."""
+    steps_ns = np.diff(signal.stamps_ns)
+    rate_hz = 1e9 / np.median(steps_ns) if len(steps_ns) else np.inf
+    if rate_hz >= LEAST_RATE_HZ - 1e-6:
+        return []
+    if np.any(steps_ns % 10**9):
+        return [
+            f"{in_words(signal)} was sampled at {rate_hz:.2g} Hz, and no movement is found"
+            f" online below {LEAST_RATE_HZ:.2g} Hz. Record it at 10 Hz or more."
+        ]
+    return [
+        f"the times of {in_words(signal)} are whole seconds. Likely milliseconds, or"
+        " numbers of samples, for seconds: correct the times."
+    ]
 
 
 def zeros(signal: Signal) -> list[str]:

@@ -170,7 +170,8 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
     name, factor = _nearest_usual(unit, extent)
     certain = unit == "m"  # a joint without limits may turn as far, a toy's as fast
     likely = taken_for(unit, {name: factor})
-    text = f"{reason}: the unit cannot be {NAMES[unit]}. {likely}"
+    said = "cannot be" if certain else "is hardly"
+    text = f"{reason}: the unit {said} {NAMES[unit]}. {likely}"
     return Misfit(text, factor, certain, likely)
 
 

@@ -13,6 +13,7 @@ from intent_recognition.signals import (
     Signal,
     misfit,
     scene_misfit,
+    sparse,
     time_misfit,
     zeros,
 )
@@ -69,7 +70,7 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
         if found is not None:
             yield _with_cure(found)
         if not part.entry.context:
-            yield from zeros(signal)
+            yield from (*zeros(signal), *sparse(signal))
         extent = float(np.ptp(values, axis=0).max(initial=0.0)) if values.size else 0.0
         if part.entry.unit == "m" and not part.entry.context and 0.0 < extent < STILL_M:
             yield (

@@ -54,7 +54,7 @@ def body_entry(
     """
     values, _ = without_zeros(np.column_stack([columns[name].values for name in names]))
     extent = float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0)))
-    unit, note = _unit_of(table, names[0], farthest, "m")
+    unit, note = _unit_of(table, names, farthest, "m")
     if len(names) == 2 and not note.startswith("from"):
         unit, note = "mm", "a pixel counts as one"
     parts = [part for part in re.split(r"[\W_]+", body.lower()) if part not in NO_NAME]
@@ -83,7 +83,7 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
     called = bare if len(set(bare)) == len(bare) else called
     names = [re.sub(r"\W+", "_", name).strip("_") for name in called]
     farthest = max(joint.farthest for joint in joints)
-    unit, note = _unit_of(table, joints[0].name, farthest, "rad")
+    unit, note = _unit_of(table, [joint.name for joint in joints], farthest, "rad")
     return [
         "  - topic: /joint_states  # they move; taken for joints",
         f"    type: {JOINT_STATE}",
@@ -96,15 +96,20 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
 
 def is_angle(table: Table, name: str) -> bool:
     """Whether a column may be an angle, by the unit that the file says."""
-    number = table.find(name)
-    said = table.units.get(number if number is not None else -1, "") or table.unit
-    return spelled(said) in ("", *ANGLES)
+    return _said(table, name) in ("", *ANGLES)
 
 
-def _unit_of(table: Table, name: str, farthest: float, base: str) -> tuple[str, str]:
-    """Unit of columns, "" where it is that of the entry, and how it is known."""
+def _said(table: Table, name: str) -> str:
+    """The unit that the file says of a column, "" for none."""
     number = table.find(name)
-    said = spelled(table.units.get(number if number is not None else -1, "") or table.unit)
+    return spelled(table.units.get(number if number is not None else -1, "") or table.unit)
+
+
+def _unit_of(table: Table, names: Sequence[str], farthest: float, base: str) -> tuple[str, str]:
+    """Unit of columns, "" where it is that of the entry, or not of all, and how it is known."""
+    said, *others = {_said(table, name) for name in names}
+    if others:
+        return "", "from the file"
     if said:
         return ("" if said == base else said), "from the file"
     if farthest <= FARTHEST[base]:

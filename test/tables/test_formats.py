@@ -202,14 +202,15 @@ TIMES = {
 def test_times_of_a_clock_in_every_form(kind, tmp_path):
     name, cells, time = TIMES[kind]
     path = csv(tmp_path, f"{name},x,y,z", [f"{cell},0,0,0.{k}" for k, cell in enumerate(cells)])
-    (found,) = imported(path, ["x", "y", "z"], {"time": time})
+    doubt, found = imported(path, ["x", "y", "z"], {"time": time})
+    assert "are whole seconds. Likely milliseconds, or numbers of samples" in doubt.reason
     first = 1_706_695_200_123_456_789
     assert found.samples[0].stamps_ns.tolist() == [first + k * 10**9 for k in range(5)]
 
 
 def test_a_time_of_day(tmp_path):
     lines = [f"10:00:0{k}.5,0,0,0.{k}" for k in range(5)]
-    (found,) = imported(csv(tmp_path, "t,x,y,z", lines), ["x", "y", "z"], {"time": {"column": "t"}})
+    _, found = imported(csv(tmp_path, "t,x,y,z", lines), ["x", "y", "z"], {"time": {"column": "t"}})
     assert found.samples[0].stamps_ns[0] == SINCE_NS + 36_000_500_000_000
 
 

@@ -63,6 +63,17 @@ def test_joints_are_not_called_by_a_unit_that_is_converted(columns, joints, tmp_
     assert content["observed"][0]["columns"] == list(columns)
 
 
+def test_columns_of_a_body_may_have_units_of_their_own(tmp_path):
+    def row(k):
+        x, y, z = PLACE[k]
+        return [f"{TIMES_S[k]}", f"{x / 1e3}", f"{y / 1e3}", f"{z}"]
+
+    (tmp_path / "a.csv").write_text(table("t,x_m,y_m,z_mm", row))
+    content, _, (found,) = suggested(tmp_path / "a.csv")
+    assert "columns_unit" not in content["observed"][0]
+    np.testing.assert_allclose(found.samples[0].values, PLACE / 1e3, atol=1e-9)
+
+
 def test_a_map_is_suggested_of_bags(tmp_path):
     write_ros1(tmp_path / "give_00.bag")
     content, _, (found,) = suggested(tmp_path)
