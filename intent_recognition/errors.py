@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from intent_recognition.extras import installing
 
@@ -108,15 +108,15 @@ def check_whole(
     Raises:
         ArgumentError: it is not.
     """
-    whole = isinstance(value, Integral) and not isinstance(value, bool)
-    if not (whole and least <= number(value) <= most):
+    if not (isinstance(value, Integral) and least <= number(value) <= most):
         expected = f"a whole number from {least} {'on' if most == math.inf else f'to {most}'}"
         raise ArgumentError.about(argument, expected, repr(value), cure)
 
 
 def number(value: object) -> float:
     """A number as it is; for what is none NaN, which is in no range."""
-    return float(value) if isinstance(value, Real) else math.nan
+    is_number = isinstance(value, Real) and not isinstance(value, bool)
+    return cast(float, value) if is_number else math.nan
 
 
 def as_path(argument: str, value: object) -> Path:

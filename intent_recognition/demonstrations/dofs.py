@@ -13,7 +13,7 @@ import numpy as np
 from intent_recognition.bags import JOINT_STATE, POSE
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.paths import MOST_ELEMENTS, is_path
-from intent_recognition.errors import ArgumentError, DofError, as_path
+from intent_recognition.errors import ArgumentError, DofError, as_path, number
 from intent_recognition.share import share_path
 from intent_recognition.signals import ORIENTATION_FIELDS, POSITION_FIELDS, spelled
 from intent_recognition.tracking import Extrinsics, parse_extrinsics
@@ -297,8 +297,7 @@ def _text(item: Mapping, key: str, place: str) -> str:
 
 def _std(item: Mapping, place: str) -> float | None:
     std = item.get("std")
-    number = isinstance(std, (int, float)) and not isinstance(std, bool)
-    if std is not None and not (number and 0.0 < std < np.inf):
+    if std is not None and not 0.0 < number(std) < np.inf:
         raise _error(f"{place}: std", "a positive number", std)
     return None if std is None else float(std)
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats, brief
-from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.errors import ArgumentError, ShapeError, check_whole
 from intent_recognition.gaussian.linalg import symmetrize
 from intent_recognition.gaussian.mixture import CovariancePrior, fit_mixture, one_hot
 from intent_recognition.gaussian.normal import Gaussian, condition, log_density
@@ -146,9 +146,7 @@ def fit_gaussian_mixture(
         ArgumentError: a point is not finite, or there are fewer points than components.
     """
     points = _checked_points(points)
-    if not 1 <= n_components <= len(points):
-        expected = f"between 1 and {len(points)}, the number of points"
-        raise ArgumentError.about("n_components", expected, n_components, "Lower it.")
+    check_whole("n_components", n_components, 1, "There are no more points.", len(points))
     if variance_floor is None:
         variance_floor = RELATIVE_FLOOR * (float(np.mean(np.var(points, axis=0))) or 1.0)
     if not (np.isfinite(variance_floor) and variance_floor > 0):

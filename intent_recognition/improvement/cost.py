@@ -12,10 +12,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TypeAlias
 
-import numpy as np
-
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, number
 
 
 @dataclass(frozen=True)
@@ -66,8 +64,7 @@ class Cost:
             cure = "Correct the function; the rollouts so far are kept."
             expected = "a function that returns a number"
             raise ArgumentError.about(f"cost {self.name}", expected, got, cure) from error
-        number = isinstance(value, (int, float, np.integer, np.floating))
-        if not number or isinstance(value, bool) or not math.isfinite(value):
+        if not math.isfinite(number(value)):
             cure = "Return one float; lower is better."
             raise ArgumentError.about(f"cost {self.name}", "a finite number", repr(value), cure)
         return float(value)

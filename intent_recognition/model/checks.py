@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import DofSpec
-from intent_recognition.errors import ArgumentError, ModelError
+from intent_recognition.errors import ArgumentError, ModelError, number
 from intent_recognition.model.arrays import (
     LARGEST,
     RETRAIN,
@@ -121,9 +121,8 @@ def evidence_freedom(path: str | Path, header: dict) -> float:
     found = header.get("evidence_freedom")
     if found is None:
         return inf
-    number = isinstance(found, (int, float)) and not isinstance(found, bool)
     expected = f"above zero and up to {LARGEST:g}, or null"
-    require(number and 0.0 < found <= LARGEST, f"{path}: evidence_freedom", expected, found)
+    require(0.0 < number(found) <= LARGEST, f"{path}: evidence_freedom", expected, found)
     return float(found)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats, Integers
-from intent_recognition.errors import ArgumentError, ShapeError, check_type
+from intent_recognition.errors import ArgumentError, ShapeError, check_type, number
 from intent_recognition.filtering import (
     MovementFilter,
     PriorGrid,
@@ -99,11 +99,7 @@ def _hypotheses(library: TaskLibrary, duration_s: float | None) -> PriorGrid:
     check_type("library", library, TaskLibrary, LIBRARY_CURE)
     if duration_s is None:
         return make_prior_grid(library)
-    try:
-        positive = 0.0 < duration_s < np.inf
-    except TypeError:
-        positive = False
-    if not positive:
+    if not 0.0 < number(duration_s) < np.inf:
         cure = "Pass None when it is not known."
         raise ArgumentError.about("duration_s", "a positive number", duration_s, cure)
     return fixed_prior_grid(library, duration_s)
