@@ -19,8 +19,11 @@ OF_ALL, OF_BODY = ("scorer",), ("bodyparts",)
 """Lines of DeepLabCut that say who found the places, and which bodies they are of."""
 NUMBER = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?|\d[\d:.,T /-]*")
 """A number, or a time."""
-UNIT_IN_NAME = re.compile(r"(?:[\[(]|_(?=(?:mm|cm|deg|rad)$))\s*([^\[\]()_\s]+)\s*[\])]?$")
+UNIT_IN_NAME = re.compile(r"(?:[\[(]|_(?=(?:mm|cm|km|px|deg|rad)$))\s*([^\[\]()_\s]+)\s*[\])]?$")
 """The unit at the end of a name: `x [mm]`, `x (mm)`, `x_mm`."""
+OTHER_UNIT = re.compile(r"\s\[[^\[\]\d]+\]$|[(_](?:px|pixels?|%|km)\)?$")
+"""The end of a name that says a unit of which nothing is known: `x [V]`, `x (px)`; not `x (left)`.
+"""
 AXIS = re.compile(r"(?i)(?:.*[\W_])?([xyz])(?:\s*[\[(][^\[\]()]*[\])])?")
 """The name of a coordinate: `x`, `pos_x`, `X (mm)`."""
 Rows = Sequence[Sequence[str]]
@@ -201,7 +204,12 @@ def units_of(names: Sequence[str], below: Sequence[str] = ()) -> dict[int, str]:
     """Units of columns by number: in a line below their names, or else at the ends of these."""
     found = {k: match[1] for k, name in enumerate(names) if (match := UNIT_IN_NAME.search(name))}
     found |= {k: unit for k, cell in enumerate(below) if (unit := cell.strip().strip("[]()"))}
-    return {k: unit for k, unit in found.items() if spelled(unit) in UNITS or unit_of_times(unit)}
+    others = {k for k, name in enumerate(names) if OTHER_UNIT.search(name)}
+    return {
+        k: unit
+        for k, unit in found.items()
+        if k in others or spelled(unit) in UNITS or unit_of_times(unit)
+    }
 
 
 def _spread(row: Sequence[str]) -> list[str]:

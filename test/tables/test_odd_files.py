@@ -111,6 +111,14 @@ def test_a_unit_in_a_name_is_taken(name, tmp_path):
     np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
 
 
+@pytest.mark.parametrize("name", ["x [%]", "x [km]", "x (px)", "x_px", "x [V]"])
+def test_a_unit_of_which_nothing_is_known_is_no_metre(name, tmp_path):
+    names = [name.replace("x", axis) for axis in "xyz"]
+    content = plain(head=",".join(["t", *names]))
+    samples, said = imported(tmp_path, "a.csv", content, names, time={"column": "t"})
+    assert samples is None and f"expected a unit of {name} that becomes m" in said
+
+
 SECOND_LINES = {
     "units of some": ("n,t,x,y,z\n,,mm,mm,mm", ("x", "y", "z")),
     "a unit of the time alone": ("n,t,x mm,y mm,z mm\n,[s],,,", ("2", "3", "4")),
