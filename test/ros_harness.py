@@ -71,9 +71,15 @@ class Harness:
         return self.add(kind(parameter_overrides=given))
 
     def spin_until(
-        self, predicate: Callable[[], object], deadline_s: float = DEADLINE_S, what: str = ""
+        self,
+        predicate: Callable[[], object],
+        deadline_s: float = DEADLINE_S,
+        what: str = "",
+        poll_s: float = 0.01,
     ):
         """Dispatch events until `predicate()` is true and return its value.
+
+        It is asked after each event, and every `poll_s` for what other threads do.
 
         Raises:
             TimeoutError: it was not true after `deadline_s` seconds.
@@ -82,7 +88,7 @@ class Harness:
         while not (value := predicate()):
             if time.monotonic() > end_s:
                 raise TimeoutError(f"not within {deadline_s} s: {what or predicate}")
-            self.executor.spin_once(timeout_sec=0.05)
+            self.executor.spin_once(timeout_sec=poll_s)
         return value
 
     def collect(self, message_type: type, topic: str, qos: QoSProfile | int = 10) -> list:

@@ -83,7 +83,7 @@ class Cell:
         sent = movement(seed, "observed", "controlled")
         for number, (stamp, group, values) in enumerate(sent, self.teacher.message_count + 1):
             self.publish(stamp, group, values)
-            self.harness.spin_until(lambda n=number: self.teacher.message_count >= n)
+            self.harness.spin_until(lambda n=number: self.teacher.message_count >= n, poll_s=1e-3)
 
     def publish(self, stamp, group, values):
         if group == 0:
@@ -248,7 +248,7 @@ def test_an_execution_is_recorded_judged_and_kept(harness, tmp_path, model):
             active.publish(String(data=label))
             harness.spin_until(lambda: teacher.executions._writer is not None)
         cell.publish(*one)
-        harness.spin_until(lambda n=number: len(heard) >= n)
+        harness.spin_until(lambda n=number: len(heard) >= n, poll_s=1e-3)
     times_s = np.linspace(0.0, 2.0, 21)
     truth = [values for _, group, values in sent if group == 1]
     path = np.linspace(truth[0], truth[-1] + 0.2, 21)
