@@ -23,11 +23,9 @@ _DELAYS = np.arange(0, 26, 2)
 _LAGS = np.array([2.5, 5.0, 10.0, 20.0])
 """An arm's lag is a mixture of these: pure delays, and lags of first order [looks]. Convention: up
 to 0.5 s at 100 Hz."""
+_AGES = np.subtract.outer(np.arange(_N_LOOKS), np.arange(_N_LOOKS))
 _LAGGED = np.array(
-    [
-        (1.0 - keeps) * np.tril(keeps ** np.abs(np.subtract.outer(*2 * [np.arange(_N_LOOKS)])))
-        for keeps in np.exp(-1.0 / _LAGS)
-    ]
+    [(1.0 - keeps) * np.tril(keeps ** np.abs(_AGES)) for keeps in np.exp(-1.0 / _LAGS)]
 )
 """First-order lags of all looks, as matrices (4, looks, looks); those of fewer are its corners."""
 _SHARE = 0.6

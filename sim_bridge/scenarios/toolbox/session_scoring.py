@@ -113,7 +113,7 @@ def score_interaction(
     at_ns = None if transfer is None else transfer.at_ns
     if decided_ns is not None and recognised == interaction.task:
         arrival = _arrival(log, decided_ns, end, until_ns, scoring, at_ns)
-        late_s = 1.0  # after the end of the movement, or later:
+        late_s = 1.0  # after the end of the movement
         if scoring.by_force and arrival is not None:  # it may have helped somebody else first
             late_s = max(late_s, arrival)
         scored_ns = end + round(late_s * 1e9)
