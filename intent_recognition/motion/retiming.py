@@ -148,7 +148,7 @@ def run(
         if v > 0.0 and left <= v * step_s:  # brake evenly to the end
             t, s, v = t + 2.0 * left / v, 1.0, 0.0
         else:
-            v_next = _next_rate(bounds, limits.cap, s, v, t, nominal, step_s)
+            v_next = _next_rate(limits, bounds, s, v, t, nominal, step_s)
             if t < hold_s and v <= 0.0:
                 v_next = 0.0
             t, s, v = t + step_s, s + step_s * (v + v_next) / 2.0, v_next
@@ -162,15 +162,15 @@ def run(
 
 
 def _next_rate(
+    limits: SpeedLimits,
     bounds: list[list[tuple[float, float]]],
-    cap: tuple[float, ...],
     s: float,
     v: float,
     t: float,
     nominal: NominalTiming | None,
     step_s: float,
 ) -> float:
-    """The phase rate one step later, by the pairs of a and b of each interval (see SpeedLimits)."""
+    """The phase rate one step later; `bounds` are the pairs of a and b of each interval."""
     low, high = _phase_acceleration(bounds, s, v, step_s)
     wanted = 0.0
     if nominal is not None and t >= nominal.onset_s:
@@ -181,21 +181,14 @@ def _next_rate(
     if v_next > v:
         _, high = _phase_acceleration(bounds, s, v_next, step_s)
         v_next = max(min(v_next, v + high * step_s), min(v, v_next))
-    return _under_cap(cap, s + step_s * v / 2.0, v_next, step_s / 2.0)
+    return _under_cap(limits, s + step_s * v / 2.0, v_next, step_s / 2.0)
 
 
-def _under_cap(cap: tuple[float, ...], s: float, v_next: float, half_step_s: float) -> float:
-    """The largest rate up to v_next that is allowed at the phase it leads to (by bisection).
-
-    `largest_rate` is written out: a plan spends half of its time here.
-    """
+def _under_cap(limits: SpeedLimits, s: float, v_next: float, half_step_s: float) -> float:
+    """The largest rate up to v_next that is allowed at the phase it leads to (by bisection)."""
     low, high, rate = 0.0, v_next, v_next
     for _ in range(13):
-        at = s + half_step_s * rate
-        at = N_GRID * at if at < 1.0 else float(N_GRID)
-        i = int(at) if at < N_GRID else N_GRID - 1
-        share = at - i
-        if rate <= (cap[i] * (1.0 - share) + cap[i + 1] * share) ** 0.5:
+        if rate <= largest_rate(limits, min(s + half_step_s * rate, 1.0)):
             low = rate
         else:
             high = rate
