@@ -102,6 +102,7 @@ def open_hdf5(path: Path) -> Table:
     arrays = read_isolated("hdf5_reading.py", path, "an HDF5 or MAT file")
     rate = float(arrays.pop("#rate"))
     unit = str(arrays.pop("#unit", ""))
+    units = dict(arrays.pop("#units", np.empty((0, 2))).tolist())
     left_out = arrays.pop("#left_out", np.empty(0)).tolist()
     columns = flat_columns(path, arrays)
     if not columns:
@@ -112,5 +113,10 @@ def open_hdf5(path: Path) -> Table:
     notes = transposed(arrays)
     if left_out:
         notes.append(f"without a row for each sample, left out: {', '.join(left_out[:6])}")
+    of: dict[int, str] = {}
+    for k, name in enumerate(columns):
+        while name and name not in units:
+            name = name.rpartition(".")[0]
+        of[k] = units.get(name, "")
     about = {"defaults": defaults, "notes": notes, "unit": unit, "must_say": bool(unit)}
-    return table_of(path, columns, **about)
+    return table_of(path, columns, units=of, **about)

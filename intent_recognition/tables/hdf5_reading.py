@@ -4,7 +4,7 @@
 import importlib
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -36,8 +36,9 @@ def read(path: str) -> dict[str, NDArray[Any]]:
     """Arrays of numbers (T,), (T, d) or (T, n, 3) by path, with dots, demonstrations on end.
 
     `demonstration` says of each row of those which it is of; `#rate` is the control rate that
-    robomimic notes, 0 for none; `#unit` is that of all arrays, where it is known; `#left_out` names
-    arrays that have no row for each sample. Images and what has more dimensions are left out.
+    robomimic notes, 0 for none; `#unit` is that of all arrays, where it is known, `#units` lists
+    arrays, or elements of them, and their units; `#left_out` names arrays that have no row for each
+    sample. Images and what has more dimensions are left out.
     """
     if not (h5py := importlib.import_module("h5py")).is_hdf5(path):  # MATLAB's before 7.3
         matlab = importlib.import_module("scipy.io").loadmat(path, simplify_cells=True)
@@ -56,10 +57,11 @@ def read(path: str) -> dict[str, NDArray[Any]]:
             ends = arrays.get(ENDS)
             if ends is not None and ends.ndim == 1:  # of a replay buffer: rows of all on end
                 arrays = _numbered(arrays, np.diff(ends, prepend=0))
-            return {**arrays, "#rate": np.array(rate)}
+            return {**arrays, "#rate": np.array(rate), "#units": _units(file, ())}
         groups = [samples_first(_arrays(top[name])) for name in names]
         with suppress(KeyError, ValueError, TypeError):  # others note something else there
             rate = float(json.loads(top.attrs["env_args"])["env_kwargs"]["control_freq"])
+        units = _units(top, names)
     shared = [key for key in groups[0] if all(key in group for group in groups)]
     lengths = [max((len(group[key]) for key in shared), default=0) for group in groups]
     whole = [
@@ -72,6 +74,7 @@ def read(path: str) -> dict[str, NDArray[Any]]:
         "demonstration": np.repeat(np.array(names), lengths),
         **{key: np.concatenate([group[key] for group in groups]) for key in whole},
         "#rate": np.array(rate),
+        "#units": units,
         "#left_out": np.array(left_out),
     }
 
@@ -216,6 +219,40 @@ def _numbered(arrays: dict[str, NDArray[Any]], lengths: NDArray[Any]) -> dict[st
     """Arrays of a replay buffer that have a row for each sample, and which demonstration it is."""
     rows = {key: array for key, array in arrays.items() if len(array) == lengths.sum()}
     return {"demonstration": np.repeat(np.arange(len(lengths)), lengths), **rows}
+
+
+def _units(top: Any, names: Collection[str]) -> NDArray[Any]:
+    """Pairs (n, 2) of arrays, or elements of them, and what attributes `units` say of them.
+
+    Those of a group, or the file, hold for all in it. Arrays of numbered demonstrations, which are
+    put on end, have all units that are said in any.
+    """
+    found: dict[str, set[str]] = {}
+
+    def visit(path: str, item: Any) -> None:
+        if hasattr(item, "ndim"):
+            demonstration, _, inside = path.partition("/")
+            name = inside if demonstration in names else path
+            numbered = NUMBERED.fullmatch(name)  # perhaps put on end by `on_end`
+            also = [numbered[1]] if numbered and numbered[1] not in top else []
+            units = _unit_of(item)
+            elements = item.dtype.names or range(len(units))
+            ends = [""] if len(set(units)) == 1 else [f".{element}" for element in elements]
+            for array in (name, *also):
+                for end, unit in zip(ends, units, strict=False):
+                    found.setdefault(f"{array}{end}".replace("/", "."), set()).add(unit or "none")
+
+    top.visititems(visit)
+    said = {name: " or ".join(sorted(units)) for name, units in found.items()}
+    return np.array([pair for pair in said.items() if pair[1] != "none"], str).reshape(-1, 2)
+
+
+def _unit_of(item: Any) -> list[str]:
+    """The unit of an array, or those of its elements, as it, or a group around it, says; [""]."""
+    said = next((v for k, v in item.attrs.items() if k.lower() in ("unit", "units")), None)
+    if said is None:
+        return [""] if item.name == "/" else _unit_of(item.parent)
+    return [v.decode() if isinstance(v, bytes) else str(v) for v in np.ravel(said).tolist()]
 
 
 def _arrays(group: Any) -> dict[str, NDArray[Any]]:

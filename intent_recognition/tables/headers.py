@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from intent_recognition.signals import UNITS, spelled
 from intent_recognition.tables.table import without_subjects
 from intent_recognition.tables.times import PER_UNIT, unit_of_times
 
@@ -19,11 +18,6 @@ OF_ALL, OF_BODY = ("scorer",), ("bodyparts",)
 """Lines of DeepLabCut that say who found the places, and which bodies they are of."""
 NUMBER = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?|\d[\d:.,T /-]*")
 """A number, or a time."""
-UNIT_IN_NAME = re.compile(r"(?:[\[(]|_(?=(?:mm|cm|km|px|deg|rad)$))\s*([^\[\]()_\s]+)\s*[\])]?$")
-"""The unit at the end of a name: `x [mm]`, `x (mm)`, `x_mm`."""
-OTHER_UNIT = re.compile(r"\s\[[^\[\]\d]+\]$|[(_](?:px|pixels?|%|km)\)?$")
-"""The end of a name that says a unit of which nothing is known: `x [V]`, `x (px)`; not `x (left)`.
-"""
 AXIS = re.compile(r"(?i)(?:.*[\W_])?([xyz])(?:\s*[\[(][^\[\]()]*[\])])?")
 """The name of a coordinate: `x`, `pos_x`, `X (mm)`."""
 Rows = Sequence[Sequence[str]]
@@ -196,20 +190,8 @@ def levels(rows: Rows) -> Header | None:
     first = next((name for name in firsts if name not in PER_UNIT), "".join(firsts[:1]))
     names = [".".join(filter(None, (row[k] for row in (*above, heads[-1])))) for k in range(count)]
     names = [first, *names[1:]] if first else names
-    units = units_of(heads[-1], heads[-1][:1])
+    units = {0: heads[-1][0]} if unit_of_times(heads[-1][0]) else {}
     return Header(tuple(names), at, {"must_say": True, "units": units})
-
-
-def units_of(names: Sequence[str], below: Sequence[str] = ()) -> dict[int, str]:
-    """Units of columns by number: in a line below their names, or else at the ends of these."""
-    found = {k: match[1] for k, name in enumerate(names) if (match := UNIT_IN_NAME.search(name))}
-    found |= {k: unit for k, cell in enumerate(below) if (unit := cell.strip().strip("[]()"))}
-    others = {k for k, name in enumerate(names) if OTHER_UNIT.search(name)}
-    return {
-        k: unit
-        for k, unit in found.items()
-        if k in others or spelled(unit) in UNITS or unit_of_times(unit)
-    }
 
 
 def _spread(row: Sequence[str]) -> list[str]:

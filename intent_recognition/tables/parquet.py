@@ -49,7 +49,17 @@ def parquet_table(source: Path, files: Sequence[Path], names: Mapping[str, Seque
             for column, element, _ in chosen
         ]
 
-    return Table(source, tuple(own), read, aliases=aliases)
+    units = _with_file(parquet, files[0], _units)
+    said = {k: units.get(places[name][0], "") for k, name in enumerate(own)}
+    return Table(source, tuple(own), read, aliases=aliases, units=said)
+
+
+def _units(file: Any) -> dict[str, str]:
+    """Units of stored columns, where the metadata of their fields say one."""
+    fields = _flattened(file.schema_arrow.empty_table()).schema
+    said = {field.name: field.metadata or {} for field in fields}
+    found = {name: about.get(b"unit", about.get(b"units", b"")) for name, about in said.items()}
+    return {name: unit.decode(errors="replace") for name, unit in found.items()}
 
 
 def _places(

@@ -101,8 +101,7 @@ def is_angle(table: Table, name: str) -> bool:
 
 def _said(table: Table, name: str) -> str:
     """The unit that the file says of a column, "" for none."""
-    number = table.find(name)
-    return spelled(table.units.get(number if number is not None else -1, "") or table.unit)
+    return spelled(table.said_of(name))
 
 
 def _unit_of(table: Table, names: Sequence[str], farthest: float, base: str) -> tuple[str, str]:

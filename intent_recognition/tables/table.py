@@ -1,18 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """The columns of one file."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from intent_recognition.errors import BagError
-from intent_recognition.signals import spelled
+from intent_recognition.signals import UNITS, spelled
 from intent_recognition.tables.cells import Values, scale_between
 from intent_recognition.tables.times import unit_of_times
 
 MOST_COLUMNS = 10_000
 """Columns of a table. Convention: a motion capture suit takes some hundreds."""
+UNIT_IN_NAME = re.compile(r"(?:[\[(]|_(?=(?:mm|cm|km|px|deg|rad)$))\s*([^\[\]()_\s]+)\s*[\])]?$")
+"""The unit at the end of a name: `x [mm]`, `x (mm)`, `x_mm`."""
+OTHER_UNIT = re.compile(r"\s\[[^\[\]\d]+\]$|[(_](?:px|pixels?|%|km)\)?$")
+"""The end of a name that says a unit of which nothing is known: `x [V]`, `x (px)`; not `x (left)`.
+"""
+ELEMENT = re.compile(r"(?:\.\d+)+$")
+"""The end of the name of an element of an array."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +33,7 @@ class Table:
         read: columns by their numbers, each (T,) or (1,).
         aliases: numbers of columns by further names.
         unit: of all columns, "" where the file does not say.
-        units: of single columns, by number.
+        units: of single columns, by number; of others, one that ends their name counts.
         must_say: whether the map must give the unit where the file does not.
         defaults: what the file says of itself, under the keys of a map: time, segments, task.
         notes: what is odd about the file, as sentences.
@@ -72,8 +80,7 @@ class Table:
 
     def unit_of(self, name: str, wanted: str) -> str:
         """The unit of a column, in our spelling; that which is wanted where nothing is known."""
-        number = self.find(name)
-        said = self.units.get(number, self.unit) if number is not None else self.unit
+        said = self.said_of(name)
         cure = "Give it as columns_unit in the map, such as mm."
         if not said:
             if self.must_say:
@@ -85,11 +92,30 @@ class Table:
             raise BagError.about(str(self.source), expected, repr(said), cure)
         return unit
 
+    def said_of(self, name: str) -> str:
+        """The unit of a column as the file spells it, also at the end of its name; "" for none."""
+        if (number := self.find(name)) is None:
+            return self.unit
+        return self.units.get(number) or self.unit or _in_name(self.names[number])
+
     def time_unit_of(self, name: str) -> str:
         """The unit of a column of times, a key of `PER_UNIT`; "" where the file does not say."""
         number = self.find(name)
         said = ("", "") if number is None else (self.units.get(number, ""), self.names[number])
         return unit_of_times(said[0]) or unit_of_times(said[1])
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit of length, angle or time, or one that none of these is."""
+    is_other = OTHER_UNIT.search(f"({text})") is not None
+    return is_other or spelled(text).partition("/")[0] in UNITS or bool(unit_of_times(text))
+
+
+def _in_name(name: str) -> str:
+    bare = ELEMENT.sub("", name)
+    found = UNIT_IN_NAME.search(bare)
+    said = found is not None and (is_unit(found[1]) or OTHER_UNIT.search(bare))
+    return found[1] if found is not None and said else ""
 
 
 def table_of(source: Path, columns: Mapping[str, Values], **more: Any) -> Table:

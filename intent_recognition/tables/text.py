@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.tables.cells import MISSING, Values, with_point
-from intent_recognition.tables.headers import OF_VICON, Header, known_header, units_of
-from intent_recognition.tables.table import Table, check_columns, unusable
+from intent_recognition.tables.headers import OF_VICON, Header, known_header
+from intent_recognition.tables.table import Table, check_columns, is_unit, unusable
 
 DELIMITERS = ",;\t| "
 """What may separate the cells of a CSV, in order of preference; blanks where nothing else does."""
@@ -136,7 +136,8 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
     if all(map(_is_number, names)) or _is_row(names, head[1:3]):
         return Header(tuple(map(str, range(len(names)))), 0)
     second = len(head) > 1 and _is_second_line(head[1:])
-    units = units_of(names, head[1] if second else ())
+    below = [cell.strip().strip("[]()") for cell in head[1]] if second else []
+    units = {k: unit for k, unit in enumerate(below) if is_unit(unit)}
     return Header(names, 1 + second, {"units": units})
 
 

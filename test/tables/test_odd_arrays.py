@@ -32,6 +32,80 @@ def test_arrays_of_any_layout(kind, tmp_path):
     np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=1)
 
 
+def h5(path, arrays, units):
+    with pytest.importorskip("h5py").File(path, "w") as file:
+        for name, array in arrays.items():
+            file[name] = array
+        for name, unit in units.items():
+            file[name].attrs["units"] = unit
+    return path
+
+
+SIDE = {"t": 1e3 * TIMES_S, "w": PLACE / 10}
+UNITS = {
+    "of arrays": (SIDE, {"w": "cm", "t": "ms"}, "w.{}"),
+    "of elements": (SIDE, {"w": ["cm", "Centimeters", "cm"], "t": np.bytes_("ms")}, "w.{}"),
+    "of the file": (SIDE, {"/": "cm", "t": "milliseconds"}, "w.{}"),
+    "of a group": (
+        {"t": 1e3 * TIMES_S, "hand/w": PLACE / 10, "q": SHARE[:, 0]},
+        {"hand": "cm", "t": "ms", "q": "rad"},
+        "hand.w.{}",
+    ),
+    "of demonstrations": (
+        {f"data/demo_{k}/{name}": array for k in range(2) for name, array in SIDE.items()},
+        {f"data/demo_{k}/{name}": {"w": "cm", "t": "ms"}[name] for k in range(2) for name in SIDE},
+        "w.{}",
+    ),
+    "of fields": (
+        {"r": np.rec.fromarrays([1e3 * TIMES_S, *(PLACE / [10, 1, 1]).T], names="t,w0,w1,w2")},
+        {"r": ["ms", "cm", "mm", "mm"]},
+        "r.w{}",
+    ),
+    "in names": ({"t_ms": 1e3 * TIMES_S, "w_cm": PLACE / 10}, {}, "w_cm.{}"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", UNITS)
+def test_units_that_hdf5_states_are_converted(kind, tmp_path):
+    arrays, units, name = UNITS[kind]
+    content = h5(tmp_path / "made.h5", arrays, units).read_bytes()
+    time = {"of fields": "r.t", "in names": "t_ms"}.get(kind, "t")
+    columns = [name.format(k) for k in range(3)]
+    samples, said = imported(tmp_path, "a.h5", content, columns, time={"column": time})
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE / 1000)
+    np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=1)
+
+
+@pytest.mark.parametrize("units", [("parsec", "parsec"), ("mm", "m"), ("mm", "")])
+def test_a_unit_of_hdf5_that_is_unknown_or_differs_is_refused(units, tmp_path):
+    made = {f"demo_{k}/w": PLACE for k in range(2)}
+    stated = {f"demo_{k}/w": unit for k, unit in enumerate(units)}
+    content = h5(tmp_path / "made.h5", made, stated).read_bytes()
+    columns = ["w.0", "w.1", "w.2"]
+    samples, said = imported(tmp_path, "a.h5", content, columns, time={"rate": 100})
+    assert samples is None and "expected a unit of w.0 that becomes m" in said
+    samples, _ = imported(tmp_path, "a.h5", content, columns, time={"rate": 100}, unit="mm")
+    np.testing.assert_allclose(samples.values, PLACE / 1000)
+
+
+@pytest.mark.parametrize("stated", ["metadata", "name"])
+def test_units_of_parquet(stated, tmp_path):
+    pa = pytest.importorskip("pyarrow")
+    about = {"unit": "cm"} if stated == "metadata" else None
+    names = ["x", "y", "z"] if about else ["x [cm]", "y (cm)", "z_cm"]
+    fields = [
+        pa.field("t", pa.float64()),
+        *(pa.field(n, pa.float64(), metadata=about) for n in names),
+    ]
+    made = pa.table([TIMES_S, *(PLACE.T / 10)], schema=pa.schema(fields))
+    pytest.importorskip("pyarrow.parquet").write_table(made, tmp_path / "made.parquet")
+    content = (tmp_path / "made.parquet").read_bytes()
+    samples, said = imported(tmp_path, "a.parquet", content, names, time={"column": "t"})
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE / 1000)
+
+
 def test_samples_along_another_axis_are_named_where_nothing_says_so(rng, tmp_path):
     np.savez(tmp_path / "made.npz", w=rng.normal(size=(3, ROWS)))
     content = (tmp_path / "made.npz").read_bytes()
