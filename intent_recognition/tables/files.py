@@ -38,6 +38,8 @@ def open_table(path: Path, skip_rows: int = 0) -> Table:
         return open_lerobot(path)
     if path.is_dir():
         return open_frames(path)
+    if _is_packed(path):
+        raise unusable(path, "an unpacked file", path.suffix, "Unpack it first.")
     is_text = path.suffix.lower() in TEXTS
     try:
         check_regular(path, MOST_CSV if is_text else None)
@@ -52,8 +54,13 @@ def is_lerobot(path: Path) -> bool:
 
 
 def is_table(path: Path) -> bool:
-    """Whether a file can be imported, by its name."""
-    return path.suffix.lower() in TEXTS or path.suffix.lower() in SUFFIXES
+    """Whether a file can be imported, by its name, perhaps once it is unpacked."""
+    suffix = (path.with_suffix("") if _is_packed(path) else path).suffix.lower()
+    return suffix in TEXTS or suffix in SUFFIXES
+
+
+def _is_packed(path: Path) -> bool:
+    return path.suffix.lower() in (".gz", ".bz2", ".xz", ".zip")
 
 
 def has_tables(source: Path) -> bool:
@@ -79,7 +86,7 @@ def find_tables(source: Path) -> list[Path]:
     if not found:
         kinds = ", ".join([*TEXTS, *SUFFIXES])
         got = "nothing of that name" if not source.exists() else "none"
-        cure = "Check the path; save spreadsheets as CSV."
+        cure = "Check the path; unpack what is packed; save spreadsheets as CSV."
         raise BagError.about(str(source), f"{kinds} or a LeRobot data set", got, cure)
     return found
 

@@ -35,6 +35,7 @@ from intent_recognition.tables.table import Table
 from intent_recognition.tables.times import SAMPLES, counted_ns, stamps_ns
 
 NO_SAMPLES = "Check its cells, and under time in the map where times come from."
+NO_TIMES = "Where samples come at a rate, say under time in the map only: rate."
 NO_TIME = "Say under time in the map which column holds it, or at which rate samples come."
 
 
@@ -179,11 +180,12 @@ def _demonstrations(
             yield Rejection.of(name, error)
             continue
         parts = [_samples(row, pick, mapping.every) for row, pick in zip(rows, picks, strict=True)]
-        few = [s for s, _ in parts if _count(s) < (1 if s.entry.context else 2)]
+        few = [k for k, (s, _) in enumerate(parts) if _count(s) < (1 if s.entry.context else 2)]
         if few:
-            count = _count(few[0]) or "no"
-            reason = f"empty: {count} sample{'s' * (count != 1)} with a time of its own"
-            yield Rejection(name, f"/{few[0].entry.topic}", 0, reason, NO_SAMPLES)
+            topic = f"/{parts[few[0]][0].entry.topic}"
+            yield Rejection(
+                name, topic, 0, *_why_few(rows[few[0]], picks[few[0]], _count(parts[few[0]][0]))
+            )
             continue
         if (odd := certain_misfit([s for s, _ in parts])) is not None:
             yield Rejection(name, "", 0, odd)
@@ -321,6 +323,19 @@ def _samples(rows: _Rows, pick: Integers, every: int) -> tuple[EntrySamples, int
     kept = rows.known[pick] & (stamps > before)
     found = EntrySamples(rows.source.entry, stamps[kept], rows.values[pick[kept]])
     return found, int(np.sum(~kept))
+
+
+def _why_few(rows: _Rows, pick: Integers, count: int) -> tuple[str, str]:
+    """Why so few samples are left of rows, and the cure."""
+    stamps = rows.stamps_ns[pick][rows.known[pick]]
+    if pick.size and not stamps.size:
+        return "no row has a time", NO_TIMES
+    if stamps.size > 1 and np.all(np.diff(stamps) < 0):
+        return "times decrease from row to row", "Reverse the rows of the file."
+    if stamps.size and not np.isfinite(rows.values[pick]).any():
+        return "every cell is empty, or not measured", "Name other columns in the map."
+    number = count or "no"
+    return f"empty: {number} sample{'s' * (count != 1)} with a time of its own", NO_SAMPLES
 
 
 def _count(samples: EntrySamples) -> int:

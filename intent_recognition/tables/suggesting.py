@@ -255,6 +255,8 @@ def _time(
         named = column.name == "0" or TIME_NAME.search(column.name)
         if not named or not steps.size:
             continue
+        if np.all(steps < 0.0):
+            return {"column": column.name}, "it decreases: reverse the rows of the file"
         later = steps > 0.0
         often = np.mean(later) > (MOSTLY if np.any(steps < 0.0) else REPEATED)
         if often and (unit := usual_unit(steps[later], table.time_unit_of(column.name))):

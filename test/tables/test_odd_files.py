@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables of text as labs send them: read right, or refused with what is wrong."""
 
+import gzip
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -191,6 +192,14 @@ REFUSED = {
         "4 cells, one for each name, got 5 in row 1",
     ),
     "decimal commas between commas": (plain().replace(".", ","), "got 8 in row 1"),
+    "rows in reverse": (
+        table("t,x,y,z", lambda k: [f"{TIMES_S[~k]}", *cells(~k)]),
+        "times decrease from row to row",
+    ),
+    "blank times": (plain(at=lambda t: ""), "no row has a time"),
+    "blank places": (plain(hidden=range(ROWS)), "every cell is empty"),
+    "a unit below the names": (plain(head="t,x,y,z\ns,px,px,px"), "got 'px'"),
+    "speeds below the names": (plain(head="t,x,y,z\ns,m/s,m/s,m/s"), "got 'm/s'"),
     "one row": ("t,x,y,z\n0,1,2,3\n", "empty: 1 sample with a time of its own"),
     "another kind of file": ("PK\3\4\0\0\0\1" * 20, "bytes that are no text"),
 }
@@ -199,9 +208,20 @@ REFUSED = {
 @pytest.mark.parametrize("kind", REFUSED)
 def test_what_can_be_read_in_several_ways_is_refused(kind, tmp_path):
     content, words = REFUSED[kind]
-    samples, said = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t"})
+    unit = {} if words.startswith("got '") else {"unit": "mm"}
+    samples, said = imported(tmp_path, "a.csv", content, time={"column": "t"}, **unit)
     assert samples is None
     assert words in said
+
+
+def test_packed_tables_are_named(tmp_path):
+    (tmp_path / "b.csv").write_text(plain())
+    samples, said = imported(tmp_path, "a.csv.gz", gzip.compress(plain().encode()))
+    assert samples is None and "expected an unpacked file, got .gz" in said
+    mapping = ImportMap.from_dict({"observed": [entry(["x", "y", "z"], columns_unit="mm")],
+                                   "task": "t", "time": {"column": "t"}})  # fmt: skip
+    left_out, found = import_demonstrations(tmp_path, mapping)
+    assert left_out.path.endswith("a.csv.gz") and found.name == "b"
 
 
 def test_times_that_go_back_are_named(tmp_path):
