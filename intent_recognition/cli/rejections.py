@@ -11,6 +11,7 @@ from rich.console import Console
 
 from intent_recognition.cli.console import say
 from intent_recognition.errors import BagError, first_of
+from intent_recognition.learning import TrainingReport
 from intent_recognition.model import Frames, FromBags, mixed_frames
 from intent_recognition.signals import Demonstration, Rejection, stream_doubts
 
@@ -80,10 +81,11 @@ def _print_lines(console: Console, lines: Sequence[str]) -> None:
         say(console, text, "yellow")
 
 
-def all_left_out(found: FromBags) -> tuple[tuple[str, str], ...]:
-    """(recording, reason) of what could not be read and of what could not be learned from."""
+def with_found(report: TrainingReport, found: FromBags) -> TrainingReport:
+    """A report that also names what could not be read, and what is doubtful."""
     unread = [(r.path, f"{r.topic}: {r.reason}" if r.topic else r.reason) for r in found.rejections]
-    return (*unread, *found.accumulated.rejected)
+    doubts = tuple(stream_doubts(found.correlations))
+    return report._replace(rejected=(*unread, *found.accumulated.rejected), doubts=doubts)
 
 
 def print_found(console: Console, found: FromBags) -> None:
@@ -92,7 +94,6 @@ def print_found(console: Console, found: FromBags) -> None:
     print_left_out(console, found.rejections, found.n_rejections)
     reasons = [f"{name}: {reason}" for name, reason in accumulated.rejected]
     print_left_out(console, reasons, accumulated.n_rejected)
-    print_doubtful(console, stream_doubts(found.correlations))
     print_dropped_counts(console, found.dropped)
 
 

@@ -32,10 +32,10 @@ from intent_recognition.cli.recordings import (
     training_settings,
 )
 from intent_recognition.cli.rejections import (
-    all_left_out,
     print_doubtful,
     print_found,
     print_mixed_frames,
+    with_found,
 )
 from intent_recognition.cli.train_add import add_adding_options, add_to_model, check_adding
 from intent_recognition.cli.train_sessions import add_sessions_option, with_sessions
@@ -109,6 +109,7 @@ def report_json(model: Model, report: TrainingReport) -> dict:
     return {
         "n_used": report.n_used,
         "left_out": [{"recording": name, "reason": reason} for name, reason in report.rejected],
+        "doubtful": [{"recording": one.name, "reason": one.reason} for one in report.doubtful],
         "tasks": {
             label: {
                 "n_demonstrations": int(library.n_demonstrations[k]),
@@ -137,7 +138,7 @@ def train(
     with busy(console, "learning"):
         report = learn_accumulated(found.accumulated, provenance)
     print_found(console, found)
-    return Model(report.library, dofs), report._replace(rejected=all_left_out(found))
+    return Model(report.library, dofs), with_found(report, found)
 
 
 def print_library(console: Console, library: TaskLibrary, report: TrainingReport) -> None:

@@ -10,7 +10,7 @@ from rich.console import Console
 from intent_recognition.cli.console import brief_list, busy, say
 from intent_recognition.cli.options import add_options
 from intent_recognition.cli.recordings import DEFAULTS, accumulate_all
-from intent_recognition.cli.rejections import all_left_out, print_found
+from intent_recognition.cli.rejections import print_found, with_found
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.learning import (
@@ -71,7 +71,7 @@ def add_to_model(
         with busy(console, "choosing the regularisation"):
             more, tried = choose_again(more)
     more = with_frames(more, found.frames)
-    report = _report(more, accumulated, tried)._replace(rejected=all_left_out(found))
+    report = with_found(_report(more, accumulated, tried), found)
     return Model(more.library, dofs), report
 
 

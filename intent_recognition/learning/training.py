@@ -58,6 +58,7 @@ class TrainingReport(NamedTuple):
         tried: all that were scored; none where the hyperparameters of a model were kept.
         n_used, n_rejected: how many in all.
         trained: the library with its statistics, to add demonstrations to.
+        doubts: what the recordings give reason to doubt, where they were looked at.
     """
 
     used: tuple[str, ...]
@@ -67,6 +68,7 @@ class TrainingReport(NamedTuple):
     n_used: int
     n_rejected: int
     trained: Trained
+    doubts: tuple[StreamFinding, ...] = ()
 
     @property
     def library(self) -> TaskLibrary:
@@ -75,9 +77,12 @@ class TrainingReport(NamedTuple):
 
     @property
     def doubtful(self) -> list[StreamFinding]:
-        """Recordings of rare tasks whose label may be misspelt."""
+        """The doubts, and recordings of rare tasks whose label may be misspelt."""
         tasks = self.trained.tasks.items()
-        return label_doubts((one.name, label) for label, task in tasks for one in task.examples)
+        return [
+            *self.doubts,
+            *label_doubts((one.name, label) for label, task in tasks for one in task.examples),
+        ]
 
 
 def learn(

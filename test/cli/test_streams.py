@@ -69,6 +69,7 @@ def test_train(run_command, folder, tmp_path):
     code, text = run_command("train", folder / "bags", "--dofs", folder / "dofs.yaml", *output)
     learned = json.loads((tmp_path / "learned.json").read_text())
     assert code == 0 and learned["n_used"] == 2 * PER_TASK + 1 and len(learned["left_out"]) == 2
+    assert set(reasons(learned["doubtful"])) == {"shifted"}
     check_lines(text, left_out="left out")
 
 
