@@ -56,6 +56,16 @@ def as_observation(
     )
 
 
+def check_observation(observation: object) -> None:
+    """Make sure that it is one, and no array of numbers.
+
+    Raises:
+        ArgumentError: it is not.
+    """
+    cure = "Pass an array of numbers to `observe`, or to `observe_controlled`."
+    check_type("observation", observation, Observation, cure)
+
+
 def measured_part(observation: Observation, n_dofs: int) -> Observation | None:
     """The DOFs that are not NaN, of a signal of so many; None where there are none.
 

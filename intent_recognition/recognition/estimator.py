@@ -21,6 +21,7 @@ from intent_recognition.recognition.arguments import (
     as_observation,
     as_posture,
     as_times,
+    check_observation,
     check_same_dofs,
     covariance_defect,
     measured_part,
@@ -148,6 +149,7 @@ class IntentEstimator:
         late, the clock was set back (a recording is played again): the estimator resets and
         follows the new clock.
         """
+        check_observation(observation)
         return "zero_stamp" if observation.stamp_ns <= 0 else self._defect(observation)
 
     def _defect(self, observation: Observation) -> str | None:
@@ -162,7 +164,12 @@ class IntentEstimator:
         return wrong or ("unit" if self.first_samples.refuse(observation) else None)
 
     def update(self, observation: Observation) -> Estimate:
-        """Take one observation that `reason_to_reject` has nothing against."""
+        """Take one observation that `reason_to_reject` has nothing against.
+
+        Raises:
+            ArgumentError: it is no `Observation`.
+        """
+        check_observation(observation)
         observation = self._turns.bring(observation)
         now_ns, detector = observation.stamp_ns, self._detector
         detector.add(observation)
@@ -237,6 +244,7 @@ class IntentEstimator:
 
         Groups count the controlled signals, in the order of the DOF file.
         """
+        check_observation(observation)
         return "zero_stamp" if observation.stamp_ns <= 0 else self._posture.take(observation)
 
     def observe_context(self, values: ArrayLike) -> None:
@@ -265,6 +273,7 @@ class IntentEstimator:
         movement under way is filtered anew, at most every `CONTEXT_PERIOD_S` and `CONTEXT_SHARE` of
         its time so far. Groups count the context signals, in the order of the DOF file.
         """
+        check_observation(observation)
         reason = "zero_stamp" if observation.stamp_ns <= 0 else self._context.take(observation)
         self.first_samples.misfit = self._context.misfit
         return reason
