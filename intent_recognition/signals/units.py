@@ -222,7 +222,7 @@ def learned_misfit(
     excess = np.maximum(lower - values, values - upper)
     farthest = int(np.argmax(excess))
     far = excess[farthest] / max(float(np.max(upper - lower)), 1e-9)
-    likely = other_units(unit, values, learned)
+    likely = other_units(unit, values, learned) if far > 0.0 else {}
     if not likely or far <= FAR_SHARE * min(likely.values()):
         return None
     reason = (
