@@ -31,6 +31,14 @@ def record(folder, task, seed):
     return write_recording(folder.new_bag(TRUTH.labels[task]), perform(TRUTH, task, seed), DOFS)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def margins_stay():
+    """Margins take most of the time of learning, and nothing is written meanwhile."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(task_folder, "with_margins", lambda trained: trained)
+        yield
+
+
 @pytest.fixture(scope="module")
 def started(tmp_path_factory):
     """Two tasks of two recordings each, and one more recording that is not learned yet."""
