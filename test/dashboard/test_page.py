@@ -27,7 +27,7 @@ NEAR_PIXELS = 25.0
 SEEN_STD = 5.0
 """Of the colours of an image on which there is something; an empty scene is white all over."""
 NODES = {
-    "sim_bridge.nodes.lwr_sim": {},
+    "sim_bridge.nodes.lwr_sim": {"joint_state_rate": "50.0"},
     "intent_recognition.nodes.mocap_ingest": {},
     "intent_recognition.nodes.intent_estimator": {"model": "{model}"},
     "intent_recognition.nodes.primitive_activation": {"model": "{model}"},
