@@ -149,11 +149,17 @@ def interact(who, **settings):
     return world
 
 
+@pytest.fixture(scope="module")
+def free():
+    """An interaction with nobody there."""
+    return interact(None)
+
+
 @pytest.mark.slow
-def test_an_interaction_slows_near_the_person_smoothly_and_arrives():
+def test_an_interaction_slows_near_the_person_smoothly_and_arrives(free):
     near = ARM.forward_kinematics(PATH.spline(1.0))[:3, 3]
     separation = Separation(ARM, SETTINGS)
-    free, slowed = interact(None), interact(near, separation=separation)
+    slowed = interact(near, separation=separation)
     slowed.check_continuous()
     assert slowed.activation.counts["slowed by person"] > 0
     np.testing.assert_allclose(slowed.commands[-1].plan.end, free.commands[-1].plan.end, atol=0.05)
@@ -164,8 +170,8 @@ def test_an_interaction_slows_near_the_person_smoothly_and_arrives():
 
 
 @pytest.mark.slow
-def test_far_from_the_person_commands_are_those_without():
-    free, far = interact(None), interact(FAR, separation=Separation(ARM, SETTINGS))
+def test_far_from_the_person_commands_are_those_without(free):
+    far = interact(FAR, separation=Separation(ARM, SETTINGS))
     assert len(free.commands) == len(far.commands)
     for a, b in zip(free.commands, far.commands, strict=True):
         np.testing.assert_array_equal(a.plan.positions, b.plan.positions)
