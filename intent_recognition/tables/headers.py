@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from intent_recognition.tables.cells import with_point
 from intent_recognition.tables.table import without_subjects
 from intent_recognition.tables.times import PER_UNIT, unit_of_times
 
@@ -74,7 +75,8 @@ def motive(rows: Rows) -> Header | None:
         angles = kind == "Rotation" and said.get("Rotation Type", "").strip() != "Quaternion"
         if kind.startswith("Position") or angles:
             units[k] = "deg" if angles else said.get("Length Units", "").strip()
-    time = {"time": {"column": axes[1]}}
+    rate = said.get("Export Frame Rate", said.get("Capture Frame Rate", ""))
+    time = {"time": _clock(rows[at + 1 :], axes, rate)}
     about = {"aliases": aliases, "units": units, "defaults": time}
     return Header(tuple(names), at + 1, {**about, "must_say": not all(units.values())})
 
@@ -90,7 +92,7 @@ def nexus(rows: Rows) -> Header | None:
         owner = (rows[at - 1][k].strip() if k < len(rows[at - 1]) else "") or owner
         names.append(f"{owner}.{rows[at][k].strip()}")
     units = {k: unit.strip() for k, unit in enumerate(rows[at + 1]) if unit.strip()}
-    time = {"column": "Frame", "unit": "samples", "rate": float(rows[title + 1][0])}
+    time = {"column": "Frame", "unit": "samples", "rate": float(with_point(rows[title + 1][0]))}
     return _of_markers(names, at + 2, units, time, ends_blank=True)
 
 
@@ -112,7 +114,8 @@ def trc(rows: Rows) -> Header | None:
     while skip < len(rows) and not any(cell.strip() for cell in rows[skip]):
         skip += 1
     units = dict.fromkeys(range(2, len(names)), said.get("Units", "").strip())
-    return _of_markers(names, skip, units, {"column": names[1]}, numbered)
+    time = _clock(rows[skip:], names, said.get("DataRate", ""))
+    return _of_markers(names, skip, units, time, numbered)
 
 
 def _places_of(labels: Sequence[str]) -> list[str]:
@@ -140,7 +143,7 @@ def qtm(rows: Rows) -> Header | None:
         if len(rows[skip]) >= max(3 * stated, len(names)) + 2:
             names = ["Frame", "Time", *names]
     units = {k: QTM_UNITS.get(name.rpartition(".")[2], "") for k, name in enumerate(names)}
-    time = {"rate": float(said["FREQUENCY"][1])}
+    time = {"rate": float(with_point(said["FREQUENCY"][1]))}
     return _of_markers(names, skip, {k: unit for k, unit in units.items() if unit}, time)
 
 
@@ -192,6 +195,13 @@ def levels(rows: Rows) -> Header | None:
     names = [first, *names[1:]] if first else names
     units = {0: heads[-1][0]} if unit_of_times(heads[-1][0]) else {}
     return Header(tuple(names), at, {"must_say": True, "units": units})
+
+
+def _clock(rows: Rows, names: Sequence[str], rate: str) -> dict[str, object]:
+    """Where times are: in the second column, or, where that is blank, in frames at the rate."""
+    if rate.strip() and not any(row[1].strip() for row in rows if row[1:]):
+        return {"column": names[0], "unit": "samples", "rate": float(with_point(rate))}
+    return {"column": names[1]}
 
 
 def _spread(row: Sequence[str]) -> list[str]:

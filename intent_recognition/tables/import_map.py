@@ -163,12 +163,14 @@ class ImportMap:
             _count(items.get("skip_rows", 0), 0, f"{source}: skip_rows"),
         )
 
-    def over(self, defaults: Mapping[str, object]) -> "ImportMap":
+    def over(self, defaults: Mapping[str, object], source: str) -> "ImportMap":
         """This map, with what a file says of itself where the map says nothing."""
         time, segments, task = (defaults.get(key) for key in ("time", "segments", "task"))
         return replace(
             self,
-            time=_time(time, "time") if time is not None and self.time is None else self.time,
+            time=_time(time, f"{source}: time")
+            if time is not None and self.time is None
+            else self.time,
             segments=_segments(segments, "segments") if self.segments is None else self.segments,
             task=_text(task, "task") if task is not None and self.task is None else self.task,
         )

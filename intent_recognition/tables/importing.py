@@ -12,7 +12,7 @@ import numpy as np
 from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import check_label, find_bags
-from intent_recognition.errors import BagError, MissingPackageError
+from intent_recognition.errors import BagError, DofError, MissingPackageError
 from intent_recognition.signals import LONGEST_LABEL, Rejection
 from intent_recognition.tables.cells import Values, convert, numbers, text_of, texts, without_zeros
 from intent_recognition.tables.doubts import Doubt, certain_misfit, doubts
@@ -95,7 +95,7 @@ def import_demonstrations(source: Path, mapping: ImportMap) -> Iterator[Imported
                         raise BagError.about("recording", "names that differ", got, cure)
                     taken.add(found.name)
                 yield found
-        except (BagError, MissingPackageError) as error:
+        except (BagError, DofError, MissingPackageError) as error:
             (path, *others) = recording.paths.values()
             yield Rejection.of(recording.name if others else str(path), error)
 
@@ -152,7 +152,7 @@ def _demonstrations(
     _check_name(recording.name)
     tables = {name: open_table(path, mapping.skip_rows) for name, path in recording.paths.items()}
     for table in tables.values():
-        mapping = mapping.over(table.defaults)
+        mapping = mapping.over(table.defaults, str(table.source))
         for note in table.notes:
             yield Doubt(table.source.name, "", 0, note)
     data = _load(tables, mapping)
@@ -161,8 +161,6 @@ def _demonstrations(
     for row in filter(lambda row: row.hidden, rows):
         marker = row.source.columns[0].rpartition(".")[0] or row.source.entry.topic
         said = f"frames at exactly (0, 0, 0) are taken for occlusion: {marker} {row.hidden}"
-        if row.hidden == len(row.values):
-            said = f"{marker} is at exactly (0, 0, 0) in every frame. Likely it was never seen."
         yield Doubt(recording.paths[row.source.file].name, "", 0, said)
     main = mapping.columns[0].file
     labels = {key: text for key, text in recording.named.items() if key != "task"}

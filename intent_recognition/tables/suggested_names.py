@@ -43,7 +43,10 @@ ELEMENTS = re.compile(
 POSE_NAME = re.compile(r"(?i)pose|cartesian")
 POSE_SIZES = (3, 6, 7)
 """Elements of a place: x, y, z, and a rotation vector or a quaternion."""
-UNIT_END = re.compile(r"\s*(?:[\[(](?P<unit>[^\[\]()]*)[\])]|(?<=[xyzXYZ])_(?:mm|cm|m))$")
+UNIT_END = re.compile(
+    r"(?i)\s*(?:[\[(](?P<unit>[^\[\]()]*)[\])]"
+    r"|(?<=[xyz])[_ ./-](?:[mcd]?m|(?:milli|centi|deci)?met(?:er|re)s?|inch(?:es)?))$"
+)
 """A unit at the end of a name."""
 PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[wxyzWXYZ])$")
 NO_PLACE = re.compile(

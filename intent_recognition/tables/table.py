@@ -14,9 +14,12 @@ from intent_recognition.tables.times import unit_of_times
 
 MOST_COLUMNS = 10_000
 """Columns of a table. Convention: a motion capture suit takes some hundreds."""
-UNIT_IN_NAME = re.compile(r"(?:[\[(]|_(?=(?:mm|cm|km|px|deg|rad)$))\s*([^\[\]()_\s]+)\s*[\])]?$")
-"""The unit at the end of a name: `x [mm]`, `x (mm)`, `x_mm`."""
-OTHER_UNIT = re.compile(r"\s\[[^\[\]\d]+\]$|[(_](?:px|pixels?|%|km)\)?$")
+UNIT_IN_NAME = re.compile(
+    r"(?i)(?:[\[(]|[_ ./-](?=(?:[mcdk\u00b5]m|px|deg(?:ree)?s?|rad(?:ian)?s?"
+    r"|(?:milli|centi|deci)met(?:er|re)s?|inch(?:es)?)$))\s*([^\[\]()_\s]+)\s*[\])]?$"
+)
+"""The unit at the end of a name: `x [mm]`, `x (mm)`, `x_mm`, `x.mm`, `X MM`."""
+OTHER_UNIT = re.compile(r"(?i)\s\[[^\[\]\d]+\]$|[(_ ./-](?:px|pixels?|%|km)\)?$")
 """The end of a name that says a unit of which nothing is known: `x [V]`, `x (px)`; not `x (left)`.
 """
 ELEMENT = re.compile(r"(?:\.\d+)+$")
@@ -81,7 +84,8 @@ class Table:
     def unit_of(self, name: str, wanted: str) -> str:
         """The unit of a column, in our spelling; that which is wanted where nothing is known."""
         said = self.said_of(name)
-        cure = "Give it as columns_unit in the map, such as mm."
+        such = "deg" if wanted.startswith("rad") else "mm"
+        cure = f"Give it as columns_unit in the map, such as {such}."
         if not said:
             if self.must_say:
                 raise BagError.about(str(self.source), f"the unit of {name}", "none", cure)

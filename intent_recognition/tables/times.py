@@ -16,12 +16,12 @@ from intent_recognition.errors import BagError
 from intent_recognition.signals import LONGEST_PERIOD_S, SHORTEST_PERIOD_S, USUAL_PERIODS_S
 from intent_recognition.tables.cells import LONGEST_CELL, MISSING, Values, with_point
 
-PER_UNIT = {"s": NANOSECONDS, "ms": 10**6, "us": 10**3, "ns": 1}
+PER_UNIT = {"s": NANOSECONDS, "ms": 10**6, "us": 10**3, "ns": 1, "min": 60 * NANOSECONDS}
 """Nanoseconds in each unit of time."""
 TIME_UNIT = re.compile(
     r"(?i)(?:^|[\W_])(?:(?P<ms>msecs?|ms|millis|milliseconds?)"
     r"|(?P<us>[u\u00b5\u03bc]secs?|[u\u00b5\u03bc]s|micros|microseconds?)"
-    r"|(?P<ns>nsecs?|ns|nanos|nanosecs?|nanoseconds?)|(?P<s>s|secs?|seconds?))\W*$"
+    r"|(?P<ns>nsecs?|ns|nanos|nanosecs?|nanoseconds?)|(?P<min>mins?|minutes?)|(?P<s>s|secs?|seconds?))\W*$"
 )
 """A unit of time at the end of a name: `time_ms`, `t [ms]`, `Time (Seconds)`, `msec`."""
 SAMPLES = "samples"

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motion capture as labs send it: read right, or what was left out is named."""
 
+import re
+
 import numpy as np
 import pytest
 from c3d_builder import c3d_file
 from tables.exported_files import PLACE as EXPORTED
-from tables.exported_files import motive
+from tables.exported_files import motive, qtm, trc
 from tables.odd_files import DEVICES, NEXUS, PLACE, ROWS, TIMES_S, cells, imported, nexus, table
 
 
@@ -105,6 +107,25 @@ def test_a_header_that_is_known_needs_no_skip_rows(tmp_path):
         assert words in said and (samples is None) == bool(words)
 
 
+@pytest.mark.parametrize("kind", [motive, trc])
+def test_where_times_are_blank_frames_count_at_the_rate_of_the_file(kind, tmp_path):
+    text = re.sub(r"(?m)^(\d+[,\t])\d+\.\d+", r"\1", kind(tmp_path).read_text())
+    columns = {motive: "wrist.Position.{}", trc: "RWR.{}"}[kind]
+    samples, _ = imported(tmp_path, f"b{kind(tmp_path).suffix}", text, map(columns.format, "xyz"))
+    steps = np.diff(samples.stamps_ns) * 1e-9
+    np.testing.assert_allclose(steps, 1 / 120 if kind is motive else 0.01, atol=2e-9)
+
+
+@pytest.mark.parametrize(("rate", "period"), [("99,5", 1 / 99.5), ("0", None)])
+def test_rates_with_decimal_commas_and_none(rate, period, tmp_path):
+    text = qtm(tmp_path).read_text().replace("FREQUENCY\t100", f"FREQUENCY\t{rate}")
+    samples, said = imported(tmp_path, "qtm.tsv", text, ["wrist.x", "wrist.y", "wrist.z"])
+    if period is None:
+        assert samples is None and "time: rate: expected samples a second" in said
+    else:
+        np.testing.assert_allclose(np.diff(samples.stamps_ns) * 1e-9, period, atol=2e-9)
+
+
 def test_states_of_opensim_by_their_paths(tmp_path):
     names = [f"/jointset/ground/wrist_t{axis}/value" for axis in "xyz"]
     head = "inDegrees=no\nendheader\n" + "\t".join(["time", *names])
@@ -144,6 +165,6 @@ def test_two_people_in_one_mvnx_are_refused(tmp_path):
 def test_a_marker_that_was_never_seen_is_named_and_labels_may_be_latin(tmp_path):
     content = c3d_file(np.stack([0.0 * PLACE, PLACE], axis=1), labels=["W", "H\xe4nd"])
     columns = [f"W.{axis}" for axis in "xyz"]
-    assert "(0, 0, 0) in every frame" in imported(tmp_path, "a.c3d", content, columns)[1]
+    assert "is at exactly zero in every sample" in imported(tmp_path, "a.c3d", content, columns)[1]
     samples, said = imported(tmp_path, "a.c3d", content, [f"H\xe4nd.{axis}" for axis in "xyz"])
     assert not said and len(samples.values) == ROWS

@@ -6,6 +6,7 @@ from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
+import yaml
 from tables.exported_files import entry
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, day_time, imported, plain, table
 
@@ -290,6 +291,40 @@ def test_names_in_several_lines(kind, tmp_path):
 def test_metres_that_are_called_millimetres_are_named(tmp_path):
     samples, said = imported(tmp_path, "a.csv", plain(scale=1e-3), unit="mm", time={"column": "t"})
     assert samples is not None and "say in the map columns_unit: m." in said
+
+
+ENDS = {"_MM": 1.0, " mm": 1.0, ".cm": 0.1, "-cm": 0.1, "/cm": 0.1, "_dm": 0.01,
+        "_centimeters": 0.1, "_inches": 1 / 25.4, " [CM]": 0.1}  # fmt: skip
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_a_unit_at_the_end_of_names(end, tmp_path):
+    names = [f"{axis}{end}" for axis in "xyz"]
+    content = plain(scale=ENDS[end], head=",".join(["t", *names]))
+    samples, said = imported(tmp_path, "a.csv", content, names, time={"column": "t"})
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=2e-6)
+    suggested = yaml.safe_load(suggest_map(tmp_path / "a.csv"))["observed"][0]
+    assert suggested["columns"] == names
+
+
+@pytest.mark.parametrize("end", ["_degrees", "_rad", " deg", ".Degrees"])
+def test_an_angle_at_the_end_of_names_is_no_length(end, tmp_path):
+    content = plain(scale=1e-3, head=",".join(["t", *(f"{axis}{end}" for axis in "xyz")]))
+    columns = [f"{axis}{end}" for axis in "xyz"]
+    samples, said = imported(tmp_path, "a.csv", content, columns, time={"column": "t"})
+    assert samples is None and "that becomes m" in said
+
+
+def test_times_in_minutes_are_read_by_their_name(tmp_path):
+    content = plain(at=lambda t: f"{t / 60:.9f}", head="t [min],x,y,z")
+    samples, _ = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t [min]"})
+    np.testing.assert_allclose(np.diff(samples.stamps_ns), 1e7, atol=100)
+
+
+def test_a_short_reach_in_centimetres_is_doubted(tmp_path):
+    samples, said = imported(tmp_path, "a.csv", plain(scale=0.03), time={"column": "t"})
+    assert samples is not None and "is hardly metres. Likely centimetres for metres" in said
 
 
 def test_zeros_of_plain_columns_are_named(tmp_path):
