@@ -223,8 +223,11 @@ def sparse(signal: Signal) -> list[str]:
 def zeros(signal: Signal) -> list[str]:
     """Whether it jumps to zero in all DOFs: many programs write that for what they do not see."""
     zero = np.all(signal.values == 0.0, axis=1)
-    if len(signal.names) < 2 or not zero.any() or zero.all():
+    if len(signal.names) < 2 or not zero.any():
         return []
+    if zero.all():  # joints of a simulation may be
+        said = f"{in_words(signal)} is at exactly zero in every sample. Likely it was never seen."
+        return [said] if signal.unit == "m" else []
     steps = np.linalg.norm(np.diff(signal.values, axis=0), axis=1)
     edge = zero[1:] != zero[:-1]
     if steps[edge].min() <= 3.0 * steps[~edge].max(initial=0.0):  # it moves to zero

@@ -49,8 +49,9 @@ comes nearer to it is named. Convention."""
 FARTHEST_RAD = 2.0 * np.pi
 """Position of a joint beyond which it is in degrees if it is fast as well [rad]. Convention: few
 joints turn farther to either side."""
-FAST_RAD_S = 10.0
-"""Speed beyond which it is fast [rad/s]. Convention: that of the fastest joints of cobots is 6."""
+FAST = 10.0
+"""Speed that is doubted [m/s, rad/s]. Convention: the fastest joints of cobots turn with 6, a hand
+reaches with 3."""
 OUTSIDE_RAD = 0.1
 """By how much a recorded joint may be outside the range of its URDF [rad]. Convention: calibration,
 and limits in software that are narrower."""
@@ -153,22 +154,19 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
     speed = peak_speed(signal.seconds(int(signal.stamps_ns[0])), values)
     farthest = float(np.abs(values).max())
     turned = unit == "rad" and farthest > FARTHEST_RAD
-    turned = (
-        turned and max(extent / FARTHEST_RAD, speed / FAST_RAD_S, farthest / WIDEST[unit]) > 1.0
-    )
+    turned = turned and max(extent / FARTHEST_RAD, speed / FAST, farthest / WIDEST[unit]) > 1.0
     too_wide = extent > known.widest
-    if not (too_wide or turned or extent > WIDEST[unit] or speed > FASTEST[unit]):
+    never = too_wide or extent > WIDEST[unit] or speed > FASTEST[unit]
+    if not (never or turned or (unit == "m" and speed > FAST)):
         return None
     if unit == "m" and (stray := _stray(signal)) is not None:
         return stray
     reason = f"{in_words(signal)} moves over {extent:.3g} {unit}"
-    reason += (
-        f" at up to {speed:.3g} {unit}/s" if speed > FAST_RAD_S else ""
-    )  # few samples say less
+    reason += f" at up to {speed:.3g} {unit}/s" if speed > FAST else ""  # few samples say less
     reason += f" and is at {farthest:.3g} {unit}" if turned else ""
     reason += f", and the arm cannot reach over {known.widest:.3g} {unit}" if too_wide else ""
     name, factor = _nearest_usual(unit, extent)
-    certain = unit == "m"  # a joint without limits may turn as far, a toy's as fast
+    certain = unit == "m" and never  # a joint without limits may turn as far, a toy's as fast
     likely = taken_for(unit, {name: factor})
     said = "cannot be" if certain else "is hardly"
     text = f"{reason}: the unit {said} {NAMES[unit]}. {likely}"

@@ -104,7 +104,7 @@ def without_zeros(places: Floats) -> tuple[Floats, int]:
     """
     zero = np.all(places == 0.0, axis=1)
     if not zero.any() or np.all(zero | np.isnan(places).any(axis=1)):
-        return places, len(places) * bool(len(places) and zero.all())
+        return places, 0
     return np.where(zero[:, None], np.nan, places), int(zero.sum())
 
 
