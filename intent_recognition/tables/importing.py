@@ -328,7 +328,9 @@ def _why_few(rows: _Rows, pick: Integers, count: int) -> tuple[str, str]:
     stamps = rows.stamps_ns[pick][rows.known[pick]]
     if pick.size and not stamps.size:
         return "no row has a time", NO_TIMES
-    if stamps.size > 1 and np.all(np.diff(stamps) < 0):
+    if stamps.size > 1 and np.all(np.diff(stamps) <= 0):
+        if stamps[0] == stamps[-1]:
+            return "all rows have the same time", NO_TIMES
         return "times decrease from row to row", "Reverse the rows of the file."
     if stamps.size and not np.isfinite(rows.values[pick]).any():
         return "every cell is empty, or not measured", "Name other columns in the map."

@@ -234,6 +234,8 @@ def open_lerobot(folder: Path) -> Table:
         *found, numbered = table.read([*stored, tasks_at])
         tasks = _tasks(folder)
         indices = numbers(numbered, folder, "task_index").tolist()
+        if any(tasks.values()):  # else there are no labels
+            tasks |= {k: f"task_index {k:g}" for k in indices if not tasks.get(k)}
         text = np.array([tasks.get(k, "") for k in indices], object)
         return [text if k == len(table.names) else found[stored.index(k)] for k in wanted]
 
@@ -241,8 +243,11 @@ def open_lerobot(folder: Path) -> Table:
         "time": {"column": "timestamp", "unit": "s"},
         "segments": {"column": "episode_index"},
     }
-    if not any(path.is_file() for path in _task_files(folder)):
-        notes = ("there is no meta/tasks.jsonl or .parquet: give the tasks in the map",)
+    if table.find("timestamp") is None:
+        defaults["time"] = {"rate": info.get("fps")}
+    if tasks_at is None or not any(path.is_file() for path in _task_files(folder)):
+        missing = "column task_index" if tasks_at is None else "meta/tasks.jsonl or .parquet"
+        notes = (f"there is no {missing}: give the tasks in the map",)
         return replace(table, defaults=defaults, notes=notes)
     defaults["task"] = {"column": "task"}
     return Table(folder, (*table.names, "task"), read, aliases=table.aliases, defaults=defaults)

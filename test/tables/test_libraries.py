@@ -102,6 +102,33 @@ def test_a_lerobot_episode_is_cut_where_its_task_changes(lerobot, tmp_path):
         assert np.array_equal(one.samples[0].values, part)
 
 
+@pytest.mark.parametrize("first", [[], [{"task_index": 0, "task": ""}]])
+def test_a_lerobot_task_without_a_text_is_one_of_its_own(first, lerobot, tmp_path):
+    folder, _ = lerobot
+    tasks = [*first, {"task_index": 1, "task": "hand"}]
+    (folder / "meta/tasks.jsonl").write_text("\n".join(map(json.dumps, tasks)))
+    columns = [f"observation.state.{axis}" for axis in "xyz"]
+    found = imported(folder, tmp_path, {"observed": [WRIST | {"columns": columns}]})
+    assert sorted(one.task for one in found) == ["hand", "task_index 0"]
+
+
+@pytest.mark.parametrize("missing", ["task_index", "timestamp"])
+def test_lerobot_without_tasks_or_times(missing, lerobot):
+    from pyarrow import parquet
+
+    folder, states = lerobot
+    for path in (folder / "data").rglob("*.parquet"):
+        parquet.write_table(parquet.read_table(path).drop_columns([missing]), path)
+    columns = [f"observation.state.{axis}" for axis in "xyz"]
+    mapping = ImportMap.from_dict({"observed": [WRIST | {"columns": columns}]})
+    *said, first, _ = import_demonstrations(folder, mapping)
+    assert [one.reason for one in said] == [
+        "there is no column task_index: give the tasks in the map"
+    ] * (missing == "task_index")
+    assert np.array_equal(first.samples[0].values, states[0][:, :3])
+    assert np.ptp(first.samples[0].stamps_ns) == pytest.approx(0.7e9, abs=100)
+
+
 def test_lerobot_of_another_version_or_place(lerobot):
     folder, _ = lerobot
     info = json.loads((folder / "meta/info.json").read_text())

@@ -197,6 +197,7 @@ REFUSED = {
         table("t,x,y,z", lambda k: [f"{TIMES_S[~k]}", *cells(~k)]),
         "times decrease from row to row",
     ),
+    "one time": (plain(at=lambda t: "1.0"), "all rows have the same time"),
     "blank times": (plain(at=lambda t: ""), "no row has a time"),
     "blank places": (plain(hidden=range(ROWS)), "every cell is empty"),
     "a unit below the names": (plain(head="t,x,y,z\ns,px,px,px"), "got 'px'"),
