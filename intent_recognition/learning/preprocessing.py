@@ -17,7 +17,7 @@ from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.timing import Timing, estimate_timing
 from intent_recognition.promp import NONE, NormalizedRBFBasis
 from intent_recognition.signals import (
-    ANGLE_UNIT,
+    TURNS,
     Demonstration,
     OnsetSettings,
     Signal,
@@ -123,7 +123,7 @@ def angle_references(recordings: Sequence[Demonstration]) -> tuple[float | None,
     if not len(starts):
         return (None,) * len(units)
     return tuple(
-        turn_reference(of_dof) if unit == ANGLE_UNIT else None
+        turn_reference(of_dof, TURNS[unit]) if unit in TURNS else None
         for unit, of_dof in zip(units, starts.T, strict=True)
     )
 

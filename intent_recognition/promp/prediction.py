@@ -10,7 +10,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import Gaussian, condition, symmetrize
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.trajectory import dof_variance
-from intent_recognition.signals import ANGLE_UNIT, SPATIAL_UNITS
+from intent_recognition.signals import SPATIAL_UNITS, TURNS
 
 USUAL_END_STD = {"rad": 0.35, "m": 0.1}
 """Largest standard deviation of a predicted end that is acted on, by unit, in [rad] and [m].
@@ -66,7 +66,7 @@ def largest_by_unit(std: Floats, units: Sequence[str]) -> dict[str, float]:
 
 
 def angle_starts(library: TaskLibrary) -> tuple[float | None, ...]:
-    """Where each DOF that is an angle begins [rad], observed ones first; None for other DOFs.
+    """Where each DOF that is an angle begins, observed ones first; None for other DOFs.
 
     Half-way between the tasks' extreme means: all tasks were learned in one turn about it.
     """
@@ -74,7 +74,7 @@ def angle_starts(library: TaskLibrary) -> tuple[float | None, ...]:
     mean = library.weight_mean.reshape(library.n_tasks, len(library.units), -1) @ start
     middle = (0.5 * (mean.min(axis=0) + mean.max(axis=0))).tolist()
     pairs = zip(library.units, middle, strict=True)
-    return tuple(at if unit == ANGLE_UNIT else None for unit, at in pairs)
+    return tuple(at if unit in TURNS else None for unit, at in pairs)
 
 
 def controlled_spread(library: TaskLibrary) -> Floats:

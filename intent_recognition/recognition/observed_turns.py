@@ -4,7 +4,7 @@
 import numpy as np
 
 from intent_recognition.promp import TaskLibrary, angle_starts
-from intent_recognition.signals import Observation, jumps, whole_turns
+from intent_recognition.signals import Observation, jumps, turns_of, whole_turns
 
 
 class ObservedTurns:
@@ -17,6 +17,7 @@ class ObservedTurns:
     def __init__(self, library: TaskLibrary):
         starts = angle_starts(library)[: library.n_observed]
         self._library = library
+        self._turn = turns_of(library.units[: library.n_observed])
         self._starts = np.array([np.nan if at is None else at for at in starts])
         self.forget()
 
@@ -30,9 +31,9 @@ class ObservedTurns:
         dofs = self._library.observed_dofs(observation.group, observation.dofs)
         if observation.derivative or np.all(np.isnan(self._starts[dofs])):
             return observation
-        apart = observation.values - self._last[dofs]
-        turns = np.where(self._seen[dofs], jumps(apart), whole_turns(apart))
-        values = observation.values - np.nan_to_num(turns)
+        apart, turn = observation.values - self._last[dofs], self._turn[dofs]
+        turns = np.where(self._seen[dofs], jumps(apart, turn), whole_turns(apart, turn))
+        values = observation.values - turns
         angles = ~np.isnan(self._starts[dofs])
         self._last[dofs[angles]], self._seen[dofs] = values[angles], True
         return observation._replace(values=values)

@@ -19,7 +19,7 @@ from intent_recognition.promp import (
     controlled_spread,
     distance_to,
 )
-from intent_recognition.signals import ANGLE_UNIT, Observation, whole_turns
+from intent_recognition.signals import Observation, turns_of, whole_turns
 
 POSTURE_USED, POSTURE_OUTSIDE, POSTURE_UNKNOWN = "used", "outside", "unknown"
 MAX_AGE_S = 0.25
@@ -151,8 +151,8 @@ class OnsetPosture:
 
 def _turns_of_start(library: TaskLibrary, task: int, position: Floats) -> Floats:
     """Whole turns between a posture and where a task begins, zero where a DOF is no angle, (Q,)."""
-    turns = whole_turns(position - start_mean(library, task))
-    return np.where(np.array(library.controlled_units) == ANGLE_UNIT, turns, 0.0)
+    turn = turns_of(library.controlled_units)
+    return whole_turns(position - start_mean(library, task), turn)
 
 
 def start_variance(library: TaskLibrary) -> Floats:

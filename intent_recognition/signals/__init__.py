@@ -46,11 +46,12 @@ from intent_recognition.signals.signal import (
 )
 from intent_recognition.signals.streams import common_span, sparse, stream_defect, zeros
 from intent_recognition.signals.turns import (
-    ANGLE_UNIT,
+    TURNS,
     begin_near,
     first_values,
     jumps,
     turn_reference,
+    turns_of,
     whole_turns,
 )
 from intent_recognition.signals.units import (

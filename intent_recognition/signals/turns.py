@@ -13,27 +13,32 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.signals.signal import Signal
 
-ANGLE_UNIT = "rad"
-TURN = 2.0 * np.pi
+TURNS = {"rad": 2.0 * np.pi, "deg": 360.0}
+"""A whole turn by the unit of an angle."""
 
 
-def whole_turns(difference: Floats) -> Floats:
-    """The whole turns in differences of angles, (...) [rad]."""
-    return TURN * np.round(difference / TURN)
+def turns_of(units: Sequence[str]) -> Floats:
+    """A whole turn of each DOF (d,), NaN for what is no angle."""
+    return np.array([TURNS.get(unit, np.nan) for unit in units])
 
 
-def jumps(difference: Floats) -> Floats:
+def whole_turns(difference: Floats, turn: Floats | float) -> Floats:
+    """The whole turns in differences of angles, (...); zero for what is no angle."""
+    return np.nan_to_num(turn * np.round(difference / turn))
+
+
+def jumps(difference: Floats, turn: Floats | float) -> Floats:
     """The whole turns by which angles jump from one sample to the next, zero for none, (...)."""
-    turns = whole_turns(difference)
-    # an angle may move that far between samples
-    return np.where(np.abs(difference - turns) < 1.0, turns, 0.0)
+    turns = whole_turns(difference, turn)
+    # an angle may move by a radian between samples
+    return np.where(np.abs(difference - turns) < turn / TURNS["rad"], turns, 0.0)
 
 
 def continuous(signal: Signal) -> tuple[Signal, tuple[str, ...]]:
     """The signal without jumps by whole turns, and the names of the DOFs that had some."""
-    if signal.unit != ANGLE_UNIT or len(signal.values) < 2:
+    if signal.unit not in TURNS or len(signal.values) < 2:
         return signal, ()
-    turns = np.cumsum(jumps(np.diff(signal.values, axis=0)), axis=0)
+    turns = np.cumsum(jumps(np.diff(signal.values, axis=0), TURNS[signal.unit]), axis=0)
     wrapped = np.any(turns, axis=0)
     if not wrapped.any():
         return signal, ()
@@ -43,17 +48,17 @@ def continuous(signal: Signal) -> tuple[Signal, tuple[str, ...]]:
     return Signal(signal.names, signal.stamps_ns, values, signal.unit), names
 
 
-def turn_reference(angles: Floats) -> float:
-    """The middle of some angles on the circle (n,): opposite to the widest gap between them [rad].
+def turn_reference(angles: Floats, turn: float = TURNS["rad"]) -> float:
+    """The middle of some angles on the circle (n,): opposite to the widest gap between them.
 
     Angles brought within half a turn of it are divided where they are farthest apart. Of the turns
     it takes the one that most of the angles are in already.
     """
-    around = np.sort(np.mod(angles, TURN))
-    gaps = np.diff(around, append=around[0] + TURN)
+    around = np.sort(np.mod(angles, turn))
+    gaps = np.diff(around, append=around[0] + turn)
     widest = int(np.argmax(gaps))
-    middle = around[widest] + 0.5 * gaps[widest] + 0.5 * TURN
-    turns, counts = np.unique(whole_turns(angles - middle), return_counts=True)
+    middle = around[widest] + 0.5 * gaps[widest] + 0.5 * turn
+    turns, counts = np.unique(whole_turns(angles - middle, turn), return_counts=True)
     return float(middle + turns[np.argmax(counts)])
 
 
@@ -71,7 +76,7 @@ def begin_near(
         if any(reference is not None for reference in own) and len(signal.values):
             begin = first_values(signal, start_ns)
             near = [b if r is None else r for b, r in zip(begin, own, strict=True)]
-            turns = whole_turns(begin - near)
+            turns = whole_turns(begin - near, TURNS[signal.unit])
             if turns.any():
                 signal = Signal(signal.names, signal.stamps_ns, signal.values - turns, signal.unit)
         found.append(signal)

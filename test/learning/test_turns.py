@@ -32,18 +32,21 @@ def movement(rng, task: int) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([elbow, size * reach], axis=1), joint[:, None]
 
 
-def demonstrations(wrapped: bool) -> list[Demonstration]:
+def demonstrations(wrapped: bool, unit: str = "rad") -> list[Demonstration]:
     rng = np.random.default_rng(3)
     found = []
     for k in range(12):
         human, robot = movement(rng, k % 2)
         if wrapped:
             human, robot = wrap(human), wrap(robot) + TURN * (k % 3)
+        if unit == "deg":
+            human, robot = np.degrees(human), np.degrees(robot)
+        units = {"observed_unit": unit, "controlled_unit": unit}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found.append(
                 Demonstration.from_arrays(
-                    TIMES, human, robot, task=f"{k % 2}", name=f"{k:02}", observed_unit="rad"
+                    TIMES, human, robot, task=f"{k % 2}", name=f"{k:02}", **units
                 )
             )
     return found
@@ -60,6 +63,21 @@ def test_wrapped_recordings_teach_what_unwrapped_ones_do(libraries):
     turns = (wrapped.weight_mean - plain.weight_mean) / TURN
     np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
     assert wrapped.noise_scale == plain.noise_scale
+
+
+def test_angles_in_degrees_have_turns_too():
+    plain, wrapped = (learn(demonstrations(wrapped, "deg"), SETTINGS) for wrapped in (False, True))
+    np.testing.assert_allclose(wrapped.weight_covariance, plain.weight_covariance, atol=1e-6)
+    human, robot = movement(np.random.default_rng(8), 1)
+    ends = []
+    for library, seen in ((plain, human), (wrapped, wrap(human) + TURN)):
+        estimator = IntentEstimator(library, switching=False)
+        for stamp_s, values in zip(TIMES[:90], np.degrees(seen), strict=False):
+            estimator.observe_controlled(1.0 + stamp_s, np.degrees(robot[0]))
+            estimate = estimator.observe(1.0 + stamp_s, values)
+        assert estimate.task == "1"
+        ends.append(estimator.predict_controlled_at(1.0 + TIMES[89]).positions)
+    np.testing.assert_allclose(*ends, atol=1e-6)
 
 
 @pytest.mark.parametrize("turn", [-1, 0, 2])

@@ -17,11 +17,12 @@ def wrap(angle: np.ndarray) -> np.ndarray:
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
+@pytest.mark.parametrize(("unit", "size"), [("rad", 1.0), ("deg", np.pi / 180)])
 @given(st.floats(-20, 20), st.floats(-12, 12))
-def test_a_wrapped_angle_is_what_it_was_but_for_whole_turns(start, extent):
+def test_a_wrapped_angle_is_what_it_was_but_for_whole_turns(unit, size, start, extent):
     truth = start + extent * np.linspace(0, 1, 50)
-    made, names = continuous(Signal(("q",), STAMPS, wrap(truth)[:, None], "rad"))
-    turns = (made.values[:, 0] - truth) / (2 * np.pi)
+    made, names = continuous(Signal(("q",), STAMPS, wrap(truth)[:, None] / size, unit))
+    turns = (made.values[:, 0] * size - truth) / (2 * np.pi)
     np.testing.assert_allclose(turns, np.round(turns[0]), atol=1e-9)
     assert names == (("q",) if np.ptp(wrap(truth) - truth) > 1 else ())
 
