@@ -23,7 +23,7 @@ from intent_recognition.motion import (
     PhaseState,
     PredictedPerson,
     Via,
-    brake_plan,
+    brake_along,
     home_plan,
     make_path,
     phase_times_ns,
@@ -61,7 +61,7 @@ class Motions:
         self._reject, self._counts = common.reject, common.counts
         self._followed: TaskPath | None = None
         self._way: PlannedWay | None = None
-        self._paced_by: tuple[PredictedPerson, ...] = ()
+        self._paced_by: tuple[object, object] = ((), None)
         self._clear_of: Clearance | None = None
         self.people: tuple[PredictedPerson, ...] = ()
         self.corrected: PredictedInteraction | None = None
@@ -174,22 +174,20 @@ class Motions:
             self.things.refuse(what, found)
         return found is not None
 
-    def stop(self, now_ns: int, executed: PredictedInteraction | None) -> Command | None:
-        """Stop along the path of what is executed, or straight on where that is nothing.
+    def stop(self, now_ns: int) -> Command | None:
+        """Stop on the way of what is executed.
 
         None where it is stopping already, and where a stop would leave the limits: the command in
         force ends at rest inside them.
         """
         if self._arm.under_way(now_ns) and self._arm.in_force().plan.kind == "stop":
             return None
-        start_ns = self._arm.switch_ns(now_ns)
-        return self._send_unless_outside(now_ns, start_ns, self._stop_plan(start_ns, executed))
+        return self._brake(now_ns)
 
     def go_home(
         self,
         now_ns: int,
         target: Floats,
-        executed: PredictedInteraction | None,
         start: JointReference | None = None,
     ) -> Command | None:
         """Go to a posture, braking first where no plan starts from this motion.
@@ -209,8 +207,7 @@ class Motions:
         if way is None and current is None:
             return None
         if way is None or (moves and self._obstruction(way.plan) is not None):
-            brake = self._stop_plan(start_ns, executed)
-            return self._send_unless_outside(now_ns, start_ns, brake)
+            return self._brake(now_ns)
         return self._send_clear(now_ns, start_ns, start, way, "the way home")
 
     def _way_to(
@@ -256,14 +253,19 @@ class Motions:
             standing = np.zeros_like(plan.phase)
             plan = replace(plan, kind=way.kind, phase=standing, phase_rate=standing)
         command = self._arm.put_in_force(now_ns, Command(start_ns, plan))
-        self._way, self._paced_by = way._replace(command=command), self.people
+        self._way, self._paced_by = way._replace(command=command), self._pace_setters
         self._clear_of = self._common.settings.clearance
         return command
+
+    @property
+    def _pace_setters(self) -> tuple[object, object]:
+        return self.people, self._common.settings.separation
 
     def keep_pace(self, now_ns: int) -> Command | None:
         """The motion under way at another speed, or a brake along its path; None to go on as it is.
 
-        Looked at where people are predicted, or things stand, elsewhere than when it was planned.
+        Looked at where people are predicted, or things stand, elsewhere than when it was planned,
+        or another arm is described.
         Where no plan keeps the speeds permitted now, or clear of things, the arm brakes, and goes
         on as soon as one does.
         """
@@ -273,11 +275,13 @@ class Motions:
         if not self._arm.is_update_due(now_ns):
             return None
         brakes = way.plan.kind == "stop"
-        paced = bool(self.people) and (brakes or self.people is not self._paced_by)
+        setters, before = self._pace_setters, self._paced_by
+        news = any(now is not was for now, was in zip(setters, before, strict=True))
+        paced = bool(self.people) and (brakes or news)
         moved = self._common.settings.clearance is not self._clear_of
         if not (paced or moved or brakes) or (not brakes and start_ns >= current.end_ns):
             return None
-        self._paced_by, self._clear_of = self.people, self._common.settings.clearance
+        self._paced_by, self._clear_of = setters, self._common.settings.clearance
         excess, begun_ns = self._common.settings.separation, current.start_ns
         too_fast = (
             paced
@@ -303,7 +307,7 @@ class Motions:
         if brakes or not (too_fast or touches):
             return None
         self._counts["braked for person" if too_fast else "braked for things"] += 1
-        brake = stop_plan(way.path, start, self._common.settings.limits, progress)
+        brake = brake_along(way.plan, since_s, self._common.settings.limits)
         command = self._arm.put_in_force(now_ns, Command(start_ns, brake))
         self._way = way._replace(
             plan=brake, slowed=True, command=command, blocked=touches and not too_fast
@@ -341,10 +345,11 @@ class Motions:
         self._counts["replanned"] += 1
         return self._send_way(now_ns, start_ns, around)
 
-    def _send_unless_outside(self, now_ns: int, start_ns: int, brake: JointPlan) -> Command | None:
-        if brake.outside:
-            return None
-        return self._arm.put_in_force(now_ns, Command(start_ns, brake))
+    def _brake(self, now_ns: int) -> Command | None:
+        current, start_ns = self._arm.in_force(), self._arm.switch_ns(now_ns)
+        since_s = (start_ns - current.start_ns) * 1e-9
+        brake = brake_along(current.plan, since_s, self._common.settings.limits)
+        return None if brake.outside else self._arm.put_in_force(now_ns, Command(start_ns, brake))
 
     def yield_to(self, now_ns: int, target: Floats, phase: float) -> Command | None:
         """Take the reference to where a person leads the arm; None if no plan keeps the limits."""
@@ -366,12 +371,3 @@ class Motions:
             self._reject("infeasible", "no plan to the start of the expected task keeps the limits")
             return None
         return self._send_clear(now_ns, start_ns, start, way, "the start of the expected task")
-
-    def _stop_plan(self, start_ns: int, executed: PredictedInteraction | None) -> JointPlan:
-        current = self._arm.in_force()
-        start = current.at(start_ns)
-        progress, limits = current.phase_at(start_ns), self._common.settings.limits
-        followed = self._followed
-        if executed is None or followed is None or current.plan.kind in ("home", "yield"):
-            return brake_plan(start, progress.phase, limits)
-        return stop_plan(followed.clear.path, start, limits, progress)

@@ -42,7 +42,6 @@ from intent_recognition.activation.states import (
     finished,
     interaction_of,
     outcome_of,
-    prediction_of,
 )
 from intent_recognition.activation.transitions import Transitions
 from intent_recognition.activation.waiting import Waiting
@@ -268,8 +267,7 @@ class Activation:
         The brake stays in force: what comes next goes on from it, or from the arm where that has
         been moved meanwhile.
         """
-        executed = prediction_of(interaction_of(self.state))
-        command = self._motions.stop(now_ns, executed) if self._arm.under_way(now_ns) else None
+        command = self._motions.stop(now_ns) if self._arm.under_way(now_ns) else None
         self._start_over()
         return command
 

@@ -254,11 +254,6 @@ def interaction_of(state: State) -> ActiveInteraction | None:
     return None if isinstance(state, (Idle, Pretriggered)) else state.interaction
 
 
-def prediction_of(interaction: ActiveInteraction | None) -> PredictedInteraction | None:
-    """The newest prediction that an interaction, if there is one, was planned with."""
-    return None if interaction is None else interaction.prediction
-
-
 def finished(state: Executing | Arrived | Stopped | Yielding) -> State:
     """The same after the human has finished."""
     if state.interaction is None:

@@ -15,7 +15,6 @@ from intent_recognition.activation.states import (
     Stopped,
     Transition,
     Yielding,
-    prediction_of,
 )
 from intent_recognition.activation.waiting import Waiting
 
@@ -156,7 +155,7 @@ class Transitions:
 
     def _stop(self, now_ns: int, reason: str, interaction: ActiveInteraction | None) -> Transition:
         self._counts[f"stopped: {reason}"] += 1
-        command = self._motions.stop(now_ns, prediction_of(interaction))
+        command = self._motions.stop(now_ns)
         return Transition(Stopped(interaction, reason, self._arm.in_force().end_ns), command)
 
     def _reason_to_halt(self, now_ns: int) -> str:

@@ -12,7 +12,6 @@ from intent_recognition.activation.states import (
     Idle,
     Pretriggered,
     Transition,
-    prediction_of,
 )
 from intent_recognition.array_types import Floats
 
@@ -40,15 +39,15 @@ class Waiting:
         is not clear. Where it is not to return, it stays, or stops. None while it is not known
         where the arm is.
         """
-        under_way, executed = self._arm.under_way(now_ns), prediction_of(interaction)
+        under_way = self._arm.under_way(now_ns)
         if not self._parts.settings.return_home or self.home is None or self._arm.current is None:
-            return Transition(Idle(), self._motions.stop(now_ns, executed) if under_way else None)
+            return Transition(Idle(), self._motions.stop(now_ns) if under_way else None)
         start_ns, start = self._arm.switch_ns(now_ns), None
         if not under_way:
             start = self._arm.start_reference(now_ns, start_ns)
             if start is None:
                 return None
-        command = self._motions.go_home(now_ns, self.home, executed, start)
+        command = self._motions.go_home(now_ns, self.home, start)
         goes = command is not None or self._arm.under_way(now_ns)
         return Transition(Homing(interaction) if goes else Idle(), command)
 
@@ -88,7 +87,7 @@ class Waiting:
             reason = self._arm.off_command(now_ns)
             if not reason:
                 return Transition(state, self._motions.keep_pace(now_ns))
-            brake = self._motions.stop(now_ns, prediction_of(state.interaction))
+            brake = self._motions.stop(now_ns)
             if brake is not None:
                 self._counts[f"stopped: {reason}"] += 1
                 self._brake = brake

@@ -152,6 +152,11 @@ class JointPlan:
         """
         return _with_derivatives(self._cubics, times_s)
 
+    def progress(self, times_s: Floats) -> tuple[Floats, Floats]:
+        """How much is done, and its rate [1/s], each (S,), at times (S,) from 0 to the end."""
+        done, rate = self._progress(times_s), self._progress(times_s, 1)
+        return np.clip(done, 0.0, 1.0), np.maximum(rate, 0.0)
+
     def phase_at(self, time_s: float) -> PhaseState:
         """How much is done `time_s` after the start."""
         if time_s >= self.duration_s:

@@ -19,7 +19,7 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion.blending import Offset, decay
-from intent_recognition.motion.path import JointPath
+from intent_recognition.motion.path import JointPath, make_path
 from intent_recognition.motion.plan import (
     BEGINNING,
     JointPlan,
@@ -40,6 +40,11 @@ from intent_recognition.motion.retiming import (
     speed_limits,
 )
 
+_BRAKES_WITHIN_S = 1.0
+"""How much of a plan a brake on its way can need [s]. Convention: all of it at the speed limits
+takes half as long."""
+_SLIVER_S = 0.002
+"""Samples nearer than this [s] to where a brake begins are left out. Numerical safeguard."""
 _LEAST_SHARE = 0.1
 """Share of the limits the path keeps, however much the offset takes. Convention: it never stands
 still for good."""
@@ -94,6 +99,31 @@ def stop_plan(
     """Slow to a stand along the path as fast as the limits allow; always gives a plan."""
     plan = plan_interaction(path, None, start, limits, progress)
     return plan if plan is not None else brake_plan(start, progress.phase, limits)
+
+
+def brake_along(plan: JointPlan, time_s: float, limits: JointLimits) -> JointPlan:
+    """Slow to a stand on the very way of a plan, as fast as the limits allow; always gives one.
+
+    Where the plan is still joining a predicted path, or braking itself, that way is not the path's.
+
+    Args:
+        plan: in force.
+        time_s: after its start, when the brake begins.
+        limits: position, velocity and acceleration limits, as scaled as wanted.
+    """
+    start, phase = plan.at(time_s), plan.phase_at(time_s).phase
+    ahead = (plan.times_s > time_s + _SLIVER_S) & (plan.times_s < time_s + _BRAKES_WITHIN_S)
+    if not ahead.any():
+        return brake_plan(start, phase, limits)
+    times_s = np.append(time_s, plan.times_s[ahead])
+    positions = np.vstack([start.position, plan.positions[ahead]])
+    velocities = np.vstack([start.velocity, plan.velocities[ahead]])
+    way = make_path(times_s, positions, limits, velocities)
+    brake = stop_plan(way, start, limits, PhaseState(rate=1.0 / way.duration_s))
+    if not brake.phase_rate.any():
+        return replace(brake, phase=np.full_like(brake.phase, phase))
+    done, rate = plan.progress(time_s + brake.phase * way.duration_s)
+    return replace(brake, phase=done, phase_rate=rate * brake.phase_rate * way.duration_s)
 
 
 @dataclass(frozen=True, eq=False)

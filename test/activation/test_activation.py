@@ -234,6 +234,22 @@ def test_the_arm_stays_while_an_object_changes_hands():
     world.check_continuous()
 
 
+@pytest.mark.parametrize("after_s", [0.05, 0.2, 0.5])
+def test_an_arm_on_its_way_from_one_task_to_another_stops_where_it_is(after_s):
+    """It is far from the path of the new task, and does not go there first."""
+    world = executing()
+    world.run(2.5)
+    world.begin("screw", already_s=0.2)
+    while world.activation.active_task != "screw":
+        world.step()
+    world.run(after_s)
+    world.commands.append(world.activation.halt(world.now_ns))
+    brake = world.commands[-1].plan
+    way = np.abs(brake.end - brake.positions[0]).max()
+    assert way < 0.1 * np.abs(brake.velocities[0]).max() + 2e-3
+    world.check_continuous()
+
+
 def test_a_stopped_arm_stays_while_an_object_changes_hands():
     world = executing()
     world.run(0.2)

@@ -5,6 +5,7 @@
 """
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from activation_world import HOME, START_NS, World
 from clearance_world import ROBOT
 
 from intent_recognition.kinematics import Arm
-from intent_recognition.motion import PredictedPerson, Separation
+from intent_recognition.motion import PredictedPerson, Separation, SeparationSettings
 from intent_recognition.motion.separation import permitted_speed
 
 ARM = Arm.from_urdf(ROBOT.description)
@@ -162,6 +163,22 @@ def test_a_motion_slows_while_another_task_that_is_recognised_cannot_begin():
     world.run(1.0)
     assert "infeasible" in world.rejected and world.tasks_seen == ["", "plate"]
     assert max(largest_ratios(world, known)) <= 1.0 + 1e-6
+
+
+def test_a_motion_under_way_slows_when_more_separation_is_asked_for():
+    """Nothing new is known of the person meanwhile."""
+    world = RecordingWorld(separation=SEPARATION)
+    person = PredictedPerson(START_NS + TUBE_NS[:1], END[None] + [0.0, 0.0, 0.8], np.zeros(1))
+    world.activation.take_people((person,))
+    world.begin("plate", already_s=0.3)
+    world.run(0.9)
+    world.speaks = False
+    wider = Separation(ARM, SeparationSettings(intrusion_m=0.5))
+    world.activation.change(replace(world.activation._settings, separation=wider))
+    world.run(0.2)
+    command = world.commands[-1]
+    assert world.sent[-1][0] > START_NS + 900 * MS_NS
+    assert command.plan.kind == "stop" or wider.excess(command.plan, command.start_ns, person) <= 1
 
 
 if __name__ == "__main__":

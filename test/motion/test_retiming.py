@@ -19,7 +19,7 @@ from intent_recognition.motion.plan import (
     excess,
     scaled_limits,
 )
-from intent_recognition.motion.planning import plan_interaction, stop_plan
+from intent_recognition.motion.planning import brake_along, plan_interaction, stop_plan
 from intent_recognition.motion.retiming import NominalTiming
 
 LIMITS = scaled_limits(LWR_LIMITS)
@@ -230,6 +230,33 @@ def test_a_stop_stays_on_the_path_within_the_limits(seed, duration_s, late, shar
     ]
     # A motion that is still on its way from home to the path comes hardly farther from it.
     assert max(away) < away[0] + 2e-2
+
+
+@few
+@given(seeds, durations, phases, st.floats(0.0, 1.0))
+def test_a_brake_keeps_to_the_way_of_a_plan_that_is_joining_a_path(seed, duration_s, late, share):
+    times, q, v = samples(seed, duration_s)
+    running = plan_interaction(
+        path_of(times, q, v),
+        NominalTiming(-late * duration_s, duration_s),
+        JointReference.at_rest(HOME + 0.3),
+        LIMITS,
+    )
+    t = share * running.duration_s
+    brake = brake_along(running, t, LIMITS)
+    assert brake.kind == "stop" and not brake.outside and np.all(brake.velocities[-1] == 0.0)
+    np.testing.assert_allclose(brake.positions[0], running.at(t).position, atol=1e-12)
+    np.testing.assert_allclose(brake.velocities[0], running.at(t).velocity, atol=1e-9)
+    check_by_differences(brake)
+    way_s = np.linspace(t, running.duration_s, 3000)
+    way, rates, _ = running.sampled(way_s)
+    for position, phase in zip(brake.positions, brake.phase, strict=True):
+        away = np.abs(way - position).max(axis=1)
+        assert away.min() < 5e-3
+        at = running.phase_at(way_s[np.argmin(away)]).phase
+        assert abs(phase - at) < 0.02
+    fastest = np.abs(rates[way_s <= t + brake.duration_s]).max(axis=0)
+    assert np.all(np.abs(brake.velocities) <= 1.02 * fastest + 0.02)
 
 
 def test_goes_on_from_a_stop_without_starting_over():
