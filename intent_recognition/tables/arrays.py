@@ -11,6 +11,7 @@ from intent_recognition.errors import optional
 from intent_recognition.tables.cells import Values
 from intent_recognition.tables.hdf5_reading import (
     MOST_DOFS,
+    UNIT,
     goes_on_along_rows,
     on_end,
     samples_first,
@@ -46,7 +47,9 @@ def table_of_arrays(path: Path, arrays: Mapping[str, Values]) -> Table:
     """The table of arrays whose samples are along their first axes."""
     columns = flat_columns(path, arrays)
     defaults = {"segments": {"column": "demonstration"}} if "demonstration" in columns else {}
-    return table_of(path, columns, defaults=defaults, notes=transposed(arrays))
+    texts = [columns[key] for key in columns if key.lower() in UNIT]
+    said = "".join(str(text[0]) for text in texts if text.dtype.kind == "U" and text.size == 1)
+    return table_of(path, columns, defaults=defaults, notes=transposed(arrays), unit=said)
 
 
 def flat_columns(source: Path, arrays: Mapping[str, Values]) -> dict[str, Values]:

@@ -26,8 +26,10 @@ DEMONSTRATION = re.compile(
 )
 """What arrays are called that are one each."""
 RATES = ("fps", "rate", "rate_hz", "hz", "frequency", "control_freq", "sampling_rate",
-         "sample_rate", "sampling_frequency", "frame_rate", "capture_rate")  # fmt: skip
-"""Attributes of a file, in lower case, that say samples a second."""
+         "sample_rate", "sampling_frequency", "frame_rate", "capture_rate", "fs")  # fmt: skip
+"""Attributes of a file, or numbers in it, in lower case, that say samples a second."""
+UNIT = ("unit", "units")
+"""What attributes, or texts beside arrays, that say a unit are called, in lower case."""
 ENDS = "meta.episode_ends"
 """Where replay buffers (diffusion policy, UMI) say the row after each demonstration."""
 
@@ -47,7 +49,10 @@ def read(path: str) -> dict[str, NDArray[Any]]:
                 rate = float(content["FrameRate"])
                 return {**found, "#rate": np.array(rate), "#unit": np.array("mm")}
         arrays = samples_first(on_end(dict(_of_structs(matlab, ""))))
-        return {**arrays, "#rate": np.array(0.0)}
+        said: dict[str, set[str]] = {}
+        for key in [key for key in arrays if ".#unit" in key]:
+            said.setdefault(key.partition(".#unit")[0], set()).add(str(arrays.pop(key)))
+        return {**arrays, "#rate": np.array(_stated_rate(matlab)), "#units": _pairs(said)}
     with h5py.File(path, "r") as file:
         top = file["data"] if isinstance(file.get("data"), h5py.Group) else file
         names = _demonstrations(h5py, top)
@@ -134,7 +139,7 @@ def _by_numbers(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     if len(groups) < 2 or any(one != shapes[0] for one in shapes) or max(map(len, lengths)) > 1:
         return arrays
     sizes = [size for one in lengths for size in one]
-    is_said = any(map(DEMONSTRATION.fullmatch, shapes[0]))
+    is_said = any(DEMONSTRATION.fullmatch(part) for key in shapes[0] for part in key.split("."))
     if not is_said and (len(groups) < 3 or len(set(sizes)) == 1):  # two may be agents
         return arrays
     of_each = {k: np.repeat(a, sizes) for k, a in rest.items() if a.shape == (len(groups),)}
@@ -202,6 +207,12 @@ def _of_structs(content: dict[str, Any], before: str) -> Iterator[tuple[str, NDA
         array = np.asarray(value)
         if isinstance(value, dict):
             yield from _of_structs(value, f"{before}{key}.")
+        elif array.dtype == object and array.ndim == 1 and all(isinstance(v, dict) for v in array):
+            for k, one in enumerate(array):  # of an array of structs
+                for name, inner in _of_structs(one, f"{before}{key}."):
+                    yield f"{name}_{k}", inner
+        elif isinstance(value, str) and key.lower() in UNIT and value:
+            yield f"{before}#unit", array
         elif array.dtype.kind in "fiub" and array.size and array.ndim in (1, 2, 3):
             yield before + key, array
 
@@ -243,16 +254,21 @@ def _units(top: Any, names: Collection[str]) -> NDArray[Any]:
                     found.setdefault(f"{array}{end}".replace("/", "."), set()).add(unit or "none")
 
     top.visititems(visit)
+    return _pairs(found)
+
+
+def _pairs(found: dict[str, set[str]]) -> NDArray[Any]:
     said = {name: " or ".join(sorted(units)) for name, units in found.items()}
     return np.array([pair for pair in said.items() if pair[1] != "none"], str).reshape(-1, 2)
 
 
 def _unit_of(item: Any) -> list[str]:
     """The unit of an array, or those of its elements, as it, or a group around it, says; [""]."""
-    said = next((v for k, v in item.attrs.items() if k.lower() in ("unit", "units")), None)
-    if said is None:
-        return [""] if item.name == "/" else _unit_of(item.parent)
-    return [v.decode() if isinstance(v, bytes) else str(v) for v in np.ravel(said).tolist()]
+    said = next((v for k, v in item.attrs.items() if k.lower() in UNIT), ())
+    texts = [v for v in np.ravel(said).tolist() if isinstance(v, str | bytes)]
+    if not texts and item.name != "/":
+        return _unit_of(item.parent)
+    return [v.decode() if isinstance(v, bytes) else v for v in texts] or [""]
 
 
 def _arrays(group: Any) -> dict[str, NDArray[Any]]:

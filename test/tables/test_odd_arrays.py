@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 from scipy.io import savemat
+from tables.exported_files import entry
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, imported
 
 from intent_recognition.tables import import_demonstrations
@@ -87,6 +88,38 @@ def test_a_unit_of_hdf5_that_is_unknown_or_differs_is_refused(units, tmp_path):
     assert samples is None and "expected a unit of w.0 that becomes m" in said
     samples, _ = imported(tmp_path, "a.h5", content, columns, time={"rate": 100}, unit="mm")
     np.testing.assert_allclose(samples.values, PLACE / 1000)
+
+
+TRIALS = [{"t": TIMES_S[: ROWS - k], "w": PLACE[: ROWS - k] / 10, "units": "cm"} for k in range(3)]
+SAID = {
+    "MAT": ({"t": TIMES_S, "w": PLACE / 10, "Units": "cm"}, "w.{}", "t"),
+    "a struct": ({"s": TRIALS[0]}, "s.w.{}", "s.t"),
+    "an array of structs": ({"s": TRIALS}, "s.w.{}", "s.t"),
+    "two trials of one length": ({"trial": [TRIALS[0]] * 2}, "trial.w.{}", "trial.t"),
+    "NPZ": ({"t": TIMES_S, "w": PLACE / 10, "unit": "cm"}, "w.{}", "t"),
+}
+
+
+@pytest.mark.parametrize("kind", SAID)
+def test_a_text_beside_arrays_says_their_unit(kind, tmp_path):
+    content, name, time = SAID[kind]
+    path = tmp_path / ("a.npz" if kind == "NPZ" else "a.mat")
+    if path.suffix == ".npz":
+        np.savez(path, **content)
+    else:
+        savemat(path, content)
+    columns = [name.format(k) for k in range(3)]
+    content = {"observed": [entry(columns)], "task": "t", "time": {"column": time}}
+    first, *others = import_demonstrations(path, ImportMap.from_dict(content))
+    np.testing.assert_allclose(first.samples[0].values, PLACE / 1000)
+    assert len(others) == {"an array of structs": 2, "two trials of one length": 1}.get(kind, 0)
+
+
+def test_a_number_called_fs_is_the_rate_of_a_mat_file(tmp_path):
+    savemat(tmp_path / "made.mat", {"fs": 50.0, "w": PLACE / 1000})
+    content = (tmp_path / "made.mat").read_bytes()
+    samples, _ = imported(tmp_path, "a.mat", content, ["w.0", "w.1", "w.2"])
+    assert set(np.diff(samples.stamps_ns)) == {20_000_000}
 
 
 @pytest.mark.parametrize("stated", ["metadata", "name"])
