@@ -85,7 +85,8 @@ def describe(argument: str, expected: str, got: object, cure: str) -> str:
         got: what came instead.
         cure: what the caller can do about it, as a sentence.
     """
-    came = "\n".join(map(printable, _words(got, argument)[:2000].split("\n")))
+    said = _words(got, argument)[:2000] or "nothing"
+    came = "\n".join(map(printable, said.split("\n")))
     return f"{argument}: expected {expected}, got {came.removesuffix('.')}. {cure}"
 
 

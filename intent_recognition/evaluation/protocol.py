@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, check_type
+from intent_recognition.errors import ArgumentError, TrainingError, check_type, first_of
 from intent_recognition.evaluation.folds import Fold, check_folds, make_folds
 from intent_recognition.evaluation.online import score_online, where_both_were_recorded
 from intent_recognition.evaluation.reactive import HORIZONS_S, REACTIVE_NAMES, NearestWindows
@@ -106,7 +106,11 @@ def evaluate(
     units: tuple[str, ...] = ()
     for train, test in folds:
         training = [usable[i] for i in train]
-        library = learn_with_report(training, replace(settings, switching=False)).library
+        try:
+            library = learn_with_report(training, replace(settings, switching=False)).library
+        except TrainingError as error:
+            names = first_of([usable[i].name for i in test])
+            raise TrainingError(f"learning without {names}: {error}") from error
         units = tuple(dict.fromkeys(library.controlled_units))
         labels |= set(library.labels)
         windows = NearestWindows(training)

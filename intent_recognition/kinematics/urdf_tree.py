@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, one_line, optional
+from intent_recognition.errors import ArgumentError, as_path, one_line, optional
 from intent_recognition.untrusted import MOST_TEXT, UntrustedError, load_xml, read_text
 
 MOST_JOINTS = 150
@@ -48,12 +48,13 @@ def read_urdf(source: str | Path) -> str:
     Raises:
         ArgumentError: the file cannot be read.
     """
-    if isinstance(source, str) and source.lstrip().startswith("<"):
-        return source
-    if Path(source).suffix == ".xacro":
-        return _expanded(Path(source))
+    if isinstance(source, str) and source.lstrip("\ufeff \r\n\t").startswith("<"):
+        return source.lstrip("\ufeff")
+    path = as_path("robot", source)
+    if path.suffix == ".xacro":
+        return _expanded(path)
     try:
-        return read_text(Path(source), 10 * MOST_TEXT)
+        return read_text(path, 10 * MOST_TEXT)
     except (OSError, ValueError) as error:
         cure = "Give the path of a URDF, or its text."
         got = error if isinstance(error, OSError) else f"{source}: {error}"

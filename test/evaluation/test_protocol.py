@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from simulation import START_NS, gathered, make_library, minimum_jerk, simulate
 
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.evaluation import evaluate, make_folds
 from intent_recognition.evaluation.scoring import (
     PREDICTION_FRACTIONS,
@@ -373,3 +373,8 @@ def test_no_truth_is_extrapolated():
         for one in (cut, short)
     )
     assert ours == theirs
+
+
+def test_a_fold_that_cannot_be_learned_from_is_named():
+    with pytest.raises(TrainingError, match=r"learning without a0: .* at least two"):
+        evaluate(IDENTICAL[:3:2], "loo", SETTINGS)

@@ -124,3 +124,13 @@ def test_a_xacro_file_is_expanded(tmp_path):
     path.write_text(text.replace("speed}", "pace}"))
     with pytest.raises(ArgumentError, match=r"a xacro file, got .*pace.* xacro FILE"):
         find_robot(str(path))
+
+
+def test_a_urdf_with_a_mark_of_its_encoding_is_read_and_none_is_named():
+    (tree, *_) = TREES.values()
+    text = urdf(tree.branches)
+    kept = {"tip": tree.asked or None, "base": tree.base or None}
+    found = [Arm.from_urdf(one, **kept).joint_names for one in (text, f"\ufeff{text}")]
+    assert found[0] == found[1]
+    with pytest.raises(ArgumentError, match="robot: expected a path, got one of type NoneType"):
+        Arm.from_urdf(None)
