@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from intent_recognition.array_types import Integers
 from intent_recognition.errors import one_line
 from intent_recognition.tables.cells import flat
+from intent_recognition.tables.hdf5_reading import RATES, UNIT
 from intent_recognition.tables.table import MOST_COLUMNS, Table, table_of, unusable
 from intent_recognition.tables.times import usual_unit
 from intent_recognition.untrusted import UntrustedError, check_regular
@@ -134,7 +135,7 @@ def open_landmarks(path: Path) -> Table:
     if isinstance(content, dict) and (keys := _numbered(content)):
         frames = [content[key] for key in keys]
     if isinstance(content, dict) and not isinstance(frames, list):
-        return table_of(path, _read(path, _of_lists, content))
+        return table_of(path, _read(path, _of_lists, content), **_about(path, content))
     if not isinstance(frames, list) or not frames:
         raise unusable(path, "a list of frames with landmarks", "none", "Check the file.")
     if all(isinstance(frame, dict) and "people" in frame for frame in frames):
@@ -145,7 +146,7 @@ def open_landmarks(path: Path) -> Table:
     key = next((k for k in (*WORLD, *IMAGE) if _has(frames, k)), "")
     people = [_read(path, partial(_people, key), frame) for frame in frames]
     if not any(people):
-        return table_of(path, _read(path, _of_records, frames))
+        return table_of(path, _read(path, _of_records, frames), **_about(path, content))
     notes = []
     if key in IMAGE:
         notes.append(OF_IMAGE)
@@ -157,17 +158,22 @@ def open_landmarks(path: Path) -> Table:
     points = [_read(path, _points, one[0]) if one else {} for one in people]
     columns = _columns(points, np.arange(len(frames)))
     stamp = next((k for k in ("timestamp_ms", "timestamp", "time") if _has(frames, k)), None)
-    said = content if isinstance(content, dict) else {}
-    time: dict[str, object] = {}
+    about = _about(path, content)
     if stamp is not None:
         stamps = [frame.get(stamp) if isinstance(frame, dict) else None for frame in frames]
         columns["time"] = _read(path, lambda all: np.array(all, np.float64), stamps)
         unit = "ms" if stamp.endswith("_ms") else usual_unit(np.diff(columns["time"])) or "s"
-        time = {"column": "time", "unit": unit}
-    elif rate := said.get("fps", said.get("frame_rate")):
-        time = {"rate": _read(path, float, rate)}
-    defaults = {"time": time} if time else {}
-    return table_of(path, columns, defaults=defaults, notes=notes)
+        about["defaults"] = {"time": {"column": "time", "unit": unit}}
+    return table_of(path, columns, **about, notes=notes)
+
+
+def _about(path: Path, content: Any) -> dict[str, Any]:
+    """The rate and the unit that stand beside the frames, as attributes of the table."""
+    said = content if isinstance(content, dict) else {}
+    unit = next((said[key] for key in UNIT if isinstance(said.get(key), str)), "")
+    rate = next((said[key] for key in RATES if isinstance(said.get(key), int | float | str)), None)
+    defaults = {} if rate is None else {"time": {"rate": _read(path, float, rate)}}
+    return {"unit": unit, "defaults": defaults}
 
 
 def _numbered(content: Mapping[str, Any]) -> list[str]:

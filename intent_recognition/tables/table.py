@@ -7,13 +7,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from intent_recognition.errors import BagError
+from intent_recognition.errors import BagError, first_of
 from intent_recognition.signals import UNITS, spelled
 from intent_recognition.tables.cells import Values, scale_between
 from intent_recognition.tables.times import unit_of_times
 
 MOST_COLUMNS = 10_000
 """Columns of a table. Convention: a motion capture suit takes some hundreds."""
+MOST_NAMED = 40
+"""Columns that a message lists. Convention: some lines of a terminal."""
 UNIT_IN_NAME = re.compile(
     r"(?i)(?:[\[(]|[_ ./-](?=(?:[mcdk\u00b5]m|px|deg(?:ree)?s?|rad(?:ian)?s?"
     r"|(?:milli|centi|deci)met(?:er|re)s?|inch(?:es)?)$))\s*([^\[\]()_\s]+)\s*[\])]?$"
@@ -57,9 +59,8 @@ class Table:
         names = list(dict.fromkeys(wanted))
         found = {name: self.find(name) for name in names}
         if missing := [name for name, number in found.items() if number is None]:
-            shown = missing[:6] + [f"and {len(missing) - 6} more"] * (len(missing) > 6)
-            expected = f"the columns of the map, {', '.join(shown)} among them"
-            got = ", ".join(dict.fromkeys(self.names)) or "no columns"
+            expected = f"the columns of the map, {first_of(missing, 6)} among them"
+            got = first_of([*dict.fromkeys(self.names)], MOST_NAMED) or "no columns"
             cure = "Correct the names in the map; --suggest writes one that has them."
             raise BagError.about(str(self.source), expected, got, cure)
         values = self.read([number for number in found.values() if number is not None])

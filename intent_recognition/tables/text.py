@@ -32,6 +32,8 @@ LONGEST_LINE = 2**16
 """Characters of a line that are looked at for what separates its cells. Convention."""
 HEAD_ROWS = 60
 """Rows that are looked at for a header. Convention: OpenSim's have some thirty."""
+UNIT_LINE = re.compile(r"(?i)(?:length |position )?units? [\[(]?([^\s\])]+)[\])]?")
+"""A line that says the unit of all columns."""
 NO_PLACES = ("Devices", "Events")
 """Titles of tables of Nexus that are never read."""
 TEXTS = (".csv", ".tsv", ".txt", ".trc", ".mot", ".sto")
@@ -51,6 +53,7 @@ def open_text(path: Path, skip_rows: int) -> Table:
         skip_rows, before, others = skip_rows or comments, 0, ()
         header = _plain_header(path, list(islice(_rows(path, skip_rows, encoding), HEAD_ROWS)))
     start = before + header.skip
+    unit = _unit_above(path, skip_rows + start, encoding)
     check_columns(path, len(header.names))
 
     def read(wanted: Sequence[int]) -> list[Values]:
@@ -81,7 +84,7 @@ def open_text(path: Path, skip_rows: int) -> Table:
         return [np.array(column, object) for column in cells]
 
     notes = (f"only {head[0][0].strip()} are read, not {', '.join(others)}",) if others else ()
-    return Table(path, header.names, read, notes=notes, **header.about)
+    return Table(path, header.names, read, notes=notes, unit=unit, **header.about)
 
 
 def _comments(path: Path, encoding: str) -> int:
@@ -100,6 +103,14 @@ def _comments(path: Path, encoding: str) -> int:
     except (UnicodeError, OSError) as error:
         raise unusable(path, "a table of text", error, "Save it as CSV in UTF-8.") from error
     return 0
+
+
+def _unit_above(path: Path, count: int, encoding: str) -> str:
+    """The one unit that a line above the numbers says, such as `# units: mm`; "" for none."""
+    with path.open(encoding=encoding) as stream:
+        lines = [re.sub(r"[#,;:=\s]+", " ", stream.readline(LONGEST_LINE)) for _ in range(count)]
+    said = {match[1] for line in lines if (match := UNIT_LINE.fullmatch(line.strip()))}
+    return said.pop() if len(said) == 1 and all(map(is_unit, said)) else ""
 
 
 def _before_places(path: Path, skip_rows: int, encoding: str) -> tuple[int, Sequence[str]]:

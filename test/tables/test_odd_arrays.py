@@ -364,6 +364,16 @@ def test_landmarks_in_any_json(kind, tmp_path):
     np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=200)
 
 
+@pytest.mark.parametrize("kind", ["rows", "lists"])
+def test_unit_and_rate_beside_rows_of_json(kind, tmp_path):
+    rows = [{"w": dict(zip("xyz", place, strict=True))} for place in (PLACE / 10).tolist()]
+    inside = {"frames": rows} if kind == "rows" else {"w": (PLACE / 10).tolist()}
+    content = json.dumps({"units": "cm", "fps": 50, **inside}).encode()
+    samples, said = imported(tmp_path, "a.json", content, ["w.x", "w.y", "w.z"])
+    assert not said and set(np.diff(samples.stamps_ns)) == {20_000_000}
+    np.testing.assert_allclose(samples.values, PLACE / 1000)
+
+
 def test_people_in_frames_of_openpose(tmp_path):
     """Those of one file; a few frames with two people are left out, and many are refused."""
     person = [{"pose_keypoints": [100.0 + k, 200.0, 0.9] * 25} for k in range(ROWS)]

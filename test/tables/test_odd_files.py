@@ -309,6 +309,22 @@ def test_a_unit_at_the_end_of_names(end, tmp_path):
     assert suggested["columns"] == names
 
 
+@pytest.mark.parametrize("line", ["# units: cm", "Units,cm", "#Length Units = [cm]"])
+def test_a_unit_above_the_names(line, tmp_path):
+    content = f"{line}\n{plain(scale=0.1)}"
+    samples, said = imported(tmp_path, "a.csv", content, time={"column": "t"})
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=2e-6)
+
+
+@pytest.mark.parametrize("line", ["# units: SI", "# units: m, rad", "# unit of all is m"])
+def test_what_names_no_single_unit_above_the_names_says_nothing(line, tmp_path):
+    content = f"{line}\n{plain(scale=1e-3)}"
+    samples, said = imported(tmp_path, "a.csv", content, time={"column": "t"})
+    assert not said
+    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=2e-6)
+
+
 @pytest.mark.parametrize("end", ["_degrees", "_rad", " deg", ".Degrees"])
 def test_an_angle_at_the_end_of_names_is_no_length(end, tmp_path):
     content = plain(scale=1e-3, head=",".join(["t", *(f"{axis}{end}" for axis in "xyz")]))
