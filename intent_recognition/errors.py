@@ -98,7 +98,8 @@ def check_type(argument: str, value: object, expected: type, cure: str) -> None:
     """
     if not isinstance(value, expected):
         came = f"one of type {type(value).__name__}"
-        raise ArgumentError.about(argument, f"a {expected.__name__}", came, cure)
+        article = "an" if expected.__name__[0] in "AEIOU" else "a"
+        raise ArgumentError.about(argument, f"{article} {expected.__name__}", came, cure)
 
 
 def check_whole(

@@ -228,7 +228,7 @@ def test_a_misspelt_label_is_a_warning(demonstrations):
         (lambda _: ir.load_dofs(3), "path: expected a path, got one of type int"),
         (
             lambda one: ir.IntentEstimator(one).update(None),
-            "observation: expected a Observation, got one of type NoneType. Pass an array",
+            "observation: expected an Observation, got one of type NoneType. Pass an array",
         ),
         (lambda _: ir.BagReader(None), "path: expected a path, got one of type NoneType"),
         (lambda _: ir.load_object(None), "path: expected a path, got one of type NoneType"),
