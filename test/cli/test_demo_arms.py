@@ -153,6 +153,7 @@ def test_the_boxes_are_clear_of_where_the_lwr_hands_over():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_it_recognises_and_helps_and_a_step_is_done_when_its_object_has_changed_hands(
     tmp_path, toolbox_model
 ):

@@ -9,6 +9,7 @@ from intent_recognition.cli.main import main
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_one_pour_is_told(tmp_path, capfd):
     numbers = tmp_path / "numbers.json"
     asked = ["demo", "--scenario", "pouring", "--interactions", "1", "--headless"]

@@ -15,6 +15,8 @@ from intent_recognition.cli import demo_recordings
 from intent_recognition.cli.main import main
 from intent_recognition.tables import suggest_map
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[2]
 END_S = 300.0
 

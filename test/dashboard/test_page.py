@@ -18,7 +18,7 @@ from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.model.history import KEEP, LEARN, UNDO
 from intent_recognition.model.task_folder import TaskFolder, now
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 FOREARM = "/person/upper_body/upper_arm/forearm"
 REACHES, REACH_S = 4, 20.0
