@@ -157,6 +157,7 @@ def main():
     from sim_bridge.scenarios.toolbox import ToolboxArm  # noqa: F401
 
     optional("pinocchio")
+    optional("trimesh")
     jazzy_names()
     gc.collect()
     gc.freeze()  # children share what is there
