@@ -237,7 +237,8 @@ def _too_short(
                 reason += "; likely millimetres for metres"
             elif samples[entry.stream].stamps_ns.size >= LEAST_SAMPLES > n_inside:
                 reason += "; the topic has others, before or after: likely two clocks"
-            return Rejection(str(reader.path), f"/{entry.topic}", at_ns, reason)
+            cure = "Fill in header.stamp before publishing." if rejected["zero_stamp"] else ""
+            return Rejection(str(reader.path), f"/{entry.topic}", at_ns, reason, cure)
     if not np.any([s.stamps_ns[-1] > s.stamps_ns[0] for s in signals]):
         return Rejection(str(reader.path), "", at_ns, "empty: the recording has no length")
     return None

@@ -94,6 +94,7 @@ def test_a_topic_that_is_left_empty_has_its_own_counts(tmp_path):
     _, (rejection,) = read(write(tmp_path / "demo", poses, states), DOFS)
     assert rejection.topic == "/mocap/wrist/pose" and not rejection.stamp_ns
     assert rejection.reason == "empty: 0 usable samples (30 zero_stamp)"
+    assert rejection.cure == "Fill in header.stamp before publishing."
     _, (rejection,) = read(write(tmp_path / "arm", [pose(0), *poses[1:]], states), DOFS)
     assert rejection.reason == "empty: 1 usable samples (29 zero_stamp)"
     _, (rejection,) = read(write(tmp_path / "both", [pose(i) for i in range(30)], states), DOFS)
