@@ -11,13 +11,13 @@ from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS
 from intent_recognition.motion import (
     JointReference,
     NominalTiming,
-    brake_plan,
     home_plan,
     make_path,
     plan_interaction,
     scaled_limits,
 )
 from intent_recognition.motion.plan import excess, position_range
+from intent_recognition.motion.point_to_point import brake_plan
 from sim_bridge.arm import RejectedTrajectoryError, TrajectoryCommand
 
 LIMITS = scaled_limits(LWR_LIMITS)
