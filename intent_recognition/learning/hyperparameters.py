@@ -14,6 +14,10 @@ first where nothing can be left out (docs/decisions/covariance_target.md)."""
 INDEPENDENT = (0.0, 0.01)
 """Independent parts of these weights' variance that are tried
 (docs/decisions/covariance_target.md)."""
+RIDGES = (1e-3, 1e-2)
+"""Variances of an observed weight that are taken to be chance in ridge regression, in parts of the
+square of its DOF's range, where demonstrations of new people are left out
+(docs/decisions/covariance_target.md)."""
 EXPONENTS = (0.2, 0.5, 1.0)
 """Exponents of the evidence of a duration that are tried, the default first
 (docs/decisions/one_filter.md)."""
@@ -34,6 +38,7 @@ class Hyperparameters(NamedTuple):
         strength: equivalent sample size of this target, in demonstrations.
         independent: part of a weight's variance in it that no other weight shares.
         lag: how much later in phase the controlled agent follows, in it.
+        ridge: as in `TargetSettings`.
         regression_variance: of the coefficients of each task's regression.
         task_evidence: exponent of the evidence of the tasks against each other.
         log_loss: of the task, mean over the movement, in nats.
@@ -48,6 +53,7 @@ class Hyperparameters(NamedTuple):
     strength: float = REGRESSION_STRENGTHS[0]
     independent: float = INDEPENDENT[0]
     lag: float = 0.0
+    ridge: float = 0.0
     regression_variance: float = 0.0
     task_evidence: float = 1.0
     log_loss: float = float("nan")
@@ -56,7 +62,7 @@ class Hyperparameters(NamedTuple):
 
     def target(self, n_observed: int) -> TargetSettings:
         """What the target of a task's own covariance assumes."""
-        return TargetSettings(self.borrowed, self.independent, self.lag, n_observed)
+        return TargetSettings(self.borrowed, self.independent, self.lag, n_observed, self.ridge)
 
     @property
     def aligned(self) -> bool:

@@ -102,13 +102,17 @@ def without_group(tasks: Sequence[TaskStatistics], name: str) -> list[TaskStatis
 def between_people(grouped: Grouped, floor: Floats, strength: float) -> tuple[Floats, Floats]:
     """Covariances E within and B between people, (d, d) each.
 
+    In which DOFs few people differ is mostly chance: as many more say that they differ alike in
+    all as the target counts for.
+
     Args:
         grouped: scatter by whose demonstrations they are.
         floor: variance floor per observed DOF, (P,).
         strength: equivalent sample size of the target that both are shrunk towards.
     """
     within = shared_covariance(grouped.within, floor, strength)
-    means = shared_covariance(grouped.between, floor, strength)
+    alike = strength / (strength + grouped.n_groups - 1)
+    means = shared_covariance(grouped.between, floor, strength, alike)
     root = cholesky(within, name="covariance within people")
     scaled = np.linalg.solve(root, np.linalg.solve(root, means).T)
     values, vectors = np.linalg.eigh(symmetrize(scaled))

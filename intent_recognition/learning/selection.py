@@ -31,8 +31,10 @@ from intent_recognition.learning.held_out_examples import LeftOutExample, leave_
 from intent_recognition.learning.hyperparameters import (
     INDEPENDENT,
     REGRESSION_STRENGTHS,
+    RIDGES,
     Hyperparameters,
 )
+from intent_recognition.learning.persons import compares_people
 from intent_recognition.learning.regression_variance import choose_regression_variance
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.learning.task_evidence import expected_power, log_losses
@@ -111,6 +113,8 @@ def choose(
     best = best_with(best._replace(borrowed=0.0))
     best = best_with(*(best._replace(independent=part) for part in INDEPENDENT[1:]))
     best = best_with(*(best._replace(strength=other) for other in REGRESSION_STRENGTHS[1:]))
+    if compares_people([[one.group for one in task.examples] for task in recorded.values()]):
+        best = best_with(*(best._replace(ridge=one) for one in RIDGES))
     library = replace(candidates[best.pace][0], noise_scale=best.noise_scale)
     at_once, of_best = _at_once(library, N_DURATIONS), left_out(best)
     variance = _variance(library, of_best)

@@ -28,6 +28,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import symmetrize
+from intent_recognition.promp.ridge import ridge_slopes, with_slopes
 from intent_recognition.signals import SPATIAL_UNITS
 
 FLOOR_OF_RANGE = 1e-3
@@ -64,13 +65,19 @@ class TargetSettings(NamedTuple):
         independent: variance of each weight that no other shares, in parts of its DOF's.
         lag: how much later in phase the controlled DOFs follow the observed ones, from 0 to below
             1.
-        n_observed: number of observed DOFs, which come first; counts where there is a lag.
+        n_observed: number of observed DOFs, which come first; counts with a lag or a ridge.
+        ridge: variance of an observed weight that is chance, in parts of the square of its DOF's
+            range, where slopes come from the demonstrations alone (`promp.ridge`); 0 where they
+            come from the target, too.
+        alike: part in which the DOFs vary alike, in parts of their ranges, and independently.
     """
 
     borrowed: float = OTHERS_SAMPLE_SIZE
     independent: float = 0.0
     lag: float = 0.0
     n_observed: int = 0
+    ridge: float = 0.0
+    alike: float = 0.0
 
 
 USUAL = TargetSettings()
@@ -192,12 +199,17 @@ def structured_target(
     dofs = np.einsum("kl,lde->kde", kernel, local)
     scale = np.sqrt(np.einsum("kdd->kd", dofs) + FLOOR_OF_RANGE**2)
     dofs /= scale[:, :, None] * scale[:, None, :]
+    alike = assumed.alike
+    dofs = (1.0 - alike) * dofs + alike * np.eye(n_dofs)
     basis = np.einsum("dkdl->kl", scaled.reshape(by_dof)) / n_dofs
     scale = np.sqrt(np.diag(basis) + FLOOR_OF_RANGE**2)
     basis /= np.outer(scale, scale)
     smooth = np.exp(-0.5 * (distance / 0.1) ** 2)
     basis = (basis + inflation * smooth) / (1.0 + inflation)
     amplitude = amplitude * np.sqrt(1.0 + inflation)
+    of_range = np.sqrt(floor)[:, None]
+    squares = (amplitude / of_range) ** 2
+    amplitude = of_range * np.sqrt((1.0 - alike) * squares + alike * squares.mean(axis=0))
     floor = floor + assumed.independent * np.mean(amplitude**2, axis=1)
     return StructuredTarget(amplitude, symmetrize(dofs), symmetrize(basis), floor, earlier)
 
@@ -269,7 +281,9 @@ def without_demonstration(
     return Scatter(part, own.freedom - 1), Scatter(rest, pooled.freedom - 1)
 
 
-def shared_covariance(pooled: Scatter, floor: Floats, strength: float) -> Floats:
+def shared_covariance(
+    pooled: Scatter, floor: Floats, strength: float, alike: float = 0.0
+) -> Floats:
     """Covariance that all tasks share, (d, d).
 
     Differences between covariances of few demonstrations are mostly due to chance and would tell
@@ -279,8 +293,9 @@ def shared_covariance(pooled: Scatter, floor: Floats, strength: float) -> Floats
         pooled: scatter of all demonstrations about the means of their tasks.
         floor: variance floor per DOF, (D,).
         strength: equivalent sample size of the target, in demonstrations.
+        alike: as in `TargetSettings`.
     """
-    assumed = TargetSettings(independent=OBSERVED_INDEPENDENT)
+    assumed = TargetSettings(independent=OBSERVED_INDEPENDENT, alike=alike)
     target = structured_target(pooled, pooled, floor, assumed).covariance()
     return (pooled.matrix + strength * target) / (pooled.freedom + strength)
 
@@ -314,6 +329,8 @@ def predictive_covariance(
     """Covariance of one more weight vector of a task, (D N, D N).
 
     (scatter + strength * target) / (freedom + strength), times 1 + 1/n for the uncertain mean.
+    With a ridge the controlled weights follow the observed ones by its slopes instead, and what
+    these leave unexplained has a covariance that is estimated like that of all.
 
     Args:
         own: scatter of the task.
@@ -325,4 +342,19 @@ def predictive_covariance(
     """
     target = structured_target(own, pooled, floor, assumed).covariance()
     covariance = (own.matrix + strength * target) * ((1.0 + 1.0 / n) / (own.freedom + strength))
-    return symmetrize(covariance)
+    if not assumed.ridge:
+        return symmetrize(covariance)
+    scatter, demonstrations = _borrow(own, pooled, assumed.borrowed)
+    n_observed, n_basis = assumed.n_observed, len(scatter) // len(floor)
+    chance = np.repeat(assumed.ridge * floor[:n_observed] / FLOOR_OF_RANGE**2, n_basis)
+    slopes, spent = ridge_slopes(scatter, chance, demonstrations)
+    unexplained = np.hstack([-slopes, np.eye(len(slopes))])
+
+    def left(one: Scatter) -> Scatter:
+        return Scatter(unexplained @ one.matrix @ unexplained.T, (1.0 - spent) * one.freedom)
+
+    simple = TargetSettings(assumed.borrowed, assumed.independent)
+    certain = predictive_covariance(
+        left(own), left(pooled), n, floor[n_observed:], strength, simple
+    )
+    return with_slopes(covariance[: len(chance), : len(chance)], slopes, certain)
