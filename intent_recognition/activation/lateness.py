@@ -3,12 +3,15 @@
 
 An arm that lags is where a mean of what it was asked for lately is. What that was depends on how
 late the commands came, and the weights of the mean are not known: for each lateness and joint
-those count that explain the motion best (non-negative least squares).
+those count that explain the motion best (non-negative least squares). A joint that turns as fast
+as it may tells nothing of what it is asked for: that is left out.
 """
 
 from collections import deque
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_opening
 from scipy.optimize import nnls
 
 from intent_recognition.activation.arm_clock import TELLING_RAD
@@ -28,6 +31,10 @@ _LAGGED = np.array(
     [(1.0 - keeps) * np.tril(keeps ** np.abs(_AGES)) for keeps in np.exp(-1.0 / _LAGS)]
 )
 """First-order lags of all looks, as matrices (4, looks, looks); those of fewer are its corners."""
+_TOP_SPEED, _N_AT_TOP, _N_LEFT = 0.99, 12, 20
+"""Share of its largest speed from which on a joint turns as fast as it may, for how many looks, and
+how many samples of such a joint must be left. Convention: motions of minimum jerk of up to 2 s are
+above that share for shorter; more samples than weights."""
 _SHARE = 0.6
 """What lateness must leave unexplained at most of what is without. Measurement:
 `test_late_commands.py`."""
@@ -37,7 +44,7 @@ class Lateness:
     """Compares a measured arm with what it was asked for by each lateness."""
 
     def __init__(self) -> None:
-        self._looks: deque[tuple[Floats, Floats]] = deque(maxlen=_N_LOOKS)
+        self._looks: deque[tuple[int, Floats, Floats]] = deque(maxlen=_N_LOOKS)
         self._last_ns = self._n = 0
 
     def is_due(self, time_ns: int) -> bool:
@@ -53,37 +60,57 @@ class Lateness:
             asked: of the arm then by each of `LATENESSES_NS` (n_latenesses, n) [rad].
         """
         self._last_ns, self._n = time_ns, self._n + 1
-        self._looks.append((position, asked))
+        self._looks.append((time_ns, position, asked))
         if self._n % _N_AGAIN or len(self._looks) < _N_BEFORE + 2 * _N_AGAIN:
             return 0
-        positions, references = map(np.array, zip(*self._looks, strict=True))
+        times_ns, positions, references = map(np.array, zip(*self._looks, strict=True))
         if np.ptp(references[:, 0], axis=0).max() < TELLING_RAD:
             return 0
         in_time, *late = references.swapaxes(0, 1)
-        error = unexplained(positions, in_time)
+        tells = ~at_top_speed(times_ns, positions)
+        error = unexplained(positions, in_time, tells)
         if error <= 5e-4:  # several times the noise of encoders
             return 0
-        errors = [error, *(unexplained(positions, one) for one in late)]
+        errors = [error, *(unexplained(positions, one, tells) for one in late)]
         if min(errors) > _SHARE * error:
             return 0
         self._looks.clear()
         return int(LATENESSES_NS[np.argmin(errors)])
 
 
-def unexplained(positions: Floats, asked: Floats) -> float:
+def at_top_speed(times_ns: NDArray, positions: Floats) -> NDArray[np.bool_]:
+    """Where joints turn evenly, and faster than anywhere else, for a while (T, n).
+
+    Args:
+        times_ns: increasing (T,) [ns].
+        positions: measured (T, n) [rad].
+    """
+    speed = np.abs(np.diff(positions, axis=0) / np.diff(times_ns)[:, None])
+    top = binary_opening(
+        speed >= _TOP_SPEED * speed.max(axis=0), np.ones((_N_AT_TOP, 1), dtype=bool)
+    )
+    return np.concatenate([top[:1], top])
+
+
+def unexplained(positions: Floats, asked: Floats, tells: NDArray[np.bool_]) -> float:
     """Root mean square of what no lag explains of an arm's motion, but for a constant [rad].
 
     Args:
         positions: measured (T, n) [rad].
         asked: of the arm at the same times (T, n) [rad].
+        tells: which of the positions count (T, n).
     """
     rows = np.arange(len(asked))
     late = [asked[np.maximum(rows - delay, 0)] for delay in _DELAYS]
     late.extend(asked[0] + _LAGGED[:, : len(asked), : len(asked)] @ (asked - asked[0]))
     tables = np.array([*late, positions])[:, _N_BEFORE::2].transpose(2, 1, 0)  # one of each joint
-    tables = tables - tables.mean(axis=1, keepdims=True)
+    counts = tells[_N_BEFORE::2].T[:, :, None]
+    n = counts.sum(axis=1, keepdims=True)
+    counts = counts & ((n >= _N_LEFT) | (n == counts.shape[1]))
+    mean = (tables * counts).sum(axis=1, keepdims=True) / np.maximum(n, 1)
+    tables = (tables - mean) * counts
     # lags are much alike, and the solver must come to an end
     ridge = np.tile(1e-3 * np.eye(len(late), len(late) + 1), (len(tables), 1, 1))
     small = np.linalg.qr(np.concatenate([tables, ridge], axis=1), mode="r")
     squares = sum(nnls(one[:, :-1], one[:, -1])[1] ** 2 for one in small)
-    return float(np.sqrt(squares / tables[:, :, -1].size))
+    return float(np.sqrt(squares / max(counts.sum(), 1)))

@@ -24,12 +24,14 @@ FINE_S = 0.002
 class Arm:
     """The simulated arm's follower behind a channel that delays and loses.
 
-    Where it is `at` follows what it executes as real position controllers do: by a lag.
+    Where it is `at` follows what it executes as real position controllers do: by a lag, and no
+    faster than by a top speed.
     """
 
-    def __init__(self, world, rng, latency_s, loss, lag_s=0.0):
+    def __init__(self, world, rng, latency_s, loss, lag_s=0.0, top_rad_s=np.inf):
         self.follower, self.at = TrajectoryFollower(HOME, LIMITS), HOME
         self._follows = 1.0 if lag_s == 0.0 else 1.0 - np.exp(-FINE_S / lag_s)
+        self._top = top_rad_s * FINE_S
         self._world, self._rng, self._latency_s, self._loss = world, rng, latency_s, loss
         self._coming, self._last_s, self.rejected = [], 0.0, []
         self.executed = []
@@ -49,7 +51,8 @@ class Arm:
             while self._coming and self._coming[0][0] <= t:
                 self._take(self._coming.pop(0)[1], t)
             self.executed.append(self.sample(t))
-            self.at = self.at + (self.executed[-1].q - self.at) * self._follows
+            step = (self.executed[-1].q - self.at) * self._follows
+            self.at = self.at + np.clip(step, -self._top, self._top)
 
     def _take(self, command, t):
         times_ns, q, v = command.to_send()
@@ -129,6 +132,16 @@ def test_an_arm_that_lags_is_not_taken_for_one_that_gets_late_commands(lag_s):
     world, _ = session(1, (0.0, 0.0), 0.0, lag_s=lag_s)
     assert world.rejected == [] and world.activation.clocks["commands late [s]"] == "0.000"
     assert world.activation.mode is Mode.IDLE
+
+
+@pytest.mark.parametrize("top_rad_s", [0.35, 0.25, 0.15])
+def test_an_arm_whose_speed_is_limited_tells_late_commands_too(top_rad_s):
+    """It is far behind, and stopped where it is too far."""
+    world, _ = session(1, (0.0, 0.0), 0.0, lag_s=0.05, top_rad_s=top_rad_s)
+    assert "commands_late" not in world.rejected and world.activation.mode is Mode.IDLE
+    world, _ = session(1, (0.2, 0.2), 0.0, lag_s=0.05, top_rad_s=top_rad_s)
+    assert "commands_late" in world.rejected and world.activation.mode is Mode.IDLE
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-3)
 
 
 @pytest.mark.parametrize("kind", [Arm, ForgetfulArm])
