@@ -183,9 +183,7 @@ class PersonInput:
             mean, std = positions[:, columns], rest["effort"][:, columns]
             if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(std))):
                 raise ArgumentError.about(TOPIC, "finite numbers", "NaN", "Check the sender.")
-        except (IntentError, KeyError, ValueError) as error:
-            self._people.pop(who, None)
-            self.people = tuple(self._people.values())
+        except (IntentError, KeyError, ValueError) as error:  # the person is where last predicted
             self._diagnostics.reject("bad_human_trajectory", f"{TOPIC}: {error}")
             return
         times_ns = stamp_ns(message) + np.rint(times_s * 1e9).astype(np.int64)

@@ -154,13 +154,14 @@ def test_the_arm_slows_where_the_person_is_predicted_to_be(harness, near):
     assert (times_s[-1] > 3.0) == near
 
 
-def test_a_person_of_other_dofs_is_counted_and_unknown(harness):
+@pytest.mark.parametrize("names, where", [(["a", "b", "c"], 0.0), (PERSON, np.nan)])
+def test_a_broken_prediction_does_not_clear_the_way_of_a_person(harness, names, where):
     graph = Graph(harness, person_dofs=PERSON)
     graph.describe(ROBOT.description)
     tell_person(graph, np.zeros(3))
-    assert len(graph.node._person.people) == 1
-    tell_person(graph, np.zeros(3), ["a", "b", "c"])
-    assert graph.node._person.people == ()
+    (person,) = graph.node._person.people
+    tell_person(graph, np.full(3, where), names)
+    assert graph.node._person.people == (person,)
     assert graph.node.diagnostics.rejected("bad_human_trajectory") == 1
 
 
