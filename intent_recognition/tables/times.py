@@ -21,7 +21,8 @@ PER_UNIT = {"s": NANOSECONDS, "ms": 10**6, "us": 10**3, "ns": 1, "min": 60 * NAN
 TIME_UNIT = re.compile(
     r"(?i)(?:^|[\W_])(?:(?P<ms>msecs?|ms|millis|milliseconds?)"
     r"|(?P<us>[u\u00b5\u03bc]secs?|[u\u00b5\u03bc]s|micros|microseconds?)"
-    r"|(?P<ns>nsecs?|ns|nanos|nanosecs?|nanoseconds?)|(?P<min>mins?|minutes?)|(?P<s>s|secs?|seconds?))\W*$"
+    r"|(?P<ns>nsecs?|ns|nanos|nanosecs?|nanoseconds?)"
+    r"|(?P<min>mins?|minutes?)|(?P<s>s|secs?|seconds?))\W*$"
 )
 """A unit of time at the end of a name: `time_ms`, `t [ms]`, `Time (Seconds)`, `msec`."""
 SAMPLES = "samples"
