@@ -309,17 +309,16 @@ def test_a_unit_at_the_end_of_names(end, tmp_path):
     assert suggested["columns"] == names
 
 
-@pytest.mark.parametrize("line", ["# units: cm", "Units,cm", "#Length Units = [cm]"])
-def test_a_unit_above_the_names(line, tmp_path):
-    content = f"{line}\n{plain(scale=0.1)}"
-    samples, said = imported(tmp_path, "a.csv", content, time={"column": "t"})
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=2e-6)
-
-
-@pytest.mark.parametrize("line", ["# units: SI", "# units: m, rad", "# unit of all is m"])
-def test_what_names_no_single_unit_above_the_names_says_nothing(line, tmp_path):
-    content = f"{line}\n{plain(scale=1e-3)}"
+@pytest.mark.parametrize(
+    ("line", "scale"),
+    [
+        *((line, 0.1) for line in ("# units: cm", "Units,cm", "#Length Units = [cm]")),
+        # what names no single unit says nothing
+        *((line, 1e-3) for line in ("# units: SI", "# units: m, rad", "# unit of all is m")),
+    ],
+)
+def test_a_unit_above_the_names(line, scale, tmp_path):
+    content = f"{line}\n{plain(scale=scale)}"
     samples, said = imported(tmp_path, "a.csv", content, time={"column": "t"})
     assert not said
     np.testing.assert_allclose(samples.values, PLACE / 1000, atol=2e-6)
