@@ -143,9 +143,15 @@ def session(kind, seed, n_steps):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
-def test_no_command_is_faster_than_permitted_at_any_millisecond(kind):
-    world, known = session(kind, 1, 500)
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [("crosses", 1), ("late", 2), ("flickers", 1), ("uncertain", 1), ("several", 1)],
+)
+def test_no_command_is_faster_than_permitted_at_any_millisecond(kind, seed):
+    """Of sessions in which the arm is slowed by people, or braked for them."""
+    world, known = session(kind, seed, 300)
+    counts = world.activation.counts
+    assert counts["slowed by person"] + counts["braked for person"] > 0
     assert len(world.commands) > 5
     assert max(largest_ratios(world, known)) <= 1.0 + 1e-6
 

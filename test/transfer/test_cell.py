@@ -13,16 +13,6 @@ from sim_bridge.physics import end_world, start_world
 LARGEST_N, RELEASE_S, NOTICED_S = 15.0, 0.3, 0.05
 
 
-def test_a_plate_is_given_by_load_and_each_run_is_the_same():
-    outcome = run_trial(TransferTrial("give", "plate", "lwr", 1))
-    assert outcome.success and not outcome.dropped
-    assert outcome.peak_n < LARGEST_N
-    assert outcome.release_s < RELEASE_S
-    again = run_trial(TransferTrial("give", "plate", "lwr", 1))
-    assert [s.time_s for s in again.samples] == [s.time_s for s in outcome.samples]
-    np.testing.assert_array_equal(again.samples[-1].object_m, outcome.samples[-1].object_m)
-
-
 def test_fewer_trials_are_the_first_of_many():
     few, many = plan(30), plan(200)
     assert all(few[name] == many[name][: len(few[name])] for name in many)
@@ -45,8 +35,8 @@ def test_one_bad_trial_falls_short(bad):
 @pytest.mark.parametrize(
     ("kind", "thing", "robot"),
     [
-        *(("give", "box", "panda"), ("give", "bottle", "panda")),
-        *(("take", "box", "lwr"), ("take", "plate", "panda"), ("take", "bottle", "lwr")),
+        *(("give", "plate", "lwr"), ("give", "bottle", "panda")),
+        *(("take", "box", "lwr"), ("take", "plate", "panda")),
     ],
 )
 def test_objects_change_hands(kind, thing, robot):
@@ -54,14 +44,15 @@ def test_objects_change_hands(kind, thing, robot):
     assert outcome.success
     assert not outcome.dropped
     assert outcome.peak_n < LARGEST_N
-    assert not outcome.release_s >= RELEASE_S  # a taken object has no release of the robot
+    assert outcome.release_s < RELEASE_S or kind == "take"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kind", "thing"), list(zip(DISTURBANCES, ["box", "bottle"] * 3, strict=True))
+    ("kind", "thing"), list(zip(DISTURBANCES[2:], ["box", "bottle"] * 2, strict=True))
 )
-def test_bumps_and_false_pulls_get_nothing_and_the_object_is_brought_back(kind, thing):
+def test_false_pulls_get_nothing_and_the_object_is_brought_back(kind, thing):
+    """Bumps are shorter, and no more toward the person: of those, test_machine.py."""
     outcome = run_trial(TransferTrial(kind, thing, "lwr", 8))
     assert outcome.success
     assert outcome.end is Holding.EMPTY  # put down on its stand
@@ -70,17 +61,19 @@ def test_bumps_and_false_pulls_get_nothing_and_the_object_is_brought_back(kind, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("thing", "robot", "seed"), [("bottle", "lwr", 103), ("bottle", "panda", 11)]
-)
-def test_a_wet_bottle_is_gripped_before_it_is_lost_also_after_another_world(thing, robot, seed):
+@pytest.mark.parametrize(("robot", "seed"), [("lwr", 103), ("panda", 11)])
+def test_a_wet_bottle_is_gripped_before_it_is_lost_and_again_after_another_world(robot, seed):
     """PyBullet has one threshold of contacts for all worlds of a process."""
+    trial = TransferTrial("slippery", "bottle", robot, seed)
+    outcome = run_trial(trial)
+    assert outcome.success
+    assert outcome.slip_s <= NOTICED_S
     other = start_world()
     other.setPhysicsEngineParameter(contactBreakingThreshold=0.001)
     end_world(other)
-    outcome = run_trial(TransferTrial("slippery", thing, robot, seed))
-    assert outcome.success
-    assert outcome.slip_s <= NOTICED_S
+    again = run_trial(trial)
+    assert [s.time_s for s in again.samples] == [s.time_s for s in outcome.samples]
+    np.testing.assert_array_equal(again.samples[-1].object_m, outcome.samples[-1].object_m)
 
 
 def test_by_the_clock_an_object_is_dropped():
