@@ -86,7 +86,7 @@ class CompareTab:
             bag = self._bags[self._bag.value]
             models = [self._models[field.value] for field in self._chosen]
             found = [posterior_over(bag, model) for model in models]
-            why = {model: why_over(bag, model) for model in models}
+            reasons = "".join(why_over(bag, model) for model in dict.fromkeys(models))
         except (IntentError, KeyError) as error:
             self._result.content = markup.banner(one_line(error), markup.WARNING)
             return
@@ -94,7 +94,6 @@ class CompareTab:
             self._button.disabled = False
         self._draw(found)
         rows = [(n, *summary) for n, (_, _, summary) in zip("AB", found, strict=True)]
-        reasons = "".join(why[model] for model in dict.fromkeys(models))
         table = markup.table(("model", "acts on", "after", "at the end"), rows)
         self._result.content = table + reasons
 

@@ -61,7 +61,7 @@ def test_a_recording_without_the_topics_of_the_model_is_named(repository, toolbo
 def test_two_models_are_drawn_and_their_decision_is_explained_as_by_intent_explain(
     compare, recording, toolbox_model
 ):
-    tab = compare.run("toolbox.npz", "broken.npz")
+    tab = compare.run("broken.npz", "toolbox.npz")
     assert "broken.npz" in tab._result.content and not tab._button.disabled
     assert not tab._plots
     compare.run("toolbox.npz", "toolbox.npz")
