@@ -172,9 +172,7 @@ def _argument(row: str) -> tuple[str, dict[str, Any]]:
     name, *metavars = spec.split(" ")
     options: dict[str, Any] = {"help": " ".join(text.split())}
     if name == "--json":
-        said = (
-            f"write {options['help']} as JSON to OUT; without OUT print that, and nothing else, to"
-        )
+        said = f"write {options['help']} as JSON to OUT; without OUT print that, and nothing else,"
         return name, {
             "help": f"{said} to standard output",
             "metavar": "OUT",

@@ -3,6 +3,7 @@
 
 import io
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -32,6 +33,7 @@ def test_every_option_explains_itself():
     for command, parser in commands.choices.items():
         for action in parser._actions:
             assert action.help, (command, action.dest)
+            assert not re.search(r"\b([a-z]+) \1\b", action.help), (command, action.help)
 
 
 def test_the_actions_of_a_command_are_listed(capsys):
