@@ -303,7 +303,7 @@ class IntentEstimator:
         self._believe(self._run.observations[-1].stamp_ns)
 
     def expect(self, task: str) -> None:
-        """Let a task be that of the next movement, as sure as a habit; empty: as it was learned."""
+        """Expect a task next, as sure as a habit; a label that was not learned ends this."""
         self.expectation.expect(task, at_once=self._run is None)
 
     def predict_controlled(self, n_points: int = 50) -> Prediction | None:

@@ -40,7 +40,8 @@ def recognize_task(
         times_s: times of the samples, increasing, (T,) [s].
         human: positions of the observed DOFs, (T, P), in the units of the library. What was not
             measured is NaN: it is left out, and nothing is put in its place.
-        onset_s: when the movement began [s]; None for the first sample.
+        onset_s: when the movement began [s]; None for the first sample. Give it where the samples
+            begin at rest, which counts as movement otherwise, and is none that was learned.
         duration_s: duration of the whole movement [s]; None marginalises over durations.
 
     Returns:

@@ -35,6 +35,8 @@ OFTEN_TAKEN = {
     "rad": {"degrees": 180.0 / np.pi},
 }
 """Units that are recorded in place of another, with how many of them make it."""
+SELDOM_TAKEN = {"m": {"inches": 1.0 / 0.0254}}
+"""Likewise, but so near to one of these that only learned places tell them apart."""
 NAMES = {"m": "metres", "rad": "radians"}
 """Units in words."""
 FASTEST = {"m": 20.0, "rad": 25.0}
@@ -234,7 +236,7 @@ def other_units(unit: str, values: Floats, learned: Known) -> dict[str, float]:
     """Units, and their factors, in which a sample (d,) lies where the DOFs were."""
     return {
         name: factor
-        for name, factor in OFTEN_TAKEN.get(unit, {}).items()
+        for name, factor in (OFTEN_TAKEN.get(unit, {}) | SELDOM_TAKEN.get(unit, {})).items()
         if np.all((values / factor >= learned.lower) & (values / factor <= learned.upper))
     }
 

@@ -32,12 +32,15 @@ def samples(truth, rng):
     return signal.seconds(int(signal.stamps_ns[0])), signal.values + AT_M
 
 
-@pytest.mark.parametrize(("factor", "unit"), [(1000.0, "millimetres"), (100.0, "centimetres")])
+@pytest.mark.parametrize(
+    ("factor", "unit"),
+    [(1000.0, "millimetres"), (100.0, "centimetres"), (1.0 / 0.0254, "inches")],
+)
 def test_positions_in_another_unit_are_refused_with_the_factor(placed, truth, rng, factor, unit):
     times_s, values = samples(truth, rng)
     estimator = IntentEstimator(placed)
     for stamp_s, value in zip(times_s[:3], values, strict=False):
-        with pytest.raises(ArgumentError, match=rf"Likely {unit} for metres .*{factor:g}"):
+        with pytest.raises(ArgumentError, match=rf"Likely {unit} for metres .*{factor:.4g}"):
             estimator.observe(stamp_s, factor * value)
     assert not estimator.observe(times_s[3], values[3]).moving
 
