@@ -3,7 +3,8 @@
 
 `late`: a robot hand copies, as a critically damped system does, a hand that wanders along splines.
 `people`: five people of their own height, reach, bow and tempo reach for three goals; each is left
-out. The generators share nothing with the filter.
+out. `exact`: the robot meets a hand that reaches with a bow exactly where its own rule says. The
+generators share nothing with the filter.
 """
 
 import argparse
@@ -61,6 +62,22 @@ def people(
             yield _recorded(rng, times_s, hand, robot, f"task_{task}", number, who)
 
 
+def exact(rng: np.random.Generator, n_tasks: int = 4, n: int = 16) -> Iterator[Demonstration]:
+    """The robot sets out after 0.3 of a reach; where it goes is linear in where the hand goes."""
+    goals = rng.uniform([0.3, -0.4, -0.2], [0.7, 0.4, 0.4], size=(n_tasks, 3))
+    bows, home = 0.06 * rng.normal(size=(n_tasks, 3)), np.array([1.2, 0.0, 0.5])
+    for task, number in np.ndindex(n_tasks, n):
+        duration_s = 2.0 * np.exp(0.2 * rng.normal())
+        times_s = np.arange(0.0, 0.6 + 1.3 * duration_s, 0.01)
+        goal = goals[task] + 0.05 * rng.normal(size=3)
+        ahead, later = (reach((times_s - 0.3) / duration_s - late)[:, None] for late in (0.0, 0.3))
+        bow = bows[task] * (1.0 + 0.2 * rng.normal())
+        hand = ahead * goal + bow * np.sin(np.pi * ahead)
+        there = goals[task] * [-1, 1, 1] + [1.4, 0, 0] + 0.9 * (goal - goals[task])
+        robot = home + later * (there - home)
+        yield _recorded(rng, times_s, hand, robot, f"task_{task}", number)
+
+
 def _recorded(
     rng: np.random.Generator,
     times_s: Floats,
@@ -83,6 +100,7 @@ def main(arguments: list[str] | None = None) -> None:
     seed = parser.parse_args(arguments).seed
     for name, made, protocol in (
         ("late", copies, "kfold:4"),
+        ("exact", exact, "kfold:4"),
         ("people", people, "logo:group"),
     ):
         recorded = list(made(np.random.default_rng(seed)))

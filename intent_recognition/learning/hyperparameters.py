@@ -8,7 +8,7 @@ from intent_recognition.promp import OTHERS_SAMPLE_SIZE, TargetSettings
 STRENGTH = 4.0
 """Equivalent sample size of the target of the shared covariance, in demonstrations
 (docs/decisions/one_filter.md)."""
-REGRESSION_STRENGTHS = (30.0, 100.0)
+REGRESSION_STRENGTHS = (30.0, 100.0, 10.0, 3.0, 1.0)
 """The same for each task's own covariance, from which the controlled agent's regression comes; the
 first where nothing can be left out (docs/decisions/covariance_target.md)."""
 INDEPENDENT = (0.0, 0.01)

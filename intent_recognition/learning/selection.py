@@ -112,9 +112,9 @@ def choose(
     )
     best = best_with(best._replace(borrowed=0.0))
     best = best_with(*(best._replace(independent=part) for part in INDEPENDENT[1:]))
-    best = best_with(*(best._replace(strength=other) for other in REGRESSION_STRENGTHS[1:]))
     if compares_people([[one.group for one in task.examples] for task in recorded.values()]):
         best = best_with(*(best._replace(ridge=one) for one in RIDGES))
+    best = best_with(*(best._replace(strength=other) for other in REGRESSION_STRENGTHS[1:]))
     library = replace(candidates[best.pace][0], noise_scale=best.noise_scale)
     at_once, of_best = _at_once(library, N_DURATIONS), left_out(best)
     variance = _variance(library, of_best)
