@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which files a recording is made of, and what its metadata.yaml says."""
 
+import gzip
+import zlib
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import zstandard
 
@@ -10,9 +15,10 @@ from intent_recognition.bags.messages import ZSTD
 from intent_recognition.bags.metadata import FILE_NAME, BagMetadata, read_metadata
 from intent_recognition.errors import BagError, one_line
 
+GZIP = b"\x1f\x8b"
 KINDS = {MAGIC: ".mcap", b"SQLite format 3\0": ".db3", b"#ROSBAG V2.0": ".bag"}
 """Storage of a recording by the first bytes of its files: ROS 2's two, and that of ROS 1."""
-PACKED = (".zstd", ".zst")
+PACKED = (".zstd", ".zst", ".gz")
 PATTERNS = [f"*{kind}{packed}" for kind in (".mcap", ".db3") for packed in ("", *PACKED)]
 """Files that make a folder a bag."""
 
@@ -54,7 +60,8 @@ def cure_of(path: Path, otherwise: str) -> str:
 
 def _check_file(path: Path) -> None:
     """Whether a single file can be a recording; one that ends in .mcap may be a damaged one."""
-    if path.suffix != ".mcap" and kind_of(path) not in (*KINDS.values(), *PACKED):
+    is_table = kind_of(path) == PACKED[2] and path.with_suffix("").suffix not in KINDS.values()
+    if is_table or (path.suffix != ".mcap" and kind_of(path) not in (*KINDS.values(), *PACKED)):
         give = "Give a bag: a folder with .mcap files, or one of them."
         cure = cure_of(path, f"{give} docs/import.md lists the tables that can be made bags.")
         raise BagError.about(str(path), "a recording", "another kind of file", cure)
@@ -66,10 +73,10 @@ def is_bag(folder: Path) -> bool:
 
 
 def kind_of(path: Path) -> str:
-    """What a file is by its first bytes, a value of `KINDS` or `.zstd`; else its suffix."""
+    """What a file is by its first bytes, a value of `KINDS`, `.zstd` or `.gz`; else its suffix."""
     with path.open("rb") as file:
         start = file.read(max(map(len, KINDS)))
-    known = {**KINDS, ZSTD: PACKED[0]}
+    known = {**KINDS, ZSTD: PACKED[0], GZIP: PACKED[2]}
     return next((kind for magic, kind in known.items() if start.startswith(magic)), path.suffix)
 
 
@@ -78,15 +85,20 @@ def unpack(path: Path, folder: Path) -> Path:
     target = folder / path.stem
     most, written = FREE_BYTES + MOST_EXPANSION * path.stat().st_size, 0
     why = "one that is cut off"
+    unzstd = partial(zstandard.ZstdDecompressor().stream_reader, read_across_frames=True)
+    unpacker: Callable[..., Any] = gzip.open if kind_of(path) == PACKED[2] else unzstd
     try:
-        with path.open("rb") as source, target.open("wb") as sink:
-            reader = zstandard.ZstdDecompressor().stream_reader(source, read_across_frames=True)
-            while written <= most and (piece := reader.read(2**20)):
+        with (
+            path.open("rb") as source,
+            unpacker(source) as reader,
+            target.open("wb") as sink,
+        ):
+            while written <= most and (piece := reader.read1(2**20)):
                 written += sink.write(piece)
-    except zstandard.ZstdError as error:
+    except (zstandard.ZstdError, OSError, EOFError, zlib.error) as error:
         why = one_line(error)
     if not written:
-        raise BagError.about(str(path), "a whole file of zstd", why, "Copy it again.")
+        raise BagError.about(str(path), "a whole file of zstd or gzip", why, "Copy it again.")
     if written > most:
         cure = "No recorder writes such a file; record again."
         raise BagError.about(str(path), f"at most {most} bytes unpacked", "more", cure)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What recorders and libraries write is read whole, whatever their options."""
 
+import gzip
 import itertools
 
 import numpy as np
@@ -134,17 +135,18 @@ def packed(folder, mode):
     information = yaml.safe_load((folder / "metadata.yaml").read_text())
     about = information["rosbag2_bagfile_information"]
     about |= {"compression_mode": mode.upper(), "compression_format": "zstd"}
-    if mode == "file":
+    if mode != "message":
         data = (folder / "bag_0.mcap").read_bytes()
         (folder / "bag_0.mcap").unlink()
-        (folder / "bag_0.mcap.zstd").write_bytes(zstandard.compress(data))
-        about["relative_file_paths"] = ["bag_0.mcap.zstd"]
+        pack = gzip.compress if mode == "gz" else zstandard.compress
+        (folder / f"bag_0.mcap.{mode}").write_bytes(pack(data))
+        about["relative_file_paths"] = [f"bag_0.mcap.{mode}"]
     (folder / "metadata.yaml").write_text(yaml.safe_dump(information))
     return messages
 
 
-@pytest.mark.parametrize("mode", ["file", "message"])
-def test_what_zstd_compressed(mode, tmp_path):
+@pytest.mark.parametrize("mode", ["zstd", "gz", "message"])
+def test_what_was_compressed(mode, tmp_path):
     messages = packed(tmp_path / "bag", mode)
     check(tmp_path / "bag", messages)
     (tmp_path / "bag/metadata.yaml").unlink()
@@ -153,7 +155,7 @@ def test_what_zstd_compressed(mode, tmp_path):
 
 
 def test_a_cut_file_of_zstd_gives_what_it_has(tmp_path):
-    packed(tmp_path / "bag", "file")
+    packed(tmp_path / "bag", "zstd")
     path = tmp_path / "bag/bag_0.mcap.zstd"
     data = zstandard.decompress(path.read_bytes())
     parts = [zstandard.compress(part) for part in (data[:1500], data[1500:])]
@@ -164,6 +166,11 @@ def test_a_cut_file_of_zstd_gives_what_it_has(tmp_path):
     path.write_bytes(parts[0][:-20])
     with pytest.raises(BagError, match=r"bag_0\.mcap\.zstd.*cut off"):
         BagReader(path)
+    packed(tmp_path / "other", "gz")
+    path = tmp_path / "other/bag_0.mcap.gz"
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(BagError, match="damaged"):
+        list(BagReader(path).raw_messages())
 
 
 def test_a_storage_without_a_name_is_known_by_its_file(tmp_path):
