@@ -16,10 +16,11 @@ from intent_recognition.signals import UNITS, spelled
 Values = NDArray[Any]
 """A column: numbers, dates, or texts (of dtype object)."""
 MISSING = frozenset(
-    {"", "na", "n/a", "nan", "null", "none", "-", "--", "#n/a", "#div/0!", "#value!", "#num!"}
-)
-"""What a cell of text says in lower case where nothing was measured. Convention, as in pandas and
-Excel."""
+    {"", "na", "n/a", "nan", "null", "none", "-", "--", "#n/a", "#div/0!", "#value!", "#num!",
+     "nan(ind)", "-nan(ind)", "nan(snan)", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind", "1.#snan"}
+)  # fmt: skip
+"""What a cell of text says in lower case where nothing was measured. Convention, as in pandas,
+Excel and C."""
 THOUSANDS = re.compile(
     r"([+-]?\d{1,3})((?:[ '\u2019\u00a0\u202f]\d{3})+|(?:,\d{3})+(?=\.)|(?:,\d{3}){2,})"
 )
@@ -63,6 +64,7 @@ def _check_commas(values: Values, source: Path, name: str) -> None:
 
 def with_point(text: str) -> str:
     """A number with a decimal point, where it has a decimal comma; without marks of thousands."""
+    text = text.replace("\N{MINUS SIGN}", "-")
     if found := THOUSANDS.match(text):
         text = re.sub(r"[^\d+-]", "", found[0]) + text[found.end() :]
     if text.count(",") != 1:

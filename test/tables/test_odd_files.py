@@ -173,7 +173,14 @@ def test_the_unit_of_the_header_is_suggested_where_another_were_usual(tmp_path):
     assert "time: {column: time_ms, unit: ms}  # 1 Hz then" in suggest_map(path)
 
 
-@pytest.mark.parametrize("cell", ["#N/A", "#DIV/0!", "-", "NaN", "inf"])
+def test_minus_signs_of_unicode_are_read(tmp_path):
+    content = plain("\N{MINUS SIGN}{:.6f}")
+    samples, said = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t"})
+    assert not said
+    np.testing.assert_allclose(samples.values, -PLACE / 1000, atol=1e-8)
+
+
+@pytest.mark.parametrize("cell", ["#N/A", "#DIV/0!", "-", "NaN", "inf", "-nan(ind)", "1.#QNAN"])
 def test_cells_of_what_was_not_measured(cell, tmp_path):
     content = plain(hidden=range(60, 80), cell=cell)
     samples, said = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t"})
