@@ -18,6 +18,7 @@ from intent_recognition.tables.hdf5_reading import (
 )
 from intent_recognition.tables.isolated import read_isolated
 from intent_recognition.tables.table import Table, check_columns, table_of, unusable
+from intent_recognition.tables.times import is_clock
 from intent_recognition.untrusted import UntrustedError, read_arrays
 
 
@@ -110,7 +111,9 @@ def open_hdf5(path: Path) -> Table:
     columns = flat_columns(path, arrays)
     if not columns:
         raise unusable(path, "arrays of numbers (T, d)", "none", "Save arrays of numbers.")
-    defaults: dict[str, object] = {"time": {"rate": rate}} if rate > 0.0 else {}
+    clocks = any(is_clock(key, array) for key, array in arrays.items() if array.ndim == 1)
+    # a rate that is stated may be that of a camera
+    defaults: dict[str, object] = {"time": {"rate": rate}} if rate > 0.0 and not clocks else {}
     if "demonstration" in columns:
         defaults["segments"] = {"column": "demonstration"}
     notes = transposed(arrays)

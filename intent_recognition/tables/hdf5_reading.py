@@ -213,6 +213,8 @@ def _of_structs(content: dict[str, Any], before: str) -> Iterator[tuple[str, NDA
                     yield f"{name}_{k}", inner
         elif isinstance(value, str) and key.lower() in UNIT and value:
             yield f"{before}#unit", array
+        elif array.ndim == 1 and array.size and all(isinstance(v, str) for v in array):
+            yield before + key, array.astype(str)
         elif array.dtype.kind in "fiub" and array.size and array.ndim in (1, 2, 3):
             yield before + key, array
 
@@ -273,6 +275,7 @@ def _unit_of(item: Any) -> list[str]:
 
 def _arrays(group: Any) -> dict[str, NDArray[Any]]:
     found = {}
+    is_text = importlib.import_module("h5py").check_string_dtype
 
     def visit(name: str, item: Any) -> None:
         dotted = name.replace("/", ".")
@@ -287,6 +290,10 @@ def _arrays(group: Any) -> dict[str, NDArray[Any]]:
             return
         if item.dtype.kind in "fiub" and (item.ndim in (1, 2) or is_of_places):
             found[dotted] = np.asarray(item[()])
+        if is_text(item.dtype) and item.ndim == 1:
+            texts = item.asstr(errors="replace")[()]
+            if max(map(len, texts)) * 4 * item.size <= MOST_BYTES:
+                found[dotted] = texts.astype(str)
 
     group.visititems(visit)
     return found

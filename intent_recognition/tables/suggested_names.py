@@ -10,11 +10,9 @@ import numpy as np
 from intent_recognition.signals import spelled
 from intent_recognition.tables.cells import LENGTHS
 from intent_recognition.tables.suggested_entries import SeenColumn
+from intent_recognition.tables.times import TIME_NAME
 
 COUNT_NAME = re.compile(r"(?i)(frame|index|idx|row|sample|counter)#?$")
-TIME_NAME = re.compile(
-    r"(?i)(^|[^a-z])(t|ts|times?|elapsed|timestamps?|stamps?|secs?|seconds|zeit)([^a-z]|$)"
-)
 COMMANDED = re.compile(r"(?i)(?:^|[./])actions?(?:[./]|$)")
 """What columns are called that were commanded, not measured."""
 NO_JOINT = re.compile(

@@ -29,7 +29,6 @@ from intent_recognition.tables.suggested_names import (
     NO_TASK,
     SEGMENT_NAME,
     TASK_NAME,
-    TIME_NAME,
     array_of,
     bodies_of,
     counts_rows,
@@ -38,7 +37,7 @@ from intent_recognition.tables.suggested_names import (
     orientations_of,
 )
 from intent_recognition.tables.table import Table
-from intent_recognition.tables.times import PER_UNIT, stamps_ns, usual_unit
+from intent_recognition.tables.times import PER_UNIT, TIME_NAME, stamps_ns, usual_unit
 
 STILL = 1e-9
 """Extent of a column, as a share of its size, below which it is constant. Convention: rounding."""
@@ -253,6 +252,7 @@ def _time(
     for column in columns.values():
         steps = np.diff(column.values)[inside]
         named = column.name == "0" or TIME_NAME.search(column.name)
+        named = named or (column.name == next(iter(columns)) and _is_even(steps))
         if not named or not steps.size:
             continue
         if np.all(steps < 0.0):
@@ -277,6 +277,11 @@ def _time(
         if steps.size and np.all(steps > 0):
             return {"column": name}, "dates, or times of day"
     return {"rate": 100}, NO_RATE
+
+
+def _is_even(steps: Floats) -> bool:
+    """Whether numbers go on by nearly the same steps, which do not count: time in any language."""
+    return bool(steps.size and steps.min() > 0.8 * steps.max() > 0.0 and steps.max() != 1.0)
 
 
 def _are_nanoseconds(values: Floats) -> bool:

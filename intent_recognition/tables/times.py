@@ -25,6 +25,10 @@ TIME_UNIT = re.compile(
     r"|(?P<min>mins?|minutes?)|(?P<s>s|secs?|seconds?))\W*$"
 )
 """A unit of time at the end of a name: `time_ms`, `t [ms]`, `Time (Seconds)`, `msec`."""
+TIME_NAME = re.compile(
+    r"(?i)(^|[^a-z])(t|ts|times?|elapsed|timestamps?|stamps?|secs?|seconds|zeit)([^a-z]|$)"
+)
+"""What columns of times are called."""
 SAMPLES = "samples"
 """Unit of a column that counts samples, at a rate."""
 SINCE_NS = 946_684_800 * NANOSECONDS
@@ -94,6 +98,15 @@ def usual_unit(steps: Floats, said: str = "") -> str:
         if USUAL_PERIODS_S[0] <= step * per / NANOSECONDS <= USUAL_PERIODS_S[1]:
             return unit
     return ""
+
+
+def is_clock(name: str, values: Values) -> bool:
+    """Whether a column holds times, by its name and because it mostly goes on by usual steps."""
+    if not TIME_NAME.search(name) or values.dtype.kind not in "fiu" or values.size < 2:
+        return False
+    steps = np.diff(values.astype(np.float64))
+    by_one = np.median(steps) == 1.0  # counts rows
+    return not by_one and bool(np.mean(steps > 0.0) > 0.9 and usual_unit(steps[steps > 0.0]))
 
 
 def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, name: str) -> Stamps:

@@ -9,7 +9,7 @@ from scipy.io import savemat
 from tables.exported_files import entry
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, imported
 
-from intent_recognition.tables import import_demonstrations
+from intent_recognition.tables import import_demonstrations, suggest_map
 from intent_recognition.tables.files import open_table
 from intent_recognition.tables.import_map import ImportMap
 
@@ -156,17 +156,40 @@ def test_demonstrations_along_the_first_axis_are_cut(kind, count, tmp_path):
         np.savez(tmp_path / "a.npz", task=labels, **arrays)
     else:
         with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
-            for name, array in arrays.items():
+            for name, array in (arrays | {"task": labels.astype("S")}).items():
                 file[name] = array
     entry = {"topic": "/p", "type": "geometry_msgs/msg/Point", "fields": list("xyz"), "unit": "m"}
     mapping = {"observed": [{**entry, "columns": ["w.0", "w.1", "w.2"]}], "time": {"column": "t"}}
-    mapping["task"] = {"column": "task"} if kind == "npz" else {"column": "of"}
+    mapping["task"] = {"column": "task"}
     (path,) = tmp_path.iterdir()
     found = list(import_demonstrations(path, ImportMap.from_dict(mapping)))
     values = np.stack([one.samples[0].values for one in found])
     np.testing.assert_array_equal(values, moved)
-    said = labels if kind == "npz" else np.arange(count).astype(str)
-    assert [one.custom_data["task"] for one in found] == said.tolist()
+    assert [one.custom_data["task"] for one in found] == labels.tolist()
+
+
+@pytest.mark.parametrize("kind", ["h5", "mat"])
+def test_times_beside_a_rate_are_asked_for_and_texts_are_labels(kind, tmp_path):
+    labels = np.where(np.arange(ROWS) < 120, "give", "take").astype(object)
+    arrays = {"t": TIMES_S, "w": PLACE / 1000, "label": labels}
+    if kind == "h5":
+        with pytest.importorskip("h5py").File(tmp_path / "made.h5", "w") as file:
+            for name, array in arrays.items():
+                file[name] = array
+            file.attrs["fps"] = 30.0  # of the camera
+    else:
+        savemat(tmp_path / "made.mat", arrays | {"fps": 30.0})
+    path = tmp_path / f"made.{kind}"
+    content = {"observed": [entry(["w.0", "w.1", "w.2"])], "task": {"column": "label"}}
+    (left_out,) = import_demonstrations(path, ImportMap.from_dict(content))
+    assert "expected times, or a rate, got neither" in left_out.reason
+    content["time"] = {"column": "t"}
+    found = import_demonstrations(path, ImportMap.from_dict(content))
+    assert [(d.custom_data["task"], d.samples[0].stamps_ns.size) for d in found] == [
+        ("give", 120),
+        ("take", ROWS - 120),
+    ]
+    assert "time: {column: t, unit: s}" in suggest_map(path)
 
 
 def test_a_rate_that_hdf5_states_is_used(tmp_path):
