@@ -44,7 +44,13 @@ from intent_recognition.signals.signal import (
     Signal,
     can_name_task,
 )
-from intent_recognition.signals.streams import common_span, sparse, stream_defect, zeros
+from intent_recognition.signals.streams import (
+    common_span,
+    recording_doubts,
+    sparse,
+    stream_defect,
+    zeros,
+)
 from intent_recognition.signals.turns import (
     TURNS,
     begin_near,

@@ -3,15 +3,18 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from intent_recognition.demonstrations import DofSpec, iter_demonstrations, settle_orientations
 from intent_recognition.signals import (
     LONGEST_PERIOD_S,
     Misfit,
     Rejection,
     Signal,
     misfit,
+    recording_doubts,
     scene_misfit,
     sparse,
     time_misfit,
@@ -77,6 +80,13 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
                 f"{part.entry.topic} moves over {1e3 * extent:.3g} mm. Likely metres that are"
                 " called millimetres: say in the map columns_unit: m."
             )
+
+
+def bag_doubts(name: str, path: Path, dofs: DofSpec) -> Iterator[Doubt]:
+    """What is odd about a recording of ROS, or why it cannot be learned from; it is taken."""
+    for read in iter_demonstrations(path, settle_orientations(dofs, path)):
+        odd = [read.reason] if isinstance(read, Rejection) else recording_doubts(read)
+        yield from (Doubt(name, "", 0, reason) for reason in odd)
 
 
 def _with_cure(found: Misfit) -> str:

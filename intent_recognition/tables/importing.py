@@ -15,7 +15,7 @@ from intent_recognition.demonstrations import check_label, find_bags
 from intent_recognition.errors import BagError, DofError, MissingPackageError
 from intent_recognition.signals import LONGEST_LABEL, Rejection
 from intent_recognition.tables.cells import Values, convert, numbers, text_of, texts, without_zeros
-from intent_recognition.tables.doubts import Doubt, certain_misfit, doubts
+from intent_recognition.tables.doubts import Doubt, bag_doubts, certain_misfit, doubts
 from intent_recognition.tables.files import find_tables, name_below, open_table
 from intent_recognition.tables.import_map import (
     PLACEHOLDER,
@@ -84,7 +84,9 @@ def import_demonstrations(source: Path, mapping: ImportMap) -> Iterator[Imported
                 _check_name(recording.name)
                 (path,) = recording.paths.values()
                 parts: Iterable[Imported | Rejection]
-                parts = bag_parts(recording.name, path, recording.named, mapping)
+                parts = [*bag_parts(recording.name, path, recording.named, mapping)]
+                if not any(isinstance(part, Rejection) for part in parts):
+                    yield from bag_doubts(recording.name, path, mapping.dofs)
             else:
                 parts = _demonstrations(recording, mapping)
             for found in parts:

@@ -226,15 +226,16 @@ def open_lerobot(folder: Path) -> Table:
     table = parquet_table(folder, files, names)
 
     tasks_at = table.find("task_index")
+    has_tasks = any(path.is_file() for path in _task_files(folder))
 
     def read(wanted: Sequence[int]) -> list[Values]:
         stored = [k for k in wanted if k < len(table.names)]
         if len(stored) == len(wanted) or tasks_at is None:
             return list(table.read(stored))
         *found, numbered = table.read([*stored, tasks_at])
-        tasks = _tasks(folder)
+        tasks = _tasks(folder) if has_tasks else {}
         indices = numbers(numbered, folder, "task_index").tolist()
-        if any(tasks.values()):  # else there are no labels
+        if any(tasks.values()) or not has_tasks:  # else there are no labels
             tasks |= {k: f"task_index {k:g}" for k in indices if not tasks.get(k)}
         text = np.array([tasks.get(k, "") for k in indices], object)
         return [text if k == len(table.names) else found[stored.index(k)] for k in wanted]
@@ -245,12 +246,14 @@ def open_lerobot(folder: Path) -> Table:
     }
     if table.find("timestamp") is None:
         defaults["time"] = {"rate": info.get("fps")}
-    if tasks_at is None or not any(path.is_file() for path in _task_files(folder)):
-        missing = "column task_index" if tasks_at is None else "meta/tasks.jsonl or .parquet"
-        notes = (f"there is no {missing}: give the tasks in the map",)
-        return replace(table, defaults=defaults, notes=notes)
+    missing = "column task_index" if tasks_at is None else "meta/tasks.jsonl or .parquet"
+    if tasks_at is None or not has_tasks:
+        table = replace(table, notes=(f"there is no {missing}: give the tasks in the map",))
+    table = replace(table, defaults=defaults)
+    if tasks_at is None or not (has_tasks or len(set(table.read([tasks_at])[0].tolist())) > 1):
+        return table
     defaults["task"] = {"column": "task"}
-    return Table(folder, (*table.names, "task"), read, aliases=table.aliases, defaults=defaults)
+    return replace(table, names=(*table.names, "task"), read=read)
 
 
 def _feature_names(feature: Mapping) -> list[str]:

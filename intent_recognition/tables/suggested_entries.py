@@ -14,7 +14,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.bags import JOINT_STATE, POSE, BagReader
 from intent_recognition.errors import BagError
 from intent_recognition.signals import POSITION_FIELDS, spelled
-from intent_recognition.tables.cells import ANGLES, without_zeros
+from intent_recognition.tables.cells import ANGLES, scale_between, without_zeros
 from intent_recognition.tables.files import name_pattern
 from intent_recognition.tables.table import Table
 
@@ -110,7 +110,8 @@ def _unit_of(table: Table, names: Sequence[str], farthest: float, base: str) -> 
     if others:
         return "", "from the file"
     if said:
-        return ("" if said == base else said), "from the file"
+        is_known = said != base and scale_between(said, base) is not None
+        return (said if is_known else ""), "from the file"
     if farthest <= FARTHEST[base]:
         is_asked = table.must_say and base == "m"
         return ("m", f"guessed: {farthest:.3g} m is near") if is_asked else ("", "")

@@ -251,9 +251,9 @@ def _time(
     inside = of[1:] == of[:-1] if of.size else slice(None)  # each may begin at time 0
     for column in columns.values():
         steps = np.diff(column.values)[inside]
+        is_first = column.name == next(iter(columns))
         named = column.name == "0" or TIME_NAME.search(column.name)
-        named = named or (column.name == next(iter(columns)) and _is_even(steps))
-        if not named or not steps.size:
+        if not (named or (is_first and _is_even(steps))) or not steps.size:
             continue
         if np.all(steps < 0.0):
             return {"column": column.name}, "it decreases: reverse the rows of the file"

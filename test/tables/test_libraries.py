@@ -83,7 +83,8 @@ def test_lerobot_by_its_own_metadata(lerobot, tmp_path):
         assert np.array_equal(demonstration.observed[0].stamps_ns, SINCE_NS + ticks)
 
 
-def test_a_lerobot_episode_is_cut_where_its_task_changes(lerobot, tmp_path):
+@pytest.mark.parametrize("has_texts", [True, False])
+def test_a_lerobot_episode_is_cut_where_its_task_changes(has_texts, lerobot):
     from pyarrow import parquet
 
     folder, states = lerobot
@@ -94,8 +95,11 @@ def test_a_lerobot_episode_is_cut_where_its_task_changes(lerobot, tmp_path):
     parquet.write_table(table.set_column(at, "task_index", [tasks]), path)
     columns = [f"observation.state.{axis}" for axis in "xyz"]
     mapping = ImportMap.from_dict({"observed": [WRIST | {"columns": columns}]})
+    for path in (folder / "meta").glob("tasks.*" if not has_texts else "none"):
+        path.unlink()
     found = [one for one in import_demonstrations(folder, mapping) if hasattr(one, "samples")]
     take, hand = "Take the screw.", "Hand me the plate."
+    take, hand = (take, hand) if has_texts else ("task_index 1", "task_index 0")
     assert [one.custom_data["task"] for one in found] == [take, hand, take, hand]
     parts = np.split(states[0][:, :3], [3, 5])
     for one, part in zip(found, [*parts, states[1][:, :3]], strict=True):

@@ -63,6 +63,20 @@ def test_joints_are_not_called_by_a_unit_that_is_converted(columns, joints, tmp_
     assert content["observed"][0]["columns"] == list(columns)
 
 
+def test_a_unit_that_is_unknown_is_asked_for_when_it_is_imported(tmp_path):
+    (tmp_path / "a.csv").write_text(plain(head="t,x,y,z\ns,km,km,km"))
+    content = yaml.safe_load(suggest_map(tmp_path / "a.csv"))
+    (left_out,) = import_demonstrations(tmp_path / "a.csv", ImportMap.from_dict(content))
+    assert "expected a unit of x that becomes m, got 'km'" in left_out.reason
+
+
+@pytest.mark.parametrize("name", ["temps", "czas (s)", "\N{CJK UNIFIED IDEOGRAPH-6642}"])
+def test_a_first_column_that_goes_on_evenly_is_the_time_in_any_language(name, tmp_path):
+    (tmp_path / "a.csv").write_text(plain(head=f"{name},x,y,z"), encoding="utf-8")
+    content, *_ = suggested(tmp_path / "a.csv")
+    assert content["time"] == {"column": name, "unit": "s"} and "controlled" not in content
+
+
 def test_columns_of_a_body_may_have_units_of_their_own(tmp_path):
     def row(k):
         x, y, z = PLACE[k]
@@ -76,7 +90,9 @@ def test_columns_of_a_body_may_have_units_of_their_own(tmp_path):
 
 def test_a_map_is_suggested_of_bags(tmp_path):
     write_ros1(tmp_path / "give_00.bag")
-    content, _, (found,) = suggested(tmp_path)
+    content = yaml.safe_load(suggest_map(tmp_path))
+    doubt, found = import_demonstrations(tmp_path, ImportMap.from_dict(content))
+    assert "lwr_a7_joint is at 6.24 rad, and its limits are" in doubt.reason
     assert content["files"] == "{task}_{number}.bag" and found.custom_data["task"] == "give"
     assert content["observed"][0]["topic"] == "/mocap/wrist/pose"
     assert len(content["controlled"][0]["joints"]) == 7
@@ -357,5 +373,10 @@ def test_times_are_known_where_some_repeat_or_go_back(name, at, tmp_path):
 def test_a_lerobot_set_without_tasks_is_read_and_asks_for_them(tmp_path):
     folder = lerobot(tmp_path)
     (folder / "meta/tasks.parquet").unlink()
+    assert "task: {column: task}" in suggest_map(folder)
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path = folder / "data/chunk-000/file-000.parquet"
+    rows = parquet.read_table(path)
+    parquet.write_table(rows.slice(0, rows.num_rows // 2), path)  # of one task
     text = suggest_map(folder)
     assert "# Note: there is no meta/tasks.jsonl" in text and "task: give_it_a_name" in text
