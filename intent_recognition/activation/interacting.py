@@ -13,10 +13,8 @@ from intent_recognition.activation.states import (
     PredictedInteraction,
     Transition,
 )
-from intent_recognition.activation.things import SEARCH_EVERY_S
+from intent_recognition.activation.things import SEARCH_EVERY_NS
 from intent_recognition.activation.waiting import Waiting
-
-_RETRY_NS = round(1e9 * SEARCH_EVERY_S)
 
 
 class _Blocked(NamedTuple):
@@ -63,7 +61,7 @@ class Interacting:
         """Start the active task, if there is one to start and it can be started."""
         inbox = self._parts.inbox
         waits = self._parts.people.named and not inbox.decision.active
-        if waits and inbox.refused and now_ns - self._tried_ns < _RETRY_NS:
+        if waits and inbox.refused and now_ns - self._tried_ns < SEARCH_EVERY_NS:
             return None
         prediction = inbox.startable(now_ns) or self._waited_for(now_ns)
         if prediction is None:
@@ -118,7 +116,7 @@ class Interacting:
             self._motions.things.refuse(label)
             self._blocked = None
             return None
-        due = now_ns - blocked.tried_ns >= _RETRY_NS and blocked.inbox is self._parts.inbox
+        due = now_ns - blocked.tried_ns >= SEARCH_EVERY_NS and blocked.inbox is self._parts.inbox
         return blocked.prediction if due and not self._parts.inbox.silent(now_ns) else None
 
     def follow(self, state: Executing | Arrived, now_ns: int) -> Transition:

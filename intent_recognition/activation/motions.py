@@ -9,7 +9,7 @@ import numpy as np
 from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import Command, PlannedWay, PredictedInteraction, TaskPath
-from intent_recognition.activation.things import Things
+from intent_recognition.activation.things import SEARCH_EVERY_NS, Things
 from intent_recognition.array_types import Floats
 from intent_recognition.motion import (
     BEGINNING,
@@ -62,6 +62,7 @@ class Motions:
         self._followed: TaskPath | None = None
         self._way: PlannedWay | None = None
         self._paced_by: tuple[object, object] = ((), None)
+        self._tried_ns = 0
         self._clear_of: Clearance | None = None
         self.people: tuple[PredictedPerson, ...] = ()
         self.corrected: PredictedInteraction | None = None
@@ -272,9 +273,10 @@ class Motions:
         way, current, start_ns = self._way, self._arm.current, self._arm.switch_ns(now_ns)
         if way is None or way.path is None or current is None or way.command is not current:
             return None
-        if not self._arm.is_update_due(now_ns):
-            return None
         brakes = way.plan.kind == "stop"
+        waits = brakes and 0 <= now_ns - self._tried_ns < SEARCH_EVERY_NS
+        if waits or not self._arm.is_update_due(now_ns):
+            return None
         setters, before = self._pace_setters, self._paced_by
         news = any(now is not was for now, was in zip(setters, before, strict=True))
         paced = bool(self.people) and (brakes or news)
@@ -292,6 +294,7 @@ class Motions:
         touches = moved and self._obstruction(current.plan, since_s) is not None
         if not (too_fast or touches or brakes or (paced and way.slowed)):
             return None
+        self._tried_ns = now_ns
         progress, start = way.plan.phase_at(since_s), current.at(start_ns)
         found: ClearPath | Obstruction = ClearPath(way.path)
         if touches or brakes:

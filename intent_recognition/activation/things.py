@@ -5,9 +5,9 @@ from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.settings import Common
 from intent_recognition.motion import ClearPath, JointPath, Obstruction
 
-SEARCH_EVERY_S = 0.25
-"""Time between two searches for a way that take their time, and between two tries of a prediction
-while none is found [s]. Convention: a search takes less than half of it."""
+SEARCH_EVERY_NS = 250_000_000
+"""Time between two searches for a way that take their time, and between two tries to begin, or to
+go on after a brake, while none is found. Convention: a search takes less than half of it."""
 
 
 class Things:
@@ -30,7 +30,7 @@ class Things:
         if settings.clearance is None:
             return ClearPath(path)
         rests = not self._arm.under_way(now_ns)
-        due = not 0 <= now_ns - self._search_ns < 1e9 * SEARCH_EVERY_S
+        due = not 0 <= now_ns - self._search_ns < SEARCH_EVERY_NS
         tries = self._n_searches if rests and due else None
         found = settings.clearance.clear(path, label, phase, settings.limits, before, tries)
         if isinstance(found, Obstruction) and tries is not None:
