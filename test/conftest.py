@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 DOMAINS = range(60, 102)
 STDERR = pytest.StashKey[int]()
-TEST_S = 300.0
+TEST_S = 450.0
 """How long one test may take [s], on a busy machine, too."""
 LOGS = tempfile.mkdtemp(prefix="intent_recognition_test_log_")
 atexit.register(shutil.rmtree, LOGS, ignore_errors=True)

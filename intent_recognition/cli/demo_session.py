@@ -33,7 +33,7 @@ LIBRARY = "tasks"
 """Folder of what is taught on the page, below the demo's."""
 OWN_INPUTS = ("mocap/wrist/pose", "joint_states", "/clock")
 """Topics that nothing but the demo may publish."""
-GRAPH_DEADLINE_S = 30.0
+GRAPH_DEADLINE_S = 60.0
 """Longest wait until the nodes have found one another [s]. Convention."""
 PRETRIGGER_THRESHOLD = 0.7
 """Probability of the next task from which on the arm goes ahead (docs/recognition.md)."""

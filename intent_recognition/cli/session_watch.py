@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 COWORKER, PLAYER = "coworker_sim", "bag_player"
 """Nodes that end by themselves."""
-HUNG_S = 15.0
-"""A node that has said nothing on /diagnostics for so long hangs [s]. Convention: three times the
-longest that learning keeps one busy."""
+HUNG_S = 30.0
+"""A node that has said nothing on /diagnostics for so long hangs [s]. Convention: six times the
+longest that learning keeps one busy, since other work may slow all of them."""
 
 
 class Heartbeats:
