@@ -49,10 +49,9 @@ def test_objects_change_hands(kind, thing, robot):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kind", "thing"), list(zip(DISTURBANCES[2:], ["box", "bottle"] * 2, strict=True))
+    ("kind", "thing"), list(zip(DISTURBANCES, ["box", "bottle"] * 3, strict=True))
 )
-def test_false_pulls_get_nothing_and_the_object_is_brought_back(kind, thing):
-    """Bumps are shorter, and no more toward the person: of those, test_machine.py."""
+def test_bumps_and_false_pulls_get_nothing_and_the_object_is_brought_back(kind, thing):
     outcome = run_trial(TransferTrial(kind, thing, "lwr", 8))
     assert outcome.success
     assert outcome.end is Holding.EMPTY  # put down on its stand
