@@ -267,8 +267,8 @@ class Motions:
 
         Looked at where people are predicted, or things stand, elsewhere than when it was planned,
         or another arm is described.
-        Where no plan keeps the speeds permitted now, or clear of things, the arm brakes, and goes
-        on as soon as one does.
+        Where no plan keeps the speeds permitted now, or clear of things, the arm brakes, and looks
+        for a way on every `SEARCH_EVERY_NS`.
         """
         way, current, start_ns = self._way, self._arm.current, self._arm.switch_ns(now_ns)
         if way is None or way.path is None or current is None or way.command is not current:

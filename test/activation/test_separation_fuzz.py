@@ -12,8 +12,14 @@ import pytest
 from activation_world import HOME, START_NS, World
 from clearance_world import ROBOT
 
+from intent_recognition.activation import motions
 from intent_recognition.kinematics import Arm
-from intent_recognition.motion import PredictedPerson, Separation, SeparationSettings
+from intent_recognition.motion import (
+    PredictedPerson,
+    Separation,
+    SeparationSettings,
+    plan_interaction,
+)
 from intent_recognition.motion.separation import permitted_speed
 
 ARM = Arm.from_urdf(ROBOT.description)
@@ -144,16 +150,27 @@ def session(kind, seed, n_steps):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kind", "seed"),
-    [("crosses", 1), ("late", 2), ("flickers", 1), ("uncertain", 1), ("several", 1)],
+    ("kind", "seed"), [(kind, 1 + (kind in ("approaches", "late"))) for kind in KINDS]
 )
 def test_no_command_is_faster_than_permitted_at_any_millisecond(kind, seed):
     """Of sessions in which the arm is slowed by people, or braked for them."""
-    world, known = session(kind, seed, 300)
+    world, known = session(kind, seed, 500)
     counts = world.activation.counts
     assert counts["slowed by person"] + counts["braked for person"] > 0
     assert len(world.commands) > 5
     assert max(largest_ratios(world, known)) <= 1.0 + 1e-6
+
+
+@pytest.mark.slow
+def test_an_arm_that_has_braked_does_not_plan_at_each_step(monkeypatch):
+    """Seven plans, each slower than the last, do not get past who stands there."""
+    plans = []
+    monkeypatch.setattr(
+        motions, "plan_interaction", lambda *way: plans.append(way) or plan_interaction(*way)
+    )
+    world, _ = session("late", 1, 500)
+    assert world.activation.counts["braked for person"] == 1
+    assert len(plans) < 500
 
 
 def test_a_motion_slows_while_another_task_that_is_recognised_cannot_begin():
