@@ -380,7 +380,7 @@ def test_people_of_varying_timing_are_predicted_from_aligned_primitives_others_n
     assert choose_hyperparameters(data.tasks, data.preprocessing)[0].aligned == (timing > 0.0)
 
 
-@pytest.mark.parametrize(("chance", "strength"), [(0.2, 30.0), (0.001, 1.0)])
+@pytest.mark.parametrize(("chance", "strength"), [(0.2, 30.0), (0.05, 10.0), (0.001, 1.0)])
 def test_the_more_exactly_the_robot_follows_the_less_the_target_counts(chance, strength):
     """The robot ends where the hand's bow on the way was, not where the hand ends."""
     rng, phase, hands, robots = np.random.default_rng(4), np.linspace(0.0, 1.0, 81), [], []
@@ -400,4 +400,6 @@ def test_the_more_exactly_the_robot_follows_the_less_the_target_counts(chance, s
     if chance > 0.1:
         assert alike[1.0].error > 1.01 * alike[30.0].error
     else:
+        assert alike[100.0].score > chosen.score + 0.1
+    if chance < 0.01:
         assert errors == sorted(errors) and alike[1.0].error < 0.8 * alike[30.0].error
