@@ -18,7 +18,8 @@ from intent_recognition.errors import BagError, one_line
 GZIP = b"\x1f\x8b"
 KINDS = {MAGIC: ".mcap", b"SQLite format 3\0": ".db3", b"#ROSBAG V2.0": ".bag"}
 """Storage of a recording by the first bytes of its files: ROS 2's two, and that of ROS 1."""
-PACKED = (".zstd", ".zst", ".gz")
+GZ = ".gz"
+PACKED = (".zstd", ".zst", GZ)
 PATTERNS = [f"*{kind}{packed}" for kind in (".mcap", ".db3") for packed in ("", *PACKED)]
 """Files that make a folder a bag."""
 
@@ -60,7 +61,7 @@ def cure_of(path: Path, otherwise: str) -> str:
 
 def _check_file(path: Path) -> None:
     """Whether a single file can be a recording; one that ends in .mcap may be a damaged one."""
-    is_table = kind_of(path) == PACKED[2] and path.with_suffix("").suffix not in KINDS.values()
+    is_table = kind_of(path) == GZ and path.with_suffix("").suffix not in KINDS.values()
     if is_table or (path.suffix != ".mcap" and kind_of(path) not in (*KINDS.values(), *PACKED)):
         give = "Give a bag: a folder with .mcap files, or one of them."
         cure = cure_of(path, f"{give} docs/import.md lists the tables that can be made bags.")
@@ -76,7 +77,7 @@ def kind_of(path: Path) -> str:
     """What a file is by its first bytes, a value of `KINDS`, `.zstd` or `.gz`; else its suffix."""
     with path.open("rb") as file:
         start = file.read(max(map(len, KINDS)))
-    known = {**KINDS, ZSTD: PACKED[0], GZIP: PACKED[2]}
+    known = {**KINDS, ZSTD: PACKED[0], GZIP: GZ}
     return next((kind for magic, kind in known.items() if start.startswith(magic)), path.suffix)
 
 
@@ -86,7 +87,7 @@ def unpack(path: Path, folder: Path) -> Path:
     most, written = FREE_BYTES + MOST_EXPANSION * path.stat().st_size, 0
     why = "one that is cut off"
     unzstd = partial(zstandard.ZstdDecompressor().stream_reader, read_across_frames=True)
-    unpacker: Callable[..., Any] = gzip.open if kind_of(path) == PACKED[2] else unzstd
+    unpacker: Callable[..., Any] = gzip.open if kind_of(path) == GZ else unzstd
     try:
         with (
             path.open("rb") as source,
