@@ -199,7 +199,7 @@ def _follow(
 ) -> float:
     """Show the session until the last motion is over; returns the pace of its time."""
     start_s = 120.0
-    longest_s = start_s + 150.0 * progress.total  # each at the slowest pace
+    longest_s = start_s + 300.0 * progress.total  # each at the slowest pace
     began_s, began_ns = time.monotonic(), observer.get_clock().now().nanoseconds
     with progress:
         watch.until(lambda: not watch.processes.running(COWORKER), longest_s, "the session's end")
