@@ -101,7 +101,7 @@ def trc(rows: Rows) -> Header | None:
     if rows[0][0].strip() != "PathFileType":
         return None
     said = dict(zip(rows[1], rows[2], strict=False))
-    at = next(k for k, row in enumerate(rows) if row and row[0].strip() == "Frame#")
+    at = next(k for k, row in enumerate(rows) if row and row[0].strip() in ("Frame#", "Frame"))
     names = [name.strip() for name in rows[at][:2]]
     labels = [cell.strip() for cell in rows[at][2:]]
     if not any(labels[1::3]) and not any(labels[2::3]):  # each above its x

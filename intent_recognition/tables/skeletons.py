@@ -152,7 +152,7 @@ def open_mvnx(path: Path) -> Table:
                     rows.setdefault("time", []).append([float(element.get("time", "nan"))])
                     for part in element:
                         key = part.tag.rpartition("}")[2]
-                        if key in OF_SEGMENTS or key in OF_JOINTS:
+                        if part.text and (key in OF_SEGMENTS or key in OF_JOINTS):
                             rows.setdefault(key, []).append(list(map(float, part.text.split())))
                 element.clear()
         count = len(rows["time"])

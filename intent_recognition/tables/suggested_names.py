@@ -36,6 +36,7 @@ LANDMARK = re.compile(r"(?P<body>.+\.\d+)\.(?P<element>\d)")
 """Elements of arrays (T, n, d): of places, if d is 3."""
 ELEMENTS = re.compile(
     r"(?i)^(?P<body>.*(pos|position|xyz|translation|pose|wrist|hand|eef|tcp|marker)s?)"
+    r"(?:[\s_]*[\[(]?[cdm]?m[\])]?)?"
     r"[._\[](?P<element>\d)\]?$"
 )
 POSE_NAME = re.compile(r"(?i)pose|cartesian")

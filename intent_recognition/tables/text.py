@@ -8,7 +8,7 @@ else is a CSV with a line of names, or without one.
 import codecs
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -34,6 +34,10 @@ HEAD_ROWS = 60
 """Rows that are looked at for a header. Convention: OpenSim's have some thirty."""
 UNIT_LINE = re.compile(r"(?i)(?:length |position )?units? [\[(]?([^\s\])]+)[\])]?")
 """A line that says the unit of all columns."""
+VECTOR = re.compile(r"[\[(]([^\[\]()]+)[\])]")
+"""Several numbers in one cell, as Unity, numpy and pandas print them: `(0.1, 0.2)`, `[0.1 0.2]`."""
+COMMENTS = ("#", "% ")
+"""How lines of comment begin."""
 NO_PLACES = ("Devices", "Events")
 """Titles of tables of Nexus that are never read."""
 TEXTS = (".csv", ".tsv", ".txt", ".trc", ".mot", ".sto")
@@ -47,11 +51,15 @@ def open_text(path: Path, skip_rows: int) -> Table:
     head = list(islice(_rows(path, comments, encoding), before, before + HEAD_ROWS))
     header = known_header(head)
     is_plain = header is None
+    sizes: dict[int, int] = {}
     if header is not None:
         skip_rows = comments
     else:
         skip_rows, before, others = skip_rows or comments, 0, ()
-        header = _plain_header(path, list(islice(_rows(path, skip_rows, encoding), HEAD_ROWS)))
+        head = list(islice(_rows(path, skip_rows, encoding), HEAD_ROWS))
+        header = _plain_header(path, head)
+        sizes = _sizes(head[header.skip :])
+        header = _with_elements(header, sizes)
     start = before + header.skip
     unit = _unit_above(path, skip_rows + start, encoding)
     check_columns(path, len(header.names))
@@ -61,7 +69,9 @@ def open_text(path: Path, skip_rows: int) -> Table:
         most = MOST_CELLS // max(1, len(wanted))
         last = max(wanted, default=0)
         short = ""
-        for number, row in enumerate(islice(_rows(path, skip_rows, encoding), start, None)):
+        rows = islice(_rows(path, skip_rows, encoding), start, None)
+        for number, row in enumerate(rows):
+            row = _spread(row, sizes) if sizes else row
             if number >= most:
                 cure = "Split it, or name fewer of its columns in the map."
                 got = f"more than {most} rows of {len(wanted)} columns"
@@ -96,7 +106,7 @@ def _comments(path: Path, encoding: str) -> int:
     try:
         with path.open(encoding=encoding, newline="") as stream:
             for line in iter(lambda: stream.readline(LONGEST_LINE), ""):
-                if not line.startswith("#") and not (count == 0 and line.startswith("sep=")):
+                if not line.startswith(COMMENTS) and not (count == 0 and line.startswith("sep=")):
                     cells = re.split(r"[,;\s]+", line.strip())
                     return count - all(map(_is_number, cells)) if count else 0
                 count += 1
@@ -141,15 +151,56 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
             below_them = _plain_header(path, head[titles:])
             return replace(below_them, skip=below_them.skip + titles)
     first = head[0]
-    if first and first[0].strip() == "#" and len(head) > 1 and len(first) == len(head[1]) + 1:
+    if (
+        first
+        and first[0].strip() in ("#", "%")
+        and len(head) > 1
+        and len(first) == len(head[1]) + 1
+    ):
         first = first[1:]  # a mark of its own before names with blanks between them
-    names = tuple(name.strip().lstrip("#").strip() for name in first)
+    names = tuple(name.strip().lstrip("#").removeprefix("% ").strip() for name in first)
     if all(map(_is_number, names)) or _is_row(names, head[1:3]):
         return Header(tuple(map(str, range(len(names)))), 0)
     second = len(head) > 1 and _is_second_line(head[1:])
     below = [cell.strip().strip("[]()") for cell in head[1]] if second else []
     units = {k: unit for k, unit in enumerate(below) if is_unit(unit)}
     return Header(names, 1 + second, {"units": units})
+
+
+def _elements(cell: str) -> list[str]:
+    """The numbers of a `VECTOR` in a cell; none in any other."""
+    vector = VECTOR.fullmatch(cell.strip())
+    parts = re.split(r"[,;\s]+", vector[1].strip()) if vector else []
+    return parts if all(map(_is_number, parts)) else []
+
+
+def _sizes(rows: Sequence[Sequence[str]]) -> dict[int, int]:
+    """How many numbers each cell of a column holds, of the columns that hold vectors."""
+    found: dict[int, set[int]] = {}
+    for row in rows:
+        for column, cell in enumerate(row):
+            if cell.strip():
+                found.setdefault(column, set()).add(len(_elements(cell)))
+    return {c: max(sizes) for c, sizes in found.items() if len(sizes) == 1 and max(sizes)}
+
+
+def _with_elements(header: Header, sizes: Mapping[int, int]) -> Header:
+    """A header with a column for each element of a vector: `position.0`, `position.1`, ..."""
+    columns = [(c, k) for c in range(len(header.names)) for k in range(sizes.get(c, 1))]
+    names = [f"{header.names[c]}.{k}" if c in sizes else header.names[c] for c, k in columns]
+    said = header.about.get("units", {})
+    units = {number: said[c] for number, (c, _) in enumerate(columns) if c in said}
+    return replace(header, names=tuple(names), about={"units": units})
+
+
+def _spread(row: Sequence[str], sizes: Mapping[int, int]) -> list[str]:
+    """The cells of a row, those with vectors as many; what is none stays, before blank ones."""
+    cells: list[str] = []
+    for column, cell in enumerate(row):
+        size = sizes.get(column, 0)
+        found = _elements(cell) if size else []
+        cells += found if size and len(found) == size else [cell, *[""] * (size - 1)]
+    return cells
 
 
 def _is_second_line(rows: Sequence[Sequence[str]]) -> bool:

@@ -90,9 +90,10 @@ def test_a_marker_without_a_label_moves_no_other(first, end, tmp_path):
     head = QTM + f"NO_OF_MARKERS\t{2 + bool(end)}\nMARKER_NAMES\t{first}\tRWR{end[:1]}\n"
     samples, _ = imported(tmp_path, "a.tsv", head + body, [f"RWR.{axis}" for axis in "xyz"])
     np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
+    frame = "Frame" if end else "Frame#"
     head = (
         "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tUnits\n100\tmm\n"
-        f"Frame#\tTime\t{first}\t\t\tRWR\t\t{end}\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n"
+        f"{frame}\tTime\t{first}\t\t\tRWR\t\t{end}\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n"
     )
     body = "".join(f"{k + 1}\t{TIMES_S[k]}\t{row}\n" for k, row in enumerate(body.splitlines()))
     samples, _ = imported(tmp_path, "a.trc", head + body, [f"RWR.{axis}" for axis in "xyz"])

@@ -32,6 +32,8 @@ PLAIN = {
     "names with blanks between them behind a mark": plain(
         scale=10.0, separator=" ", head="# t,x,y,z"
     ),
+    "a comment and a name behind another mark": "% by me\n"
+    + plain(scale=10.0, separator=" ", head="% t,x,y,z"),
     "a comment and a name behind a mark": "# by me\n" + plain(scale=10.0, head="# t,x,y,z"),
     "a last row that is cut": plain(scale=10.0) + "2.00,3",
     "zero bytes at the end": plain(scale=10.0).encode() + bytes(40),
@@ -171,6 +173,23 @@ def test_the_unit_of_the_header_is_suggested_where_another_were_usual(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(plain(head="time_ms,x,y,z", at=lambda t: f"{1e5 * t:.6g}"))  # 1 Hz
     assert "time: {column: time_ms, unit: ms}  # 1 Hz then" in suggest_map(path)
+
+
+@pytest.mark.parametrize("form", ['"({}, {}, {})"', "[{} {} {}]", "[ {}  {}  {}]"])
+@pytest.mark.parametrize("names", ["t,hand", "t [s],hand pos [m]"])
+def test_vectors_in_a_cell_are_columns(form, names, tmp_path):
+    rows = [[f"{TIMES_S[k]:.2f}", form.format(*(PLACE[k] / 1000))] for k in range(ROWS)]
+    rows[5][1] = ""
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([names, *map(",".join, rows)]))
+    mapping = ImportMap.from_dict(yaml.safe_load(suggest_map(path)))
+    (found,) = import_demonstrations(path, mapping)
+    expected = np.where(np.arange(ROWS)[:, None] == 5, np.nan, PLACE / 1000)
+    np.testing.assert_allclose(found.samples[0].values, expected, atol=1e-8)
+    rows[150][1] = form.format(1, 2, "x")
+    path.write_text("\n".join([names, *map(",".join, rows)]))
+    (found,) = import_demonstrations(path, mapping)
+    assert "expected numbers, got" in found.reason and "in row 151" in found.reason
 
 
 def test_minus_signs_of_unicode_are_read(tmp_path):
