@@ -12,7 +12,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +22,7 @@ from hypothesis import settings
 
 if TYPE_CHECKING:
     import numpy as np
+    from xdist.workermanage import WorkerController
 
 ROOT = Path(__file__).resolve().parents[1]
 DOMAINS = range(60, 102)
@@ -103,6 +104,21 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[bool | None]:
         return (yield)
     finally:
         faulthandler.cancel_dump_traceback_later()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: "WorkerController", error: object) -> None:
+    """End what a dead worker's test had started: nodes would keep cores busy until the end."""
+    if error is None:
+        return
+    import psutil
+
+    names = ("PYTEST_XDIST_TESTRUNUID", "PYTEST_XDIST_WORKER")
+    of_worker = dict(zip(names, (node.workerinput["testrunuid"], node.gateway.id), strict=True))
+    for process in psutil.process_iter():
+        with suppress(psutil.Error):
+            if of_worker.items() <= process.environ().items():
+                process.kill()
 
 
 def pytest_enter_pdb() -> None:
