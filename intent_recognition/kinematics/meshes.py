@@ -10,14 +10,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from intent_recognition.errors import ArgumentError, optional
+from intent_recognition.kinematics.packages import package_shares
 from intent_recognition.kinematics.urdf_tree import LARGEST
 from intent_recognition.untrusted import MOST_MESH, UntrustedError, check_regular
-
-
-def package_shares() -> list[str]:
-    """Folders in which the packages of `package://` are."""
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    return [str(Path(prefix) / "share") for prefix in prefixes if prefix]
 
 
 def check_meshes(meshes: Iterable[ET.Element]) -> None:

@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The XML of a URDF, checked once: a tree of links and joints, its numbers finite."""
 
+import os
+import re
+import subprocess
+import sys
 from contextlib import suppress
 from copy import deepcopy
 from pathlib import Path
@@ -9,7 +13,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError, as_path, one_line, optional
+from intent_recognition.errors import ArgumentError, as_path, optional, printable
+from intent_recognition.kinematics.packages import as_installed, packages_around
 from intent_recognition.untrusted import MOST_TEXT, UntrustedError, load_xml, read_text
 
 MOST_JOINTS = 150
@@ -43,6 +48,8 @@ _NUMBERS = {
 def read_urdf(source: str | Path) -> str:
     """The text of a URDF, which may be given itself or as a path; a file `.xacro` is expanded.
 
+    Packages that it finds are those that are installed, or stand beside its own as source.
+
     Only expand files that you trust: xacro evaluates expressions and includes other files.
 
     Raises:
@@ -63,12 +70,19 @@ def read_urdf(source: str | Path) -> str:
 
 def _expanded(path: Path) -> str:
     """The URDF that a xacro file describes with its default arguments."""
-    xacro = optional("xacro")
-    try:
-        return str(xacro.process_file(str(path)).toxml())
-    except Exception as error:  # also what the file's own expressions raise
+    optional("xacro")
+    command = [sys.executable, "-c", "import xacro; xacro.main()", "-q", str(path.resolve())]
+    with as_installed(packages_around(path.resolve().parent)) as prefixes:
+        environment = {**os.environ, "AMENT_PREFIX_PATH": prefixes}
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    if done.returncode:
         cure = "Expand it yourself, with its arguments: xacro FILE name:=value > robot.urdf."
-        raise ArgumentError.about("robot", "a xacro file", one_line(error), cure) from error
+        got = printable(" ".join(done.stderr.split()))
+        if missing := re.search(r"package '([^']+)' not found", got):
+            cure = "Source the workspace that has it, or put its source beside the file's package."
+            got = f"one that finds the package {missing[1]}, which is nowhere"
+        raise ArgumentError.about("robot", "a xacro file", got, cure)
+    return done.stdout
 
 
 def parse_xml(text: str) -> ET.Element:

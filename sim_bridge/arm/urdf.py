@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import end_of, package_shares
+from intent_recognition.kinematics import end_of, package_shares, packages_around
 
 WORLD = "world"
 """Root link of a description."""
@@ -75,14 +75,17 @@ def find_meshes(root: ET.Element, folder: Path) -> None:
 
 
 def _find_mesh(name: str, folder: Path) -> Path:
-    """A mesh beside the URDF, in a folder above it, or in an installed ROS package."""
+    """A mesh beside the URDF, in a folder above it, or in a ROS package."""
     _, scheme, rest = name.rpartition("://")
+    package, _, inside = rest.partition("/")
     shares = map(Path, package_shares()) if scheme else ()
-    places = [folder, *folder.parents[:3], *shares]
-    for place in places:
+    found = [place / rest for place in (folder, *folder.parents[:3], *shares)]
+    if scheme and package in (around := packages_around(folder)):
+        found.append(around[package] / inside)
+    for path in found:
         with suppress(OSError):  # such as a name that is too long
-            if (place / rest).is_file():
-                return (place / rest).resolve()
+            if path.is_file():
+                return path.resolve()
     cure = "Source the workspace that has its package, or put it beside the URDF."
     raise ArgumentError.about("robot", f"the mesh {name}", "no such file", cure)
 

@@ -126,6 +126,23 @@ def test_a_xacro_file_is_expanded(tmp_path):
         find_robot(str(path))
 
 
+def test_packages_that_a_description_speaks_of_may_stand_beside_it_as_source(tmp_path):
+    arm, parts = tmp_path / "Arms" / "an_arm", tmp_path / "Arms" / "clone_of_parts"
+    for folder, name in ((arm, "an_arm"), (parts, "parts")):
+        (folder / "urdf").mkdir(parents=True)
+        (folder / "package.xml").write_text(f"<package><name>{name}</name></package>")
+    head = '<robot name="x" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    inside = urdf((row("base", "", 6),)).removeprefix('<robot name="tree">')
+    (parts / "urdf" / "chain.xacro").write_text(head + inside)
+    path = arm / "urdf" / "arm.urdf.xacro"
+    include = '<xacro:include filename="$(find {})/urdf/chain.xacro"/></robot>'
+    path.write_text(head + include.format("parts"))
+    assert Arm.from_urdf(path).n_joints == 6
+    path.write_text(head + include.format("others"))
+    with pytest.raises(ArgumentError, match="finds the package others, which is nowhere"):
+        Arm.from_urdf(path)
+
+
 def test_a_urdf_with_a_mark_of_its_encoding_is_read_and_none_is_named():
     (tree, *_) = TREES.values()
     text = urdf(tree.branches)

@@ -177,3 +177,13 @@ def test_meshes_of_installed_packages_are_found(tmp_path, monkeypatch):
     root = ET.fromstring('<robot><mesh filename="package://arm_description/link.stl"/></robot>')
     find_meshes(root, tmp_path / "elsewhere")
     assert root[0].get("filename") == str(mesh)
+
+
+def test_meshes_of_a_clone_are_found_by_the_name_of_its_package(tmp_path):
+    mesh = tmp_path / "a_clone/meshes/link.stl"
+    mesh.parent.mkdir(parents=True)
+    mesh.write_text("solid")
+    (tmp_path / "a_clone/package.xml").write_text("<package><name>arm</name></package>")
+    root = ET.fromstring('<robot><mesh filename="package://arm/meshes/link.stl"/></robot>')
+    find_meshes(root, tmp_path / "a_clone/urdf")
+    assert root[0].get("filename") == str(mesh)
