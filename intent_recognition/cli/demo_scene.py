@@ -10,7 +10,6 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, KinematicsError
-from intent_recognition.kinematics import DEFAULT_EFFORT, DEFAULT_SPEED
 from intent_recognition.nodes.graph import ARMS, RECOGNITION
 from intent_recognition.plans import read_plan
 from intent_recognition.registry import RECORDED
@@ -180,7 +179,7 @@ def _toolbox(args: argparse.Namespace) -> Scene:
         own,
         plans,
         {person: scoring._replace(places_m=own_m) for person, own_m in places.items()},
-        "" if arm is None else _note(arm.robot),
+        "" if arm is None else arm.robot.note,
     )
 
 
@@ -206,7 +205,7 @@ def _assembly(args: argparse.Namespace) -> Scene:
         in_assistants_place(named, arm.robot.tip),
         {"": of_worker(session)},
         {"": Scoring(places_m, arm.hand, REST_M, arm.robot.n_joints)},
-        _note(arm.robot),
+        arm.robot.note,
     )
 
 
@@ -248,15 +247,3 @@ def _file(args: argparse.Namespace, robot: "Robot") -> str:
     path: Path = args.output / "arm.urdf"
     path.write_text(robot.source, encoding="utf-8")
     return str(path.resolve())
-
-
-def _note(robot: "Robot") -> str:
-    """Which limits are assumed."""
-    if not robot.assumed:
-        return ""
-    speed, effort = DEFAULT_SPEED["revolute"], DEFAULT_EFFORT["revolute"]
-    return (
-        f"{', '.join(robot.assumed)}: the URDF has no limit of speed or effort above 0;"
-        f" {speed:g} rad/s and {effort:g} Nm are assumed (prismatic:"
-        f" {DEFAULT_SPEED['prismatic']:g} m/s, {DEFAULT_EFFORT['prismatic']:g} N)"
-    )

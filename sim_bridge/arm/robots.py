@@ -17,6 +17,8 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import (
     DEFAULT_ACCELERATION_RAD_S2,
+    DEFAULT_EFFORT,
+    DEFAULT_SPEED,
     JOINT_NAMES,
     JointLimits,
     parse_urdf,
@@ -25,7 +27,16 @@ from intent_recognition.kinematics import (
 )
 from intent_recognition.share import share_path
 from sim_bridge.arm.controllers import ControllerGains
-from sim_bridge.arm.urdf import add_rotors, add_world, find_meshes, hold_others, written
+from sim_bridge.arm.urdf import (
+    DEFAULT_INERTIA,
+    DEFAULT_MASS_KG,
+    add_missing_inertials,
+    add_rotors,
+    add_world,
+    find_meshes,
+    hold_others,
+    written,
+)
 
 LARGEST_TORQUE_NM = 100.0
 """Torque limit from which on stiffness and rotors do not grow [Nm]: URDFs often exaggerate it.
@@ -48,6 +59,7 @@ class Robot:
         gains: of its controllers; None: from torque limits and inertia.
         source: text of a URDF with the same joints; `find_robot` makes the same arm of it.
         assumed: joints whose URDF has no limit of speed or effort; they have the defaults.
+        weighed: likewise links without mass or inertia.
     """
 
     name: str
@@ -61,11 +73,30 @@ class Robot:
     gains: ControllerGains | None = None
     source: str = ""
     assumed: tuple[str, ...] = ()
+    weighed: tuple[str, ...] = ()
 
     @property
     def n_joints(self) -> int:
         """Number of joints of the chain."""
         return len(self.joint_names)
+
+    @property
+    def note(self) -> str:
+        """Which limits and inertias are assumed; "" for none."""
+        notes = []
+        if self.assumed:
+            speed, effort = DEFAULT_SPEED["revolute"], DEFAULT_EFFORT["revolute"]
+            notes.append(
+                f"{', '.join(self.assumed)}: the URDF has no limit of speed or effort above 0;"
+                f" {speed:g} rad/s and {effort:g} Nm are assumed (prismatic:"
+                f" {DEFAULT_SPEED['prismatic']:g} m/s, {DEFAULT_EFFORT['prismatic']:g} N)"
+            )
+        if self.weighed:
+            notes.append(
+                f"{', '.join(self.weighed)}: the URDF has no mass or inertia;"
+                f" {DEFAULT_MASS_KG:g} kg and {DEFAULT_INERTIA:g} kg m^2 are assumed"
+            )
+        return "\n".join(notes)
 
 
 class Preset(NamedTuple):
@@ -133,6 +164,7 @@ def find_robot(
     tip = tip or usual.tip
     chain = read_chain(written(root), base or None, tip or None, DEFAULT_ACCELERATION_RAD_S2)
     hold_others(root, chain.names)
+    weighed = add_missing_inertials(root, chain.names)
     source = written(root)
     copies = [mimic.joint for mimic in chain.mimics if mimic.master in chain.names]
     if copies:
@@ -159,6 +191,7 @@ def find_robot(
         ControllerGains() if chain.names == JOINT_NAMES else None,
         source,
         chain.assumed,
+        weighed,
     )
 
 

@@ -16,6 +16,12 @@ from intent_recognition.kinematics import end_of, package_shares, packages_aroun
 
 WORLD = "world"
 """Root link of a description."""
+DEFAULT_MASS_KG = 2.0
+"""Mass of a link that moves and whose URDF has none. Convention: as the middle ones of cobots."""
+DEFAULT_INERTIA = 0.01
+"""Its moments of inertia [kg m^2]: those of a ball of that mass and 11 cm."""
+JAW = 0.1, 1e-4
+"""Likewise of what a gripper moves. Convention: as the Panda's finger."""
 
 
 def add_joint(
@@ -90,6 +96,31 @@ def _find_mesh(name: str, folder: Path) -> Path:
     raise ArgumentError.about("robot", f"the mesh {name}", "no such file", cure)
 
 
+def add_missing_inertials(root: ET.Element, joint_names: Sequence[str]) -> tuple[str, ...]:
+    """Write the inertias that a URDF leaves out; the names of the links of these joints without.
+
+    Files for planning alone have none, such as those of ROS-Industrial. PyBullet would take 1 kg
+    and 1 kg m^2 for each, also for frames such as `tool0`, which weigh nothing.
+    """
+    joints = {end_of(joint, "child"): joint for joint in root.findall("joint[@type]")}
+    weighed = []
+    for link in root.findall("link"):
+        name = link.get("name", "")
+        if name not in joints or all(
+            link.find(f"inertial/{part}") is not None for part in ("mass", "inertia")
+        ):
+            continue
+        for broken in link.findall("inertial"):
+            link.remove(broken)
+        mass, moment = 0.0, 0.0
+        if joints[name].get("type") != "fixed":
+            of_arm = joints[name].get("name") in joint_names
+            mass, moment = (DEFAULT_MASS_KG, DEFAULT_INERTIA) if of_arm else JAW
+            weighed += [name] if of_arm else []
+        add_inertial(link, mass, (0.0, 0.0, 0.0), np.full(3, moment))
+    return tuple(weighed)
+
+
 def add_rotors(root: ET.Element, rotors: Mapping[str, float]) -> None:
     """Add the inertia of joints' motors behind their gears [kg m^2] to their links.
 
@@ -110,12 +141,8 @@ def add_rotors(root: ET.Element, rotors: Mapping[str, float]) -> None:
 
 def _add_rotor(link: ET.Element, axis: Floats, rotor: float) -> None:
     """Add to a link's inertia, which is along the axes of its inertial frame."""
-    inertial = link.find("inertial")
-    inertia = None if inertial is None else inertial.find("inertia")
-    if inertial is None or inertia is None:
-        cure = "Write its <inertial> into the URDF: without mass and inertia nothing moves."
-        raise ArgumentError.about(link.get("name", "link"), "an inertia", "none", cure)
-    origin = inertial.find("origin")
+    origin, inertia = link.find("inertial/origin"), link.find("inertial/inertia")
+    assert inertia is not None  # `add_missing_inertials`
     rpy = _numbers("0 0 0" if origin is None else origin.get("rpy", "0 0 0"))
     axis = Rotation.from_euler("xyz", rpy).inv().apply(axis)
     added = 0.5 * rotor * (np.eye(3) + np.outer(axis, axis))

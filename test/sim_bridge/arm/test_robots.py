@@ -139,6 +139,29 @@ def test_a_users_urdf_by_path(tmp_path):
         np.testing.assert_allclose(arm.state().q, [0.5], atol=1e-9)
 
 
+def test_a_link_without_inertia_gets_a_usual_one_and_is_named(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(ONE.replace("inertial>", "i>"))
+    robot = find_robot(str(path))
+    assert robot.weighed == ("arm",) and "arm: the URDF has no mass or inertia" in robot.note
+    with SimulatedArm(robot=robot) as arm:
+        arm.step(100)
+        np.testing.assert_allclose(arm.state().q, [0.5], atol=1e-9)
+    path.write_text(robot.source)
+    assert not find_robot(str(path)).weighed
+
+
+def test_a_frame_without_inertia_weighs_nothing(tmp_path):
+    """PyBullet would let it weigh 1 kg."""
+    path = tmp_path / "robot.urdf"
+    frame = '<joint name="at" type="fixed"><parent link="arm"/><child link="tool0"/></joint>'
+    path.write_text(ONE.replace("</robot>", f'<link name="tool0"/>{frame}</robot>'))
+    robot = find_robot(str(path))
+    assert robot.tip == "tool0" and not robot.weighed
+    with SimulatedArm(robot=robot) as arm:
+        assert arm.client.getDynamicsInfo(arm.body, arm.hand_link)[0] == 0.0
+
+
 def test_rotors_turn_about_the_axis_of_their_joint():
     """The joint's x axis is -y of the inertial frame, which is turned by 90 degrees."""
     root, rotor = ET.fromstring(ONE), 0.05
@@ -155,7 +178,6 @@ def test_rotors_turn_about_the_axis_of_their_joint():
     [
         ("nobody", "robot: expected one of lwr, panda, iiwa, xarm, or the path"),
         (ONE.replace("<inertial>", MESH + "<inertial>"), "mesh package://x/y.stl, got no such"),
-        (ONE.replace("inertial>", "i>"), "arm: expected an inertia"),
         (ONE.replace('"revolute">', '"revolute"><mimic joint="turn"/>'), "mimic"),
         (ONE[:80], "broken XML.*xacro"),
     ],
