@@ -1,12 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files as labs send them, of one wrist, and what import makes of one."""
+"""Files as labs send them, of one wrist."""
 
 import numpy as np
-from tables.exported_files import entry
-
-from intent_recognition.signals import Rejection
-from intent_recognition.tables import import_demonstrations
-from intent_recognition.tables.import_map import ImportMap
 
 ROWS = 200
 TIMES_S = np.arange(ROWS) / 100
@@ -37,18 +32,6 @@ def plain(
         return [at(TIMES_S[k]), *places]
 
     return table(head.replace(",", separator), row, separator)
-
-
-def imported(folder, name, content, columns=("x", "y", "z"), **more):
-    path = folder / name
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    unit = {"columns_unit": more.pop("unit")} if "unit" in more else {}
-    observed = [entry(list(columns), **unit)]
-    mapping = ImportMap.from_dict({"observed": observed, "task": "t", **more})
-    found = list(import_demonstrations(path, mapping))
-    taken = [one for one in found if not isinstance(one, Rejection)]
-    said = " ".join(one.reason for one in found if isinstance(one, Rejection))
-    return (taken[0].samples[0] if taken else None), said
 
 
 def nexus(rows, owners=("Ann", "Bob"), before=""):

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 from tables.exported_files import entry
-from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, imported
+from tables.imports import check_wrist, demonstrations, imported
+from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S
 
 from intent_recognition.tables import import_demonstrations, suggest_map
 from intent_recognition.tables.files import open_table
@@ -24,13 +25,10 @@ ARRAYS = {
 @pytest.mark.parametrize("kind", ARRAYS)
 def test_arrays_of_any_layout(kind, tmp_path):
     arrays, name = ARRAYS[kind]
-    np.savez(tmp_path / "made.npz", **{"t": TIMES_S, **arrays})
-    content = (tmp_path / "made.npz").read_bytes()
+    np.savez(tmp_path / "a.npz", **{"t": TIMES_S, **arrays})
     columns = [name.format(k) for k in range(3)]
-    samples, said = imported(tmp_path, "a.npz", content, columns, time={"column": "t"})
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE / 1000)
-    np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=1)
+    found = imported(tmp_path, "a.npz", None, columns, time={"column": "t"})
+    check_wrist(found, times_atol=1)
 
 
 def h5(path, arrays, units):
@@ -39,7 +37,6 @@ def h5(path, arrays, units):
             file[name] = array
         for name, unit in units.items():
             file[name].attrs["units"] = unit
-    return path
 
 
 SIDE = {"t": 1e3 * TIMES_S, "w": PLACE / 10}
@@ -69,24 +66,22 @@ UNITS = {
 @pytest.mark.parametrize("kind", UNITS)
 def test_units_that_hdf5_states_are_converted(kind, tmp_path):
     arrays, units, name = UNITS[kind]
-    content = h5(tmp_path / "made.h5", arrays, units).read_bytes()
+    h5(tmp_path / "a.h5", arrays, units)
     time = {"of fields": "r.t", "in names": "t_ms"}.get(kind, "t")
     columns = [name.format(k) for k in range(3)]
-    samples, said = imported(tmp_path, "a.h5", content, columns, time={"column": time})
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE / 1000)
-    np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=1)
+    found = imported(tmp_path, "a.h5", None, columns, time={"column": time})
+    check_wrist(found, times_atol=1)
 
 
 @pytest.mark.parametrize("units", [("parsec", "parsec"), ("mm", "m"), ("mm", "")])
 def test_a_unit_of_hdf5_that_is_unknown_or_differs_is_refused(units, tmp_path):
     made = {f"demo_{k}/w": PLACE for k in range(2)}
     stated = {f"demo_{k}/w": unit for k, unit in enumerate(units)}
-    content = h5(tmp_path / "made.h5", made, stated).read_bytes()
-    columns = ["w.0", "w.1", "w.2"]
-    samples, said = imported(tmp_path, "a.h5", content, columns, time={"rate": 100})
+    h5(tmp_path / "a.h5", made, stated)
+    options = {"columns": ["w.0", "w.1", "w.2"], "time": {"rate": 100}}
+    samples, said = imported(tmp_path, "a.h5", None, **options)
     assert samples is None and "expected a unit of w.0 that becomes m" in said
-    samples, _ = imported(tmp_path, "a.h5", content, columns, time={"rate": 100}, unit="mm")
+    samples, _ = imported(tmp_path, "a.h5", None, unit="mm", **options)
     np.testing.assert_allclose(samples.values, PLACE / 1000)
 
 
@@ -116,9 +111,8 @@ def test_a_text_beside_arrays_says_their_unit(kind, tmp_path):
 
 
 def test_a_number_called_fs_is_the_rate_of_a_mat_file(tmp_path):
-    savemat(tmp_path / "made.mat", {"fs": 50.0, "w": PLACE / 1000})
-    content = (tmp_path / "made.mat").read_bytes()
-    samples, _ = imported(tmp_path, "a.mat", content, ["w.0", "w.1", "w.2"])
+    savemat(tmp_path / "a.mat", {"fs": 50.0, "w": PLACE / 1000})
+    samples, _ = imported(tmp_path, "a.mat", None, ["w.0", "w.1", "w.2"])
     assert set(np.diff(samples.stamps_ns)) == {20_000_000}
 
 
@@ -132,17 +126,13 @@ def test_units_of_parquet(stated, tmp_path):
         *(pa.field(n, pa.float64(), metadata=about) for n in names),
     ]
     made = pa.table([TIMES_S, *(PLACE.T / 10)], schema=pa.schema(fields))
-    pytest.importorskip("pyarrow.parquet").write_table(made, tmp_path / "made.parquet")
-    content = (tmp_path / "made.parquet").read_bytes()
-    samples, said = imported(tmp_path, "a.parquet", content, names, time={"column": "t"})
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE / 1000)
+    pytest.importorskip("pyarrow.parquet").write_table(made, tmp_path / "a.parquet")
+    check_wrist(imported(tmp_path, "a.parquet", None, names, time={"column": "t"}))
 
 
 def test_samples_along_another_axis_are_named_where_nothing_says_so(rng, tmp_path):
-    np.savez(tmp_path / "made.npz", w=rng.normal(size=(3, ROWS)))
-    content = (tmp_path / "made.npz").read_bytes()
-    _, said = imported(tmp_path, "a.npz", content, ["w.0", "w.1", "w.2"], time={"rate": 100})
+    np.savez(tmp_path / "a.npz", w=rng.normal(size=(3, ROWS)))
+    _, said = imported(tmp_path, "a.npz", None, ["w.0", "w.1", "w.2"], time={"rate": 100})
     assert "w has 3 rows and 200 columns. Likely its columns are samples: transpose it." in said
 
 
@@ -158,11 +148,8 @@ def test_demonstrations_along_the_first_axis_are_cut(kind, count, tmp_path):
         with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
             for name, array in (arrays | {"task": labels.astype("S")}).items():
                 file[name] = array
-    entry = {"topic": "/p", "type": "geometry_msgs/msg/Point", "fields": list("xyz"), "unit": "m"}
-    mapping = {"observed": [{**entry, "columns": ["w.0", "w.1", "w.2"]}], "time": {"column": "t"}}
-    mapping["task"] = {"column": "task"}
     (path,) = tmp_path.iterdir()
-    found = list(import_demonstrations(path, ImportMap.from_dict(mapping)))
+    found = demonstrations(path, ["w.0", "w.1", "w.2"], {"column": "task"}, rate=None)
     values = np.stack([one.samples[0].values for one in found])
     np.testing.assert_array_equal(values, moved)
     assert [one.custom_data["task"] for one in found] == labels.tolist()
@@ -275,11 +262,8 @@ ON_END = {
 def test_arrays_with_numbers_are_demonstrations_where_names_or_lengths_say_so(kind, tmp_path):
     name, arrays, count = ON_END[kind]
     np.savez(tmp_path / "a.npz", label=["give", "take", "give"][:count], **arrays)
-    entry = {"topic": "/p", "type": "geometry_msgs/msg/Point", "fields": list("xyz"), "unit": "m"}
-    observed = [{**entry, "columns": [f"{name}.{k}" for k in range(3)]}]
     task = {"column": "label"} if count > 1 else "give"
-    mapping = {"observed": observed, "time": {"rate": 100}, "task": task}
-    found = list(import_demonstrations(tmp_path / "a.npz", ImportMap.from_dict(mapping)))
+    found = demonstrations(tmp_path / "a.npz", [f"{name}.{k}" for k in range(3)], task)
     assert [one.custom_data["task"] for one in found] == ["give", "take", "give"][:count]
     for k, one in enumerate(found):
         shorter = k if kind in ("one array each", "several each") else 0
@@ -287,27 +271,18 @@ def test_arrays_with_numbers_are_demonstrations_where_names_or_lengths_say_so(ki
 
 
 def test_an_npy_has_columns_by_number(tmp_path):
-    np.save(tmp_path / "made.npy", np.column_stack([TIMES_S, PLACE / 1000]))
-    content = (tmp_path / "made.npy").read_bytes()
-    samples, said = imported(tmp_path, "a.npy", content, [1, 2, 3], time={"column": 0})
-    assert not said
-    np.testing.assert_array_equal(samples.values, PLACE / 1000)
-    np.save(tmp_path / "made.npy", np.zeros((2, 3, 4, 5)))
-    content = (tmp_path / "made.npy").read_bytes()
-    assert "(2, 3, 4, 5)" in imported(tmp_path, "a.npy", content, [1, 2, 3])[1]
-    np.save(tmp_path / "made.npy", np.array([{}]), allow_pickle=True)
-    content = (tmp_path / "made.npy").read_bytes()
-    assert "one array (T, d)" in imported(tmp_path, "a.npy", content, [1, 2, 3])[1]
+    np.save(tmp_path / "a.npy", np.column_stack([TIMES_S, PLACE / 1000]))
+    check_wrist(imported(tmp_path, "a.npy", None, [1, 2, 3], time={"column": 0}), atol=0.0)
+    np.save(tmp_path / "a.npy", np.zeros((2, 3, 4, 5)))
+    assert "(2, 3, 4, 5)" in imported(tmp_path, "a.npy", None, [1, 2, 3])[1]
+    np.save(tmp_path / "a.npy", np.array([{}]), allow_pickle=True)
+    assert "one array (T, d)" in imported(tmp_path, "a.npy", None, [1, 2, 3])[1]
 
 
 def imported_npy(array, tmp_path):
     """Places of the demonstrations in an array that stands alone."""
     np.save(tmp_path / "a.npy", array)
-    entry = {"topic": "/p", "type": "geometry_msgs/msg/Point", "fields": list("xyz"), "unit": "m"}
-    observed = [{**entry, "columns": [0, 1, 2]}]
-    mapping = ImportMap.from_dict({"observed": observed, "task": "t", "time": {"rate": 100}})
-    found = list(import_demonstrations(tmp_path / "a.npy", mapping))
-    return [one.samples[0].values for one in found]
+    return [one.samples[0].values for one in demonstrations(tmp_path / "a.npy", range(3))]
 
 
 @pytest.mark.parametrize("count", [2, 50])
@@ -339,13 +314,11 @@ def test_a_replay_buffer_is_cut_and_fields_of_records_are_columns(tmp_path):
     records = np.array(list(map(tuple, PLACE / 1000)), [(axis, float) for axis in "xyz"])
     with h5py.File(tmp_path / "b.hdf5", "w") as file:
         file["w"] = records
-    entry = {"topic": "/p", "type": "geometry_msgs/msg/Point", "fields": list("xyz"), "unit": "m"}
     for name, columns, lengths in (
         ("a", [f"data.eef_pos.{k}" for k in range(3)], [80, ROWS - 80]),
         ("b", ["w.x", "w.y", "w.z"], [ROWS]),
     ):
-        mapping = {"observed": [{**entry, "columns": columns}], "task": "t", "time": {"rate": 100}}
-        found = import_demonstrations(tmp_path / f"{name}.hdf5", ImportMap.from_dict(mapping))
+        found = demonstrations(tmp_path / f"{name}.hdf5", columns)
         parts = [one.samples[0].values for one in found]
         assert list(map(len, parts)) == lengths
         np.testing.assert_array_equal(np.concatenate(parts), PLACE / 1000)
@@ -392,9 +365,9 @@ def test_unit_and_rate_beside_rows_of_json(kind, tmp_path):
     rows = [{"w": dict(zip("xyz", place, strict=True))} for place in (PLACE / 10).tolist()]
     inside = {"frames": rows} if kind == "rows" else {"w": (PLACE / 10).tolist()}
     content = json.dumps({"units": "cm", "fps": 50, **inside}).encode()
-    samples, said = imported(tmp_path, "a.json", content, ["w.x", "w.y", "w.z"])
-    assert not said and set(np.diff(samples.stamps_ns)) == {20_000_000}
-    np.testing.assert_allclose(samples.values, PLACE / 1000)
+    found = imported(tmp_path, "a.json", content, ["w.x", "w.y", "w.z"])
+    check_wrist(found)
+    assert set(np.diff(found[0].stamps_ns)) == {20_000_000}
 
 
 def test_people_in_frames_of_openpose(tmp_path):
@@ -458,21 +431,17 @@ NESTED = {
 def test_structs_of_parquet(kind, tmp_path):
     arrow, parquet = (pytest.importorskip(name) for name in ("pyarrow", "pyarrow.parquet"))
     values, name = NESTED[kind]
-    parquet.write_table(arrow.table({"t": TIMES_S, "w": values}), tmp_path / "made.parquet")
-    content = (tmp_path / "made.parquet").read_bytes()
+    parquet.write_table(arrow.table({"t": TIMES_S, "w": values}), tmp_path / "a.parquet")
     columns = [name.format(axis) for axis in "xyz"]
-    samples, said = imported(tmp_path, "a.parquet", content, columns, time={"column": "t"})
-    assert not said
-    np.testing.assert_array_equal(samples.values, PLACE / 1000)
+    check_wrist(imported(tmp_path, "a.parquet", None, columns, time={"column": "t"}), atol=0.0)
 
 
 def test_a_list_that_is_missing_was_not_measured(tmp_path):
     arrow, parquet = (pytest.importorskip(name) for name in ("pyarrow", "pyarrow.parquet"))
     lists = [None if k < 3 else row for k, row in enumerate((PLACE / 1000).tolist())]
-    parquet.write_table(arrow.table({"w": lists}), tmp_path / "made.parquet")
-    content = (tmp_path / "made.parquet").read_bytes()
+    parquet.write_table(arrow.table({"w": lists}), tmp_path / "a.parquet")
     columns, time = ["w.0", "w.1", "w.2"], {"rate": 100}
-    samples, _ = imported(tmp_path, "a.parquet", content, columns, time=time)
+    samples, _ = imported(tmp_path, "a.parquet", None, columns, time=time)
     assert np.isnan(samples.values[:3]).all()
     np.testing.assert_array_equal(samples.values[3:], PLACE[3:] / 1000)
 
@@ -486,10 +455,7 @@ def test_numbered_groups_of_hdf5_are_demonstrations(tmp_path):
             )
             file[f"traj_{k}/actions"] = PLACE[1:]
     columns = [f"obs.tcp_pose.{k}" for k in range(3)]
-    entry = {"topic": "/p", "type": "geometry_msgs/msg/Point", "fields": list("xyz"), "unit": "m"}
-    mapping = {"observed": [{**entry, "columns": columns, "columns_unit": "mm"}], "task": "t"}
-    content = ImportMap.from_dict({**mapping, "time": {"rate": 100}})
-    said, *found = import_demonstrations(tmp_path / "made.h5", content)
+    said, *found = demonstrations(tmp_path / "made.h5", columns, columns_unit="mm")
     assert "left out: actions" in said.reason and len(found) == 3
     for k, one in enumerate(found):
         np.testing.assert_allclose(one.samples[0].values, (PLACE + k) / 1000)
@@ -507,6 +473,4 @@ def test_rows_of_json_under_any_name_are_read(tmp_path):
     rows = [{"t": t, "w": dict(zip("xyz", p, strict=True))} for t, p in zip(TIMES_S, PLACE)]
     content = json.dumps({"made": {"by": "me"}, "data": rows}, default=list)
     columns = [f"w.{axis}" for axis in "xyz"]
-    samples, said = imported(tmp_path, "a.json", content, columns, unit="mm", time={"column": "t"})
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE / 1000)
+    check_wrist(imported(tmp_path, "a.json", content, columns, unit="mm", time={"column": "t"}))

@@ -8,17 +8,17 @@ import pytest
 from c3d_builder import c3d_file
 from tables.exported_files import PLACE as EXPORTED
 from tables.exported_files import motive, qtm, trc
-from tables.odd_files import DEVICES, NEXUS, PLACE, ROWS, TIMES_S, cells, imported, nexus, table
+from tables.imports import check_wrist, imported
+from tables.odd_files import DEVICES, NEXUS, PLACE, ROWS, TIMES_S, cells, nexus, table
 
 
 @pytest.mark.parametrize("before", ["", DEVICES + "1,0,1,2,3\n" * 300 + "\n"])
 def test_nexus_counts_frames_wherever_its_places_are(before, tmp_path):
     rows = [k for k in range(ROWS) if not 80 <= k < 120]
     columns = [f"Ann:RWRA.{axis}" for axis in "XYZ"]
-    samples, said = imported(tmp_path, "a.csv", nexus(rows, before=before), columns)
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE[rows] / 1000, atol=1e-8)
-    steps = np.diff(samples.stamps_ns)
+    found = imported(tmp_path, "a.csv", nexus(rows, before=before), columns)
+    check_wrist(found, PLACE[rows] / 1000)
+    steps = np.diff(found[0].stamps_ns)
     assert steps.max() == 410_000_000 and np.median(steps) == 10_000_000
 
 
@@ -30,9 +30,7 @@ def test_a_header_of_motive_without_names_of_its_rows(rows, has_blank_line, tmp_
         content = content if name in rows else content.replace(f",{name},", ",,", 1)
     content = content if has_blank_line else content.replace("\n\n", "\n")
     columns = [f"wrist.Position.{axis}" for axis in "XYZ"]
-    samples, said = imported(tmp_path, "a.csv", content, columns)
-    assert not said
-    np.testing.assert_allclose(samples.values, EXPORTED / 1000, atol=1e-8)
+    check_wrist(imported(tmp_path, "a.csv", content, columns), EXPORTED / 1000)
 
 
 VICON = {
@@ -75,9 +73,7 @@ BODY = "wrist X\tY\tZ\tRoll\tPitch\tYaw\tResidual\n"
 )
 def test_markers_and_bodies_of_qtm(head, after, tmp_path):
     body = "".join("\t".join([*cells(k), *after]) + "\n" for k in range(ROWS))
-    samples, said = imported(tmp_path, "a.tsv", head + body, [f"wrist.{axis}" for axis in "xyz"])
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
+    check_wrist(imported(tmp_path, "a.tsv", head + body, [f"wrist.{axis}" for axis in "xyz"]))
 
 
 @pytest.mark.parametrize("first", ["", "LWR"])
@@ -131,9 +127,7 @@ def test_states_of_opensim_by_their_paths(tmp_path):
     names = [f"/jointset/ground/wrist_t{axis}/value" for axis in "xyz"]
     head = "inDegrees=no\nendheader\n" + "\t".join(["time", *names])
     content = table(head, lambda k: [f"{TIMES_S[k]}", *cells(k, scale=0.001)], "\t")
-    samples, said = imported(tmp_path, "a.sto", content, names)
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-6)
+    check_wrist(imported(tmp_path, "a.sto", content, names), atol=1e-6)
 
 
 def test_a_marker_of_two_people_is_named_with_its_person(tmp_path):

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import yaml
 from tables.exported_files import entry
-from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, day_time, imported, plain, table
+from tables.imports import check_wrist, imported, imported_csv
+from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, day_time, plain, table
 
 from intent_recognition.tables import Doubt, import_demonstrations, suggest_map
 from intent_recognition.tables.files import open_table
@@ -66,11 +67,7 @@ PLAIN = {
 
 @pytest.mark.parametrize("kind", PLAIN)
 def test_a_csv_that_can_be_read_in_one_way_is(kind, tmp_path):
-    time = {"time": {"column": "t"}}
-    samples, said = imported(tmp_path, "a.csv", PLAIN[kind], unit="mm", **time)
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE / 100, atol=1e-5)
-    np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=1)
+    check_wrist(imported_csv(tmp_path, PLAIN[kind], unit="mm"), PLACE / 100, 1e-5, times_atol=1)
 
 
 HEADS = {
@@ -89,37 +86,30 @@ def test_where_the_names_are_is_seen(kind, tmp_path):
     columns = ["x", "y", "z"] if names else [1, 2, 3]
     time = {"column": "t" if names else 0}
     content = before + content.lstrip("\n")
-    samples, said = imported(tmp_path, "a.csv", content, columns, unit="mm", time=time)
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
+    check_wrist(imported_csv(tmp_path, content, columns, unit="mm", time=time))
 
 
 @pytest.mark.parametrize("content", ["\n5", "\n\n1,2\n3,4\n", "#\n\n1\n"])
 def test_a_first_line_without_cells_is_no_line_of_names(content, tmp_path):
-    samples, said = imported(tmp_path, "a.csv", content, time={"column": "t"})
+    samples, said = imported_csv(tmp_path, content)
     assert samples is None and "columns of the map" in said
 
 
 def test_a_line_of_one_name_is_no_title_above_numbers(tmp_path):
     content = plain(scale=10.0, head="t,,,")
-    samples, said = imported(tmp_path, "a.csv", content, [1, 2, 3], unit="mm", time={"column": "t"})
-    assert not said and len(samples.values) == ROWS
+    check_wrist(imported_csv(tmp_path, content, [1, 2, 3], unit="mm"), PLACE / 100)
 
 
 @pytest.mark.parametrize("name", ["x [mm]", "x (mm)", "x_mm"])
 def test_a_unit_in_a_name_is_taken(name, tmp_path):
     names = [name.replace("x", axis) for axis in "xyz"]
-    content = plain(head=",".join(["t", *names]))
-    samples, said = imported(tmp_path, "a.csv", content, names, time={"column": "t"})
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
+    check_wrist(imported_csv(tmp_path, plain(head=",".join(["t", *names])), names))
 
 
 @pytest.mark.parametrize("name", ["x [%]", "x [km]", "x (px)", "x_px", "x [V]"])
 def test_a_unit_of_which_nothing_is_known_is_no_metre(name, tmp_path):
     names = [name.replace("x", axis) for axis in "xyz"]
-    content = plain(head=",".join(["t", *names]))
-    samples, said = imported(tmp_path, "a.csv", content, names, time={"column": "t"})
+    samples, said = imported_csv(tmp_path, plain(head=",".join(["t", *names])), names)
     assert samples is None and f"expected a unit of {name} that becomes m" in said
 
 
@@ -138,9 +128,7 @@ def test_a_second_line_of_the_header_is_no_row(kind, tmp_path):
     head, columns = SECOND_LINES[kind]
     content = table(head, lambda k: [str(k), f"{TIMES_S[k]}", *cells(k)])
     unit = {} if "mm,mm" in head or "(mm)" in head else {"unit": "mm"}
-    samples, said = imported(tmp_path, "a.csv", content, columns, time={"column": "1"}, **unit)
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
+    check_wrist(imported_csv(tmp_path, content, columns, time={"column": "1"}, **unit))
 
 
 @pytest.mark.parametrize("column", ["by name", "0"])
@@ -160,13 +148,10 @@ def test_a_second_line_of_the_header_is_no_row(kind, tmp_path):
 def test_the_unit_of_times_is_that_of_the_header(head, per_s, column, tmp_path):
     column = head.split(",")[0] if column == "by name" else column
     content = plain(head=head, at=lambda t: f"{per_s * t:.12g}")
-    samples, said = imported(
-        tmp_path, "a.csv", content, ("1", "2", "3"), unit="mm", time={"column": column}
-    )
-    assert not said
-    np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=1)
+    options = {"columns": ("1", "2", "3"), "unit": "mm"}
+    check_wrist(imported_csv(tmp_path, content, time={"column": column}, **options), times_atol=1)
     wrong = {"column": column, "unit": "s" if per_s > 1.0 else "ms"}  # the map's is taken first
-    assert imported(tmp_path, "a.csv", content, ("1", "2", "3"), unit="mm", time=wrong)[0] is None
+    assert imported_csv(tmp_path, content, time=wrong, **options)[0] is None
 
 
 def test_the_unit_of_the_header_is_suggested_where_another_were_usual(tmp_path):
@@ -194,15 +179,12 @@ def test_vectors_in_a_cell_are_columns(form, names, tmp_path):
 
 def test_minus_signs_of_unicode_are_read(tmp_path):
     content = plain("\N{MINUS SIGN}{:.6f}")
-    samples, said = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t"})
-    assert not said
-    np.testing.assert_allclose(samples.values, -PLACE / 1000, atol=1e-8)
+    check_wrist(imported_csv(tmp_path, content, unit="mm"), -PLACE / 1000)
 
 
 @pytest.mark.parametrize("cell", ["#N/A", "#DIV/0!", "-", "NaN", "inf", "-nan(ind)", "1.#QNAN"])
 def test_cells_of_what_was_not_measured(cell, tmp_path):
-    content = plain(hidden=range(60, 80), cell=cell)
-    samples, said = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t"})
+    samples, said = imported_csv(tmp_path, plain(hidden=range(60, 80), cell=cell), unit="mm")
     assert not said
     assert np.sum(np.isfinite(samples.values).all(axis=1)) == ROWS - 20
 
@@ -237,9 +219,8 @@ REFUSED = {
 def test_what_can_be_read_in_several_ways_is_refused(kind, tmp_path):
     content, words = REFUSED[kind]
     unit = {} if words.startswith("got '") else {"unit": "mm"}
-    samples, said = imported(tmp_path, "a.csv", content, time={"column": "t"}, **unit)
-    assert samples is None
-    assert words in said
+    samples, said = imported_csv(tmp_path, content, **unit)
+    assert samples is None and words in said
 
 
 def test_packed_tables_are_named(tmp_path):
@@ -254,14 +235,14 @@ def test_packed_tables_are_named(tmp_path):
 
 def test_times_that_go_back_are_named(tmp_path):
     content = table("t,x,y,z", lambda k: [f"{k % 100 / 100}", *cells(k)])
-    samples, said = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t"})
+    samples, said = imported_csv(tmp_path, content, unit="mm")
     assert len(samples.stamps_ns) == 100
     assert "100 of 200 rows" in said and "a clock that went back" in said
 
 
 def test_a_clock_that_jumps_is_named(tmp_path):
     content = table("t,x,y,z", lambda k: [f"{k / 100 + 3600 * (k > 99)}", *cells(k)])
-    samples, said = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t"})
+    samples, said = imported_csv(tmp_path, content, unit="mm")
     assert len(samples.stamps_ns) == ROWS and "no sample of mocap/wrist/pose for 3600 s" in said
 
 
@@ -285,8 +266,7 @@ def test_joints_in_degrees_are_doubted_and_wrapped_ones_are_not(tmp_path):
 
 @pytest.mark.parametrize("text", ["10:00:00:12", "10:00", "13:00:00.5 PM", "31/31/2024 10:00:00"])
 def test_a_time_that_may_mean_several_things_is_refused(text, tmp_path):
-    content = plain(scale=10.0, at=lambda t: text)
-    samples, said = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t"})
+    samples, said = imported_csv(tmp_path, plain(scale=10.0, at=lambda t: text), unit="mm")
     assert samples is None and "expected times" in said
 
 
@@ -306,17 +286,14 @@ LEVELS = {
 def test_names_in_several_lines(kind, tmp_path):
     tab = "\t" if "\t" in LEVELS[kind] else ","
     content = table(LEVELS[kind], lambda k: [str(k), *cells(k)[::-1], *cells(k)], tab)
-    columns = ["wrist.x", "wrist.y", "wrist.z"]
-    options = {"time": {"rate": 100}}
-    assert "the unit" in imported(tmp_path, "a.csv", content, columns, **options)[1]
+    options = {"columns": ["wrist.x", "wrist.y", "wrist.z"], "time": {"rate": 100}}
+    assert "the unit" in imported_csv(tmp_path, content, **options)[1]
     assert open_table(tmp_path / "a.csv").names[0] not in ("s", "")
-    samples, said = imported(tmp_path, "a.csv", content, columns, unit="mm", **options)
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-9)
+    check_wrist(imported_csv(tmp_path, content, unit="mm", **options), atol=1e-9)
 
 
 def test_metres_that_are_called_millimetres_are_named(tmp_path):
-    samples, said = imported(tmp_path, "a.csv", plain(scale=1e-3), unit="mm", time={"column": "t"})
+    samples, said = imported_csv(tmp_path, plain(scale=1e-3), unit="mm")
     assert samples is not None and "say in the map columns_unit: m." in said
 
 
@@ -328,9 +305,7 @@ ENDS = {"_MM": 1.0, " mm": 1.0, ".cm": 0.1, "-cm": 0.1, "/cm": 0.1, "_dm": 0.01,
 def test_a_unit_at_the_end_of_names(end, tmp_path):
     names = [f"{axis}{end}" for axis in "xyz"]
     content = plain(scale=ENDS[end], head=",".join(["t", *names]))
-    samples, said = imported(tmp_path, "a.csv", content, names, time={"column": "t"})
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=2e-6)
+    check_wrist(imported_csv(tmp_path, content, names), atol=2e-6)
     suggested = yaml.safe_load(suggest_map(tmp_path / "a.csv"))["observed"][0]
     assert suggested["columns"] == names
 
@@ -344,37 +319,33 @@ def test_a_unit_at_the_end_of_names(end, tmp_path):
     ],
 )
 def test_a_unit_above_the_names(line, scale, tmp_path):
-    content = f"{line}\n{plain(scale=scale)}"
-    samples, said = imported(tmp_path, "a.csv", content, time={"column": "t"})
-    assert not said
-    np.testing.assert_allclose(samples.values, PLACE / 1000, atol=2e-6)
+    check_wrist(imported_csv(tmp_path, f"{line}\n{plain(scale=scale)}"), atol=2e-6)
 
 
 @pytest.mark.parametrize("end", ["_degrees", "_rad", " deg", ".Degrees"])
 def test_an_angle_at_the_end_of_names_is_no_length(end, tmp_path):
     content = plain(scale=1e-3, head=",".join(["t", *(f"{axis}{end}" for axis in "xyz")]))
     columns = [f"{axis}{end}" for axis in "xyz"]
-    samples, said = imported(tmp_path, "a.csv", content, columns, time={"column": "t"})
+    samples, said = imported_csv(tmp_path, content, columns)
     assert samples is None and "that becomes m" in said
 
 
 def test_times_in_minutes_are_read_by_their_name(tmp_path):
     content = plain(at=lambda t: f"{t / 60:.9f}", head="t [min],x,y,z")
-    samples, _ = imported(tmp_path, "a.csv", content, unit="mm", time={"column": "t [min]"})
+    samples, _ = imported_csv(tmp_path, content, unit="mm", time={"column": "t [min]"})
     np.testing.assert_allclose(np.diff(samples.stamps_ns), 1e7, atol=100)
 
 
 def test_a_short_reach_in_centimetres_is_doubted(tmp_path):
-    samples, said = imported(tmp_path, "a.csv", plain(scale=0.03), time={"column": "t"})
+    samples, said = imported_csv(tmp_path, plain(scale=0.03))
     assert samples is not None and "is hardly metres. Likely centimetres for metres" in said
 
 
 def test_zeros_of_plain_columns_are_named(tmp_path):
     lost = plain(hidden=range(60, 65), cell="0", scale=1e-3)
-    samples, said = imported(tmp_path, "a.csv", lost, time={"column": "t"})
+    samples, said = imported_csv(tmp_path, lost)
     assert samples is not None and "is at exactly zero in 5 of 200 samples" in said
-    good = plain(scale=1e-3)
-    assert not imported(tmp_path, "b.csv", good, time={"column": "t"})[1]
+    assert not imported_csv(tmp_path, plain(scale=1e-3))[1]
 
 
 @pytest.mark.parametrize("said", ["mm", "m"])
