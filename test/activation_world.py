@@ -105,6 +105,12 @@ class World:
             self.step()
         raise AssertionError(f"{mode} not within {longest_s} s but {self.modes}")
 
+    def go_home(self):
+        """Until it is idle at home; all commands on the way there were continuous."""
+        self.run_until(Mode.IDLE)
+        np.testing.assert_allclose(self.arm(), HOME, atol=1e-9)
+        self.check_continuous()
+
     def check_continuous(self):
         """Every command starts where the one before is then; the whole keeps the limits."""
         for before, after in zip(self.commands, self.commands[1:], strict=False):

@@ -111,10 +111,8 @@ def test_reset_sends_the_arm_home_and_does_not_start_the_same_movement_again():
     world.run(0.3)
     world.commands.append(world.activation.reset(world.now_ns))
     assert world.activation.mode is Mode.HOMING
-    world.run_until(Mode.IDLE)
+    world.go_home()
     assert Mode.EXECUTING not in world.modes[2:]
-    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
-    world.check_continuous()
 
 
 def test_without_return_home_it_stays_and_is_idle():
@@ -172,9 +170,7 @@ def test_on_the_way_home_an_arm_that_is_not_seen_is_stopped_until_it_is():
     assert [c.plan.kind for c in world.commands[-2:]] == ["home", "stop"]
     assert np.abs(world.arm() - HOME).max() > 1e-3
     world.measures = True
-    world.run_until(Mode.IDLE)
-    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
-    world.check_continuous()
+    world.go_home()
 
 
 def test_a_stopped_arm_that_is_not_seen_stays_where_it_is():
@@ -188,9 +184,7 @@ def test_a_stopped_arm_that_is_not_seen_stays_where_it_is():
     world.run(5.0)
     assert world.activation.mode is Mode.STOPPED and len(world.commands) == n
     world.measures = True
-    world.run_until(Mode.IDLE)
-    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
-    world.check_continuous()
+    world.go_home()
 
 
 def test_a_stopped_arm_that_was_moved_goes_home_from_where_it_rests():
@@ -223,8 +217,7 @@ def test_what_comes_after_a_halt_goes_on_from_the_braking_arm(after_s):
     world.run_until(Mode.EXECUTING)
     first = world.commands[n]
     assert after_s > 0.0 or first.start_ns < world.commands[n - 1].end_ns
-    world.run_until(Mode.IDLE)
-    world.check_continuous()
+    world.go_home()
 
 
 def drift(world, speed_rad_s, seconds, position=HOME):

@@ -114,14 +114,19 @@ def blocked_end():
     return clearance(Box("cup", tuple(at), (0.06, 0.06, 0.06)))
 
 
+def before_blocked_end(seconds):
+    world = World(clearance=blocked_end())
+    world.run(0.3)
+    world.begin("plate")
+    world.run(seconds)
+    return world
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("rests_first", [False, True])
 def test_it_waits_until_the_thing_is_gone(rests_first):
     """Also after the person's movement."""
-    world = World(clearance=blocked_end())
-    world.run(0.3)
-    world.begin("plate")
-    world.run(1.5)
+    world = before_blocked_end(1.5)
     assert world.commands == [] and world.activation.mode is Mode.IDLE
     assert world.activation.waits_for.startswith("plate: lwr_a")
     assert world.activation.counts["waited"] == 1 and not world.activation.counts["refused"]
@@ -139,10 +144,7 @@ def test_it_waits_until_the_thing_is_gone(rests_first):
 
 
 def test_what_waited_in_vain_is_refused_once():
-    world = World(clearance=blocked_end())
-    world.run(0.3)
-    world.begin("plate")
-    world.run(1.0)
+    world = before_blocked_end(1.0)
     world.task = "idle"
     world.run(4.0)
     counts = world.activation.counts

@@ -94,6 +94,11 @@ class SharedWorld(World):
         if not self.helped or now != self.helped[-1]:
             self.helped.append(now)
 
+    def rest(self):
+        """Both hands rest where they are."""
+        for person in PEOPLE:
+            self.ask(person, "idle")
+
     def until(self, happened, longest_s=20.0):
         for _ in range(round(longest_s * 1e9 / STEP_NS)):
             if happened():
@@ -113,12 +118,17 @@ def both_ask(first_s=0.8, second_s=0.4):
     return world
 
 
-def test_the_one_who_needs_it_first_is_helped_and_the_other_one_after():
+def helps_anna():
+    """Both asked, and the arm is with anna."""
     world = both_ask()
     world.until(lambda: world.helps("anna"))
     world.run(1.2)
-    world.ask("anna", "idle")
-    world.ask("ben", "idle")  # both hands rest where they are
+    return world
+
+
+def test_the_one_who_needs_it_first_is_helped_and_the_other_one_after():
+    world = helps_anna()
+    world.rest()
     world.until(lambda: world.helps("ben"))
     assert [pair for pair in world.helped if pair[0]] == [("anna", "plate"), ("ben", "screw")]
     world.until(lambda: world.activation.mode is Mode.IDLE)
@@ -128,26 +138,20 @@ def test_the_one_who_needs_it_first_is_helped_and_the_other_one_after():
 
 
 def test_who_comes_next_is_not_told_before_the_arm_begins(monkeypatch):
-    world = both_ask()
-    world.until(lambda: world.helps("anna"))
-    world.run(1.2)
+    world = helps_anna()
     interacting = world.activation._transitions.interacting
     monkeypatch.setattr(interacting, "begin", lambda now_ns: None)  # no way is clear
-    world.ask("anna", "idle")
-    world.ask("ben", "idle")
+    world.rest()
     world.until(lambda: not world.activation.active_task)
     assert {pair for pair in world.helped if pair[1]} == {("anna", "plate")}
 
 
 def test_who_waits_is_helped_once_a_way_is_found(monkeypatch):
-    world = both_ask()
-    world.until(lambda: world.helps("anna"))
-    world.run(1.2)
+    world = helps_anna()
     motions, tries = world.activation._motions, []
     with monkeypatch.context() as nothing:
         nothing.setattr(motions, "interact", lambda now_ns, *_: tries.append(now_ns))
-        for person in PEOPLE:
-            world.ask(person, "idle")
+        world.rest()
         world.until(lambda: world.activation.mode is Mode.IDLE)
         world.run(2.0)
     assert len(tries) > 5 and np.all(np.diff(tries) >= 0.25 * SECOND_NS)
@@ -157,9 +161,7 @@ def test_who_waits_is_helped_once_a_way_is_found(monkeypatch):
 
 
 def test_who_finds_no_way_lets_another_one_go_first(monkeypatch):
-    world = both_ask()
-    world.until(lambda: world.helps("anna"))
-    world.run(1.2)
+    world = helps_anna()
     motions = world.activation._motions
     interact = motions.interact
 
@@ -167,8 +169,7 @@ def test_who_finds_no_way_lets_another_one_go_first(monkeypatch):
         return None if prediction.label == "screw" else interact(now_ns, prediction, *more)
 
     monkeypatch.setattr(motions, "interact", but_for_ben)
-    for person in PEOPLE:
-        world.ask(person, "idle")
+    world.rest()
     world.until(lambda: world.activation.mode is Mode.IDLE)
     world.ask("anna", "plate")
     world.until(lambda: world.helps("anna"))
@@ -183,11 +184,8 @@ def test_who_needs_it_first_does_not_depend_on_the_names():
 
 @pytest.mark.parametrize("leaves", ["moves", "vanishes"])
 def test_somebody_who_waited_and_left_is_not_helped(leaves):
-    world = both_ask()
-    world.until(lambda: world.helps("anna"))
-    world.run(1.2)
-    for person in PEOPLE:
-        world.ask(person, "idle")
+    world = helps_anna()
+    world.rest()
     world.run(0.2)
     if leaves == "vanishes":
         world.silent.add("ben")

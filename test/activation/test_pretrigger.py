@@ -26,8 +26,9 @@ def expect(world, probabilities=EXPECTED):
     world.activation.pretrigger.take_expectation(world.now_ns, TASKS, np.array(probabilities))
 
 
-def after_a_plate(world, probabilities=EXPECTED):
+def after_a_plate(probabilities=EXPECTED, **settings):
     """A plate is handed over; the human rests, and the next task is expected."""
+    world = make_world(**settings)
     world.begin("plate")
     world.run_until(Mode.EXECUTING)
     world.run(1.2)
@@ -37,9 +38,16 @@ def after_a_plate(world, probabilities=EXPECTED):
     return world
 
 
-def test_the_arm_goes_ahead_and_the_interaction_starts_from_there():
-    world = after_a_plate(make_world())
+def ahead(seconds=0.0, **settings):
+    """The arm has been going ahead for a while."""
+    world = after_a_plate(**settings)
     world.run_until(Mode.PRETRIGGERED)
+    world.run(seconds)
+    return world
+
+
+def test_the_arm_goes_ahead_and_the_interaction_starts_from_there():
+    world = ahead()
     assert world.activation.active_task == "" and world.activation.pretrigger.label == "screw"
     assert world.commands[-1].plan.kind == "pretrigger"
     world.run(2.0)
@@ -53,15 +61,12 @@ def test_the_arm_goes_ahead_and_the_interaction_starts_from_there():
     assert world.activation.counts["pretrigger right"] == 1
     world.run_until(Mode.HOMING)
     world.task = "idle"
-    world.run_until(Mode.IDLE)
+    world.go_home()
     assert world.tasks_seen == ["", "plate", "", "screw", ""]
-    world.check_continuous()
 
 
 def test_the_human_beginning_while_the_arm_is_on_its_way_starts_from_the_moving_arm():
-    world = after_a_plate(make_world())
-    world.run_until(Mode.PRETRIGGERED)
-    world.run(0.3)
+    world = ahead(0.3)
     world.begin("screw", already_s=0.4)
     world.run_until(Mode.EXECUTING)
     assert np.abs(world.reference().velocity).max() > 0.01
@@ -70,9 +75,7 @@ def test_the_human_beginning_while_the_arm_is_on_its_way_starts_from_the_moving_
 
 
 def test_another_task_takes_over_from_there_or_on_the_way_home():
-    world = after_a_plate(make_world())
-    world.run_until(Mode.PRETRIGGERED)
-    world.run(1.5)
+    world = ahead(1.5)
     world.begin("plate", already_s=0.4)
     world.run_until(Mode.EXECUTING)
     assert world.activation.active_task == "plate"
@@ -84,26 +87,21 @@ def test_another_task_takes_over_from_there_or_on_the_way_home():
 
 @pytest.mark.parametrize("moving", [True, False])
 def test_an_unknown_movement_makes_it_withdraw(moving):
-    world = after_a_plate(make_world())
-    world.run_until(Mode.PRETRIGGERED)
-    world.run(0.3 if moving else 2.0)
+    world = ahead(0.3 if moving else 2.0)
     world.begin("none")
     world.run_until(Mode.HOMING, longest_s=0.2)
     assert world.activation.counts["pretrigger withdrawn: none"] == 1
-    world.run_until(Mode.IDLE)
-    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+    world.go_home()
     world.task = "idle"
     world.step()
     expect(world)
     world.run(3.0)
     assert world.modes[-1] is Mode.IDLE  # once after each interaction
     assert world.tasks_seen == ["", "plate", ""]
-    world.check_continuous()
 
 
 def test_a_movement_that_ends_unrecognised_makes_it_withdraw():
-    world = after_a_plate(make_world())
-    world.run_until(Mode.PRETRIGGERED)
+    world = ahead()
     world.task = "undecided"
     world.probabilities = lambda: (
         np.array([0.0, 0.0, 1.0]) if world.task == "idle" else np.array([0.1, 0.6, 0.3])
@@ -116,22 +114,17 @@ def test_a_movement_that_ends_unrecognised_makes_it_withdraw():
 
 
 def test_it_waits_no_longer_than_its_timeout():
-    world = after_a_plate(make_world(timeout_s=2.0))
-    world.run_until(Mode.PRETRIGGERED)
+    world = ahead(timeout_s=2.0)
     arrives_ns = world.commands[-1].end_ns
     world.run_until(Mode.HOMING)
     assert 2.0 < (world.now_ns - arrives_ns) * 1e-9 < 2.1
     assert world.activation.counts["pretrigger withdrawn: timeout"] == 1
-    world.run_until(Mode.IDLE)
-    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
-    world.check_continuous()
+    world.go_home()
 
 
 @pytest.mark.parametrize("reason", ["stream_stopped", "stale_joint_states", "arm_off_reference"])
 def test_on_the_way_it_is_guarded_like_any_motion(reason):
-    world = after_a_plate(make_world())
-    world.run_until(Mode.PRETRIGGERED)
-    world.run(0.2)
+    world = ahead(0.2)
     world.speaks = reason != "stream_stopped"
     world.measures = reason != "stale_joint_states"
     world.push = np.full(7, 0.6 if reason == "arm_off_reference" else 0.0)
@@ -147,9 +140,7 @@ def test_on_the_way_it_is_guarded_like_any_motion(reason):
 @pytest.mark.parametrize("when", ["on the way", "there"])
 def test_reset_and_halt(when):
     for act in ("reset", "halt"):
-        world = after_a_plate(make_world())
-        world.run_until(Mode.PRETRIGGERED)
-        world.run(0.3 if when == "on the way" else 2.5)
+        world = ahead(0.3 if when == "on the way" else 2.5)
         command = getattr(world.activation, act)(world.now_ns)
         if command is not None:
             world.commands.append(command)
@@ -163,8 +154,7 @@ def test_reset_and_halt(when):
 
 
 def test_where_the_task_begins_at_home_nothing_moves():
-    world = after_a_plate(make_world(starts={"plate": HOME, "screw": HOME + 0.01}))
-    world.run_until(Mode.PRETRIGGERED)
+    world = ahead(starts={"plate": HOME, "screw": HOME + 0.01})
     n = len(world.commands)
     world.run_until(Mode.IDLE)
     assert len(world.commands) == n  # it was on its way home anyhow, and stays there
@@ -190,19 +180,17 @@ def test_an_arm_at_home_already_is_sent_nothing():
 @pytest.mark.parametrize("start", [AHEAD, HOME], ids=["elsewhere", "at home"])
 @pytest.mark.parametrize("cause", ["timeout", "none", "reset"])
 def test_without_return_home_a_withdrawn_arm_stays_or_ends_its_brake_at_rest(cause, start):
-    starts = {"plate": HOME, "screw": start}
-    world = after_a_plate(make_world(starts=starts, return_home=False))
-    world.run_until(Mode.PRETRIGGERED)
-    ahead = world.commands[-1]
+    world = ahead(starts={"plate": HOME, "screw": start}, return_home=False)
+    begun = world.commands[-1]
     if cause != "timeout":
-        world.run(0.5 * ahead.plan.duration_s)  # on the way
+        world.run(0.5 * begun.plan.duration_s)  # on the way
     if cause == "none":
         world.task = "none"
     if cause == "reset":
         world.commands.append(world.activation.reset(world.now_ns))
     world.run_until(Mode.IDLE)
     if cause == "timeout":
-        assert world.commands[-1] is ahead
+        assert world.commands[-1] is begun
         np.testing.assert_allclose(world.arm(), start, atol=1e-9)
     else:
         assert world.commands[-1].plan.kind == "stop"
@@ -222,7 +210,7 @@ def test_without_return_home_a_withdrawn_arm_stays_or_ends_its_brake_at_rest(cau
     ],
 )
 def test_it_stays_home_where_it_is_off_or_nothing_is_expected(change, probabilities):
-    world = after_a_plate(make_world(**change), probabilities)
+    world = after_a_plate(probabilities, **change)
     world.run_until(Mode.IDLE)
     world.run(2.0)
     assert Mode.PRETRIGGERED not in world.modes
@@ -245,14 +233,14 @@ def test_it_never_moves_before_an_interaction_nor_on_an_old_expectation():
 
 
 def test_it_does_not_start_while_the_human_moves_or_is_not_seen():
-    world = after_a_plate(make_world())
+    world = after_a_plate()
     world.speaks = False
     world.run(6.0)
     assert Mode.PRETRIGGERED not in world.modes
 
 
 def test_a_start_outside_the_limits_is_refused():
-    world = after_a_plate(make_world(starts={"screw": np.full(7, 9.0)}))
+    world = after_a_plate(starts={"screw": np.full(7, 9.0)})
     world.run_until(Mode.IDLE)
     assert Mode.PRETRIGGERED not in world.modes and "infeasible" in world.rejected
 
