@@ -4,7 +4,6 @@
 import numpy as np
 from hermite import hermite
 from joint_trajectories import build_joint_trajectory
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
@@ -14,9 +13,9 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     stamp_ns,
     to_joint_state,
-    to_stamp,
     trajectory_arrays,
 )
+from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 
 HOME = np.array([-0.07, -0.58, -0.47, 1.5, -0.39, 0.94, 0.5])
@@ -51,14 +50,13 @@ class Graph:
         parameters = {"use_sim_time": True, "home": HOME.tolist(), **parameters}
         given = {name: value for name, value in parameters.items() if value is not None}
         self.node = harness.node(PrimitiveActivation, **given)
-        self.clock = harness.publisher(Clock, "/clock", 10)
         self.tasks = harness.publisher(JointState, f"{told}tasks", qos.STATE)
         predicted = f"{told}robot_trajectory"
         self.prediction = harness.publisher(JointTrajectory, predicted, qos.COMMAND)
         self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
         self.commands = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
         self.active = harness.collect(String, "intent/active_task", qos.LATCHED)
-        harness.connect(self.clock, self.tasks, self.prediction, self.joints)
+        harness.connect(self.tasks, self.prediction, self.joints)
         if parameters.get("autostart", True):
             harness.spin_until(lambda: self.active, what="the latched task")
         self.now_ns, self.k = START_NS, 0
@@ -71,15 +69,11 @@ class Graph:
 
     def send(self, publisher, message, stream):
         """Publish and spin until the node has handled it, so that no message depends on timing."""
-        before = self.seen(stream)
-        publisher.publish(message)
-        self.harness.spin_until(lambda: self.seen(stream) > before, what=stream)
+        self.harness.tell(self.node, publisher, message, stream)
 
     def tick(self):
         self.now_ns += STEP_NS
-        self.clock.publish(Clock(clock=to_stamp(self.now_ns)))
-        clock = self.node.get_clock()
-        self.harness.spin_until(lambda: clock.now().nanoseconds >= self.now_ns, what="clock")
+        self.harness.set_clock(self.node, self.now_ns)
 
     def probabilities(self):
         if self.task == "idle":
@@ -119,6 +113,10 @@ class Graph:
                 self.send_prediction()
             self.send_tasks()
 
+    def run(self, steps):
+        for _ in range(steps):
+            self.step()
+
     def until(self, predicate, longest_s=15.0):
         for _ in range(round(longest_s * 1e9 / STEP_NS)):
             if predicate():
@@ -139,4 +137,4 @@ class Graph:
 
     def report(self):
         status = self.node.diagnostics.report()
-        return status, {value.key: value.value for value in status.values}
+        return status, values_of(status)

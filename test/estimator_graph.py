@@ -6,7 +6,6 @@ from geometry_msgs.msg import PoseStamped
 from model_builder import GLOVE, TOOL, WRIST, learned_model, make_dofs, perform, true_library
 from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
@@ -128,7 +127,7 @@ class Graph:
         return self.node._diagnostics.report()
 
     def call(self, service):
-        return self.harness.call(Trigger, f"intent_estimator/{service}", Trigger.Request())
+        return self.harness.trigger(f"intent_estimator/{service}")
 
 
 def expected(model: Model, observations) -> list:

@@ -14,6 +14,9 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
 
 from intent_recognition.nodes.runtime import make_executor, spin_until
 
@@ -118,6 +121,27 @@ class Harness:
             return future.result()
         finally:
             self.probe.destroy_client(client)
+
+    def trigger(self, name: str):
+        """The response of a service that takes nothing."""
+        return self.call(Trigger, name, Trigger.Request())
+
+    def tell(self, node: Node, publisher, message, stream: str = "") -> None:
+        """Publish, and spin until the node has counted the message of the topic, or stream."""
+        totals = (getattr(node, "diagnostics", None) or node._diagnostics)._totals
+        stream = stream or publisher.topic_name.lstrip("/")
+        before = totals[stream]
+        publisher.publish(message)
+        self.spin_until(lambda: totals[stream] > before, what=stream)
+
+    def set_clock(self, node: Node, time_ns: int) -> None:
+        """Publish simulated time, and spin until the node has it."""
+        if not hasattr(self, "_clock"):
+            self._clock = self.publisher(Clock, "/clock")
+            self.connect(self._clock)
+        self._clock.publish(Clock(clock=Time(nanoseconds=time_ns).to_msg()))
+        now = node.get_clock().now
+        self.spin_until(lambda: now().nanoseconds == time_ns, what="clock")
 
 
 class NodeProcess:

@@ -8,18 +8,11 @@ import pytest
 from estimator_graph import DOFS, Folder, message_for, shifted
 from estimator_graph import Graph as EstimatorGraph
 from model_builder import ROBOT
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from intent_recognition.model.file import save_model
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import (
-    stamp_ns,
-    to_joint_state,
-    to_stamp,
-    trajectory_arrays,
-)
+from intent_recognition.nodes.conversions import stamp_ns, to_joint_state, trajectory_arrays
 from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.start_posture import POSTURE_USED, start_mean
@@ -49,10 +42,7 @@ class Graph(EstimatorGraph):
         harness.connect(self.arm, *told)
 
     def send_arm(self, message):
-        totals = self.node._diagnostics._totals
-        before = totals[ROBOT.topic]
-        self.arm.publish(message)
-        self.harness.spin_until(lambda: totals[ROBOT.topic] > before, what=ROBOT.topic)
+        self.harness.tell(self.node, self.arm, message)
 
     def feed(self, observations, arm=lambda stamp: None):
         """Human and arm in turn: the arm's sample of a stamp after the human's."""
@@ -151,8 +141,7 @@ def test_the_next_task_is_published_when_a_movement_ends(harness, folder):
         ours = [estimator.update(o).probabilities for o in (*observations, *later[:70])]
         same = np.allclose([m.position for m in graph.tasks], ours, rtol=0.0, atol=1e-12)
         assert same == (estimator is both[0])
-    response = harness.call(Trigger, "intent_estimator/reset", Trigger.Request())
-    assert response.success
+    assert graph.call("reset").success
     harness.spin_until(lambda: len(graph.next) == 3, what="nothing expected again")
     assert graph.next[2].header.frame_id == ""
 
@@ -160,24 +149,12 @@ def test_the_next_task_is_published_when_a_movement_ends(harness, folder):
 @pytest.mark.slow
 def test_when_the_clock_goes_back_the_estimator_starts_anew_at_once(harness, folder):
     graph = Graph(harness, folder, use_sim_time=True)
-    clock = harness.publisher(Clock, "/clock", 10)
-    harness.connect(clock)
     observations = folder.observations(1)
     left_over = shifted(observations[-1:], 0.01)
     for late in ([], left_over):  # the second pass of a recording, and what the first left
-        now_ns = observations[0].stamp_ns
-        clock.publish(Clock(clock=to_stamp(now_ns)))
-        harness.spin_until(
-            lambda: graph.node.get_clock().now().nanoseconds == now_ns,  # noqa: B023
-            what="clock",
-        )
+        harness.set_clock(graph.node, observations[0].stamp_ns)
         graph.feed([*late, *observations])
-        later_ns = observations[-1].stamp_ns
-        clock.publish(Clock(clock=to_stamp(later_ns)))
-        harness.spin_until(
-            lambda: graph.node.get_clock().now().nanoseconds == later_ns,  # noqa: B023
-            what="clock",
-        )
+        harness.set_clock(graph.node, observations[-1].stamp_ns)
     n = len(observations)
     harness.spin_until(lambda: len(graph.tasks) == 2 * n, what="both passes")
     for first, second in zip(graph.tasks[:n], graph.tasks[n:], strict=True):

@@ -10,7 +10,6 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 from intent_recognition.bags.definitions import serialize
 from intent_recognition.bags.metadata import TopicInfo, rosbag2_profile
@@ -129,9 +128,9 @@ def test_paused_start_sends_nothing_before_resume(harness, bag):
     seen = harness.collect(PoseStamped, "mocap/wrist/pose", EVERY)
     node = harness.add(player(bag, start_paused=True, wait_for_subscribers=0.0, rate=10.0))
     harness.spin_until(lambda: node._outputs["/mocap/wrist/pose"].get_subscription_count())
-    assert harness.call(Trigger, "bag_player/pause", Trigger.Request()).success
+    assert harness.trigger("bag_player/pause").success
     assert node.published == 0 and not seen
-    assert harness.call(Trigger, "bag_player/resume", Trigger.Request()).success
+    assert harness.trigger("bag_player/resume").success
     harness.spin_until(lambda: node.done and len(seen) == 30)
 
 
@@ -140,10 +139,10 @@ def test_pause_in_the_middle_goes_on_where_it_stopped(harness, bag):
     seen = harness.collect(PoseStamped, "mocap/wrist/pose", EVERY)
     node = harness.add(player(bag, rate=0.05))
     harness.spin_until(lambda: len(seen) >= 3)
-    harness.call(Trigger, "bag_player/pause", Trigger.Request())
+    harness.trigger("bag_player/pause")
     held = node.published
     node.set_parameters([Parameter("rate", value=10.0)])
-    harness.call(Trigger, "bag_player/resume", Trigger.Request())
+    harness.trigger("bag_player/resume")
     harness.spin_until(lambda: node.done and len(seen) == 30)
     assert held < 31
     assert [m.header.stamp.nanosec for m in seen] == [i * STEP_NS for i in range(30)]

@@ -3,6 +3,7 @@
 
 import signal
 import threading
+from collections.abc import Sequence
 
 import pytest
 from builtin_interfaces.msg import Time
@@ -15,7 +16,6 @@ from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, String
-from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from intent_recognition.bags.reader import BagReader
@@ -27,9 +27,9 @@ from intent_recognition.nodes.qos import LATCHED, SENSOR, STATE
 MODULE = "intent_recognition.nodes.bag_recorder"
 
 
-def recorder(namespace: str = "", **values) -> BagRecorder:
+def recorder(namespace: str = "", words: Sequence[str] = (), **values) -> BagRecorder:
     overrides = [Parameter(name, value=value) for name, value in values.items()]
-    return BagRecorder(namespace=namespace, parameter_overrides=overrides)
+    return BagRecorder(namespace=namespace, cli_args=[*words], parameter_overrides=overrides)
 
 
 def pose(index: int) -> PoseStamped:
@@ -111,19 +111,18 @@ def test_a_burst_that_was_received_before_the_stop_is_in_the_bag(harness, tmp_pa
 def test_services_start_and_stop_with_the_parameters_of_the_moment(harness, tmp_path):
     publisher = harness.publisher(PoseStamped, "p", STATE)
     node = harness.add(recorder(topics=["p"]))
-    refused = harness.call(Trigger, "bag_recorder/start", Trigger.Request())
+    refused = harness.trigger("bag_recorder/start")
     assert not refused.success and "output" in refused.message
     for task in ("one", "two"):
         node.set_parameters(
             [Parameter("output", value=str(tmp_path / task)), Parameter("task", value=task)]
         )
-        assert harness.call(Trigger, "bag_recorder/start", Trigger.Request()).success
+        assert harness.trigger("bag_recorder/start").success
         record_between(harness, node, {"p": publisher}, {"p": [pose(0)]})
         assert BagReader(tmp_path / task).custom_data["task"] == task
-    again = harness.call(Trigger, "bag_recorder/start", Trigger.Request())
+    again = harness.trigger("bag_recorder/start")
     assert not again.success and "never overwritten" in again.message
-    stopped = harness.call(Trigger, "bag_recorder/stop", Trigger.Request())
-    assert not stopped.success
+    assert not harness.trigger("bag_recorder/stop").success
 
 
 def test_latched_message_from_before_the_start_is_recorded(harness, tmp_path):
@@ -156,29 +155,21 @@ def test_full_disk_is_reported_and_ends_the_recording_whole(harness, tmp_path, m
     )
 
 
-def test_namespace_is_left_out_of_the_bag(harness, tmp_path):
-    publisher = harness.publisher(PoseStamped, "/lab/mocap/wrist/pose", STATE)
-    topics = ["mocap/wrist/pose"]
-    node = harness.add(recorder("lab", output=str(tmp_path / "bag"), topics=topics))
+@pytest.mark.parametrize(
+    ("namespace", "in_graph"), [("lab", "/lab/mocap/wrist/pose"), ("", "/tracker/wrist")]
+)
+def test_neither_namespace_nor_remapping_is_in_the_bag(harness, tmp_path, namespace, in_graph):
+    """That every node of a graph is told of the arm's topics: test_launch.py."""
+    topic = "mocap/wrist/pose"
+    words = [] if namespace else ["--ros-args", "-r", f"{topic}:={in_graph}"]
+    publisher = harness.publisher(PoseStamped, in_graph, STATE)
+    output = str(tmp_path / "bag")
+    node = harness.add(recorder(namespace, words, output=output, topics=[topic]))
     harness.connect(publisher)
     publisher.publish(pose(0))
     harness.spin_until(lambda: node._writer.message_count)
     node.stop()
-    assert list(BagReader(tmp_path / "bag").topics) == ["/mocap/wrist/pose"]
-
-
-def test_a_topic_with_another_name_in_the_graph_has_its_own_in_the_bag(harness, tmp_path):
-    """As the arm's; that every node of a graph is told: test_launch.py."""
-    publisher = harness.publisher(PoseStamped, "/arm/states", STATE)
-    values = {"output": str(tmp_path / "bag"), "topics": ["joint_states"]}
-    overrides = [Parameter(name, value=value) for name, value in values.items()]
-    words = ["--ros-args", "-r", "joint_states:=/arm/states"]
-    node = harness.add(BagRecorder(parameter_overrides=overrides, cli_args=words))
-    harness.connect(publisher)
-    publisher.publish(pose(0))
-    harness.spin_until(lambda: node._writer.message_count)
-    node.stop()
-    assert list(BagReader(tmp_path / "bag").topics) == ["/joint_states"]
+    assert list(BagReader(tmp_path / "bag").topics) == [f"/{topic}"]
 
 
 def test_all_there_are_in_a_namespace_leave_other_cells_out(harness, tmp_path):

@@ -21,6 +21,7 @@ from intent_recognition.registry import ANSWERS
 from intent_recognition.share import share_path
 
 GOAL = HOME + GOALS["plate"]
+PERSON = ["wrist.x", "wrist.y", "wrist.z"]
 
 
 def box_at(q):
@@ -60,8 +61,7 @@ def test_a_path_into_a_box_is_not_followed_and_both_bodies_are_named(harness):
     told = []
     graph.node.diagnostics.reject = lambda reason, text: told.append((reason, text))
     graph.describe(ROBOT.description)
-    for _ in range(4):
-        graph.step()
+    graph.run(4)
     assert graph.commands == []
     texts = [text for reason, text in told if reason == "would_touch"]
     assert texts and all("plate: lwr_a" in text for text in texts), told
@@ -89,8 +89,7 @@ def test_a_path_into_a_thing_of_the_planning_scene_waits_until_it_is_gone(harnes
         told.publish(scene)
         harness.spin_until(lambda n=n_boxes: len(link.boxes) == n, what="the scene")
         graph.describe(ROBOT.description)
-        for _ in range(4):
-            graph.step()
+        graph.run(4)
         if n_boxes == 0:
             harness.spin_until(lambda: graph.commands, what="a command")
         assert bool(graph.commands) == (n_boxes == 0)
@@ -101,17 +100,23 @@ def test_a_path_into_a_thing_of_the_planning_scene_waits_until_it_is_gone(harnes
     assert graph.node.diagnostics.rejected("would_touch")
 
 
-def test_without_the_arms_shape_nothing_moves(harness):
-    graph = Graph(harness, clearance=0.02)
+@pytest.mark.parametrize(
+    ("needs", "reason"),
+    [
+        ({"clearance": 0.02}, "bad_robot_description"),
+        ({"person_dofs": PERSON}, "wrong_joint_names"),
+    ],
+)
+def test_without_the_arms_shape_nothing_moves(harness, needs, reason):
+    graph = Graph(harness, **needs)
     graph.step()
     assert graph.node.diagnostics.rejected("no_robot_description") == 1
     graph.describe(ROBOT.description.replace("lwr_a3_joint", "elbow"))
     graph.step()
-    assert graph.node.diagnostics.rejected("bad_robot_description") == 1
+    assert graph.node.diagnostics.rejected(reason) == 1
     assert graph.commands == []
     graph.describe(ROBOT.description)
-    for _ in range(3):
-        graph.step()
+    graph.run(3)
     graph.harness.spin_until(lambda: graph.commands)
 
 
@@ -121,14 +126,12 @@ def test_without_the_arms_shape_nothing_moves(harness):
         ({"boxes": ["table 0 0 0 1 1 0.1"]}, "clearance: expected above 0 m with boxes"),
         ({"planning_scene": "read"}, "clearance: expected above 0 m with a planning scene"),
         ({"clearance": 0.02, "boxes": ["table 0 0"]}, "boxes: expected 'name x y z"),
+        ({"person_dofs": ["x"]}, "person_dofs: expected 3 names"),
     ],
 )
-def test_boxes_that_cannot_be_kept_clear_of_are_errors_at_start(harness, wrong, message):
+def test_what_cannot_be_kept_clear_of_is_an_error_at_start(harness, wrong, message):
     with pytest.raises(ArgumentError, match=message):
         Graph(harness, **wrong)
-
-
-PERSON = ["wrist.x", "wrist.y", "wrist.z"]
 
 
 def tell_person(graph, position, names=PERSON):
@@ -145,8 +148,7 @@ def test_the_arm_slows_where_the_person_is_predicted_to_be(harness, near):
     graph = Graph(harness, person_dofs=PERSON, person_offset=offset.tolist())
     graph.describe(ROBOT.description)
     tell_person(graph, (hand_position(GOAL) if near else np.array([6.0, 0.0, 0.0])) - offset)
-    for _ in range(3):
-        graph.step()
+    graph.run(3)
     graph.harness.spin_until(lambda: graph.commands)
     assert bool(graph.node.activation.counts["slowed by person"]) == near
     times_s, q, _ = trajectory_arrays(graph.commands[0])
@@ -165,19 +167,10 @@ def test_a_broken_prediction_does_not_clear_the_way_of_a_person(harness, names, 
     assert graph.node.diagnostics.rejected("bad_human_trajectory") == 1
 
 
-def test_without_the_arm_that_shall_slow_nothing_moves(harness):
-    graph = Graph(harness, person_dofs=PERSON)
-    graph.step()
-    assert graph.node.diagnostics.rejected("no_robot_description") == 1 and graph.commands == []
-    with pytest.raises(ArgumentError, match="person_dofs: expected 3 names"):
-        Graph(harness, person_dofs=["x"])
-
-
 def test_a_path_into_a_box_is_planned_anew(harness):
     graph = Graph(harness, clearance=0.02, boxes=[box_at(0.5 * (HOME + GOAL))])
     graph.describe(ROBOT.description)
-    for _ in range(4):
-        graph.step()
+    graph.run(4)
     graph.harness.spin_until(lambda: graph.commands)
     q = trajectory_arrays(graph.commands[0])[1]
     np.testing.assert_allclose(q[-1], GOAL, atol=1e-6)

@@ -98,16 +98,14 @@ def test_a_goal_that_is_not_executed_ends_the_interaction(cell, how, reason, tex
     status, _ = cell.report()
     assert status.level == bytes([Level.ERROR]) and text in status.message
     n_commands = len(cell.commands)
-    for _ in range(50):  # the same movement begins none anew
-        cell.step()
+    cell.run(50)  # the same movement begins none anew
     assert len(cell.commands) == n_commands
     if how == "silent":
         cell.harness.spin_until(lambda: cell.heard("cancelled"), what="the late goal cancelled")
     cell.answer("accept")
     stand = cell.arm()
     cell.task = "idle"
-    for _ in range(50):
-        cell.step()
+    cell.run(50)
     cell.begin("screw")
     cell.until(lambda: cell.mode == "executing")
     np.testing.assert_allclose(cell.commands[-1].points[0].positions, stand, atol=0.05)

@@ -7,7 +7,6 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from model_builder import TOOL, WRIST, make_dofs, true_library
 from nav_msgs.msg import Odometry
-from std_srvs.srv import Trigger
 
 from intent_recognition.model import FRAMES, Model, save_model
 from intent_recognition.nodes import qos
@@ -56,9 +55,7 @@ class Stream:
         message.header.frame_id = frame
         message.header.stamp = to_stamp(1_700_000_000_000_000_000 + self.n * 10_000_000)
         topic = DOFS.observed[group].topic
-        seen = self.node._diagnostics._totals[topic]
-        self.inputs[group].publish(message)
-        self.harness.spin_until(lambda: self.node._diagnostics._totals[topic] > seen)
+        self.harness.tell(self.node, self.inputs[group], message, topic)
 
     def counted(self, entry):
         rows = values_of(self.node._diagnostics.report())
@@ -97,7 +94,7 @@ def test_a_model_of_several_frames_fits_none(harness, tmp_path):
 def test_a_model_that_is_loaded_again_brings_its_frame(harness, tmp_path):
     stream = Stream(harness, tmp_path, LEARNED)
     save(stream.path, {WRIST.topic: ["world"]})
-    assert harness.call(Trigger, "intent_estimator/reload_model", Trigger.Request()).success
+    assert harness.trigger("intent_estimator/reload_model").success
     stream.send("world")
     assert not stream.warnings
     stream.send("optitrack")

@@ -80,13 +80,17 @@ class HandGraph(Graph):
         self.predict(goal)
         self.send_tasks([0.99, 0.01], names=("plate", "none"))
 
+    def commanded(self, goal=GOAL_M):
+        """Predict it until the arm is commanded; the first command."""
+        for _ in range(6):
+            self.step(goal)
+        self.harness.spin_until(lambda: self.commands)
+        return self.commands[0]
+
 
 def test_the_hand_of_another_arm_goes_where_it_was_predicted(harness, panda):
     graph = HandGraph(harness, panda)
-    for _ in range(6):
-        graph.step(GOAL_M)
-    graph.harness.spin_until(lambda: graph.commands)
-    message = graph.commands[0]
+    message = graph.commanded()
     assert tuple(message.joint_names) == panda.robot.joint_names
     _, q, rest = trajectory_arrays(message)
     assert stamp_ns(message) > START_NS
@@ -100,10 +104,7 @@ def test_the_hand_of_another_arm_goes_where_it_was_predicted(harness, panda):
 def test_the_whole_pose_of_the_hand_is_reached_as_predicted(harness, panda):
     graph = HandGraph(harness, panda)
     turn = Rotation.from_quat(graph.turn_at_home) * Rotation.from_rotvec([0.2, -0.3, 0.4])
-    for _ in range(6):
-        graph.step(np.concatenate([GOAL_M, turn.as_quat()]))
-    graph.harness.spin_until(lambda: graph.commands)
-    _, q, _ = trajectory_arrays(graph.commands[0])
+    _, q, _ = trajectory_arrays(graph.commanded(np.concatenate([GOAL_M, turn.as_quat()])))
     pose = panda._arm.forward_kinematics(q[-1])
     np.testing.assert_allclose(pose[:3, 3], GOAL_M, atol=1e-3)
     np.testing.assert_allclose(pose[:3, :3], turn.as_matrix(), atol=2e-3)
@@ -128,23 +129,17 @@ def test_it_goes_ahead_to_home_where_a_task_begins_there(harness, panda, model, 
     """Of the postures with the hand in that place it is the one that paths are drawn to."""
     home = panda.home.tolist() if home_is == "given" else None
     graph = HandGraph(harness, panda, home=home, model=model)
-    for _ in range(6):
-        graph.step(GOAL_M)
-    graph.harness.spin_until(lambda: graph.commands)
-    ahead = graph.node.activation.pretrigger
-    assert ahead.is_near(panda.home, "plate")
+    graph.commanded()
+    assert graph.node.activation.pretrigger.is_near(panda.home, "plate")
 
 
 def test_configured_again_where_tasks_begin_is_still_in_joints(harness, panda, model):
     """And not where the hand is then, taken for joints."""
     graph = HandGraph(harness, panda, model=model)
     graph.step(GOAL_M)
-    transitions = ("deactivate", "cleanup", "configure", "activate")
-    for transition in transitions:
+    for transition in ("deactivate", "cleanup", "configure", "activate"):
         getattr(graph.node, f"trigger_{transition}")()
-    for _ in range(6):
-        graph.step(GOAL_M)
-    graph.harness.spin_until(lambda: graph.commands)
+    graph.commanded()
     assert graph.node.activation.pretrigger.is_near(panda.home, "plate")
 
 

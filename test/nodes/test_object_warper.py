@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from scan_builder import scanned
 from scipy.spatial.transform import Rotation
@@ -95,8 +94,7 @@ def test_parameters_and_labels_are_those_of_the_library(harness):
 
     With another container's place, the lip is toward it.
     """
-    node = ObjectWarper()
-    harness.add(node)
+    node = harness.node(ObjectWarper)
     offered = {p.topic_name[1:] for p in node.publishers if p.topic_name.startswith("/object/")}
     assert offered == set(NODES["object_warper"].publishes) - set(FRAMES)
     assert offered <= set(GRAPH_NODES["cup_warper"].topics)  # where there are two
@@ -151,9 +149,8 @@ def test_parameters_and_labels_are_those_of_the_library(harness):
 @pytest.mark.slow
 def test_bad_clouds_are_counted_and_harm_nothing(harness):
     """Empty, no container, malformed; then a good one with pixels without depth."""
-    harness.add(ObjectWarper())
+    node = harness.node(ObjectWarper)
     vectors = harness.collect(JointState, "object/parameters", qos.STATE)
-    reports = harness.collect(DiagnosticArray, "/diagnostics", 10)
     publisher = harness.publisher(PointCloud2, "object/cloud", qos.STATE)
     harness.connect(publisher)
     cloud = scanned("tumbler")
@@ -169,17 +166,8 @@ def test_bad_clouds_are_counted_and_harm_nothing(harness):
         harness.executor.spin_once(timeout_sec=0.05)
     harness.spin_until(lambda: vectors, what="parameters of the good cloud")
     assert stamp_ns(vectors[0]) == T0 + 9
-
-    def rejected():
-        for report in reports:
-            values = {v.key: v.value for s in report.status for v in s.values}
-            if values.get("rejected pixel_without_depth") == "80":
-                return values
-        return None
-
-    values = harness.spin_until(rejected, what="diagnostics")
-    assert values["rejected MessageError"] == "2"
-    assert values["rejected ArgumentError"] == "1"
+    counted = {"pixel_without_depth": 80, "MessageError": 2, "ArgumentError": 1}
+    harness.spin_until(lambda: node._diagnostics._counts == counted, what="the counts")
 
 
 @pytest.mark.slow
@@ -191,20 +179,14 @@ def test_a_grasp_that_does_not_fit_costs_no_parameters(harness, tmp_path):
     grip = mug.points[np.argmin(mug.points[:, 0])]
     pose[:3, 3] = [grip[0] + 0.004, 0.0, grip[2]]
     path = save_object(tmp_path / "held.npz", replace(mug, grasp=Grasp(pose, 0.009)))
-    harness.node(ObjectWarper, source=str(path))
+    node = harness.node(ObjectWarper, source=str(path))
     vectors = harness.collect(JointState, "object/parameters", qos.STATE)
-    reports = harness.collect(DiagnosticArray, "/diagnostics", 10)
     publisher = harness.publisher(PointCloud2, "object/cloud", qos.STATE)
     harness.connect(publisher)
     publisher.publish(message_of(scanned("tumbler")))
     harness.spin_until(lambda: vectors, what="parameters")
     assert "volume_m3" in vectors[0].name and "grasp_width_m" not in vectors[0].name
-
-    def counted():
-        pairs = (pair for report in reports for s in report.status for pair in s.values)
-        return any((pair.key, pair.value) == ("rejected no_grasp", "1") for pair in pairs)
-
-    harness.spin_until(counted, what="diagnostics")
+    harness.spin_until(lambda: node._diagnostics.rejected("no_grasp") == 1, what="the count")
 
 
 @pytest.mark.parametrize(

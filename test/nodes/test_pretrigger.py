@@ -48,23 +48,18 @@ class AheadGraph(Graph):
         message = to_joint_state(names, p, time_ns=self.now_ns + round(ahead_s * 1e9))
         self.send(self.next_task, message, "intent/next_task")
 
-    def serve_a_plate(self):
-        self.begin("plate")
-        self.until(lambda: self.mode == "executing")
-        for _ in range(30):
-            self.step()
-        self.task = "idle"
-        self.step()
-        self.expect()
-
 
 @pytest.mark.slow
 def test_it_waits_at_the_start_of_the_expected_task(harness, path):
     graph = AheadGraph(harness, path)
-    graph.serve_a_plate()
+    graph.begin("plate")
+    graph.until(lambda: graph.mode == "executing")
+    graph.run(30)
+    graph.task = "idle"
+    graph.step()
+    graph.expect()
     graph.until(lambda: graph.mode == "pretriggered")
-    for _ in range(100):
-        graph.step()
+    graph.run(100)
     np.testing.assert_allclose(graph.arm(), AHEAD, atol=1e-6)
     status, values = graph.report()
     assert status.message == "pretriggered: screw" and values["mode"] == "pretriggered"
@@ -73,20 +68,12 @@ def test_it_waits_at_the_start_of_the_expected_task(harness, path):
     check_commands(graph.commands)
 
 
-def test_it_is_off_by_default_and_bad_expectations_are_counted(harness, path):
-    graph = AheadGraph(harness, path, pretrigger_threshold=0.0)
+def test_bad_expectations_are_counted_and_not_used(harness, path):
+    graph = AheadGraph(harness, path)
     for p, names in (((0.5,), TASKS), ((float("nan"), 1.0), TASKS), ((0.9, 0.9), TASKS), ((), ())):
         before = graph.rejected("bad_next_task")
         graph.expect(p, names)
         assert graph.rejected("bad_next_task") == before + 1
-    graph.serve_a_plate()
-    graph.until(lambda: graph.mode == "homing")
-    graph.until(lambda: graph.mode == "idle")
-    assert "count pretriggered" not in graph.report()[1]
-
-
-def test_an_expectation_from_the_future_is_counted_and_not_used(harness, path):
-    graph = AheadGraph(harness, path)
     graph.expect(ahead_s=0.9)  # as clocks of a graph may differ
     graph.step()
     assert graph.report()[1]["expected task"] == "screw (0.90)"

@@ -13,7 +13,6 @@ from nodes.test_primitive_activation import HOME, Graph, check_commands
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 from intent_recognition.composing import ViaPoint, write_via_points
 from intent_recognition.errors import ArgumentError
@@ -64,8 +63,7 @@ def test_a_task_of_two_parts_with_a_via_point_and_another_task_leads_out(harness
     graph.task = "idle"
     graph.until(lambda: told and "screw (2 of 2) waits" in told[-1].message)
     assert values_of(told[-1])["task"] == "screw"
-    for _ in range(10):
-        graph.step()
+    graph.run(10)
     assert graph.active[-1].data == "plate", "the wrist is not there"
     back = Odometry()
     back.pose.pose = to_pose(np.array([0.5, 0.05, 0.2]), (0.0, 0.0, 0.0, 1.0))
@@ -146,9 +144,9 @@ def test_the_plan_in_force_is_saved_where_it_came_from(harness, tmp_path):
     node = node_of(harness, tmp_path, str(file))
     changed = "steps: [{step: task_1}]\n"
     node.set_parameters([Parameter("plan", value=changed)])
-    answer = harness.call(Trigger, "intent_estimator/save_plan", Trigger.Request())
+    answer = harness.trigger("intent_estimator/save_plan")
     assert answer.success and str(file) in answer.message
     assert read_plan(file.read_text()) == read_plan(changed)
     node.set_parameters([Parameter("plan", value="")])
-    answer = harness.call(Trigger, "intent_estimator/save_plan", Trigger.Request())
+    answer = harness.trigger("intent_estimator/save_plan")
     assert not answer.success and "from a file" in answer.message

@@ -95,7 +95,7 @@ class Cell:
             self.joints.publish(to_joint_state(joints, values, time_ns=stamp))
 
     def call(self, service):
-        return self.harness.call(Trigger, f"task_teacher/{service}", Trigger.Request())
+        return self.harness.trigger(f"task_teacher/{service}")
 
     def wait_said(self, text):
         self.harness.spin_until(lambda: any(text in m.data for m in self.said), what=text)

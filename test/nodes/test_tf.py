@@ -25,15 +25,13 @@ UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 class Tracker:
     """A camera on a moving arm, and what becomes of its poses."""
 
-    def __init__(self, harness, **parameters):
-        from tf2_msgs.msg import TFMessage
-
-        self.harness, self.type = harness, TFMessage
+    def __init__(self, harness, transforms, **parameters):
+        self.harness, self.type = harness, transforms
         self.node = harness.node(MocapIngest, **parameters)
         self.received = harness.collect(Odometry, "human/wrist", qos.SENSOR)
         self.poses = harness.publisher(PoseStamped, "mocap/wrist/pose", qos.SENSOR)
-        self.frames = harness.publisher(TFMessage, "/tf", qos.TRANSFORMS)
-        self.fixed = harness.publisher(TFMessage, "/tf_static", qos.FIXED_TRANSFORMS)
+        self.frames = harness.publisher(transforms, "/tf", qos.TRANSFORMS)
+        self.fixed = harness.publisher(transforms, "/tf_static", qos.FIXED_TRANSFORMS)
         harness.connect(self.poses, self.frames, self.fixed)
         harness.spin_until(lambda: harness.probe.count_publishers("human/wrist"))
 
@@ -58,9 +56,17 @@ class Tracker:
 
 
 @pytest.fixture
-def tracker(ros_interfaces, harness):
+def transforms(ros_interfaces):
+    """The messages of tf2."""
     ros_interfaces("tf2_msgs")
-    return Tracker(harness, tf_wait=10.0)
+    from tf2_msgs.msg import TFMessage
+
+    return TFMessage
+
+
+@pytest.fixture
+def tracker(transforms, harness):
+    return Tracker(harness, transforms, tf_wait=10.0)
 
 
 def test_a_pose_waits_for_the_transform_at_its_stamp(tracker):
@@ -94,11 +100,11 @@ def test_a_pose_without_transform_is_refused_with_the_reason(tracker):
     assert not tracker.received
 
 
-def test_trackers_and_bodies_are_told_as_frames(ros_interfaces, harness):
-    ros_interfaces("tf2_msgs")
-    tracker = Tracker(harness, extrinsics=["camera 0.0 0.0 1.0 0.0 0.0 0.0 1.0"])
-    frames = harness.collect(tracker.type, "/tf", qos.TRANSFORMS)
-    fixed = harness.collect(tracker.type, "/tf_static", qos.FIXED_TRANSFORMS)
+def test_trackers_and_bodies_are_told_as_frames(transforms, harness):
+    extrinsics = ["camera 0.0 0.0 1.0 0.0 0.0 0.0 1.0"]
+    tracker = Tracker(harness, transforms, extrinsics=extrinsics)
+    frames = harness.collect(transforms, "/tf", qos.TRANSFORMS)
+    fixed = harness.collect(transforms, "/tf_static", qos.FIXED_TRANSFORMS)
     harness.spin_until(lambda: fixed and tracker.node._frames.heard, what="the tracker's frame")
     (told,) = fixed[0].transforms
     assert (told.header.frame_id, told.child_frame_id) == ("world", "camera")
@@ -122,13 +128,10 @@ def places(messages, child):
     return found
 
 
-def test_the_predicted_hand_is_told_as_a_frame(ros_interfaces, harness, tmp_path):
+def test_the_predicted_hand_is_told_as_a_frame(transforms, harness, tmp_path):
     """Where the predicted path ends."""
-    ros_interfaces("tf2_msgs")
-    from tf2_msgs.msg import TFMessage
-
     folder = Folder(tmp_path, DOFS)
-    frames = harness.collect(TFMessage, "/tf", qos.TRANSFORMS)
+    frames = harness.collect(transforms, "/tf", qos.TRANSFORMS)
     graph = Graph(harness, folder)
     harness.spin_until(lambda: graph.node._frames.heard, what="somebody listens")
     graph.feed(folder.observations()[:100])
@@ -141,13 +144,10 @@ def test_the_predicted_hand_is_told_as_a_frame(ros_interfaces, harness, tmp_path
     assert len(expected) > 10 and all(told[stamp] == at for stamp, at in expected.items())
 
 
-def test_a_warped_object_is_told_as_a_frame(ros_interfaces, harness):
+def test_a_warped_object_is_told_as_a_frame(transforms, harness):
     """Where its pose is told, under the name of the node."""
-    ros_interfaces("tf2_msgs")
-    from tf2_msgs.msg import TFMessage
-
     node = harness.node(ObjectWarper)
-    frames = harness.collect(TFMessage, "/tf", qos.TRANSFORMS)
+    frames = harness.collect(transforms, "/tf", qos.TRANSFORMS)
     poses = harness.collect(PoseStamped, "object/pose", qos.STATE)
     clouds = harness.publisher(PointCloud2, "object/cloud", qos.STATE)
     harness.connect(clouds)
