@@ -135,6 +135,17 @@ def expected(model: Model, observations) -> list:
     return [estimator.update(observation) for observation in observations]
 
 
+def predictions_of(library, observations, posture=None) -> list:
+    """What is predicted after each of them, of an arm that waits in a posture."""
+    estimator, found = IntentEstimator(library), []
+    for observation in observations:
+        estimator.update(observation)
+        found.append(estimator.predict_controlled())
+        if posture is not None:
+            estimator.update_controlled(Observation(observation.stamp_ns, 0, posture))
+    return [prediction for prediction in found if prediction is not None]
+
+
 def check_tasks(messages, estimates, labels):
     assert len(messages) == len(estimates)
     for message, estimate in zip(messages, estimates, strict=True):

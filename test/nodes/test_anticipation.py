@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from estimator_graph import DOFS, Folder, message_for, shifted
+from estimator_graph import DOFS, Folder, message_for, predictions_of, shifted
 from estimator_graph import Graph as EstimatorGraph
 from model_builder import ROBOT
 from sensor_msgs.msg import JointState
@@ -17,7 +17,6 @@ from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.start_posture import POSTURE_USED, start_mean
 from intent_recognition.recognition.transitions import HABIT_TRUST
-from intent_recognition.signals.observation import Observation
 
 RING = np.array([[0.04, 0.92, 0.04], [0.04, 0.04, 0.92], [0.92, 0.04, 0.04], [1 / 3] * 3])
 
@@ -53,26 +52,13 @@ class Graph(EstimatorGraph):
                 self.send_arm(to_joint_state(ROBOT.joints, posture, time_ns=observation.stamp_ns))
 
 
-def alone(model, observations, arm):
-    """What the library says of the same messages."""
-    estimator = IntentEstimator(model.library)
-    predictions = []
-    for observation in observations:
-        estimator.update(observation)
-        prediction = estimator.predict_controlled()
-        estimator.update_controlled(Observation(observation.stamp_ns, 0, arm(0)))
-        if prediction is not None:
-            predictions.append(prediction)
-    return predictions
-
-
 @pytest.mark.slow
 def test_the_start_posture_is_used_and_equals_the_library_s(harness, folder):
     start = start_mean(folder.model.library, 1) + 0.003
     graph = Graph(harness, folder)
     observations = folder.observations(1)
     graph.feed(observations, lambda stamp: start)
-    predictions = alone(folder.model, observations, lambda stamp: start)
+    predictions = predictions_of(folder.model.library, observations, start)
     harness.spin_until(lambda: len(graph.robot) >= len(predictions), what="predictions")
     assert sum(p.start == POSTURE_USED for p in predictions) > 50
     for message, prediction in zip(graph.robot, predictions, strict=True):

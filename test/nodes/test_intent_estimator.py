@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
-from estimator_graph import DOFS, MIXED, Folder, Graph, check_tasks, expected, message_for
+from estimator_graph import (
+    DOFS,
+    MIXED,
+    Folder,
+    Graph,
+    check_tasks,
+    expected,
+    message_for,
+    predictions_of,
+)
 from geometry_msgs.msg import PoseStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -25,7 +34,6 @@ from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns, to_stamp, trajectory_arrays
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
-from intent_recognition.recognition.estimator import IntentEstimator
 
 
 @pytest.fixture(scope="module")
@@ -61,12 +69,7 @@ def test_trajectory_is_filled_as_the_contract_says(harness, wrist):
     graph = Graph(harness, wrist, publish_rate=1000.0)
     observations = wrist.observations(1)
     graph.feed(observations)
-    estimator = IntentEstimator(wrist.model.library)
-    predictions = []
-    for observation in observations:
-        estimator.update(observation)
-        predictions.append(estimator.predict_controlled())
-    predictions = [p for p in predictions if p is not None]
+    predictions = predictions_of(wrist.model.library, observations)
     assert len(predictions) > 50
     harness.spin_until(lambda: len(graph.robot) >= len(predictions))
     for message, prediction in zip(graph.robot, predictions, strict=True):

@@ -72,10 +72,7 @@ def test_managed_node_survives_a_failing_transition(harness, error):
     ("error", "again"),
     [
         (ModelError("no model"), (Transition.TRANSITION_ACTIVATE,)),
-        (
-            ZeroDivisionError(),
-            (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE),
-        ),
+        (ZeroDivisionError(), (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)),
     ],
 )
 def test_an_activation_that_fails_is_undone(harness, error, again):

@@ -74,7 +74,6 @@ def test_clouds_survive_the_wire():
 
 
 def test_malformed_clouds_are_named():
-    """Missing fields, wrong sizes, unknown types, offsets outside of a point."""
     for spoil, reason in (
         (lambda m: m.fields.pop(0), "no x"),
         (lambda m: setattr(m, "data", b"1234"), "bytes"),
@@ -198,6 +197,5 @@ def test_a_grasp_that_does_not_fit_costs_no_parameters(harness, tmp_path):
     ],
 )
 def test_wrong_parameters_stop_the_node(harness, overrides, error):
-    """At start-up, with the reason."""
     with pytest.raises(error):
         harness.node(ObjectWarper, **overrides)
