@@ -52,7 +52,6 @@ def test_push_deflects_as_the_stiffness_says(arm):
 
 
 def test_torque_never_exceeds_its_limits(arm):
-    """A reference far away saturates, is clipped and is counted."""
     seen = []
     arm.before_step.append(lambda a: seen.append(np.abs(a.state().torque)))
     target = np.array(READY_POSITION) + np.array([2.0, 1.2, 2.0, -2.0, 2.0, 2.0, -2.8])

@@ -84,7 +84,6 @@ def test_inverse_dynamics_matches_newton_euler(arm, q, qd, qdd):
 
 
 def test_a_free_step_accelerates_as_newton_euler_says(arm):
-    """The torque of a wanted acceleration, applied for one step, gives that acceleration."""
     rng = np.random.default_rng(4)
     q, qdd = rng.uniform(-1.0, 1.0, 7), rng.uniform(-2.0, 2.0, 7)
     arm.reset(q)

@@ -29,6 +29,13 @@ def command(*rows, **options):
     return TrajectoryCommand.validated(JOINT_NAMES, *rows, **options)
 
 
+def following(*rows, since_s=0.0, **options):
+    """At rest, and then given such a command."""
+    follower = TrajectoryFollower(REST)
+    follower.accept(command(*rows, **options), since_s)
+    return follower
+
+
 def samples(follower, times):
     references = [follower.sample(t) for t in times]
     return tuple(np.array([getattr(r, field) for r in references]) for field in ("q", "qd", "qdd"))
@@ -36,8 +43,7 @@ def samples(follower, times):
 
 def test_quintic_points_give_the_quintic_back():
     times, q, qd, qdd = quintic_rows(REST, np.full(7, 0.5), 2.0, 5)
-    follower = TrajectoryFollower(REST)
-    follower.accept(command(times, q, qd, qdd), 0.0)
+    follower = following(times, q, qd, qdd)
     fine, *expected = quintic_rows(REST, np.full(7, 0.5), 2.0, 401)
     for found, wanted in zip(samples(follower, fine), expected, strict=True):
         assert np.allclose(found, wanted, atol=1e-9)
@@ -45,8 +51,7 @@ def test_quintic_points_give_the_quintic_back():
 
 def test_cubic_through_points_and_velocities():
     times, q, qd, _ = quintic_rows(REST, np.full(7, 0.5), 2.0, 9)
-    follower = TrajectoryFollower(REST)
-    follower.accept(command(times, q, qd), 3.0)
+    follower = following(times, q, qd, since_s=3.0)
     found_q, found_qd, _ = samples(follower, 3.0 + times)
     assert np.allclose(found_q, q, atol=1e-12)
     assert np.allclose(found_qd, qd, atol=1e-12)
@@ -54,8 +59,7 @@ def test_cubic_through_points_and_velocities():
 
 def test_positions_alone_do_not_overshoot():
     q = np.outer([0.0, 0.3, 0.35, 0.35, 0.1], np.ones(7))
-    follower = TrajectoryFollower(REST)
-    follower.accept(command([0.0, 0.5, 1.0, 1.5, 2.0], q), 0.0)
+    follower = following([0.0, 0.5, 1.0, 1.5, 2.0], q)
     found, velocities, _ = samples(follower, np.linspace(0.0, 2.0, 500))
     assert found.max() <= 0.35 + 1e-9
     assert found.min() >= -1e-9
@@ -64,8 +68,7 @@ def test_positions_alone_do_not_overshoot():
 
 def test_single_point_is_reached_at_its_time_and_held():
     goal = np.full(7, 0.4)
-    follower = TrajectoryFollower(REST)
-    follower.accept(command([2.0], [goal]), 1.0)
+    follower = following([2.0], [goal], since_s=1.0)
     for t in (3.0, 3.5, 100.0):
         reference = follower.sample(t)
         assert np.allclose(reference.q, goal, atol=1e-9)
@@ -74,8 +77,7 @@ def test_single_point_is_reached_at_its_time_and_held():
 
 
 def test_a_point_too_soon_is_reached_later_within_the_limits():
-    follower = TrajectoryFollower(REST)
-    follower.accept(command([0.001], [np.full(7, 0.8)]), 0.0)
+    follower = following([0.001], [np.full(7, 0.8)])
     q, qd, qdd = samples(follower, np.linspace(0.0, 3.0, 3000))
     assert np.all(np.abs(qd) <= LWR_LIMITS.velocity)
     assert np.all(np.abs(qdd) <= LWR_LIMITS.acceleration)
@@ -83,9 +85,8 @@ def test_a_point_too_soon_is_reached_later_within_the_limits():
 
 
 def test_future_stamp_waits_and_the_old_one_goes_on():
-    follower = TrajectoryFollower(REST)
     times, q, qd, qdd = quintic_rows(REST, np.full(7, 0.5), 2.0, 9)
-    follower.accept(command(times, q, qd, qdd), 0.0)
+    follower = following(times, q, qd, qdd)
     alone = samples(follower, np.linspace(0.0, 1.0, 100))
     later = command(times, q * -1.0, -qd, -qdd, start_s=1.0)
     follower.accept(later, 0.5)
@@ -105,16 +106,14 @@ def test_points_in_the_past_are_skipped():
 
 
 def test_a_later_command_replaces_one_that_waits():
-    follower = TrajectoryFollower(REST)
-    follower.accept(command([1.0], [np.full(7, 0.5)], start_s=5.0), 0.0)
+    follower = following([1.0], [np.full(7, 0.5)], start_s=5.0)
     follower.accept(command([1.0], [np.full(7, -0.3)], start_s=2.0), 0.0)
     assert np.allclose(follower.sample(20.0).q, -0.3)
     assert np.allclose(follower.sample(1.9).q, 0.0)
 
 
 def test_hold_forgets_everything():
-    follower = TrajectoryFollower(REST)
-    follower.accept(command([1.0], [np.full(7, 0.5)]), 0.0)
+    follower = following([1.0], [np.full(7, 0.5)])
     follower.hold(np.full(7, 0.2))
     assert np.array_equal(follower.sample(5.0).q, np.full(7, 0.2))
     with pytest.raises(ShapeError):
@@ -139,7 +138,6 @@ def scripts(draw):
 @settings(max_examples=60, deadline=None)
 @given(scripts())
 def test_replacement_is_continuous_and_its_acceleration_bounded(script):
-    """Position and velocity at every switch agree from both sides; acceleration has a bound."""
     follower = TrajectoryFollower(REST)
     switches, own = [], 0.0
     for now, begin, goal, duration, n, delay in script:
@@ -174,8 +172,7 @@ def test_replacement_is_continuous_and_its_acceleration_bounded(script):
 @settings(max_examples=40, deadline=None)
 @given(lists(floats(-1.5, 1.5), min_size=7, max_size=7))
 def test_blend_alone_keeps_its_share_of_the_acceleration(goal):
-    follower = TrajectoryFollower(REST)
-    follower.accept(command([0.0], [goal]), 0.0)
+    follower = following([0.0], [goal])
     _, _, qdd = samples(follower, np.linspace(0.0, 5.0, 2000))
     assert np.all(np.abs(qdd) <= ACCELERATION_SHARE * LWR_LIMITS.acceleration * (1.0 + 1e-9))
 

@@ -4,8 +4,6 @@
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.parameter import Parameter
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from intent_recognition.errors import ArgumentError, TrajectoryError
@@ -91,13 +89,8 @@ def prediction(std):
 
 @pytest.mark.slow
 def test_the_node_takes_the_spread_of_predictions(harness):
-    heard = harness.collect(DiagnosticArray, "/diagnostics", 10)
     sender = harness.publisher(JointTrajectory, "intent/robot_trajectory", COMMAND)
-    overrides = [
-        Parameter("controller", value="stochastic_feedback"),
-        Parameter("publish_clock", value=True),
-    ]
-    node = harness.add(LwrSim(parameter_overrides=overrides))
+    node = harness.node(LwrSim, controller="stochastic_feedback", publish_clock=True)
     harness.connect(sender)
     assert not node.commands.spread.in_force(node.arm.time_s)
     sender.publish(prediction(UNSURE))
@@ -105,18 +98,11 @@ def test_the_node_takes_the_spread_of_predictions(harness):
     expected = resting_gains(UNSURE)
     np.testing.assert_allclose(node.commands.spread.gains(node.arm.time_s), expected)
     sender.publish(prediction([]))
-    harness.spin_until(
-        lambda: any(
-            "bad_prediction" in value.key
-            for message in heard
-            for status in message.status
-            for value in status.values
-        )
-    )
+    harness.spin_until(lambda: node.diagnostics.rejected("bad_prediction"))
     assert node.commands.spread.in_force(node.arm.time_s)
 
 
 def test_low_gains_are_the_default_and_another_name_is_refused(harness):
-    assert harness.add(LwrSim()).commands.spread is None
+    assert harness.node(LwrSim).commands.spread is None
     with pytest.raises(ArgumentError, match="controller"):
-        LwrSim(parameter_overrides=[Parameter("controller", value="stiff")])
+        harness.node(LwrSim, controller="stiff")

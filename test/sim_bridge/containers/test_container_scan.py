@@ -17,7 +17,6 @@ EXACT = Camera(depth_noise_std_m=0.0, normal_noise_std_rad=0.0)
 
 @pytest.mark.parametrize("name", ["mug", "shallow_bowl", "square_bowl"])
 def test_points_are_on_the_surface_and_are_seen(name):
-    """Without noise each point is on the mesh, faces its camera and nothing is in between."""
     container = make_container(name)
     seen = scan(container.mesh, np.random.default_rng(0), 2, 500, EXACT)
     _, distance, _ = trimesh.proximity.closest_point_naive(container.mesh, seen.points[:60])
@@ -30,7 +29,6 @@ def test_points_are_on_the_surface_and_are_seen(name):
 
 
 def test_noise_is_along_the_ray_and_as_large_as_said():
-    """The same pixels with and without noise differ along the ray by its deviation."""
     container = make_container("tumbler")
     exact = scan(container.mesh, np.random.default_rng(3), 1, 1500, EXACT)
     noisy = scan(container.mesh, np.random.default_rng(3), 1, 1500)
@@ -43,7 +41,6 @@ def test_noise_is_along_the_ray_and_as_large_as_said():
 
 
 def test_more_points_than_are_seen_are_refused():
-    """A scan cannot have more points than pixels that see the object."""
     far = Camera(distance_m=0.7, grazing_rad=1.5)
     with pytest.raises(ArgumentError, match="n_points"):
         scan(make_container("tall_glass").mesh, np.random.default_rng(0), 1, 2000, far)

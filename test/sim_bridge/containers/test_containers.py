@@ -19,7 +19,6 @@ HANDLED = ("mug", "tall_mug", "espresso_cup", "tea_cup")
 
 @pytest.mark.parametrize("name", CONTAINER_NAMES)
 def test_solids_are_closed_and_wound_outward(name):
-    """Wall, handle and cavity are watertight with positive volume."""
     for seed in SEEDS:
         container = make_container(name, seed)
         solids = [container.mesh, container.inner]
@@ -72,7 +71,6 @@ def test_tilt_of_the_mesh_cut_by_a_plane():
 
 
 def test_labels_know_the_parts():
-    """Points of the handle are outside of the wall; the rim is a band at the top."""
     for name in CONTAINER_NAMES:
         container = make_container(name, 0)
         points = trimesh.sample.sample_surface(container.mesh, 3000, seed=1)[0]
@@ -85,7 +83,6 @@ def test_labels_know_the_parts():
 
 
 def test_lip_is_where_the_other_container_is():
-    """The lip of a round cup points to the other container; a square one offers its side."""
     cup, square = make_container("tumbler"), make_container("square_bowl")
     lip = cup.lip_toward(np.array([0.3, 0.3, -0.2]))
     np.testing.assert_allclose(lip, [*[cup.opening_radius_m / np.sqrt(2)] * 2, cup.height_m], 1e-2)

@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from experiments.teaching.record_sessions import (
-    FIRST_SEED,
-    INTERACTIONS,
-    SESSIONS,
-    record_session,
-)
+from experiments.teaching.record_sessions import FIRST_SEED, INTERACTIONS, SESSIONS, record_session
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions

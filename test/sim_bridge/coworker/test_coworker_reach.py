@@ -6,12 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_bridge.coworker.reach import (
-    Hesitation,
-    Reach,
-    bow_profile,
-    normalised_time,
-)
+from sim_bridge.coworker.reach import Hesitation, Reach, bow_profile, normalised_time
 from sim_bridge.coworker.timeline import quaternions
 
 

@@ -43,19 +43,6 @@ def test_a_panda_follows_a_trajectory_and_shows_its_fingers(harness):
     assert node.arm.saturated_steps == 0
 
 
-def test_a_trajectory_of_another_arm_is_refused(harness):
-    states = harness.collect(JointState, "joint_states", STATE)
-    sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
-    node = make(harness, robot="xarm", real_time_factor=5.0)
-    harness.spin_until(lambda: states and sender.get_subscription_count())
-    names = find_robot("panda").joint_names
-    sender.publish(
-        build_joint_trajectory(names, np.array([0.0, 1.0]), np.zeros((2, 7)), np.zeros((2, 7)))
-    )
-    harness.spin_until(lambda: node.diagnostics.rejected("wrong_joint_names"))
-    assert np.abs(np.array(states[-1].position) - find_robot("xarm").ready).max() < 1e-3
-
-
 def test_of_commands_sent_at_once_each_is_counted(harness):
     """Simulated time would wait in vain for one that a newer one had replaced unseen."""
     robot = find_robot("panda")

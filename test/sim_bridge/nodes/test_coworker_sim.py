@@ -10,6 +10,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from intent_recognition.errors import ArgumentError
+from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.diagnostics import ENDED, values_of
 from intent_recognition.nodes.qos import FEEDBACK, SENSOR, STATE
 from intent_recognition.registry import ANSWERS
@@ -36,10 +37,6 @@ SESSION = {
 def make(**overrides) -> CoworkerSim:
     values = {**SESSION, **overrides}
     return CoworkerSim(parameter_overrides=[Parameter(k, value=v) for k, v in values.items()])
-
-
-def stamp_ns(message: PoseStamped) -> int:
-    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
 
 
 def play(harness, node, clock, step_ns=5_000_000):

@@ -58,6 +58,11 @@ def session(decided_s=1.0, task=TASK, hand_offset_m=(0.0, 0.0, 0.02), first=TASK
     return plan, log
 
 
+def score_first(log, plan, **options):
+    """The record of the first interaction."""
+    return score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan), **options))[0][0]
+
+
 def test_first_sample_is_found_although_the_first_messages_were_lost():
     plan, log = session()
     assert first_sample_ns(log, plan) == FIRST_NS
@@ -91,8 +96,7 @@ def test_an_arm_that_waits_at_a_stand_has_not_arrived():
     fetched = np.clip((log.joint_ns - end + 1_500_000_000) / 1_000_000_000, 0.0, 1.0)
     begun = HOME + fetched[:, None] * (stand - HOME)
     log = replace(log, joint_rad=begun + share[:, None] * (there - begun))
-    scoring = Scoring(toolbox_places(plan), by_force=True, passed_m=np.array([STANDS_M[TASK]]))
-    record = score_session(log, plan, FIRST_NS, scoring)[0][0]
+    record = score_first(log, plan, by_force=True, passed_m=np.array([STANDS_M[TASK]]))
     assert record.arrival_s == pytest.approx(1.4, abs=0.08)
     assert record.hand_error_m == pytest.approx(0.02, abs=1e-3)
 
@@ -111,8 +115,7 @@ def test_an_arm_that_still_rests_where_it_helped_somebody_else_has_not_arrived()
         joint_rad=begun + share[:, None] * (log.joint_rad[-1] - begun),
         active_ns=np.array([decided, end + 5_000_000_000]),
     )
-    scoring = Scoring(toolbox_places(plan), by_force=True)
-    record = score_session(log, plan, FIRST_NS, scoring)[0][0]
+    record = score_first(log, plan, by_force=True)
     assert record.arrival_s == pytest.approx(1.7, abs=0.08)
     assert record.hand_error_m == pytest.approx(0.02, abs=1e-3)
 
@@ -129,8 +132,7 @@ def test_an_arm_that_waits_on_the_way_has_not_arrived_where_the_object_changed_h
         joint_rad=HOME + share[:, None] * (log.joint_rad[-1] - HOME),
         contacts=ContactLog(log.joint_ns, holders, np.zeros((len(holders), 3))),
     )
-    scoring = Scoring(toolbox_places(plan), by_force=True)
-    record = score_session(log, plan, FIRST_NS, scoring)[0][0]
+    record = score_first(log, plan, by_force=True)
     assert record.handed_over
     assert record.arrival_s == pytest.approx(2.2, abs=0.08)
     assert record.hand_error_m == pytest.approx(0.02, abs=1e-3)
@@ -146,7 +148,7 @@ def test_nothing_activated_is_a_miss():
 
 def test_the_wrong_task_is_a_miss_without_a_hand_error():
     plan, log = session(task="screw_handover")
-    record = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))[0][0]
+    record = score_first(log, plan)
     assert record.recognised == "screw_handover"
     assert not record.right
     assert record.hand_error_m is None
@@ -183,7 +185,7 @@ def test_a_change_is_followed_if_the_new_task_is_active_soon_after_the_end(late_
         active_ns=np.array([onset + 500_000_000, switched, switched + 2_000_000_000]),
         active=("hold_screwdriver", TASK, ""),
     )
-    record = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))[0][0]
+    record = score_first(log, plan)
     assert (record.changed_from, record.task) == ("hold_screwdriver", TASK)
     assert record.right == (late_s < 0.3)
     assert record.recognised == (TASK if record.right else "hold_screwdriver")

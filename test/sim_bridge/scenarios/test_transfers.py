@@ -75,6 +75,12 @@ class Cell:
         if self.holders[-1:] != [contact.holder]:
             self.holders.append(contact.holder)
 
+    def hand_over(self, to: Holder) -> None:
+        """Begin the task, and go on until that one alone has the object."""
+        self.world.set_task(self.task)
+        self.run(lambda: self.holders[-1:] == [to])
+        assert self.holders[-1] is to
+
     def run(self, until, longest_s=9.0) -> None:
         while not until() and self.arm.time_s < longest_s:
             self.arm.step()
@@ -100,8 +106,7 @@ def cell():
 def test_the_worker_pulls_and_has_the_object(cell, task, off_m):
     """It is pulled to the wrist, also where that is beside the fingers."""
     one = cell(task, 3, off_m=off_m)
-    one.world.set_task(task)
-    one.run(lambda: one.holders[-1:] == [Holder.PERSON])
+    one.hand_over(Holder.PERSON)
     held = [holder for holder in one.holders if holder is not Holder.NOBODY]  # fingers closing
     assert held == [Holder.ROBOT, Holder.BOTH, Holder.PERSON]
     assert one.told == [True]
@@ -112,10 +117,8 @@ def test_the_worker_pulls_and_has_the_object(cell, task, off_m):
 @pytest.mark.slow
 def test_the_robot_closes_on_what_the_worker_brings_and_has_it(cell):
     one = cell(HOLD, 4)
-    one.world.set_task(HOLD)
-    one.run(lambda: one.holders[-1:] == [Holder.ROBOT])
+    one.hand_over(Holder.ROBOT)
     assert one.holders[0] is Holder.PERSON
-    assert one.holders[-1] is Holder.ROBOT
     assert Holder.NOBODY not in one.holders
     one.world.set_task("")
     assert one.told == [False]
@@ -124,9 +127,7 @@ def test_the_robot_closes_on_what_the_worker_brings_and_has_it(cell):
 @pytest.mark.slow
 def test_the_worker_brings_it_between_fingers_that_are_not_where_they_were_expected(cell):
     one = cell(HOLD, 20, off_m=(0.0, -0.04, 0.0))  # more than their opening
-    one.world.set_task(HOLD)
-    one.run(lambda: one.holders[-1:] == [Holder.ROBOT])
-    assert one.holders[-1] is Holder.ROBOT
+    one.hand_over(Holder.ROBOT)
     assert Holder.NOBODY not in one.holders
 
 
