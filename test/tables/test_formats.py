@@ -44,6 +44,11 @@ def imported(path, columns, more=None, **keys):
     return list(import_demonstrations(path, mapping))
 
 
+def c3d_of(folder, points, **options):
+    (folder / "a.c3d").write_bytes(c3d_file(points, **options))
+    return folder / "a.c3d"
+
+
 @pytest.mark.parametrize("kind", EXAMPLES)
 def test_a_file_as_it_is_exported(kind, tmp_path):
     make, columns, more = EXAMPLES[kind]
@@ -86,15 +91,13 @@ UNITS = {"mm": 1e-3, "MM": 1e-3, "millimeters": 1e-3, "Millimetres": 1e-3, "in":
 @pytest.mark.parametrize("unit", UNITS)
 def test_a_unit_of_c3d_in_any_spelling(unit, tmp_path):
     points = (PLACE / 1000 / UNITS[unit])[:, None]
-    (tmp_path / "a.c3d").write_bytes(c3d_file(points, units=unit, labels=["W"]))
-    (found,) = imported(tmp_path / "a.c3d", three("W"))
+    (found,) = imported(c3d_of(tmp_path, points, units=unit, labels=["W"]), three("W"))
     np.testing.assert_allclose(found.samples[0].values, PLACE / 1000, rtol=1e-6)
 
 
 @pytest.mark.parametrize("unit", [None, "", "parsec"])
 def test_an_unknown_unit_of_c3d_is_asked_for(unit, tmp_path):
-    (tmp_path / "a.c3d").write_bytes(c3d_file(PLACE[:, None], units=unit, labels=["W"]))
-    (left_out,) = imported(tmp_path / "a.c3d", three("W"))
+    (left_out,) = imported(c3d_of(tmp_path, PLACE[:, None], units=unit, labels=["W"]), three("W"))
     assert "columns_unit" in left_out.cure and (unit or "none") in left_out.reason
     (found,) = imported(tmp_path / "a.c3d", three("W"), columns_unit="mm")
     assert np.allclose(found.samples[0].values, PLACE / 1000)
@@ -102,8 +105,7 @@ def test_an_unknown_unit_of_c3d_is_asked_for(unit, tmp_path):
 
 def test_labels_that_occur_twice_are_refused_by_name_and_taken_by_number(tmp_path):
     points = np.stack([PLACE, PLACE + 100.0], axis=1)
-    (tmp_path / "a.c3d").write_bytes(c3d_file(points, labels=["W", "W"]))
-    (left_out,) = imported(tmp_path / "a.c3d", three("W"))
+    (left_out,) = imported(c3d_of(tmp_path, points, labels=["W", "W"]), three("W"))
     assert "twice 'W.x', the columns 0 and 3" in left_out.reason
     (found,) = imported(tmp_path / "a.c3d", [3, 4, 5])
     assert np.allclose(found.samples[0].values, (PLACE + 100.0) / 1000)
@@ -112,8 +114,7 @@ def test_labels_that_occur_twice_are_refused_by_name_and_taken_by_number(tmp_pat
 def test_zeros_of_an_occluded_marker_are_gaps_and_named(tmp_path):
     hidden = PLACE[:, None].copy()
     hidden[10:14] = 0.0
-    (tmp_path / "a.c3d").write_bytes(c3d_file(hidden, labels=["W"]))
-    said, found = imported(tmp_path / "a.c3d", three("W"))
+    said, found = imported(c3d_of(tmp_path, hidden, labels=["W"]), three("W"))
     assert said.reason == "frames at exactly (0, 0, 0) are taken for occlusion: W 4"
     assert np.sum(np.isnan(found.samples[0].values[:, 0])) == 4
 
@@ -123,8 +124,7 @@ def test_more_frames_than_a_header_can_state(way, tmp_path):
     points = np.broadcast_to(
         np.float32(300.0) + np.arange(66_000)[:, None, None] % 7, (66_000, 1, 3)
     )
-    (tmp_path / "a.c3d").write_bytes(c3d_file(points, labels=["W"], frames_by=way))
-    (found,) = imported(tmp_path / "a.c3d", three("W"))
+    (found,) = imported(c3d_of(tmp_path, points, labels=["W"], frames_by=way), three("W"))
     assert np.sum(np.isfinite(found.samples[0].values[:, 0])) == 66_000
 
 
@@ -132,8 +132,7 @@ def test_more_than_255_markers_and_lax_headers(tmp_path):
     points = np.repeat(PLACE[:, None], 300, axis=1)
     points[:, 280] += 100.0
     names = [f"M{k}" for k in range(300)]
-    (tmp_path / "a.c3d").write_bytes(c3d_file(points, labels=names))
-    (found,) = imported(tmp_path / "a.c3d", three("M280"))
+    (found,) = imported(c3d_of(tmp_path, points, labels=names), three("M280"))
     assert np.allclose(found.samples[0].values, (PLACE + 100.0) / 1000)
     for options in ({"repeat": True}, {"analog_stated": 9}, {"order": ">"}):
         (tmp_path / "b.c3d").write_bytes(c3d_file(PLACE[:, None], labels=["W"], **options))

@@ -13,6 +13,8 @@ from intent_recognition.tables import import_demonstrations
 from intent_recognition.tables.import_map import ImportMap
 from intent_recognition.tables.times import SINCE_NS
 
+STATES = {"observed": [WRIST | {"columns": [f"observation.state.{axis}" for axis in "xyz"]}]}
+
 
 @pytest.mark.parametrize(
     "module, package", [("pyarrow.parquet", "pyarrow"), ("ezc3d", "ezc3d"), ("h5py", "h5py")]
@@ -93,11 +95,13 @@ def test_a_lerobot_episode_is_cut_where_its_task_changes(has_texts, lerobot):
     tasks = [1] * 3 + [0] * 2 + [1] * 3 + [0] * (table.num_rows - 8)  # the first episode has 8 rows
     at = table.column_names.index("task_index")
     parquet.write_table(table.set_column(at, "task_index", [tasks]), path)
-    columns = [f"observation.state.{axis}" for axis in "xyz"]
-    mapping = ImportMap.from_dict({"observed": [WRIST | {"columns": columns}]})
     for path in (folder / "meta").glob("tasks.*" if not has_texts else "none"):
         path.unlink()
-    found = [one for one in import_demonstrations(folder, mapping) if hasattr(one, "samples")]
+    found = [
+        one
+        for one in import_demonstrations(folder, ImportMap.from_dict(STATES))
+        if hasattr(one, "samples")
+    ]
     take, hand = "Take the screw.", "Hand me the plate."
     take, hand = (take, hand) if has_texts else ("task_index 1", "task_index 0")
     assert [one.custom_data["task"] for one in found] == [take, hand, take, hand]
@@ -111,8 +115,7 @@ def test_a_lerobot_task_without_a_text_is_one_of_its_own(first, lerobot, tmp_pat
     folder, _ = lerobot
     tasks = [*first, {"task_index": 1, "task": "hand"}]
     (folder / "meta/tasks.jsonl").write_text("\n".join(map(json.dumps, tasks)))
-    columns = [f"observation.state.{axis}" for axis in "xyz"]
-    found = imported(folder, tmp_path, {"observed": [WRIST | {"columns": columns}]})
+    found = imported(folder, tmp_path, STATES)
     assert sorted(one.task for one in found) == ["hand", "task_index 0"]
 
 
@@ -123,9 +126,7 @@ def test_lerobot_without_tasks_or_times(missing, lerobot):
     folder, states = lerobot
     for path in (folder / "data").rglob("*.parquet"):
         parquet.write_table(parquet.read_table(path).drop_columns([missing]), path)
-    columns = [f"observation.state.{axis}" for axis in "xyz"]
-    mapping = ImportMap.from_dict({"observed": [WRIST | {"columns": columns}]})
-    *said, first, _ = import_demonstrations(folder, mapping)
+    *said, first, _ = import_demonstrations(folder, ImportMap.from_dict(STATES))
     assert [one.reason for one in said] == [
         "there is no column task_index: give the tasks in the map"
     ] * (missing == "task_index")

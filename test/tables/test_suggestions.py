@@ -42,6 +42,11 @@ def suggested(source):
     return content, text, found
 
 
+def suggested_csv(folder, table):
+    (folder / "a.csv").write_text(table, encoding="utf-8")
+    return suggested(folder / "a.csv")
+
+
 @pytest.mark.parametrize(
     ("columns", "joints"),
     [
@@ -57,8 +62,7 @@ def test_joints_are_not_called_by_a_unit_that_is_converted(columns, joints, tmp_
     def row(k):
         return [f"{TIMES_S[k]}", f"{SHARE[k, 0]}", f"{1.0 - SHARE[k, 0]}"]
 
-    (tmp_path / "a.csv").write_text(table(",".join(("t", *columns)), row))
-    content, *_ = suggested(tmp_path / "a.csv")
+    content, *_ = suggested_csv(tmp_path, table(",".join(("t", *columns)), row))
     assert content["observed"][0]["joints"] == joints
     assert content["observed"][0]["columns"] == list(columns)
 
@@ -72,8 +76,7 @@ def test_a_unit_that_is_unknown_is_asked_for_when_it_is_imported(tmp_path):
 
 @pytest.mark.parametrize("name", ["temps", "czas (s)", "\N{CJK UNIFIED IDEOGRAPH-6642}"])
 def test_a_first_column_that_goes_on_evenly_is_the_time_in_any_language(name, tmp_path):
-    (tmp_path / "a.csv").write_text(plain(head=f"{name},x,y,z"), encoding="utf-8")
-    content, *_ = suggested(tmp_path / "a.csv")
+    content, *_ = suggested_csv(tmp_path, plain(head=f"{name},x,y,z"))
     assert content["time"] == {"column": name, "unit": "s"} and "controlled" not in content
 
 
@@ -82,8 +85,7 @@ def test_columns_of_a_body_may_have_units_of_their_own(tmp_path):
         x, y, z = PLACE[k]
         return [f"{TIMES_S[k]}", f"{x / 1e3}", f"{y / 1e3}", f"{z}"]
 
-    (tmp_path / "a.csv").write_text(table("t,x_m,y_m,z_mm", row))
-    content, _, (found,) = suggested(tmp_path / "a.csv")
+    content, _, (found,) = suggested_csv(tmp_path, table("t,x_m,y_m,z_mm", row))
     assert "columns_unit" not in content["observed"][0]
     np.testing.assert_allclose(found.samples[0].values, PLACE / 1e3, atol=1e-9)
 
@@ -150,8 +152,7 @@ def test_bodies_of_one_name_have_topics_of_their_own(tmp_path):
     _, *rest = content.splitlines()
     rows = [",".join([*row.split(",")[:4], *row.split(",")[1:4]]) for row in rest]
     names = "t,obs.x,obs.y,obs.z,pose.x,pose.y,pose.z"
-    (tmp_path / "a.csv").write_text("\n".join([names, *rows]) + "\n")
-    content, *_ = suggested(tmp_path / "a.csv")
+    content, *_ = suggested_csv(tmp_path, "\n".join([names, *rows]) + "\n")
     assert content["observed"][0]["topic"] == "/mocap/wrist/pose"
     assert content["controlled"][0]["topic"] == "/mocap/wrist_2/pose"
 
@@ -206,8 +207,7 @@ def test_places_are_known_by_their_units_and_as_parts_of_a_pose(tmp_path):
     def row(k):
         return [f"{TIMES_S[k]}", *cells(k, scale=1e-3) * 3, f"{80 * SHARE[k, 0]}"]
 
-    (tmp_path / "a.csv").write_text(table(",".join(names), row))
-    content, text, _ = suggested(tmp_path / "a.csv")
+    content, text, _ = suggested_csv(tmp_path, table(",".join(names), row))
     entries = content["observed"] + content["controlled"]
     assert [entry["columns"] for entry in entries] == [names[1:4], names[4:7]]
     assert "# They move, and are no positions: gripper [mm]" in text
@@ -216,8 +216,7 @@ def test_places_are_known_by_their_units_and_as_parts_of_a_pose(tmp_path):
 def test_landmarks_of_an_image_are_places_of_two_axes(tmp_path):
     head = "bodyparts,Händ,Händ,Händ,2nd,2nd,2nd\ncoords,x,y,likelihood,x,y,likelihood"
     content = table(head, lambda k: [str(k), *(*cells(k)[:2], "0.9") * 2])
-    (tmp_path / "a.csv").write_text(content, encoding="utf-8")
-    content, _, _ = suggested(tmp_path / "a.csv")
+    content, _, _ = suggested_csv(tmp_path, content)
     entries = content["observed"] + content["controlled"]
     assert [entry["topic"] for entry in entries] == ["/mocap/hand/pose", "/mocap/body_2nd/pose"]
     assert all(entry["fields"] == ["pose.position.x", "pose.position.y"] for entry in entries)
@@ -250,8 +249,7 @@ def test_arrays_have_units_of_their_own_and_bodies_one(tmp_path):
 
 def test_a_table_of_ros2_topic_echo_has_its_time(tmp_path):
     content = table("", lambda k: ["1700000000", f"{k * 10**6}", "world", *cells(k, scale=1e-3)])
-    (tmp_path / "a.csv").write_text(content.lstrip())
-    _, _, (found,) = suggested(tmp_path / "a.csv")
+    _, _, (found,) = suggested_csv(tmp_path, content.lstrip())
     assert found.samples[0].stamps_ns[3] == 1_700_000_000_003_000_000
 
 
@@ -276,8 +274,7 @@ def test_a_place_is_told_from_a_rotation_a_speed_and_a_command(head, place, tmp_
     def row(k):
         return [f"{TIMES_S[k]}", *cells(k, scale=1e-3) * 2, "0.5"][: head.count(",") + 1]
 
-    (tmp_path / "a.csv").write_text(table(head, row))
-    content, *_ = suggested(tmp_path / "a.csv")
+    content, *_ = suggested_csv(tmp_path, table(head, row))
     entries = content["observed"] + content.get("controlled", [])
     (first,) = [entry["columns"][0] for entry in entries if "PoseStamped" in entry["type"]]
     assert first.startswith(place)
@@ -300,8 +297,7 @@ def test_trials_and_labels_are_known_by_their_names(tmp_path):
         label = "give/it" if k < 120 else "take"
         return [f"{TIMES_S[k]}", f"c{k}", "world", f"{k // 40}", label, *cells(k, scale=1e-3)]
 
-    (tmp_path / "a.csv").write_text(table(head, row))
-    content, text, found = suggested(tmp_path / "a.csv")
+    content, text, found = suggested_csv(tmp_path, table(head, row))
     assert content["segments"] == {"column": "trial_id"} and "/joint_states" not in text
     assert "time_code" not in text and "frame_id" not in text
     labels = [one.custom_data["task"] for one in found]
@@ -325,16 +321,14 @@ def test_what_is_measured_in_few_rows_is_seen_and_columns_that_are_twice_are_nam
     def row(k):
         return [f"{TIMES_S[k]}", *(cells(k, scale=1e-3) if k % 4 == 0 else [""] * 3), "1", f"{k}"]
 
-    (tmp_path / "a.csv").write_text(table("t,x,y,z,a,a", row))
-    content, text, _ = suggested(tmp_path / "a.csv")
+    content, text, _ = suggested_csv(tmp_path, table("t,x,y,z,a,a", row))
     assert content["observed"][0]["columns"] == ["x", "y", "z"]
     assert "# There twice: name them by number: a" in text
 
 
 def test_a_joint_whose_name_ends_like_an_axis_is_a_joint(tmp_path):
     content = table("t,shoulder,elbow", lambda k: [f"{TIMES_S[k]}", *[f"{SHARE[k, 0]}"] * 2])
-    (tmp_path / "a.csv").write_text(content)
-    content, *_ = suggested(tmp_path / "a.csv")
+    content, *_ = suggested_csv(tmp_path, content)
     assert content["observed"][0]["joints"] == ["shoulder", "elbow"]
 
 
