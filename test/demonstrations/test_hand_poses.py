@@ -31,6 +31,20 @@ def read_one(path, dofs=HAND):
     return found.controlled[0]
 
 
+def record(path, positions, names=None, description="", **custom):
+    """Poses of the wrist, with the arm's joints at positions (50, 7) and its description."""
+    with BagWriter(path, {"task": "plate", **custom}) as writer:
+        if description:
+            about = {"data": description}
+            writer.write_message("robot_description", "std_msgs/msg/String", about, START_NS)
+        for k, moved in enumerate(positions):
+            at_ns, state = START_NS + k * STEP_NS, joints(k, positions=moved)
+            writer.write_message("mocap/wrist/pose", POSE, pose(k), at_ns)
+            state = state if names is None else state | {"name": names}
+            writer.write_message("joint_states", JOINTS, state, at_ns)
+    return path
+
+
 def entry(**changes):
     content = HAND.to_dict()
     content["controlled"] = [content["controlled"][0] | changes]
@@ -74,32 +88,18 @@ def test_poses_that_were_recorded_are_read_as_they_are(tmp_path):
 def test_a_recorded_description_goes_before_the_file(tmp_path):
     """The bag's own arm stands half a metre higher than the file's."""
     text = find_robot("lwr", base_position_m=(0.0, 0.0, 0.5)).description
-    still = [0.1] * 7
-    for name, description in (("with", text), ("without", None)):
-        with BagWriter(tmp_path / name, {"task": "plate"}) as writer:
-            if description is not None:
-                about = {"data": description}
-                writer.write_message("robot_description", "std_msgs/msg/String", about, START_NS)
-            for k in range(50):
-                at_ns = START_NS + k * STEP_NS
-                writer.write_message("mocap/wrist/pose", POSE, pose(k), at_ns)
-                writer.write_message("joint_states", JOINTS, joints(k, positions=still), at_ns)
-    shift = read_one(tmp_path / "with").values - read_one(tmp_path / "without").values
+    raised = record(tmp_path / "with", [[0.1] * 7] * 50, description=text)
+    plain = record(tmp_path / "without", [[0.1] * 7] * 50)
+    shift = read_one(raised).values - read_one(plain).values
     np.testing.assert_allclose(shift, np.tile([0.0, 0.0, 0.5], (50, 1)), atol=1e-12)
 
 
 def test_the_hand_of_another_arm_is_the_link_that_the_recording_names(tmp_path):
     """Taught with an arm whose hand has another name than the DOF file's."""
     text, still = describe_robot().replace('"lwr_hand"', '"my_tool"'), [0.1, 0.4] + [0.2] * 5
-    about = {"data": text}
-    with BagWriter(tmp_path / "bag", {"task": "plate", HAND_LINK: "my_tool"}) as writer:
-        writer.write_message("robot_description", "std_msgs/msg/String", about, START_NS)
-        for k in range(50):
-            at_ns = START_NS + k * STEP_NS
-            writer.write_message("mocap/wrist/pose", POSE, pose(k), at_ns)
-            writer.write_message("joint_states", JOINTS, joints(k, positions=still), at_ns)
+    bag = record(tmp_path / "bag", [still] * 50, description=text, **{HAND_LINK: "my_tool"})
     expected = hand_position(np.array(still))
-    np.testing.assert_allclose(read_one(tmp_path / "bag").values, np.tile(expected, (50, 1)))
+    np.testing.assert_allclose(read_one(bag).values, np.tile(expected, (50, 1)))
 
 
 @pytest.mark.parametrize("known_by", ["names", "file", "description"])
@@ -113,16 +113,10 @@ def test_an_arm_in_degrees_is_refused_by_its_limits(tmp_path, known_by):
     if known_by == "file":
         arm = replace(arm, robot=str(tmp_path / "my.urdf"))
     dofs = DofSpec.from_dict(replace(load_dofs(), controlled=(arm,)).to_dict())
+    description = text if known_by == "description" else ""
     for unit, factor in (("radians", 1.0), ("degrees", 180.0 / np.pi)):
-        with BagWriter(tmp_path / unit, {"task": "plate"}) as writer:
-            if known_by == "description":
-                about = {"data": text}
-                writer.write_message("robot_description", "std_msgs/msg/String", about, START_NS)
-            for k in range(50):
-                at_ns, positions = START_NS + k * STEP_NS, [(0.1 + 0.01 * k) * factor] * 7
-                moved = joints(k, positions=positions) | {"name": names}
-                writer.write_message("mocap/wrist/pose", POSE, pose(k), at_ns)
-                writer.write_message("joint_states", JOINTS, moved, at_ns)
+        moved = [[(0.1 + 0.01 * k) * factor] * 7 for k in range(50)]
+        record(tmp_path / unit, moved, names, description)
     assert read_demonstrations(tmp_path / "radians", dofs)[1] == []
     (refused,) = read_demonstrations(tmp_path / "degrees", dofs)[1]
     assert "my_a2_joint" in refused.reason or "lwr_a2_joint" in refused.reason

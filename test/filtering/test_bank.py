@@ -10,11 +10,7 @@ from scipy.stats import t
 from simulation import make_library
 
 from intent_recognition.errors import ShapeError
-from intent_recognition.filtering.grid import (
-    DURATION_FREEDOM,
-    fixed_prior_grid,
-    make_prior_grid,
-)
+from intent_recognition.filtering.grid import DURATION_FREEDOM, fixed_prior_grid, make_prior_grid
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -238,7 +238,6 @@ def test_a_persons_progress_is_followed(person, seed):
 
 
 def test_every_hypothesis_steps_at_its_own_phase(rng):
-    """Rows and transitions of a measurement, from the phase model."""
     library = library_with(rng, LEADING)
     hypotheses = PriorGrid(2, np.array([1.5, 2.0, 1.5, 2.0]), np.log(np.full(4, 0.25)))
     model, table = ObservationModel(library, START_NS), MovementFilter(library, hypotheses, 0).table

@@ -170,8 +170,7 @@ def test_a_margin_moves_none_only_and_by_what_counts(seed, n_tasks, margin):
 
 
 @pytest.mark.parametrize(
-    ("evidence", "expected"),
-    [([-np.inf, -np.inf, 2.0], 2.0), ([1.0, 0.0, -np.inf], -np.inf)],
+    ("evidence", "expected"), [([-np.inf, -np.inf, 2.0], 2.0), ([1.0, 0.0, -np.inf], -np.inf)]
 )
 def test_what_is_impossible_is_no_matter_of_a_margin(evidence, expected):
     assert counted_none(np.array(evidence), np.log([0.5, 0.4, 0.1]), 5.0) == expected

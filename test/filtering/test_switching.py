@@ -11,12 +11,7 @@ from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 from simulation import START_NS, draw_weights, make_library
 
-from intent_recognition.filtering import (
-    MovementFilter,
-    births,
-    make_prior_grid,
-    rates,
-)
+from intent_recognition.filtering import MovementFilter, births, make_prior_grid, rates
 from intent_recognition.filtering.rates import AFRESH, STRAIGHT
 from intent_recognition.filtering.table import ending, fading
 from intent_recognition.signals.observation import Observation
@@ -47,8 +42,12 @@ def filtered(library, times_s, values, run=None, *, switching=True, task_weight=
     run = run or MovementFilter(library, make_prior_grid(library), START_NS, switching=switching)
     run.restart(START_NS, task_weight)
     for elapsed_s, row in zip(times_s, values, strict=True):
-        run.observe(Observation(START_NS + round(elapsed_s * 1e9), 0, row))
+        observe(run, elapsed_s, row)
     return run
+
+
+def observe(run, elapsed_s, row):
+    run.observe(Observation(START_NS + round(elapsed_s * 1e9), 0, row))
 
 
 def posterior(run, elapsed_s):
@@ -88,7 +87,7 @@ def test_the_odds_of_a_turn_are_its_share_of_everything_at_birth(library, rng):
     values = course(library, draw_weights(library, 0, rng), times_s)
     run = MovementFilter(library, make_prior_grid(library), START_NS, switching=True)
     for elapsed_s, row in zip(times_s, values, strict=True):
-        run.observe(Observation(START_NS + round(elapsed_s * 1e9), 0, row))
+        observe(run, elapsed_s, row)
         table = run.births.table
         settled = np.isfinite(table.log_joint)
         if settled.any():
@@ -120,12 +119,30 @@ def evidence_of(run, task):
     return table.rows["log_evidence"][some]
 
 
-def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
+@pytest.fixture
+def one_each(monkeypatch):
+    """Of each kind one hypothesis is born, and none is negligible."""
     monkeypatch.setattr(births, "FADINGS", (12.0,))
     monkeypatch.setattr(births, "N_DURATIONS", 1)
+    monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
+
+
+def none_std(library):
+    """Of the DOFs of a movement that is none of the tasks, (P,)."""
+    variance = np.diag(library.none_covariance).reshape(library.n_observed, -1)
+    return np.sqrt(variance.mean(axis=1))
+
+
+def log_density_of_last(y, mean, covariance, n):
+    """Of the last n values, given those before."""
+    m = len(y) - n
+    before = multivariate_normal.logpdf(y[:m], mean[:m], covariance[:m, :m])
+    return multivariate_normal.logpdf(y, mean, covariance) - before
+
+
+def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch, one_each):
     monkeypatch.setattr(rates, "REACH_UNTIL", -1.0)
     monkeypatch.setattr(rates, "DELAY_RATE", 0.0)
-    monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
     monkeypatch.setattr(births, "NEGLIGIBLE_SHARE", 0.0)
     monkeypatch.setattr(births, "BIRTHS_EVERY", 1)
     times_s = np.arange(0.0, 1.2, 0.1)
@@ -136,18 +153,17 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
     # Nothing passes on at the first observation; those of the fifth come fourth, and stay there.
     born, at = 4, 3
     density = [evidence_of(run, 1)[at]]
-    run.observe(Observation(START_NS + round(1.2e9), 0, values[-1]))
+    observe(run, 1.2, values[-1])
     density.append(evidence_of(run, 1)[at])
     later = run.births.of_task(1)[0]
 
     p, n, noise = 3, library.basis.n_basis, library.noise_variance[0]
     size = p * (n + 3)
-    std = np.sqrt(np.diag(library.none_covariance).reshape(p, n).mean(axis=1))
     mean, covariance = np.zeros(size), np.zeros((size, size))
     mean[: p * n] = library.observed_mean[1]
     covariance[: p * n, : p * n] = library.observed_covariance[1]
     scale = np.array([1.0, 6.0, births.PUSH * 36.0])
-    covariance[p * n :, p * n :] = np.diag(np.outer(std, scale).ravel() ** 2)
+    covariance[p * n :, p * n :] = np.diag(np.outer(none_std(library), scale).ravel() ** 2)
 
     def rows(elapsed_s, offset):
         phase = np.array([min(elapsed_s / durations_s[at], 1.0)])
@@ -164,11 +180,7 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
     h = np.vstack(h + [rows(times_s[k], True) for k in seen] + [rows(1.2, True)])
     y = np.concatenate([values[0], *values[seen], values[-1]])
     joint = h @ covariance @ h.T + noise * np.eye(len(y))
-
-    def log_density(m):
-        return multivariate_normal.logpdf(y[:m], (h @ mean)[:m], joint[:m, :m])
-
-    assert np.isclose(density[1] - density[0], log_density(len(y)) - log_density(len(y) - p))
+    assert np.isclose(density[1] - density[0], log_density_of_last(y, h @ mean, joint, p))
     gain = covariance @ h.T @ np.linalg.inv(joint)
     np.testing.assert_allclose(
         later.mean[at], (mean + gain @ (y - h @ mean))[: p * n], rtol=1e-6, atol=1e-8
@@ -176,12 +188,9 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
 
 
 @pytest.mark.parametrize("form", [AFRESH, STRAIGHT])
-def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, form):
-    monkeypatch.setattr(births, "FADINGS", (12.0,))
-    monkeypatch.setattr(births, "N_DURATIONS", 1)
+def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, one_each, form):
     monkeypatch.setattr(births, "REACH_OFFSETS", np.zeros(1))
     monkeypatch.setattr(rates, "DELAY_RATE", 0.0)
-    monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
     monkeypatch.setattr(births, "BIRTHS_EVERY", 1)
     times_s, born = np.arange(0.0, 1.3, 0.1), 4
     values = changed(library, rng, (0, 1), 0.4, times_s)
@@ -191,13 +200,12 @@ def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, for
         of_it = (rows["task"] == 1) & (rows["kind"] == form)
         (found,) = rows["log_evidence"][of_it & np.isclose(rows["birth_s"], times_s[born])]
         density.append(found)
-        run.observe(Observation(START_NS + round(times_s[-1] * 1e9), 0, values[-1]))
+        observe(run, times_s[-1], values[-1])
 
     p, n, noise = 3, library.basis.n_basis, library.noise_variance[0]
     reach_s = births.REACH_PART * float(np.exp(library.log_duration_mean[1]))
-    std = np.sqrt(np.diag(library.none_covariance).reshape(p, n).mean(axis=1))
     scale = births.REACH_SCALE / run.births.usual_s ** np.arange(3)
-    offset = np.diag(np.outer(std, scale).ravel() ** 2)
+    offset = np.diag(np.outer(none_std(library), scale).ravel() ** 2)
     covariance = block_diag(library.observed_covariance[1], offset)
     seen = times_s[born:] - times_s[born]
     phase = np.ones(len(seen)) if form == STRAIGHT else np.minimum(seen / reach_s, 1.0)
@@ -211,19 +219,12 @@ def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, for
     y = np.concatenate([values[0], *values[born:]])
     mean = h[:, : p * n] @ library.observed_mean[1]
     joint = h @ covariance @ h.T + noise * np.eye(len(y))
-
-    def log_density(m):
-        return multivariate_normal.logpdf(y[:m], mean[:m], joint[:m, :m])
-
-    assert np.isclose(density[1] - density[0], log_density(len(y)) - log_density(len(y) - p))
+    assert np.isclose(density[1] - density[0], log_density_of_last(y, mean, joint, p))
 
 
-def test_who_is_delayed_goes_on_with_all_that_was_seen(library, rng, monkeypatch):
-    monkeypatch.setattr(births, "FADINGS", (12.0,))
+def test_who_is_delayed_goes_on_with_all_that_was_seen(library, rng, monkeypatch, one_each):
     monkeypatch.setattr(births, "DELAYS", (0.12,))
-    monkeypatch.setattr(births, "N_DURATIONS", 1)
     monkeypatch.setattr(rates, "REACH_UNTIL", -1.0)
-    monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
     monkeypatch.setattr(births, "NEGLIGIBLE_SHARE", 0.0)
     monkeypatch.setattr(births, "BIRTHS_EVERY", 5)
     times_s = np.arange(0.0, 1.0, 0.1)
@@ -234,18 +235,16 @@ def test_who_is_delayed_goes_on_with_all_that_was_seen(library, rng, monkeypatch
     task, duration_s = parent // until.grid.n_scales, until.grid.duration_s[parent]
     run = filtered(library, times_s[:9], values[:9])
     before = evidence_of(run, task)
-    run.observe(Observation(START_NS + round(times_s[9] * 1e9), 0, values[9]))
+    observe(run, times_s[9], values[9])
     bank, durations_s, _ = run.births.of_task(task)
     usual_s = run.births.usual_s
     (late,) = np.flatnonzero(np.isclose(durations_s, duration_s + 0.12 * usual_s))
 
     p, n, noise = 3, library.basis.n_basis, library.noise_variance[0]
-    std = np.sqrt(np.diag(library.none_covariance).reshape(p, n).mean(1))
     scale = (12.0 / usual_s) ** np.arange(3) * [1.0, 1.0, births.PUSH]
     mean = np.r_[bank_of(until).mean[parent], np.zeros(3 * p)]
-    covariance = block_diag(
-        bank_of(until).covariance[parent], np.diag(np.outer(std, scale).ravel() ** 2)
-    )
+    offset = np.diag(np.outer(none_std(library), scale).ravel() ** 2)
+    covariance = block_diag(bank_of(until).covariance[parent], offset)
     h = []
     for elapsed_s in times_s[5:]:
         phase = np.clip((elapsed_s - 0.12 * usual_s) / duration_s, 0.0, 1.0)
@@ -254,9 +253,7 @@ def test_who_is_delayed_goes_on_with_all_that_was_seen(library, rng, monkeypatch
         h.append(np.hstack([course, np.kron(np.eye(p), offset)]))
     h, y = np.vstack(h), values[5:].ravel()
     spread = h @ covariance @ h.T + noise * np.eye(len(y))
-    m = len(y) - p
-    expected = multivariate_normal.logpdf(y, h @ mean, spread)
-    expected -= multivariate_normal.logpdf(y[:m], (h @ mean)[:m], spread[:m, :m])
+    expected = log_density_of_last(y, h @ mean, spread, p)
     assert np.isclose(evidence_of(run, task)[late] - before[late], expected)
     updated = mean + covariance @ h.T @ np.linalg.solve(spread, y - h @ mean)
     np.testing.assert_allclose(bank.mean[late], updated[: p * n], rtol=1e-6, atol=1e-8)

@@ -365,14 +365,6 @@ def test_one_task_has_nothing_to_tell_apart():
     assert all(one.log_loss == 0.0 and one.error > 0.0 for one in tried)
 
 
-def test_identical_demonstrations_still_get_a_finite_choice():
-    rng = np.random.default_rng(1)
-    one = a_recording(rng, 0, 0, 0.0, 0.0)
-    data = accumulate([replace(one, name=f"{i}") for i in range(2)], SETTINGS)
-    chosen, *_ = choose_hyperparameters(data.tasks, data.preprocessing)
-    assert np.isfinite(chosen.score)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("timing", [0.5, 0.0])
 def test_people_of_varying_timing_are_predicted_from_aligned_primitives_others_not(timing):

@@ -117,7 +117,6 @@ def test_odds_against_a_task_are_those_of_the_posterior(trained, tasks):
 
 
 def test_people_are_left_out_together(trained, tasks):
-    """A library without a person equals one learned without that person."""
     people = {
         label: summarize([e._replace(group="ab"[k % 2]) for k, e in enumerate(task.examples)])
         for label, task in tasks.items()

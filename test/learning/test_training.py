@@ -99,6 +99,7 @@ def test_identical_demonstrations_train(truth, rng):
     library = learn([one, replace(one, name="again"), replace(one, name="third")], WHOLE)
     assert np.linalg.eigvalsh(library.weight_covariance[0]).min() > 0
     assert np.all(np.isfinite(library.regressions[0].matrix))
+    assert np.isfinite(library.provenance["chosen"]["score"])
 
 
 @pytest.mark.slow

@@ -18,11 +18,7 @@ from intent_recognition.learning.fitting import library_from_statistics, statist
 from intent_recognition.learning.left_out import LeavingOut
 from intent_recognition.learning.none_model import Departure, departure, none_primitive
 from intent_recognition.learning.statistics import merge_statistics, summarize
-from intent_recognition.learning.training import (
-    TrainingSettings,
-    learn_with_report,
-    with_margins,
-)
+from intent_recognition.learning.training import TrainingSettings, learn_with_report, with_margins
 from intent_recognition.learning.unknown_task import (
     Comparison,
     calibrating_tasks,

@@ -42,10 +42,7 @@ def test_an_end_that_touches_is_reached_in_another_posture(box):
 
 
 def test_where_joints_are_predicted_or_nothing_is_planned_anew_the_end_stays():
-    for guard in (
-        clearance(POSTS[0]),
-        clearance(POSTS[0], spreads=OF_HAND, replan_budget_s=0.0),
-    ):
+    for guard in (clearance(POSTS[0]), clearance(POSTS[0], spreads=OF_HAND, replan_budget_s=0.0)):
         assert isinstance(guard.clear(PATH, "plate", 0.0, LIMITS, tries=0), Obstruction)
 
 

@@ -199,7 +199,6 @@ def test_target_without_one_is_that_of_the_others(rng, n, n_others):
 
 
 def test_other_tasks_count_as_a_few_demonstrations(rng):
-    """Many demonstrations of other tasks do not drown one's own."""
     own = scatter_of(rng.normal(size=(41, 2, 6)))
     others = scatter_of(10.0 * rng.normal(size=(1001, 2, 6)))
     floor = np.full(2, 1e-6)

@@ -33,8 +33,7 @@ def samples(truth, rng):
 
 
 @pytest.mark.parametrize(
-    ("factor", "unit"),
-    [(1000.0, "millimetres"), (100.0, "centimetres"), (1.0 / 0.0254, "inches")],
+    ("factor", "unit"), [(1000.0, "millimetres"), (100.0, "centimetres"), (1.0 / 0.0254, "inches")]
 )
 def test_positions_in_another_unit_are_refused_with_the_factor(placed, truth, rng, factor, unit):
     times_s, values = samples(truth, rng)

@@ -108,6 +108,16 @@ def steady(library, recording, position):
     return [Observation(int(s), 0, np.asarray(position)) for s in stamps]
 
 
+def begun(library, recording, start):
+    """An estimator amid the movement, of which the arm waits at the start."""
+    estimator = IntentEstimator(library)
+    for sample in steady(library, recording, start):
+        estimator.update_controlled(sample)
+    for observation in list(merge(recording.observed))[:110]:
+        estimator.update(observation)
+    return estimator
+
+
 @pytest.fixture(scope="module")
 def recording(library):
     rng = np.random.default_rng(7)
@@ -143,19 +153,12 @@ def test_it_conditions_the_trajectory_and_never_the_evidence(library, recording,
 
 def test_it_equals_conditioning_by_hand(library, recording):
     start = start_mean(library, 1) + 0.005
-    estimator = IntentEstimator(library)
-    for sample in steady(library, recording, start):
-        estimator.update_controlled(sample)
-    for observation in list(merge(recording.observed))[:110]:
-        estimator.update(observation)
+    estimator = begun(library, recording, start)
     prediction = estimator.predict_controlled(21)
     task = library.labels.index(prediction.task)
     run = estimator._run.prediction(task)
     weights = controlled_weights(
-        library,
-        task,
-        run.observed_weights(),
-        StartPosture(start, start_variance(library)),
+        library, task, run.observed_weights(), StartPosture(start, start_variance(library))
     )
     expected = rollout(
         library.basis,
@@ -209,11 +212,7 @@ def test_the_order_of_arrival_does_not_matter(library, recording):
 
 
 def test_another_library_has_other_starts(library, recording):
-    estimator = IntentEstimator(library)
-    for sample in steady(library, recording, start_mean(library, 1)):
-        estimator.update_controlled(sample)
-    for observation in list(merge(recording.observed))[:110]:
-        estimator.update(observation)
+    estimator = begun(library, recording, start_mean(library, 1))
     assert estimator.predict_controlled().start == POSTURE_USED
     size = library.n_observed_weights
     moved = library.weight_mean.copy()

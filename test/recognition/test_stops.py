@@ -38,11 +38,7 @@ def test_a_wave_stops_at_its_extrema():
 
 @pytest.mark.parametrize(
     "position",
-    [
-        lambda t: (t, -t),
-        lambda t: (np.sin(t), np.cos(t)),
-        lambda t: (0.005 * np.sin(9.0 * t), 0.0),
-    ],
+    [lambda t: (t, -t), lambda t: (np.sin(t), np.cos(t)), lambda t: (0.005 * np.sin(9.0 * t), 0.0)],
     ids=["straight", "circle", "tremor"],
 )
 def test_what_never_slows_down_or_never_moves_has_no_stop(position):

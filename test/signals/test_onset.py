@@ -79,7 +79,6 @@ def test_offline_detector_equals_the_streamed_one(seed, duration, noise):
 @given(seeds)
 @settings(max_examples=15)
 def test_offline_equals_streamed_on_irregular_samples_and_repeated_starts(seed):
-    """Short twitches below the persistence must not count, in neither."""
     rng = np.random.default_rng(seed)
     times = np.cumsum(rng.uniform(0.004, 0.03, size=250))
     values = np.cumsum(rng.normal(size=(250, 2)) * 0.004, axis=0)
