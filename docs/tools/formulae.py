@@ -27,7 +27,7 @@ def drawing(formula: str) -> str:
     """
     one_line = " ".join(formula.split())
     outline = TextPath((0, 0), f"${one_line}$", size=SIZE, prop=FONT)
-    box = outline.get_extents().padded(MARGIN)
+    box = outline.cleaned(curves=False).get_extents().padded(MARGIN)  # of lines: far faster
     place = f"{box.x0:.0f} {-box.y1:.0f} {box.width:.0f} {box.height:.0f}"
     style = (
         f"width:{box.width / SIZE:.3f}em;height:{box.height / SIZE:.3f}em;"
