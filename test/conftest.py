@@ -252,6 +252,21 @@ def toolbox_model(repository, once, usual) -> Path:
     return once("toolbox", learn) / "toolbox.npz"
 
 
+@pytest.fixture(scope="session")
+def pouring_skill(once) -> Path:
+    """A file of the skill learned from the shipped pours."""
+
+    def learn(folder: Path) -> None:
+        from intent_recognition.model import save_pouring_skill
+        from intent_recognition.share import share_path
+        from sim_bridge.scenarios.pouring import learn_pouring_skill
+
+        learned = learn_pouring_skill(share_path("bags/pouring/train"), 1)
+        save_pouring_skill(folder / "pouring.npz", learned)
+
+    return once("pouring", learn) / "pouring.npz"
+
+
 def _learn_toolbox(repository: Path, path: Path) -> None:
     from few_functions import USUAL, aligned_basis
 

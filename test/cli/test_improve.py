@@ -12,9 +12,7 @@ from experiments.practice.experiment import run
 from experiments.settings import Settings
 from intent_recognition.cli import improve
 from intent_recognition.cli.main import main
-from intent_recognition.model import load_pouring_skill, save_pouring_skill
-from intent_recognition.share import share_path
-from sim_bridge.scenarios.pouring import learn_pouring_skill
+from intent_recognition.model import load_pouring_skill
 
 
 @pytest.fixture(autouse=True)
@@ -35,10 +33,9 @@ def pretend_more(folder, count):
 
 
 @pytest.mark.slow
-def test_practise_go_on_accept_and_undo(tmp_path, monkeypatch, capsys):
-    start, folder = tmp_path / "start.npz", tmp_path / "practice"
-    save_pouring_skill(start, learn_pouring_skill(share_path("bags/pouring/train"), 1))
-    base = ["improve", "pouring", "--start", str(start), "--output", str(folder)]
+def test_practise_go_on_accept_and_undo(pouring_skill, tmp_path, monkeypatch, capsys):
+    folder = tmp_path / "practice"
+    base = ["improve", "pouring", "--start", str(pouring_skill), "--output", str(folder)]
     assert main([*base, "--accept"]) == 1
     assert "Practise first" in capsys.readouterr().err
     numbers = tmp_path / "n.json"
@@ -54,7 +51,7 @@ def test_practise_go_on_accept_and_undo(tmp_path, monkeypatch, capsys):
     assert "Practise on" in capsys.readouterr().err
     pretend_more(folder, 12)
     assert main([*base, "--accept"]) == 0
-    accepted, shown = load_pouring_skill(folder / "skill.npz"), load_pouring_skill(start)
+    accepted, shown = load_pouring_skill(folder / "skill.npz"), load_pouring_skill(pouring_skill)
     assert np.array_equal(accepted.primitive.spread, shown.primitive.spread)
     assert accepted.far == shown.far
     assert main([*base, "--accept"]) == 0 and not (folder / "skill.before.npz").exists()

@@ -14,7 +14,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import MessageError
 from intent_recognition.kinematics import JOINT_NAMES, forward_kinematics
-from intent_recognition.model import save_pouring_skill
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     stamp_ns,
@@ -25,7 +24,6 @@ from intent_recognition.nodes.conversions import (
 from intent_recognition.nodes.object_messages import seen_container, to_named_vector
 from intent_recognition.nodes.warped_primitive import WarpedPrimitiveNode
 from intent_recognition.objects import find_object, load_object
-from intent_recognition.share import share_path
 from intent_recognition.warping import (
     ObjectCloud,
     ObjectModel,
@@ -33,7 +31,7 @@ from intent_recognition.warping import (
     pouring_parameters,
     warp_object,
 )
-from sim_bridge.scenarios.pouring import learn_pouring_skill, start_posture
+from sim_bridge.scenarios.pouring import start_posture
 from sim_bridge.scenarios.pouring.live import STAND_M
 from sim_bridge.scenarios.pouring.task_space import OPENING_M
 
@@ -59,12 +57,6 @@ def told(name, lip_m=None, opening_m=None):
     return to_named_vector(header, found, holds), PoseStamped(header=header, pose=pose)
 
 
-@pytest.fixture(scope="module")
-def skill(tmp_path_factory):
-    path = tmp_path_factory.mktemp("skill") / "pouring.npz"
-    return save_pouring_skill(path, learn_pouring_skill(share_path("bags/pouring/train"), 1))
-
-
 def test_a_container_survives_its_messages():
     vector, pose = told("tea_cup", tuple(LIP_M))
     seen = seen_container(vector, pose)
@@ -85,9 +77,9 @@ def test_a_container_survives_its_messages():
 
 
 @pytest.mark.slow
-def test_a_request_becomes_a_task_and_a_trajectory(harness, skill):
+def test_a_request_becomes_a_task_and_a_trajectory(harness, pouring_skill):
     """Too early it is refused; then the arm's own posture, there and back, upright at both ends."""
-    node = harness.node(WarpedPrimitiveNode, skill=str(skill))
+    node = harness.node(WarpedPrimitiveNode, skill=str(pouring_skill))
     tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
     planned = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
     ask = harness.publisher(String, "pour", qos.STATE)

@@ -8,10 +8,10 @@ import pytest
 
 from intent_recognition.errors import ArgumentError, BagError
 from intent_recognition.improvement import load_cost
+from intent_recognition.model import load_pouring_skill
 from intent_recognition.share import share_path
 from sim_bridge.scenarios.pouring import (
     PouringPractice,
-    learn_pouring_skill,
     read_demonstrated,
     read_pour,
     seen_as,
@@ -21,9 +21,8 @@ from sim_bridge.scenarios.pouring.pairs import container_named, half_full_radius
 
 
 @pytest.fixture(scope="module")
-def skill():
-    """From the shipped demonstrations, by what a scan of the containers tells."""
-    return learn_pouring_skill(share_path("bags/pouring/train"), 1)
+def skill(pouring_skill):
+    return load_pouring_skill(pouring_skill)
 
 
 @pytest.mark.slow
