@@ -4,7 +4,7 @@ degree of freedom, and what would have been decided without each signal.
 
 bag BAG            bag directory or .mcap file
 --model M.npz      model that `intent train` wrote
---against TASK     a task, or none, instead of the runner-up
+--against TASK     a task, or none, instead of the runner-up, which decisions for it keep
 --report OUT.html  write an HTML report
 --json OUT         the evidence
 

@@ -71,7 +71,8 @@ def explain_movement(
     best = int(np.argmax(p[:-1])) if task is None else _place("task", labels, task)
     other = _runner_up(p, best) if rival is None else _place("rival", labels, rival)
     if best == other:
-        raise ArgumentError.about("rival", "another label than task", rival, "Leave it out.")
+        cure = "Leave it out for the runner-up."
+        raise ArgumentError.about("rival", "another label than that of the task", rival, cure)
     n_observed = run.library.n_observed
     sums = [_evidence_over_time(run, n, best, other) for n in range(1, n_observed + 1)]
     by_dof = np.diff(np.diff([np.zeros_like(sums[0]), *sums], axis=0).T, axis=0, prepend=0.0)

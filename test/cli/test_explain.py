@@ -44,6 +44,8 @@ def test_the_decision_is_replays_and_its_odds_are_those_of_the_probabilities(bag
     np.testing.assert_allclose(found.evidence.log_odds, np.log(p["task_1"] / p["task_0"]))
     (against_none,) = explain(BagReader(bag), model, against="none")
     np.testing.assert_allclose(against_none.evidence.log_odds, np.log(p["task_1"] / p["none"]))
+    (against_itself,) = explain(BagReader(bag), model, against="task_1")
+    assert against_itself.evidence.rival == "task_0"
 
 
 @pytest.mark.slow
@@ -133,5 +135,5 @@ def test_a_movement_without_a_decision_is_explained_where_it_came_nearest(tmp_pa
 
 
 def test_an_unknown_rival_is_refused_by_name(run_command, model, bag):
-    with pytest.raises(ArgumentError, match=r"rival: expected one of task_0.*'task_7'"):
+    with pytest.raises(ArgumentError, match=r"against: expected one of task_0.*'task_7'"):
         run_command("explain", bag, "--model", model, "--against", "task_7")
