@@ -29,6 +29,11 @@ EXPLANATION = (
     " up over time and over DOFs, each given those before it, to the odds that were acted on."
     " Without a signal, the estimator and the decision run over the recording again."
 )
+CAPTIONS = (
+    "Left: evidence so far, in all and by DOF. Right: what each added until then, and what the odds"
+    " were before.",
+    "Task posterior; solid vertical line: decision; dotted: end of the movement.",
+)
 
 
 def write_explanation_report(
@@ -108,10 +113,8 @@ def _blocks(one: Explanation) -> tuple[html.Block, ...]:
         html.Column("without it", align="left"),
     )
     table = html.TableBlock(columns, without_rows(one))
-    blocks: tuple[html.Block, ...] = (
-        html.Row(tuple(html.Figure(to_svg(figure)) for figure in drawn)),
-        table,
-    )
+    drawings = (html.Figure(*one) for one in zip(map(to_svg, drawn), CAPTIONS, strict=True))
+    blocks: tuple[html.Block, ...] = (*drawings, table)
     if not one.task:
         blocks = (html.Paragraph("Nothing became active during this movement."), *blocks)
     return blocks

@@ -77,7 +77,10 @@ def write_rehearsal_report(path: str | Path, tables: Tables, worst: Sequence[Reh
     """Write the report as one HTML file, whose folder is made; the worst runs come first."""
     sections = []
     for title, (names, *rows) in tables.items():
-        columns = [html.Column(name.removeprefix(">"), align="left") for name in names]
+        columns = [
+            html.Column(name.removeprefix(">"), align="right" if name[:1] == ">" else "left")
+            for name in names
+        ]
         block: tuple[html.Block, ...] = (html.TableBlock(columns, rows),)
         sections.append(html.Section(title.capitalize(), block))
     if worst:
