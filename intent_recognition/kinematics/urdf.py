@@ -138,8 +138,8 @@ def read_chain(
         if kind in MOVING and master not in names:
             names.append(master)
     if not names:
-        cure = "Choose a tip beyond the first moving joint."
-        raise ArgumentError.about("tip", f"a link that joints move against {base}", tip, cure)
+        cure = "Name another tip, or the URDF of an arm."
+        raise ArgumentError.about("tip", f"a link beyond a moving joint, from {base} on", tip, cure)
     missing = [name for name in names if name not in by_name]
     if missing:
         raise ArgumentError.about("mimic", "a joint of the URDF", missing[0], "Correct it.")

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, nearest
 from intent_recognition.plans.work_plan import Pair, WorkPlan, WorkStep
 from intent_recognition.untrusted import YamlChecks
 
@@ -126,8 +126,8 @@ def begun_with(assemblies: Sequence[Assembly], task: str) -> tuple[Assembly, ...
     """
     tasks = {one.task for assembly in assemblies for one in assembly}
     if task not in tasks:
-        cure = "Name a task that was recorded."
-        raise ArgumentError.about("first", f"one of {sorted(tasks)}", repr(task), cure)
+        cure = nearest(task, tasks, "Name a task that was recorded.")
+        raise ArgumentError.about("first", f"one of {', '.join(sorted(tasks))}", task, cure)
     out: list[list[DoneTask]] = []
     for assembly in assemblies:
         for k, one in enumerate(assembly):

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, nearest
 from intent_recognition.kinematics import (
     DEFAULT_ACCELERATION_RAD_S2,
     DEFAULT_EFFORT,
@@ -23,7 +23,6 @@ from intent_recognition.kinematics import (
     JointLimits,
     parse_urdf,
     read_chain,
-    read_urdf,
 )
 from intent_recognition.share import share_path
 from sim_bridge.arm.controllers import ControllerGains
@@ -153,13 +152,14 @@ def find_robot(
     path = Path(robot) if preset is None else preset.path
     if not path.is_file():
         expected = f"one of {', '.join(NAMES)}, or the path of a URDF or xacro file"
-        raise ArgumentError.about("robot", expected, robot, "Choose one.")
+        cure = nearest(robot, NAMES, "Check the path.")
+        raise ArgumentError.about("robot", expected, f"{robot}, which is no file", cure)
     usual = preset or Preset("", "", ())
     place = usual.base_position_m if base_position_m is None else base_position_m
     if len(place) != 3 or not np.all(np.isfinite(place)):
         raise ArgumentError.about("base_position_m", "x, y, z", place, "In metres.")
     at = float(place[0]), float(place[1]), float(place[2])
-    root = parse_urdf(read_urdf(path))
+    root = parse_urdf(path)
     find_meshes(root, path.resolve().parent)
     tip = tip or usual.tip
     chain = read_chain(written(root), base or None, tip or None, DEFAULT_ACCELERATION_RAD_S2)

@@ -263,7 +263,7 @@ def test_a_continuous_joint_turns_on():
         ("<sdf><link/></sdf>", {}, "got <sdf>"),
         (MIXED, {"tip": "hand"}, "tip: expected a link of a, b, c, d, e, f, got hand"),
         (MIXED, {"base": "f", "tip": "b"}, "tip: expected a link below f"),
-        (MIXED, {"tip": "a"}, "tip: expected a link that joints move"),
+        (MIXED, {"tip": "a"}, "tip: expected a link beyond a moving joint"),
         (robot(joint("j", "revolute", "a", "b", ""), links="ab"), {}, "j: expected a finite lower"),
         (
             robot(joint("j", "revolute", "a", "b", LIMIT.replace('"9"', '"x"')), links="ab"),

@@ -176,7 +176,8 @@ def test_rotors_turn_about_the_axis_of_their_joint():
 @pytest.mark.parametrize(
     ("robot", "message"),
     [
-        ("nobody", "robot: expected one of lwr, panda, iiwa, xarm, or the path"),
+        ("pandas", "robot: expected one of lwr, panda, iiwa.* got pandas, .*Did you mean panda"),
+        ("no\n", "robot: expected a URDF, got broken XML"),
         (ONE.replace("<inertial>", MESH + "<inertial>"), "mesh package://x/y.stl, got no such"),
         (ONE.replace('"revolute">', '"revolute"><mimic joint="turn"/>'), "mimic"),
         (ONE[:80], "broken XML.*xacro"),
