@@ -157,7 +157,8 @@ def _report(
         facts[f"cost before, after ({whom})"] = f"{found.before:.3g}, {found.after:.3g}"
         outcomes = {"start": found.outcome_before, "settled": found.outcome_after}
         numbers["checked_outcomes"] = outcomes
-    facts["to take it over"] = "the same command with --accept"
+    accept = "the same command with --accept"
+    facts["to take it over"] = accept if session.improved else "practise on: nothing is better yet"
     if args.json != output.PRINTED:
         print_facts(console, facts)
     output.write_json(args.json, numbers)

@@ -47,9 +47,9 @@ def training_settings(args: argparse.Namespace) -> TrainingSettings:
 
 
 def read_all(
-    paths: Sequence[Path], dofs: DofSpec, console: Console
+    paths: Sequence[Path], dofs: DofSpec, console: Console, *, of_model: bool = False
 ) -> tuple[list[Demonstration], list[Rejection]]:
-    """Read all recordings with a progress bar."""
+    """Read all recordings with a progress bar; the DOFs may be those of a model."""
     demonstrations: list[Demonstration] = []
     rejections: list[Rejection] = []
     total = sum(len(find_bags(path)) for path in paths)
@@ -64,7 +64,7 @@ def read_all(
                 console_path = found.path
             bar.update(task, advance=1, description=f"reading {Path(console_path).name}")
     if not demonstrations:
-        raise nothing_read(paths, dofs, rejections)
+        raise nothing_read(paths, None if of_model else dofs, rejections)
     return demonstrations, rejections
 
 
@@ -99,7 +99,9 @@ def nothing_read(
 ) -> BagError:
     """The error that no recording could be read with these DOFs; None are those of a model."""
     cure = "Check path and DOFs."
-    if dofs == load_dofs() and any(one.topic and not one.cure for one in rejections):
+    if dofs is None:
+        cure = "Give recordings of what the model was learned from."
+    elif dofs == load_dofs() and any(one.topic and not one.cure for one in rejections):
         near = [folder / DOFS for path in paths for folder in (path, path.parent)]
         own = next((f"--dofs {path}" for path in near if path.is_file()), "another with --dofs")
         cure = f"The shipped DOF file was used: give {own}."

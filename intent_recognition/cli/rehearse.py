@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     """Rehearse, print, write what was asked for."""
     console = output.console_beside(args, "report")
     model, trained = load_trained(args.model)
-    found, rejections = read_all(args.bags, model.dofs, console)
+    found, rejections = read_all(args.bags, model.dofs, console, of_model=True)
     print_left_out(console, rejections)
     print_dropped(console, found)
     recordings = _movements(console, trained, found)

@@ -34,7 +34,7 @@ def nothing_of(argument: str, expected: str, left_out: Sequence[Rejection], cure
     kinds, hidden = list(alike.values())[:3], list(alike.values())[3:]
     lines = [
         str(replace(kind[0], cure="")).removesuffix(".")
-        + (f", and {len(kind) - 1} alike" if kind[1:] else "")
+        + (f" (and {len(kind) - 1} more alike)" if kind[1:] else "")
         for kind in kinds
     ]
     if more := sum(map(len, hidden)):

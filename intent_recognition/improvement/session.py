@@ -114,11 +114,15 @@ class PracticeSession:
         if not self.tried:
             cure = "Practise first."
             raise ModelError.about(str(self.folder), "rollouts", "none", cure)
-        weights = self.best()
-        if np.array_equal(weights, self._practice.space.mean):
+        if not self.improved:
             got, cure = f"none after {len(self.tried)} rollouts", "Practise on."
             raise ModelError.about(str(self.folder), "a better path than the first", got, cure)
-        return weights
+        return self.best()
+
+    @property
+    def improved(self) -> bool:
+        """Whether something better than the first was found."""
+        return not np.array_equal(self.best(), self._practice.space.mean)
 
     def best(self) -> Floats:
         """The same, those of the first where there is nothing better."""

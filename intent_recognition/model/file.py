@@ -50,6 +50,7 @@ from intent_recognition.untrusted import UntrustedError, check_archive, load_jso
 
 FORMAT_VERSION = 3
 """Of the file; others are not read."""
+MODEL_FILE = "a model file written by `intent train`"
 ADDED: dict[str, NDArray[Any]] = {
     "switch_margin": np.array(0.0),
     "task_evidence": np.array(1.0),
@@ -260,8 +261,7 @@ def _read(path: Path, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
         if isinstance(error, FileNotFoundError):
             cure = "Check the path, or write one with `intent train`."
             raise ModelError.about(str(path), "a model file", "nothing there", cure) from error
-        expected = "a model file written by `intent train`"
-        raise ModelError.about(str(path), expected, found, RETRAIN) from error
+        raise ModelError.about(str(path), MODEL_FILE, found, RETRAIN) from error
 
 
 def _read_array(path: str | Path, file: np.lib.npyio.NpzFile, name: str) -> NDArray[Any]:
@@ -273,6 +273,8 @@ def _read_array(path: str | Path, file: np.lib.npyio.NpzFile, name: str) -> NDAr
 
 
 def _header(path: str | Path, content: dict[str, NDArray[Any]]) -> dict:
+    if "header" not in content:  # such as a skill of pouring
+        raise ModelError.about(str(path), MODEL_FILE, "another file, without a header", RETRAIN)
     try:
         header = load_json(str(content["header"]))
         version = header["format_version"]

@@ -42,6 +42,7 @@ def test_practise_go_on_accept_and_undo(pouring_skill, tmp_path, monkeypatch, ca
     assert main([*base, "--rollouts", "1", "--json"]) == 0
     first = json.loads(capsys.readouterr().out)
     assert main([*base, "--rollouts", "2", "--json", str(numbers)]) == 0
+    assert "practise on: nothing is better yet" in capsys.readouterr().out
     told = json.loads(numbers.read_text())
     assert told["costs"][:1] == first["costs"] and len(told["costs"]) == 2
     assert set(told["checked"]) == {"start", "settled"}

@@ -7,7 +7,7 @@ import pytest
 from cli.recorded import DOFS, TRUTH
 from model_builder import learned_model, perform, write_recording
 
-from intent_recognition.errors import ModelError
+from intent_recognition.errors import BagError, ModelError
 from intent_recognition.model import save_model
 
 
@@ -62,6 +62,9 @@ def test_numbers_worst_moments_and_suggestions(run_command, bags, tmp_path):
     assert printed["suggestions"] == content["suggestions"]
     text = run_command("rehearse", model, bags / "shown")[1]
     assert "numbers flatter" in text
+    with pytest.raises(BagError, match=r"missing topic.* Give recordings of what the") as said:
+        run_command("rehearse", model, "bags/assembly")
+    assert "--dofs" not in str(said.value)
 
 
 def test_a_model_without_statistics_cannot_be_rehearsed(run_command, tmp_path, bags):

@@ -305,10 +305,10 @@ def test_the_cure_is_said_once_where_nothing_can_be_imported(tmp_path, capsys):
     assert main(["import", paths[0], "--map", paths[1], "--output", paths[2]]) == 1
     said = capsys.readouterr().err
     assert (
-        "a_0.csv: expected the columns of the map, z, q0, q1 among them, got t, x, y, and 4" in said
+        "a_0.csv: expected the columns of the map, z, q0, q1 among them, got t, x, y (and 4" in said
     )
     assert said.endswith(
-        " alike. Correct the names in the map; --suggest writes one that has them.\n"
+        " more alike). Correct the names in the map; --suggest writes one that has them.\n"
     )
 
 
