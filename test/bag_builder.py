@@ -59,6 +59,21 @@ def write_bag(path: Path, count: int = 50, task: str | None = "plate", **options
     return path
 
 
+def write_pairs(
+    path: Path, poses, states=None, *, topic="mocap/wrist/pose", description="", **custom
+) -> Path:
+    """Poses, each with a state of the arm, those of `joints` or others; and its description."""
+    with BagWriter(path, {"task": "plate", **custom}) as writer:
+        if description:
+            writer.write_message("robot_description", TEXT, {"data": description}, START_NS)
+        for i, message in enumerate(poses):
+            at_ns = START_NS + i * STEP_NS
+            writer.write_message(topic, POSE, message, at_ns)
+            state = joints(i) if states is None else states[i]
+            writer.write_message("joint_states", JOINTS, state, at_ns)
+    return path
+
+
 def write_session(path: Path, labels: list[str], *, last_end: bool = True, **options) -> Path:
     """A session: each label lasts 20 steps, with 5 steps of pause between."""
     with BagWriter(path, **options) as writer:

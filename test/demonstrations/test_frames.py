@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bag_builder import START_NS, STEP_NS, joints, pose
+from bag_builder import pose, write_pairs
 from model_builder import ROBOT, WRIST
 from tracking_frames import ENTRY, TRACKER, as_tracked
 
-from intent_recognition.bags import JOINT_STATE, POSE, BagReader, BagWriter
+from intent_recognition.bags import POSE, BagReader
 from intent_recognition.demonstrations import (
     DofEntry,
     DofSpec,
@@ -38,19 +38,12 @@ def turning(k):
     return message
 
 
-def write(path, poses, topic=WRIST.topic):
-    with BagWriter(path, {"task": "plate"}) as writer:
-        for k, message in enumerate(poses):
-            at_ns = START_NS + k * STEP_NS
-            writer.write_message(topic, POSE, message, at_ns)
-            writer.write_message("joint_states", JOINT_STATE, joints(k), at_ns)
-    return path
-
-
 @pytest.fixture
 def bags(tmp_path):
     poses = [turning(k) for k in range(60)]
-    return write(tmp_path / "world", poses), write(tmp_path / "raw", map(as_tracked, poses))
+    return write_pairs(tmp_path / "world", poses), write_pairs(
+        tmp_path / "raw", map(as_tracked, poses)
+    )
 
 
 def test_reading_gives_the_recording_in_the_world(bags):
@@ -97,7 +90,7 @@ def test_other_poses_are_left_alone_and_tell_their_frame(tmp_path):
     tool = replace(WRIST, topic="tracker/tool")
     frames = ("/camera", "", "lens", "camera")
     poses = [pose(k, frame_id=frames[k % 4]) for k in range(20)]
-    bag = write(tmp_path / "bag", poses, tool.topic)
+    bag = write_pairs(tmp_path / "bag", poses, topic=tool.topic)
     (plain,), _ = read_demonstrations(bag, DofSpec((tool,), (ROBOT,)))
     (found,), _ = read_demonstrations(bag, DofSpec((tool,), (ROBOT,), extrinsics=(ENTRY,)))
     assert found.frames == plain.frames == {tool.topic: ("camera", "lens")}

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from bag_builder import JOINTS, POSE, START_NS, STEP_NS, joints, pose, write_bag
+from bag_builder import LWR, POSE, START_NS, STEP_NS, joints, pose, write_bag, write_pairs
 from kinematics.robots import lwr_urdf
 from scipy.spatial.transform import Rotation
 
@@ -31,18 +31,10 @@ def read_one(path, dofs=HAND):
     return found.controlled[0]
 
 
-def record(path, positions, names=None, description="", **custom):
-    """Poses of the wrist, with the arm's joints at positions (50, 7) and its description."""
-    with BagWriter(path, {"task": "plate", **custom}) as writer:
-        if description:
-            about = {"data": description}
-            writer.write_message("robot_description", "std_msgs/msg/String", about, START_NS)
-        for k, moved in enumerate(positions):
-            at_ns, state = START_NS + k * STEP_NS, joints(k, positions=moved)
-            writer.write_message("mocap/wrist/pose", POSE, pose(k), at_ns)
-            state = state if names is None else state | {"name": names}
-            writer.write_message("joint_states", JOINTS, state, at_ns)
-    return path
+def record(path, positions, names=LWR, **more):
+    """With the arm's joints at positions (T, 7)."""
+    states = [joints(k, positions=one, names=names) for k, one in enumerate(positions)]
+    return write_pairs(path, map(pose, range(len(states))), states, **more)
 
 
 def entry(**changes):
@@ -116,7 +108,7 @@ def test_an_arm_in_degrees_is_refused_by_its_limits(tmp_path, known_by):
     description = text if known_by == "description" else ""
     for unit, factor in (("radians", 1.0), ("degrees", 180.0 / np.pi)):
         moved = [[(0.1 + 0.01 * k) * factor] * 7 for k in range(50)]
-        record(tmp_path / unit, moved, names, description)
+        record(tmp_path / unit, moved, names, description=description)
     assert read_demonstrations(tmp_path / "radians", dofs)[1] == []
     (refused,) = read_demonstrations(tmp_path / "degrees", dofs)[1]
     assert "my_a2_joint" in refused.reason or "lwr_a2_joint" in refused.reason

@@ -15,6 +15,7 @@ from bag_builder import (
     joints,
     pose,
     write_bag,
+    write_pairs,
     write_session,
 )
 
@@ -26,15 +27,6 @@ from intent_recognition.demonstrations.inspect import inspect_bag
 from intent_recognition.errors import BagError
 
 DOFS = load_dofs()
-
-
-def write(path, poses, states=None, task="plate"):
-    with BagWriter(path, {"task": task}) as writer:
-        for i, message in enumerate(poses):
-            writer.write_message("mocap/wrist/pose", POSE, message, START_NS + i * STEP_NS)
-        for i, message in enumerate(states or [joints(i) for i in range(len(poses))]):
-            writer.write_message("joint_states", JOINTS, message, START_NS + i * STEP_NS)
-    return path
 
 
 def test_one_bag(tmp_path):
@@ -61,7 +53,7 @@ def test_bad_poses_are_dropped_and_counted_as_the_node_does(tmp_path):
     poses[15] = pose(14)
     poses[20] = pose(20, x=5.0)
     poses[25] = pose(25, frame_id="elsewhere")
-    (demonstration,), _ = read(write(tmp_path / "demo", poses), DOFS)
+    (demonstration,), _ = read(write_pairs(tmp_path / "demo", poses), DOFS)
     assert demonstration.rejected == {
         "not_finite": 2,
         "zero_stamp": 1,
@@ -78,7 +70,7 @@ def test_bad_joint_states_are_dropped_and_counted(tmp_path):
     states[4] = joints(4, names=["gripper"], positions=[0.0])
     states[6] = joints(2)
     states[8] = joints(8, stamp_ns=0)
-    bag = write(tmp_path / "demo", [pose(i) for i in range(30)], states)
+    bag = write_pairs(tmp_path / "demo", [pose(i) for i in range(30)], states)
     (demonstration,), _ = read(bag, DOFS)
     assert demonstration.rejected == {
         "not_finite": 1,
@@ -91,13 +83,15 @@ def test_bad_joint_states_are_dropped_and_counted(tmp_path):
 def test_a_topic_that_is_left_empty_has_its_own_counts(tmp_path):
     poses = [pose(i, stamp_ns=0) for i in range(30)]
     states = [joints(i, positions=[float("nan")] * 7) for i in range(30)]
-    _, (rejection,) = read(write(tmp_path / "demo", poses, states), DOFS)
+    _, (rejection,) = read(write_pairs(tmp_path / "demo", poses, states), DOFS)
     assert rejection.topic == "/mocap/wrist/pose" and not rejection.stamp_ns
     assert rejection.reason == "empty: 0 usable samples (30 zero_stamp)"
     assert rejection.cure == "Fill in header.stamp before publishing."
-    _, (rejection,) = read(write(tmp_path / "arm", [pose(0), *poses[1:]], states), DOFS)
+    _, (rejection,) = read(write_pairs(tmp_path / "arm", [pose(0), *poses[1:]], states), DOFS)
     assert rejection.reason == "empty: 1 usable samples (29 zero_stamp)"
-    _, (rejection,) = read(write(tmp_path / "both", [pose(i) for i in range(30)], states), DOFS)
+    _, (rejection,) = read(
+        write_pairs(tmp_path / "both", [pose(i) for i in range(30)], states), DOFS
+    )
     assert rejection.topic == "/joint_states"
     assert rejection.reason == "empty: 0 usable samples (30 not_finite)"  # not two clocks
 
@@ -243,7 +237,7 @@ def test_inspection_reports_gaps_rates_and_outliers(tmp_path):
     poses = [pose(i) for i in range(60) if not 20 <= i < 35]
     poses[10] = pose(10, x=4.0)
     poses[12] = pose(12, x=float("nan"))
-    summary = inspect_bag(write(tmp_path / "demo", poses))
+    summary = inspect_bag(write_pairs(tmp_path / "demo", poses))
     (wrist,) = [t for t in summary.topics if t.name == "/mocap/wrist/pose"]
     assert wrist.count == 45 and wrist.rate_hz == pytest.approx(100.0)
     assert wrist.gaps == ((START_NS + 19 * STEP_NS, pytest.approx(0.16)),)

@@ -6,12 +6,22 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from bag_builder import JOINTS, LWR, POSE, START_NS, STEP_NS, joints, pose, write_bag, write_session
+from bag_builder import (
+    JOINTS,
+    LWR,
+    POSE,
+    START_NS,
+    STEP_NS,
+    joints,
+    pose,
+    write_bag,
+    write_pairs,
+    write_session,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.bags.reader import BagReader
-from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations import collecting as module
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, load_dofs
@@ -124,26 +134,21 @@ def spoiled_joints(i, fault):
 )
 def test_spoiled_recordings(poses, states, extrinsics, dofs):
     with TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as monkeypatch:
-        with BagWriter(Path(folder) / "bag", {"task": "plate"}) as writer:
-            for i in range(30):
-                at_ns = START_NS + i * STEP_NS
-                message = spoiled_pose(i, poses.get(i))
-                writer.write_message("mocap/wrist/pose", POSE, message, at_ns)
-                writer.write_message(
-                    "joint_states", JOINTS, spoiled_joints(i, states.get(i)), at_ns
-                )
-        check(Path(folder) / "bag", dofs, monkeypatch, extrinsics=extrinsics)
+        bag = write_pairs(
+            Path(folder) / "bag",
+            [spoiled_pose(i, poses.get(i)) for i in range(30)],
+            [spoiled_joints(i, states.get(i)) for i in range(30)],
+        )
+        check(bag, dofs, monkeypatch, extrinsics=extrinsics)
 
 
 def test_a_clock_set_back_keeps_the_longest_part(tmp_path, monkeypatch):
-    stamps = [*range(500, 560), *range(300, 480)]
-    with BagWriter(tmp_path / "bag", {"task": "plate"}) as writer:
-        for i, index in enumerate(stamps):
-            at_ns = START_NS + i * STEP_NS
-            writer.write_message("mocap/wrist/pose", POSE, pose(index, x=0.1), at_ns)
-            own = joints(250 + i, positions=[0.001 * i + j for j in range(7)])
-            writer.write_message("joint_states", JOINTS, own, at_ns)
-    ((found,), _) = check(tmp_path / "bag", DOFS, monkeypatch)
+    poses = [pose(k, x=0.1) for k in (*range(500, 560), *range(300, 480))]
+    states = [
+        joints(250 + i, positions=[0.001 * i + j for j in range(7)]) for i in range(len(poses))
+    ]
+    bag = write_pairs(tmp_path / "bag", poses, states)
+    ((found,), _) = check(bag, DOFS, monkeypatch)
     assert found[4] == {"stamp_not_increasing": 159}
     assert found[2][0] == START_NS + 399 * STEP_NS
 

@@ -4,7 +4,7 @@
 from collections import Counter
 
 import numpy as np
-from bag_builder import JOINTS, LWR, POSE, START_NS, STEP_NS, joints, pose, write_bag
+from bag_builder import LWR, POSE, START_NS, STEP_NS, joints, pose, write_bag, write_pairs
 from model_builder import make_dofs
 
 from intent_recognition.bags.reader import BagReader
@@ -33,12 +33,8 @@ def test_an_arm_that_is_missing_or_incomplete_leaves_the_human(tmp_path):
         for k in range(5):
             writer.write_message("mocap/wrist/pose", POSE, pose(k), START_NS + k * STEP_NS)
     assert len(list(iter_samples(BagReader(tmp_path / "human"), DOFS))) == 5
-    with BagWriter(tmp_path / "six") as writer:
-        for k in range(5):
-            at_ns = START_NS + k * STEP_NS
-            writer.write_message("mocap/wrist/pose", POSE, pose(k), at_ns)
-            short = joints(k, names=LWR[:6], positions=[0.0] * 6)
-            writer.write_message("joint_states", JOINTS, short, at_ns)
+    short = [joints(k, names=LWR[:6], positions=[0.0] * 6) for k in range(5)]
+    six = write_pairs(tmp_path / "six", map(pose, range(5)), short)
     rejected = Counter()
-    samples = list(iter_samples(BagReader(tmp_path / "six"), DOFS, rejected=rejected))
+    samples = list(iter_samples(BagReader(six), DOFS, rejected=rejected))
     assert len(samples) == 5 and rejected == {"missing_dof": 5}

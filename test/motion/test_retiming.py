@@ -50,6 +50,12 @@ def path_of(times, q, v, limits=LIMITS):
     return make_path(times, q, limits, v)
 
 
+def planned(sampled, onset_s=0.0, start=HOME):
+    """Along a sampled prediction, from rest."""
+    timing, rest = NominalTiming(onset_s, sampled[0][-1]), JointReference.at_rest(start)
+    return plan_interaction(path_of(*sampled), timing, rest, LIMITS)
+
+
 def check_by_differences(plan: JointPlan, limits=LIMITS):
     """Limits and continuity by differences of finely sampled positions: an independent check."""
     cubic = CubicHermiteSpline(plan.times_s, plan.positions, plan.velocities)
@@ -138,10 +144,7 @@ def test_updates_of_path_and_timing_never_jump(seed, duration_s, late, gaps):
 
 
 def test_catches_up_with_the_nominal_timing_and_then_follows_it():
-    times, q, v = samples(3, 4.0)
-    plan = plan_interaction(
-        path_of(times, q, v), NominalTiming(-1.6, 4.0), JointReference.at_rest(HOME), LIMITS
-    )
+    plan = planned(samples(3, 4.0), -1.6)
     nominal = (plan.times_s + 1.6) / 4.0
     lag = nominal - plan.phase
     together = np.flatnonzero(np.abs(lag) < 0.01)
@@ -152,56 +155,42 @@ def test_catches_up_with_the_nominal_timing_and_then_follows_it():
 
 
 def test_is_not_early_when_it_starts_in_time():
-    times, q, v = samples(4, 3.0)
-    plan = plan_interaction(
-        path_of(times, q, v), NominalTiming(0.0, 3.0), JointReference.at_rest(HOME), LIMITS
-    )
+    plan = planned(samples(4, 3.0))
     assert np.all(plan.phase <= plan.times_s / 3.0 + 0.01)
     assert plan.times_s[plan.phase >= 1.0 - 1e-9][0] == pytest.approx(3.0, abs=0.1)
 
 
 def test_waits_for_an_onset_in_the_future():
-    times, q, v = samples(4, 3.0)
-    plan = plan_interaction(
-        path_of(times, q, v), NominalTiming(0.5, 3.0), JointReference.at_rest(HOME), LIMITS
-    )
+    plan = planned(samples(4, 3.0), 0.5)
     assert np.all(plan.phase[plan.times_s < 0.45] == 0.0)
     assert plan.phase[-1] == 1.0
 
 
 def test_follows_the_path_and_does_not_cut_it():
-    times, q, v = samples(5, 2.0, n_via=1)
-    path = path_of(times, q, v)
-    start = JointReference.at_rest(HOME)
-    plan = plan_interaction(path, NominalTiming(-1.2, 2.0), start, LIMITS)
-    fine = path.spline(np.linspace(0.0, 1.0, 2000))
+    sampled = samples(5, 2.0, n_via=1)
+    plan = planned(sampled, -1.2)
+    fine = path_of(*sampled).spline(np.linspace(0.0, 1.0, 2000))
     for t in np.linspace(0.0, plan.duration_s, 200):
         assert np.min(np.abs(fine - plan.at(t).position).max(axis=1)) < 2e-3
 
 
 def test_goes_to_the_start_of_the_path_before_it_follows_it():
-    times, q, v = samples(6, 2.0)
-    away = JointReference.at_rest(HOME - 0.8)
-    plan = plan_interaction(path_of(times, q, v), NominalTiming(-1.0, 2.0), away, LIMITS)
+    plan = planned(samples(6, 2.0), -1.0, HOME - 0.8)
     far = np.abs(plan.positions - HOME).max(axis=1) > 0.17
     assert np.all(plan.phase[: np.flatnonzero(~far)[0]] == 0.0)
     check_by_differences(plan)
 
 
 def test_a_prediction_too_fast_is_slowed_and_said_to_be():
-    times, q, v = samples(7, 0.5, size=1.0)
-    path = path_of(times, q, v)
-    plan = plan_interaction(path, NominalTiming(0.0, 0.5), JointReference.at_rest(HOME), LIMITS)
+    plan = planned(samples(7, 0.5, size=1.0))
     assert plan.slowed and plan.duration_s > 0.6
     check_by_differences(plan)
 
 
 def test_a_prediction_outside_the_position_limits_is_clamped_and_said_to_be():
-    times, q, v = samples(8, 3.0)
+    times, q, _ = samples(8, 3.0)
     q = q + np.outer(minimum_jerk(times / 3.0), [0, 0, 0, 1.5, 0, 0, -4.0])
-    v = np.gradient(q, times, axis=0)
-    path = path_of(times, q, v)
-    plan = plan_interaction(path, NominalTiming(-1.0, 3.0), JointReference.at_rest(HOME), LIMITS)
+    plan = planned((times, q, np.gradient(q, times, axis=0)), -1.0)
     assert set(plan.clamped) == {3, 6}
     check_by_differences(plan)
     others = [0, 1, 2, 4, 5]
@@ -235,13 +224,7 @@ def test_a_stop_stays_on_the_path_within_the_limits(seed, duration_s, late, shar
 @few
 @given(seeds, durations, phases, st.floats(0.0, 1.0))
 def test_a_brake_keeps_to_the_way_of_a_plan_that_is_joining_a_path(seed, duration_s, late, share):
-    times, q, v = samples(seed, duration_s)
-    running = plan_interaction(
-        path_of(times, q, v),
-        NominalTiming(-late * duration_s, duration_s),
-        JointReference.at_rest(HOME + 0.3),
-        LIMITS,
-    )
+    running = planned(samples(seed, duration_s), -late * duration_s, HOME + 0.3)
     t = share * running.duration_s
     brake = brake_along(running, t, LIMITS)
     assert brake.kind == "stop" and not brake.outside and np.all(brake.velocities[-1] == 0.0)
