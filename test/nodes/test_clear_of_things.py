@@ -134,11 +134,11 @@ def test_what_cannot_be_kept_clear_of_is_an_error_at_start(harness, wrong, messa
         Graph(harness, **wrong)
 
 
-def tell_person(graph, position, names=PERSON):
+def tell_person(graph, position, names=PERSON, times_s=(0.0, 5.0)):
     publisher = graph.harness.publisher(JointTrajectory, "intent/human_trajectory", qos.COMMAND)
     graph.harness.connect(publisher)
-    times, where, std = np.array([0.0, 5.0]), np.tile(position, (2, 1)), np.full((2, 3), 0.02)
-    message = build_joint_trajectory(names, times, where, None, std, time_ns=START_NS)
+    where, std = np.tile(position, (2, 1)), np.full((2, 3), 0.02)
+    message = build_joint_trajectory(names, np.array(times_s), where, None, std, time_ns=START_NS)
     graph.send(publisher, message, "intent/human_trajectory")
 
 
@@ -160,8 +160,9 @@ def test_the_arm_slows_where_the_person_is_predicted_to_be(harness, near):
 def test_a_broken_prediction_does_not_clear_the_way_of_a_person(harness, names, where):
     graph = Graph(harness, person_dofs=PERSON)
     graph.describe(ROBOT.description)
-    tell_person(graph, np.zeros(3))
+    tell_person(graph, np.zeros(3), times_s=(5.0, 5.0))  # at the end of the movement
     (person,) = graph.node._person.people
+    assert len(person.times_ns) == 1
     tell_person(graph, np.full(3, where), names)
     assert graph.node._person.people == (person,)
     assert graph.node.diagnostics.rejected("bad_human_trajectory") == 1

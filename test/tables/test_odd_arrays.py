@@ -446,6 +446,18 @@ def test_a_list_that_is_missing_was_not_measured(tmp_path):
     np.testing.assert_array_equal(samples.values[3:], PLACE[3:] / 1000)
 
 
+def test_the_columns_of_parquet_that_are_read_are_bounded(tmp_path, monkeypatch):
+    arrow, parquet = (pytest.importorskip(name) for name in ("pyarrow", "pyarrow.parquet"))
+    columns = dict(zip("txyz", (TIMES_S, *PLACE.T / 1000), strict=True))
+    notes = [f"{k:0>200}" for k in range(ROWS)]
+    parquet.write_table(arrow.table(columns | {"note": notes}), tmp_path / "a.parquet")
+    monkeypatch.setattr("intent_recognition.tables.parquet.MOST_ARRAYS", 20_000)
+    options = {"time": {"column": "t"}}
+    check_wrist(imported(tmp_path, "a.parquet", None, **options))
+    samples, said = imported(tmp_path, "a.parquet", None, task={"column": "note"}, **options)
+    assert samples is None and "more than 20000" in said
+
+
 def test_numbered_groups_of_hdf5_are_demonstrations(tmp_path):
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "made.h5", "w") as file:
