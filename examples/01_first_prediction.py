@@ -50,7 +50,7 @@ posterior, log_evidence = primitive.condition(phase[seen], wrist[seen])
 
 before, after = primitive.predict_controlled(), posterior.predict_controlled()
 grid = np.linspace(0.0, 1.0, len(before.times_s))
-figure, rows = plt.subplots(3, 1, figsize=(7, 6.4), sharex=True)
+figure, rows = plt.subplots(3, 1, figsize=(7, 6.4), layout="constrained", sharex=True)
 for dof, (axes, name) in enumerate(zip(rows, "xyz", strict=True)):
     for prediction, colour, label in (
         (before, "0.6", "task alone, ±2σ"),

@@ -47,7 +47,9 @@ for name, (rows, dofs) in seen.items():
 # forward motion as far as it is correlated with the height.
 
 grid = np.linspace(0.0, 1.0, 50)
-figure, table = plt.subplots(2, 4, figsize=(10, 4.6), sharex=True, sharey="row")
+figure, table = plt.subplots(
+    2, 4, figsize=(10, 4.6), layout="constrained", sharex=True, sharey="row"
+)
 for column, (name, posterior) in zip(table.T, predictions.items(), strict=True):
     predicted, (rows, dofs) = posterior.predict_observed(), seen[name]
     column[0].set_title(name)

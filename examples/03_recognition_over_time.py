@@ -41,7 +41,9 @@ print(f"after 0.5 s: {estimates[25].task}, {max(estimates[25].probabilities):.0%
 # change as soon as the movements of the tasks differ.
 
 probabilities = np.array([estimate.probabilities for estimate in estimates])
-figure, (top, bottom) = plt.subplots(2, 1, figsize=(7, 5.2), sharex=True, height_ratios=(1, 1.3))
+figure, (top, bottom) = plt.subplots(
+    2, 1, figsize=(7, 5.2), layout="constrained", sharex=True, height_ratios=(1, 1.3)
+)
 for dof, name in enumerate("xyz"):
     top.plot(times_s, wrist[:, dof], color="0.35", lw=1.3)
     top.annotate(f" {name}", (times_s[-1], wrist[-1, dof]), va="center", color="0.35")

@@ -49,7 +49,7 @@ movements = {
 # %%
 # The probability of the tasks, one colour each, and of `none` in grey.
 
-figure, columns = plt.subplots(1, 3, figsize=(10, 3.3), sharey=True)
+figure, columns = plt.subplots(1, 3, figsize=(10, 3.3), layout="constrained", sharey=True)
 for axes, (name, (times_s, wrist)) in zip(columns, movements.items(), strict=True):
     counts = range(1, len(times_s) + 1, 2)
     estimates = [ir.recognize_task(library, times_s[:n], wrist[:n]) for n in counts]

@@ -68,7 +68,7 @@ for stamp_s, position in stream:
 
 stamps, probabilities = np.array(stamps), np.array(probabilities)
 mean, std = np.array(predicted).transpose(1, 0, 2)
-figure, (top, bottom) = plt.subplots(2, 1, figsize=(9, 5.4), sharex=True)
+figure, (top, bottom) = plt.subplots(2, 1, figsize=(9, 5.4), layout="constrained", sharex=True)
 for task, label in enumerate((*library.labels, "none")):
     colour = "0.6" if label == "none" else f"C{task}"
     top.plot(stamps, probabilities[:, task], color=colour, label=label)

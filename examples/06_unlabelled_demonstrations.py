@@ -47,7 +47,9 @@ for task in TASKS:
 # %%
 # View from above: as recorded, and coloured by component.
 
-figure, columns = plt.subplots(1, 2, figsize=(9, 3.6), sharex=True, sharey=True)
+figure, columns = plt.subplots(
+    1, 2, figsize=(9, 3.6), layout="constrained", sharex=True, sharey=True
+)
 for (_, wrist, _), label in zip(recordings, found, strict=True):
     colour = "0.6" if label == "none" else f"C{library.labels.index(label)}"
     columns[0].plot(wrist[:, 0], wrist[:, 1], color="0.45", lw=1.2)

@@ -32,7 +32,7 @@ alignment = ir.align(trajectories)
 # Left: height over recorded phase. Middle: the same over the reference's phase. Right: the warps.
 
 grid = np.linspace(0.0, 1.0, alignment.aligned.shape[1])
-figure, (before, after, warps) = plt.subplots(1, 3, figsize=(10, 3.4))
+figure, (before, after, warps) = plt.subplots(1, 3, figsize=(10, 3.4), layout="constrained")
 for trajectory, aligned, warp in zip(trajectories, alignment.aligned, alignment.warps, strict=True):
     before.plot(np.linspace(0.0, 1.0, len(trajectory)), trajectory[:, 2], color="C0", lw=1)
     after.plot(grid, aligned[:, 2], color="C0", lw=1)

@@ -67,7 +67,7 @@ probability, share, count = ir.reliability_bins(np.array(said), np.array(true), 
 # On the diagonal, the uncertainty is calibrated. Above it on the left, errors are smaller than the
 # predicted standard deviation.
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4))
+figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
 for axes in (left, right):
     axes.plot([0, 1], [0, 1], color="0.5", lw=1, ls="--")
     axes.set(xlim=(0, 1), ylim=(0, 1.02), aspect="equal")

@@ -72,7 +72,7 @@ print(f"half is poured at a tilt of {np.degrees(found.tilt_reference_rad):.0f} d
 # The mug with its annotation, and the bowl with the transferred one: rim and container, no handle.
 # The cross is the lip, the point of the rim over which the bowl would pour to the right.
 
-figure = plt.figure(figsize=(9, 4))
+figure = plt.figure(figsize=(9, 4), layout="constrained")
 views = (
     ("annotated mug", mug.annotated.points, mug.annotated.labels),
     ("warped to the bowl", warped.points, warped.labels),

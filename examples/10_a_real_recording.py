@@ -18,7 +18,8 @@ import intent_recognition as ir
 
 folder = Path(os.environ.get("INTENT_SHARED_DATA", "../../shared/data")) / "baton"
 available = folder.is_dir()
-print("recordings found" if available else "no recordings here: nothing is drawn below")
+missing = f"no recordings in {folder}: set INTENT_SHARED_DATA. Nothing is drawn below"
+print("recordings found" if available else missing)
 
 # %%
 # A DOF file says which message fields belong to which agent, and turns bags into demonstrations. Of
@@ -78,7 +79,7 @@ if available:
     movement = testing[1]
     times_s, taker = samples(movement.controlled, movement)
     predicted = predict(movement, 0.5)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.8))
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="constrained")
     for dof, name in enumerate("xyz"):
         mean, std = predicted.positions[:, dof], predicted.std[:, dof]
         low, high = mean - 2 * std, mean + 2 * std

@@ -70,7 +70,7 @@ def tube(axes, x, mean, std, colour, label, **line):
     axes.plot(x, mean, color=colour, label=label, **line)
 
 
-figure, (first, second, third, fourth) = plt.subplots(1, 4, figsize=(12, 3.1))
+figure, (first, second, third, fourth) = plt.subplots(1, 4, figsize=(12, 3.1), layout="constrained")
 for found, colour, label in ((free, "C0", "as learned"), (over, "C3", "over the bottle")):
     tube(first, found.times_s, found.positions[:, 2], found.std[:, 2], colour, label)
 first.plot(middle_s, height, "o", color="black", ms=4, label="via point")

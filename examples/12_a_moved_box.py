@@ -59,7 +59,7 @@ for stamp_s, position in zip(times_s, wrist, strict=True):
 # Left: the error of the predicted end of the robot's hand. Right: the end that the library predicts
 # before any movement, with two standard deviations.
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4))
+figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
 for colour, (name, found) in zip(("C0", "C1"), errors.items(), strict=True):
     left.plot(*np.transpose(found), color=colour, label=name)
 left.set(xlabel="time [s]", ylabel="error of the predicted end [cm]", ylim=(0, None))

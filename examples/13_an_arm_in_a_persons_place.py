@@ -64,7 +64,7 @@ print(f"the hand would end {ends_cm[0]:.1f} cm from where the wrist did, at last
 # distance between their ends, over the time of the prediction. Right: the arm's joints.
 
 since_s = prediction.onset_ns * 1e-9 - recording.start_ns * 1e-9
-figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12, 3.8))
+figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12, 3.8), layout="constrained")
 for dof, name in enumerate("xyz"):
     left.plot(since_s + times_s, hand[:, dof], color=f"C{dof}", label=f"hand {name}")
     seconds = assistant.seconds(recording.start_ns)

@@ -66,7 +66,7 @@ for stamp_ns, position, newtons in zip(wrist.stamps_ns, wrist.values, force.valu
 # Left: the measured force. Right: the probability of the right task.
 
 times_s = wrist.seconds(shown.start_ns)
-figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6))
+figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
 left.plot(times_s, force.values, label=["x", "y", "z"])
 left.set(xlabel="time [s]", ylabel="force of the person [N]")
 left.legend()

@@ -73,7 +73,7 @@ if __name__ == "__main__":
     import matplotlib.pyplot as plt
 
     rng = np.random.default_rng(1)
-    figure, views = plt.subplots(1, 2, figsize=(9.4, 3.0), sharex=True)
+    figure, views = plt.subplots(1, 2, figsize=(9.4, 3.0), layout="constrained", sharex=True)
     for colour, task in enumerate(TASKS):
         for number in range(8):
             _, wrist, hand = simulate(task, rng)

@@ -11,5 +11,4 @@ def apply(gallery_conf: dict, file_name: str) -> None:
     """Called by sphinx-gallery before each example."""
     rcParams.update(STYLE)
     rcParams["axes.prop_cycle"] = cycler(color=PALETTE)
-    rcParams["figure.constrained_layout.use"] = True
     rcParams["figure.dpi"] = 110
