@@ -28,6 +28,8 @@ DEMONSTRATION = re.compile(
 RATES = ("fps", "rate", "rate_hz", "hz", "frequency", "control_freq", "sampling_rate",
          "sample_rate", "sampling_frequency", "frame_rate", "capture_rate", "fs")  # fmt: skip
 """Attributes of a file, or numbers in it, in lower case, that say samples a second."""
+FILLS = ("_fillvalue", "missing_value")
+"""Attributes of an array, in lower case, that say which number stands for one not measured."""
 UNIT = ("unit", "units")
 """What attributes, or texts beside arrays, that say a unit are called, in lower case."""
 ENDS = "meta.episode_ends"
@@ -273,6 +275,19 @@ def _unit_of(item: Any) -> list[str]:
     return [v.decode() if isinstance(v, bytes) else v for v in texts] or [""]
 
 
+def _measured(item: Any) -> NDArray[Any]:
+    """The numbers of an array; NaN for those that its attributes say stand for none (CF 2.5.1)."""
+    array = np.asarray(item[()])
+    said = [np.ravel(v) for k, v in item.attrs.items() if k.lower() in FILLS]
+    said = [values for values in said if values.dtype.kind in "fiu"]
+    if (
+        array.dtype.kind == "b"
+        or not (is_none := np.isin(array, np.concatenate([[], *said]))).any()
+    ):
+        return array
+    return np.where(is_none, np.nan, array)
+
+
 def _arrays(group: Any) -> dict[str, NDArray[Any]]:
     found = {}
     is_text = importlib.import_module("h5py").check_string_dtype
@@ -289,7 +304,7 @@ def _arrays(group: Any) -> dict[str, NDArray[Any]]:
         if item.ndim == 2 and item.dtype == np.uint8 and item.shape[1] > 256:
             return
         if item.dtype.kind in "fiub" and (item.ndim in (1, 2) or is_of_places):
-            found[dotted] = np.asarray(item[()])
+            found[dotted] = _measured(item)
         if is_text(item.dtype) and item.ndim == 1:
             texts = item.asstr(errors="replace")[()]
             if max(map(len, texts)) * 4 * item.size <= MOST_BYTES:

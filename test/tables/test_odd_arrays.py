@@ -12,6 +12,7 @@ from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S
 
 from intent_recognition.tables import import_demonstrations, suggest_map
 from intent_recognition.tables.files import open_table
+from intent_recognition.tables.hdf5_reading import read
 from intent_recognition.tables.import_map import ImportMap
 
 ARRAYS = {
@@ -486,3 +487,13 @@ def test_rows_of_json_under_any_name_are_read(tmp_path):
     content = json.dumps({"made": {"by": "me"}, "data": rows}, default=list)
     columns = [f"w.{axis}" for axis in "xyz"]
     check_wrist(imported(tmp_path, "a.json", content, columns, unit="mm", time={"column": "t"}))
+
+
+def test_a_number_that_stands_for_none_was_not_measured(tmp_path):
+    lost = np.arange(ROWS) % 9 == 4
+    with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
+        file["t"], file["w"] = TIMES_S, np.where(lost[:, None], -9999.0, PLACE / 1000)
+        file["w"].attrs.update({"_FillValue": np.float32(-9999.0), "missing_value": "none"})
+    found = read(str(tmp_path / "a.h5"))
+    np.testing.assert_array_equal(np.isnan(found["w"]), np.repeat(lost[:, None], 3, axis=1))
+    np.testing.assert_array_equal(found["w"][~lost], PLACE[~lost] / 1000)
