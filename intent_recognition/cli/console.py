@@ -33,9 +33,17 @@ def escape(text: str) -> str:
     return markup.escape(printable(text))
 
 
+class _Output(Console):
+    """Leaves it to `main` to end where the reader has had enough; rich would end with 1."""
+
+    def on_broken_pipe(self) -> None:
+        """Take it for what it is."""
+        raise BrokenPipeError
+
+
 def make_console() -> Console:
     """A console as wide as the terminal, or wide enough for every table."""
-    return Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    return _Output(width=None if sys.stdout.isatty() else 140, highlight=False)
 
 
 def brief_list(items: Sequence[object]) -> str:

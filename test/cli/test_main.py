@@ -178,9 +178,11 @@ def test_an_interrupt_during_imports_is_quiet(tmp_path):
 @pytest.mark.slow
 def test_a_reader_that_closes_early_sees_no_traceback(repository):
     bag = repository / "bags" / "toolbox" / "test"
-    command = f"{sys.executable} -m intent_recognition.cli.main inspect {bag} | head -n 1"
+    inspect = f"{sys.executable} -m intent_recognition.cli.main inspect {bag}"
+    command = f"set -o pipefail; {inspect} | head -n 1"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     assert len(done.stdout.splitlines()) == 1 and not done.stderr
+    assert done.returncode == 0
 
 
 @pytest.mark.parametrize(
