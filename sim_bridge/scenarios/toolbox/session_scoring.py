@@ -141,7 +141,7 @@ def score_interaction(
             transfer_s=None if at_ns is None else (at_ns - end) * 1e-9,
             largest_force_n=transfer.largest_force_n,
         )
-        trace |= transfer_trace(log, onset, end, transfer)
+        trace |= transfer_trace(log, onset, end, until_ns, transfer)
     return record, trace
 
 

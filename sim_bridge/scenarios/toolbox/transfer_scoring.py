@@ -54,9 +54,11 @@ def _dropped(stamps: Integers, holders: tuple[str, ...]) -> bool:
     return False
 
 
-def transfer_trace(log: SessionLog, onset_ns: int, end_ns: int, score: TransferScore) -> Trace:
-    """Forces from the human's end until a while after the transfer, or until all was over."""
-    stop_ns = (score.at_ns if score.at_ns is not None else end_ns + 4 * SHOWN_NS) + SHOWN_NS
+def transfer_trace(
+    log: SessionLog, onset_ns: int, end_ns: int, until_ns: int, score: TransferScore
+) -> Trace:
+    """Forces from the human's end until a while after the transfer, or else until all was over."""
+    stop_ns = until_ns if score.at_ns is None else score.at_ns + SHOWN_NS
     felt = slice(*np.searchsorted(log.transfers.stamps_ns, [end_ns, stop_ns]))
     true = slice(*np.searchsorted(log.contacts.stamps_ns, [end_ns, stop_ns]))
     values = log.transfers.values[felt]
