@@ -2,6 +2,7 @@
 """ROS packages that a robot's description speaks of: installed, or as source around its file."""
 
 import os
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -12,6 +13,8 @@ from intent_recognition.untrusted import UntrustedError, load_xml, read_text
 _ABOVE = 3
 """Folders above a file in which its packages are looked for: `urdf`, its package, what holds it."""
 _PREFIXES = "AMENT_PREFIX_PATH"
+_NAME = re.compile(r"\w[\w-]*")
+"""The name of a package. Others may be paths, of which no link is made."""
 
 
 def package_shares() -> list[str]:
@@ -26,8 +29,9 @@ def packages_around(folder: Path) -> dict[str, Path]:
         with suppress(OSError):
             for place in (above, *sorted(above.iterdir())):
                 with suppress(OSError, UntrustedError):
-                    name = load_xml(read_text(place / "package.xml")).findtext("name", "")
-                    found.setdefault(name.strip(), place)
+                    name = load_xml(read_text(place / "package.xml")).findtext("name", "").strip()
+                    if _NAME.fullmatch(name):
+                        found.setdefault(name, place)
     return found
 
 

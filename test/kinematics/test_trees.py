@@ -138,6 +138,11 @@ def test_packages_that_a_description_speaks_of_may_stand_beside_it_as_source(tmp
     include = '<xacro:include filename="$(find {})/urdf/chain.xacro"/></robot>'
     path.write_text(head + include.format("parts"))
     assert Arm.from_urdf(path).n_joints == 6
+    for name in ("", "../../escaped"):  # which are none of a package
+        (tmp_path / "Arms" / "odd").mkdir(exist_ok=True)
+        odd = f"<package><name>{name}</name></package>"
+        (tmp_path / "Arms" / "odd" / "package.xml").write_text(odd)
+        assert Arm.from_urdf(path).n_joints == 6
     path.write_text(head + include.format("others"))
     with pytest.raises(ArgumentError, match="finds the package others, which is nowhere"):
         Arm.from_urdf(path)
