@@ -175,13 +175,13 @@ def _elements(cell: str) -> list[str]:
 
 
 def _sizes(rows: Sequence[Sequence[str]]) -> dict[int, int]:
-    """How many numbers each cell of a column holds, of the columns that hold vectors."""
+    """How many numbers each cell of a column holds, of the columns that hold several."""
     found: dict[int, set[int]] = {}
     for row in rows:
         for column, cell in enumerate(row):
             if cell.strip():
                 found.setdefault(column, set()).add(len(_elements(cell)))
-    return {c: max(sizes) for c, sizes in found.items() if len(sizes) == 1 and max(sizes)}
+    return {c: max(sizes) for c, sizes in found.items() if len(sizes) == 1 and max(sizes) > 1}
 
 
 def _with_elements(header: Header, sizes: Mapping[int, int]) -> Header:

@@ -161,12 +161,13 @@ def test_the_unit_of_the_header_is_suggested_where_another_were_usual(tmp_path):
 
 
 @pytest.mark.parametrize("form", ['"({}, {}, {})"', "[{} {} {}]", "[ {}  {}  {}]"])
-@pytest.mark.parametrize("names", ["t,hand", "t [s],hand pos [m]"])
+@pytest.mark.parametrize("names", ["t,hand,note", "t [s],hand pos [m],note"])
 def test_vectors_in_a_cell_are_columns(form, names, tmp_path):
-    rows = [[f"{TIMES_S[k]:.2f}", form.format(*(PLACE[k] / 1000))] for k in range(ROWS)]
+    rows = [[f"{TIMES_S[k]:.2f}", form.format(*(PLACE[k] / 1000)), "(3)"] for k in range(ROWS)]
     rows[5][1] = ""
     path = tmp_path / "a.csv"
     path.write_text("\n".join([names, *map(",".join, rows)]))
+    assert open_table(path).names[-1] == "note"  # one number is none
     mapping = ImportMap.from_dict(yaml.safe_load(suggest_map(path)))
     (found,) = import_demonstrations(path, mapping)
     expected = np.where(np.arange(ROWS)[:, None] == 5, np.nan, PLACE / 1000)
