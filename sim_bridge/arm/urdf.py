@@ -76,17 +76,18 @@ def find_meshes(root: ET.Element, folder: Path) -> None:
     Raises:
         ArgumentError: a mesh is nowhere.
     """
+    around = packages_around(folder)
     for mesh in root.iter("mesh"):
-        mesh.set("filename", str(_find_mesh(mesh.get("filename", ""), folder)))
+        mesh.set("filename", str(_find_mesh(mesh.get("filename", ""), folder, around)))
 
 
-def _find_mesh(name: str, folder: Path) -> Path:
+def _find_mesh(name: str, folder: Path, around: Mapping[str, Path]) -> Path:
     """A mesh beside the URDF, in a folder above it, or in a ROS package."""
     _, scheme, rest = name.rpartition("://")
     package, _, inside = rest.partition("/")
     shares = map(Path, package_shares()) if scheme else ()
     found = [place / rest for place in (folder, *folder.parents[:3], *shares)]
-    if scheme and package in (around := packages_around(folder)):
+    if scheme and package in around:
         found.append(around[package] / inside)
     for path in found:
         with suppress(OSError):  # such as a name that is too long
