@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats
 from intent_recognition.composing import ViaPoint
-from intent_recognition.model import ARRIVED, TO_UNDO
+from intent_recognition.model import ARRIVED, TO_UNDO, WAITING
 from intent_recognition.plans import WorkPlan
 
 PLOTTED_S = 20.0
@@ -245,6 +245,12 @@ class CellState:
     def begun(self) -> str:
         """The task that the person does: the truth where it is published, else what is active."""
         return self.active if self.truth is None else self.truth
+
+    @property
+    def waiting(self) -> int:
+        """How many recordings the teacher has not learned yet."""
+        told = [health.values.get(WAITING, "") for health in self.nodes.values()]
+        return sum(int(n) for n in told if n.isdecimal())
 
     @property
     def can_undo(self) -> bool:

@@ -19,6 +19,7 @@ from std_srvs.srv import SetBool, Trigger
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import key_values
 from intent_recognition.nodes.graph import ARMS
+from intent_recognition.registry import LEARNING
 
 Notify = Callable[[bool, str], None]
 ESTIMATOR, ACTIVATION, TEACHER = ("intent_estimator", "primitive_activation", "task_teacher")
@@ -46,6 +47,8 @@ class Commands:
         self._clients: dict[str, Client] = {}
         self._calls: dict[str, tuple[Future, float]] = {}
         self.helping = True
+        for service in LEARNING:  # known to the teacher before: answers to new clients can be lost
+            self._client(f"{TEACHER}/{service}", Trigger)
         self._feedback = node.create_publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
         self._answers = node.create_publisher(String, "intent/answer", qos.STATE)
 

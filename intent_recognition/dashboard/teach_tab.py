@@ -90,18 +90,18 @@ class TeachTab:
         taken, by_hand = teleoperation.holds_wrist, self._how.value == BY_HAND
         obstacle = self._obstacle(teacher, taken)
         came = session.learned and state.active == self._task.value.strip()
-        self._helped = (self._helped or came) and not session.recorded
+        self._helped = (self._helped or came) and not state.waiting
         steps = BY_POINTER if by_hand else BY_GOALS
-        self._hint.content = obstacle or markup.steps(steps, self._steps_done(taken))
+        self._hint.content = obstacle or markup.steps(steps, self._steps_done(state.waiting, taken))
         others = not taken and teleoperation.others_move_wrist()
         self._take.disabled = others or session.busy
         stops = by_hand and session.recording
         free = taken and teacher and not obstacle and not session.busy
         self._record.disabled = not (free or stops)
         self._record.label = "Stop" if stops else RECORD
-        self._learn.disabled = session.busy or not teacher or not session.recorded
-        self._learn.label = f"Learn ({session.recorded})" if session.recorded else "Learn"
-        self._discard.disabled = not (stops or (teacher and session.recorded and not session.busy))
+        self._learn.disabled = session.busy or not teacher or not state.waiting
+        self._learn.label = f"Learn ({state.waiting})" if state.waiting else "Learn"
+        self._discard.disabled = not (stops or (teacher and state.waiting and not session.busy))
         self._undo.disabled = session.busy or not teacher or not state.can_undo
         self._reach.disabled = not taken or session.busy
         for field in (self._task, self._record, self._learn, self._discard, self._undo):
@@ -120,13 +120,13 @@ class TeachTab:
             return markup.ways(self._teleoperation.arm_problem or NO_ARM, ARMS)
         return ""
 
-    def _steps_done(self, taken: bool) -> int:
+    def _steps_done(self, waiting: int, taken: bool) -> int:
         """How many of the steps are behind."""
         session = self._session
         if not taken:
             return 0
-        if session.recorded:
-            return 2 if session.recorded >= FEW else 1
+        if waiting:
+            return 2 if waiting >= FEW else 1
         if session.learned:
             return 4 if self._helped else 3
         return 1

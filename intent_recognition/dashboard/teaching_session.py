@@ -22,7 +22,6 @@ class TeachingSession:
         self._teleoperation, self._commands, self._rng = teleoperation, commands, rng
         self._notify = commands.notify
         self.busy = self.recording = self.learned = False
-        self.recorded = 0
 
     def show(
         self, task: str, wrist_goal: Floats, hand_goal: Floats, length_s: float, vary: float
@@ -68,8 +67,6 @@ class TeachingSession:
             return
 
         def discarded(ok: bool, text: str) -> None:
-            if not self.recording:
-                self.recorded -= ok
             self.busy = self.recording = False
             self._notify(ok, text)
 
@@ -136,7 +133,6 @@ class TeachingSession:
     def _finish(self, then: Callable[[], None]) -> None:
         def stopped(ok: bool, text: str) -> None:
             self.recording = False
-            self.recorded += ok
             self._notify(ok, text)
             then()
 
@@ -160,5 +156,5 @@ class TeachingSession:
         self.busy = False
         self._notify(ok, text)
         if ok:
-            self.recorded, self.learned = 0, True
+            self.learned = True
             self._commands.robot_helps(True, lambda _ok, _text: None)

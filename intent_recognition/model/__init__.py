@@ -27,7 +27,13 @@ from intent_recognition.model.from_bags import (
 )
 from intent_recognition.model.pouring_skill import load_pouring_skill, save_pouring_skill
 from intent_recognition.model.practised import PractisedTask, undo_practice
-from intent_recognition.model.skills import SKILL_COLUMNS, TO_UNDO, SkillPeriod, skill_history
+from intent_recognition.model.skills import (
+    SKILL_COLUMNS,
+    TO_UNDO,
+    WAITING,
+    SkillPeriod,
+    skill_history,
+)
 from intent_recognition.model.task_folder import (
     PRACTICE,
     WAIT,

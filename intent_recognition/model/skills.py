@@ -19,6 +19,8 @@ from intent_recognition.model.history import IMPROVE, LEARN, START, UNDO, WAIT, 
 SKILL_COLUMNS = ("executions", "arrived", "corrected", "thumbs up", "thumbs down", "spilled")
 TO_UNDO = "to undo"
 """Key on `teach/skills` of the change that an undo takes back."""
+WAITING = "recordings that wait"
+"""Key of the diagnostics of `task_teacher`: how many recordings are not learned yet."""
 
 
 class SkillPeriod(NamedTuple):

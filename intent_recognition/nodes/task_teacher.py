@@ -24,6 +24,7 @@ from intent_recognition.model import (
     THUMBS,
     TO_UNDO,
     WAIT,
+    WAITING,
     Change,
     Executions,
     TaskFolder,
@@ -322,10 +323,12 @@ class TaskTeacher(TopicRecorder):
         self._skills.publish(message)
 
     def report(self, level: int, text: str) -> None:
-        """Say a sentence on `teach/status`, in the diagnostics and in the log."""
+        """Say a sentence on `teach/status`, in the diagnostics and in the log; and what waits."""
         self.last_status = text
+        self.diagnostics.value(WAITING, len(self.waiting))
         self._status.publish(String(data=text))
         self.diagnostics.status(level, text)
+        self.diagnostics.publish()
         self.get_logger().info(text)
 
 

@@ -6,12 +6,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from intent_recognition.dashboard.cell import CellState
+from intent_recognition.dashboard.cell import CellState, NodeHealth
 from intent_recognition.dashboard.teach_tab import BY_GOALS, BY_HAND, BY_POINTER, TeachTab
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.widgets import PageAccess
+from intent_recognition.model import WAITING
 
 TICK = "&#10003;"
+
+
+def state(waiting=0, **known):
+    health = NodeHealth(0, "idle", {WAITING: str(waiting)}, 0.0)
+    return CellState(nodes={"task_teacher": health}, **known)
 
 
 @pytest.fixture
@@ -30,42 +36,38 @@ def tab(server):
     return made
 
 
-def ticks(tab, active=""):
-    tab.update(CellState(active=active))
+def ticks(tab, active="", *, waiting=0):
+    tab.update(state(waiting, active=active))
     return tab._hint.content.count(TICK)
 
 
 def test_the_last_step_is_done_when_the_robot_has_helped(tab):
     session = tab._session
     assert ticks(tab) == ticks(tab, "wave") == 1
-    session.recorded = 3
-    assert ticks(tab) == 2
-    session.recorded, session.learned = 0, True
+    assert ticks(tab, waiting=3) == 2
+    session.learned = True
     assert ticks(tab, "another") == 3
     assert ticks(tab, "wave") == ticks(tab) == len(BY_GOALS)
-    session.recorded = 1
-    assert ticks(tab) == 1, "another task begins"
-    session.recorded = 0
+    assert ticks(tab, waiting=1) == 1, "another task begins"
     assert ticks(tab) == 3
 
 
 def test_what_waits_or_is_recorded_by_hand_can_be_discarded(tab):
     session = tab._session
-    tab.update(CellState())
-    assert tab._discard.disabled
-    session.recorded = 1
-    tab.update(CellState())
-    assert not tab._discard.disabled
+    tab.update(state())
+    assert tab._discard.disabled and tab._learn.label == "Learn"
+    tab.update(state(1))
+    assert not tab._discard.disabled and tab._learn.label == "Learn (1)"
     session.busy = True
-    tab.update(CellState())
+    tab.update(state(1))
     assert tab._discard.disabled
-    session.recorded, session.recording, tab._how.value = 0, True, BY_HAND
-    tab.update(CellState())
+    session.recording, tab._how.value = True, BY_HAND
+    tab.update(state())
     assert not tab._discard.disabled
 
 
 @pytest.mark.parametrize("by_hand", [True, False])
-def test_discarding_forgets_one_and_lets_go_on(by_hand):
+def test_discarding_lets_go_on(by_hand):
     said, asked = [], []
 
     def trigger(service, done):
@@ -74,10 +76,9 @@ def test_discarding_forgets_one_and_lets_go_on(by_hand):
 
     commands = SimpleNamespace(trigger=trigger, notify=lambda *what: said.append(what))
     session = TeachingSession(None, commands, None)
-    session.recorded, session.busy, session.recording = 2, by_hand, by_hand
+    session.busy, session.recording = by_hand, by_hand
     session.discard()
     assert asked == ["task_teacher/discard"] and said == [(True, "kept aside")]
-    assert session.recorded == (2 if by_hand else 1)
     assert not session.busy and not session.recording
 
 

@@ -20,7 +20,7 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import ArgumentError, ModelError, ResourceBusyError, TrainingError
 from intent_recognition.learning import TrainingSettings
-from intent_recognition.model import TO_UNDO, Executions, now
+from intent_recognition.model import TO_UNDO, WAITING, Executions, now
 from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.model.task_folder import Change
 from intent_recognition.nodes import qos
@@ -169,7 +169,9 @@ def test_bad_requests_say_what_is_wrong_and_leave_the_model(harness, tmp_path, m
     cell.teacher.set_parameters([Parameter("learn_at_stop", value=False)])
     assert cell.call("start").success and cell.call("stop").success
     assert len(cell.teacher.waiting) == 1
+    assert values_of(cell.teacher.diagnostics.report())[WAITING] == "1"
     assert cell.call("discard").success and not cell.teacher.waiting
+    assert values_of(cell.teacher.diagnostics.report())[WAITING] == "0"
     assert len(list(undone.iterdir())) == 3
     assert not cell.call("discard").success
 
