@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from intent_recognition.errors import BagError, one_line, optional
+from intent_recognition.tables.by_body import by_body
 from intent_recognition.tables.cells import Values, flat, numbers
 from intent_recognition.tables.table import Table, check_columns, unusable
 from intent_recognition.untrusted import (
@@ -23,7 +24,7 @@ from intent_recognition.untrusted import (
 
 def open_parquet(path: Path) -> Table:
     """A Parquet file; elements of lists are `NAME.0`, ..., fields of structs `NAME.FIELD`."""
-    return parquet_table(path, [path], {})
+    return by_body(parquet_table(path, [path], {}))
 
 
 def parquet_table(source: Path, files: Sequence[Path], names: Mapping[str, Sequence[str]]) -> Table:

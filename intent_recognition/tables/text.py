@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from intent_recognition.tables.by_body import by_body
 from intent_recognition.tables.cells import MISSING, Values, with_point
 from intent_recognition.tables.headers import OF_VICON, Header, known_header
 from intent_recognition.tables.table import Table, check_columns, is_unit, unusable
@@ -94,7 +95,8 @@ def open_text(path: Path, skip_rows: int) -> Table:
         return [np.array(column, object) for column in cells]
 
     notes = (f"only {head[0][0].strip()} are read, not {', '.join(others)}",) if others else ()
-    return Table(path, header.names, read, notes=notes, unit=unit, **header.about)
+    table = Table(path, header.names, read, notes=notes, unit=unit, **header.about)
+    return by_body(table) if is_plain else table
 
 
 def _comments(path: Path, encoding: str) -> int:

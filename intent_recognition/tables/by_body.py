@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables with a row for each body and moment, as tables with a row for each moment."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from intent_recognition.array_types import Integers
+from intent_recognition.tables.cells import Values
+from intent_recognition.tables.table import Table
+
+OF_BODY = re.compile(
+    r"(?i)(?:rigid[_ ]?body|body(?:[_ ]?part)?|marker|joint|segment|landmark|key[_ ]?point|sensor"
+    r"|tracker|device|child_frame)(?:[_ ]?(?:name|id))?"
+)
+"""The column that says which body a row is of."""
+OF_ANY = re.compile(r"(?i)name|id|object")
+"""Likewise, where the rows of a moment follow one another; else a recording may be meant."""
+OF_MOMENT = re.compile(r"(?i)t|(?:time|stamp|frame|sec|nsec|nanosec|seq|date).*|header\..*")
+"""Columns that are of a moment, not of a body; so are those before the name of the body that say
+the same of all."""
+MOST_BODIES = 1000
+"""Bodies of a table. Convention: landmarks of a face and two hands are some 500."""
+ROWS_A_MOMENT = 1.5
+"""Rows of a moment, on an average, at least. Convention: two bodies, one of which is often hidden.
+"""
+
+
+def by_body(table: Table) -> Table:
+    """Columns `BODY.x` of a table that has a column of bodies and several rows for each moment.
+
+    A body that is missing at a moment was not measured. Any other table is returned as it is.
+    """
+    named = [k for k, name in enumerate(table.names) if OF_BODY.fullmatch(name.strip())]
+    sure = bool(named)
+    named = named or [k for k, name in enumerate(table.names) if OF_ANY.fullmatch(name.strip())]
+    if len(named) != 1:
+        return table
+    (which,) = named
+    names = table.names
+    said = [k for k, n in enumerate(names) if k < which or OF_MOMENT.fullmatch(n.strip())]
+    if not said or len(names) < 3:
+        return table
+    texts, *columns = table.read([which, *said])
+    bodies, body = _distinct(texts)
+    if not 1 < len(bodies) <= MOST_BODIES:
+        return table
+    for column in columns:
+        moments, moment = _distinct(column)
+        unique = len(np.unique(moment * len(bodies) + body)) == len(body)
+        if unique and len(body) >= ROWS_A_MOMENT * len(moments):
+            break
+    else:
+        return table
+    if not sure and np.any(np.diff(moment) < 0):
+        return table
+    moment = _ranks(moments)[moment]
+    first = np.unique(moment, return_index=True)[1]
+    shared = [
+        k for k, of in zip(said, columns, strict=True) if np.array_equal(of, of[first][moment])
+    ]
+    places: list[tuple[int, int | None]] = [(k, None) for k in shared]
+    own = [k for k in range(len(names)) if k not in (which, *shared)]
+    places += [(k, number) for number in range(len(bodies)) for k in own]
+
+    def read(wanted: Sequence[int]) -> list[Values]:
+        found = [places[k] for k in wanted]
+        rows = dict(zip(own_of := sorted({k for k, _ in found}), table.read(own_of), strict=True))
+        return [
+            rows[k][first] if number is None else _at(rows[k], moment, body == number, len(first))
+            for k, number in found
+        ]
+
+    wide = tuple(names[k] if b is None else f"{bodies[b]}.{names[k]}" for k, b in places)
+    units = {n: table.units[k] for n, (k, _) in enumerate(places) if k in table.units}
+    return replace(table, names=wide, read=read, units=units)
+
+
+def _distinct(values: Values) -> tuple[list[str], Integers]:
+    """Texts in the order in which they first come, and the number of that of each row (T,)."""
+    numbers: dict[str, int] = {}
+    rows = [numbers.setdefault(str(value).strip(), len(numbers)) for value in values.tolist()]
+    return list(numbers), np.array(rows, dtype=np.int64)
+
+
+def _ranks(moments: Sequence[str]) -> Integers:
+    """Numbers of moments by their times; by when they first come where these are no numbers."""
+    try:
+        return np.argsort(np.argsort(np.array(moments, np.float64), kind="stable"))
+    except ValueError:
+        return np.arange(len(moments))
+
+
+def _at(values: Values, moment: Integers, rows: np.ndarray, count: int) -> Values:
+    """The values of some rows at their moments; elsewhere they are missing."""
+    made = np.full(count, "" if values.dtype == object else np.nan, values.dtype)
+    made[moment[rows]] = values[rows]
+    return made
