@@ -16,9 +16,9 @@ OF_BODY = re.compile(
     r"|tracker|device|child_frame)(?:[_ ]?(?:name|id))?"
 )
 """The column that says which body a row is of."""
-OF_ANY = re.compile(r"(?i)name|id|object")
+OF_ANY = re.compile(r"(?i)name|id|object|hand|side|person|subject|agent")
 """Likewise, where the rows of a moment follow one another; else a recording may be meant."""
-OF_MOMENT = re.compile(r"(?i)t|(?:time|stamp|frame|sec|nsec|nanosec|seq|date).*|header\..*")
+OF_MOMENT = re.compile(r"(?i)t|%?(?:time|stamp|frame|sec|nsec|nanosec|seq|date).*|header\..*")
 """Columns that are of a moment, not of a body; so are those before the name of the body that say
 the same of all."""
 MOST_BODIES = 1000
@@ -36,10 +36,9 @@ def by_body(table: Table) -> Table:
     named = [k for k, name in enumerate(table.names) if OF_BODY.fullmatch(name.strip())]
     sure = bool(named)
     named = named or [k for k, name in enumerate(table.names) if OF_ANY.fullmatch(name.strip())]
-    if len(named) != 1:
+    if not named:
         return table
-    (which,) = named
-    names = table.names
+    which, names = named[0], table.names
     said = [k for k, n in enumerate(names) if k < which or OF_MOMENT.fullmatch(n.strip())]
     if not said or len(names) < 3:
         return table
