@@ -10,7 +10,7 @@ from rich.console import Console
 from intent_recognition.cli import demo_session
 from intent_recognition.cli.demo_session import begin_library
 from intent_recognition.errors import IntentError, ResourceBusyError
-from sim_bridge.scenarios.toolbox import session_scoring
+from sim_bridge.scenarios import toolbox
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ def test_poses_of_strangers_are_not_called_none(n, got, monkeypatch):
     log = SimpleNamespace(wrist_ns=range(n))
     monkeypatch.setattr(demo_session, "_calls", lambda *_: {})
     monkeypatch.setattr(demo_session, "_run_graph", lambda *_: ({"": log}, 1.0))
-    monkeypatch.setattr(session_scoring, "first_sample_ns", lambda *_: None)
+    monkeypatch.setattr(toolbox, "first_sample_ns", lambda *_: None)
     scene = SimpleNamespace(plans={"": SimpleNamespace(interactions=())})
     with pytest.raises(IntentError, match=got):
         demo_session.run_session(SimpleNamespace(dashboard=False), "m.npz", None, scene)
