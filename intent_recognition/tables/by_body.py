@@ -9,7 +9,7 @@ import numpy as np
 
 from intent_recognition.array_types import Integers
 from intent_recognition.tables.cells import Values
-from intent_recognition.tables.table import Table
+from intent_recognition.tables.table import Table, check_columns
 
 OF_BODY = re.compile(
     r"(?i)(?:rigid[_ ]?body|body(?:[_ ]?part)?|marker|joint|segment|landmark|key[_ ]?point|sensor"
@@ -74,7 +74,8 @@ def by_body(table: Table) -> Table:
 
     wide = tuple(names[k] if b is None else f"{bodies[b]}.{names[k]}" for k, b in places)
     units = {n: table.units[k] for n, (k, _) in enumerate(places) if k in table.units}
-    return replace(table, names=wide, read=read, units=units)
+    check_columns(table.source, len(wide))
+    return replace(table, names=wide, read=read, units=units, aliases={})
 
 
 def _distinct(values: Values) -> tuple[list[str], Integers]:
@@ -94,6 +95,11 @@ def _ranks(moments: Sequence[str]) -> Integers:
 
 def _at(values: Values, moment: Integers, rows: np.ndarray, count: int) -> Values:
     """The values of some rows at their moments; elsewhere they are missing."""
-    made = np.full(count, "" if values.dtype == object else np.nan, values.dtype)
+    if values.dtype.kind not in "biuf":
+        values = values.astype(object)
+    elif np.count_nonzero(rows) < count:  # whole numbers have no value for what is missing
+        values = values.astype(np.float64)
+    missing = {"O": "", "f": np.nan}.get(values.dtype.kind, 0)
+    made = np.full(count, missing, values.dtype)
     made[moment[rows]] = values[rows]
     return made

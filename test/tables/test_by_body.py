@@ -66,3 +66,16 @@ def test_a_csv_of_bodies_is_read_with_its_units(tmp_path):
     assert table.names[:4] == ("time", "a.x [mm]", "a.y [mm]", "a.z [mm]")
     assert table.unit_of("b.x [mm]", "m") == "mm"
     assert table.columns(["b.x [mm]"])["b.x [mm]"].tolist() == ["10", "11", "12", "13", "14"]
+
+
+@pytest.mark.parametrize("dtype", [np.int64, bool, "U2", "datetime64[s]"])
+def test_columns_of_any_type_are_told_apart_and_nothing_is_called_by_an_old_name(dtype):
+    values = np.array([1, 0, 1, 1, 0]).astype("int64").astype(dtype)
+    columns = {"t": np.array([0.0, 0.0, 1.0, 1.0, 2.0]), "x": values}
+    columns |= {"marker": np.array(["a", "b", "a", "b", "a"], object)}
+    wide = by_body(table_of("tracked.parquet", columns, aliases={"pose.x": 1}))
+    assert set(wide.names) == {"t", "a.x", "b.x"} and wide.find("pose.x") is None
+    found = wide.columns(["a.x", "b.x"])
+    assert found["a.x"].tolist() == values[[0, 2, 4]].tolist()
+    *seen, missing = found["b.x"].tolist()
+    assert seen == values[[1, 3]].tolist() and (missing == "" or np.isnan(missing))
