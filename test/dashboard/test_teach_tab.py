@@ -76,7 +76,7 @@ def test_discarding_lets_go_on(by_hand):
 
     commands = SimpleNamespace(trigger=trigger, notify=lambda *what: said.append(what))
     session = TeachingSession(None, commands, None)
-    session.busy, session.recording = by_hand, by_hand
+    session.busy = session.recording = by_hand
     session.discard()
     assert asked == ["task_teacher/discard"] and said == [(True, "kept aside")]
     assert not session.busy and not session.recording
