@@ -19,7 +19,7 @@ from intent_recognition.transfer import (
     Situation,
     TransferMachine,
     TransferOutput,
-    way_to,
+    away_from_base,
 )
 from sim_bridge.arm import TIME_STEP_S, SimulatedArm
 from sim_bridge.handover import GripFollower, progress
@@ -146,5 +146,6 @@ class RobotSide:
         if person is None:
             return False, None, 0.0
         seen = person.position_m + TRACKED_STD_M * self._rng.standard_normal(3)
-        distance_m, toward = way_to(seen, self._cell.model.forward_kinematics(q)[:3, 3])
-        return distance_m < NEAR_M, toward, float(np.linalg.norm(person.velocity_m_s))
+        away_m = seen - self._cell.model.forward_kinematics(q)[:3, 3]
+        near = bool(np.linalg.norm(away_m) < NEAR_M)
+        return near, away_from_base(seen), float(np.linalg.norm(person.velocity_m_s))

@@ -34,7 +34,7 @@ from intent_recognition.transfer import (
     Situation,
     TransferMachine,
     TransferOutput,
-    way_to,
+    away_from_base,
 )
 
 TRANSFER, HOLDING, WRENCH = "intent/transfer", "intent/holding", "wrench"
@@ -145,14 +145,16 @@ class ObjectTransfer(Node):
         return None
 
     def _look(self, at_ns: int, hand_m: Floats) -> tuple[bool | None, Floats | None, float]:
-        """Whether the hand of whom the arm helps is near, the way to it, and its speed."""
+        """Whether the hand of whom the arm helps is near, the way away from the base to it, and its
+        speed.
+        """
         person = self._people.get(self._attended, ())
         fresh = [seen for seen in person if 0 < at_ns - seen[0] <= FRESH_S * 1e9]
         if not fresh:
             return None, None, 0.0
         _, at_m, speed = fresh[-1]
-        distance_m, toward = way_to(at_m, hand_m)
-        return distance_m < self._near_m, toward, speed
+        near = bool(np.linalg.norm(at_m - hand_m) < self._near_m)
+        return near, away_from_base(at_m), speed
 
     def _on_task(self, message: String) -> None:
         self._task = message.data

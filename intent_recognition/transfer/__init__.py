@@ -11,4 +11,4 @@ from intent_recognition.transfer.machine import (
     TransferMachine,
     TransferOutput,
 )
-from intent_recognition.transfer.sharing import FIRM_N, LIGHTEST_N, carrying_grip, way_to
+from intent_recognition.transfer.sharing import FIRM_N, LIGHTEST_N, away_from_base, carrying_grip

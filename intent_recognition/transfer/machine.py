@@ -38,6 +38,9 @@ leave unexplained; the impulse beyond it that is a slip [N s] (a cumulative sum:
 long it must grow at least [s]. Single loads have a noise of 1 N, but its sum stays small, as it
 comes from differences of the velocity: in 450 s of the cell's demo two sums were larger for as long
 (of 11 that were larger), both with the Panda."""
+INSISTS_S = 1.2
+"""Time of a pull to the side after which it counts as well [s]: longer than any of
+docs/transfer.md's wrong ones, and well within `PATIENCE_S`."""
 PRESENT_S = 0.6
 """Time that the person's tracked hand must rest near before open fingers close [s]: it may be the
 wrist that is tracked, while the fingers still bring the object. A reaction to the arm that has come
@@ -259,10 +262,19 @@ class TransferMachine:
         return min(self._factor * grip_n, MOST_N)
 
     def _felt_share(self, now: Situation) -> float:
-        """What the person has taken over of an offer; nobody near, nobody takes."""
+        """What the person has taken over of an offer; nobody near, nobody takes.
+
+        Where the person stands is a guess: who pulls to the side for long takes, too.
+        """
         if self.holding is not Holding.OFFERING or now.near is False:
             return 0.0
-        return load_share(now.force_n, self.weight_n, now.toward)
+        toward = now.toward
+        if toward is not None:
+            level_n = np.hypot(*now.force_n[:2])
+            pulls = level_n > LIGHTEST_N and now.force_n @ toward > -0.5 * level_n
+            if self._lasts("pull", bool(pulls), now.time_s, INSISTS_S):
+                toward = None
+        return load_share(now.force_n, self.weight_n, toward)
 
     def _slips(self, now: Situation, step_s: float) -> bool:
         """Less than the weight is carried, and nobody takes it: grip harder from now on."""

@@ -31,8 +31,8 @@ def load_share(force_n: Floats, weight_n: float, toward: Floats | None) -> float
 
     Lifting counts, and pulling toward the person; pressing down and pushing count against it.
 
-    The force is on the hand (3,); `toward` is the horizontal unit vector from the robot to the
-    person (3,); None: any horizontal way.
+    The force is on the hand (3,); `toward` is the horizontal unit vector to the person (3,); None:
+    any horizontal way.
     """
     lifted = float(force_n[2]) + weight_n
     pulled = np.hypot(force_n[0], force_n[1]) if toward is None else float(force_n @ toward)
@@ -49,12 +49,12 @@ def offering_grip(share: float, weight_n: float) -> float:
     return LEAST_N + (carrying_grip(weight_n) - LEAST_N) * (1.0 - share)
 
 
-def way_to(person_m: Floats, hand_m: Floats) -> tuple[float, Floats | None]:
-    """Distance [m] from the robot's hand (3,) to the person's (3,), and `toward` of `load_share`.
+def away_from_base(person_m: Floats) -> Floats | None:
+    """`toward` of `load_share`, by where the person's hand is from the robot's base (3,).
 
-    It is None where the person's hand is straight above or below.
+    Who takes an object brings it away from the robot. The way from the hand of one to that of the
+    other is no such direction: they are beside one another. None straight above or below.
     """
-    away = person_m - hand_m
-    level = np.array([away[0], away[1], 0.0])
+    level = np.array([person_m[0], person_m[1], 0.0])
     size = float(np.linalg.norm(level))
-    return float(np.linalg.norm(away)), level / size if size > 0.0 else None
+    return level / size if size > 0.0 else None

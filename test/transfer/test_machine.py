@@ -113,6 +113,15 @@ def test_a_hand_that_carries_half_and_one_that_is_not_there_get_nothing():
     assert Holding.RELEASING not in states(outputs)
 
 
+@pytest.mark.parametrize(("angle_deg", "given"), [(100.0, True), (140.0, False)])
+def test_who_pulls_to_the_side_for_long_gets_the_object_and_who_pushes_does_not(angle_deg, given):
+    course, angle = Course(), np.radians(angle_deg)
+    course.offer()
+    pull = [8.0 * np.cos(angle), 8.0 * np.sin(angle), -WEIGHT_N]
+    assert {*states(course.run(1.0, Request.GIVE, pull))} == {Holding.OFFERING}
+    assert (Holding.RELEASING in states(course.run(0.6, Request.GIVE, pull))) is given
+
+
 def test_what_nobody_takes_is_brought_back_and_put_down():
     course = Course()
     course.offer()

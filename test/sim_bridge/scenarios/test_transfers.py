@@ -11,7 +11,7 @@ from intent_recognition.transfer import (
     Request,
     Situation,
     TransferMachine,
-    way_to,
+    away_from_base,
 )
 from sim_bridge.arm import SensorNoise, SimulatedArm, find_robot
 from sim_bridge.coworker import HOLD, PLATE, SCREW
@@ -64,7 +64,7 @@ class Cell:
         force = self.load.update(state.time_s, state.q, state.qd, state.torque)
         request = Request.TAKE if self.task == HOLD else Request.GIVE
         half_m = float(np.mean(arm.others.positions()))
-        toward = way_to(WRIST_M, arm.hand_pose().position)[1]
+        toward = away_from_base(WRIST_M)
         speed_m_s = self.load.speed_m_s
         now = Situation(
             state.time_s, force, share < 1.0, speed_m_s, half_m, near=True, toward=toward
@@ -104,7 +104,7 @@ def cell():
     ("task", "off_m"), [(PLATE, (0.0, 0.0, 0.0)), (SCREW, (0.1, 0.15, 0.0))], ids=["front", "side"]
 )
 def test_the_worker_pulls_and_has_the_object(cell, task, off_m):
-    """It is pulled to the wrist, also where that is beside the fingers."""
+    """It is pulled away from the arm, also where the wrist is beside the fingers."""
     one = cell(task, 3, off_m=off_m)
     one.hand_over(Holder.PERSON)
     held = [holder for holder in one.holders if holder is not Holder.NOBODY]  # fingers closing
