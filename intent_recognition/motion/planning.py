@@ -212,7 +212,7 @@ def _hold(offset: Offset) -> float:
     """When the offset is small enough to move on along the path [s]."""
     times = np.linspace(0.0, offset.duration_s, 33)
     q, _ = offset.sample(times)
-    far = np.flatnonzero(np.abs(q).max(axis=1) > 0.15)  # 10 cm at the hand
+    far = np.flatnonzero(np.abs(q).max(axis=1) > 0.03)  # 2 cm at the hand: what it fetches is there
     return float(times[far[-1]]) if far.size else 0.0
 
 
