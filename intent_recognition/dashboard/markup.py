@@ -19,6 +19,7 @@ from intent_recognition.dashboard.cell import (
 from intent_recognition.plans import LIKELY_BEFORE, WorkPlan
 from intent_recognition.promp import NONE
 from intent_recognition.report import INK, NONE_COLOUR, PALETTE, readable
+from intent_recognition.transfer import Holding
 
 TEXT, SOFT = f"light-dark({INK}, #e2e6ea)", "light-dark(#5a6777, #a3aeba)"
 RULE = "light-dark(#e3e8ee, #3a424b)"
@@ -121,7 +122,8 @@ def plan(of: WorkPlan | None, progress: Mapping[str, str]) -> str:
 def transfer(of: TransferState, fresh: bool) -> str:
     """Who holds the object, and the forces now, in the colours of their curves; grey where old."""
     told = [f"handover: <b>{escape(of.holding)}</b>"] if of.holding else []
-    told += [f"the person carries {of.felt[SHARE]:.0%}"] if of.holding else []
+    offered = of.holding in (Holding.OFFERING.value, Holding.RELEASING.value)
+    told += [f"the person carries {of.felt[SHARE]:.0%}"] if offered else []
     told += [f'<b style="color:{BAD}">slips</b>'] if of.felt.get(SLIP) else []
     forces = [
         f'<span style="color:{colour if fresh else STALE}">&#9632;</span>'
