@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.reaches import STEP_NS, WatchedReach, ticks
+from experiments.teaching.gripper import ToolboxGripper
 from intent_recognition.activation import (
     Activation,
     ActivationSettings,
@@ -122,7 +123,7 @@ def execute(
         Surroundings,
         TrajectoryFollower,
     )
-    from sim_bridge.scenarios.toolbox import HOME, ToolboxGripper
+    from sim_bridge.scenarios.toolbox import HOME
 
     refusals: list[str] = []
 

@@ -15,6 +15,7 @@ import numpy as np
 import pybullet
 from matplotlib import pyplot as plt
 
+from experiments.teaching.objects import ToolboxObjects
 from intent_recognition.bags import BagReader
 from intent_recognition.demonstrations import iter_observations, load_dofs, read_demonstrations
 from intent_recognition.filtering import MovementFilter, make_prior_grid
@@ -25,7 +26,7 @@ from intent_recognition.recognition import DecisionSettings, DecisionState, Inte
 from intent_recognition.report import task_colours
 from intent_recognition.share import share_path
 from sim_bridge.arm import SimulatedArm
-from sim_bridge.scenarios.toolbox import STANDS_M, ToolboxObjects
+from sim_bridge.scenarios.toolbox import STANDS_M
 
 WIDTH, HEIGHT, DPI = 1600, 1100, 100
 LEFT = 170  # columns of the picture left away

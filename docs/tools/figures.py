@@ -213,8 +213,8 @@ SOURCES = {
         _demo,
     ),
     "arms": Source(
-        f"intent demo --headless --arm lwr,panda,iiwa,xarm --seed 1 --output {OUT / 'arms'}"
-        f" --json {OUT / 'arms.json'}",
+        "intent demo --headless --no-transfers --arm lwr,panda,iiwa,xarm --seed 1"
+        f" --output {OUT / 'arms'} --json {OUT / 'arms.json'}",
         OUT / "arms.json",
         _arms,
     ),

@@ -3,16 +3,12 @@
 
 import numpy as np
 
+from experiments.teaching.objects import ObjectHolder, ToolboxObjects
 from intent_recognition.array_types import Floats
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import HOLD, TASKS
-from sim_bridge.scenarios.toolbox.objects import ObjectHolder, ToolboxObjects
-from sim_bridge.scenarios.toolbox.scene import STANDS_M
-
-GRASP_RADIUS_M = 0.03
-"""Distance of the hand from a stand at which it takes the object [m]. Convention."""
-GRASP_SPEED_M_S = 0.12
-"""Speed of the hand below which it does [m/s]. Convention."""
+from sim_bridge.scenarios.toolbox import STANDS_M
+from sim_bridge.scenarios.toolbox.scene import takes
 
 
 class ToolboxGripper:
@@ -81,9 +77,3 @@ class ToolboxGripper:
         if self._rest_since_s is None:
             self._rest_since_s = self._arm.time_s
         return self._arm.time_s - self._rest_since_s >= 0.25
-
-
-def takes(task: str, hand_m: Floats, speed_m_s: float) -> bool:
-    """Whether a hand (3,) [m] takes the object of a task from its stand: it passes it slowly."""
-    near = np.linalg.norm(hand_m - STANDS_M[task]) < GRASP_RADIUS_M
-    return bool(near and speed_m_s < GRASP_SPEED_M_S)

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.teaching.objects import ObjectHolder, ToolboxObjects
 from experiments.teaching.path import TeachingPath
 from experiments.teaching.virtual_hand import Grip, HandTarget, pull
 from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SensorNoise, SimulatedArm
 from sim_bridge.coworker import HOLD
-from sim_bridge.scenarios.toolbox import HOME, STANDS_M, ObjectHolder, ToolboxObjects
+from sim_bridge.scenarios.toolbox import HOME, STANDS_M
 
 HOME_STD_RAD = 0.004
 """Scatter of the arm's posture at rest per joint [rad]. Convention."""

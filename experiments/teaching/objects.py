@@ -15,8 +15,10 @@ from intent_recognition.array_types import Floats
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import HOLD, PLATE, SCREW, TASKS
 from sim_bridge.physics import fix, pybullet
-from sim_bridge.scenarios.toolbox.scene import OBJECT_MASS_KG, STANDS_M, stand_pose
+from sim_bridge.scenarios.toolbox import STANDS_M, stand_pose
 
+OBJECT_MASS_KG = {PLATE: 0.4, SCREW: 0.02, HOLD: 0.3}
+"""The object of each task: a plate, a screw, a screwdriver."""
 # Where an object's centre is in the hand frame, and half its edges there.
 _GRASP_M = {PLATE: (0.0, 0.0, 0.09), SCREW: (0.0, 0.0, 0.03), HOLD: (0.0, 0.0, 0.05)}
 _HALF_EDGES_M = {

@@ -4,9 +4,9 @@ assemble a toolbox with the arm's help. Needs ROS 2.
 
 what happens:
 --scenario         toolbox (default): hand over parts; cell: two people, one work plan of 20 steps,
-                   boxes on the arm's way, handovers by force; assembly: the arm takes the place of
-                   the second of two people; pouring: --interactions pours (default: 2) with
-                   containers it was not taught with
+                   boxes on the arm's way; assembly: the arm takes the place of the second of two
+                   people; pouring: --interactions pours (default: 2) with containers it was not
+                   taught with
 --pour AMOUNT      how much is poured: empty (default), full or millilitres
 --pair CUP,SECOND  pour between these containers only, such as tea_cup,paper_cup
 --task-list F      labels separated by commas, OLD>NEW@SHARE for a reach whose goal changes, a file
@@ -20,7 +20,8 @@ what happens:
                    most joints, before the gripper)
 --base LINK        where the arm begins: joints before it, such as a lift, are held at zero
                    (default: the root)
---transfers        hand objects over by force, held by fingers (always in the scenario cell)
+--transfers        fingers and the worker's hand hold the objects by force; else hands are empty,
+                   and the robot's only comes to its place (default: not with an arm of a file)
 --seed SEED        random seed of the session (default: 1)
 --sequences F      YAML file of sequences, in which the arm may begin a step by itself
 --params F         ROS 2 parameter file (YAML), over the parameters that the demo sets
@@ -54,10 +55,8 @@ intent demo --arm panda
 intent demo --arm robot.urdf --base torso --tip left_gripper
 # four arms, and one report of all
 intent demo --arm lwr,panda,iiwa,xarm
-# a work plan, boxes on the way, and objects that change hands by force
+# two people, a work plan, and boxes on the way
 intent demo --scenario cell --arm panda
-# objects change hands by force
-intent demo --transfers --arm panda
 # an arm in the second of two people's place
 intent demo --scenario assembly --arm panda
 # a task made of parts: the arm goes on by itself
@@ -80,7 +79,7 @@ from rich.console import Console
 
 from intent_recognition.cli.console import say
 from intent_recognition.cli.demo_model import check_model, trained_model
-from intent_recognition.cli.demo_scene import CELL, LIVE, Scene, make_scene
+from intent_recognition.cli.demo_scene import LIVE, Scene, make_scene
 from intent_recognition.cli.demo_session import refuse_options, run_session
 from intent_recognition.cli.options import PRINTED, number
 from intent_recognition.cli.output import console_beside, write_json
@@ -105,6 +104,7 @@ OPTIONS = {
     "arm": {"default": "lwr"},
     "tip": {"default": ""},
     "base": {"default": ""},
+    "transfers": {"action": argparse.BooleanOptionalAction, "default": None},
     "seed": {"type": number(int, 0), "default": 1},
     "rate": number(float, 0.01, 50.0),
     "port": {"type": number(int, 1, 65535), "default": 8080},
@@ -125,7 +125,6 @@ def run(args: argparse.Namespace) -> int:
         return run_recordings(args, console)
     if args.rate is None:
         args.rate = 1.0 if args.dashboard else 1.5
-    args.transfers |= args.scenario == CELL
     if args.scenario == "pouring":
         from intent_recognition.cli.demo_pouring import run_pouring
 
@@ -175,9 +174,9 @@ def _check(args: argparse.Namespace) -> None:
     """Check before the training what would otherwise end the demo after it."""
     of_pouring = {"pour": "empty", "pair": None}
     refuse_options(args, of_pouring, f"--scenario {args.scenario}", "Add --scenario pouring.")
-    if args.transfers and args.scenario not in (CELL, "toolbox"):
-        cure = "Leave one of them out."
-        raise ArgumentError.about("--transfers", "the scenario toolbox", args.scenario, cure)
+    if args.scenario != "toolbox":
+        beside = f"--scenario {args.scenario}"
+        refuse_options(args, {"transfers": None}, beside, "Leave one of them out.")
     try:
         args.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -222,7 +221,7 @@ def _run_one(
         "scenario": args.scenario,
         "arm": args.arm,
         "seed": args.seed,
-        "objects change hands": "by force" if args.transfers else "by themselves",
+        "objects change hands": "by force" if "transfers" in scene.arguments else "not",
         "simulated time per real time, asked for": args.rate,
         **time_went,
         "duration of the session [s, simulated]": round(duration_s, 1),

@@ -66,8 +66,8 @@ def run_pouring(args: argparse.Namespace, console: Console) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     """Refuse what only the other scenarios take, before anything is learned or started."""
-    usual: dict[str, object] = {"record": None, "dashboard": False, "sequences": None}
-    usual |= {"params": None, "arm": "lwr", "changes": 0, "task_list": "habit"}
+    usual: dict[str, object] = dict.fromkeys(("record", "sequences", "params", "transfers"))
+    usual |= {"dashboard": False, "arm": "lwr", "changes": 0, "task_list": "habit"}
     cure = "Leave it out, or choose another --scenario."
     refuse_options(args, usual, "--scenario pouring", cure)
     amount_to_leave(args.pour, 1.0, 1.0)

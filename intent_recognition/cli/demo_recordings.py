@@ -99,7 +99,7 @@ def _check(args: argparse.Namespace) -> None:
         cure = "intent train RECORDINGS --output M.npz makes one."
         raise ArgumentError.about("--model", "a model with --recordings", "none", cure)
     usual = {"scenario": "toolbox", "task_list": "habit", "interactions": 0, "changes": 0}
-    usual |= {"rate": None, "record": None}
+    usual |= {"rate": None, "record": None, "transfers": None}
     refuse_options(args, usual, "--recordings", "Leave it out.")
 
 

@@ -108,7 +108,7 @@ def session_tasks(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
 
 def _toolbox(args: argparse.Namespace) -> Scene:
     """The LWR by its joints, as it was taught; another arm by its hand."""
-    from sim_bridge.arm import find_robot
+    from sim_bridge.arm import NAMES, find_robot
     from sim_bridge.coworker import HOLD, SessionTiming, plan_people
     from sim_bridge.handover import finger_joints, with_fingers
     from sim_bridge.scenarios.toolbox import (
@@ -121,17 +121,20 @@ def _toolbox(args: argparse.Namespace) -> Scene:
     )
 
     tasks = session_tasks(args)
+    by_force = args.arm in NAMES or args.scenario == CELL
+    by_force = by_force if args.transfers is None else args.transfers
     # The arm is late, and both take their time. Of two people who wait for one arm the second has
     # the object up to 11 s after the own movement: after 3 s for the other, and 5 s past two hands.
     hold_s = (5.0, 6.0) if len(tasks) == 1 else (13.0, 14.0)
-    timing = SessionTiming(hold_s=hold_s) if args.transfers else SessionTiming()
+    timing = SessionTiming(hold_s=hold_s) if by_force else SessionTiming()
     sessions = plan_people(args.seed, list(tasks.values()), timing)
     plans = dict(zip(tasks, sessions, strict=True))
     places = {person: toolbox_places(plan) for person, plan in plans.items()}
     places_m = np.concatenate(list(places.values()))
     plain = args.arm == LWR and not (args.base or args.tip)
     fetched_m = np.concatenate([list(STANDS_M.values()), np.add(list(STANDS_M.values()), LIFT_M)])
-    arm = None if plain else _arm(args, HOME_HAND_M, np.concatenate([places_m, fetched_m]))
+    reached_m = np.concatenate([places_m, fetched_m])
+    arm = None if plain else _arm(args, HOME_HAND_M, reached_m, by_force)
     home = HOME.tolist() if arm is None else arm.home.tolist()
     named = {"arm": "", "hand_link": ""}
     of_arm: dict[str, object] = {"initial_position": home}
@@ -156,7 +159,7 @@ def _toolbox(args: argparse.Namespace) -> Scene:
                 *(*shared, "intent/active_person"),
             ]
         }
-    if args.transfers:
+    if by_force:
         robot = with_fingers(find_robot(LWR)) if arm is None else arm.robot
         fingers = finger_joints(robot)
         felt = {"takes": [HOLD], "fingers": fingers, "hand_link": robot.tip}
@@ -167,7 +170,7 @@ def _toolbox(args: argparse.Namespace) -> Scene:
         ]
         named |= {"transfers": "true", "arm_scene": "transfers"}
     stands_m = np.array(list(STANDS_M.values()))
-    scoring = Scoring(places_m, by_force=args.transfers, passed_m=stands_m)
+    scoring = Scoring(places_m, by_force=by_force, passed_m=stands_m)
     if arm is not None:
         scoring = scoring._replace(hand_of=arm.hand, n_joints=arm.robot.n_joints)
     return Scene(
@@ -194,7 +197,7 @@ def _assembly(args: argparse.Namespace) -> Scene:
         raise ArgumentError.about("--changes", "0 with --scenario assembly", args.changes, cure)
     session = plan_live(args.seed, args.task_list, args.interactions or 0, SessionTiming())
     places_m = np.array([one.assistant[-1][1].goal_m for one in session.interactions])
-    arm = _arm(args, REST_M, np.empty((0, 3)))
+    arm = _arm(args, REST_M, np.empty((0, 3)), fingers=False)
     named = _file(args, arm.robot)
     return Scene(
         "bags/assembly",
@@ -209,7 +212,7 @@ def _assembly(args: argparse.Namespace) -> Scene:
     )
 
 
-def _arm(args: argparse.Namespace, home_m: Floats, places_m: Floats) -> "ToolboxArm":
+def _arm(args: argparse.Namespace, home_m: Floats, places_m: Floats, fingers: bool) -> "ToolboxArm":
     """The arm that the options name; one from a file stands where it reaches the places (n, 3)."""
     from sim_bridge.arm import NAMES, find_robot
     from sim_bridge.handover import with_fingers
@@ -219,7 +222,7 @@ def _arm(args: argparse.Namespace, home_m: Floats, places_m: Floats) -> "Toolbox
     best, most, reason = None, -1, None
     for at in (None,) if fixed else BASES_M:
         robot = find_robot(args.arm, base=args.base, tip=args.tip, base_position_m=at)
-        if args.transfers:
+        if fingers:
             robot = with_fingers(robot)
         arm = ToolboxArm(robot, home_m)
         try:

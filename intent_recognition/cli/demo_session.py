@@ -189,7 +189,7 @@ def _start_nodes(
     for call in calls.values():
         watch.processes.start(call.name, call.module, call.parameters, params_file=args.params)
     watch.until(observer.graph_is_complete, GRAPH_DEADLINE_S, "the node graph")
-    n_listeners = 2 + bool(args.record) + args.transfers  # the arm, too, where the hand touches it
+    n_listeners = 2 + bool(args.record) + ("object_transfer" in calls)  # the arm, too, then
     listeners = {"exit_at_end": True, "wait_for_subscribers": n_listeners}
     watch.processes.start(coworker.name, coworker.module, coworker.parameters | listeners)
 

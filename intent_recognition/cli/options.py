@@ -155,7 +155,7 @@ def add_options(group: argparse._ActionsContainer, tables: str, /, **more: Any) 
             given = more.pop(name.lstrip("-").replace("-", "_"), {})
             options |= given if isinstance(given, dict) else {"type": given}
             if name.startswith("-") and not {"metavar", "choices", "nargs"} & options.keys():
-                options["action"] = "store_true"
+                options.setdefault("action", "store_true")
             within.add_argument(name, **options)
     if more:
         raise TypeError(f"expected arguments of the table, got {', '.join(more)}")

@@ -84,9 +84,7 @@ ARGUMENTS = {
         Argument("port", int, "Port of the web page."),
         Argument("scene", str, "What stands in the cell, for the page: a YAML file, or toolbox."),
         Argument("light", str, "Page without shadows: always, never, or auto: for slow browsers."),
-        Argument(
-            "arm_scene", str, "World of the simulated arm: toolbox, transfers, pouring or none."
-        ),
+        Argument("arm_scene", str, "World of the simulated arm: transfers, pouring or none."),
         Argument("cup", str, "Container in the hand, in the scene pouring."),
         Argument("second", str, "Container that is poured into, in the scene pouring."),
         Argument("second_opening", list, "Centre of its opening: x, y, z [m]."),

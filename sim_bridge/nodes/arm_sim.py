@@ -31,7 +31,7 @@ from sim_bridge.nodes.clock_answers import ClockAnswers
 from sim_bridge.nodes.physics_clock import PhysicsClock
 from sim_bridge.nodes.pouring_scene import POURING, PouringScene
 from sim_bridge.nodes.transfer_scene import TAKES, TRANSFERS, TransferScene
-from sim_bridge.scenarios.toolbox import HOME, ToolboxGripper
+from sim_bridge.scenarios.toolbox import HOME
 
 
 class ArmSim(Node):
@@ -120,13 +120,11 @@ class ArmSim(Node):
 
     def _make_scene(
         self, pouring: PouringScene, lever_m: float
-    ) -> ToolboxGripper | PouringScene | TransferScene | None:
+    ) -> PouringScene | TransferScene | None:
         name, seed, stamp = self._given["scene"], self._given["seed"], self.clock.stamp
         if name == TRANSFERS:
             return TransferScene(self, self.arm, seed, lever_m, stamp, self._answers.note)
-        if name == POURING:
-            return pouring.begin(self.arm, seed, stamp)
-        return ToolboxGripper(self.arm) if name == "toolbox" else None
+        return pouring.begin(self.arm, seed, stamp) if name == POURING else None
 
     def _make_topics(self) -> None:
         self._states = self.create_publisher(JointState, "joint_states", STATE)

@@ -108,6 +108,7 @@ def test_a_node_that_dies_ends_the_demo_with_its_name(running_demo):
             ("--scenario", "assembly", "--changes", "1"),
             "--changes: expected 0 with --scenario assembly",
         ),
+        (("--scenario", "cell", "--transfers"), "--transfers: expected no such option with"),
         (("--arm", "lwr,panda"), "--model: expected no such option with several arms"),
         (("--rate", "0"), "--rate: expected 0.01 to 50, got 0"),
     ],

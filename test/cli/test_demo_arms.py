@@ -52,7 +52,7 @@ def test_each_arm_has_its_session_and_all_have_one_report(run, tmp_path, capsys)
     ]
     by_joints, by_hand, _ = (scene for *_, scene in asked)
     assert (by_joints.dofs, by_hand.dofs) == ("", "config/dofs_hand.yaml")
-    assert by_hand.arguments["hand_link"] == "lbr_iiwa_link_7"
+    assert by_hand.arguments["hand_link"] == "grip"  # between the fingers that it was given
     last = capsys.readouterr().out.strip().splitlines()[-1]
     assert last.startswith("summary: recognised 2/3, decided before the end 2/3, hand error 2.0 ")
     numbers = json.loads((tmp_path / "all.json").read_text(encoding="utf-8"))

@@ -7,13 +7,13 @@ from functools import cache
 import numpy as np
 import pytest
 
+from experiments.teaching.gripper import ToolboxGripper
+from experiments.teaching.objects import ObjectHolder, ToolboxObjects
 from experiments.teaching.recordings import ToolboxOrder, demonstrate
 from intent_recognition.kinematics.inverse import branch_of
 from intent_recognition.kinematics.lwr import LWR_LIMITS, forward_kinematics, hand_position
 from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
-from sim_bridge.scenarios.toolbox.gripper import ToolboxGripper
-from sim_bridge.scenarios.toolbox.objects import ObjectHolder, ToolboxObjects
 from sim_bridge.scenarios.toolbox.scene import (
     ARM_BRANCH,
     HOME,

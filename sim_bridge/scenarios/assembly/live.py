@@ -46,5 +46,5 @@ def in_assistants_place(arm: str, tip: str = "") -> dict[str, dict[str, object]]
         "intent_estimator": hand,
         "dashboard": hand,
         "primitive_activation": hand | {"home": home, "hold_time": 2.5},
-        "arm_sim": {"initial_position": home, "scene": "none", "tip": tip},
+        "arm_sim": {"initial_position": home, "tip": tip},
     }

@@ -1,7 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-from .gripper import ToolboxGripper as ToolboxGripper
-from .objects import ObjectHolder as ObjectHolder
-from .objects import ToolboxObjects as ToolboxObjects
 from .other_arms import ToolboxArm as ToolboxArm
 from .scene import HOME as HOME
 from .scene import HOME_HAND_M as HOME_HAND_M

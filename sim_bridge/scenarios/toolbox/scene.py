@@ -30,6 +30,10 @@ HOME_HAND_M = np.array([0.50, -0.21, 0.37])
 _HOME_YAW_ROLL_RAD = (-0.15, 0.0)
 """Yaw about the world's z and roll about its own z of the hand at home [rad]. Convention."""
 
+GRASP_RADIUS_M = 0.03
+"""Distance of the hand from a stand at which it takes the object [m]. Convention."""
+GRASP_SPEED_M_S = 0.12
+"""Speed of the hand below which it does [m/s]. Convention."""
 LIFT_M = np.array([0.0, 0.0, 0.08])
 """How far the taken object is lifted off its stand [m]. Convention."""
 
@@ -43,9 +47,6 @@ def _frozen(values: Mapping[str, tuple[float, ...]]) -> Mapping[str, Floats]:
 
 STANDS_M = _frozen({PLATE: (0.52, -0.31, 0.33), SCREW: (0.56, -0.26, 0.31)})
 """Where the hand is when it takes an object from its stand; the screwdriver has no stand."""
-
-OBJECT_MASS_KG = MappingProxyType({PLATE: 0.4, SCREW: 0.02, HOLD: 0.3})
-"""The object of each task: a plate, a screw, a screwdriver."""
 
 
 def hand_rotation(yaw_rad: float, roll_rad: float) -> Floats:
@@ -97,6 +98,12 @@ def home_pose() -> Floats:
 def stand_pose(task: str) -> Floats:
     """The hand's pose (4, 4) at a task's stand, one of `STANDS_M`, turned as at home."""
     return pose(STANDS_M[task], hand_rotation(*_HOME_YAW_ROLL_RAD))
+
+
+def takes(task: str, hand_m: Floats, speed_m_s: float) -> bool:
+    """Whether a hand (3,) [m] takes the object of a task from its stand: it passes it slowly."""
+    near = np.linalg.norm(hand_m - STANDS_M[task]) < GRASP_RADIUS_M
+    return bool(near and speed_m_s < GRASP_SPEED_M_S)
 
 
 HOME = arm_posture(home_pose())

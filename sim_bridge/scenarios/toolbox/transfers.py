@@ -33,8 +33,7 @@ from sim_bridge.handover import (
     TransferObject,
     in_grip,
 )
-from sim_bridge.scenarios.toolbox.gripper import takes
-from sim_bridge.scenarios.toolbox.scene import STANDS_M
+from sim_bridge.scenarios.toolbox.scene import STANDS_M, takes
 
 THINGS = {
     PLATE: TransferObject(0.4, (0.06, 0.004, 0.06), 0.03),
