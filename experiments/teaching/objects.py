@@ -105,7 +105,6 @@ class ToolboxObjects:
         self._place(body, centre, turn)
         self._fix(task, self._arm.body, self._arm.hand_link)
         self._arm.set_payload(OBJECT_MASS_KG[task], _GRASP_M[task])
-        self._arm.others.set_gripper(_HALF_EDGES_M[task][1])
         self.holders[task] = ObjectHolder.ROBOT
 
     def give_to_worker(self, task: str) -> None:
@@ -113,7 +112,6 @@ class ToolboxObjects:
         self._let_go(task)
         self._fix(task, self.worker, -1)
         self._arm.set_payload(0.0)
-        self._arm.others.set_gripper()
         self.holders[task] = ObjectHolder.WORKER
 
     def _body(self, mass_kg: float, shape: int, size: tuple[float, ...], colour: Rgba) -> int:

@@ -10,12 +10,11 @@ from sim_bridge.physics import BulletClient, pybullet
 
 
 class HeldJoints:
-    """Holds fingers as far from the middle as asked for, and others near zero."""
+    """Holds fingers open, and others near zero."""
 
     def __init__(self, client: BulletClient, body: int, joints: Sequence[Joint]) -> None:
         self._client, self._body, self._joints = client, body, joints
         self.names = tuple(joint.name for joint in joints)
-        self._half_width_m = np.inf
 
     def positions(self) -> list[float]:
         """Where they are [rad or m]."""
@@ -23,28 +22,20 @@ class HeldJoints:
         states = self._client.getJointStates(self._body, numbers) if numbers else ()
         return [state[0] for state in states]
 
-    def set_gripper(self, half_width_m: float = np.inf) -> None:
-        """Bring each finger so far from the middle, or open them; nothing without fingers."""
-        self._half_width_m = half_width_m
-        self._hold()
-
     def reset(self) -> None:
         """Put them where they are held."""
         for joint in self._joints:
-            self._client.resetJointState(self._body, joint.number, self._held(joint), 0.0)
-        self._hold()
-
-    def _held(self, joint: Joint) -> float:
-        slides = joint.kind == pybullet.JOINT_PRISMATIC
-        wanted = joint.lower + self._half_width_m if slides else 0.0
-        return min(max(wanted, joint.lower), joint.upper) if joint.lower < joint.upper else 0.0
-
-    def _hold(self) -> None:
-        for joint in self._joints:
+            held = _held(joint)
+            self._client.resetJointState(self._body, joint.number, held, 0.0)
             self._client.setJointMotorControl2(
                 self._body,
                 joint.number,
                 pybullet.POSITION_CONTROL,
-                targetPosition=self._held(joint),
+                targetPosition=held,
                 force=20.0,
             )
+
+
+def _held(joint: Joint) -> float:
+    wanted = np.inf if joint.kind == pybullet.JOINT_PRISMATIC else 0.0
+    return min(max(wanted, joint.lower), joint.upper) if joint.lower < joint.upper else 0.0
