@@ -251,11 +251,13 @@ class ToolboxTransfers:
 
     def _begin(self, hand: CompliantHand, thing: HandedThing) -> None:
         """Begin to take or to give where the robot has come near."""
-        gives, grip_m = hand.holds, self._arm.hand_pose().position
-        near = np.linalg.norm(grip_m - self._wrist_m) < NEAR_M
+        gives, pose = hand.holds, self._arm.hand_pose()
+        near = np.linalg.norm(pose.position - self._wrist_m) < NEAR_M
         if self._manner is None or not near or self._speed() >= REST_M_S:
             return
-        manner = replace(self._manner, toward=_turned(self._manner.toward, self._wrist_m))
+        manner = replace(
+            self._manner, toward=_turned(self._manner.toward, _outward(pose.orientation))
+        )
         room_m = self._fingers.half_opening_m() - thing.what.half_edges_m[1]
         # the fingers' opening leaves 2.4 cm to each side
         if gives and room_m > 0.02 > self._off_line_m(hand, thing):
