@@ -137,7 +137,10 @@ def score_interaction(
     if transfer is not None:
         record = replace(
             record,
-            handed_over=transfer.handed_over and record.right,
+            handed_over=transfer.handed_over
+            and record.right
+            and at_ns is not None
+            and _active_at(log, at_ns) == interaction.task,  # it was the object of this task
             transfer_s=None if at_ns is None else (at_ns - end) * 1e-9,
             largest_force_n=transfer.largest_force_n,
         )
@@ -178,6 +181,11 @@ def _wrong_helps(log: SessionLog, plan: SessionPlan, first_ns: int) -> list[int]
         if task and (k < 0 or at_s >= plan.interactions[k].leaves_s):
             wrong[max(k, 0)] += 1
     return wrong
+
+
+def _active_at(log: SessionLog, stamp_ns: int) -> str:
+    k = int(np.searchsorted(log.active_ns, stamp_ns, side="right")) - 1
+    return "" if k < 0 else log.active[k]
 
 
 def _believed(log: SessionLog, end_ns: int) -> str:

@@ -131,9 +131,12 @@ def test_an_arm_that_waits_on_the_way_has_not_arrived_where_the_object_changed_h
         log,
         joint_rad=HOME + share[:, None] * (log.joint_rad[-1] - HOME),
         contacts=ContactLog(log.joint_ns, holders, np.zeros((len(holders), 3))),
+        active_ns=np.array([log.active_ns[0], end + 4_000_000_000]),
     )
     record = score_first(log, plan, by_force=True)
     assert record.handed_over
+    other = replace(log, active_ns=log.active_ns - 2_000_000_000, active=(TASK, "screw_handover"))
+    assert not score_first(other, plan, by_force=True).handed_over  # it was another object
     assert record.arrival_s == pytest.approx(2.2, abs=0.08)
     assert record.hand_error_m == pytest.approx(0.02, abs=1e-3)
 
