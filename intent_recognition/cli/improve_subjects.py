@@ -23,7 +23,13 @@ from intent_recognition.cli.undo import FOUND_S
 from intent_recognition.demonstrations import arm_in_world
 from intent_recognition.durable import copy
 from intent_recognition.errors import ArgumentError, ModelError
-from intent_recognition.improvement import Cost, CovarianceSearch, Practice, PracticeSession
+from intent_recognition.improvement import (
+    Cost,
+    CovarianceSearch,
+    Practice,
+    PracticeSession,
+    check_task,
+)
 from intent_recognition.kinematics import read_urdf
 from intent_recognition.model import (
     LIBRARY_MODEL,
@@ -158,7 +164,8 @@ def _folder(args: argparse.Namespace) -> TaskFolder:
         raise ModelError.about(str(path), expected, f"no {LIBRARY_MODEL} in it", cure)
     refuse_other_model(path, args.model, args.dofs)
     model = present if present.exists() else args.model
-    loaded, _ = load_trained(model)  # without statistics it is refused before anything is made
+    loaded, _ = load_trained(model)  # refused before anything is made
+    check_task(args.task, loaded.library.labels)
     folder = TaskFolder(path, loaded.dofs, now)
     if not present.exists():
         folder.start_from(model)

@@ -6,4 +6,4 @@ from intent_recognition.improvement.practice import Practice, attempt, compare
 from intent_recognition.improvement.search import CovarianceSearch, Search, settled_point
 from intent_recognition.improvement.session import STATE, PracticeSession
 from intent_recognition.improvement.space import SearchSpace, search_space
-from intent_recognition.improvement.task_practice import TaskPractice, arrival_s
+from intent_recognition.improvement.task_practice import TaskPractice, arrival_s, check_task

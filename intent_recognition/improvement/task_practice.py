@@ -76,6 +76,13 @@ class Person(NamedTuple):
     context: Floats
 
 
+def check_task(task: str, labels: Sequence[str]) -> None:
+    """Raises ArgumentError where a library with these labels has no such task."""
+    if task not in labels:
+        cure = "Check the spelling, or teach it first."
+        raise ArgumentError.about("TASK", f"one of {', '.join(labels)}", task, cure)
+
+
 class TaskPractice:
     """Rollouts of one task of a library.
 
@@ -103,10 +110,7 @@ class TaskPractice:
         most_people: int = 8,
     ) -> None:
         library = trained.library
-        if task not in library.labels:
-            cure = "Check the spelling, or teach it first."
-            known = f"one of {', '.join(library.labels)}"
-            raise ArgumentError.about("TASK", known, task, cure)
+        check_task(task, library.labels)
         joints = JOINT_NAMES if arm is None else arm.joint_names
         if library.controlled_names != tuple(joints):
             expected = f"a task that controls {', '.join(joints)}"

@@ -78,3 +78,11 @@ def test_the_experiment_compares_both_searches_from_the_same_start():
     cma, random = numbers["CMA-ES"][0], numbers["random search"][0]
     assert cma["costs"][0] == random["costs"][0] and cma["start"] == random["start"] > 10.0
     assert len(outcome.blocks) == 1 and all(one.remark for one in outcome.findings)
+
+
+def test_a_task_that_the_model_has_not_begins_no_library(toolbox_model, tmp_path, capsys):
+    folder = tmp_path / "tasks"
+    words = ("--library", str(folder), "--model", str(toolbox_model))
+    assert main(["improve", "juggling", *words]) == 1
+    assert "TASK: expected one of hold_screwdriver, " in capsys.readouterr().err
+    assert not folder.exists()
