@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats, Integers
-from intent_recognition.evaluation import InteractionRecord, SessionLog, Trace
+from intent_recognition.evaluation import ContactLog, InteractionRecord, SessionLog, Trace
 from intent_recognition.kinematics import JOINT_NAMES, hand_position
 from intent_recognition.promp import NONE
 from sim_bridge.coworker import Interaction, SessionPlan
@@ -109,7 +109,7 @@ def score_interaction(
         decision_s = (decided_ns - onset) * 1e-9
         share = decision_s / movement_s
     error = arrival = None
-    transfer = score_transfer(log.contacts, onset, until_ns)
+    transfer = score_transfer(_contacts_of(log, interaction.task), onset, until_ns)
     at_ns = None if transfer is None else transfer.at_ns
     if decided_ns is not None and recognised == interaction.task:
         arrival = _arrival(log, decided_ns, end, until_ns, scoring, at_ns)
@@ -137,10 +137,7 @@ def score_interaction(
     if transfer is not None:
         record = replace(
             record,
-            handed_over=transfer.handed_over
-            and record.right
-            and at_ns is not None
-            and _active_at(log, at_ns) == interaction.task,  # it was the object of this task
+            handed_over=transfer.handed_over and record.right,
             transfer_s=None if at_ns is None else (at_ns - end) * 1e-9,
             largest_force_n=transfer.largest_force_n,
         )
@@ -183,9 +180,15 @@ def _wrong_helps(log: SessionLog, plan: SessionPlan, first_ns: int) -> list[int]
     return wrong
 
 
-def _active_at(log: SessionLog, stamp_ns: int) -> str:
-    k = int(np.searchsorted(log.active_ns, stamp_ns, side="right")) - 1
-    return "" if k < 0 else log.active[k]
+def _contacts_of(log: SessionLog, task: str) -> ContactLog:
+    """All contacts, with those who hold something while a task is active: its object."""
+    rows = np.searchsorted(log.active_ns, log.contacts.stamps_ns, side="right").tolist()
+    active = ("", *log.active)
+    own = (
+        holder if active[row] == task else ""
+        for row, holder in zip(rows, log.contacts.holders, strict=True)
+    )
+    return log.contacts._replace(holders=tuple(own))
 
 
 def _believed(log: SessionLog, end_ns: int) -> str:

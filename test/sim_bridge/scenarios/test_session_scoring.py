@@ -126,7 +126,8 @@ def test_an_arm_that_waits_on_the_way_has_not_arrived_where_the_object_changed_h
     since_s = (log.joint_ns - end) * 1e-9
     share = 0.5 * np.clip((since_s - 0.9) / 0.4, 0.0, 1.0)  # and half a second later the rest
     share += 0.5 * np.clip((since_s - 1.8) / 0.4, 0.0, 1.0)
-    holders = tuple(np.where(since_s < 2.5, "robot", "person"))
+    before = log.joint_ns < log.active_ns[0]  # the person has the object of the task before
+    holders = tuple(np.where(~before & (since_s < 2.5), "robot", "person"))
     log = replace(
         log,
         joint_rad=HOME + share[:, None] * (log.joint_rad[-1] - HOME),
