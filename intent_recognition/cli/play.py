@@ -19,10 +19,9 @@ intent play demos/give_bracket_00 --rate 0.5 --loop
 import argparse
 
 from rich.console import Console
-from rich.progress import TextColumn
 
 from intent_recognition.bags import BagReader
-from intent_recognition.cli.console import bar_with
+from intent_recognition.cli.console import progress_bar
 from intent_recognition.cli.options import (
     add_node_options,
     node_arguments,
@@ -48,8 +47,7 @@ def run(args: argparse.Namespace) -> int:
     from intent_recognition.nodes.runtime import run as run_node
     from intent_recognition.nodes.runtime import steady_timer
 
-    stderr = Console(stderr=True)
-    with bar_with(stderr, TextColumn("{task.completed:.1f} of {task.total:.1f} s")) as bar:
+    with progress_bar(Console(stderr=True)) as bar:
         task = bar.add_task("seconds played", total=None)
 
         def bag_player() -> BagPlayer:
@@ -58,7 +56,8 @@ def run(args: argparse.Namespace) -> int:
             return node
 
         def show(node: BagPlayer) -> None:
-            bar.update(task, total=node.duration_s, completed=node.position_s)
+            total = None if args.loop else node.duration_s
+            bar.update(task, total=total, completed=node.position_s)
 
         return run_node(bag_player, node_arguments(args, parameters(args)))
 

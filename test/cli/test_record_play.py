@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent record` and `intent play` run the nodes with the parameters their options name."""
 
+import io
 from pathlib import Path
 
 import pytest
@@ -8,12 +9,14 @@ import yaml
 from bag_builder import raw, write_bag
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rich.console import Console
 from ros_harness import NodeProcess
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.cli import play, record
 from intent_recognition.cli.options import node_arguments
 from intent_recognition.errors import BagError, ResourceBusyError
+from intent_recognition.nodes import runtime
 from intent_recognition.nodes.processes import yaml_value
 
 INTENT = "intent_recognition.cli.main"
@@ -114,6 +117,15 @@ def test_a_missing_bag_is_refused_before_ros_starts(parse, tmp_path):
     args = parse("play", tmp_path / "missing")
     with pytest.raises(BagError, match="missing"):
         args.run(args)
+
+
+def test_on_a_terminal_a_bar_is_there_before_the_bag_is_opened(parse, tmp_path, monkeypatch):
+    console = Console(file=io.StringIO(), force_terminal=True, width=100)
+    monkeypatch.setattr(play, "Console", lambda **_: console)
+    monkeypatch.setattr(runtime, "run", lambda *_: 0)
+    args = parse("play", write_bag(tmp_path / "bag"))
+    assert args.run(args) == 0
+    assert "seconds played" in console.file.getvalue()
 
 
 @pytest.mark.slow
