@@ -16,6 +16,7 @@ from intent_recognition.cli.teach import (
     wait_until_used,
 )
 from intent_recognition.errors import ModelError
+from intent_recognition.model import is_task_folder
 
 FOUND_S = 2.0
 """Longest wait for a running estimator [s]. Convention."""
@@ -26,9 +27,10 @@ MORE = (add_library_options,)
 
 def run(args: argparse.Namespace) -> int:
     """Change the library as the command says, and give the model to a running estimator."""
-    if not args.library.is_dir():
+    if not is_task_folder(args.library):
+        came = "another folder" if args.library.is_dir() else "none"
         cure = "Name the one that `intent teach` or task_teacher made."
-        raise ModelError.about(f"--library {args.library}", "a folder of tasks", "none", cure)
+        raise ModelError.about(f"--library {args.library}", "a folder of tasks", came, cure)
     refuse_other_model(args.library, args.model, args.dofs)
     console = make_console()
     with teacher_node(args) as (teacher, spin):
