@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
 DISCOVERY_S = 5.0
 """Longest wait for the topics to record [s]. Convention."""
-HANDED_OVER_S = 5.0
-"""Longest wait for a running estimator to load a model [s]. Convention."""
+HANDED_OVER_S = 12.0
+"""Longest wait for a running estimator to load a model [s]: the teacher asks again after five."""
 DEFAULT_LIBRARY = Path("tasks")
 QUIT = "q"
 
@@ -101,7 +101,8 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["Ta
 def wait_until_used(teacher: "TaskTeacher", spin: Spin, console: Console, what: str) -> str:
     """Wait until a running estimator uses the model; says how it went, or what was done."""
     with busy(console, "sending the model"):
-        spin(lambda: not teacher.sending_model, HANDED_OVER_S)
+        if not spin(lambda: not teacher.sending_model, HANDED_OVER_S):
+            return f"{what}; the estimator has not answered"
     return teacher.last_status or what
 
 

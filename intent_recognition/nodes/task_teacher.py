@@ -72,7 +72,7 @@ class TaskTeacher(TopicRecorder):
         self.last_status = ""
         self.sending_model = False
         self.loaded: str | None = None
-        self._asked_s = 0.0
+        self._asked_why, self._asked_s = "", 0.0
         self._in_use = False
         values = declare(self, "task_teacher")
         self.folder = self._open_folder(values)
@@ -262,7 +262,7 @@ class TaskTeacher(TopicRecorder):
         if not self.estimator_runs():
             self.report(Level.OK, f"{text}; no estimator runs")
             return
-        self.sending_model, self._asked_s = True, time.monotonic()
+        self.sending_model, self._asked_why, self._asked_s = True, text, time.monotonic()
         value = Parameter("model", value=self._model_in_force).to_parameter_msg()
         asked = self._set_model.call_async(SetParameters.Request(parameters=[value]))
         load, loaded = self._reload.call_async, partial(self._loaded, text)
@@ -284,13 +284,13 @@ class TaskTeacher(TopicRecorder):
             if status.name != self._estimator_name:
                 continue
             self.loaded = loaded = values_of(status).get(MODEL)
-            if loaded is None or loaded == self._model_in_force:
+            if self.sending_model:
+                if time.monotonic() - self._asked_s > ANSWER_S:
+                    self.send_model(self._asked_why)
+            elif loaded is None or loaded == self._model_in_force:
                 self._in_use = self._in_use or loaded is not None
-                continue
             # One that a teacher that has ended let the estimator try is taken back, too.
-            tried = Path(loaded).is_relative_to(self.folder.path / PRACTICE)
-            asking = self.sending_model and time.monotonic() - self._asked_s < ANSWER_S
-            if (self._in_use or tried) and not asking:
+            elif self._in_use or Path(loaded).is_relative_to(self.folder.path / PRACTICE):
                 self.send_model("the estimator was started again")
 
     @property

@@ -11,6 +11,7 @@ from geometry_msgs.msg import PoseStamped
 from model_builder import make_dofs, perform, true_library
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from simulation import gathered
 from std_msgs.msg import String
@@ -23,7 +24,7 @@ from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import TO_UNDO, WAITING, Executions, now
 from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.model.task_folder import Change
-from intent_recognition.nodes import qos
+from intent_recognition.nodes import qos, task_teacher
 from intent_recognition.nodes.conversions import (
     TrajectoryBuilder,
     to_joint_state,
@@ -133,7 +134,7 @@ def test_a_task_taught_while_the_graph_runs_is_recognised_and_taken_back(harness
         assert cell.call("undo").success
     cell.wait_said("in use")
     harness.spin_until(lambda: tuple(cell.estimator._model.labels) == OLD)
-    assert not cell.call("undo").success
+    assert "a change to take back" in cell.call("undo").message
 
 
 @pytest.mark.slow
@@ -149,6 +150,19 @@ def test_an_estimator_that_was_started_again_gets_the_taught_model(harness, tmp_
     assert cell.estimator.active and tuple(cell.estimator._model.labels) == OLD
     cell.wait_said("started again; in use")
     assert tuple(cell.estimator._model.labels) == (*OLD, NEW)
+
+
+@pytest.mark.slow
+def test_a_model_is_sent_again_where_the_answer_was_lost(harness, tmp_path, model, monkeypatch):
+    monkeypatch.setattr(task_teacher, "ANSWER_S", 0.0)
+    cell = Cell(harness, tmp_path / "mine", model)
+    with monkeypatch.context() as lost:
+        lost.setattr(cell.teacher._reload, "call_async", lambda _: Future())
+        assert cell.call("start").success
+        cell.show(50)
+        assert cell.call("stop").success
+        harness.spin_until(lambda: cell.teacher.sending_model)
+    cell.wait_said(f"{NEW} 1; in use")
 
 
 def test_bad_requests_say_what_is_wrong_and_leave_the_model(harness, tmp_path, model):
