@@ -159,7 +159,7 @@ def _remove(args: argparse.Namespace, points: Points) -> Sequence[ViaPoint]:
     known = [point.name for point in points]
     missing = [name for name in args.names if name not in known]
     if missing or not (args.names or args.all):
-        expected = f"names of {', '.join(known) or 'none'}, or --all"
+        expected = f"names of via points ({', '.join(known) or 'there are none'}), or --all"
         cure = "`intent via list` shows them."
         raise ArgumentError.about("NAME", expected, ", ".join(missing) or "nothing", cure)
     return [point for point in points if not args.all and point.name not in args.names]

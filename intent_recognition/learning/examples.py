@@ -128,9 +128,8 @@ def _movement(recorded: Demonstration) -> list[_Part] | TrainingError:
     start_ns, end_ns = recorded.start_ns, recorded.end_ns
     duration = (end_ns - start_ns) * 1e-9
     if duration < 0.2:
-        return TrainingError.about(
-            "demonstration", "at least 0.2 s", f"{duration:.3f} s", "Re-record."
-        )
+        cure = "Record it again, or leave it out."
+        return TrainingError.about("movement", "at least 0.2 s", f"{duration:.3f} s", cure)
     parts = []
     for signal in (*recorded.observed, *recorded.controlled):
         part = signal.between(start_ns, end_ns)
