@@ -30,17 +30,18 @@ GEAR_N = 500.0
 
 def with_fingers(robot: Robot) -> Robot:
     """An arm with fingers: as it is if it has two, else with a gripper, whose grip is the tip."""
-    if robot.urdf.count('type="prismatic"') >= 2:
+    if len(finger_joints(robot)) == 2:
         return robot
     urdf, description = (_add(text, robot.tip) for text in (robot.urdf, robot.description))
     return replace(robot, urdf=urdf, description=description, tip=GRIP_LINK)
 
 
 def finger_joints(robot: Robot) -> list[str]:
-    """Names of the joints of its fingers."""
+    """Names of the joints of its fingers: of those that it was given, or of all that slide."""
     joints = parse_xml(robot.urdf).findall("joint[@type='prismatic']")
     names = [joint.get("name", "") for joint in joints]
-    return [name for name in names if name not in robot.joint_names]
+    names = [name for name in names if name not in robot.joint_names]
+    return list(FINGERS) if FINGERS[0] in names else names
 
 
 class Fingers:
@@ -59,7 +60,8 @@ class Fingers:
             arm.client.getJointInfo(arm.body, k) for k in range(arm.client.getNumJoints(arm.body))
         )
         numbers = {j[1].decode(): j[0] for j in joints if j[2] == pybullet.JOINT_PRISMATIC}
-        self.links = tuple(numbers[name] for name in arm.others.names if name in numbers)
+        found = [name for name in arm.others.names if name in numbers]
+        self.links = tuple(numbers[name] for name in (FINGERS if FINGERS[0] in found else found))
         if len(self.links) != 2:
             cure = "Give it a gripper by `with_fingers`."
             raise ArgumentError.about("arm", "two fingers", arm.others.names, cure)

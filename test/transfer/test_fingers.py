@@ -2,11 +2,12 @@
 """Fingers that hold by force."""
 
 import pytest
+from kinematics.trees import TREES, urdf
 
 from intent_recognition.errors import ArgumentError
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm import NAMES, SimulatedArm, find_robot
-from sim_bridge.handover import Fingers, with_fingers
+from sim_bridge.handover import Fingers, finger_joints, with_fingers
 from sim_bridge.physics import pybullet
 
 HALF_M, FRICTION = 0.02, 0.6
@@ -26,6 +27,20 @@ def test_every_arm_has_two_that_open_and_close(name):
             fingers.press(0.0)
             arm.step(10)
         assert fingers.half_opening_m() == pytest.approx(opened, abs=0.003)
+
+
+@pytest.mark.parametrize("tree", ["fetch", "fetch_without_lift", "ur_robotiq"])
+def test_an_arm_of_a_file_keeps_its_two_fingers_or_is_given_two(tree, tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(urdf(TREES[tree].branches))
+    robot = with_fingers(find_robot(str(path)))
+    assert with_fingers(robot) is robot and len(finger_joints(robot)) == 2
+    with SimulatedArm(robot=robot) as arm:
+        fingers = Fingers(arm)
+        fingers.press(10.0)
+        before_m = fingers.half_opening_m()
+        arm.step(100)
+        assert fingers.half_opening_m() < before_m
 
 
 @pytest.mark.parametrize("name", ["lwr", "panda"])
