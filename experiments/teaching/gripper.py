@@ -7,8 +7,7 @@ from experiments.teaching.objects import ObjectHolder, ToolboxObjects
 from intent_recognition.array_types import Floats
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import HOLD, TASKS
-from sim_bridge.scenarios.toolbox import STANDS_M
-from sim_bridge.scenarios.toolbox.scene import takes
+from sim_bridge.scenarios.toolbox import STANDS_M, takes
 
 
 class ToolboxGripper:

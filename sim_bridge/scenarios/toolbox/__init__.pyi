@@ -11,6 +11,7 @@ from .scene import handover_rotation as handover_rotation
 from .scene import home_pose as home_pose
 from .scene import pose as pose
 from .scene import stand_pose as stand_pose
+from .scene import takes as takes
 from .session_scoring import DECIDED_WITHIN_S as DECIDED_WITHIN_S
 from .session_scoring import EARLIEST_DECISION_S as EARLIEST_DECISION_S
 from .session_scoring import Scoring as Scoring
