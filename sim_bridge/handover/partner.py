@@ -82,10 +82,14 @@ class Manner:
 
 
 class Taker:
-    """Reaches for what rests in the robot's hand, takes over its weight, and brings it along."""
+    """Reaches for what rests in the robot's hand, takes over its weight, and brings it along.
+
+    Attributes:
+        brought: whether the movement is over.
+    """
 
     def __init__(self, hand: CompliantHand, manner: Manner) -> None:
-        self.hand, self._manner = hand, manner
+        self.hand, self._manner, self.brought = hand, manner, False
         self._rested_s: float | None = None
         self._from_m, self._to_m = hand.position_m.copy(), hand.position_m.copy()
         self._begun_s = self._held_s = np.inf
@@ -108,8 +112,9 @@ class Taker:
             return
         loading_s = time_s - self._held_s - 0.15
         hand.lift_n = manner.weight_n * progress(loading_s / manner.load_s)
-        brought = manner.brought_m * progress((loading_s - 0.5 * manner.load_s) / manner.pull_s)
-        hand.target_m = self._to_m + brought * manner.toward
+        share = progress((loading_s - 0.5 * manner.load_s) / manner.pull_s)
+        hand.target_m = self._to_m + share * manner.brought_m * manner.toward
+        self.brought = share >= 1.0
 
 
 class Giver:

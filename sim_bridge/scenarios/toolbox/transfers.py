@@ -284,7 +284,7 @@ class ToolboxTransfers:
         leaves = np.linalg.norm(self._wrist_m - self._since_m) > AWAY_M
         gave = isinstance(person, Giver) and not hand.holds
         touched = self._fingers.touching(thing.body)
-        took = isinstance(person, Taker) and hand.holds and not touched
+        took = isinstance(person, Taker) and person.brought and hand.holds and not touched
         if leaves or gave or took:
             self._person, self._served = None, bool(gave or took)
             self._offset_m = hand.target_m - self._wrist_m
