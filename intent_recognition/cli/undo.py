@@ -18,8 +18,8 @@ from intent_recognition.cli.teach import (
 from intent_recognition.errors import ModelError
 from intent_recognition.model import is_task_folder
 
-FOUND_S = 2.0
-"""Longest wait for a running estimator [s]. Convention."""
+FOUND_S = 5.0
+"""Longest wait for a running estimator [s]: a busy machine needs more than 2 to find it."""
 
 
 MORE = (add_library_options,)
