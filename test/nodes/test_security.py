@@ -22,7 +22,7 @@ ALL_ON |= {"namespace": "cell1"}
 OF_POURING = {"balls", "cup/cloud", "intent/feedback", "second/cloud"}
 OF_ITS_CLOCK = {"clock_answers"}
 OF_TRANSFERS = {"intent/transfer", "mocap/wrist/pose", "coworker/hand", "intent/holding"}
-OF_TRANSFERS |= {"intent/active_person"}
+OF_TRANSFERS |= {"intent/active_person", "intent/active_task"}
 LATER = {
     **dict.fromkeys(("arm_sim", "lwr_sim"), OF_POURING | OF_ITS_CLOCK | OF_TRANSFERS),
     "object_transfer": {"intent/active_person"},  # with several people
