@@ -130,7 +130,7 @@ def test_what_cannot_be_added_is_refused_by_name_and_reason(report):
         add_demonstration(trained, replace(one, task="none"))
     with pytest.raises(TrainingError, match="odd: DOFs: expected those of demo_00"):
         add_demonstration(trained, replace(one, observed=one.observed[:1]))
-    with pytest.raises(TrainingError, match=r"odd: demonstration: expected at least 0\.2 s"):
+    with pytest.raises(TrainingError, match=r"odd: movement: expected at least 0\.2 s"):
         add_demonstration(trained, replace(one, end_ns=one.start_ns + 1))
 
 

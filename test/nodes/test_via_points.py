@@ -56,7 +56,7 @@ def test_by_command_the_path_passes_until_the_point_is_removed(harness, folder):
         (("add", "far", "--dof", "lwr_a4_joint=2.0", *end), "far: expected at most 6 standard"),
         (("add", "far", "--dof", "elbow=1.0", *end), "DOFs of lwr_a1_joint"),
         (("add", "far", "--hand", 0.3, 0.0, 0.5, "--phase", 0.5), "no robot_description"),
-        (("remove", "far"), "names of end"),
+        (("remove", "far"), r"names of via points \(end\)"),
     ):
         with pytest.raises(ArgumentError, match=text):
             run(*refused)

@@ -39,6 +39,7 @@ def test_plate_is_taken_and_put_away(harness):
     commands = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
     harness.connect(tasks, commands)
     tasks.publish(String(data=PLATE))
+    harness.spin_until(lambda: node.scene._world.task == PLATE, what="the task")
     commands.publish(fetch_and_carry())
     harness.spin_until(lambda: node.scene.held == PLATE, what="the plate between the fingers")
     tasks.publish(String(data=""))
