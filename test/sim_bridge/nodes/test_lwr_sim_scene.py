@@ -4,12 +4,12 @@
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from experiments.teaching.path import plan_teaching
 from intent_recognition.kinematics.lwr import JOINT_NAMES
-from intent_recognition.nodes.qos import COMMAND, LATCHED
+from intent_recognition.nodes.qos import COMMAND, LATCHED, STATE
 from sim_bridge.coworker.styles import PLATE, STYLES
 from sim_bridge.nodes.lwr_sim import LwrSim
 
@@ -33,14 +33,15 @@ def fetch_and_carry() -> JointTrajectory:
 
 
 @pytest.mark.slow
-def test_plate_is_taken_and_put_away(harness):
+def test_a_plate_is_taken_from_its_stand(harness):
     node = harness.node(LwrSim, real_time_factor=5.0, scene="transfers")
     tasks = harness.publisher(String, "intent/active_task", LATCHED)
     commands = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
-    harness.connect(tasks, commands)
+    holding = harness.collect(Bool, "intent/holding", STATE)
+    harness.connect(tasks, commands, node.scene._holding)
     tasks.publish(String(data=PLATE))
     harness.spin_until(lambda: node.scene._world.task == PLATE, what="the task")
+    assert not holding
     commands.publish(fetch_and_carry())
-    harness.spin_until(lambda: node.scene.held == PLATE, what="the plate between the fingers")
-    tasks.publish(String(data=""))
-    harness.spin_until(lambda: node.scene.held == "", what="the end of the task")
+    harness.spin_until(lambda: holding, what="the plate between the fingers")
+    assert holding[0].data
