@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.reaches import STEP_NS, WatchedReach, ticks
-from experiments.teaching.gripper import ToolboxGripper
 from intent_recognition.activation import (
     Activation,
     ActivationSettings,
@@ -116,6 +115,7 @@ def execute(
         clearance: what the activation knows of them; None: nothing.
         goes_home: whether the way home is executed, too.
     """
+    from experiments.teaching.gripper import ToolboxGripper
     from sim_bridge.arm import (
         STEPS_PER_SAMPLE,
         SensorNoise,

@@ -121,8 +121,8 @@ def _toolbox(args: argparse.Namespace) -> Scene:
     )
 
     tasks = session_tasks(args)
-    by_force = args.arm in NAMES or args.scenario == CELL
-    by_force = by_force if args.transfers is None else args.transfers
+    usual = args.arm in NAMES or args.scenario == CELL
+    by_force = usual if args.transfers is None else args.transfers
     # The arm is late, and both take their time. Of two people who wait for one arm the second has
     # the object up to 11 s after the own movement: after 3 s for the other, and 5 s past two hands.
     hold_s = (5.0, 6.0) if len(tasks) == 1 else (13.0, 14.0)

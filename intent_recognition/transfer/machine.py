@@ -271,6 +271,7 @@ class TransferMachine:
         toward = now.toward
         if toward is not None:
             level_n = np.hypot(*now.force_n[:2])
+            # no push: the force is within 120 degrees of the way to the person
             pulls = level_n > LIGHTEST_N and now.force_n @ toward > -0.5 * level_n
             if self._lasts("pull", bool(pulls), now.time_s, INSISTS_S):
                 toward = None

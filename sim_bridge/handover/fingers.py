@@ -40,7 +40,11 @@ def finger_joints(robot: Robot) -> list[str]:
     """Names of the joints of its fingers: of those that it was given, or of all that slide."""
     joints = parse_xml(robot.urdf).findall("joint[@type='prismatic']")
     names = [joint.get("name", "") for joint in joints]
-    names = [name for name in names if name not in robot.joint_names]
+    return _that_grip([name for name in names if name not in robot.joint_names])
+
+
+def _that_grip(names: list[str]) -> list[str]:
+    """Of the joints that slide those of an added gripper, or all."""
     return list(FINGERS) if FINGERS[0] in names else names
 
 
@@ -60,8 +64,8 @@ class Fingers:
             arm.client.getJointInfo(arm.body, k) for k in range(arm.client.getNumJoints(arm.body))
         )
         numbers = {j[1].decode(): j[0] for j in joints if j[2] == pybullet.JOINT_PRISMATIC}
-        found = [name for name in arm.others.names if name in numbers]
-        self.links = tuple(numbers[name] for name in (FINGERS if FINGERS[0] in found else found))
+        found = _that_grip([name for name in arm.others.names if name in numbers])
+        self.links = tuple(numbers[name] for name in found)
         if len(self.links) != 2:
             cure = "Give it a gripper by `with_fingers`."
             raise ArgumentError.about("arm", "two fingers", arm.others.names, cure)

@@ -93,11 +93,13 @@ def test_a_push_does_not_take_it_beyond_its_limits(arm):
     assert np.all((q > limits.lower - 0.06) & (q < limits.upper + 0.06))
 
 
-def test_fingers_are_held_open(arm):
-    names = arm.others.names
-    assert names == (("panda_finger_joint1", "panda_finger_joint2") if names else ())
+def test_fingers_are_held_open_and_the_chain_does_not_feel_it(arm):
+    panda = arm.robot is robot_of("panda")
+    assert arm.others.names == ("panda_finger_joint1", "panda_finger_joint2") * panda
+    np.testing.assert_allclose(arm.others.positions(), [0.04, 0.04] * panda, atol=1e-6)
     arm.step(500)
-    np.testing.assert_allclose(arm.others.positions(), [0.04] * len(names), atol=2e-3)
+    np.testing.assert_allclose(arm.others.positions(), [0.04, 0.04] * panda, atol=2e-3)
+    np.testing.assert_allclose(arm.state().q, arm.robot.ready, atol=1e-3)
 
 
 def test_a_description_begins_at_the_world_and_finds_its_meshes(arm):
