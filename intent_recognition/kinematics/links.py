@@ -73,24 +73,31 @@ class Links(NamedTuple):
         Joints and their rates are (T, nv).
         """
         still = np.zeros((len(q), 3))
+        angles = q.T[:, :, None] * self.axes[:, None]  # of all joints at once: one call costs much
+        turned = Rotation.from_rotvec(angles.reshape(-1, 3)).as_matrix().reshape(*q.T.shape, 3, 3)
         frames = [(np.eye(3), still, still, still)]  # the base, then the joints
         for k, (parent, placement) in enumerate(zip(self.parents, self.placements, strict=True)):
             turn, place, spin, speed = frames[parent + 1]
             step = turn @ placement[:3, 3]
-            place, speed = place + step, speed + np.cross(spin, step)
+            place, speed = place + step, speed + _cross(spin, step)
             turn = turn @ placement[:3, :3]
             if k < len(self.axes):
                 along, rate = turn @ self.axes[k], rates[:, k, None]
                 if self.turns[k]:
-                    turned = Rotation.from_rotvec(np.outer(q[:, k], self.axes[k])).as_matrix()
-                    turn, spin = turn @ turned, spin + along * rate
+                    turn, spin = turn @ turned[k], spin + along * rate
                 else:
                     step = along * q[:, k, None]
-                    place, speed = place + step, speed + along * rate + np.cross(spin, step)
+                    place, speed = place + step, speed + along * rate + _cross(spin, step)
             frames.append((turn, place, spin, speed))
         points = np.stack([place for _, place, _, _ in frames[1:]], axis=1)
         speeds = [np.linalg.norm(speed, axis=1) for *_, speed in frames[1:]]
         return points, np.max(speeds, axis=0)
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    """Of vectors (T, 3); `np.cross` takes twice as long for so few."""
+    (a0, a1, a2), (b0, b1, b2) = a.T, b.T
+    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
