@@ -58,14 +58,16 @@ def learn_plan(
     Relations written by hand stay, but for those of steps that are no more.
 
     Raises:
-        ArgumentError: no assembly holds a task.
+        ArgumentError: no task is in half of the assemblies.
     """
-    if not any(assemblies):
-        cure = "Record sessions with labelled tasks, or write them as YAML."
-        raise ArgumentError.about("assemblies", "at least one that holds a task", "none", cure)
     done = [assembly for assembly in assemblies if assembly]
     found = _occurrences([[one.task for one in assembly] for assembly in done])
-    steps = sorted(_places(found), key=lambda step: (_places(found)[step], step))
+    places = _places(found)
+    steps = sorted(places, key=lambda step: (places[step], step))
+    if not steps:
+        cure = "Give whole assemblies of one thing, with labelled tasks (docs/plans.md)."
+        got = f"none in {len(done)} assemblies"
+        raise ArgumentError.about("assemblies", "a task that half of them hold", got, cure)
     number = {step: k for k, step in enumerate(steps)}
     sequences = [[number[step] for step in one if step is not None] for one in found]
     before = np.minimum(sample_orders(sequences, len(steps), rng, N_SAMPLES), SURE)

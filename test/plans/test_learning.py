@@ -83,9 +83,10 @@ def test_relations_by_hand_are_kept_where_their_steps_are(rng):
     assert plan.by_hand == {("b", "a"): 0.0}
 
 
-def test_nothing_done_is_refused(rng):
-    with pytest.raises(ArgumentError, match="assemblies"):
-        learn_plan([()], rng)
+@pytest.mark.parametrize("done", [(), ("",), ("a", "b", "c")])
+def test_assemblies_without_a_task_in_half_of_them_are_refused(done, rng):
+    with pytest.raises(ArgumentError, match="assemblies: expected a task"):
+        learn_plan(assemblies(*done), rng)
 
 
 def test_relations_of_simulated_assemblies_are_found():
