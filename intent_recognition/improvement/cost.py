@@ -2,18 +2,21 @@
 """What a rollout costs: by name, or by a Python file of the user's."""
 
 import hashlib
-import importlib.util
 import inspect
 import math
+import runpy
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, number
+from intent_recognition.untrusted import UntrustedError, check_regular
+
+MODULE = "cost_of_practice"
+"""Name of the module that a file of the user's is run as."""
 
 
 @dataclass(frozen=True)
@@ -111,14 +114,13 @@ def load_cost(name: str, known: Sequence[str] = tuple(COSTS), *, files: bool = T
     if name in known:
         return Cost(name, COSTS[name])
     path = Path(name)
-    if not files or path.suffix != ".py" or not path.is_file():
+    if not files or path.suffix != ".py":
         expected = f"one of {', '.join(known)}" + (", or a Python file" if files else "")
         raise ArgumentError.about("cost", expected, name, "Correct the name or the path.")
-    module = _run(path)
     own = [
         found
-        for key, found in vars(module).items()
-        if inspect.isfunction(found) and found.__module__ == module.__name__ and key[0] != "_"
+        for key, found in _run(path).items()
+        if inspect.isfunction(found) and found.__module__ == MODULE and key[0] != "_"
     ]
     if len(own) != 1:
         got = ", ".join(function.__name__ for function in own) or "none"
@@ -127,16 +129,16 @@ def load_cost(name: str, known: Sequence[str] = tuple(COSTS), *, files: bool = T
     return Cost(path.name, own[0], hashlib.sha256(path.read_bytes()).hexdigest()[:16])
 
 
-def _run(path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("cost_of_practice", path)
-    if spec is None or spec.loader is None:
-        cure = "Name a file that ends in .py."
-        raise ArgumentError.about(f"cost {path}", "a Python file", path.name, cure)
-    module = importlib.util.module_from_spec(spec)
+def _run(path: Path) -> dict[str, Any]:
+    """What the file defines, by name."""
     try:
-        spec.loader.exec_module(module)
+        check_regular(path)
+    except (OSError, UntrustedError) as error:
+        cure = "Check the path."
+        raise ArgumentError.about(f"cost {path}", "a Python file", error, cure) from error
+    try:
+        return runpy.run_path(str(path), run_name=MODULE)
     except Exception as error:  # the user's own code may raise anything
         got, cure = f"{type(error).__name__}: {error}", "Correct the file."
         expected = "a Python file that runs"
         raise ArgumentError.about(f"cost {path}", expected, got, cure) from error
-    return module

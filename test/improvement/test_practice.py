@@ -124,8 +124,14 @@ def test_a_file_of_another_kind_is_refused(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(ArgumentError, match=message):
         load_cost(str(path))
-    with pytest.raises(ArgumentError, match="spilled, level"):
-        load_cost(str(tmp_path / "missing.py"))
+
+
+def test_a_cost_that_is_not_there_is_refused(tmp_path):
+    (tmp_path / "folder.py").mkdir()
+    cases = {"missing.py": "no such file", "folder.py": "a folder", "nothing": "spilled, level"}
+    for name, message in cases.items():
+        with pytest.raises(ArgumentError, match=f"{name}.*{message}|{message}.*{name}"):
+            load_cost(str(tmp_path / name))
 
 
 @pytest.mark.parametrize(
