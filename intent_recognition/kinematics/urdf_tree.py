@@ -55,17 +55,24 @@ def read_urdf(source: str | Path) -> str:
     Raises:
         ArgumentError: the file cannot be read.
     """
-    if isinstance(source, str) and source.lstrip("\ufeff \r\n\t").startswith("<"):
+    if isinstance(source, str) and _is_xml(source):
         return source.lstrip("\ufeff")
     path = as_path("robot", source)
     if path.suffix == ".xacro":
         return _expanded(path)
     try:
-        return read_text(path, 10 * MOST_TEXT)
+        text = read_text(path, 10 * MOST_TEXT)
+        if not _is_xml(text):
+            raise UntrustedError("another kind of file")
+        return text
     except (OSError, ValueError) as error:
         cure = "Give the path of a URDF, or its text."
         got = error if isinstance(error, OSError) else f"{source}: {error}"
         raise ArgumentError.about("robot", "a URDF", got, cure) from error
+
+
+def _is_xml(text: str) -> bool:
+    return text.lstrip("\ufeff \r\n\t").startswith("<")
 
 
 def _expanded(path: Path) -> str:

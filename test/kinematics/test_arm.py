@@ -259,6 +259,7 @@ def test_a_continuous_joint_turns_on():
     ("source", "options", "message"),
     [
         ("/no/such.urdf", {}, "robot: .*no/such.urdf.* Give the path"),
+        (__file__, {}, "robot: .*test_arm.py: another kind of file"),
         ("<robot", {}, "robot: expected a URDF.*xacro"),
         ("<sdf><link/></sdf>", {}, "got <sdf>"),
         (MIXED, {"tip": "hand"}, "tip: expected a link of a, b, c, d, e, f, got hand"),
