@@ -16,7 +16,7 @@ from intent_recognition.report import readable
 NOTHING = "Nothing was taught or executed yet, or no teacher runs."
 HOW = (
     "Push or guide the arm while it executes: it yields, and goes on from where you leave it."
-    " It does where `primitive_activation` has `correction: lwr`.",
+    " `primitive_activation` needs `correction: lwr` for that.",
     "Keep it: the task moves there. Undo takes the last change back.",
 )
 UNKNOWN = ("", "-")
