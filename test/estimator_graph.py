@@ -112,7 +112,7 @@ class Graph:
         return len(self.tasks) > accepted
 
     def received(self, group):
-        topic = self.dofs.observed[group].topic
+        topic = self.inputs[group].topic_name.lstrip("/")
         return self.node._diagnostics._totals[topic]
 
     def feed(self, observations):

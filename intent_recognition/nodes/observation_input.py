@@ -91,8 +91,8 @@ class ObservationInput:
             entry = readers[0].entry
             raw = is_raw_pose(topic, entry.type)
             kind = Odometry if raw else self._kinds[entry.type]
-            callback = partial(self._on_odometry if raw else self._on_message, readers)
             name = self._heard_on(entry, raw)
+            callback = partial(self._on_odometry if raw else self._on_message, name, readers)
             # 10 s at 100 Hz: nothing is lost while a movement is filtered again (onset, new model).
             deep = qos.keep_last(1000, reliable=False)
             source = self._backlog.subscribe(self._node, kind, name, callback, deep, raw=raw)
@@ -116,7 +116,7 @@ class ObservationInput:
         """All current subscriptions."""
         return self._backlog.subscriptions
 
-    def _on_odometry(self, readers: list[ObservationReader], data: bytes) -> None:
+    def _on_odometry(self, name: str, readers: list[ObservationReader], data: bytes) -> None:
         """Take a tracked pose; its twist is computed from poses and not an observation."""
         start_s = time.perf_counter()
         try:
@@ -127,9 +127,9 @@ class ObservationInput:
         self._check_frame(readers[0].entry.topic, frame_id)
         if not readers[0].entry.context:
             self.frame = frame_id or self.frame
-        self._take(readers, lambda reader: reader.observe_pose(stamp, pose, covariance), start_s)
+        self._take(name, readers, lambda one: one.observe_pose(stamp, pose, covariance), start_s)
 
-    def _on_message(self, readers: list[ObservationReader], message: object) -> None:
+    def _on_message(self, name: str, readers: list[ObservationReader], message: object) -> None:
         start_s = time.perf_counter()
         now_ns = self._node.get_clock().now().nanoseconds
 
@@ -142,7 +142,7 @@ class ObservationInput:
             stamp = stamp_of(reader.entry, message, now_ns)
             return None if stamp is None else reader.observe(stamp, message)
 
-        self._take(readers, read, start_s)
+        self._take(name, readers, read, start_s)
 
     def _check_frame(self, topic: str, frame_id: str) -> None:
         """Count poses in another frame than the model was learned in, and warn of the first."""
@@ -159,12 +159,13 @@ class ObservationInput:
 
     def _take(
         self,
+        name: str,
         readers: list[ObservationReader],
         read: Callable[[ObservationReader], Observation | None],
         start_s: float,
     ) -> None:
         topic = readers[0].entry.topic
-        self._diagnostics.tick(topic)
+        self._diagnostics.tick(name)
         used = False
         for reader in readers:
             try:

@@ -11,12 +11,11 @@ from typing import NamedTuple
 
 
 class Edge(NamedTuple):
-    """A topic from one node to another, and under which name that counts it where it differs."""
+    """A topic from one node to another."""
 
     topic: str
     sender: str
     taker: str
-    taken: str = ""
 
 
 ARM = ""
@@ -25,7 +24,7 @@ EDGES = (
     Edge("/clock", ARM, "coworker_sim"),
     Edge("joint_states", ARM, "primitive_activation"),
     Edge("mocap/wrist/pose", "coworker_sim", "mocap_ingest"),
-    Edge("human/wrist", "mocap_ingest", "intent_estimator", "mocap/wrist/pose"),
+    Edge("human/wrist", "mocap_ingest", "intent_estimator"),
     Edge("intent/tasks", "intent_estimator", "primitive_activation"),
     Edge("intent/robot_trajectory", "intent_estimator", "primitive_activation"),
     Edge("joint_trajectory", "primitive_activation", ARM),
@@ -104,7 +103,7 @@ class LockStep:
         sender, taker = self._counts.get(edge.sender), self._counts.get(edge.taker)
         if sender is None or taker is None:
             return False
-        due = max(sender.get(edge.topic, 0) - taker.get(edge.taken or edge.topic, 0), 0)
+        due = max(sender.get(edge.topic, 0) - taker.get(edge.topic, 0), 0)
         lost = self._lost[edge] = min(self._lost.get(edge, due), due)
         return due > lost
 

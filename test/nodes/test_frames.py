@@ -54,8 +54,7 @@ class Stream:
             message.pose.pose = to_pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         message.header.frame_id = frame
         message.header.stamp = to_stamp(1_700_000_000_000_000_000 + self.n * 10_000_000)
-        topic = DOFS.observed[group].topic
-        self.harness.tell(self.node, self.inputs[group], message, topic)
+        self.harness.tell(self.node, self.inputs[group], message)
 
     def counted(self, entry):
         rows = values_of(self.node._diagnostics.report())

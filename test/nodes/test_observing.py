@@ -152,6 +152,8 @@ def test_some_fields_of_two_bodies_one_of_them_slow_and_silent_for_a_while(harne
     rows, nodes = run(harness, bodies, plain(bodies, seen), bodies=("wrist", "elbow"))
     assert len(rows) == len(seen) and winner(rows) == "task_1"
     assert nodes.heard() >= {"human/wrist", "human/elbow"}
+    totals = nodes.estimator._diagnostics._totals
+    assert totals["human/wrist"] + totals["human/elbow"] == len(seen)
 
 
 @pytest.mark.slow

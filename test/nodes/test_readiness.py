@@ -69,6 +69,6 @@ def test_a_player_loses_nothing_to_nodes_that_come_late(harness, tmp_path):
     for trigger in (estimator.trigger_configure, estimator.trigger_activate):
         assert trigger() == TransitionCallbackReturn.SUCCESS
     harness.spin_until(player.finished.is_set, what="the end")
-    harness.spin_until(lambda: estimator._diagnostics._totals["mocap/wrist/pose"] == 8)
+    harness.spin_until(lambda: estimator._diagnostics._totals["human/wrist"] == 8)
     harness.spin_until(lambda: len(taken) == 8)  # one at a time, the estimator takes all at once
     assert not ingest._diagnostics._counts

@@ -88,7 +88,7 @@ class Cell:
         self.arm._now_s = PatientClock(self._behind)
 
     def _behind(self) -> bool:
-        return n_taken([POSES], self.ingest, self.estimator) < self._n_sent
+        return n_taken(self.ingest, self.estimator) < self._n_sent
 
     def connect(self) -> None:
         """Wait until every topic of the chain has found its ends."""

@@ -2,7 +2,7 @@
 """What is played goes on only as fast as the nodes under test take it, however busy the machine."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
@@ -11,9 +11,10 @@ from intent_recognition.nodes.mocap_ingest import MocapIngest
 LONGEST_STEP_S = 0.02
 
 
-def n_taken(topics: Iterable[str], ingest: MocapIngest, estimator: IntentEstimatorNode) -> int:
-    """Observations of some topics that have reached the estimator, and what the ingest refused."""
-    arrived = sum(estimator._diagnostics._totals[topic] for topic in topics)
+def n_taken(ingest: MocapIngest, estimator: IntentEstimatorNode) -> int:
+    """Poses that have reached the estimator, and what the ingest refused."""
+    totals = dict(estimator._diagnostics._totals)
+    arrived = sum(n for stream, n in totals.items() if stream.startswith("human/"))
     return arrived + ingest._diagnostics._counts.total()
 
 
@@ -38,7 +39,7 @@ class PacedPlayer(BagPlayer):
         if message.topic.lstrip("/") not in self._observed:
             return
         self._n_sent += 1
-        while n_taken(self._observed, *self._chain) < self._n_sent:
+        while n_taken(*self._chain) < self._n_sent:
             if self._stopping.wait(0.001):
                 return
 
