@@ -36,7 +36,8 @@ def copy(source: Path, target: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text; the file is the old one or the new one."""
+    """Write a text; the file is the old one or the new one. Its folder is made if it is missing."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_suffix(".part")
     part.write_text(text, encoding="utf-8")
     commit(part, path)

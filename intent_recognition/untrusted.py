@@ -9,9 +9,9 @@ import json
 import math
 import stat
 import zipfile
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn, TypeVar
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -19,6 +19,8 @@ import yaml
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ModelError, describe
+
+Content = TypeVar("Content")
 
 MOST_TEXT = 4_000_000
 """Bytes of a YAML or JSON text. Convention: the metadata of a thousand topics take 0.7 MB."""
@@ -71,16 +73,19 @@ def read_text(path: Path, most_bytes: int = MOST_TEXT) -> str:
         raise UntrustedError(str(error)) from error
 
 
-def read_named(path: Path, argument: str, cure: str) -> str:
-    """The text of the file that an argument names.
+def read_named(path: Path, argument: str, cure: str, parse: Callable[[str], Content]) -> Content:
+    """What is parsed from the text of the file that an argument names.
 
     Raises:
-        ArgumentError: there is none that could be used.
+        ArgumentError: there is none that could be used; says which file.
     """
+    name = f"{argument} {path}".strip()
     try:
-        return read_text(path)
+        return parse(read_text(path))
     except (OSError, UntrustedError) as error:
-        raise ArgumentError.about(argument, "a file of YAML", error, cure) from error
+        raise ArgumentError.about(name, "a file of YAML", error, cure) from error
+    except ArgumentError as error:
+        raise ArgumentError(f"{name}: {error}") from error
 
 
 def read_log(path: Path, start: int = 0) -> bytes:
@@ -112,7 +117,8 @@ def load_yaml(text: str) -> Any:
     except UntrustedError:
         raise
     except Exception as error:  # dates, numbers and keys that are none raise what they meet
-        raise UntrustedError(" ".join(str(error).split()) or type(error).__name__) from error
+        reason = " ".join(str(error).split()).replace(' in "<unicode string>",', " at")
+        raise UntrustedError(reason or type(error).__name__) from error
 
 
 class YamlChecks(NamedTuple):

@@ -187,7 +187,7 @@ def _check(args: argparse.Namespace) -> None:
         cure = "Write its path."
         raise ArgumentError.about("--params", "a YAML file", args.params, cure)
     if args.sequences is not None:
-        read_sequences(read_named(args.sequences, "--sequences", "Write its path."))
+        read_named(args.sequences, "--sequences", "Write its path.", read_sequences)
     if args.model is not None:
         (load_trained if args.dashboard else load_model)(args.model)
     if args.dashboard:

@@ -11,7 +11,7 @@ intent plan show shelf.yaml
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +34,7 @@ from intent_recognition.plans import (
     write_plan,
 )
 from intent_recognition.recognition import FORGET_AFTER_S
-from intent_recognition.untrusted import read_named
+from intent_recognition.untrusted import Content, read_named
 
 YAML = (".yaml", ".yml")
 
@@ -68,15 +68,10 @@ def _add_actions(parser: argparse.ArgumentParser) -> None:
 MORE = (_add_actions,)
 
 
-def load_plan(path: Path) -> WorkPlan:
-    """The plan in a file."""
-    return read_plan(_text(path))
-
-
 def _learn(args: argparse.Namespace) -> int:
     console = make_console()
     output.check_output("--output", args.output)
-    by_hand = load_plan(args.output).by_hand if args.output.exists() else {}
+    by_hand = _read(args.output, read_plan).by_hand if args.output.exists() else {}
     assemblies = _assemblies(args.sessions, args.pause, console)
     if args.first:
         assemblies = begun_with(assemblies, args.first)
@@ -88,7 +83,7 @@ def _learn(args: argparse.Namespace) -> int:
 
 
 def _show(args: argparse.Namespace) -> int:
-    print_plan(make_console(), load_plan(args.plan))
+    print_plan(make_console(), _read(args.plan, read_plan))
     return 0
 
 
@@ -117,7 +112,7 @@ def print_plan(console: Console, plan: WorkPlan) -> None:
 
 def _assemblies(paths: Sequence[Path], pause_s: float, console: Console) -> tuple[Assembly, ...]:
     """What is done in YAML files and bags."""
-    found = [one for path in paths if path.suffix in YAML for one in read_assemblies(_text(path))]
+    found = [one for path in paths if path.suffix in YAML for one in _read(path, read_assemblies)]
     bags = [path for path in paths if path.suffix not in YAML]
     sequences, rejections = read_task_sequences(bags, pause_s)
     print_left_out(console, rejections)
@@ -127,5 +122,5 @@ def _assemblies(paths: Sequence[Path], pause_s: float, console: Console) -> tupl
     return tuple(found)
 
 
-def _text(path: Path) -> str:
-    return read_named(path, str(path), "Name a YAML file (docs/plans.md).")
+def _read(path: Path, parse: Callable[[str], Content]) -> Content:
+    return read_named(path, "", "Name a YAML file (docs/plans.md).", parse)

@@ -111,4 +111,4 @@ def _read(text: str) -> WorkPlan | None:
     if "\n" in text:
         return read_plan(text)
     cure = "Name a file of `intent plan learn`, or give its YAML."
-    return read_plan(read_named(Path(text), PLAN, cure))
+    return read_named(Path(text), PLAN, cure, read_plan)

@@ -73,8 +73,9 @@ class SequenceRunner:
             return
         if library is None:
             raise ArgumentError.about("sequences", "a model", "none", "Set the parameter model.")
-        text = read_named(Path(self._path), "sequences", "Name a YAML file.")
-        self._library, self._sequences = library, read_sequences(text, library.labels)
+        parse = partial(read_sequences, labels=library.labels)
+        found = read_named(Path(self._path), "sequences", "Name a YAML file.", parse)
+        self._library, self._sequences = library, found
         steps = [step for steps in self._sequences.values() for step in steps]
         for body in sorted({step.when.body for step in steps} - {""}):
             take = partial(self._take_place, body)

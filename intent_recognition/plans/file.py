@@ -144,6 +144,8 @@ def _done(place: str, content: Any) -> DoneTask:
         CHECKS.refuse(place, "a task", content)
     CHECKS.keys(place, content, ("task", "who", "start", "end", "objects"))
     start, end = (CHECKS.number(place, content.get(key, 0.0)) for key in ("start", "end"))
+    if "end" in content and end < start:
+        CHECKS.refuse(place, "an end after the start", f"{start:g} to {end:g}")
     return DoneTask(
         content["task"],
         str(content.get("who", "")),

@@ -74,7 +74,9 @@ class WorkPlan:
             _refuse("steps", "different names", ", ".join(self.names))
         unknown = {name for pair in (*self.order, *self.by_hand) for name in pair} - set(self.names)
         if unknown:
-            _refuse("order", f"steps of {', '.join(self.names)}", ", ".join(sorted(unknown)))
+            _refuse(
+                "order and by_hand", f"steps of {', '.join(self.names)}", ", ".join(sorted(unknown))
+            )
         for name, p in (
             *((step.name, step.share) for step in self.steps),
             *((" < ".join(pair), p) for pair, p in (*self.order.items(), *self.by_hand.items())),
@@ -87,7 +89,9 @@ class WorkPlan:
         circle = np.argwhere(np.minimum(self.before, self.before.T) > LIKELY_BEFORE)
         if circle.size:
             names = [self.names[k] for k in sorted(set(circle[:, 0]))]
-            _refuse("order", "no circle", ", ".join(names))
+            cure = "Leave out one of the relations between them."
+            got = f"one of {', '.join(names)}"
+            raise ArgumentError.about("order and by_hand", "no circle", got, cure)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -151,7 +151,8 @@ def test_sequences_that_are_no_text_are_told_before_anything_starts(tmp_path, ca
     for name in ("fifo", "latin", "absent"):
         words = ("--output", str(tmp_path / "out"), "--sequences", str(tmp_path / name))
         assert main(["demo", *words]) == 1
-        assert capsys.readouterr().err.startswith("intent demo: --sequences: expected")
+        said = f"intent demo: --sequences {tmp_path / name}: expected"
+        assert capsys.readouterr().err.startswith(said)
 
 
 @pytest.mark.parametrize("words", [("--pour", "-1"), ("--pair", "tea_cup,paper_cup")])

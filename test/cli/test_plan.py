@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent plan`: from shipped sessions and written ones to a file, and back."""
 
+import re
+
 import pytest
 
 from intent_recognition.cli.main import main
@@ -20,7 +22,7 @@ def test_the_order_of_shipped_sessions(tmp_path, repository, capsys):
 
 
 def test_relations_by_hand_outlast_learning(tmp_path, capsys):
-    sessions, out = tmp_path / "sessions.yaml", tmp_path / "plan.yaml"
+    sessions, out = tmp_path / "sessions.yaml", tmp_path / "new" / "plan.yaml"
     sessions.write_text("[[base, {task: lid, who: anna}], [base, lid]]")
     words = ["plan", "learn", str(sessions), "-o", str(out)]
     assert main(words) == 0
@@ -31,8 +33,23 @@ def test_relations_by_hand_outlast_learning(tmp_path, capsys):
     assert "base (by hand)" in shown and "anna 100%" in shown
 
 
-@pytest.mark.parametrize("words", [["show", "none.yaml"], ["learn", "none.yaml", "-o", "p.yaml"]])
-def test_a_missing_file_is_named(words, tmp_path, monkeypatch, capsys):
+CIRCLE = "steps: [{step: a}, {step: b}]\norder: {a < b: 1, b < a: 1}"
+
+
+@pytest.mark.parametrize(
+    ("words", "text", "said"),
+    [
+        (["show", "one.yaml"], None, "expected a file of YAML"),
+        (["show", "one.yaml"], "steps: [", "plan: expected YAML, got .* at line 2"),
+        (["show", "one.yaml"], CIRCLE, "order and by_hand: expected no circle, got one of a, b"),
+        (["learn", "one.yaml", "-o", "p.yaml"], None, "expected a file of YAML"),
+        (["learn", "one.yaml", "-o", "p.yaml"], "[{tsk: a}]", "assembly 1, task 1: expected a"),
+        (["learn", "two.yaml", "-o", "one.yaml"], "steps: [{stp: a}]", "plan, step 1: expected a"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_named(words, text, said, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    if text is not None:
+        (tmp_path / "one.yaml").write_text(text)
     assert main(["plan", *words]) == 1
-    assert "none.yaml" in capsys.readouterr().err
+    assert re.match(f"intent plan: one.yaml: {said}", capsys.readouterr().err)

@@ -99,7 +99,10 @@ def test_sessions_are_read_as_one_or_several_assemblies():
     assert len(read_assemblies("[[a, b], [b]]")) == 2
 
 
-@pytest.mark.parametrize("text", ["", "a", "[[a], b]", "[{who: anna}]", "[{task: a, when: 1}]"])
+@pytest.mark.parametrize(
+    "text",
+    ["", "a", "[[a], b]", "[{who: anna}]", "[{task: a, when: 1}]", "[{task: a, start: 2, end: 1}]"],
+)
 def test_other_texts_are_no_sessions(text):
     with pytest.raises(ArgumentError):
         read_assemblies(text)
