@@ -228,11 +228,8 @@ def _run_one(
     }
     for line in table_lines(records) if args.json != PRINTED else ():
         say(console, line)
-    closing = f"session of {duration_s:.0f} s in simulated time"
-    if args.scenario != "assembly":  # beside the paper's figures
-        report = args.output / "report.html"
-        say(console, "drawing the report ...")
-        write_demo_report(report, records, summary, traces, settings)
-        closing += f", report: {report}"
-    say(console, closing)
+    report = args.output / "report.html"
+    say(console, "drawing the report ...")
+    write_demo_report(report, records, summary, traces, settings)
+    say(console, f"session of {duration_s:.0f} s in simulated time, report: {report}")
     return records, to_json(records, summary, settings)

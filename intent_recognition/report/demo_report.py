@@ -37,8 +37,7 @@ from intent_recognition.report.interaction_table import cells, fields_of
 
 LARGEST_FORCE_N = 15.0
 """That a person may have to bear in a transfer [N] (docs/transfer.md)."""
-TITLE = "Toolbox assembly with a simulated coworker"
-COLOURS = "Green: an aim is met, such as the paper's hand error; red: missed; blue: no aim."
+COLOURS = "Green: an aim is met; red: missed; blue: no aim."
 
 
 def write_demo_report(
@@ -74,9 +73,12 @@ def demo_page(
     by_index = {trace["index"]: usable(trace) for trace in traces}
     labels = [label for trace in by_index.values() for label in trace.get("labels", ())]
     unchanged = [record for record in records if not record.changed_from]
-    remarks = (Paragraph(COLOURS, small=True), Paragraph(CONDITIONS, small=True))
+    tasks_of_paper = {*PAPER_HAND_ERROR, *summary.tasks_apart}
+    of_paper = any(record.task in tasks_of_paper for record in records)
+    texts = (COLOURS, CONDITIONS) if of_paper else (COLOURS,)
+    remarks = (Paragraph(text, small=True) for text in texts)
     sections = [
-        Section("Result", (_key_numbers(summary), *remarks)),
+        Section("Result", (_key_numbers(summary, of_paper), *remarks)),
         *([Section("People", (_people(summary),))] if summary.people else []),
         Section("Accuracy and timing", figures_of_records(unchanged, summary, labels)),
         Section("Recognition", figures_of_posteriors(unchanged, by_index)),
@@ -90,17 +92,18 @@ def demo_page(
         " measured on the ROS 2 topics, and the true task is used for scoring only."
     )
     names = " and ".join(one.person for one in summary.people)
-    title = f"Toolbox assembly of {names} with one arm" if names else TITLE
+    job = "Toolbox assembly" if of_paper else "Assembly"
+    title = f"{job} of {names} with one arm" if names else f"{job} with a simulated coworker"
     return ReportPage(title, subtitle, tuple(sections), summary_line(summary))
 
 
-def _key_numbers(summary: DemoSummary) -> KeyNumbers:
+def _key_numbers(summary: DemoSummary, of_paper: bool) -> KeyNumbers:
     share, arrival = summary.median_decision_share, summary.median_arrival_s
     numbers = [
         KeyNumber(
             "tasks helped with" if summary.people else "tasks recognised",
             f"{summary.recognised_right}/{summary.n}",
-            "{}/{}".format(*PAPER_RECOGNISED),
+            "{}/{}".format(*PAPER_RECOGNISED) if of_paper else "",
             not summary.too_many_missed,
         ),
         KeyNumber(

@@ -66,7 +66,7 @@ def hand_error_figure(
     axes.grid(visible=False, axis="x")
     axes.set_ylabel("hand error [cm]")
     several = any(len(listed) > 1 for listed in errors_cm.values())
-    handles = _mean_handles(several, bool(paper_cm))
+    handles = _mean_handles(several, any(task in paper_cm for task in errors_cm))
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
 

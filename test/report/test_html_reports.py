@@ -112,6 +112,14 @@ def test_the_report_of_several_people_counts_wrong_helps_and_does_not_judge_wait
     assert "median decision" not in numbers
 
 
+def test_other_tasks_than_the_papers_are_not_compared_with_it(session, undrawn):
+    records = [replace(record, task=f"other_{record.task}") for record in session[0]]
+    page = demo_page(records, summarise(records), (), {})
+    assert page.title == "Assembly with a simulated coworker"
+    assert not any(number.paper for number in key_numbers(page).values())
+    assert "Conditions differ" not in render(page)
+
+
 def test_the_demo_table_is_the_records(session, page):
     records, _ = session
     table = blocks_of(page, TableBlock)[0]
