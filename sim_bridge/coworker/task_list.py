@@ -80,8 +80,9 @@ def change_some(tasks: tuple[str, ...], seed: int, count: int) -> tuple[str, ...
 
 def _known(label: str) -> str:
     if label not in STYLES:
-        cure = "Correct the label or the path."
-        raise ArgumentError.about("task_list", f"labels of {sorted(STYLES)}", repr(label), cure)
+        expected = f"labels of {', '.join(sorted(STYLES))}, or a file of them"
+        got, cure = f"{label!r}, which is neither", "Correct the label or the path."
+        raise ArgumentError.about("task_list", expected, got, cure)
     return label
 
 
@@ -113,7 +114,7 @@ def parse_task_list(task_list: str, seed: int, interactions: int) -> tuple[str, 
     labels = _labels_of(text)
     if not labels:
         expected = "labels, a file of them, 'random' or 'habit'"
-        cure = f"Name some of {sorted(STYLES)}."
+        cure = f"Name some of {', '.join(sorted(STYLES))}."
         raise ArgumentError.about("task_list", expected, repr(task_list), cure)
     for label in labels:
         read_intention(label)
