@@ -130,6 +130,7 @@ def time_plot(
         axes=(_axis("time [s]", 34), _axis("", 46)),
         legend=uplot.Legend(show=False),
         height=165,
+        padding=(8, 20, 0, 0),  # the uppermost number is whole
     )
 
 
