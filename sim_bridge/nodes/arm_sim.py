@@ -30,7 +30,7 @@ from sim_bridge.nodes.arm_commands import ArmCommands
 from sim_bridge.nodes.clock_answers import ClockAnswers
 from sim_bridge.nodes.physics_clock import PhysicsClock
 from sim_bridge.nodes.pouring_scene import POURING, PouringScene
-from sim_bridge.nodes.transfer_scene import TAKES, TRANSFERS, TransferScene
+from sim_bridge.nodes.transfer_scene import TAKES, TRANSFERS, UPDATE_EVERY, TransferScene
 from sim_bridge.scenarios.toolbox import HOME
 
 
@@ -154,7 +154,7 @@ class ArmSim(Node):
                 self.clock.pacer.change_factor(changed.value, now_s, n_done)
 
     def _look_at_scene(self, arm: SimulatedArm) -> None:
-        if self.scene is not None and arm.n_steps % 5 == 0:
+        if self.scene is not None and arm.n_steps % UPDATE_EVERY == 0:
             self.scene.update()
 
     def _on_task(self, take: Callable[[str], None], message: String) -> None:

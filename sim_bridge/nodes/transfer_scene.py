@@ -30,6 +30,8 @@ TAKES = ("intent/transfer", "mocap/wrist/pose")
 HAND, HOLDING = "coworker/hand", "intent/holding"
 AXES = ("force_x", "force_y", "force_z")
 """Of the person's force on the object [N], world."""
+UPDATE_EVERY = 5
+"""Steps of the simulation from one look at the hands to the next. Convention: 5 ms."""
 
 
 class TransferScene:
@@ -79,7 +81,8 @@ class TransferScene:
         """Look at the hands, and publish who holds what; call it every few milliseconds."""
         self._world.update()
         # as the tracker sees it
-        if self._first_step is None or (self._arm.n_steps - self._first_step) % 10:
+        since = self._arm.n_steps - (self._first_step or 0)
+        if self._first_step is None or since % (2 * UPDATE_EVERY):
             return
         contact = self._world.contact()
         message = JointState(name=list(AXES), position=contact.force_n.tolist())
@@ -105,5 +108,5 @@ class TransferScene:
         if np.all(np.isfinite(position)):
             self._world.move_wrist(position, person)
             if self._first_step is None:
-                self._first_step = self._arm.n_steps
+                self._first_step = self._arm.n_steps // UPDATE_EVERY * UPDATE_EVERY
         self._note(TAKES[1])

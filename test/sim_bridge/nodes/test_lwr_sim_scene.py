@@ -4,6 +4,8 @@
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -45,3 +47,15 @@ def test_a_plate_is_taken_from_its_stand(harness):
     commands.publish(fetch_and_carry())
     harness.spin_until(lambda: holding, what="the plate between the fingers")
     assert holding[0].data
+
+
+@pytest.mark.slow
+def test_the_persons_hand_is_told_whenever_its_first_pose_came(harness):
+    node = harness.node(LwrSim, real_time_factor=5.0, scene="transfers")
+    hands = harness.collect(JointState, "coworker/hand", STATE)
+    harness.connect(node.scene._hand)
+    while node.arm.n_steps % 5 != 3:
+        node.arm.step()
+    node.scene._on_pose("", PoseStamped())
+    harness.spin_until(lambda: hands, what="the force of the hand")
+    assert list(hands[0].name) == ["force_x", "force_y", "force_z"]
