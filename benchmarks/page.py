@@ -207,6 +207,7 @@ def _graph(model: Path, seconds: float) -> Iterator[tuple]:
         "sensor_noise": True,
         "seed": 1,
         "task_list": ",".join(parse_task_list("habit", 1, enough)),
+        "transfers": False,
         "dashboard": True,
         "port": port,
         "library": str(model.parent / "tasks"),

@@ -131,7 +131,8 @@ def run(model: Path, minutes: float, between_s: float, logs: Path, rate: float =
     os.environ.update(environment)
     rclpy.init(args=[])
     interactions = int(minutes * 60.0 * rate / SHORTEST_INTERACTION_S) + 10
-    calls = {call.name: call for call in resolve("demo", {"model": str(model), "rate": rate})}
+    given = {"model": str(model), "rate": rate, "transfers": False}
+    calls = {call.name: call for call in resolve("demo", given)}
     calls["coworker_sim"].parameters.update(task_list="habit", interactions=interactions)
     executor = make_executor()
     watched = _Watched(Soak())

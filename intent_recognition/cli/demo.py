@@ -221,7 +221,7 @@ def _run_one(
         "scenario": args.scenario,
         "arm": args.arm,
         "seed": args.seed,
-        "objects change hands": "by force" if "transfers" in scene.arguments else "not",
+        "objects change hands": "by force" if scene.arguments.get("transfers") else "not",
         "simulated time per real time, asked for": args.rate,
         **time_went,
         "duration of the session [s, simulated]": round(duration_s, 1),

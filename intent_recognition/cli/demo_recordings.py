@@ -153,6 +153,7 @@ def _calls(
         "use_sim_time": False,
         "publish_clock": False,
         "coworker": False,
+        "transfers": False,
     }
     calls = {call.name: call for call in resolve("demo", given, own)}
     if args.dashboard:

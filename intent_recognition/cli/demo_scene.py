@@ -34,9 +34,6 @@ CELL_BOXES = ("bin 0.56 -0.26 0.12 0.04 0.04 0.24", "lamp 0.62 -0.14 0.555 0.06 
 """Boxes on the way of its arm. Convention: below the way to the screwdriver, and above that to the
 plates and the screws, but 2.5 cm clear of the LWR at the stands and wherever something is handed
 over: where the end of a way touches, there is no way."""
-SLOW_M, SLOW_M_S = 0.03, 0.1
-"""Distance from a stand within which the hand is slow, and its speed there [m], [m/s]: the object
-is taken where both are less (`GRASP_RADIUS_M`, `GRASP_SPEED_M_S`)."""
 CELL_PEOPLE = ("anna", "ben")
 """Who work in the scenario `cell`."""
 WITH_PEOPLE = ("coworker_sim", "object_transfer", *RECOGNITION)
@@ -109,23 +106,25 @@ def session_tasks(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
 def _toolbox(args: argparse.Namespace) -> Scene:
     """The LWR by its joints, as it was taught; another arm by its hand."""
     from sim_bridge.arm import NAMES, find_robot
-    from sim_bridge.coworker import HOLD, SessionTiming, plan_people
-    from sim_bridge.handover import finger_joints, with_fingers
+    from sim_bridge.coworker import SessionTiming, plan_people
+    from sim_bridge.handover import with_fingers
     from sim_bridge.scenarios.toolbox import (
         HOME,
         HOME_HAND_M,
         LIFT_M,
+        ONE_HOLDS_S,
         STANDS_M,
         Scoring,
+        by_force_with,
         toolbox_places,
     )
 
     tasks = session_tasks(args)
     usual = args.arm in NAMES or args.scenario == CELL
     by_force = usual if args.transfers is None else args.transfers
-    # The arm is late, and both take their time. Of two people who wait for one arm the second has
-    # the object up to 11 s after the own movement: after 3 s for the other, and 5 s past two hands.
-    hold_s = (5.0, 6.0) if len(tasks) == 1 else (13.0, 14.0)
+    # Of two people who wait for one arm the second has the object up to 11 s after the own
+    # movement: after 3 s for the other, and 5 s past two hands.
+    hold_s = ONE_HOLDS_S if len(tasks) == 1 else (13.0, 14.0)
     timing = SessionTiming(hold_s=hold_s) if by_force else SessionTiming()
     sessions = plan_people(args.seed, list(tasks.values()), timing)
     plans = dict(zip(tasks, sessions, strict=True))
@@ -136,10 +135,10 @@ def _toolbox(args: argparse.Namespace) -> Scene:
     reached_m = np.concatenate([places_m, fetched_m])
     arm = None if plain else _arm(args, HOME_HAND_M, reached_m, by_force)
     home = HOME.tolist() if arm is None else arm.home.tolist()
-    named = {"arm": "", "hand_link": ""}
+    named: dict[str, object] = {"arm": "", "hand_link": "", "transfers": by_force}
     of_arm: dict[str, object] = {"initial_position": home}
     if arm is not None:
-        named = {"arm": _file(args, arm.robot), "hand_link": arm.robot.tip}
+        named |= {"arm": _file(args, arm.robot), "hand_link": arm.robot.tip}
         tip = find_robot(args.arm, base=args.base, tip=args.tip).tip
         of_arm |= {"tip": tip, "base_position": list(arm.robot.base_position_m)}
     own = {"primitive_activation": {"home": home}, "arm_sim": of_arm}
@@ -161,14 +160,8 @@ def _toolbox(args: argparse.Namespace) -> Scene:
         }
     if by_force:
         robot = with_fingers(find_robot(LWR)) if arm is None else arm.robot
-        fingers = finger_joints(robot)
-        felt = {"takes": [HOLD], "fingers": fingers, "hand_link": robot.tip}
-        own["object_transfer"] = {**own.get("object_transfer", {}), **felt}
-        own["coworker_sim"] = {**own.get("coworker_sim", {}), "hold": list(timing.hold_s)}
-        own["primitive_activation"]["slow_at"] = [
-            f"{x} {y} {z} {SLOW_M} {SLOW_M_S}" for x, y, z in STANDS_M.values()
-        ]
-        named |= {"transfers": "true", "arm_scene": "transfers"}
+        for node, felt in by_force_with(robot, hold_s).items():
+            own[node] = {**own.get(node, {}), **felt}
     stands_m = np.array(list(STANDS_M.values()))
     scoring = Scoring(places_m, by_force=by_force, passed_m=stands_m)
     if arm is not None:

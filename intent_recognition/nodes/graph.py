@@ -163,8 +163,14 @@ _WHOLE = (*ARMS, *RECOGNITION, "object_transfer", "coworker_sim", "bag_recorder"
     *("robot_state_publisher", "rviz2"),
 )
 GRAPHS = {
-    "demo": GraphSpec(_WHOLE, _TASKS | _SIM | {"scene": "toolbox"}),
-    "assembly": GraphSpec(_WHOLE, _TASKS | _SIM | {"arm": "panda", "scenario": "assembly"}),
+    "demo": GraphSpec(
+        _WHOLE, _TASKS | _SIM | {"scene": "toolbox", "transfers": True}, without=("arm_scene",)
+    ),
+    "assembly": GraphSpec(
+        tuple(name for name in _WHOLE if name != "object_transfer"),
+        _TASKS | _SIM | {"arm": "panda", "scenario": "assembly"},
+        without=("arm_scene",),
+    ),
     "pouring": GraphSpec(
         ("lwr_sim", "cup_warper", "second_warper", "warped_primitive", "primitive_activation")
         + ("robot_state_publisher", "rviz2"),
@@ -227,6 +233,8 @@ def resolve(
     """
     values = arguments_of(graph, given)
     _follow_the_clock(graph, values)
+    if values.get("transfers"):
+        values["arm_scene"] = "transfers"  # where objects are
     started = [name for name in GRAPHS[graph].nodes if _starts(name, values)]
     return [_call(name, NODES[name], values, (own or {}).get(name, {})) for name in started]
 

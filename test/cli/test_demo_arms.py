@@ -127,7 +127,7 @@ def test_nodes_know_the_plan_the_boxes_and_the_fingers(monkeypatch, tmp_path, ar
         assert {topic.format(person) for person in ("anna", "ben")} <= set(recorded)
     assert "intent/active_person" in recorded and "intent/tasks" not in recorded
     assert scene.arguments["plan"].endswith("cell_plan.yaml")
-    assert scene.arguments["transfers"] == "true"
+    assert scene.arguments["transfers"]
     known = scene.own["primitive_activation"]
     assert {box.name for box in parse_boxes(known["boxes"])} == {"bin", "lamp"}
     assert scene.own[node]["boxes"] == known["boxes"]  # the arm keeps clear of what stands there

@@ -5,16 +5,19 @@ import pytest
 import yaml
 from stand_in_launch import Call, declared, on, start, values
 
+from intent_recognition.kinematics import parse_xml
 from intent_recognition.nodes.processes import PROFILES, RANGE
 from intent_recognition.promp import USUAL_END_STD
 from intent_recognition.registry import NODES as REGISTERED
+from sim_bridge.arm import find_robot
+from sim_bridge.handover import with_fingers
 
 RECOGNITION = {"mocap_ingest", "intent_estimator", "primitive_activation"}
 WARPERS = {"cup_warper", "second_warper"}
 EXECUTABLES = {
     "intent": RECOGNITION,
     "sim": {"lwr_sim", "coworker_sim"},
-    "demo": RECOGNITION | {"lwr_sim", "coworker_sim"},
+    "demo": RECOGNITION | {"lwr_sim", "object_transfer", "coworker_sim"},
     "assembly": RECOGNITION | {"arm_sim", "coworker_sim"},
     "pouring": WARPERS | {"lwr_sim", "warped_primitive", "primitive_activation"},
     "real": RECOGNITION,
@@ -172,7 +175,12 @@ def test_what_begins_something_waits_for_its_graph(describe):
     player = start(describe("replay"))["bag_player"]
     assert values(player)["wait_for_nodes"] == recognition
     chain = ["lwr_sim", *recognition, "primitive_activation"]
-    for given, more in (({}, []), ({"record": "bag"}, ["bag_recorder"])):
+    feels = "object_transfer"
+    for given, more in (
+        ({}, [feels]),
+        ({"record": "bag"}, [feels, "bag_recorder"]),
+        ({"transfers": "false"}, []),
+    ):
         coworker = start(describe("demo"), **given)["coworker_sim"]
         assert values(coworker)["wait_for_nodes"] == [*chain, *more]
     assert values(start(describe("sim"))["coworker_sim"])["wait_for_nodes"] == chain
@@ -186,6 +194,19 @@ def test_an_arm_stands_where_the_second_person_does(describe):
     assert nodes["arm_sim"]["initial_position"] == nodes["primitive_activation"]["home"]
     given = start(describe("assembly"), arm="iiwa", hand_link="lbr_iiwa_link_6")
     assert values(given["intent_estimator"])["hand_link"] == "lbr_iiwa_link_6"
+
+
+@pytest.mark.parametrize(("arm", "node"), [("", "lwr_sim"), ("panda", "arm_sim")])
+def test_the_demo_hands_over_by_force(describe, arm, node):
+    nodes = {name: values(one) for name, one in start(describe("demo"), arm=arm).items()}
+    assert nodes[node]["scene"] == "transfers"
+    felt = nodes["object_transfer"]
+    robot = with_fingers(find_robot(arm or "lwr"))
+    links = {link.get("name") for link in parse_xml(robot.description).findall("link")}
+    joints = {joint.get("name") for joint in parse_xml(robot.description).findall("joint")}
+    assert felt["hand_link"] in links and len(joints.intersection(felt["fingers"])) == 2
+    empty = start(describe("demo"), arm=arm, transfers="false")
+    assert "object_transfer" not in empty and "scene" not in values(empty[node])
 
 
 def test_a_file_of_ones_own_is_taken(describe, tmp_path):

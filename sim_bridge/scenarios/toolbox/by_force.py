@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the nodes must know where the toolbox's objects are handed over by force."""
+
+from sim_bridge.arm import Robot, find_robot
+from sim_bridge.coworker import HOLD
+from sim_bridge.handover import finger_joints, with_fingers
+from sim_bridge.scenarios.toolbox.other_arms import ToolboxArm
+from sim_bridge.scenarios.toolbox.scene import STANDS_M
+
+SLOW_M, SLOW_M_S = 0.03, 0.1
+"""Distance from a stand within which the hand is slow, and its speed there [m], [m/s]: the object
+is taken where both are less (`GRASP_RADIUS_M`, `GRASP_SPEED_M_S`)."""
+ONE_HOLDS_S = (5.0, 6.0)
+"""How long the only worker waits where a hand was stretched out [s]: the arm is late, and both take
+their time."""
+
+
+def by_force_with(robot: Robot, hold_s: tuple[float, float]) -> dict[str, dict[str, object]]:
+    """Parameters by node.
+
+    Args:
+        robot: with fingers.
+        hold_s: how long a worker waits at least and at most [s].
+    """
+    slow = [f"{x} {y} {z} {SLOW_M} {SLOW_M_S}" for x, y, z in STANDS_M.values()]
+    fingers = finger_joints(robot)
+    return {
+        "object_transfer": {"takes": [HOLD], "fingers": fingers, "hand_link": robot.tip},
+        "coworker_sim": {"hold": list(hold_s)},
+        "primitive_activation": {"slow_at": slow},
+    }
+
+
+def handing_over(arm: str) -> dict[str, dict[str, object]]:
+    """Parameters by node for one worker and an arm, see `find_robot`; the LWR where it is empty.
+
+    Raises:
+        IntentError: there is no such arm, or its hand does not reach where it waits.
+    """
+    robot = _with_fingers(arm)
+    own = by_force_with(robot, ONE_HOLDS_S)
+    if arm:
+        home = ToolboxArm(robot).home.tolist()
+        hand: dict[str, object] = {"hand_link": robot.tip}
+        own |= {"intent_estimator": hand, "dashboard": hand, "task_teacher": hand}
+        own["arm_sim"] = {"initial_position": home}
+        own["primitive_activation"] |= hand | {"home": home}
+    return own
+
+
+def describe_with_fingers(arm: str) -> str:
+    """URDF for viewers of that arm, which the arm's node publishes, too."""
+    return _with_fingers(arm).description
+
+
+def _with_fingers(arm: str) -> Robot:
+    return with_fingers(find_robot(arm or "lwr"))
