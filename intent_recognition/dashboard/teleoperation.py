@@ -34,6 +34,8 @@ SILENT_ARM = "The arm's joint states have stopped."
 class Teleoperation:
     """Publishes `mocap/<body>/pose` while it holds the wrist, and `joint_trajectory` when asked.
 
+    Where people have names, the first one's wrist is held.
+
     What is asked of the arm raises a KinematicsError where there is none, its joint states have
     stopped, or the place is out of reach.
     """
@@ -41,7 +43,7 @@ class Teleoperation:
     def __init__(self, node: Node, state: CellState, body: str = "wrist", hand_link: str = ""):
         self._node, self._state, self._body = node, state, body
         self._finder = ArmFinder(hand_link)
-        self._pose: Publisher | None = None
+        self._poses: list[Publisher] = []
         self._arm = node.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
         self._timer: Timer | None = None
         self._position = np.zeros(3)
@@ -66,10 +68,16 @@ class Teleoperation:
         """Where the wrist is (3,) [m]."""
         return self._position.copy()
 
+    @property
+    def _topics(self) -> list[str]:
+        """Of the wrist, which a demonstration is learned from, and that of the first person."""
+        first = next((f"{name}/" for name in self._state.people if name), "")
+        return [f"mocap/{who}{self._body}/pose" for who in dict.fromkeys(("", first))]
+
     def others_move_wrist(self) -> bool:
         """Whether another node publishes the wrist's poses."""
-        publishers = self._node.count_publishers(f"mocap/{self._body}/pose")
-        return publishers - (self._pose is not None) > 0
+        publishers = sum(map(self._node.count_publishers, self._topics))
+        return publishers > len(self._poses)
 
     def take_wrist(self, position: Floats) -> None:
         """Begin to publish the wrist, at rest at a position (3,) [m], unless it is held already."""
@@ -77,17 +85,17 @@ class Teleoperation:
             return
         self._position, self._target = np.array(position, float), np.array(position, float)
         self._velocity = np.zeros(3)
-        self._pose = self._node.create_publisher(
-            PoseStamped, f"mocap/{self._body}/pose", qos.SENSOR
-        )
+        create = self._node.create_publisher
+        self._poses = [create(PoseStamped, topic, qos.SENSOR) for topic in self._topics]
         self._timer = steady_timer(self._node, 1.0 / RATE_HZ, self._step)
 
     def release_wrist(self) -> None:
         """Stop publishing the wrist."""
-        if self._timer is not None and self._pose is not None:
+        if self._timer is not None:
             self._node.destroy_timer(self._timer)
-            self._node.destroy_publisher(self._pose)
-            self._timer = self._pose = self._playing = None
+            for publisher in self._poses:
+                self._node.destroy_publisher(publisher)
+            self._timer, self._poses, self._playing = None, [], None
 
     def drag_wrist(self, target: Floats) -> None:
         """Let the wrist follow a target (3,) [m]."""
@@ -207,10 +215,11 @@ class Teleoperation:
 
     def _publish(self) -> None:
         stamp_ns = self._node.get_clock().now().nanoseconds
-        if stamp_ns <= self._last_ns or self._pose is None:
+        if stamp_ns <= self._last_ns:
             return
         self._last_ns = stamp_ns
         message = PoseStamped(pose=to_pose(self._position, np.array([0.0, 0.0, 0.0, 1.0])))
         message.header.stamp = to_stamp(stamp_ns)
         message.header.frame_id = "world"
-        self._pose.publish(message)
+        for publisher in self._poses:
+            publisher.publish(message)

@@ -5,9 +5,10 @@ import time
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseStamped
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.dashboard.cell import CellState
+from intent_recognition.dashboard.cell import CellState, PersonState
 from intent_recognition.dashboard.synthetic_demonstration import SyntheticDemonstration
 from intent_recognition.dashboard.teleoperation import SILENT_ARM, Teleoperation
 from intent_recognition.errors import KinematicsError
@@ -57,6 +58,22 @@ def test_a_demonstration_ends_whatever_becomes_of_the_arm(harness, happens, comm
     assert np.allclose(teleoperation.position, SHOWN.goal_m)
     assert len(sent) == commands
     teleoperation.release_wrist()
+
+
+@pytest.mark.parametrize("named", [(), ("anna", "ben")])
+def test_the_wrist_is_the_first_persons(harness, named):
+    topics = ["mocap/wrist/pose", *(f"mocap/{name}/wrist/pose" for name in named)]
+    state = CellState(people={name: PersonState() for name in named or ("",)})
+    teleoperation = Teleoperation(harness.probe, state)
+    first, *others = [harness.collect(PoseStamped, topic, qos.SENSOR) for topic in topics]
+    assert not teleoperation.others_move_wrist()
+    teleoperation.take_wrist(np.full(3, 0.2))
+    harness.spin_until(lambda: all([first, *others[:1]]), what="the wrist")
+    assert not teleoperation.others_move_wrist() and not any(others[1:])
+    teleoperation.release_wrist()
+    other = harness.publisher(PoseStamped, topics[:2][-1], qos.SENSOR)
+    harness.spin_until(teleoperation.others_move_wrist, what="who moves it")
+    harness.probe.destroy_publisher(other)
 
 
 def test_an_arm_whose_driver_died_is_not_moved_and_the_reason_is_told(harness):
