@@ -170,7 +170,7 @@ def test_rotors_turn_about_the_axis_of_their_joint():
     ("robot", "message"),
     [
         ("pandas", "robot: expected one of lwr, panda, iiwa.* got pandas, .*Did you mean panda"),
-        ("no\n", "robot: expected a URDF, got broken XML"),
+        ("no\n", "robot: expected a URDF, got .*robot.urdf: another kind of file"),
         (ONE.replace("<inertial>", MESH + "<inertial>"), "mesh package://x/y.stl, got no such"),
         (ONE.replace('"revolute">', '"revolute"><mimic joint="turn"/>'), "mimic"),
         (ONE[:80], "broken XML.*xacro"),
