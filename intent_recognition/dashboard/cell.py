@@ -231,6 +231,11 @@ class CellState:
         """Whom the arm helps, or the first one."""
         return self.people.get(self.helped) or next(iter(self.people.values()))
 
+    def pose_topics(self, body: str) -> list[str]:
+        """Where a tracked body is heard: without a person, and of the first who has a name."""
+        first = sorted(name for name in self.people if name)[:1]
+        return [f"mocap/{body}/pose", *(f"mocap/{name}/{body}/pose" for name in first)]
+
     @property
     def believes(self) -> bool:
         """Whether anything is believed of anybody."""

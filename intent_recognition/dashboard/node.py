@@ -40,7 +40,7 @@ class Dashboard(Node):
         super().__init__("dashboard", **kwargs)
         given = declare(self, "dashboard")
         bags, body, hand_link = given["bags"], given["body"], given["hand_link"]
-        self._models = given["models"]
+        self._models, self._body = given["models"], body
         self._diagnostics = Diagnostics(self)
         self.state = CellState()
         subscriptions = CellSubscriptions(self, self.state, body, self._diagnostics.reject)
@@ -93,11 +93,15 @@ class Dashboard(Node):
     def _play(self, bag: Path, offset_s: float, rate: float) -> BagPlayer:
         """Play the topics without other publishers from an offset, stamped with the present.
 
+        Where people have names, the body is the first one's.
+
         Raises:
             BagError: nothing is left to be played.
         """
         stored = [topic.lstrip("/") for topic in BagReader(bag, tolerant=True).topics]
-        free = [t for t in stored if t not in NEVER_PLAYED and not self.count_publishers(t)]
+        topics = self.state.pose_topics(self._body)
+        heard = {topic: topic for topic in stored} | {topics[0]: topics[-1]}
+        free = [t for t in stored if t not in NEVER_PLAYED and not self.count_publishers(heard[t])]
         if not free:
             cure = "Stop the nodes that publish its topics, or the page's own wrist."
             taken = ", ".join(stored)
@@ -114,6 +118,7 @@ class Dashboard(Node):
         }
         player = BagPlayer(
             namespace=self.get_namespace(),
+            cli_args=["--ros-args", *(["-r", ":=".join(topics)] if len(topics) > 1 else [])],
             parameter_overrides=[Parameter(name, value=value) for name, value in values.items()],
         )
         if self.executor is not None:

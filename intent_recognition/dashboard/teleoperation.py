@@ -68,15 +68,10 @@ class Teleoperation:
         """Where the wrist is (3,) [m]."""
         return self._position.copy()
 
-    @property
-    def _topics(self) -> list[str]:
-        """Of the wrist, which a demonstration is learned from, and that of the first person."""
-        first = next((f"{name}/" for name in self._state.people if name), "")
-        return [f"mocap/{who}{self._body}/pose" for who in dict.fromkeys(("", first))]
-
     def others_move_wrist(self) -> bool:
         """Whether another node publishes the wrist's poses."""
-        publishers = sum(map(self._node.count_publishers, self._topics))
+        topics = self._state.pose_topics(self._body)
+        publishers = sum(map(self._node.count_publishers, topics))
         return publishers > len(self._poses)
 
     def take_wrist(self, position: Floats) -> None:
@@ -85,8 +80,8 @@ class Teleoperation:
             return
         self._position, self._target = np.array(position, float), np.array(position, float)
         self._velocity = np.zeros(3)
-        create = self._node.create_publisher
-        self._poses = [create(PoseStamped, topic, qos.SENSOR) for topic in self._topics]
+        create, topics = self._node.create_publisher, self._state.pose_topics(self._body)
+        self._poses = [create(PoseStamped, topic, qos.SENSOR) for topic in topics]
         self._timer = steady_timer(self._node, 1.0 / RATE_HZ, self._step)
 
     def release_wrist(self) -> None:

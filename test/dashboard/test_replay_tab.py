@@ -3,10 +3,15 @@
 
 from types import SimpleNamespace
 
+import pytest
+from dashboard.browser import free_port
+from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from std_msgs.msg import String
 
+from intent_recognition.dashboard.cell import PersonState
 from intent_recognition.dashboard.node import Dashboard
+from intent_recognition.nodes import qos
 
 
 def test_a_timer_of_the_player_that_is_due_when_it_ends_does_no_harm(harness):
@@ -28,3 +33,14 @@ def test_a_timer_of_the_player_that_is_due_when_it_ends_does_no_harm(harness):
     again = harness.probe.create_timer(0.01, lambda: stopped.append(True))
     harness.spin_until(lambda: len(stopped) > 3)
     again.cancel()
+
+
+@pytest.mark.slow
+def test_where_people_have_names_the_first_one_moves_as_recorded(harness, repository):
+    node = harness.node(Dashboard, port=free_port())
+    for name in ("ben", "anna"):
+        node.state.people[name] = PersonState()
+    moved = harness.collect(PoseStamped, "mocap/anna/wrist/pose", qos.SENSOR)
+    player = node._play(repository / "bags/toolbox/test/plate_handover_00", 0.0, 5.0)
+    harness.spin_until(lambda: moved, what="the recorded wrist")
+    node._stop(player)
