@@ -31,13 +31,19 @@ def launch_page() -> str:
 def _section(name: str, everywhere: list[str]) -> str:
     """The nodes of a launch file, and its arguments with their defaults."""
     spec = GRAPHS[name]
-    first = next(other for other, graph in GRAPHS.items() if graph.nodes == spec.nodes)
+    first, left = next(
+        (other, left)
+        for other, graph in GRAPHS.items()
+        if set(spec.nodes) <= set(graph.nodes)
+        and len(left := set(graph.nodes) - set(spec.nodes)) < 2
+    )
     known = [_given(a, GRAPHS[first]) for a in GRAPHS[first].arguments()]
     shown = [_given(a, spec) for a in spec.arguments()]
     title = f"## {name}.launch.py\n\n"
     if first != name:
         other = ", ".join(one for one in shown if one not in known)
-        return f"{title}Starts and takes the same as {first}.launch.py, but for {other}.\n"
+        less = "".join(f", and without `{node}`" for node in left)
+        return f"{title}Starts and takes the same as {first}.launch.py, but for {other}{less}.\n"
     nodes = ", ".join(map(_node, spec.nodes))
     takes = ", ".join(one for one in shown if one not in everywhere)
     return f"{title}Starts {nodes}.\n\nTakes {takes}.\n"
