@@ -36,6 +36,8 @@ OBJECTS = ("cup", "second")
 REQUEST = "pour"
 REFUSED = "refused"
 """Key of the diagnostics: why the last pour asked for was refused; empty where it was not."""
+OUTCOME_NS = 3_000_000_000
+"""Time after a pour in which its outcome is told [ns]. Convention: more than an arm holds still."""
 
 
 class WarpedPrimitiveNode(Node):
@@ -50,7 +52,7 @@ class WarpedPrimitiveNode(Node):
         self._vectors: dict[str, JointState] = {}
         self._poses: dict[str, PoseStamped] = {}
         self._joints: Floats | None = None
-        self._end_ns, self._left, self._arrived = 0, self._fluid, False
+        self._end_ns, self._left = 0, self._fluid
         self._builder = TrajectoryBuilder(JOINT_NAMES)
         listen, hear = self.create_subscription, self._diagnostics.subscribe
         for name in OBJECTS:
@@ -85,11 +87,15 @@ class WarpedPrimitiveNode(Node):
     def _on_feedback(self, message: DiagnosticStatus) -> None:
         """What became of an execution; others than this node's task are none of its business."""
         said = values_of(message)
-        if message.name == self._task and "outcome" in said:
-            self._arrived = said["outcome"] == ARRIVED
+        if message.name == self._task and "outcome" in said and self._end_ns:
+            self._end_ns = 0
+            if said["outcome"] == ARRIVED:
+                self._fluid = self._left
+            else:
+                self._diagnostics.reject("not_poured", f"the pour was {said['outcome']}")
 
     def _forget(self) -> None:
-        self._end_ns, self._arrived = 0, False
+        self._end_ns = 0
 
     def _on_request(self, message: String) -> None:
         try:
@@ -104,7 +110,7 @@ class WarpedPrimitiveNode(Node):
         onset_ns = now_ns(self) + 500_000_000  # more than a decision takes
         # an arm may be slower
         self._end_ns = onset_ns + round(float(plan.times_s[-1]) * 1e9) + 1_000_000_000
-        self._left, self._arrived = plan.left, False
+        self._left = plan.left
         numbers = plan.times_s, joints, None, joint_std(plan, joints)
         trajectory = self._builder.build(onset_ns, *numbers, frame_id=self._task)
         self._on_timer()  # the task before its trajectory
@@ -130,13 +136,10 @@ class WarpedPrimitiveNode(Node):
         now = now_ns(self)
         if now <= 0:
             return
-        if 0 < self._end_ns < now:
+        if 0 < self._end_ns < now - OUTCOME_NS:
             self._end_ns = 0
-            if self._arrived:
-                self._fluid = self._left
-            else:
-                self._diagnostics.reject("not_poured", "the arm did not get to the pour's end")
-        pours = float(self._end_ns > 0)
+            self._diagnostics.reject("not_poured", "nothing was heard of the arm")
+        pours = float(self._end_ns > now)
         message = to_joint_state((self._task, NONE), (pours, 1.0 - pours), (0.0, 0.0), time_ns=now)
         self._tasks.publish(message)
         self._diagnostics.tick("intent/tasks")

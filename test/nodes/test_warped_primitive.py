@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 from scan_builder import scanned
 from scipy.spatial.transform import Rotation
@@ -123,3 +124,13 @@ def test_a_request_becomes_a_task_and_a_trajectory(harness, pouring_skill):
     ask.publish(String(data="10"))
     harness.spin_until(lambda: rejected("MessageError") == 2, what="one at a time")
     assert len(planned) == 1
+    assert node._end_ns > 0
+    node._end_ns = node.get_clock().now().nanoseconds  # over; the arm tells once it has held still
+    harness.spin_until(lambda: tasks[-1].position[0] == 0.0, what="the end")
+    before = node._fluid
+    feedback = harness.publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
+    harness.connect(feedback)
+    told_outcome = [KeyValue(key="outcome", value="arrived")]
+    feedback.publish(DiagnosticStatus(name="pouring", values=told_outcome))
+    harness.spin_until(lambda: node._fluid < before, what="what is left in the cup")
+    assert not rejected("not_poured")
