@@ -80,9 +80,8 @@ class TransferScene:
     def update(self) -> None:
         """Look at the hands, and publish who holds what; call it every few milliseconds."""
         self._world.update()
-        # as the tracker sees it
-        since = self._arm.n_steps - (self._first_step or 0)
-        if self._first_step is None or since % (2 * UPDATE_EVERY):
+        first = self._first_step  # as the tracker sees it
+        if first is None or (self._arm.n_steps - first) % (2 * UPDATE_EVERY):
             return
         contact = self._world.contact()
         message = JointState(name=list(AXES), position=contact.force_n.tolist())
