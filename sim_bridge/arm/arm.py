@@ -279,8 +279,7 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
 
     def _read(self) -> None:
         states = self.client.getJointStates(self.body, self.joint_indices)
-        self._q = np.array([joint[0] for joint in states])
-        self._qd = np.array([joint[1] for joint in states])
+        self._q, self._qd = np.array([joint[:2] for joint in states]).T.copy()
 
     def _joint_array(self, values: Floats | Sequence[float], argument: str) -> Floats:
         array, n = np.array(values, dtype=np.float64), self.robot.n_joints

@@ -72,9 +72,9 @@ def guiding_torque(gains: ControllerGains, qd: Floats) -> Floats:
 
 def limit_torque(gains: ControllerGains, limits: JointLimits, q: Floats, qd: Floats) -> Floats:
     """Return the torque that pushes joints out of the margin of their limits [Nm]."""
+    if np.minimum(q - limits.lower, limits.upper - q).min() >= gains.limit_margin_rad:
+        return np.zeros_like(q)
     over = np.maximum(q - (limits.upper - gains.limit_margin_rad), 0.0)
     under = np.maximum((limits.lower + gains.limit_margin_rad) - q, 0.0)
-    if not (over.any() or under.any()):
-        return np.zeros_like(q)
     outward = ((over > 0.0) & (qd > 0.0)) | ((under > 0.0) & (qd < 0.0))
     return gains.limit_stiffness * (under - over) - gains.limit_damping * qd * outward

@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from intent_recognition.errors import optional
 
@@ -42,13 +43,23 @@ with _silent(STDOUT, STDERR):
     from pybullet_utils.bullet_client import BulletClient
 
 
+class _World(BulletClient):
+    """A client that looks each of PyBullet's functions up once, and not at every call."""
+
+    def __getattr__(self, name: str) -> Any:
+        found = super().__getattr__(name)
+        if name != "disconnect":  # which ends the client as it is looked up
+            setattr(self, name, found)
+        return found
+
+
 def start_world(*, headless: bool = True) -> BulletClient:
     """Start an empty world, with a window unless headless.
 
     Why there is no window is on stderr, and the process ends: so does PyBullet.
     """
     with _silent(STDOUT):
-        client = BulletClient(pybullet.DIRECT if headless else pybullet.GUI)
+        client = _World(pybullet.DIRECT if headless else pybullet.GUI)
     # PyBullet has one threshold for all worlds of a process: that of the balls would stay.
     client.setPhysicsEngineParameter(contactBreakingThreshold=0.02)  # PyBullet's default
     return client
