@@ -13,7 +13,7 @@ there. This is not a safety function: nothing here is monitored, and predictions
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -50,9 +50,11 @@ class SeparationSettings:
     least_speed_m_s: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("deceleration_m_s2", "least_speed_m_s"):
-            if not getattr(self, name) > 0.0:
-                raise ArgumentError.about(name, "above 0", getattr(self, name), "Raise it.")
+        for name, value in asdict(self).items():
+            above = name in ("deceleration_m_s2", "least_speed_m_s")
+            if not (np.isfinite(value) and value >= 0.0 and (value > 0.0 or not above)):
+                expected = "a finite number above 0" if above else "a finite number, 0 or more"
+                raise ArgumentError.about(name, expected, value, "Change it, or leave it out.")
 
 
 class PredictedPerson(NamedTuple):
@@ -77,11 +79,14 @@ class PredictedPerson(NamedTuple):
 
 
 def permitted_speed(distance_m: Floats, settings: SeparationSettings) -> Floats:
-    """The arm's largest speed [m/s] at distances S - Z, any shape, from the person."""
+    """The arm's largest speed [m/s] at distances S - Z, any shape, from the person.
+
+    A distance that is not known (NaN) counts as none at all.
+    """
     s, a = settings, settings.deceleration_m_s2
     left = np.asarray(distance_m) - s.intrusion_m - s.human_speed_m_s * s.reaction_s
     linear = s.reaction_s + s.human_speed_m_s / a
-    speed = a * (np.sqrt(linear**2 + 2.0 * np.maximum(left, 0.0) / a) - linear)
+    speed = a * (np.sqrt(linear**2 + 2.0 * np.fmax(left, 0.0) / a) - linear)
     return np.maximum(speed, s.least_speed_m_s)
 
 

@@ -56,9 +56,13 @@ def test_the_permitted_speed_solves_the_formula():
     np.testing.assert_array_equal(permitted_speed([-1.0, 0.0, 0.26], s), s.least_speed_m_s)
 
 
-def test_a_speed_that_is_kept_must_be_one():
-    with pytest.raises(ArgumentError, match="least_speed_m_s: expected above 0"):
-        SeparationSettings(least_speed_m_s=0.0)
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("least_speed_m_s", 0.0), ("reaction_s", -1.0), ("human_speed_m_s", np.nan)],
+)
+def test_settings_that_mean_no_bound_are_refused(name, value):
+    with pytest.raises(ArgumentError, match=f"{name}: expected a finite number"):
+        SeparationSettings(**{name: value})
 
 
 def test_distance_is_from_the_lines_through_the_joints_less_the_tube():
@@ -70,6 +74,14 @@ def test_distance_is_from_the_lines_through_the_joints_less_the_tube():
     aside = np.array([0.7, 0.0, 0.5 * points[0, -1, 2]])
     found = separation.distance_m(points, np.zeros(1), person(aside, std=0.05))
     np.testing.assert_allclose(found, 0.7 - 2.0 * 0.05)
+
+
+@pytest.mark.parametrize(("place", "std"), [(FAR, np.nan), (FAR * np.nan, 0.0)])
+def test_a_person_whose_place_is_not_known_counts_as_touching(place, std):
+    separation, touching = Separation(ARM, SETTINGS), PATH.spline(0.5)
+    expected = separation.excess(plan_with(), 0, person(ARM.skeleton(touching[None])[0, -1], std=10.0))
+    assert expected > 1.0
+    assert separation.excess(plan_with(), 0, person(place, std=std)) >= expected
 
 
 def test_a_person_who_is_far_away_changes_nothing():
