@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Accumulation of sufficient statistics: each recording is seen once and then forgotten."""
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, islice
@@ -10,6 +11,7 @@ from intent_recognition.errors import TrainingError
 from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.learning.preprocessing import (
     Preprocessing,
+    dofs_of,
     examples_of,
     reason_against,
     settle_preprocessing,
@@ -57,7 +59,8 @@ def accumulate(
 
     Args:
         recordings: a list, which settles its preprocessing as a whole; or a stream that is read
-            once, whose first `REFERENCE_RECORDINGS` usable recordings settle it.
+            once, whose first `REFERENCE_RECORDINGS` usable recordings settle it. Those whose DOFs
+            are not the most frequent ones are left out.
         settings: how to learn; ignored where a preprocessing is given, which has its own.
         preprocessing: how to make examples, None to settle it.
 
@@ -70,7 +73,7 @@ def accumulate(
     limit = len(recordings) if isinstance(recordings, Sequence) else REFERENCE_RECORDINGS
     if preprocessing is None:
         for recorded in stream:
-            reason = reason_against(recorded, head[0] if head else None)
+            reason = reason_against(recorded, None)
             if reason:
                 total = _reject(total, recorded.name, reason)
             else:
@@ -79,7 +82,9 @@ def accumulate(
                 break
         if not head:
             return total
-        preprocessing = settle_preprocessing(head, settings)
+        ((usual, _),) = Counter(map(dofs_of, head)).most_common(1)
+        alike = [recorded for recorded in head if dofs_of(recorded) == usual]
+        preprocessing = settle_preprocessing(alike, settings)
     head.reverse()
     remaining = chain(_taken(head), stream)
     while batch := list(islice(remaining, BATCH)):

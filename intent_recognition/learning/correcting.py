@@ -227,18 +227,22 @@ def _moved(
 
     cross = task.context_cross.copy()
     cross[n:] += slopes @ cross[:n]
+    examples = tuple(
+        one._replace(
+            weights=raised(one.weights),
+            controlled=one.controlled + design @ follow(one.weights).T,
+        )
+        for one in task.examples
+    )
+    weights = np.array([one.weights for one in examples])
     return replace(
         task,
         mean=raised(task.mean),
         scatter=_sheared(task.scatter, slopes),
+        lowest=weights.min(axis=(0, 2)),
+        highest=weights.max(axis=(0, 2)),
         context_cross=cross,
-        examples=tuple(
-            one._replace(
-                weights=raised(one.weights),
-                controlled=one.controlled + design @ follow(one.weights).T,
-            )
-            for one in task.examples
-        ),
+        examples=examples,
     )
 
 

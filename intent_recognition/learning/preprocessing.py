@@ -196,7 +196,7 @@ def reason_against(recorded: Demonstration, like: Demonstration | Preprocessing 
             )
     if like is None:
         return ""
-    expected, found = _dofs(like), _dofs(recorded)
+    expected, found = dofs_of(like), dofs_of(recorded)
     if expected == found:
         return ""
     source = like.source if isinstance(like, Preprocessing) else like.name
@@ -214,7 +214,7 @@ def _in_words(dofs: Iterable[Iterable[SignalNames]]) -> str:
     return "; ".join(f"{', '.join(signal.names)} [{signal.unit}]" for signal in signals)
 
 
-def _dofs(model: Demonstration | Preprocessing) -> tuple[tuple[SignalNames, ...], ...]:
+def dofs_of(model: Demonstration | Preprocessing) -> tuple[tuple[SignalNames, ...], ...]:
     """Names and unit of each signal: observed, controlled and, where there is any, context."""
     if isinstance(model, Preprocessing):
         return model.observed, model.controlled, *([model.context] if model.context else [])

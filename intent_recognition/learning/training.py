@@ -284,19 +284,19 @@ def _coupling(before: TaskLibrary, labels: tuple[str, ...]) -> ResidualCoupling 
 
 def _check_enough(accumulated: Accumulated) -> Preprocessing:
     """The preprocessing; an error where no covariance can be learned."""
+    reasons = "".join(f"; {name}: {reason}" for name, reason in accumulated.rejected[:3])
     if accumulated.preprocessing is None or not accumulated.tasks:
         raise TrainingError.about(
             "demonstrations",
             "at least two usable, labelled demonstrations of a task",
-            f"none of {accumulated.n_rejected}"
-            + "".join(f"; {name}: {reason}" for name, reason in accumulated.rejected[:3]),
+            f"none of {accumulated.n_rejected}{reasons}",
             "Check the DOFs and the labels; without labels, use learn_mixture or --unlabelled."
             if accumulated.n_rejected
             else "Check where they were read from.",
         )
     if accumulated.n_used == len(accumulated.tasks):
         expected = "at least two demonstrations of a task"
-        got = f"one of {', '.join(accumulated.tasks)}"
+        got = f"one of {', '.join(accumulated.tasks)}{reasons}"
         cure = "Record more: 5 to 20 of each task are usual."
         raise TrainingError.about("demonstrations", expected, got, cure)
     return accumulated.preprocessing

@@ -169,6 +169,16 @@ def test_many_may_be_added_at_once(report):
     assert at_once.library.provenance["bags"] == one_by_one.library.provenance["bags"]
 
 
+def test_recordings_of_other_dofs_than_most_are_left_out_even_if_they_come_first():
+    demonstrations = recordings(14, 6)
+    odd = replace(demonstrations[0], observed=demonstrations[0].observed[:1], name="odd")
+    found = accumulate([odd, *demonstrations], CUT)
+    assert found.used == tuple(f"demo_{i:02d}" for i in range(6))
+    assert [name for name, _ in found.rejected] == ["odd"]
+    with pytest.raises(TrainingError, match=r"got one of .*; demo_00: DOFs: expected those of odd"):
+        learn_with_report([odd, demonstrations[0]], CUT)
+
+
 def test_parts_of_different_references_do_not_merge():
     demonstrations = recordings(10, 12)
     parts = [accumulate(demonstrations[:6], CUT), accumulate(demonstrations[6:], CUT)]
