@@ -11,7 +11,7 @@ from intent_recognition.signals import Demonstration, numbered
 
 Fold = tuple[list[int], list[int]]
 """Indices to train and to test on."""
-PROTOCOLS = "loo, kfold:K, logo:KEY, temporal[:F] or holdout:FOLDER"
+PROTOCOLS = "loo, kfold:K, logo:KEY or temporal[:F]"
 
 
 def make_folds(recordings: Sequence[Demonstration], protocol: str) -> list[Fold]:
@@ -32,7 +32,7 @@ def make_folds(recordings: Sequence[Demonstration], protocol: str) -> list[Fold]
     n = len(recordings)
     if name == "loo" and not colon:
         return _by_index(n, n)
-    if name == "kfold" and argument.isdigit() and int(argument) >= 2:
+    if name == "kfold" and argument.isdecimal() and int(argument) >= 2:
         return _by_index(n, int(argument))
     if name == "logo" and argument:
         return _by_group(recordings, argument)

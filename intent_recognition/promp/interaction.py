@@ -85,8 +85,8 @@ class InteractionProMP:
 
         Raises:
             ShapeError: the arrays do not fit each other.
-            ArgumentError: a number is not finite, there is no such DOF, or the noise is not
-                positive definite.
+            ArgumentError: a number is not finite, a phase is outside of [0, 1], there is no such
+                DOF, or the noise is not positive definite.
         """
         index = list(range(self.n_observed) if dofs is None else dofs)
         if not index or not all(dof in range(self.n_dofs) for dof in index):
@@ -100,10 +100,14 @@ class InteractionProMP:
         if phases.ndim > 1:
             cure = "Pass one phase per sample."
             raise ShapeError.about("phase", "a number or shape (T,)", phases.shape, cure)
+        phases = _finite("phase", phases, phases.shape)
+        if np.any(np.abs(phases - 0.5) > 0.5 + 1e-6):  # a stamp is rounded
+            expected, cure = "numbers in [0, 1]", "Divide times since onset by the duration."
+            raise ArgumentError.about("phase", expected, phase, cure)
         observed = _finite("values", values, shape)
         posterior, log_evidence = condition(
             self.weights,
-            self.observation_matrix(_finite("phase", phases, phases.shape), index),
+            self.observation_matrix(phases, index),
             observed.ravel(),
             np.kron(np.eye(phases.size), noise).astype(np.float64, copy=False),
         )

@@ -82,11 +82,11 @@ def test_a_task_shown_once_is_trained_on():
 
 @pytest.mark.parametrize(
     "protocol",
-    ["", "kfold", "kfold:", "kfold:1", "kfold:x", "kfold:-2", "loo:3", "LOO", "later"]
+    ["", "kfold", "kfold:", "kfold:1", "kfold:x", "kfold:-2", "kfold:²", "holdout:x", "loo:3", "LOO", "later"]
     + ["temporal:", "temporal:0", "temporal:1", "temporal:x", "logo", "logo:"],
 )
 def test_other_words_name_the_protocols(protocol):
-    with pytest.raises(ArgumentError, match=r"loo, kfold:K, logo:KEY, temporal"):
+    with pytest.raises(ArgumentError, match="loo, kfold:K, logo:KEY or temporal"):
         make_folds(PEOPLE, protocol)
 
 

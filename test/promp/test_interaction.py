@@ -95,6 +95,8 @@ def test_a_controlled_dof_may_be_observed_and_noise_added(promp):
         ([0.5, 0.6], np.zeros(3), {}, ShapeError, r"values: expected shape \(2, 3\)"),
         ([[0.5]], np.zeros((1, 1, 3)), {}, ShapeError, "phase"),
         (np.nan, np.zeros(3), {}, ArgumentError, "phase: expected finite"),
+        (1.7, np.zeros(3), {}, ArgumentError, r"phase: expected numbers in \[0, 1\]"),
+        (-0.1, np.zeros(3), {}, ArgumentError, r"phase: expected numbers in \[0, 1\]"),
         (0.5, [0.0, np.nan, 0.0], {}, ArgumentError, "values: expected finite"),
         (0.5, np.zeros(3), {"covariance": np.eye(2)}, ShapeError, "covariance"),
         (0.5, np.zeros(3), {"covariance": -np.eye(3)}, ArgumentError, "innovation covariance"),
