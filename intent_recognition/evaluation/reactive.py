@@ -20,8 +20,8 @@ from intent_recognition.signals import Demonstration, Signal
 
 HORIZONS_S = (0.0, 0.25, 0.5, 1.0)
 """How far ahead the controlled agent is predicted [s]. Convention."""
-N_MOMENTS = 20
-"""Moments of a recording at which it is, evenly spaced. Convention: it bounds the time."""
+MOMENTS = tuple(k / 20 for k in range(1, 21))
+"""Shares of a recording after which it is. Convention: so many bound the time."""
 WINDOW = 5
 """Consecutive samples of the observed agent in a window. Convention."""
 N_NEAREST = 20
@@ -68,11 +68,6 @@ def _scale(windows: Floats, signals: Sequence[Signal]) -> Floats:
         for unit in set(units):
             scale[units == unit] = std[units == unit].max() or 1.0
     return np.tile(scale, WINDOW)
-
-
-def moments(test: Demonstration) -> list[float]:
-    """When the controlled agent is predicted, after the recording's start [s]."""
-    return list(test.duration_s * np.arange(1, N_MOMENTS + 1) / N_MOMENTS)
 
 
 class ReactiveCase(NamedTuple):

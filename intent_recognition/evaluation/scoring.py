@@ -9,7 +9,7 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.calibration import NormalisedErrors, RecognitionRecords
-from intent_recognition.evaluation.reactive import NearestWindows, ReactiveCase, moments
+from intent_recognition.evaluation.reactive import MOMENTS, NearestWindows, ReactiveCase
 from intent_recognition.evaluation.scores import ScoreTable, per_unit
 from intent_recognition.evaluation.unknown_movements import (
     DecisionMonitor,
@@ -105,11 +105,11 @@ def score_demonstration(
         reacting = None if known or windows is None else ReactiveCase(windows, test, posture)
         shares = {*RECOGNITION_FRACTIONS, *PREDICTION_FRACTIONS}
         if reacting is not None:
-            shares |= {elapsed_s / duration for elapsed_s in moments(test)}
+            shares |= {*MOMENTS}
         for fraction, run in _snapshots(library, hypotheses, test, sorted(shares), monitor):
             posterior = task_posterior(run.log_evidence, hypotheses, fraction * duration)
             probabilities = _without_none(posterior, hypotheses)
-            if reacting is not None and fraction * duration in moments(test):
+            if reacting is not None and fraction in MOMENTS:
                 reacting.score(collected.reactive, run, probabilities, fraction * duration)
             if fraction in RECOGNITION_FRACTIONS:
                 _score_recognition(

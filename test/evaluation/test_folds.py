@@ -82,7 +82,19 @@ def test_a_task_shown_once_is_trained_on():
 
 @pytest.mark.parametrize(
     "protocol",
-    ["", "kfold", "kfold:", "kfold:1", "kfold:x", "kfold:-2", "kfold:²", "holdout:x", "loo:3", "LOO", "later"]
+    [
+        "",
+        "kfold",
+        "kfold:",
+        "kfold:1",
+        "kfold:x",
+        "kfold:-2",
+        "kfold:²",
+        "holdout:x",
+        "loo:3",
+        "LOO",
+        "later",
+    ]
     + ["temporal:", "temporal:0", "temporal:1", "temporal:x", "logo", "logo:"],
 )
 def test_other_words_name_the_protocols(protocol):

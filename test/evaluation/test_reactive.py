@@ -7,13 +7,12 @@ from simulation import make_library, simulate
 from intent_recognition.evaluation.baselines import sample
 from intent_recognition.evaluation.reactive import (
     HORIZONS_S,
-    N_MOMENTS,
     N_NEAREST,
     NearestWindows,
     ReactiveCase,
-    moments,
 )
 from intent_recognition.evaluation.scores import ScoreTable
+from intent_recognition.evaluation.scoring import collect, score_demonstration
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import make_prior_grid
 from intent_recognition.promp.prediction import StartPosture
@@ -55,6 +54,21 @@ def test_squared_errors_are_those_of_the_poses_at_each_horizon(rng):
     assert table["1.0"] == dict.fromkeys(names)  # the recording has ended by then
 
 
-def test_moments_are_spread_over_the_recording_up_to_its_end(rng):
-    test = simulate(make_library(rng), 0, rng, duration_s=2.0)
-    assert len(moments(test)) == N_MOMENTS and moments(test)[-1] == test.duration_s
+class Clock:
+    """In place of the nearest windows: when it was asked."""
+
+    def __init__(self):
+        self.asked_s = []
+
+    def predict(self, seen, elapsed_s):
+        self.asked_s.append(elapsed_s)
+        return np.zeros((len(HORIZONS_S), 1))
+
+
+def test_each_moment_of_a_recording_is_scored_once(rng):
+    library = make_library(rng)
+    for duration_s in rng.uniform(1.0, 3.0, 5):
+        test, clock = simulate(library, 0, rng, duration_s=duration_s), Clock()
+        score_demonstration(collect(False), library, [test], test, False, clock)
+        expected = np.linspace(0.05, 1.0, 20) * test.duration_s
+        np.testing.assert_allclose(clock.asked_s, expected)

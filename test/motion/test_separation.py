@@ -79,7 +79,9 @@ def test_distance_is_from_the_lines_through_the_joints_less_the_tube():
 @pytest.mark.parametrize(("place", "std"), [(FAR, np.nan), (FAR * np.nan, 0.0)])
 def test_a_person_whose_place_is_not_known_counts_as_touching(place, std):
     separation, touching = Separation(ARM, SETTINGS), PATH.spline(0.5)
-    expected = separation.excess(plan_with(), 0, person(ARM.skeleton(touching[None])[0, -1], std=10.0))
+    expected = separation.excess(
+        plan_with(), 0, person(ARM.skeleton(touching[None])[0, -1], std=10.0)
+    )
     assert expected > 1.0
     assert separation.excess(plan_with(), 0, person(place, std=std)) >= expected
 
