@@ -25,9 +25,9 @@ from intent_recognition.evaluation.scoring import (
 from intent_recognition.evaluation.unknown_movements import compare, follow_unknown
 from intent_recognition.learning import (
     TrainingSettings,
-    accumulate,
     angle_references,
     cut_to_movement,
+    examples_together,
     in_turns,
     learn_with_report,
 )
@@ -157,16 +157,15 @@ def defects(
     demonstrations: Sequence[Demonstration], settings: TrainingSettings
 ) -> dict[int, StreamFinding]:
     """Recordings that can neither be learned from nor scored, by index, and why."""
-    found = {index: stream_defect(recorded) for index, recorded in enumerate(demonstrations)}
-    sound = [
-        replace(recorded, name=str(index))
-        for index, recorded in enumerate(demonstrations)
-        if not found[index]
-    ]
-    found |= {int(index): reason for index, reason in accumulate(sound, settings).rejected}
+    reasons = [stream_defect(recorded) for recorded in demonstrations]
+    sound = [index for index, reason in enumerate(reasons) if not reason]
+    examples = examples_together([demonstrations[index] for index in sound], settings)
+    for index, example in zip(sound, examples, strict=True):
+        if isinstance(example, TrainingError):
+            reasons[index] = str(example)
     return {
         index: StreamFinding(demonstrations[index].name, reason)
-        for index, reason in sorted(found.items())
+        for index, reason in enumerate(reasons)
         if reason
     }
 

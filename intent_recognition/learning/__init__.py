@@ -55,6 +55,7 @@ from intent_recognition.learning.preprocessing import (
     SignalNames,
     angle_references,
     example_of,
+    examples_together,
     in_turns,
 )
 from intent_recognition.learning.settings import SEGMENTATIONS, TrainingSettings

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Accumulation of sufficient statistics: each recording is seen once and then forgotten."""
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, islice
@@ -11,7 +10,6 @@ from intent_recognition.errors import TrainingError
 from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.learning.preprocessing import (
     Preprocessing,
-    dofs_of,
     examples_of,
     reason_against,
     settle_preprocessing,
@@ -82,9 +80,7 @@ def accumulate(
                 break
         if not head:
             return total
-        ((usual, _),) = Counter(map(dofs_of, head)).most_common(1)
-        alike = [recorded for recorded in head if dofs_of(recorded) == usual]
-        preprocessing = settle_preprocessing(alike, settings)
+        preprocessing = settle_preprocessing(head, settings)
     head.reverse()
     remaining = chain(_taken(head), stream)
     while batch := list(islice(remaining, BATCH)):

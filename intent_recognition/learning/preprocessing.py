@@ -5,6 +5,7 @@ The `Preprocessing` is fixed before the first example is made, so that statistic
 other times, or by other processes, can be merged.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -87,7 +88,9 @@ class Preprocessing:
 def settle_preprocessing(
     recordings: Sequence[Demonstration], settings: TrainingSettings
 ) -> Preprocessing:
-    """Thresholds, templates and DOFs from usable recordings, at least one."""
+    """Thresholds, templates and DOFs from recordings, at least one: those whose DOFs most have."""
+    ((usual, _),) = Counter(map(_dofs, recordings)).most_common(1)
+    recordings = [recorded for recorded in recordings if _dofs(recorded) == usual]
     first, angles = recordings[0], angle_references(recordings)
     recordings = [in_turns(recorded, angles) for recorded in recordings]
     onset = onset_settings([recorded.observed for recorded in recordings])
@@ -170,6 +173,17 @@ def examples_of(
     return found
 
 
+def examples_together(
+    recordings: Sequence[Demonstration], settings: TrainingSettings
+) -> list[TrainingExample | TrainingError]:
+    """The same with a preprocessing that those which can be used settle."""
+    reasons = [reason_against(recorded, None) for recorded in recordings]
+    usable = [one for one, reason in zip(recordings, reasons, strict=True) if not reason]
+    if not usable:
+        return [TrainingError(reason) for reason in reasons]
+    return examples_of(recordings, settle_preprocessing(usable, settings))
+
+
 def example_of(recorded: Demonstration, preprocessing: Preprocessing) -> TrainingExample:
     """One recording as an example.
 
@@ -196,7 +210,7 @@ def reason_against(recorded: Demonstration, like: Demonstration | Preprocessing 
             )
     if like is None:
         return ""
-    expected, found = dofs_of(like), dofs_of(recorded)
+    expected, found = _dofs(like), _dofs(recorded)
     if expected == found:
         return ""
     source = like.source if isinstance(like, Preprocessing) else like.name
@@ -214,7 +228,7 @@ def _in_words(dofs: Iterable[Iterable[SignalNames]]) -> str:
     return "; ".join(f"{', '.join(signal.names)} [{signal.unit}]" for signal in signals)
 
 
-def dofs_of(model: Demonstration | Preprocessing) -> tuple[tuple[SignalNames, ...], ...]:
+def _dofs(model: Demonstration | Preprocessing) -> tuple[tuple[SignalNames, ...], ...]:
     """Names and unit of each signal: observed, controlled and, where there is any, context."""
     if isinstance(model, Preprocessing):
         return model.observed, model.controlled, *([model.context] if model.context else [])

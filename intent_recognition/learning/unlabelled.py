@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.errors import TrainingError
-from intent_recognition.learning.accumulation import accumulate
 from intent_recognition.learning.components import (
     ComponentChoice,
     choose_components,
@@ -19,7 +18,7 @@ from intent_recognition.learning.components import (
 )
 from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.learning.mixture import BASIS, RIDGE, mixture_features
-from intent_recognition.learning.preprocessing import example_of
+from intent_recognition.learning.preprocessing import examples_together
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.training import TrainingReport, learn_with_report
 from intent_recognition.promp import TaskLibrary
@@ -141,27 +140,15 @@ def _examples(
     demonstrations = [*numbered(demonstrations)]
     stand_ins = [replace(recorded, task="unlabelled") for recorded in demonstrations]
     own = replace(settings, n_basis=BASIS.n_basis, width=BASIS.width, ridge=RIDGE)
-    accumulated = accumulate(stand_ins, own)
-    if accumulated.preprocessing is None:  # not one usable
-        raise _unusable(accumulated.rejected)
     used, examples, rejected = [], [], []
-    for recorded, stand_in in zip(demonstrations, stand_ins, strict=True):
-        try:
-            examples.append(example_of(stand_in, accumulated.preprocessing))
+    for recorded, example in zip(demonstrations, examples_together(stand_ins, own), strict=True):
+        if isinstance(example, TrainingError):
+            rejected.append((recorded.name, str(example)))
+        else:
             used.append(recorded)
-        except TrainingError as error:
-            rejected.append((recorded.name, str(error).removeprefix(f"{recorded.name}: ")))
+            examples.append(example)
     if not used:
-        raise _unusable(rejected)
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in rejected[:3]) or "none"
+        expected, cure = "at least one usable recording", "Check the recordings and the DOF file."
+        raise TrainingError.about("demonstrations", expected, reasons, cure)
     return used, examples, tuple(rejected)
-
-
-def _unusable(rejected: Sequence[tuple[str, str]]) -> TrainingError:
-    """The error where no recording can be used, with the first reasons."""
-    reasons = "; ".join(f"{name}: {reason}" for name, reason in rejected[:3])
-    return TrainingError.about(
-        "demonstrations",
-        "at least one usable recording",
-        reasons or "none",
-        "Check the recordings and the DOF file.",
-    )
