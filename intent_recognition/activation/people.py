@@ -120,7 +120,8 @@ class People:
             elif needed is not None:
                 found[inbox.refused].append(self._request(person, needed))
             elif inbox.ordered is not None:
-                found[inbox.refused].append(self._waiting[person])
+                ordered = self._request(person, inbox.ordered)  # by a caller, unless it waits
+                found[inbox.refused].append(self._waiting.get(person, ordered))
         if requests := found[False] or found[True]:  # who cannot be helped now blocks nobody
             self.attended = first_to_help(requests, now_ns, self._common.settings.hold_s)
             self.inbox = self.of(self.attended)

@@ -137,6 +137,18 @@ def test_the_one_who_needs_it_first_is_helped_and_the_other_one_after():
     world.check_continuous()
 
 
+def test_a_task_that_a_caller_orders_is_begun_for_the_one_attended_to():
+    world = SharedWorld()
+    world.run(0.5)
+    world.ask("anna", "plate")
+    world.until(lambda: world.activation.mode is Mode.EXECUTING)
+    world.rest()
+    world.until(lambda: world.activation.mode is Mode.IDLE)
+    world.activation.order(prediction("screw", world.now_ns))
+    world.until(lambda: world.activation.counts["started"] == 2)
+    world.check_continuous()
+
+
 def test_who_comes_next_is_not_told_before_the_arm_begins(monkeypatch):
     world = helps_anna()
     interacting = world.activation._transitions.interacting
