@@ -220,7 +220,7 @@ class Activation:
         self._parts.inbox.order(prediction)
 
     def take_exchange(self, until_ns: int) -> None:
-        """An object changes hands, which is news until a time: the arm does not go home."""
+        """An object is changing hands; until then the arm does not go home."""
         self._transitions.exchanging_until_ns = until_ns
 
     def take_people(self, people: tuple[PredictedPerson, ...]) -> None:

@@ -75,8 +75,8 @@ def choose_duration_evidence(
 ) -> tuple[float, ResidualCoupling]:
     """The exponent, and the coupling of what it leaves unexplained.
 
-    Another one than the first takes the place of it where it predicts better by more than the
-    standard error over the demonstrations.
+    The first value is kept unless another is better by more than the standard error over the
+    demonstrations.
 
     Args:
         library: whose basis, noise and timing are used.

@@ -102,8 +102,8 @@ def without_group(tasks: Sequence[TaskStatistics], name: str) -> list[TaskStatis
 def between_people(grouped: Grouped, floor: Floats, strength: float) -> tuple[Floats, Floats]:
     """Covariances E within and B between people, (d, d) each.
 
-    In which DOFs few people differ is mostly chance: as many more say that they differ alike in
-    all as the target counts for.
+    With few people, the DOFs in which they differ are mostly chance: B is shrunk towards equal
+    variation in all of them, which counts as many people as the target.
 
     Args:
         grouped: scatter by whose demonstrations they are.

@@ -36,8 +36,8 @@ def choose_regression_variance(
 ) -> float:
     """The variance of the coefficients under which the controlled agent is most probable.
 
-    Another one than the first takes the place of it where its log density is higher by more than
-    the standard error over the demonstrations.
+    The first value is kept unless another is better by more than the standard error over the
+    demonstrations.
 
     Args:
         library: whose basis, noise and timing are used.

@@ -86,7 +86,7 @@ class Model:
 
     @property
     def controlled_names(self) -> tuple[str, ...]:
-        """Names of the controlled DOFs, the robot's joints."""
+        """Names of the controlled DOFs."""
         return self.library.controlled_names
 
 

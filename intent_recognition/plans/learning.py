@@ -51,8 +51,8 @@ def learn_plan(
 ) -> WorkPlan:
     """The plan of an assembly that was demonstrated a few times.
 
-    A task that most assemblies hold is a step, once more for each further time that most hold it
-    (a task that half of them hold is one, too). What an assembly holds beyond is taken for a slip:
+    A task is a step if at least half of the assemblies hold it, and a step once more for each
+    further time that more than half hold it. What an assembly holds beyond is taken for a slip:
     a step that was repeated, or done in vain before its last time.
 
     Relations written by hand stay, but for those of steps that are no more.

@@ -59,8 +59,8 @@ def via_point(
 
     The weights are conditioned on the point with the covariance of the wish alone (Paraschos et al.
     2013, "modulation of via-points"): w' = w + L (y - H w), L = P H^T (R + H P H^T)^-1. With no
-    covariance the mean passes through the point; what an infinite variance is asked of is left
-    out. The robot's other DOFs and times follow by their correlation.
+    covariance the mean passes through the point; DOFs with an infinite variance are ignored.
+    The robot's other DOFs and times follow by their correlation.
 
     A wish for the robot is no evidence about the person: with controlled DOFs alone, the observed
     ones stay as they are, and w, P are the robot's weights given the person's, whatever these are.

@@ -49,8 +49,13 @@ from other tasks. Convention; validation on held-out demonstrations chooses betw
 LAGS = np.arange(0.0, 0.26, 0.01)
 """Lags of the controlled agent behind the observed one that are compared, in phase. Convention."""
 FEW = 3.5
-"""Equivalent sample size below which the scatter is inflated (`structured_target`). Convention."""
-
+"""Equivalent sample size below which the scatter is much inflated (`structured_target`).
+Convention."""
+SMOOTH_WIDTH = 0.1
+"""Width in phase of the correlation that it is then mixed with. Convention."""
+LEVEL_SAMPLE_SIZE = 4.0
+"""Demonstrations that say, beside the real ones, that a DOF varies alike at all phases. Convention.
+"""
 
 OBSERVED_INDEPENDENT = 0.03
 """Independent part of the variance of the observed weights, in the covariance that all tasks share
@@ -162,9 +167,9 @@ def structured_target(
     """Fit a task's target to the deviations of all demonstrations from their tasks' means.
 
     The task's own demonstrations count fully; all others together as many as are borrowed, or
-    `OTHERS_SAMPLE_SIZE` if there are fewer than `FEW` of the task's own. Where the equivalent
-    sample size of all is below `FEW`, the amplitudes are inflated and the correlation along the
-    phase is mixed with a smooth one (small-sample inflation).
+    `OTHERS_SAMPLE_SIZE` if there are fewer than `FEW` of the task's own. With n demonstrations in
+    all, amplitudes are inflated by sqrt(1 + i) and the correlation along the phase is mixed with i
+    parts of a smooth one, i = (FEW / n)^6: next to nothing from n = 2 `FEW` on.
 
     Args:
         own: scatter of the task the target is for.
@@ -172,46 +177,49 @@ def structured_target(
         floor: variance floor per DOF, (D,).
         assumed: what it borrows, and how the weights depend on each other.
     """
-    borrowed = assumed.borrowed
-    if own.freedom < FEW:
-        borrowed = OTHERS_SAMPLE_SIZE
+    borrowed = OTHERS_SAMPLE_SIZE if own.freedom < FEW else assumed.borrowed
     scatter, demonstrations = _borrow(own, pooled, borrowed)
-    n_dofs = len(floor)
-    variance = np.diag(scatter).reshape(n_dofs, -1)
-    typical = variance.mean(axis=1, keepdims=True)
-    # as if four demonstrations said that a DOF varies alike at all phases
-    weight = demonstrations / (demonstrations + 4.0)
     inflation = (FEW / max(demonstrations, 2.0)) ** 6
-    amplitude = np.sqrt(weight * variance + (1 - weight) * typical + floor[:, None])
-    n_basis = amplitude.shape[1]
-    scale = amplitude.ravel()
-    scaled = scatter / np.outer(scale, scale)
-    phase = np.linspace(0.0, 1.0, n_basis)
-    distance = phase[:, None] - phase
-    kernel = _averaging(n_basis, PHASE_WIDTH if borrowed else OWN_PHASE_WIDTH, assumed.lag)
-    together, earlier = scaled, None
-    if assumed.lag:
-        later = _moved(assumed.lag, assumed.n_observed, n_dofs, n_basis)
-        together = later @ scaled @ later.T
-        earlier = _moved(-assumed.lag, assumed.n_observed, n_dofs, n_basis)
-    by_dof = n_dofs, n_basis, n_dofs, n_basis
-    local = np.einsum("dkek->kde", together.reshape(by_dof))
-    dofs = np.einsum("kl,lde->kde", kernel, local)
-    scale = np.sqrt(np.einsum("kdd->kd", dofs) + FLOOR_OF_RANGE**2)
-    dofs /= scale[:, :, None] * scale[:, None, :]
-    alike = assumed.alike
-    dofs = (1.0 - alike) * dofs + alike * np.eye(n_dofs)
-    basis = np.einsum("dkdl->kl", scaled.reshape(by_dof)) / n_dofs
-    scale = np.sqrt(np.diag(basis) + FLOOR_OF_RANGE**2)
-    basis /= np.outer(scale, scale)
-    smooth = np.exp(-0.5 * (distance / 0.1) ** 2)
-    basis = (basis + inflation * smooth) / (1.0 + inflation)
+    variance = np.diag(scatter).reshape(len(floor), -1)
+    weight = demonstrations / (demonstrations + LEVEL_SAMPLE_SIZE)
+    level = variance.mean(axis=1, keepdims=True)
+    amplitude = np.sqrt(weight * variance + (1 - weight) * level + floor[:, None])
+    scaled = scatter / np.outer(amplitude.ravel(), amplitude.ravel())
+    width = PHASE_WIDTH if borrowed else OWN_PHASE_WIDTH
+    dofs, earlier = _correlation_over_dofs(scaled, amplitude.shape, width, assumed)
+    basis = _correlation_along_phase(scaled, amplitude.shape, inflation)
     amplitude = amplitude * np.sqrt(1.0 + inflation)
-    of_range = np.sqrt(floor)[:, None]
+    alike, of_range = assumed.alike, np.sqrt(floor)[:, None]
     squares = (amplitude / of_range) ** 2
     amplitude = of_range * np.sqrt((1.0 - alike) * squares + alike * squares.mean(axis=0))
     floor = floor + assumed.independent * np.mean(amplitude**2, axis=1)
-    return StructuredTarget(amplitude, symmetrize(dofs), symmetrize(basis), floor, earlier)
+    return StructuredTarget(amplitude, dofs, basis, floor, earlier)
+
+
+def _correlation_over_dofs(
+    scaled: Floats, shape: tuple[int, ...], width: float, assumed: TargetSettings
+) -> tuple[Floats, Floats | None]:
+    """R and what takes its lag back (`StructuredTarget`), of weights of one variance, (D, N)."""
+    (n_dofs, n_basis), earlier = shape, None
+    if assumed.lag:
+        later = _moved(assumed.lag, assumed.n_observed, n_dofs, n_basis)
+        scaled = later @ scaled @ later.T
+        earlier = _moved(-assumed.lag, assumed.n_observed, n_dofs, n_basis)
+    local = np.einsum("dkek->kde", scaled.reshape(*shape, *shape))
+    dofs = np.einsum("kl,lde->kde", _averaging(n_basis, width, assumed.lag), local)
+    scale = np.sqrt(np.einsum("kdd->kd", dofs) + FLOOR_OF_RANGE**2)
+    dofs /= scale[:, :, None] * scale[:, None, :]
+    return symmetrize((1.0 - assumed.alike) * dofs + assumed.alike * np.eye(n_dofs)), earlier
+
+
+def _correlation_along_phase(scaled: Floats, shape: tuple[int, ...], inflation: float) -> Floats:
+    """C of the same weights, mixed with so many parts of a smooth one."""
+    n_dofs, n_basis = shape
+    basis = np.einsum("dkdl->kl", scaled.reshape(*shape, *shape)) / n_dofs
+    scale = np.sqrt(np.diag(basis) + FLOOR_OF_RANGE**2)
+    phase = np.linspace(0.0, 1.0, n_basis)
+    smooth = np.exp(-0.5 * ((phase[:, None] - phase) / SMOOTH_WIDTH) ** 2)
+    return symmetrize((basis / np.outer(scale, scale) + inflation * smooth) / (1.0 + inflation))
 
 
 def explained_by_lag(pooled: Scatter, n_observed: int, floor: Floats) -> Floats:
