@@ -284,11 +284,11 @@ class Motions:
         if not (paced or moved or brakes) or (not brakes and start_ns >= current.end_ns):
             return None
         self._paced_by, self._clear_of = setters, self._common.settings.clearance
-        excess, begun_ns = self._common.settings.separation, current.start_ns
+        separation, begun_ns = self._common.settings.separation, current.start_ns
         too_fast = (
             paced
-            and excess is not None
-            and excess.worst_excess(current.plan, begun_ns, self.people, start_ns) > 1.0
+            and separation is not None
+            and separation.worst_excess(current.plan, begun_ns, self.people, start_ns) > 1.0
         )
         since_s = (start_ns - current.start_ns) * 1e-9
         touches = moved and self._obstruction(current.plan, since_s) is not None

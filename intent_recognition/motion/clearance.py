@@ -118,8 +118,8 @@ class Clearance:
             phase: what comes before is past.
             limits: what it must keep inside.
             before: the last one of the same task: it goes on moved like that where that serves.
-            tries: number of searches for a way that failed before, for each draws other detours;
-                None: there is no time to search, a path is moved from where it is at most.
+            tries: how many searches failed before, so that this one draws other detours; None:
+                search no detours, there is no time; a path is moved by its own spread at most.
 
         Returns:
             The path itself where it is clear; where no way is found, what is in the way of it.

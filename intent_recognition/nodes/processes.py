@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
+from functools import partial
 from pathlib import Path
 
 from intent_recognition.errors import IntentError
@@ -99,7 +100,7 @@ class NodeProcesses(AbstractContextManager["NodeProcesses"]):
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
-                preexec_fn=_die_with_parent if sys.platform == "linux" else None,
+                preexec_fn=partial(_die_with, os.getpid()) if sys.platform == "linux" else None,
             )
 
     @property
@@ -152,8 +153,8 @@ def yaml_value(value: object) -> str:
     return json.dumps(value, ensure_ascii=False, default=os.fspath)
 
 
-def _die_with_parent() -> None:
+def _die_with(parent: int) -> None:
     """Ask the kernel to end this process with its parent (in the child, before exec)."""
     ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG of prctl(2)
-    if os.getppid() == 1:
+    if os.getppid() != parent:  # it has ended already
         os._exit(1)

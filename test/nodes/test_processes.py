@@ -19,6 +19,10 @@ with NodeProcesses(os.environ, Path("log")) as nodes:
     print(nodes.pid("waiting"), flush=True)
     sys.stdin.read()
 """
+CHECK = """
+    assert os.getpid() == 1
+    nodes.check()
+"""
 LONGEST_S = 60.0
 
 
@@ -45,6 +49,17 @@ def test_killed_it_leaves_no_orphan(environment, tmp_path):
     process.communicate(timeout=LONGEST_S)
     gone = ["timeout", str(LONGEST_S), "tail", "--pid", str(node), "-f", "/dev/null"]
     subprocess.run(gone, check=True)
+
+
+@pytest.mark.skipif(
+    subprocess.run(
+        ["unshare", "--pid", "--fork", "true"], check=False, capture_output=True
+    ).returncode,
+    reason="no process is the first of a container here",
+)
+def test_the_first_process_of_a_container_starts_nodes_too(environment, tmp_path):
+    command = ["unshare", "--pid", "--fork", "--kill-child", sys.executable, "-c", STARTS + CHECK]
+    subprocess.run(command, cwd=tmp_path, env=environment, input=b"", check=True)
 
 
 def test_one_that_dies_is_named_with_the_end_of_its_log(environment, tmp_path):
