@@ -19,6 +19,7 @@ with NodeProcesses(os.environ, Path("log")) as nodes:
     print(nodes.pid("waiting"), flush=True)
     sys.stdin.read()
 """
+FIRST = ["unshare", "--pid", "--fork"]
 CHECK = """
     assert os.getpid() == 1
     nodes.check()
@@ -58,7 +59,7 @@ def test_killed_it_leaves_no_orphan(environment, tmp_path):
     reason="no process is the first of a container here",
 )
 def test_the_first_process_of_a_container_starts_nodes_too(environment, tmp_path):
-    command = ["unshare", "--pid", "--fork", "--kill-child", sys.executable, "-c", STARTS + CHECK]
+    command = [*FIRST, "--kill-child", sys.executable, "-c", STARTS + CHECK]
     subprocess.run(command, cwd=tmp_path, env=environment, input=b"", check=True)
 
 
