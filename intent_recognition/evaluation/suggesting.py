@@ -48,9 +48,10 @@ def suggest(
     of a Gaussian of known covariance, the variance of the mean of m is the covariance over m (the
     1 / m in `TaskLibrary.weight_covariance`). The risk of a movement is taken to fall likewise: a
     demonstration that is like it by a share k lowers the risk r to r m / (m + k), where m is one
-    plus the shares of the task's demonstrations, each exp(-d^2 / 2); d is the distance of the observed paths in standard deviations of the tasks'
-    demonstrations. The risk of a rehearsed movement is whether it failed, shrunk half-way to the
-    share that failed of its task (rule of succession). Each suggestion is the rehearsed movement
+    plus the shares of the task's demonstrations, each exp(-d^2 / 2); d is the distance of the
+    observed paths in standard deviations of the tasks' demonstrations. The risk of a rehearsed
+    movement is whether it failed, shrunk half-way to the share that failed of its task (rule of
+    succession). Each suggestion is the rehearsed movement
     that a demonstration should be like to lower the sum of the risks most.
 
     Args:
