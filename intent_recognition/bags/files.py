@@ -89,11 +89,7 @@ def unpack(path: Path, folder: Path) -> Path:
     unzstd = partial(zstandard.ZstdDecompressor().stream_reader, read_across_frames=True)
     unpacker: Callable[..., Any] = gzip.open if kind_of(path) == GZ else unzstd
     try:
-        with (
-            path.open("rb") as source,
-            unpacker(source) as reader,
-            target.open("wb") as sink,
-        ):
+        with path.open("rb") as source, unpacker(source) as reader, target.open("wb") as sink:
             while written <= most and (piece := reader.read1(2**20)):
                 written += sink.write(piece)
     except (zstandard.ZstdError, OSError, EOFError, zlib.error) as error:

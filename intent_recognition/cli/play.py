@@ -22,11 +22,7 @@ from rich.console import Console
 
 from intent_recognition.bags import BagReader
 from intent_recognition.cli.console import progress_bar
-from intent_recognition.cli.options import (
-    add_node_options,
-    node_arguments,
-    number,
-)
+from intent_recognition.cli.options import add_node_options, node_arguments, number
 
 PARAMETERS = ("rate", "loop", "start_paused", "wait_for_subscribers", "clock", "restamp")
 """Options that are parameters of the node `bag_player` under these names."""

@@ -13,11 +13,7 @@ intent record --output session_00
 
 import argparse
 
-from intent_recognition.cli.options import (
-    add_node_options,
-    node_arguments,
-    topic_name,
-)
+from intent_recognition.cli.options import add_node_options, node_arguments, topic_name
 from intent_recognition.errors import ResourceBusyError
 
 OPTIONS = {

@@ -25,12 +25,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from intent_recognition.cli.console import busy, make_console, say
-from intent_recognition.cli.options import (
-    add_node_options,
-    add_options,
-    node_arguments,
-    number,
-)
+from intent_recognition.cli.options import add_node_options, add_options, node_arguments, number
 from intent_recognition.errors import BagError, IntentError, ResourceBusyError
 from intent_recognition.model import TaskFolder, is_task_folder, library_dofs, load_model
 

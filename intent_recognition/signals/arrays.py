@@ -19,9 +19,7 @@ OFTEN_TIMES = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
 
 
 def as_numbers(
-    argument: str,
-    values: ArrayLike,
-    cure: str = "Pass an array, with rows of the same length.",
+    argument: str, values: ArrayLike, cure: str = "Pass an array, with rows of the same length."
 ) -> Floats:
     """A copy of values of any shape as numbers; what is masked, or missing in pandas, becomes NaN.
 

@@ -238,10 +238,7 @@ def _cut(
 
 
 def _time(
-    table: Table,
-    columns: Mapping[str, SeenColumn],
-    labels: Mapping[str, Sequence[str]],
-    cut: str,
+    table: Table, columns: Mapping[str, SeenColumn], labels: Mapping[str, Sequence[str]], cut: str
 ) -> tuple[dict[str, object], str]:
     said = table.defaults.get("time")
     if isinstance(said, Mapping):

@@ -62,11 +62,7 @@ def test_a_warp_cannot_be_changed():
 
 @pytest.mark.parametrize(
     ("shift", "log_rate"),
-    [
-        (np.nan, np.zeros(3)),
-        (0.0, np.array([0.0, np.inf])),
-        (0.0, np.array([0.0, 7.0])),
-    ],
+    [(np.nan, np.zeros(3)), (0.0, np.array([0.0, np.inf])), (0.0, np.array([0.0, 7.0]))],
 )
 def test_what_is_no_warp_is_refused(shift, log_rate):
     with pytest.raises(ArgumentError, match="log_rate"):

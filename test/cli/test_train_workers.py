@@ -13,12 +13,7 @@ from same_library import assert_same
 
 from intent_recognition.cli.train_workers import workers
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.errors import (
-    DofError,
-    IntentError,
-    MissingPackageError,
-    ResourceBusyError,
-)
+from intent_recognition.errors import DofError, IntentError, MissingPackageError, ResourceBusyError
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.model import from_bags as accumulate
 from intent_recognition.model.file import load_model

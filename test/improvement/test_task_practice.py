@@ -13,12 +13,7 @@ from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.improvement import CovarianceSearch, TaskPractice, attempt, load_cost
 from intent_recognition.improvement.task_practice import NEAR_M, arrival_s, warping_matrix
 from intent_recognition.kinematics import hand_position
-from intent_recognition.learning import (
-    RuleChange,
-    TrainingSettings,
-    change_rule,
-    inferred_weights,
-)
+from intent_recognition.learning import RuleChange, TrainingSettings, change_rule, inferred_weights
 from intent_recognition.model import (
     Model,
     PractisedTask,

@@ -77,9 +77,7 @@ TREES = {
         names("", 6),
     ),
     "ur_of_two_frames": Tree(
-        (row("base_link", "", 6, after=" f ee_link"), "l6 f tool0"),
-        "tool0",
-        names("", 6),
+        (row("base_link", "", 6, after=" f ee_link"), "l6 f tool0"), "tool0", names("", 6)
     ),
     "five_fingers": Tree(
         (

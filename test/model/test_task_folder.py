@@ -10,12 +10,7 @@ from bag_builder import write_bag
 from model_builder import make_dofs, perform, true_library, write_recording
 
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
-from intent_recognition.errors import (
-    DofError,
-    ModelError,
-    ResourceBusyError,
-    TrainingError,
-)
+from intent_recognition.errors import DofError, ModelError, ResourceBusyError, TrainingError
 from intent_recognition.learning import with_margins
 from intent_recognition.model.file import load_model, load_trained
 from intent_recognition.model.from_bags import accumulate_bags
