@@ -68,9 +68,8 @@ class Demonstration:
             object.__setattr__(self, agent, tuple(signal for signal, _ in made))
             names = (*self.wrapped, *(name for _, jumped in made for name in jumped))
             object.__setattr__(self, "wrapped", names)
-        object.__setattr__(self, "metadata", dict(self.metadata))
-        object.__setattr__(self, "rejected", dict(self.rejected))
-        object.__setattr__(self, "frames", dict(self.frames))
+        for name in ("metadata", "rejected", "frames"):
+            object.__setattr__(self, name, dict(getattr(self, name)))
 
     @classmethod
     def from_arrays(

@@ -114,7 +114,8 @@ def _misfits(recorded: _Recorded, brief: bool = False) -> Iterator[tuple[bool, s
 def _missing(recorded: _Recorded) -> str:
     """Which controlled stream misses too much of the observed recording."""
     start_ns, end_ns = recorded.start_ns, recorded.end_ns
-    length, onset_ns = max(end_ns - start_ns, 1), _onset_ns(recorded)
+    length = max(end_ns - start_ns, 1)
+    onset_ns = start_ns + round((_onset_s(recorded) or 0.0) * 1e9)
     for signal in recorded.controlled:
         if not len(signal.stamps_ns):
             return f"{in_words(signal)} has no sample while the human was observed"
@@ -144,11 +145,10 @@ def _missing(recorded: _Recorded) -> str:
     return ""
 
 
-def _onset_ns(recorded: _Recorded) -> int:
-    """When the human first moves; before that there is nothing to predict."""
-    settings, start_ns = onset_settings([recorded.observed]), recorded.start_ns
-    first_s = earliest_onset(settings, recorded.observed, start_ns)
-    return start_ns + round((first_s or 0.0) * 1e9)
+def _onset_s(recorded: _Recorded) -> float | None:
+    """When the human first moves [s after the start]; before that there is nothing to predict."""
+    settings = onset_settings([recorded.observed])
+    return earliest_onset(settings, recorded.observed, recorded.start_ns)
 
 
 def _shifted_clock(recorded: _Recorded) -> Iterator[str]:
@@ -240,14 +240,12 @@ def zeros(signal: Signal) -> list[str]:
 
 def _found_late(recorded: _Recorded) -> Iterator[str]:
     """Whether the onset rule finds the movement only once much of it is over, or never."""
-    settings, start_ns = onset_settings([recorded.observed]), recorded.start_ns
-    onset_s = earliest_onset(settings, recorded.observed, start_ns)
-    shares = []
+    onset_s, shares = _onset_s(recorded), []
     for signal in recorded.observed:
         extent = float(np.ptp(signal.values, axis=0).max(initial=0.0))
         if extent <= LEAST_EXTENT.get(signal.unit, 0.0):
             continue
-        until = signal.seconds(start_ns) <= (np.inf if onset_s is None else onset_s)
+        until = signal.seconds(recorded.start_ns) <= (np.inf if onset_s is None else onset_s)
         before = np.ptp(signal.values[until], axis=0).max() if until.any() else 0.0
         shares.append(float(before) / extent)
     if shares and min(shares) > 0.2:  # a reach is found within 2 % of its way
