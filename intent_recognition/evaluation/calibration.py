@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -46,46 +46,36 @@ class RecognitionRecords:
         if fraction == 1.0 and phase == "unknown_phase" and answer != truth:
             self.mistaken.append({"recording": name, "true": truth, "recognised": answer})
 
-    def confusion(self) -> dict[str, dict[str, dict[str, object]]]:
+    def confusion(self) -> dict[str, dict[str, dict]]:
         """Per phase and share: rows are true tasks, columns recognised ones, none the last."""
-        tasks = sorted(
-            {
-                name
-                for by in self._records.values()
-                for records in by.values()
-                for t, labels, _, _ in records
-                for name in (t, *labels)
-            }
-        )
+        every = [one for by in self._records.values() for rows in by.values() for one in rows]
+        tasks = sorted({name for truth, labels, _, _ in every for name in (truth, *labels)})
         columns = [*tasks, NONE]
-        content: dict[str, dict[str, dict[str, object]]] = {}
-        for phase, by_fraction in self._records.items():
-            content[phase] = {}
-            for fraction, records in sorted(by_fraction.items()):
-                counts = np.zeros((len(tasks), len(columns)), dtype=int)
-                for truth, labels, p, none in records:
-                    answer = NONE if none else labels[int(np.argmax(p))]
-                    counts[tasks.index(truth), columns.index(answer)] += 1
-                content[phase][str(fraction)] = {
-                    "true": tasks,
-                    "recognised": columns,
-                    "counts": counts.tolist(),
-                }
-        return content
 
-    def accuracy_beside_none(self) -> dict[str, dict[str, dict[str, float]]]:
+        def counted(records: list[tuple]) -> dict[str, list]:
+            counts = np.zeros((len(tasks), len(columns)), dtype=int)
+            for truth, labels, p, none in records:
+                answer = NONE if none else labels[int(np.argmax(p))]
+                counts[tasks.index(truth), columns.index(answer)] += 1
+            return {"true": tasks, "recognised": columns, "counts": counts.tolist()}
+
+        return self._by_fraction(counted)
+
+    def accuracy_beside_none(self) -> dict[str, dict[str, dict]]:
         """Per phase and share: accuracy with none competing and without."""
-        content: dict[str, dict[str, dict[str, float]]] = {}
-        for phase, by_fraction in self._records.items():
-            content[phase] = {}
-            for fraction, records in sorted(by_fraction.items()):
-                right = [t == labels[int(np.argmax(p))] for t, labels, p, _ in records]
-                led = [r and not none for r, (*_, none) in zip(right, records, strict=True)]
-                content[phase][str(fraction)] = {
-                    "with_none": float(np.mean(led)),
-                    "without_none": float(np.mean(right)),
-                }
-        return content
+
+        def accuracy(records: list[tuple]) -> dict[str, float]:
+            right = [t == labels[int(np.argmax(p))] for t, labels, p, _ in records]
+            led = [r and not none for r, (*_, none) in zip(right, records, strict=True)]
+            return {"with_none": float(np.mean(led)), "without_none": float(np.mean(right))}
+
+        return self._by_fraction(accuracy)
+
+    def _by_fraction(self, of: Callable[[list[tuple]], dict]) -> dict[str, dict[str, dict]]:
+        return {
+            phase: {str(fraction): of(records) for fraction, records in sorted(by.items())}
+            for phase, by in self._records.items()
+        }
 
     def reliability(self) -> dict[str, dict[str, list]]:
         """Per phase, over all shares and tasks: probability given, share true, count per bin."""

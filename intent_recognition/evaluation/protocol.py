@@ -19,7 +19,6 @@ from intent_recognition.evaluation.scoring import (
     PREDICTION_NAMES,
     RECOGNITION_FRACTIONS,
     EvaluationRecords,
-    collect,
     score_demonstration,
 )
 from intent_recognition.evaluation.unknown_movements import compare, follow_unknown
@@ -101,7 +100,7 @@ def evaluate(
         usable = cut_to_movement(usable)
         settings = replace(settings, segmentation="recording")
     usable = [where_both_were_recorded(recorded) for recorded in usable]
-    collected = collect(both_starts)
+    collected = EvaluationRecords(ScoreTable() if both_starts else None)
     done, labels = 0, set[str]()
     units: tuple[str, ...] = ()
     for train, test in folds:

@@ -36,28 +36,17 @@ class Decided(NamedTuple):
 
 
 def samples_of(reader: BagReader, model: Model, rejected: Counter[str]) -> Iterator[Sample]:
-    """What a model reads of a recording, in order; see `estimates`."""
+    """What a model reads of a recording, in order; the frame it was learned in is the world."""
     return iter_samples(reader, model.dofs, _ingest_settings(model), rejected)
-
-
-def estimates(
-    estimator: IntentEstimator, reader: BagReader, model: Model, rejected: Counter[str]
-) -> Iterator[Estimate]:
-    """Show a recording to an estimator; its estimate after each observation of the human.
-
-    Args:
-        estimator: of this model.
-        reader: the recording.
-        model: its DOF file says what is read, and the frame it was learned in is the world.
-        rejected: filled with the number of dropped observations, by reason.
-    """
-    return follow(estimator, samples_of(reader, model, rejected), rejected)
 
 
 def follow(
     estimator: IntentEstimator, samples: Iterable[Sample], rejected: Counter[str]
 ) -> Iterator[Estimate]:
-    """Show samples to an estimator; arguments as of `estimates`."""
+    """Show samples to an estimator; its estimate after each observation of the human.
+
+    `rejected` is filled with the number of dropped observations, by reason.
+    """
     for source, observation in samples:
         if source is Source.CONTROLLED:
             estimator.update_controlled(observation)
@@ -120,7 +109,7 @@ def replay(
     held_back = {} if held_back is None else held_back
     estimator = IntentEstimator(model.library)
     labels = (*model.library.labels, NONE)
-    followed = estimates(estimator, reader, model, rejected)
+    followed = follow(estimator, samples_of(reader, model, rejected), rejected)
     for estimate, state, end_std in decisions(estimator, settings, followed):
         reason = uncertain_end(settings, state, end_std)
         if reason:

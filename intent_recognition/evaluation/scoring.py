@@ -2,6 +2,7 @@
 """Scores of one recording left out of training."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -46,32 +47,25 @@ PREDICTION_NAMES = (
 )
 
 
-class EvaluationRecords(NamedTuple):
+@dataclass
+class EvaluationRecords:
     """What is recorded over all left-out recordings.
 
     Attributes:
-        scores: means by phase knowledge, share observed and name.
         with_start: of predictions that know the controlled agent's start posture; None: not asked.
+        scores: means by phase knowledge, share observed and name.
         recognitions: recognised and true tasks.
         normalised_errors: errors in predicted standard deviations.
         outcomes: the decision about each movement, its duration unknown.
         reactive: squared errors of predictions a little ahead, by task and horizon.
     """
 
-    scores: ScoreTable
-    with_start: ScoreTable | None
-    recognitions: RecognitionRecords
-    normalised_errors: NormalisedErrors
-    outcomes: list[MovementOutcome]
-    reactive: ScoreTable
-
-
-def collect(both_starts: bool = False) -> EvaluationRecords:
-    """An empty collection."""
-    again = ScoreTable() if both_starts else None
-    return EvaluationRecords(
-        ScoreTable(), again, RecognitionRecords(), NormalisedErrors(), [], ScoreTable()
-    )
+    with_start: ScoreTable | None = None
+    scores: ScoreTable = field(default_factory=ScoreTable)
+    recognitions: RecognitionRecords = field(default_factory=RecognitionRecords)
+    normalised_errors: NormalisedErrors = field(default_factory=NormalisedErrors)
+    outcomes: list[MovementOutcome] = field(default_factory=list)
+    reactive: ScoreTable = field(default_factory=ScoreTable)
 
 
 def score_demonstration(

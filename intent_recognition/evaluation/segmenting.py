@@ -18,7 +18,7 @@ from intent_recognition.demonstrations import (
     stamp_of,
 )
 from intent_recognition.errors import ResourceBusyError
-from intent_recognition.evaluation.replaying import estimates
+from intent_recognition.evaluation.replaying import follow, samples_of
 from intent_recognition.model import Model
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import Estimate, IntentEstimator
@@ -67,8 +67,8 @@ def recognise_segments(path: Path, model: Model) -> list[Segment]:
     session = read_whole(path, model.dofs)
     spans = propose_spans(session.observed, session.controlled)
     estimator = IntentEstimator(model.library, switching=False)  # a part is of one task
-    seen = estimates(estimator, BagReader(path), model, Counter())
-    return label_spans(spans, seen)
+    samples = samples_of(BagReader(path), model, Counter())
+    return label_spans(spans, follow(estimator, samples, Counter()))
 
 
 def label_spans(spans: Sequence[Span], seen: Iterable[Estimate]) -> list[Segment]:

@@ -10,26 +10,20 @@ import numpy as np
 from intent_recognition.array_types import Floats, Integers
 
 
-def _none(*shape: int) -> Floats:
-    array = np.empty(shape)
-    array.setflags(write=False)
-    return array
-
-
 class ContactLog(NamedTuple):
     """Ground truth of transfers (coworker/hand): stamps (H,), holders, forces (H, 3) [N]."""
 
-    stamps_ns: Integers = _none(0).astype(np.int64)
+    stamps_ns: Integers = np.empty(0, np.int64)
     holders: tuple[str, ...] = ()
-    forces_n: Floats = _none(0, 3)
+    forces_n: Floats = np.empty((0, 3))
 
 
 class TransferLog(NamedTuple):
     """What was on intent/transfer: stamps (T,), states, and values (T, 5) as it names them."""
 
-    stamps_ns: Integers = _none(0).astype(np.int64)
+    stamps_ns: Integers = np.empty(0, np.int64)
     states: tuple[str, ...] = ()
-    values: Floats = _none(0, 5)
+    values: Floats = np.empty((0, 5))
 
 
 NO_CONTACTS, NO_TRANSFERS = ContactLog(), TransferLog()

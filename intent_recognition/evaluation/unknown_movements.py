@@ -160,39 +160,34 @@ def compare(
     `recognised` counts movements that pass the decision without its limit on the uncertainty of the
     end, `held_back` those of them that never pass this limit, `activated` the others.
     """
-    score = {
-        name: np.array([o.log_odds for o in outcomes])
-        for name, outcomes in (("known", known), ("unknown", unknown))
-    }
+    scores = [np.array([one.log_odds for one in outcomes]) for outcomes in (known, unknown)]
     content: dict[str, object] = {
         "n_known": len(known),
         "n_unknown": len(unknown),
-        "area": area(score["known"], score["unknown"]),
-        "recognised_known": _share([bool(o.recognised) for o in known]),
-        "recognised_unknown": _share([bool(o.recognised) for o in unknown]),
+        "area": area(*scores),
         "recognised_wrong_task": _share([o.recognised not in ("", o.task) for o in known]),
-        "held_back_known": _share([o.held_back for o in known]),
-        "held_back_unknown": _share([o.held_back for o in unknown]),
-        "end_std_known": end_std([o for o in known if o.recognised]),
-        "activated_known": _share([bool(o.activated) for o in known]),
-        "activated_unknown": _share([bool(o.activated) for o in unknown]),
         "activated_wrong_task": _share([o.activated not in ("", o.task) for o in known]),
-        "above_threshold_known": _share([o.above_threshold for o in known]),
-        "above_threshold_unknown": _share([o.above_threshold for o in unknown]),
+        "end_std_known": end_std([o for o in known if o.recognised]),
     }
+    for kind, outcomes in (("known", known), ("unknown", unknown)):
+        content |= {f"{name}_{kind}": share for name, share in _shares(outcomes).items()}
+        content[f"held_back_{kind}"] = _share([one.held_back for one in outcomes])
     left_out: dict[str, object] = {}
     for task in sorted({o.task for o in unknown}):
         own = [o for o in unknown if o.task == task]
-        left_out[task] = {
-            "n": len(own),
-            "area": area(score["known"], np.array([o.log_odds for o in own])),
-            "recognised": _share([bool(o.recognised) for o in own]),
-            "activated": _share([bool(o.activated) for o in own]),
-            "above_threshold": _share([o.above_threshold for o in own]),
-        }
+        above = area(scores[0], np.array([o.log_odds for o in own]))
+        left_out[task] = {"n": len(own), "area": above, **_shares(own)}
     content["left_out"] = left_out
-    content["roc"] = roc(score["known"], score["unknown"]) if known and unknown else None
+    content["roc"] = roc(*scores) if known and unknown else None
     return content
+
+
+def _shares(outcomes: Sequence[MovementOutcome]) -> dict[str, float | None]:
+    return {
+        "recognised": _share([bool(one.recognised) for one in outcomes]),
+        "activated": _share([bool(one.activated) for one in outcomes]),
+        "above_threshold": _share([one.above_threshold for one in outcomes]),
+    }
 
 
 def end_std(recognised: Sequence[MovementOutcome]) -> dict[str, float] | None:

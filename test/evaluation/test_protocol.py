@@ -15,8 +15,8 @@ from intent_recognition.evaluation import evaluate, make_folds
 from intent_recognition.evaluation.scoring import (
     PREDICTION_FRACTIONS,
     RECOGNITION_FRACTIONS,
+    EvaluationRecords,
     ScoreTable,
-    collect,
     per_unit,
     score_demonstration,
 )
@@ -188,7 +188,7 @@ def test_percentages_observed_are_of_time_not_of_samples():
     human = 0.3 * minimum_jerk(times / 2.0)
     human = np.where(times <= 0.9, -human, human)  # like b until 45 % of the time, like a after
     odd = replace(truth[0], observed=(Signal(("x",), stamps, human[:, None], "m"),))
-    collected = collect()
+    collected = EvaluationRecords()
     score_demonstration(collected, library, truth, odd, False)
     table = collected.scores.table("known_phase", RECOGNITION_FRACTIONS, ("rad",), ("accuracy",))
     assert table["0.3"]["accuracy"] == 0.0
@@ -207,7 +207,7 @@ def test_what_comes_after_a_fraction_does_not_change_its_scores(rng):
     other = replace(test, observed=(Signal(signal.names, signal.stamps_ns, changed, "m"),))
     tables = []
     for recording in (test, other):
-        collected = collect()
+        collected = EvaluationRecords()
         score_demonstration(collected, library, training, recording, False)
         names = tuple(PREDICTION_KEYS - {"rmse_nearest_neighbour"})
         tables.append(
