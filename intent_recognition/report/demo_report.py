@@ -16,23 +16,13 @@ from intent_recognition.evaluation import (
     summary_line,
     usable,
 )
+from intent_recognition.report import html
 from intent_recognition.report.demo_figures import (
     details,
     figures_of_posteriors,
     figures_of_records,
 )
 from intent_recognition.report.drawing import readable
-from intent_recognition.report.html import (
-    Block,
-    Column,
-    KeyNumber,
-    KeyNumbers,
-    Paragraph,
-    ReportPage,
-    Section,
-    TableBlock,
-    write_page,
-)
 from intent_recognition.report.interaction_table import cells, fields_of
 
 LARGEST_FORCE_N = 15.0
@@ -60,7 +50,7 @@ def write_demo_report(
     Raises:
         ResourceBusyError: the file cannot be written.
     """
-    return write_page(path, demo_page(records, summary, traces, settings or {}))
+    return html.write_page(path, demo_page(records, summary, traces, settings or {}))
 
 
 def demo_page(
@@ -68,7 +58,7 @@ def demo_page(
     summary: DemoSummary,
     traces: Sequence[Trace],
     settings: Mapping[str, object],
-) -> ReportPage:
+) -> html.ReportPage:
     """The report's content; arguments as of `write_demo_report`."""
     by_index = {trace["index"]: usable(trace) for trace in traces}
     labels = [label for trace in by_index.values() for label in trace.get("labels", ())]
@@ -76,15 +66,15 @@ def demo_page(
     tasks_of_paper = {*PAPER_HAND_ERROR, *summary.tasks_apart}
     of_paper = any(record.task in tasks_of_paper for record in records)
     texts = (COLOURS, CONDITIONS) if of_paper else (COLOURS,)
-    remarks = (Paragraph(text, small=True) for text in texts)
+    remarks = (html.Paragraph(text, small=True) for text in texts)
     sections = [
-        Section("Result", (_key_numbers(summary, of_paper), *remarks)),
-        *([Section("People", (_people(summary),))] if summary.people else []),
-        Section("Accuracy and timing", figures_of_records(unchanged, summary, labels)),
-        Section("Recognition", figures_of_posteriors(unchanged, by_index)),
+        html.Section("Result", (_key_numbers(summary, of_paper), *remarks)),
+        *([html.Section("People", (_people(summary),))] if summary.people else []),
+        html.Section("Accuracy and timing", figures_of_records(unchanged, summary, labels)),
+        html.Section("Recognition", figures_of_posteriors(unchanged, by_index)),
         *details(records, by_index),
-        Section("All interactions", (_table(records, summary),)),
-        Section("Settings", _settings(settings)),
+        html.Section("All interactions", (_table(records, summary),)),
+        html.Section("Settings", _settings(settings)),
     ]
     count = f"{len(records)} interaction{'' if len(records) == 1 else 's'},"
     subtitle = (
@@ -94,27 +84,27 @@ def demo_page(
     names = " and ".join(one.person for one in summary.people)
     job = "Toolbox assembly" if of_paper else "Assembly"
     title = f"{job} of {names} with one arm" if names else f"{job} with a simulated coworker"
-    return ReportPage(title, subtitle, tuple(sections), summary_line(summary))
+    return html.ReportPage(title, subtitle, tuple(sections), summary_line(summary))
 
 
-def _key_numbers(summary: DemoSummary, of_paper: bool) -> KeyNumbers:
+def _key_numbers(summary: DemoSummary, of_paper: bool) -> html.KeyNumbers:
     share, arrival = summary.median_decision_share, summary.median_arrival_s
     numbers = [
-        KeyNumber(
+        html.KeyNumber(
             "tasks helped with" if summary.people else "tasks recognised",
             f"{summary.recognised_right}/{summary.n}",
             "{}/{}".format(*PAPER_RECOGNISED) if of_paper else "",
             not summary.too_many_missed,
         ),
-        KeyNumber(
+        html.KeyNumber(
             "recognised at the human's end" if summary.people else "decided before the human's end",
             f"{summary.decided_before_end}/{summary.n}",
             good=summary.decided_before_end == summary.n,
         ),
-        KeyNumber("hand error", hand_error_text(summary.hand_error), note=_who(summary)),
+        html.KeyNumber("hand error", hand_error_text(summary.hand_error), note=_who(summary)),
     ]
     if not summary.people:
-        decided = KeyNumber(
+        decided = html.KeyNumber(
             "median decision",
             _absent(share, lambda x: f"{100 * x:.0f} %"),
             good=None if share is None else share <= 0.5,
@@ -125,7 +115,7 @@ def _key_numbers(summary: DemoSummary, of_paper: bool) -> KeyNumbers:
         paper = PAPER_HAND_ERROR.get(task)
         apart = task in summary.tasks_apart
         numbers.append(
-            KeyNumber(
+            html.KeyNumber(
                 f"hand error, {readable(task)}",
                 hand_error_text(error),
                 hand_error_text(paper) if paper else "",
@@ -134,7 +124,7 @@ def _key_numbers(summary: DemoSummary, of_paper: bool) -> KeyNumbers:
             )
         )
     numbers.append(
-        KeyNumber(
+        html.KeyNumber(
             "robot's arrival after the human's end",
             _absent(arrival, lambda x: f"{x:+.2f} s"),
             note=_absent(summary.latest_arrival_s, lambda x: f"median; latest {x:+.2f} s"),
@@ -143,12 +133,12 @@ def _key_numbers(summary: DemoSummary, of_paper: bool) -> KeyNumbers:
     if summary.n_transfers:
         all_of_them = summary.handed_over == summary.n_transfers
         numbers += [
-            KeyNumber(
+            html.KeyNumber(
                 "objects handed over by force",
                 f"{summary.handed_over}/{summary.n_transfers}",
                 good=all_of_them,
             ),
-            KeyNumber(
+            html.KeyNumber(
                 "largest force of the person",
                 _absent(summary.largest_force_n, lambda x: f"{x:.1f} N"),
                 good=(summary.largest_force_n or 0.0) <= LARGEST_FORCE_N,
@@ -158,25 +148,25 @@ def _key_numbers(summary: DemoSummary, of_paper: bool) -> KeyNumbers:
     if summary.people:
         wrong = sum(one.wrong_helps for one in summary.people)
         note = "begun while the person neither moved nor waited"
-        numbers.append(KeyNumber("wrong helps", str(wrong), good=not wrong, note=note))
+        numbers.append(html.KeyNumber("wrong helps", str(wrong), good=not wrong, note=note))
     if summary.n_changed:
         numbers.append(
-            KeyNumber(
+            html.KeyNumber(
                 "changes of mind followed",
                 f"{summary.changes_followed}/{summary.n_changed}",
                 note=f"hand error {hand_error_text(summary.changed_hand_error)}",
             )
         )
-    return KeyNumbers(tuple(numbers))
+    return html.KeyNumbers(tuple(numbers))
 
 
-def _people(summary: DemoSummary) -> TableBlock:
+def _people(summary: DemoSummary) -> html.TableBlock:
     counts = ("recognised", "helped", "handed over", "wrong helps")
     columns = (
-        Column("person", align="left"),
-        *map(Column, counts),
-        Column("arrival", "s"),
-        Column("largest force", "N"),
+        html.Column("person", align="left"),
+        *map(html.Column, counts),
+        html.Column("arrival", "s"),
+        html.Column("largest force", "N"),
     )
     rows = tuple(
         (
@@ -193,26 +183,30 @@ def _people(summary: DemoSummary) -> TableBlock:
         " task for this person. wrong helps: begun while the person neither moved nor waited."
         " arrival: median, after the end of the movement; the arm helps one at a time."
     )
-    return TableBlock(columns, rows, caption)
+    return html.TableBlock(columns, rows, caption)
 
 
-def _table(records: Sequence[InteractionRecord], summary: DemoSummary) -> TableBlock:
+def _table(records: Sequence[InteractionRecord], summary: DemoSummary) -> html.TableBlock:
     fields = fields_of(records)
-    columns = [Column(field.title, field.unit, field.align) for field in fields]
+    columns = [html.Column(field.title, field.unit, field.align) for field in fields]
     missed = [row for row, record in enumerate(records) if not record.right]
     of_changed = summary.n_changed - summary.changes_followed
     caption = (
         "decided: after onset. share: of the human's movement at the decision. arrival: after the"
         f" human's end. {summary.missed + of_changed} missed."
     )
-    return TableBlock(columns, (cells(one, fields) for one in records), caption, missed)
+    return html.TableBlock(columns, (cells(one, fields) for one in records), caption, missed)
 
 
-def _settings(settings: Mapping[str, object]) -> tuple[Block, ...]:
+def _settings(settings: Mapping[str, object]) -> tuple[html.Block, ...]:
     if not settings:
         return ()
     rows = tuple((str(name), str(value)) for name, value in settings.items())
-    return (TableBlock((Column("setting", align="left"), Column("value", align="left")), rows),)
+    return (
+        html.TableBlock(
+            (html.Column("setting", align="left"), html.Column("value", align="left")), rows
+        ),
+    )
 
 
 def hand_error_text(error: HandError) -> str:
