@@ -84,10 +84,7 @@ def _best_paths(
 
 
 def _smoothed(problem: WarpProblem, paths: Floats) -> Floats:
-    """Parameters of smooth warps along coarse paths (n, STEPS + 1).
-
-    The log rates of the path, regressed on the basis with the prior's shape as ridge.
-    """
+    """Parameters of smooth warps with log rates nearest to those of paths (n, STEPS + 1)."""
     phase = midpoints(len(problem.basis) + 1)
     middle = (np.arange(STEPS) + 0.5) / STEPS
     design = np.stack([np.interp(middle, phase, column) for column in problem.basis.T], axis=1)

@@ -183,11 +183,7 @@ def _fit(
 
 
 def _mean_template(samples: Floats, template: Template, settings: AlignmentSettings) -> Template:
-    """Mean and scales of the aligned demonstrations, from a first template on.
-
-    After each round the mean is moved to the demonstrations' average timing, so that it neither
-    keeps the medoid's own hesitations nor drifts.
-    """
+    """Mean and scales of the aligned demonstrations, at their average timing."""
     grid = np.linspace(0.0, 1.0, settings.n_grid)
     for _ in range(settings.n_means):
         parameters = _fit(samples, template, settings, settings.n_iterations)

@@ -155,10 +155,7 @@ def schema_decoder(schema: Schema) -> Decoder | None:
 
 
 def _check_fields(type_name: str, text: str) -> None:
-    """Make sure that a definition has all fields of Jazzy's, or is that of another release.
-
-    It may have more.
-    """
+    """Make sure that a definition has all fields of Jazzy's or more, or is another release's."""
     store, found = jazzy_types(), get_types_from_msg(text, type_name)
     for name in found.keys() & jazzy_names():
         if any(found[name][1] == types.get(name, ((), ()))[1] for types in _releases()):

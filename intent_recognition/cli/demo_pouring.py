@@ -90,12 +90,7 @@ def _pairs(args: argparse.Namespace) -> Sequence[tuple[str, str]]:
 def _pour(
     args: argparse.Namespace, skill: Path, cup: str, second: str, above_m: float, console: Console
 ) -> Done:
-    """Start the nodes of the graph "pouring", ask for a pour, wait until it is over.
-
-    Raises:
-        IntentError: a node died, the pour was refused, or did not end.
-        KeyboardInterrupt: interrupted; all nodes are stopped by then.
-    """
+    """Start the nodes of the graph "pouring", ask for a pour, wait until it is over."""
     from intent_recognition.nodes.demo_observers import PouringObserver
 
     given = {

@@ -215,10 +215,7 @@ def _end(recorded: Demonstration, model: Model, arm: "ToolboxArm") -> Floats:
 
 
 def _report(args: argparse.Namespace, shown: Sequence[Shown], console: Console) -> int:
-    """Print what came of it; 1 if more than half was not recognised, or nothing was played out.
-
-    A page is closed when whoever watches it has seen enough.
-    """
+    """Print what came of it; 1 if more than half was not recognised, or nothing played."""
     if not shown:
         write_json(args.json, [])
         return int(not args.dashboard)

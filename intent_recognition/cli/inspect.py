@@ -103,10 +103,7 @@ def _bags_of(source: Path) -> list[Path]:
 def _inspect_bags(
     console: Console, root: Path, bags: Sequence[Path], dofs: DofSpec | None, is_one: bool
 ) -> tuple[list[object], bool]:
-    """All about one bag, or a line for each; their JSON objects, and whether one is damaged.
-
-    One alone that cannot be read is an error.
-    """
+    """All about one readable bag, or a line for each; JSON, and whether one is damaged."""
     found: list[tuple[Path, BagSummary | BagError]] = []
     stderr = Console(stderr=True)
     for bag in track(
@@ -136,10 +133,7 @@ def _inspect_bags(
 def _stream_faults(
     bags: Sequence[tuple[Path, BagSummary | BagError]], root: Path, dofs: DofSpec | None
 ) -> dict[Path, list[StreamFinding]]:
-    """What is wrong, or may be, between the streams of each bag.
-
-    Damaged bags, of which more cannot be told, have nothing listed.
-    """
+    """What may be wrong between the streams of each bag; nothing is told of damaged ones."""
     faults: dict[Path, list[StreamFinding]] = {path: [] for path, _ in bags}
     correlations, owners = [], []
     for path, summary in bags:

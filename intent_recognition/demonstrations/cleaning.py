@@ -227,10 +227,7 @@ def _increasing(stamps_ns: Integers) -> tuple[Integers, Counter[str]]:
 def _longest_increasing(
     stamps_ns: Integers, accepted: AcceptedPoses
 ) -> tuple[Integers, Counter[str]]:
-    """Accepted rows of the longest part with increasing stamps.
-
-    A track continues after its clock was set back, but a signal cannot.
-    """
+    """Accepted rows of the longest part with increasing stamps: a clock may have been set back."""
     rows, rejected = accepted.rows, accepted.rejected.copy()
     breaks = np.flatnonzero(np.diff(stamps_ns[rows]) <= 0) + 1
     if breaks.size:

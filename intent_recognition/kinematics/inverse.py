@@ -312,11 +312,7 @@ def _reference_rotation(wrist: Floats, elbow_angle: float) -> Floats:
 def _spherical_angles(
     rotation: Floats, sign: NDArray[np.int_] | int
 ) -> tuple[Floats, Floats, Floats]:
-    """Return (a, b, c) with rotation = Rz(a) Ry(-b) Rz(c) and b of the given sign.
-
-    c is what remains of the rotation after a, so that the product stays exact near b = 0, where a
-    is ill-conditioned.
-    """
+    """Return (a, b, c) with rotation = Rz(a) Ry(-b) Rz(c), exact also near b = 0."""
     x, y = rotation[..., 0, 2], rotation[..., 1, 2]
     sine = np.hypot(x, y)
     b = np.asarray(sign, dtype=np.float64) * np.arctan2(sine, rotation[..., 2, 2])

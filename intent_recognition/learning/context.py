@@ -73,10 +73,7 @@ def fit_context(
 
 
 def _typical_variance(tasks: Iterable[TaskStatistics]) -> Floats:
-    """Variance of the context about the means of the tasks, (M,).
-
-    Where it did not vary it is so large that no value of it counts.
-    """
+    """Variance of the context about the means of the tasks, (M,); huge where it did not vary."""
     tasks = list(tasks)
     scatter = np.sum([np.diag(task.context_scatter) for task in tasks], axis=0)
     variance = scatter / max(sum(task.n - 1 for task in tasks), 1)

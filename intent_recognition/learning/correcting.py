@@ -204,14 +204,7 @@ def _sheared(matrix: Floats, slopes: Floats) -> Floats:
 def _moved(
     task: TaskStatistics, change: RuleChange, basis: NormalizedRBFBasis, own: NormalizedRBFBasis
 ) -> TaskStatistics:
-    """The statistics of demonstrations whose controlled weights all follow the changed rule.
-
-    Args:
-        task: of the demonstrations.
-        change: in `basis`.
-        basis: of the change.
-        own: of the statistics.
-    """
+    """Statistics, over the basis `own`, that follow a rule changed over another `basis`."""
     if own != basis:
         change = _onto(own, basis, change)
     slopes, n_basis = change.slopes, own.n_basis

@@ -137,10 +137,7 @@ def _priors(
 
 
 def _log_relative(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> Floats:
-    """Log of their durations in parts of the usual ones of own task and rivals, one after another.
-
-    Those of the own task are without the demonstration.
-    """
+    """Log of their durations in parts of the usual ones of own task (without them) and rivals."""
     usual = [np.r_[one.log_duration, library.log_duration_mean[one.rivals]] for one in left_out]
     return np.concatenate(
         [np.log(one.duration_s) - of_one for one, of_one in zip(left_out, usual, strict=True)]

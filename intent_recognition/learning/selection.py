@@ -127,10 +127,7 @@ def choose(
 
 
 def _lags(library: TaskLibrary, tasks: Mapping[str, TaskStatistics]) -> list[float]:
-    """The lag after which the observed DOFs explain most of the controlled ones.
-
-    None where that is at once, or the longest of those compared: then nothing is a peak.
-    """
+    """The lag that explains most of the controlled DOFs, if it is a peak among those compared."""
     floor, _ = variance_scales(tasks, library.units)
     explained = explained_by_lag(pooled_moments(tasks.values()), library.n_observed, floor)
     most = int(np.argmax(explained))
@@ -182,10 +179,7 @@ def validate(
 def _follow(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
 ) -> tuple[Floats, Floats, Floats]:
-    """Log losses of demonstrations (A, n), and residuals of both agents after `FRACTIONS`.
-
-    The losses are means over the movement; the residuals are (f, n, s, P) and (f, n, s, Q).
-    """
+    """Mean log losses (A, n), and residuals after `FRACTIONS`: (f, n, s, P) and (f, n, s, Q)."""
     truth = np.array([one.truth for one in left_out])
     seen = np.array([one.seen for one in left_out])
     losses, observed, controlled = [], [], []

@@ -168,11 +168,7 @@ def _deviations(warps: Iterable[Warp]) -> Floats:
 
 
 def _deviation_std(deviations: Sequence[Floats]) -> Floats:
-    """Standard deviation of the phase deviation, pooled over tasks, (U,).
-
-    Recordings begin and end with the movement, where the deviation is zero: the variance is that
-    of a bridge, c^2 4 u (1 - u), with c fitted to the warps by least squares.
-    """
+    """Pooled standard deviation of the phase deviation (U,), of a bridge: c^2 4 u (1 - u)."""
     bridge = 4.0 * BRIDGE
     largest = DEFAULT_DEVIATION_STD
     if deviations:

@@ -152,10 +152,7 @@ def _unpack_tasks(
     kind: str,
     aligned: Mapping[str, TaskStatistics] | None = None,
 ) -> dict[str, TaskStatistics]:
-    """Statistics of each label, each with its aligned ones where there are any.
-
-    `named` are names and groups of the examples.
-    """
+    """Statistics of each label; `named` are names and groups of the examples."""
     edges = np.r_[0, np.cumsum(arrays[COUNT])]
     tasks = {}
     for row, label in enumerate(labels):

@@ -314,11 +314,7 @@ def observed_block(scatter: Scatter, size: int) -> Scatter:
 
 
 def _borrow(own: Scatter, pooled: Scatter, borrowed: float) -> tuple[Floats, float]:
-    """Covariance of a task from its own and all demonstrations, and its equivalent sample size.
-
-    Each task's outer products are divided by its degrees of freedom, so that they estimate a
-    covariance without bias; these estimates are averaged by their equivalent sample sizes.
-    """
+    """A task's covariance from unbiased ones of its own and all, and its equivalent sample size."""
     others = float(pooled.freedom - own.freedom)
     borrowed = min(borrowed, others)
     share = borrowed / others if others else 0.0

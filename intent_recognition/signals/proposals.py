@@ -161,9 +161,7 @@ def _interactions(signals: Sequence[Signal], movements: Sequence[Span]) -> list[
 def _at_home(signals: Sequence[Signal], movements: Sequence[Span]) -> tuple[Flags, Flags]:
     """Whether both agents are at home all through each movement, and at its end, (n,) each.
 
-    Home is around the session's first rest. Its limit divides all distances from it, of the rests
-    and of the farthest points of the movements, into two groups with the least variance within
-    (Otsu 1979).
+    Home is around the first rest; its limit divides all distances into two groups (Otsu 1979).
     """
     paths = [_path(signals, movement) for movement in movements]
     rests = np.array([path[[0, -1]] for path in paths])

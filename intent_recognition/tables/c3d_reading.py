@@ -89,11 +89,7 @@ def _by_c3d(library: Any, path: str) -> Arrays:
 
 
 def _all_labels(parts: Mapping[str, Any], count: int) -> list[str]:
-    """Labels of LABELS, LABELS2, ... in this order, where these go on with those before.
-
-    They do after a full parameter, or where `count` points have room for both; else they repeat
-    them, or say what else the points are called.
-    """
+    """Labels of LABELS, and of LABELS2, ... after a full one or for points without one."""
     order = sorted((key for key in parts if NAMED.fullmatch(key)), key=lambda key: (len(key), key))
     found: list[str] = []
     for key in order:

@@ -123,10 +123,7 @@ def on_end(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 
 def _by_numbers(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Arrays of numbered demonstrations on end: of those with the same names for each number.
-
-    They are taken for such where they are called so, or have other lengths for each number.
-    """
+    """Arrays of numbered demonstrations, called so or of differing lengths, on end."""
     found: dict[int, dict[str, NDArray[Any]]] = {}
     rest = {}
     for key, array in arrays.items():
@@ -174,10 +171,7 @@ def goes_on_along_rows(array: NDArray[Any]) -> bool:
 
 
 def _roughness(array: NDArray[Any], axis: int) -> float:
-    """Mean square of the steps along an axis over twice the variance along it: 1 for noise.
-
-    After von Neumann (1941), over all lines together. Infinite where nothing changes.
-    """
+    """Mean square step along an axis over twice the variance (von Neumann 1941): 1 for noise."""
     if array.dtype.kind not in "fiub":
         return np.inf
     values = np.asarray(array[:1000, :1000], np.float64)  # of a large one a part says enough
@@ -237,11 +231,7 @@ def _numbered(arrays: dict[str, NDArray[Any]], lengths: NDArray[Any]) -> dict[st
 
 
 def _units(top: Any, names: Collection[str]) -> NDArray[Any]:
-    """Pairs (n, 2) of arrays, or elements of them, and what attributes `units` say of them.
-
-    Those of a group, or the file, hold for all in it. Arrays of numbered demonstrations, which are
-    put on end, have all units that are said in any.
-    """
+    """Pairs (n, 2) of arrays, or their elements, and all units said of them or of groups around."""
     found: dict[str, set[str]] = {}
 
     def visit(path: str, item: Any) -> None:

@@ -251,10 +251,7 @@ def _openpose(groups: Groups, person: Mapping[str, Any]) -> Points:
 
 
 def _people(key: str, frame: Any) -> list[Any]:
-    """Landmarks of each person, or hand, in a frame of MediaPipe, however they are nested.
-
-    Of a frame with several kinds those under the key are read, as in all others.
-    """
+    """Landmarks under a key of each person, or hand, in a frame of MediaPipe, however nested."""
     if isinstance(frame, dict):
         frame = frame.get(key)
     if isinstance(frame, list) and frame and isinstance(frame[0], int | float):  # as COCO has them

@@ -180,10 +180,7 @@ def _is_nested(kind: Any) -> bool:
 def _with_file(
     parquet: Any, path: Path, action: Callable[[Any], Any], single: Sequence[str] = ()
 ) -> Any:
-    """What `action` makes of an open file; whatever is wrong with it is a BagError.
-
-    Texts in the columns `single` come as dictionaries: one that is repeated is kept once.
-    """
+    """What `action` makes of an open file, texts in columns `single` kept once; else a BagError."""
     try:
         check_regular(path)
         with parquet.ParquetFile(path, read_dictionary=list(single)) as file:

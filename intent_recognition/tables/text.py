@@ -100,10 +100,7 @@ def open_text(path: Path, skip_rows: int) -> Table:
 
 
 def _comments(path: Path, encoding: str) -> int:
-    """Lines of comment at the begin, before the line of names, which may begin with a # itself.
-
-    Excel's first line `sep=;` is one.
-    """
+    """Lines of comment, or Excel's `sep=;`, before the line of names, which may begin with a #."""
     count = 0
     try:
         with path.open(encoding=encoding, newline="") as stream:
@@ -140,10 +137,7 @@ def _before_places(path: Path, skip_rows: int, encoding: str) -> tuple[int, Sequ
 
 
 def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
-    """The line of names, and of units; where it is a row of values, columns have numbers.
-
-    Before it, lines of one cell, or of a key and its value, are titles.
-    """
+    """The line of names, and of units, below titles; where it is a row of values, numbers."""
     counts = [sum(bool(cell.strip()) for cell in row) for row in head]
     if not any(counts):
         raise unusable(path, "a line of column names", "an empty file", "Check the path.")
@@ -214,10 +208,7 @@ def _is_second_line(rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _is_shifted(row: Sequence[str], width: int) -> bool:
-    """Whether a row has more numbers than names: unnamed row numbers, or decimal commas.
-
-    Texts of the last column may have the separator in them.
-    """
+    """Whether a row has more numbers than names; texts of its last column may have separators."""
     return len(row) > width and _is_number(row[width - 1]) and any(map(str.strip, row[width:]))
 
 

@@ -223,11 +223,7 @@ def _of_day(hour: int, half: str | None) -> int:
 
 
 def _nanoseconds(text: str, per: int) -> int:
-    """A number, or a time of day, as nanoseconds.
-
-    Raises:
-        ArithmeticError, ValueError: it is none, or far beyond any time.
-    """
+    """A number, or a time of day, as nanoseconds; ArithmeticError or ValueError if none."""
     if day := TIME_OF_DAY.fullmatch(text):
         hours = _of_day(int(day["hours"] or 0), day["half"])
         minutes, rest = day["minutes"] or day["short"], day["seconds"] or day["rest"]

@@ -92,10 +92,7 @@ def _levels(depth: Floats, radius: Floats, wall: Floats, depth_m: float) -> Floa
 
 
 def _inner(depth: Floats, radius: Floats, rim: Rim) -> Floats:
-    """Mean radius and depth (m, 2) of the points inside, from the rim to the floor.
-
-    They are gathered by the angle at which they are seen from the axis at half the depth.
-    """
+    """Mean radius and depth (m, 2) of the points inside, by their angle from half the depth."""
     pole = 0.5 * float(np.quantile(depth, 0.98))
     start = np.arctan2(-pole, rim.radius_m)
     angle = (np.arctan2(depth - pole, radius) - start) / (0.5 * np.pi - start)
@@ -109,10 +106,7 @@ def _inner(depth: Floats, radius: Floats, rim: Rim) -> Floats:
 def _profile(
     inner: Floats, outer: Floats, floor_m: float | None, base_seen: bool, rim: Rim
 ) -> tuple[Floats, float]:
-    """Radius and depth from the crest to the middle of the floor, and the object's height.
-
-    A base or floor that was not seen is where the thickness of the wall lets one expect it.
-    """
+    """Radius and depth from crest to floor, expected by the wall where unseen, and the height."""
     floor_thickness = FLOOR_TO_WALL * _thickness(inner, outer, rim)
     height = rim.depth_m
     if floor_m is None:

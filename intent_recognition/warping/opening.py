@@ -105,10 +105,7 @@ def _hypotheses(points: Floats, probability: Floats, middle: Floats) -> Floats:
 
 
 def _directions(normals: Floats, likely: Floats) -> Floats:
-    """Where an opening may point (m, 3): along principal axes of the normals, or back.
-
-    Walls face across the axis of a container and its floor along it.
-    """
+    """Where an opening may point (m, 3): along principal axes of the normals, or back."""
     _, axes = np.linalg.eigh(normals.T @ normals)
     return np.concatenate([axes.T, -axes.T, -likely])
 
