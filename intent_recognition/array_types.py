@@ -16,6 +16,14 @@ Flags = NDArray[np.bool_]
 AClass = TypeVar("AClass", bound=type)
 
 
+def settle(owner: object, **values: object) -> None:
+    """Set attributes of a frozen dataclass that is being made; arrays cannot be written to then."""
+    for name, value in values.items():
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
+        object.__setattr__(owner, name, value)
+
+
 class _Short(Repr):
     """As Python's, but for arrays, of which the shape is said, and for what holds them."""
 

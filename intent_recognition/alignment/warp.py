@@ -15,7 +15,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from intent_recognition.array_types import Floats, brief
+from intent_recognition.array_types import Floats, brief, settle
 from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import NormalizedRBFBasis
 
@@ -65,13 +65,9 @@ class Warp:
             got = f"{self.shift}, {np.min(log_rate)} to {np.max(log_rate)}"
             cure = "Align with a smaller rate_std."
             raise ArgumentError.about("shift, log_rate", expected, got, cure)
-        log_rate.setflags(write=False)
         steps = np.cumsum(np.exp(log_rate)) / log_rate.size
         recorded = float(self.shift) + np.concatenate([[0.0], steps])
-        recorded.setflags(write=False)
-        object.__setattr__(self, "shift", float(self.shift))
-        object.__setattr__(self, "log_rate", log_rate)
-        object.__setattr__(self, "recorded", recorded)
+        settle(self, shift=float(self.shift), log_rate=log_rate, recorded=recorded)
 
     @classmethod
     def identity(cls, n_grid: int = 2) -> Warp:

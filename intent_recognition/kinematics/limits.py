@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intent_recognition.array_types import Flags, Floats
+from intent_recognition.array_types import Flags, Floats, settle
 from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError
 
 POSITION_TOLERANCE_RAD = 1e-9
@@ -42,8 +42,7 @@ class JointLimits:
             if name not in ("lower", "upper") and np.any(array <= 0.0):
                 cure = "Limits are symmetric magnitudes."
                 raise ArgumentError.about(name, "positive values", array, cure)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+            settle(self, **{name: array})
         if np.any(self.lower >= self.upper):
             cure = "Swap them."
             raise ArgumentError.about("lower", f"values below upper {self.upper}", self.lower, cure)

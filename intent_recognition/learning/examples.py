@@ -164,16 +164,16 @@ def _assemble(
         np.vstack([fit.weights for fit in fits]),
         np.concatenate([fit.residual_variance for fit in fits]),
         (recorded.end_ns - recorded.start_ns) * 1e-9,
-        np.hstack([_at(sample_phases(), part) for part in parts[:n_observed]]),
-        np.hstack([_at(scored_phases(), part) for part in parts[n_observed:]]),
+        np.hstack([interpolated(sample_phases(), *part) for part in parts[:n_observed]]),
+        np.hstack([interpolated(scored_phases(), *part) for part in parts[n_observed:]]),
         context=recorded.context_values,
         group=recorded.metadata.get(GROUP, ""),
     )
 
 
-def _at(phases: Floats, part: _Part) -> Floats:
-    """Values interpolated linearly at other phases, (len(phases), d)."""
-    columns = [np.interp(phases, part.phase, column) for column in part.values.T]
+def interpolated(phases: Floats, at: Floats, values: Floats) -> Floats:
+    """Values (T, d) at phases (T,), linearly interpolated at other ones, (s, d)."""
+    columns = [np.interp(phases, at, column) for column in values.T]
     return np.stack(columns, axis=1)
 
 

@@ -8,7 +8,12 @@ import numpy as np
 
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.gaussian import Gaussian, Regression, regression
-from intent_recognition.learning.examples import TrainingExample, scored_phases
+from intent_recognition.learning.examples import (
+    TrainingExample,
+    interpolated,
+    sample_phases,
+    scored_phases,
+)
 from intent_recognition.learning.hyperparameters import STRENGTH, Hyperparameters
 from intent_recognition.learning.persons import covariance_of_strangers, people, without_group
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
@@ -167,18 +172,11 @@ def _left_out(
         rivals,
         np.array([means[rival][:size] for rival in rivals]).reshape(-1, size),
         samples,
-        _at_scored_phases(samples),
+        interpolated(scored_phases(), sample_phases(), samples),
         as_recorded.controlled,
         as_recorded.duration_s,
         rest.log_duration,
     )
-
-
-def _at_scored_phases(samples: Floats) -> Floats:
-    """Samples of the observed agent (m, P) at the scored phases, (s, P)."""
-    phases = (np.arange(len(samples)) + 0.5) / len(samples)
-    columns = [np.interp(scored_phases(), phases, column) for column in samples.T]
-    return np.stack(columns, axis=1)
 
 
 def evenly(items: Sequence[T], most: int) -> list[T]:

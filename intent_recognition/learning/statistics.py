@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from hashlib import blake2b
+from typing import Any
 
 import numpy as np
 
@@ -104,31 +105,28 @@ def merge_statistics(first: TaskStatistics, second: TaskStatistics) -> TaskStati
     n = first.n + second.n
     share, pairs = second.n / n, first.n * second.n / n
     step = second.mean - first.mean
-    outer = np.outer(step, step)
+    context_step = second.context_mean - first.context_mean
+    log_step = second.log_duration_mean - first.log_duration_mean
+
+    def summed(name: str, apart: Floats | float = 0.0) -> Any:
+        return getattr(first, name) + getattr(second, name) + apart
+
     aligned = None
     if first.aligned is not None and second.aligned is not None:
         aligned = merge_statistics(first.aligned, second.aligned)
-    context_step = second.context_mean - first.context_mean
-    log_step = second.log_duration_mean - first.log_duration_mean
     return TaskStatistics(
         n=n,
         mean=first.mean + share * step,
-        scatter=first.scatter + second.scatter + pairs * outer,
+        scatter=summed("scatter", pairs * np.outer(step, step)),
         lowest=np.minimum(first.lowest, second.lowest),
         highest=np.maximum(first.highest, second.highest),
-        residual_sum=first.residual_sum + second.residual_sum,
+        residual_sum=summed("residual_sum"),
         log_duration_mean=first.log_duration_mean + share * log_step,
-        log_duration_scatter=first.log_duration_scatter
-        + second.log_duration_scatter
-        + pairs * log_step**2,
-        duration_sum_s=first.duration_sum_s + second.duration_sum_s,
+        log_duration_scatter=summed("log_duration_scatter", pairs * log_step**2),
+        duration_sum_s=summed("duration_sum_s"),
         context_mean=first.context_mean + share * context_step,
-        context_scatter=first.context_scatter
-        + second.context_scatter
-        + pairs * np.outer(context_step, context_step),
-        context_cross=first.context_cross
-        + second.context_cross
-        + pairs * np.outer(step, context_step),
+        context_scatter=summed("context_scatter", pairs * np.outer(context_step, context_step)),
+        context_cross=summed("context_cross", pairs * np.outer(step, context_step)),
         examples=_draw((*first.examples, *second.examples)),
         aligned=aligned,
     )

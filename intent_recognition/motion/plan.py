@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, settle
 from intent_recognition.kinematics import (
     POSITION_TOLERANCE_RAD,
     RATE_TOLERANCE,
@@ -103,11 +103,9 @@ class JointPlan:
     outside: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "times_s", np.round(np.multiply(self.times_s, 1e9)) * 1e-9)
+        settle(self, times_s=np.round(np.multiply(self.times_s, 1e9)) * 1e-9)
         for name in ("times_s", "positions", "velocities", "phase", "phase_rate"):
-            array = np.array(getattr(self, name), dtype=np.float64)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+            settle(self, **{name: np.array(getattr(self, name), dtype=np.float64)})
 
     @property
     def duration_s(self) -> float:

@@ -11,6 +11,7 @@ from html import escape
 from pathlib import Path
 from typing import Any, Literal
 
+from intent_recognition.array_types import settle
 from intent_recognition.errors import ResourceBusyError, ShapeError
 from intent_recognition.report.stylesheet import STYLESHEET
 
@@ -69,7 +70,7 @@ class TableBlock:
                 raise ShapeError.about(f"row {number}", expected, len(row), cure)
             forms = (column.form for column in self.columns)
             rows.append(tuple(map(_written, row, forms)))
-        object.__setattr__(self, "rows", tuple(rows))
+        settle(self, rows=tuple(rows))
 
 
 def _written(value: object, form: str) -> str | None:

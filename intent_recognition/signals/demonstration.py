@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, settle
 from intent_recognition.errors import ArgumentError, IntentError, ShapeError, check_type, one_line
 from intent_recognition.signals.arrays import as_numbers, as_seconds, check_times
 from intent_recognition.signals.signal import GROUP, LABEL, MIN_SAMPLES, Signal, can_name_task
@@ -65,11 +65,10 @@ class Demonstration:
         """Copy the mappings, so that nobody else can change them; make angles continuous."""
         for agent in ("observed", "controlled"):
             made = [continuous(signal) for signal in getattr(self, agent)]
-            object.__setattr__(self, agent, tuple(signal for signal, _ in made))
             names = (*self.wrapped, *(name for _, jumped in made for name in jumped))
-            object.__setattr__(self, "wrapped", names)
-        for name in ("metadata", "rejected", "frames"):
-            object.__setattr__(self, name, dict(getattr(self, name)))
+            settle(self, **{agent: tuple(signal for signal, _ in made), "wrapped": names})
+        mappings = {name: dict(getattr(self, name)) for name in ("metadata", "rejected", "frames")}
+        settle(self, **mappings)
 
     @classmethod
     def from_arrays(

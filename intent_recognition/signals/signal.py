@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intent_recognition.array_types import Floats, Integers, brief
+from intent_recognition.array_types import Floats, Integers, brief, settle
 from intent_recognition.errors import ArgumentError, ShapeError
 
 POSITION_FIELDS = tuple(f"pose.position.{axis}" for axis in "xyz")
@@ -60,10 +60,7 @@ class Signal:
         if not np.all(np.isfinite(values)):
             cure = "Leave such samples out."
             raise ArgumentError.about("values", "finite numbers", "NaN or infinity", cure)
-        stamps.setflags(write=False)
-        values.setflags(write=False)
-        object.__setattr__(self, "stamps_ns", stamps)
-        object.__setattr__(self, "values", values)
+        settle(self, stamps_ns=stamps, values=values)
 
     def seconds(self, start_ns: int) -> Floats:
         """Times of the samples in seconds after `start_ns`, (T,)."""

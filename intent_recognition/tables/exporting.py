@@ -153,7 +153,7 @@ def write_lerobot(folder: Path, columns: Columns, dofs: DofSpec) -> dict[str, ob
         "index": np.arange(len(names)),
         "task_index": np.array([tasks.index(task) for task in columns[TASK].tolist()]),
     }
-    groups = {HUMAN: _names(dofs, ("observed", "context")), ROBOT: _names(dofs, ("controlled",))}
+    groups = {HUMAN: (*dofs.observed_names, *dofs.context_names), ROBOT: dofs.controlled_names}
     values = {
         key: np.column_stack([columns[name] for name in group])
         for key, group in groups.items()
@@ -192,10 +192,6 @@ def write_lerobot(folder: Path, columns: Columns, dofs: DofSpec) -> dict[str, ob
     for name, content in (("info", info), ("stats", stats)):
         (folder / f"meta/{name}.json").write_text(json.dumps(content, indent=2), encoding="utf-8")
     return _map(dofs, columns, groups)
-
-
-def _names(dofs: DofSpec, sides: Sequence[str]) -> list[str]:
-    return [name for side in sides for entry in getattr(dofs, side) for name in entry.names]
 
 
 def _feature(kind: str, size: int = 1, names: Sequence[str] | None = None) -> dict[str, object]:

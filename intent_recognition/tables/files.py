@@ -65,15 +65,22 @@ def _is_packed(path: Path) -> bool:
 
 def has_tables(source: Path) -> bool:
     """Whether something of a path can be imported as a table."""
-    if source.is_file() or is_lerobot(source):
-        return is_lerobot(source) or is_table(source)
-    return any(path.is_file() and is_table(path) for path in source.rglob("*"))
+    return bool(_tables(source))
 
 
 def find_tables(source: Path) -> list[Path]:
     """What of a path can be imported: itself, or what is in a folder, sorted by name."""
-    if is_lerobot(source) or (source.is_file() and is_table(source)):
-        return [source]
+    if found := _tables(source):
+        return found
+    kinds = ", ".join([*TEXTS, *SUFFIXES])
+    got = "nothing of that name" if not source.exists() else "none"
+    cure = "Check the path; unpack what is packed; save spreadsheets as CSV."
+    raise BagError.about(str(source), f"{kinds} or a LeRobot data set", got, cure)
+
+
+def _tables(source: Path) -> list[Path]:
+    if is_lerobot(source) or source.is_file():
+        return [source] if is_lerobot(source) or is_table(source) else []
     files = [path for path in source.rglob("*") if path.is_file() and is_table(path)]
     frames = {path.parent for path in files if path.name.endswith(FRAMES)}
     sets = {path.parent.parent for path in files if path.match(LEROBOT)}
@@ -82,13 +89,7 @@ def find_tables(source: Path) -> list[Path]:
         for path in files
         if path.parent not in frames and not any(one in path.parents for one in sets)
     ]
-    found = sorted({*alone, *frames, *sets})
-    if not found:
-        kinds = ", ".join([*TEXTS, *SUFFIXES])
-        got = "nothing of that name" if not source.exists() else "none"
-        cure = "Check the path; unpack what is packed; save spreadsheets as CSV."
-        raise BagError.about(str(source), f"{kinds} or a LeRobot data set", got, cure)
-    return found
+    return sorted({*alone, *frames, *sets})
 
 
 def name_below(source: Path, path: Path) -> str:

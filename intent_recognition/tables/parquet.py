@@ -32,8 +32,7 @@ def parquet_table(source: Path, files: Sequence[Path], names: Mapping[str, Seque
 
     `names` are those of the elements of list columns, where they have any.
     """
-    parquet = optional("pyarrow.parquet")
-    places = _places(parquet, files[0], names)
+    places = _places(files[0], names)
     own = [name for name, (_, element, alias) in places.items() if not alias]
     numbers = {places[name][:2]: k for k, name in enumerate(own)}
     aliases = {name: numbers[place[:2]] for name, place in places.items() if place[2]}
@@ -41,16 +40,16 @@ def parquet_table(source: Path, files: Sequence[Path], names: Mapping[str, Seque
     def read(wanted: Sequence[int]) -> list[Values]:
         chosen = [places[own[k]] for k in wanted]
         stored = list(dict.fromkeys(column for column, _, _ in chosen))
-        _check_size(parquet, files, stored)
+        _check_size(files, stored)
         single = [column for column, element, _ in chosen if element is None]
-        parts = [_read(parquet, file, stored, single) for file in files]
+        parts = [_read(file, stored, single) for file in files]
         columns = {name: np.concatenate([part[name] for part in parts]) for name in stored}
         return [
             columns[column] if element is None else columns[column][:, element]
             for column, element, _ in chosen
         ]
 
-    units = _with_file(parquet, files[0], _units)
+    units = _with_file(files[0], _units)
     said = {k: units.get(places[name][0], "") for k, name in enumerate(own)}
     return Table(source, tuple(own), read, aliases=aliases, units=said)
 
@@ -64,7 +63,7 @@ def _units(file: Any) -> dict[str, str]:
 
 
 def _places(
-    parquet: Any, path: Path, names: Mapping[str, Sequence[str]]
+    path: Path, names: Mapping[str, Sequence[str]]
 ) -> dict[str, tuple[str, int | None, bool]]:
     """Stored column and element of each name, and whether it is a second name of it."""
     places: dict[str, tuple[str, int | None, bool]] = {}
@@ -76,7 +75,7 @@ def _places(
                 if not _is_nested(kind):
                     places[column] = (column, None, False)
                 continue
-            _check_size(parquet, [path], [column])
+            _check_size([path], [column])
             elements = [name for name, _ in flat(_first_list(file, column))]
             count = len(elements)
             check_columns(path, len(places) + count)
@@ -88,7 +87,7 @@ def _places(
             if count == 1:
                 places.setdefault(column, (column, 0, True))
 
-    _with_file(parquet, path, look)
+    _with_file(path, look)
     return places
 
 
@@ -109,20 +108,18 @@ def _first_list(file: Any, column: str) -> Any:
     return []
 
 
-def _read(
-    parquet: Any, path: Path, columns: Sequence[str], single: Sequence[str]
-) -> dict[str, Values]:
+def _read(path: Path, columns: Sequence[str], single: Sequence[str]) -> dict[str, Values]:
     """Columns of one file, (T,) or, where they are not `single` but hold lists, (T, d)."""
 
     def load(file: Any) -> dict[str, Values]:
         table = _flattened(file.read(columns=list(columns)))
         return {name: _values(table.column(name), path, name) for name in columns}
 
-    found: dict[str, Values] = _with_file(parquet, path, load, single)
+    found: dict[str, Values] = _with_file(path, load, single)
     return found
 
 
-def _check_size(parquet: Any, files: Sequence[Path], columns: Sequence[str]) -> None:
+def _check_size(files: Sequence[Path], columns: Sequence[str]) -> None:
     """Bound what columns take, all files together, before any is read."""
     starts = tuple(f"{column}." for column in columns)
     taken = 0
@@ -138,7 +135,7 @@ def _check_size(parquet: Any, files: Sequence[Path], columns: Sequence[str]) -> 
             raise UntrustedError(f"columns of {taken} bytes, more than {MOST_ARRAYS}")
 
     for path in files:
-        _with_file(parquet, path, look)
+        _with_file(path, look)
 
 
 def _values(column: Any, path: Path, name: str) -> Values:
@@ -177,10 +174,9 @@ def _is_nested(kind: Any) -> bool:
     return str(kind).startswith(("struct<", "map<", "extension<", "binary", "large_binary"))
 
 
-def _with_file(
-    parquet: Any, path: Path, action: Callable[[Any], Any], single: Sequence[str] = ()
-) -> Any:
+def _with_file(path: Path, action: Callable[[Any], Any], single: Sequence[str] = ()) -> Any:
     """What `action` makes of an open file, texts in columns `single` kept once; else a BagError."""
+    parquet = optional("pyarrow.parquet")
     try:
         check_regular(path)
         with parquet.ParquetFile(path, read_dictionary=list(single)) as file:

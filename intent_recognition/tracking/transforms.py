@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, settle
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.signals import LEAST_QUATERNION, rotation_matrix
 
@@ -64,10 +64,7 @@ class RigidTransform:
         if np.isnan(unit[0]):
             cure = "Use 0 0 0 1 for none."
             raise ArgumentError.about("quaternion", "a rotation", "all zeros", cure)
-        for array in (translation, unit):
-            array.setflags(write=False)
-        object.__setattr__(self, "translation", translation)
-        object.__setattr__(self, "quaternion", unit)
+        settle(self, translation=translation, quaternion=unit)
 
     @classmethod
     def identity(cls) -> "RigidTransform":

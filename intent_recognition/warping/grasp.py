@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, settle
 from intent_recognition.errors import ArgumentError, ShapeError
 
 LARGEST_M = 1e6
@@ -48,9 +48,7 @@ class Grasp:
         if not (np.isfinite(self.width_m) and self.width_m > 0.0):
             cure = "Give the distance of the two contacts in metres."
             raise ArgumentError.about("width_m", "a number above 0", self.width_m, cure)
-        pose.setflags(write=False)
-        object.__setattr__(self, "pose", pose)
-        object.__setattr__(self, "width_m", float(self.width_m))
+        settle(self, pose=pose, width_m=float(self.width_m))
 
     @property
     def centre(self) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from intent_recognition.array_types import Floats, brief
+from intent_recognition.array_types import Floats, brief, settle
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.warping.grasp import LARGEST_M, Grasp
 
@@ -56,9 +56,7 @@ class ObjectCloud:
                 "normals", "finite ones, not 0", f"{bad.sum()} others of {len(bad)}", cure
             )
         normals /= length[:, None]
-        for name, array in (("points", points), ("normals", normals)):
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+        settle(self, points=points, normals=normals)
 
 
 @brief
@@ -92,9 +90,7 @@ class AnnotatedObject(ObjectCloud):
             cure = "Use CONTAINER 0, RIM 1 and HANDLE 2."
             got = np.setdiff1d(labels, list(Part))[:3]
             raise ArgumentError.about("labels", "values of Part", got, cure)
-        labels = labels.astype(int)
-        labels.setflags(write=False)
-        object.__setattr__(self, "labels", labels)
+        settle(self, labels=labels.astype(int))
 
 
 def checked_points(points: Floats) -> Floats:
