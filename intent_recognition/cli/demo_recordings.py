@@ -72,7 +72,7 @@ def run_recordings(args: argparse.Namespace, console: Console) -> int:
     bags = find_bags(args.recordings)
     arm, home = _arm(args, model)
     shown: list[Shown] = []
-    make_observer = partial(RecordingObserver, model.dofs.observed[0])
+    make_observer = partial(RecordingObserver, model.dofs.observed[0], arm.robot.joint_names)
     with watched_graph(args, make_observer, simulated_time=False) as (observer, watch):
         refuse_busy_domain(observer, watch)
         if args.dashboard:
@@ -81,7 +81,9 @@ def run_recordings(args: argparse.Namespace, console: Console) -> int:
             watch.processes.start(call.name, call.module, call.parameters, params_file=args.params)
         started = {name for name in watch.processes.names if name not in ARMS}
         watch.until(lambda: started <= watch.reported, START_S, "the nodes' reports")
-        watch.until(lambda: observer.joints is not None, START_S, "the arm's joint states")
+        watch.until(
+            lambda: bool(np.all(np.isfinite(observer.posture))), START_S, "the arm's joint states"
+        )
         if args.dashboard:
             watch.until(lambda: answers(page_address(args)), START_S, "the page")
             say(console, f"the page is at {page_address(args)}")
@@ -175,7 +177,7 @@ def _play(
     watch: NodeWatch,
 ) -> Shown:
     """Play the person's part of a recording, and wait until the arm is at home again."""
-    names, dofs = arm.robot.joint_names, model.dofs
+    dofs = model.dofs
     recorded, _ = read_demonstrations(bag, dofs)
     lasts_s = sum((one.end_ns - one.start_ns) * 1e-9 for one in recorded)
     observer.begin()
@@ -188,12 +190,10 @@ def _play(
     watch.processes.start(PLAYER, "intent_recognition.nodes.bag_player", values)
     watch.until(lambda: not watch.processes.running(PLAYER), START_S + lasts_s, "the recording")
     watch.until_or(lambda: not observer.active, AFTER_S)
-    task, after_s, posture = observer.task, observer.acted_s, observer.posture(names)
+    task, after_s, posture = observer.task, observer.acted_s, observer.held
 
     def at_home() -> bool:
-        joints = observer.joints or {}
-        here = np.array([joints.get(name, np.inf) for name in names])
-        return bool(np.all(np.abs(here - home) < 0.05))
+        return bool(np.all(np.abs(observer.posture - home) < 0.05))
 
     watch.until_or(at_home, 20.0)
     label, off_cm = ", ".join(dict.fromkeys(one.task or "-" for one in recorded)), np.nan

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Nodes that take down what the cell does, during a recording that is played or a pour."""
 
+from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -13,23 +15,25 @@ from std_srvs.srv import Trigger
 
 from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import DofEntry
+from intent_recognition.errors import MessageError
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import message_class
+from intent_recognition.nodes.conversions import joint_values, message_class
 from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.nodes.runtime import now_ns
 from intent_recognition.nodes.warped_primitive import OBJECTS, REFUSED, REQUEST
 
 
 class RecordingObserver(Node):
-    """Notes the active task, and where the arm is, from one recording to the next.
+    """Notes the active task, and where these joints of the arm are, from one recording to the next.
 
-    A recording has begun by its first observed sample. Its first active task is `task`; `held` is
-    the posture farthest from the one before, while that was active; None without one.
+    A recording has begun by its first observed sample. Its first active task is `task`; `posture`
+    is the newest (n,), NaN before the first, and `held` the one farthest from that at the begin,
+    while the task was active; None without one.
     """
 
-    def __init__(self, entry: DofEntry, **kwargs: Any) -> None:
+    def __init__(self, entry: DofEntry, joints: Sequence[str], **kwargs: Any) -> None:
         super().__init__("recording_observer", **kwargs)
-        self.joints: dict[str, float] | None = None
+        self._joints, self.posture = joints, np.full(len(joints), np.nan)
         self._forget = self.create_client(Trigger, "intent_estimator/reset")
         self.begin()
         take = self.create_subscription
@@ -40,8 +44,8 @@ class RecordingObserver(Node):
     def begin(self) -> None:
         """Forget what was noted: another recording follows."""
         self.task, self.active = "", False
-        self.held: dict[str, float] | None = None
-        self._before, self._farthest = self.joints, 0.0
+        self.held: Floats | None = None
+        self._before, self._farthest = self.posture, 0.0
         self._began_ns = self._acted_ns = 0
         if self._forget.service_is_ready():
             self._forget.call_async(Trigger.Request())
@@ -50,10 +54,6 @@ class RecordingObserver(Node):
     def acted_s(self) -> float:
         """Time from the first sample to the active task; NaN without one [s]."""
         return (self._acted_ns - self._began_ns) * 1e-9 if self.task else np.nan
-
-    def posture(self, names: tuple[str, ...]) -> Floats | None:
-        """Positions (n,) of these joints where the arm went; None where it did not move."""
-        return None if self.held is None else np.array([self.held[name] for name in names])
 
     def _begun(self, _: bytes) -> None:
         self._began_ns = self._began_ns or now_ns(self)
@@ -64,11 +64,11 @@ class RecordingObserver(Node):
         self.active = bool(message.data)
 
     def _take_joints(self, message: JointState) -> None:
-        self.joints = joints = dict(zip(message.name, message.position, strict=False))
-        if self.active and self.task and self._before is not None:
-            distance = sum((joints[name] - q) ** 2 for name, q in self._before.items())
-            if distance > self._farthest:
-                self._farthest, self.held = distance, joints
+        with suppress(MessageError):  # of other joints, such as the gripper's
+            self.posture = joint_values(message, self._joints)
+            distance = float(np.linalg.norm(self.posture - self._before))
+            if self.active and self.task and distance > self._farthest:
+                self._farthest, self.held = distance, self.posture
 
 
 class PouringObserver(Node):

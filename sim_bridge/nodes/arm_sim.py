@@ -123,7 +123,8 @@ class ArmSim(Node):
     ) -> PouringScene | TransferScene | None:
         name, seed, stamp = self._given["scene"], self._given["seed"], self.clock.stamp
         if name == TRANSFERS:
-            return TransferScene(self, self.arm, seed, lever_m, stamp, self._answers.note)
+            note = self._answers.note
+            return TransferScene(self, self.arm, seed, lever_m, stamp, self.diagnostics, note)
         return pouring.begin(self.arm, seed, stamp) if name == POURING else None
 
     def _make_topics(self) -> None:

@@ -8,6 +8,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from intent_recognition.nodes.diagnostics import UNANSWERED, Diagnostics
+from intent_recognition.registry import ANSWERS
 from sim_bridge.arm import NO_ANSWER_S, Edge, LockStep
 
 LEFT_S = 0.2
@@ -41,7 +42,12 @@ class ClockAnswers:
         node = message.header.frame_id
         if node not in self._answering:
             return {}
-        counts = dict(zip(message.name, map(int, message.position), strict=True))
+        try:
+            counts = dict(zip(message.name, map(int, message.position), strict=True))
+        except (ValueError, OverflowError):
+            text = f"{ANSWERS} of {node}: expected one whole number a topic"
+            self._diagnostics.reject("bad_answer", text)
+            return {}
         return self._lock_step.hear(node, counts)
 
     def all_came(self) -> bool:

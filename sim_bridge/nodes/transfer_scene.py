@@ -16,7 +16,9 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 
-from intent_recognition.nodes.conversions import position_array
+from intent_recognition.errors import MessageError, one_line
+from intent_recognition.nodes.conversions import joint_values, position_array
+from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.people import named_people
 from intent_recognition.nodes.qos import LATCHED, SENSOR, STATE
 from intent_recognition.transfer import Holding
@@ -43,6 +45,7 @@ class TransferScene:
         seed: of the person.
         lever_m: as of `ToolboxTransfers`.
         stamp: of a message now.
+        diagnostics: count what cannot be used.
         note: called with the topic of what is taken, or sent to those whom the clock waits for.
     """
 
@@ -53,9 +56,11 @@ class TransferScene:
         seed: int,
         lever_m: float,
         stamp: Callable[[], Time],
+        diagnostics: Diagnostics,
         note: Callable[[str], None],
     ) -> None:
         self._stamp, self._note, self._arm = stamp, note, arm
+        self._diagnostics = diagnostics
         self._first_step: int | None = None
         self._holding = node.create_publisher(Bool, HOLDING, STATE)
         self._hand = node.create_publisher(JointState, HAND, STATE)
@@ -94,10 +99,17 @@ class TransferScene:
         self._note(HOLDING)
 
     def _on_transfer(self, message: JointState) -> None:
-        values = dict(zip(message.name, message.position, strict=True))
-        numbers = (values[name] for name in ("load_share", "weight", "grip_force"))
-        self._world.follow(Holding(message.header.frame_id), *numbers)
         self._note(TAKES[0])
+        try:
+            numbers = joint_values(message, ("load_share", "weight", "grip_force"))
+            holding = Holding(message.header.frame_id)
+        except (MessageError, ValueError) as error:
+            self._diagnostics.reject("bad_transfer", one_line(error))
+            return
+        if not np.all(np.isfinite(numbers)):
+            self._diagnostics.reject("not_finite", f"{TAKES[0]} holds NaN or infinity")
+            return
+        self._world.follow(holding, *numbers.tolist())
 
     def _on_person(self, message: String) -> None:
         self._world.attend(message.data)

@@ -20,11 +20,13 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Header, String
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.demonstrations import DofEntry
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.nodes import mocap_ingest, object_warper, task_teacher
 from intent_recognition.nodes.conversions import to_joint_state, to_pose
-from intent_recognition.nodes.demo_observers import PouringObserver
+from intent_recognition.nodes.demo_observers import PouringObserver, RecordingObserver
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.nodes.object_transfer import NAMES
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.nodes.session_observer import SessionObserver
 from intent_recognition.nodes.warped_primitive import WarpedPrimitiveNode
@@ -36,6 +38,9 @@ from sim_bridge.scenarios.pouring.task_space import OPENING_M
 ROUNDS, SEED = 40, 14
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 LABELS = ("plate_handover", "screw_handover", "hold_screwdriver", "none")
+WRIST = DofEntry(
+    "mocap/wrist/pose", "geometry_msgs/msg/PoseStamped", fields=("pose.position.x",), unit="m"
+)
 PERSON = ("wrist.x", "wrist.y", "wrist.z")
 SEQUENCE = """
 box:
@@ -86,6 +91,10 @@ def good(node, topic, kind):
         return copy.deepcopy(told("tea_cup", tuple(LIP_M))[name == "cup/pose"])
     if name in ("second/parameters", "second/pose"):
         return copy.deepcopy(told("paper_cup", None, tuple(OPENING_M))[name == "second/pose"])
+    if name == "intent/transfer":
+        found = to_joint_state(NAMES, (0.2, 3.0, 4.0, 20.0, 0.0), time_ns=now.nanoseconds)
+        found.header.frame_id = "carrying"
+        return found
     if kind is JointState and name.startswith("intent/"):
         values = (0.98, 0.01, 0.0, 0.01)
         found = to_joint_state(LABELS, values, values, time_ns=now.nanoseconds)
@@ -138,7 +147,11 @@ NODES = {
     "coworker": lambda harness, *_: harness.node(CoworkerSim),
     "session": lambda harness, *_: harness.add(SessionObserver(print, print)),
     "pouring": lambda harness, *_: harness.add(PouringObserver()),
+    "recording": lambda harness, *_: harness.add(RecordingObserver(WRIST, JOINT_NAMES)),
     "arm": lambda harness, *_: harness.node(LwrSim),
+    "hand_over": lambda harness, *_: harness.node(
+        LwrSim, scene="transfers", publish_clock=True, wait_for_answers=["plate_handover"]
+    ),
 }
 TELLS = {
     "mocap": ("mocap/wrist/pose", Odometry, "human/wrist"),
@@ -147,6 +160,7 @@ TELLS = {
     "warper": ("object/cloud", JointState, "object/parameters"),
     "primitive": ("pour", JointTrajectory, "intent/robot_trajectory"),
     "arm": ("joint_trajectory", JointState, "joint_states"),
+    "hand_over": ("joint_trajectory", JointState, "joint_states"),
 }
 """What a good message is answered with, by topic."""
 

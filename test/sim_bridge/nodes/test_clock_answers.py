@@ -3,6 +3,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 
@@ -24,8 +25,8 @@ def waiting(monkeypatch):
     node = SimpleNamespace(get_node_names=lambda: happened.there)
     answers = ClockAnswers(node, [NAME], diagnostics, ["joint_trajectory"])
 
-    def answer(n):
-        message = JointState(name=["joint_states"], position=[float(n)])
+    def answer(*n):
+        message = JointState(name=["joint_states"], position=[float(one) for one in n])
         message.header.frame_id = NAME
         answers.hear(message)
 
@@ -40,6 +41,13 @@ def test_time_goes_on_with_the_answer(waiting):
     answers, answer, happened = waiting
     answer(1)
     assert answers.all_came() and not answers.wait() and not happened.rejected
+
+
+@pytest.mark.parametrize("numbers", [(), (1, 1), (np.nan,), (np.inf,)])
+def test_an_answer_that_cannot_be_read_is_rejected(waiting, numbers):
+    answers, answer, happened = waiting
+    answer(*numbers)
+    assert happened.rejected[0][0] == "bad_answer" and not answers.all_came()
 
 
 def test_a_node_that_does_not_answer_is_named_and_waited_for_no_more(waiting):

@@ -49,6 +49,22 @@ def test_a_plate_is_taken_from_its_stand(harness):
     assert holding[0].data
 
 
+BAD = [
+    ("", [0.2, 4.0, 20.0], "bad_transfer"),
+    ("carrying", [0.2, 4.0], "bad_transfer"),
+    ("carrying", [0.2, np.nan, 20.0], "not_finite"),
+]
+
+
+@pytest.mark.parametrize(("holding", "values", "reason"), BAD)
+def test_a_transfer_that_cannot_be_followed_is_rejected(harness, holding, values, reason):
+    node = harness.node(LwrSim, scene="transfers")
+    message = JointState(name=["load_share", "weight", "grip_force"], position=values)
+    message.header.frame_id = holding
+    node.scene._on_transfer(message)
+    assert node.diagnostics.rejected(reason) == 1
+
+
 @pytest.mark.slow
 def test_the_persons_hand_is_told_whenever_its_first_pose_came(harness):
     node = harness.node(LwrSim, real_time_factor=5.0, scene="transfers")
