@@ -115,15 +115,12 @@ class CellSubscriptions:
 
     def _hear_estimator(self, name: str) -> None:
         of = f"intent/{name}/" if name else "intent/"
+        person = self._state.people[name]  # what is queued comes after it is shown no more
+        predicted = partial(self._on_predicted, person)
         self._beliefs[name] = self._subscribe(
-            (JointState, f"{of}tasks", partial(self._on_tasks, name), qos.STATE),
-            (
-                JointTrajectory,
-                f"{of}robot_trajectory",
-                partial(self._on_predicted, name),
-                qos.COMMAND,
-            ),
-            (MarkerArray, f"{of}markers", partial(self._on_markers, name), qos.COMMAND),
+            (JointState, f"{of}tasks", partial(self._on_tasks, person), qos.STATE),
+            (JointTrajectory, f"{of}robot_trajectory", predicted, qos.COMMAND),
+            (MarkerArray, f"{of}markers", partial(self._on_markers, person), qos.COMMAND),
         )
 
     def _subscribe(self, *inputs: tuple) -> list[Subscription]:
@@ -150,31 +147,29 @@ class CellSubscriptions:
         if self._is_shown(person):
             self._state.people[person].take_wrist(position, self._clock())
 
-    def _on_tasks(self, person: str, message: JointState) -> None:
+    def _on_tasks(self, person: PersonState, message: JointState) -> None:
         names = checked_names("name", message.name, MOST_NAMES)
         check("name", "at least one task", len(names) > 0, "none")
         chances = checked_numbers("position", message.position, (len(names),))
         check("position", "probabilities", np.all((chances >= 0.0) & (chances <= 1.0)), chances)
         phase = checked_numbers("velocity", message.velocity, (len(names),))
-        self._state.people[person].take_posterior(Posterior(names, chances, phase), self._clock())
+        person.take_posterior(Posterior(names, chances, phase), self._clock())
 
-    def _on_predicted(self, person: str, message: JointTrajectory) -> None:
+    def _on_predicted(self, person: PersonState, message: JointTrajectory) -> None:
         names = checked_names("joint_names", message.joint_names, MOST_NAMES)
         check("points", f"at most {MOST_POINTS}", len(message.points) <= MOST_POINTS, "more")
         rows = [checked_numbers("positions", p.positions, (len(names),)) for p in message.points]
         positions = np.array(rows).reshape(len(rows), len(names))
         task = checked_text("frame_id", message.header.frame_id)
-        state = self._state.people[person]
-        state.predicted = PredictedMotion(task, names, positions)
-        state.predicted_at_s = self._clock()
+        person.predicted = PredictedMotion(task, names, positions)
+        person.predicted_at_s = self._clock()
 
-    def _on_markers(self, person: str, message: MarkerArray) -> None:
+    def _on_markers(self, person: PersonState, message: MarkerArray) -> None:
         lines = [_points(m) for m in message.markers if m.type == Marker.LINE_STRIP]
         tubes = [_points(m) for m in message.markers if m.type == Marker.TRIANGLE_LIST]
         if len(lines) == 2 and len(tubes) == 1:
             check("points", "three corners of each triangle", len(tubes[0]) % 3 == 0, "others")
-            state = self._state.people[person]
-            state.drawn, state.drawn_at_s = PathMarkers(*lines, *tubes), self._clock()
+            person.drawn, person.drawn_at_s = PathMarkers(*lines, *tubes), self._clock()
 
     def _on_transfer(self, message: JointState) -> None:
         names = checked_names("name", message.name, MOST_NAMES)

@@ -127,9 +127,10 @@ class SessionObserver(Node):
         return lambda message: take(now_ns(self), message)
 
     def _take(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
-        take(message)
-        self._heard[topic] += 1
-        self._answers.publish(answer_of(self.get_name(), self._heard))
+        if self._inputs:  # what is queued comes after it was closed
+            take(message)
+            self._heard[topic] += 1
+            self._answers.publish(answer_of(self.get_name(), self._heard))
 
     def close(self) -> None:
         """Unsubscribe: what comes after the session is not part of it."""

@@ -14,6 +14,8 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import Marker, MarkerArray
 
 from intent_recognition.dashboard.robot_view import MOST_JOINTS
 from intent_recognition.dashboard.scene import DARK
@@ -210,6 +212,15 @@ def test_each_person_has_a_belief_a_hand_and_a_colour_and_the_helped_one_is_name
     assert fed.reasons() == ["malformed intent/active_person"]
 
 
+GOOD = {
+    JointState: JointState(name=["a"], position=[1.0], velocity=[0.1]),
+    JointTrajectory: JointTrajectory(),
+    MarkerArray: MarkerArray(
+        markers=[Marker(type=Marker.LINE_STRIP)] * 2 + [Marker(type=Marker.TRIANGLE_LIST)]
+    ),
+}
+
+
 def test_who_is_seen_no_more_makes_room_for_somebody_new(fed):
     names = [f"p{k}" for k in range(MOST_PEOPLE + 1)]
     for name in names:
@@ -219,12 +230,15 @@ def test_who_is_seen_no_more_makes_room_for_somebody_new(fed):
     shown = lambda: [name for name in fed.state.people if name]  # noqa: E731
     assert shown() == names[:-1]  # all of them were seen within the plotted time
     fed.now_s += PLOTTED_S
+    queued = [s for topic, s in fed.topics.items() if topic.startswith("/intent/p0/")]
     for name in names[1:]:
         fed.hear(f"/human/{name}/wrist", Odometry())
     assert shown() == names[1:] and set(fed.page._watch._people) == {"", *names[1:]}
     handles = fed.page._server.scene._handle_from_node_name
     assert "/people/p0/wrist" not in handles and f"/people/{names[-1]}/wrist" in handles
     assert "/intent/p0/tasks" not in fed.topics
+    for subscription in queued:
+        subscription.callback(GOOD[subscription.msg_type])
     fed.hear("/human/p0/wrist", Odometry())  # comes back: there is no room
     assert shown() == names[1:]
 

@@ -29,9 +29,14 @@ def test_a_task_taught_meanwhile_is_left_out(harness):
 def test_closed_it_hears_no_more(harness):
     observer = harness.add(SessionObserver(print, print, namespace="closing"))
     publisher = harness.publisher(JointState, "closing/intent/tasks", qos.STATE)
-    harness.connect(publisher)
+    answers = harness.collect(JointState, "closing/clock_answers", qos.FEEDBACK)
+    harness.connect(publisher, observer._answers)
+    tasks = next(s for s in observer._inputs if s.topic_name == "/closing/intent/tasks")
     observer.close()
-    harness.spin_until(lambda: publisher.get_subscription_count() == 0)
+    tasks.callback(told(["plate"], [1.0]))  # was queued
+    observer.close()
+    harness.spin_until(lambda: publisher.get_subscription_count() == 0 and len(answers) >= 2)
+    assert not any(answer.name for answer in answers)
     assert observer.log().probabilities.size == 0
 
 
