@@ -29,34 +29,45 @@ class BagPart(NamedTuple):
     custom_data: Mapping[str, str]
 
 
-def cut_bag(reader: BagReader, parts: Sequence[BagPart], leave_out: Collection[str] = ()) -> None:
+def cut_bag(
+    reader: BagReader, parts: Sequence[BagPart], leave_out: Collection[str] = ()
+) -> list[dict[str, int]]:
     """Write parts of a recording, in order of time, as bags; every message as it is.
 
     Topics of the absolute names `leave_out` are not copied.
+
+    Returns:
+        The messages of each part by topic; none of a part without any, which becomes no bag.
 
     Raises:
         ResourceBusyError: a directory exists already or cannot be made.
         DiskFullError: too little space; what was written before is whole.
     """
-    waiting = list(parts)
+    topics = [name for name in reader.topics if name not in leave_out]
+    counts: list[dict[str, int]] = [{} for _ in parts]
+    waiting = list(zip(parts, counts, strict=True))
     with ExitStack() as stack:
         writer: BagWriter | None = None
         for message in reader.raw_messages():
-            while waiting and message.log_time_ns > waiting[0].end_ns:
+            while waiting and message.log_time_ns > waiting[0][0].end_ns:
                 waiting.pop(0)
                 if writer is not None:
                     writer.close()
                     writer = None
             if not waiting:
-                return
-            if message.log_time_ns < waiting[0].start_ns or message.topic in leave_out:
+                break
+            part, count = waiting[0]
+            if message.log_time_ns < part.start_ns or message.topic in leave_out:
                 continue
             if writer is None:
                 writer = stack.enter_context(
-                    BagWriter(waiting[0].path, waiting[0].custom_data, flush_period_s=None)
+                    BagWriter(part.path, part.custom_data, flush_period_s=None)
                 )
                 declare_topics(writer, reader, leave_out)
+                count |= dict.fromkeys(topics, 0)
             writer.write_raw(message)
+            count[message.topic] += 1
+    return counts
 
 
 def declare_topics(writer: BagWriter, reader: BagReader, leave_out: Collection[str] = ()) -> None:

@@ -73,6 +73,10 @@ def run(args: argparse.Namespace) -> int:
                 left_out.append(found)
                 continue
             written = found.write(args.output)
+            if not written:
+                why = "no message between start and end of its segment", "Correct the map."
+                left_out.append(Rejection(found.name, "", 0, *why))
+                continue
             totals.update(written)
             count += 1
             n_unlabelled += "task" not in found.custom_data

@@ -176,15 +176,14 @@ class ImportedBag:
     end_ns: int
 
     def write(self, folder: Path) -> dict[str, int]:
-        """Write it below a folder; returns the messages by topic.
+        """Write it below a folder; returns the messages by topic, none where there is no message.
 
         Raises:
             ResourceBusyError: it exists already.
         """
-        reader = BagReader(self.source)
-        path = folder / self.name
-        cut_bag(reader, [BagPart(self.start_ns, self.end_ns, path, self.custom_data)])
-        return {topic.name: topic.message_count for topic in BagReader(path).topics.values()}
+        part = BagPart(self.start_ns, self.end_ns, folder / self.name, self.custom_data)
+        (counts,) = cut_bag(BagReader(self.source), [part])
+        return counts
 
 
 def bag_parts(

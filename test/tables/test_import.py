@@ -280,7 +280,7 @@ def test_a_map_is_suggested_and_asked_for(values, tmp_path, capsys):
     assert written.read_text(encoding="utf-8") == "corrected by hand"
 
 
-def test_bags_of_other_storages_get_labels_and_are_cut(tmp_path):
+def test_bags_of_other_storages_get_labels_and_are_cut(tmp_path, capsys):
     for name in ("give_1.bag", "take_1.bag"):
         write_ros1(tmp_path / name)
     entries = {side: [{k: v for k, v in one.items() if k != "columns"} for one in MAP[side]]
@@ -294,6 +294,11 @@ def test_bags_of_other_storages_get_labels_and_are_cut(tmp_path):
     parts = imported(tmp_path, tmp_path, content)
     assert [d.name for d in parts] == ["give_1_000", "give_1_001", "take_1_000", "take_1_001"]
     assert parts[1].observed[0].stamps_ns.size == 13
+    capsys.readouterr()
+    content["segments"].append({"start": 7.0, "end": 8.0})
+    shutil.rmtree(tmp_path / "bags")
+    assert len(imported(tmp_path, tmp_path, content)) == 4
+    assert "left out give_1_002: no message between start and end" in capsys.readouterr().out
 
 
 def test_the_cure_is_said_once_where_nothing_can_be_imported(tmp_path, capsys):
