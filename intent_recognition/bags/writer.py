@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import math
 import os
 import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import IO, Any, TypeVar, cast
 
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
@@ -31,12 +32,13 @@ from intent_recognition.errors import BagError, ResourceBusyError, as_path, one_
 
 FLUSH_PERIOD_S = 0.5
 """Longest time a message stays in memory [s]. Convention: a killed recorder loses less than 1 s."""
+Result = TypeVar("Result")
 CHUNK_BYTES = 2**20
 """Size of a chunk before compression [bytes]. MCAP's default."""
 
 
 class DiskFullError(BagError):
-    """The disk is full or nearly so; the bag holds all that was written before."""
+    """The disk is full, nearly so or gone; the bag holds all that was written before."""
 
 
 class BagWriter:
@@ -80,7 +82,7 @@ class BagWriter:
         self._pending = 0
         self._pending_bytes = 0
         self._described_s = -math.inf
-        self.closed = False
+        self.closed = True
         self._open()
 
     def __enter__(self) -> BagWriter:
@@ -196,10 +198,11 @@ class BagWriter:
         """
         if self.closed:
             return
-        self.closed = True
         self._guard(self._writer.finish)
+        self._pending = 0
         self._stream.close()
-        self._write_metadata()
+        self._guard(self._write_metadata)
+        self.closed = True
 
     def _open(self) -> None:
         try:
@@ -212,17 +215,17 @@ class BagWriter:
             expected = "a directory that can be made"
             raise ResourceBusyError.about("output", expected, got, cure) from error
         try:
-            free = self._disk_usage(self.path).free
-            if free < self._min_free_bytes:
-                raise self._disk_full(free)
-            self._stream = _SafeStream(self.path / f"{self.path.name}_0.mcap")
-        except (OSError, DiskFullError):
+            self._check_disk()
+            path = self.path / f"{self.path.name}_0.mcap"
+            self._stream = self._guard(lambda: _SafeStream(path))
+        except DiskFullError:
             self.path.rmdir()
             raise
+        self.closed = False
         self._writer = Writer(cast(IO[bytes], self._stream), chunk_size=CHUNK_BYTES)
         self._guard(lambda: self._writer.start("ros2", "intent_recognition"))
         self._flushed_s = self._clock()
-        self._write_metadata()
+        self._guard(self._write_metadata)
         labels = {RECORD_KEY: dump_metadata(self._metadata())}
         self._guard(lambda: self._writer.add_metadata(RECORD_NAME, labels))
 
@@ -257,21 +260,24 @@ class BagWriter:
             self._check_disk()
 
     def _check_disk(self) -> None:
-        free = self._disk_usage(self.path).free
+        free = self._guard(lambda: self._disk_usage(self.path).free)
         if free < self._min_free_bytes:
             self.close()
             raise self._disk_full(free)
 
-    def _guard(self, action: Callable[[], object]) -> None:
-        """Write to the file; when the disk fails, a readable file remains."""
+    def _guard(self, action: Callable[[], Result]) -> Result:
+        """Use the disk; when it fails, a readable file remains."""
         try:
-            action()
+            return action()
         except OSError as error:
+            if not self.closed:
+                self._stream.close()
             self.closed = True
-            self._stream.close()
-            lost = f"{one_line(error)}; the last {self._pending} messages did not fit"
-            cure = "Free space, record again."
-            raise DiskFullError.about(str(self.path), "room on the disk", lost, cure) from error
+            expected, cure = "a writable directory", "Choose another output, record again."
+            if error.errno in (errno.ENOSPC, errno.EDQUOT):
+                expected, cure = "room on the disk", "Free space, record again."
+            got = f"{one_line(error)}; the last {self._pending} messages are lost"
+            raise DiskFullError.about(str(self.path), expected, got, cure) from error
 
     def _disk_full(self, free: int) -> DiskFullError:
         need = f"at least {self._min_free_bytes / 2**20:.0f} MiB free"

@@ -9,6 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -269,11 +270,29 @@ def test_a_write_that_fails_leaves_what_was_flushed(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "write", full)
     for i in range(10, 15):
         writer.write_message("p", POSE, pose(i), i)
-    with pytest.raises(DiskFullError, match="5 messages did not fit"):
+    with pytest.raises(DiskFullError, match=r"room on the disk.*the last 5 messages are lost"):
         writer.flush()
     monkeypatch.undo()
     writer.close()
     assert [m.log_time_ns for m in BagReader(tmp_path / "bag").messages()] == list(range(10))
+
+
+@pytest.mark.parametrize("end", [BagWriter.flush, BagWriter.close])
+def test_a_folder_that_is_deleted_is_said(tmp_path, end):
+    writer = BagWriter(tmp_path / "bag", clock=SteppingClock(2.0))
+    shutil.rmtree(tmp_path / "bag")
+    with pytest.raises(DiskFullError, match=r"a writable directory, .*: No such file"):
+        end(writer)
+    writer.close()
+
+
+def test_a_folder_that_nothing_can_be_written_into_is_said(tmp_path, monkeypatch):
+    for name in ("open", "fsync"):
+        monkeypatch.setattr(os, name, Mock(side_effect=PermissionError(13, "Permission denied")))
+        with pytest.raises(DiskFullError, match=r"a writable directory, got .*ermission denied"):
+            BagWriter(tmp_path / name)
+        monkeypatch.undo()
+    assert not (tmp_path / "open").exists()
 
 
 @pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("mount"), reason="needs to mount a disk")
