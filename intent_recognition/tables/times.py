@@ -112,9 +112,10 @@ def is_clock(name: str, values: Values) -> bool:
 def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, name: str) -> Stamps:
     """Times (T,) as stamps, without rounding where the column holds whole numbers or decimal texts.
 
-    Dates, also as text (`DATES`), are taken as they are. Times of day go on after midnight, minutes
-    and seconds after an hour. The unit is a key of `PER_UNIT`. They count from `since_ns`; None
-    for 1970 where they are later than 2001, else `SINCE_NS`.
+    Dates, also as text (`DATES`), are taken as they are: between slashes and dashes the month comes
+    first, unless a first number of the column is above 12, between dots the day. Times of day go on
+    after midnight, minutes and seconds after an hour. The unit is a key of `PER_UNIT`. They count
+    from `since_ns`; None for 1970 where they are later than 2001, else `SINCE_NS`.
     """
     per, place = PER_UNIT[unit], f"{source}: {name}"
     known = np.ones(values.size, bool)
@@ -134,20 +135,23 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
     else:
         counts = np.zeros(values.size, object)
         rounds = last = 0
-        for row, cell in enumerate(values):
-            text = str(cell).strip()
+        cells = [str(cell).strip() for cell in values]
+        dates = [_date(text) for text in cells]
+        day_first = next((date[0] for date in dates if date and 12 < int(date["first"]) < 100), "")
+        for row, (text, date) in enumerate(zip(cells, dates, strict=True)):
             known[row] = text.lower() not in MISSING
             try:
-                if known[row]:
-                    date_ns = _date_ns(text)
-                    are_dates |= date_ns is not None
-                    counts[row] = _nanoseconds(text, per) if date_ns is None else date_ns
-                    if date_ns is None and ":" in text:
+                if date is not None:
+                    are_dates, counts[row] = True, _date_ns(date, bool(day_first))
+                elif known[row]:
+                    counts[row] = _nanoseconds(text, per)
+                    if ":" in text:
                         round_ns = DAY_NS if text.count(":") > 1 else HOUR_NS
                         rounds += last - counts[row] > round_ns // 2
                         last, counts[row] = counts[row], counts[row] + rounds * round_ns
             except (ArithmeticError, ValueError) as error:
                 got = f"{text[:LONGEST_CELL]!r} in row {row + 1}"
+                got += f" beside {day_first!r}" * bool(day_first)
                 cure = "Name a column of numbers, 10:00:00.5 or 2024-01-31 10:00:00.5 under time."
                 raise BagError.about(place, "times", got, cure) from error
     if are_dates:
@@ -186,22 +190,22 @@ def _checked(counts: NDArray[Any], known: Flags, since_ns: int, place: str, per:
     return np.where(known, counts, 0).astype(np.int64) + since_ns
 
 
-def _date_ns(text: str) -> int | None:
-    """A date and time as nanoseconds since 1970, without a zone in UTC; None where it is none.
+def _date(text: str) -> re.Match[str] | None:
+    """The parts of a date and time, None where it is none."""
+    return next(filter(None, (form.fullmatch(text) for form in DATES)), None)
 
-    Between slashes the month comes first, unless it is above 12; between dots the day.
+
+def _date_ns(date: re.Match[str], day_first: bool) -> int:
+    """A date and time as nanoseconds since 1970, without a zone in UTC.
 
     Raises:
         ValueError: there is no such day.
     """
-    match = next(filter(None, (form.fullmatch(text) for form in DATES)), None)
-    if match is None:
-        return None
-    said = {"between": "", "half": "", **match.groupdict()}
+    said = {"between": "", "half": "", **date.groupdict()}
     first, middle, last = (int(said[key]) for key in ("first", "middle", "last"))
     if len(said["first"]) == 4:
         year, month, day = first, middle, last
-    elif said["between"] == "." or first > 12:
+    elif said["between"] == "." or day_first:
         year, month, day = last, middle, first
     else:
         year, month, day = last, first, middle

@@ -16,9 +16,9 @@ from intent_recognition.tables.files import open_table
 from intent_recognition.tables.import_map import ImportMap
 
 
-def dated(seconds, form):
+def dated(seconds, form, start=datetime(2024, 1, 31, 11, 59, 59)):
     """A time on the last of January, before noon; `{}` are milliseconds."""
-    at = datetime(2024, 1, 31, 11, 59, 59) + timedelta(seconds=float(seconds))
+    at = start + timedelta(seconds=float(seconds))
     return at.strftime(form).format(f"{at.microsecond // 1000:03d}")
 
 
@@ -59,6 +59,9 @@ PLAIN = {
             "%H:%M:%S:{}",
         )
     },
+    "dates over the midnight after which the day must come first": plain(
+        scale=10.0, at=lambda t: dated(t, "%d/%m/%Y %H:%M:%S.{}", datetime(2024, 1, 12, 23, 59, 59))
+    ),
     "dates with decimal commas": plain(
         scale=10.0, separator=";", at=lambda t: f"2024-01-31 {day_time(t)}"
     ).replace(".", ","),
@@ -269,6 +272,13 @@ def test_joints_in_degrees_are_doubted_and_wrapped_ones_are_not(tmp_path):
 def test_a_time_that_may_mean_several_things_is_refused(text, tmp_path):
     samples, said = imported_csv(tmp_path, plain(scale=10.0, at=lambda t: text), unit="mm")
     assert samples is None and "expected times" in said
+
+
+def test_dates_of_which_no_order_is_possible_are_refused_with_both(tmp_path):
+    days = iter(f"{day} 10:00:00" for day in ["1/13/2024"] * (ROWS - 1) + ["13/1/2024"])
+    samples, said = imported_csv(tmp_path, plain(at=lambda t: next(days)), unit="mm")
+    assert samples is None
+    assert "got '1/13/2024 10:00:00' in row 1 beside '13/1/2024 10:00:00'" in said
 
 
 LEVELS = {
