@@ -88,18 +88,23 @@ class Commands:
         """Activate or deactivate `primitive_activation`, unless that is what it is already."""
         wanted = Transition.TRANSITION_ACTIVATE if enabled else Transition.TRANSITION_DEACTIVATE
         request = ChangeState.Request(transition=Transition(id=wanted))
+        notify = done or self.notify
+
+        def switched(ok: bool, text: str) -> None:
+            self.helping = enabled if ok else self.helping
+            notify(ok, text)
 
         def switch(future: Future) -> None:
             self._on_state(future)
             if future.cancelled():
-                (done or self.notify)(False, f"{ACTIVATION}/get_state did not answer")
+                notify(False, f"{ACTIVATION}/get_state did not answer")
             elif self.helping == enabled:
-                (done or self.notify)(True, "")
+                notify(True, "")
             else:
-                self._call(f"{ACTIVATION}/change_state", ChangeState, request, done)
+                self._call(f"{ACTIVATION}/change_state", ChangeState, request, switched)
 
         if not self._ask_for_state(switch):
-            (done or self.notify)(False, f"no node offers {ACTIVATION}/get_state")
+            notify(False, f"no node offers {ACTIVATION}/get_state")
 
     def ask_for_help(self) -> None:
         """Ask the activation whether it is active, whoever switched it; `helping` follows."""

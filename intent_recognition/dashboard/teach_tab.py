@@ -153,7 +153,7 @@ class TeachTab:
         for body, field in ((WRIST, self._wrist_goal), (HAND, self._hand_goal)):
             self._join(body, field)
         handles.on_moved(DIRECT, WRIST, lambda to: page.do(partial(teleoperation.drag_wrist, to)))
-        handles.on_moved(DIRECT, HAND, lambda to: page.do(partial(teleoperation.drag_hand, to)))
+        handles.on_moved(DIRECT, HAND, lambda to: page.do(partial(session.drag_hand, to)))
 
     def _join(self, body: str, field: viser.GuiVector3Handle) -> None:
         """Let a goal's handle and its field of numbers follow one another."""

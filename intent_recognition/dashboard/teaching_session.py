@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One session after the other: what has to happen, in which order, to show, record and learn."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -21,7 +22,7 @@ class TeachingSession:
     def __init__(self, teleoperation: Teleoperation, commands: Commands, rng: np.random.Generator):
         self._teleoperation, self._commands, self._rng = teleoperation, commands, rng
         self._notify = commands.notify
-        self.busy = self.recording = self.learned = False
+        self.busy = self.recording = self.learned = self._resumes = False
 
     def show(
         self, task: str, wrist_goal: Floats, hand_goal: Floats, length_s: float, vary: float
@@ -61,13 +62,20 @@ class TeachingSession:
         """End that recording."""
         self._finish(self._rest)
 
+    def drag_hand(self, position: Floats) -> None:
+        """Let the arm bring its hand to a position (3,) [m]; not beside a robot that helps."""
+        if self._commands.can_switch_help() and self._commands.helping:
+            self._notify(False, "the robot helps: begin to record before you drag its hand")
+        else:
+            self._teleoperation.drag_hand(position)
+
     def discard(self) -> None:
         """Do not learn what is being recorded by hand, or was recorded last."""
         if not self.recording and not self._is_free():
             return
 
         def discarded(ok: bool, text: str) -> None:
-            self.busy = self.recording = False
+            self._over()
             self._notify(ok, text)
 
         self._commands.trigger(f"{TEACHER}/discard", discarded)
@@ -107,28 +115,33 @@ class TeachingSession:
         """Switch the help off, name the task, start the recorder: one after the other."""
         self.busy = True
         calls = self._commands
+        steps = [
+            partial(calls.set_parameter, TEACHER, "learn_at_stop", False),
+            partial(calls.set_parameter, TEACHER, "task", task),
+            partial(calls.trigger, f"{TEACHER}/start"),
+        ]
+        if calls.can_switch_help():
+            self._resumes |= calls.helping
+            steps.insert(0, partial(calls.robot_helps, False))
 
-        def started(ok: bool, text: str) -> None:
-            if not ok:
-                self._fail(text)
-                return
+        def started() -> None:
             self.recording = True
             self._notify(True, f"recording {task}")
             then()
 
-        def named(ok: bool, text: str) -> None:
+        self._in_turn(steps, started)
+
+    def _in_turn(self, steps: Sequence[Callable], then: Callable[[], None]) -> None:
+        """Do each step once the one before has gone well."""
+
+        def done(ok: bool, text: str) -> None:
             if ok:
-                calls.trigger(f"{TEACHER}/start", started)
+                self._in_turn(steps[1:], then)
             else:
-                self._fail(text)
+                self._over()
+                self._notify(False, text)
 
-        def quiet(_ok: bool, _text: str) -> None:
-            calls.set_parameter(TEACHER, "task", task, named)
-
-        def waits(_ok: bool, _text: str) -> None:
-            calls.robot_helps(False, quiet)
-
-        calls.set_parameter(TEACHER, "learn_at_stop", False, waits)
+        steps[0](done) if steps else then()
 
     def _finish(self, then: Callable[[], None]) -> None:
         def stopped(ok: bool, text: str) -> None:
@@ -148,13 +161,19 @@ class TeachingSession:
     def _rest(self) -> None:
         self.busy = False
 
-    def _fail(self, text: str) -> None:
+    def _over(self) -> None:
+        """Nothing is recorded any more: the robot helps again if it did before."""
         self.busy = self.recording = False
-        self._notify(False, text)
+        if self._resumes and self._commands.can_switch_help():
+            self._commands.robot_helps(True, self._resumed)
+        self._resumes = False
+
+    def _resumed(self, ok: bool, text: str) -> None:
+        if not ok:
+            self._notify(ok, text)
 
     def _learned(self, ok: bool, text: str) -> None:
-        self.busy = False
-        self._notify(ok, text)
         if ok:
-            self.learned = True
-            self._commands.robot_helps(True, lambda _ok, _text: None)
+            self.learned = self._resumes = True
+        self._over()
+        self._notify(ok, text)

@@ -64,15 +64,16 @@ class ActivationOutput:
         self._diagnostics.tick("joint_trajectory")
 
     def look_for_others(self) -> bool:
-        """Whether the shared state of the command topic has changed; the page is not counted."""
+        """Whether `shared` has changed; the page of the same namespace is not counted."""
         before, self.shared = self.shared, ""
         topic = self._node.resolve_topic_name(self._command_topic)
         there = self._node.get_publishers_info_by_topic(topic)
         names = [(info.node_name, info.node_namespace) for info in there]
-        own = self._node.get_name(), self._node.get_namespace()
-        if own in names:
+        space = self._node.get_namespace()
+        if (own := (self._node.get_name(), space)) in names:
             names.remove(own)
-        if others := sorted({f"{space}/{name}" for name, space in names if name != "dashboard"}):
+        page = "dashboard", space
+        if others := sorted({f"{space}/{name}" for name, space in names if (name, space) != page}):
             who = " and ".join(other.replace("//", "/") for other in others)
             self.shared = f"shared arm: {who} publishes on {self._command_topic}, too"
         return self.shared != before

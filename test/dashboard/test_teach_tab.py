@@ -66,20 +66,74 @@ def test_what_waits_or_is_recorded_by_hand_can_be_discarded(tab):
     assert not tab._discard.disabled
 
 
-@pytest.mark.parametrize("by_hand", [True, False])
-def test_discarding_lets_go_on(by_hand):
-    said, asked = [], []
+class Graph:
+    """Answers what is asked of the teacher and the activation; refuses one of it."""
 
-    def trigger(service, done):
-        asked.append(service)
-        done(True, "kept aside")
+    def __init__(self, refused="", activation=True, helping=True):
+        self.asked, self.said, self.helping = [], [], helping
+        self._refused, self.can_switch_help = refused, lambda: activation
+        self.notify = lambda *what: self.said.append(what)
 
-    commands = SimpleNamespace(trigger=trigger, notify=lambda *what: said.append(what))
-    session = TeachingSession(None, commands, None)
-    session.busy = session.recording = by_hand
-    session.discard()
-    assert asked == ["task_teacher/discard"] and said == [(True, "kept aside")]
+    def _answer(self, asked, done):
+        self.asked.append(asked)
+        done(asked != self._refused, asked)
+
+    def trigger(self, service, done):
+        self._answer(service.removeprefix("task_teacher/"), done)
+
+    def set_parameter(self, node, name, value, done):
+        self._answer(name, done)
+
+    def robot_helps(self, enabled, done):
+        self._answer(f"help {enabled}", done)
+        self.helping = enabled
+
+
+def teaching(graph, dragged=()):
+    teleoperation = SimpleNamespace(holds_wrist=True, drag_hand=lambda to: dragged.append(to))
+    return TeachingSession(teleoperation, graph, None)
+
+
+OFF, ON = "help False", "help True"
+STEPS = [OFF, "learn_at_stop", "task", "start"]
+
+
+@pytest.mark.parametrize("refused", STEPS)
+def test_nothing_is_recorded_unless_all_went_well_and_the_robot_helps_again(refused):
+    session = teaching(graph := Graph(refused))
+    session.start_by_hand("wave")
+    assert graph.asked == [*STEPS[: STEPS.index(refused) + 1], ON]
+    assert graph.said == [(False, refused)]
     assert not session.busy and not session.recording
+
+
+@pytest.mark.parametrize("end", ["discard", "learn"])
+@pytest.mark.parametrize("refused", ["", "discard", "learn"])
+def test_the_robot_helps_again_at_every_end(end, refused):
+    dragged = []
+    session = teaching(graph := Graph(refused), dragged)
+    session.drag_hand(1)
+    session.start_by_hand("wave")
+    session.drag_hand(2)
+    assert dragged == [2] and session.recording
+    session.stop_by_hand()
+    session.start_by_hand("wave")
+    session.stop_by_hand()
+    getattr(session, end)()
+    assert graph.asked == [*STEPS, "stop", *STEPS, "stop", end, ON]
+    assert graph.said[-1] == (end != refused, end)
+    assert not session.busy and not session.recording
+
+
+@pytest.mark.parametrize("graph", [Graph(activation=False), Graph(helping=False)])
+def test_a_robot_that_did_not_help_is_left_alone(graph):
+    session = teaching(graph, dragged := [])
+    session.drag_hand(1)
+    session.start_by_hand("wave")
+    assert dragged == [1] and session.recording
+    session.discard()
+    assert graph.asked[-2:] == ["start", "discard"]
+    assert graph.said[-1] == (True, "discard") and not session.recording
 
 
 def test_the_steps_name_the_buttons(tab):

@@ -224,7 +224,8 @@ def test_two_who_command_are_an_error_and_refused(harness, allowed):
     page.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
     graph.begin()
     graph.until(lambda: graph.mode == "executing")
-    other = harness.probe.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
+    other_page = harness.add(Node("dashboard", namespace="other"))
+    other = other_page.create_publisher(JointTrajectory, "/joint_trajectory", qos.COMMAND)
     graph.until(lambda: graph.node._output.shared)
     status, values = graph.report()
     assert status.level == b"\x02" and "shared arm" in status.message
@@ -240,7 +241,7 @@ def test_two_who_command_are_an_error_and_refused(harness, allowed):
     )
     graph.run(30)
     assert graph.seen("joint_trajectory") == n
-    harness.probe.destroy_publisher(other)
+    other_page.destroy_publisher(other)
     graph.until(lambda: not graph.node._output.shared)
     graph.until(lambda: graph.mode == "executing")
 
