@@ -127,13 +127,8 @@ def score_online(
     """What the nodes would have done, by phase knowledge; see `summarise_online`.
 
     The models are those of `intent train`: learned from the movements, whatever the settings say.
-    Folds are merged to at most ten, which bounds the time.
-
-    Args:
-        demonstrations: labelled recordings.
-        folds: indices to train and to test on.
-        settings: how to learn.
-        progress: called with the number of recordings fed so far.
+    Folds are merged to at most ten, which bounds the time; `progress` is called with the number of
+    recordings fed so far.
 
     Raises:
         TrainingError: a fold cannot be learned from.

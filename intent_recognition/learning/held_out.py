@@ -176,12 +176,7 @@ def predict_agents(
 def expected_rows(library: TaskLibrary, followed: Followed) -> tuple[Floats, Floats]:
     """Basis functions of both agents at the scored phases, expected over phase deviations.
 
-    Args:
-        library: whose basis and phase deviation are used.
-        followed: as in `predict_agents`.
-
-    Returns:
-        Of the observed and the controlled DOFs, (n S, s, N) each.
+    Of the observed and the controlled DOFs, (n S, s, N) each; arguments as of `predict_agents`.
     """
     model, basis = library.phase_deviation, library.basis
     pace, relative = followed.pace.reshape(-1, 1), followed.relative.reshape(-1, 1)

@@ -79,10 +79,7 @@ def learn_switch_margin(
 ) -> float:
     """Evidence by which turning to another task is held to be rarer, in nats, zero or more.
 
-    Args:
-        library: the learned tasks; its own margin is not used.
-        tasks: statistics that it was built from.
-        recorded: statistics of the examples as they were recorded.
+    Arguments as of `learn_left_out_odds`; the margin of the library is not used.
     """
     odds, _ = _of_left_out(library, tasks, recorded, largest_odds)
     # another task becomes more probable than the true one in one movement of twenty
@@ -94,11 +91,6 @@ def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> 
 
     At least `-NEGLIGIBLE`: less probable hypotheses are given up. Evidence counts as it is here,
     and to a power later (`filtering.posterior.counted_joint`): the margin is a cautious one.
-
-    Args:
-        library: one that does not know the movement.
-        task: number of the true one.
-        recorded: the movement.
     """
     largest = -NEGLIGIBLE
     for run in follow(replace(library, switch_margin=0.0), recorded):

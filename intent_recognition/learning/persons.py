@@ -56,9 +56,7 @@ def group_scatter(
 ) -> Grouped | None:
     """The scatter of K tasks' demonstrations by group; None where groups say nothing of people.
 
-    Args:
-        examples: of each task.
-        value: what is compared of an example, (d,).
+    Compared is a value (d,) of each example.
     """
     if not compares_people([[one.group for one in task] for task in examples]):
         return None
@@ -89,9 +87,7 @@ def people(tasks: Sequence[TaskStatistics]) -> int:
 def without_group(tasks: Sequence[TaskStatistics], name: str) -> list[TaskStatistics] | None:
     """The tasks without a person's demonstrations; None where one has no others, or all have one.
 
-    Args:
-        tasks: statistics, of which the demonstrations that were kept count.
-        name: the group; "" is nobody's.
+    Those that were kept whole count; the group "" is nobody's.
     """
     kept = [[one for one in task.examples if one.group != name] for task in tasks]
     if not name or not all(kept) or sum(map(len, kept)) == len(kept):

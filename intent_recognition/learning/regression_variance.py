@@ -37,14 +37,7 @@ def choose_regression_variance(
     """The variance of the coefficients under which the controlled agent is most probable.
 
     The first value is kept unless another is better by more than the standard error over the
-    demonstrations.
-
-    Args:
-        library: whose basis, noise and timing are used.
-        left_out: the demonstrations.
-        tasks: statistics of each label.
-        shares: of the movement after which it is predicted.
-        at_once: demonstrations filtered at a time, with their rivals.
+    demonstrations. Arguments as of `choose_duration_evidence`, and the statistics of each label.
     """
     parts = [
         _losses(library, left_out[first : first + at_once], tasks, samples_at(shares))

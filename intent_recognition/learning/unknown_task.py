@@ -47,10 +47,8 @@ def learn_none_margin(
 ) -> float:
     """Evidence that a known task must have over none before it counts, in nats, zero or more.
 
-    Args:
-        library: the learned tasks; its own none is not used.
-        tasks: statistics that it was built from.
-        recorded: statistics of the examples as they were recorded.
+    From the statistics `tasks` that the library was built from, and those of the examples as they
+    were `recorded`; its own none is not used.
     """
     leaving_out = LeavingOut(library, tasks)
     statistics = leaving_out.statistics
