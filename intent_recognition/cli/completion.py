@@ -7,7 +7,6 @@ import sys
 from typing import Any
 
 from intent_recognition.cli.options import a_path
-from intent_recognition.errors import ArgumentError
 
 COMPLETION = "--print-completion"
 SHELLS = ("bash", "zsh", "fish")
@@ -19,17 +18,10 @@ class PrintCompletion(argparse.Action):
     """Prints the script of the parser it belongs to, and ends."""
 
     def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: Any,
-        option_string: str | None = None,
+        self, parser: argparse.ArgumentParser, namespace: Any, values: Any, _: object = None
     ) -> None:
-        """Print it; one line on stderr and exit code 1 without shtab."""
-        try:
-            sys.stdout.write(completion(parser, values) + "\n")
-        except ArgumentError as error:
-            parser.exit(1, f"intent: {error}\n")
+        """Print it."""
+        sys.stdout.write(completion(parser, values) + "\n")
         parser.exit()
 
 

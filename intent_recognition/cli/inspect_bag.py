@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.bags import RECOVER, Damage
-from intent_recognition.cli.console import MOST_LISTED, escape, plain_table, print_facts
+from intent_recognition.cli.console import brief_list, escape, plain_table, print_facts
 from intent_recognition.demonstrations import BagSummary, TopicSummary
 from intent_recognition.errors import BagError
 
@@ -120,12 +120,10 @@ def moment(stamp_ns: int) -> str:
 def _print_gaps(console: Console, topic: TopicSummary, start_ns: int) -> None:
     if not topic.gaps:
         return
-    shown = ", ".join(
-        f"{length:.3f} s at {(stamp_ns - start_ns) * 1e-9:.2f} s"
-        for stamp_ns, length in topic.gaps[:MOST_LISTED]
+    shown = brief_list(
+        [f"{length:.3f} s at {(at_ns - start_ns) * 1e-9:.2f} s" for at_ns, length in topic.gaps]
     )
-    more = f", and {len(topic.gaps) - MOST_LISTED} more" if len(topic.gaps) > MOST_LISTED else ""
-    console.print(f"gaps in {escape(topic.name)}: {shown}{more}", style="yellow")
+    console.print(f"gaps in {escape(topic.name)}: {shown}", style="yellow")
 
 
 def _print_session(console: Console, summary: BagSummary) -> None:

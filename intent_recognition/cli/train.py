@@ -6,6 +6,14 @@ what is written:
 --output M.npz  model file to write
 --json OUT      what was learned and left out
 
+the order of tasks:
+--sessions DIR...  session bags, or folders of them, from which to learn which task follows which
+
+more demonstrations for a model that is there:
+--add M.npz     add the bags to this model, which keeps its DOFs, basis, onset thresholds and
+                regularisation
+--choose-again  with --add: choose the regularisation again
+
 # learn from the shipped recordings
 intent train bags/toolbox/train --output toolbox.npz
 # with DOFs of your own
@@ -37,8 +45,8 @@ from intent_recognition.cli.rejections import (
     print_mixed_frames,
     with_found,
 )
-from intent_recognition.cli.train_add import add_adding_options, add_to_model, check_adding
-from intent_recognition.cli.train_sessions import add_sessions_option, with_sessions
+from intent_recognition.cli.train_add import add_to_model, check_adding
+from intent_recognition.cli.train_sessions import with_sessions
 from intent_recognition.cli.train_workers import add_worker_options, workers
 from intent_recognition.cli.unlabelled import (
     add_unlabelled_options,
@@ -60,12 +68,10 @@ PACE_WORDS = {
 """How `PACES` are printed."""
 
 
-OPTIONS = {"output": {"required": True}}
+OPTIONS = {"output": {"required": True}, "sessions": {"default": []}}
 MORE = (
     partial(add_recording_options, segmentation="movement"),
     add_unlabelled_options,
-    add_sessions_option,
-    add_adding_options,
     add_worker_options,
 )
 

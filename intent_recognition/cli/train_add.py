@@ -8,7 +8,6 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli.console import brief_list, busy, say
-from intent_recognition.cli.options import add_options
 from intent_recognition.cli.recordings import DEFAULTS, accumulate_all
 from intent_recognition.cli.rejections import print_found, with_found
 from intent_recognition.demonstrations import load_dofs
@@ -22,19 +21,6 @@ from intent_recognition.learning import (
     choose_again,
 )
 from intent_recognition.model import Model, Run, check_dofs, load_trained, with_frames
-
-
-def add_adding_options(parser: argparse.ArgumentParser) -> None:
-    """Options of `train`."""
-    add_options(
-        parser,
-        """
-        more demonstrations for a model that is there:
-        --add M.npz     add the bags to this model, which keeps its DOFs, basis, onset thresholds
-                        and regularisation
-        --choose-again  with --add: choose the regularisation again
-        """,
-    )
 
 
 def check_adding(args: argparse.Namespace) -> None:
@@ -71,8 +57,16 @@ def add_to_model(
         with busy(console, "choosing the regularisation"):
             more, tried = choose_again(more)
     more = with_frames(more, found.frames)
-    report = with_found(_report(more, accumulated, tried), found)
-    return Model(more.library, dofs), report
+    report = TrainingReport(
+        accumulated.used,
+        accumulated.rejected,
+        more.chosen,
+        tried,
+        sum(task.n for task in more.tasks.values()),
+        accumulated.n_rejected,
+        more,
+    )
+    return Model(more.library, dofs), with_found(report, found)
 
 
 def _print_known(console: Console, trained: Trained, accumulated: Accumulated) -> None:
@@ -83,19 +77,6 @@ def _print_known(console: Console, trained: Trained, accumulated: Accumulated) -
         names = brief_list(again)
         say(console, f"the model already has recordings of these names: {names}", "yellow")
         say(console, "Those that are the same recordings are now counted twice.", "yellow")
-
-
-def _report(more: Trained, accumulated: Accumulated, tried: tuple) -> TrainingReport:
-    n_used = sum(task.n for task in more.tasks.values())
-    return TrainingReport(
-        accumulated.used,
-        accumulated.rejected,
-        more.chosen,
-        tried,
-        n_used,
-        accumulated.n_rejected,
-        more,
-    )
 
 
 def _check_settings(path: Path, given: TrainingSettings, kept: TrainingSettings) -> None:

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`--sessions`: learn from session bags which task follows which."""
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +8,6 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli.console import boxed_table
-from intent_recognition.cli.options import add_options
 from intent_recognition.cli.rejections import print_left_out
 from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.errors import BagError
@@ -17,19 +15,6 @@ from intent_recognition.learning import count_transitions, smoothed_transitions
 from intent_recognition.model import Model
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import FORGET_AFTER_S
-
-
-def add_sessions_option(parser: argparse.ArgumentParser) -> None:
-    """The option of `train`."""
-    add_options(
-        parser,
-        """
-        the order of tasks:
-        --sessions DIR...  session bags, or folders of them, from which to learn which task follows
-                           which
-        """,
-        sessions={"default": []},
-    )
 
 
 def with_sessions(model: Model, sessions: Sequence[Path], console: Console) -> Model:

@@ -39,7 +39,7 @@ from rich.table import Table
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.cli import output
-from intent_recognition.cli.console import busy, make_console
+from intent_recognition.cli.console import boxed_table, busy, make_console
 from intent_recognition.cli.options import number
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects import N_POINTS, find_object, load_object, load_target
@@ -147,13 +147,9 @@ def _table(
 ) -> Table:
     counts = np.bincount(warped.labels, minlength=len(Part))
     parts = ", ".join(f"{counts[part]} {part.name.lower()}" for part in Part)
-    table = Table(
-        title=f"{args.source} warped onto {args.target}",
-        caption=f"{len(warped.points)} points: {parts}; {1e3 * taken_s:.0f} ms",
-    )
-    table.add_column("parameter")
-    table.add_column("value", justify="right")
-    table.add_column("unit")
+    title = f"{args.source} warped onto {args.target}"
+    table = boxed_table(title, "parameter", ">value", "unit")
+    table.caption = f"{len(warped.points)} points: {parts}; {1e3 * taken_s:.0f} ms"
     rows = [(title, getattr(parameters, name), factor, unit) for title, name, factor, unit in ROWS]
     if content["wall_m"] is not None:
         rows.append(("thickness of the wall", content["wall_m"], 1e3, "mm"))
