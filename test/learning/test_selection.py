@@ -85,7 +85,7 @@ def accumulated(
 def examples(seed: int, counts: list[int]) -> list[list[TrainingExample]]:
     """Demonstrations of random weights; the samples do not matter."""
     rng = np.random.default_rng(seed)
-    observed, controlled = np.zeros((5, P)), np.zeros((3, Q))
+    observed, controlled = np.zeros((len(sample_phases()), P)), np.zeros((3, Q))
     found = []
     for k, n in enumerate(counts):
         drawn = rng.normal(size=(P + Q, N)) + 0.3 * rng.normal(size=(n, P + Q, N))
