@@ -185,7 +185,8 @@ class TaskTeacher(TopicRecorder):
             BagError: no execution was corrected, or the last one was kept before.
             TrainingError: it cannot be learned from; it is kept in the folder's `undone`.
         """
-        self.executions.close()
+        with self._lock:
+            self.executions.close()
         executions = self.executions.executions.all()
         bags = [self.folder.path / found.bag for found in executions if found.corrected]
         last = next((bag for bag in reversed(bags) if bag.exists()), None)
@@ -203,7 +204,8 @@ class TaskTeacher(TopicRecorder):
 
     def destroy_node(self) -> None:
         """Close the recordings, then the node."""
-        self.executions.close()
+        with self._lock:
+            self.executions.close()
         super().destroy_node()
 
     @property
@@ -265,18 +267,28 @@ class TaskTeacher(TopicRecorder):
         self.sending_model, self._asked_why, self._asked_s = True, text, time.monotonic()
         value = Parameter("model", value=self._model_in_force).to_parameter_msg()
         asked = self._set_model.call_async(SetParameters.Request(parameters=[value]))
-        load, loaded = self._reload.call_async, partial(self._loaded, text)
-        asked.add_done_callback(lambda _: load(Trigger.Request()).add_done_callback(loaded))
+        asked.add_done_callback(partial(self._named, text))
+
+    def _named(self, text: str, future: Future) -> None:
+        (result,) = future.result().results
+        if result.successful:
+            asked = self._reload.call_async(Trigger.Request())
+            asked.add_done_callback(partial(self._loaded, text))
+        else:
+            self._not_loaded(text, result.reason)
 
     def _loaded(self, text: str, future: Future) -> None:
-        self.sending_model = False
         answer = future.result()
-        if answer.success:
-            self._in_use = True
-            self.practice.in_use()
-            self.report(Level.OK, f"{text}; in use by {self._estimator_name}")
-        else:
-            self.report(Level.WARN, f"{text}; not loaded: {answer.message}")
+        if not answer.success:
+            self._not_loaded(text, answer.message)
+            return
+        self.sending_model, self._in_use = False, True
+        self.practice.in_use()
+        self.report(Level.OK, f"{text}; in use by {self._estimator_name}")
+
+    def _not_loaded(self, text: str, why: str) -> None:
+        self.sending_model = False
+        self.report(Level.WARN, f"{text}; not loaded: {why}")
 
     def _on_reports(self, message: DiagnosticArray) -> None:
         """Notice an estimator that was started again with the model of the beginning."""

@@ -10,6 +10,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 from model_builder import make_dofs, perform, true_library
 from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
@@ -19,7 +21,13 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
-from intent_recognition.errors import ArgumentError, ModelError, ResourceBusyError, TrainingError
+from intent_recognition.errors import (
+    ArgumentError,
+    IntentError,
+    ModelError,
+    ResourceBusyError,
+    TrainingError,
+)
 from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import TO_UNDO, WAITING, Executions, now
 from intent_recognition.model.file import Model, load_model, save_model
@@ -163,6 +171,41 @@ def test_a_model_is_sent_again_where_the_answer_was_lost(harness, tmp_path, mode
         assert cell.call("stop").success
         harness.spin_until(lambda: cell.teacher.sending_model)
     cell.wait_said(f"{NEW} 1; in use")
+
+
+REFUSED = SetParametersResult(reason="it is read-only")
+NAMED = SetParametersResult(successful=True)
+NOT_READ = Trigger.Response(message="it is damaged")
+ANSWERS = [
+    (REFUSED, None, "not loaded: it is read-only"),
+    (NAMED, NOT_READ, "not loaded: it is damaged"),
+    (NAMED, Trigger.Response(success=True), "in use by intent_estimator"),
+]
+
+
+@pytest.mark.parametrize(("named", "loaded", "said"), ANSWERS)
+def test_a_model_is_in_use_only_once_it_was_named_and_loaded(
+    harness, tmp_path, model, named, loaded, said
+):
+    teacher = harness.node(TaskTeacher, library=str(tmp_path / "mine"), model=str(model))
+    set_model = SetParameters.Response(results=[named])
+    for client, answer in ((teacher._set_model, set_model), (teacher._reload, loaded)):
+        future = Future()
+        future.set_result(answer)
+        client.service_is_ready = lambda: True
+        client.call_async = lambda _, future=future: future
+    teacher.send_model("learned a")
+    assert teacher.last_status == f"learned a; {said}"
+
+
+def test_executions_are_ended_while_nobody_writes_them(harness, tmp_path, model):
+    teacher = harness.node(TaskTeacher, library=str(tmp_path / "mine"), model=str(model))
+    held = []
+    teacher.executions.close = lambda: held.append(teacher._lock._is_owned())
+    with pytest.raises(IntentError):
+        teacher.keep()
+    harness.remove(teacher)
+    assert held == [True, True]
 
 
 def test_bad_requests_say_what_is_wrong_and_leave_the_model(harness, tmp_path, model):
