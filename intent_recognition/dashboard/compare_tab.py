@@ -83,15 +83,19 @@ class CompareTab:
 
     def _run(self) -> None:
         try:
-            bag = self._bags[self._bag.value]
-            models = [self._models[field.value] for field in self._chosen]
-            found = [posterior_over(bag, model) for model in models]
-            reasons = "".join(why_over(bag, model) for model in dict.fromkeys(models))
-        except (IntentError, KeyError) as error:
+            self._compare()
+        except Exception as error:
             self._result.content = markup.banner(one_line(error), markup.WARNING)
-            return
+            if not isinstance(error, IntentError | KeyError):
+                raise
         finally:
             self._button.disabled = False
+
+    def _compare(self) -> None:
+        bag = self._bags[self._bag.value]
+        models = [self._models[field.value] for field in self._chosen]
+        found = [posterior_over(bag, model) for model in models]
+        reasons = "".join(why_over(bag, model) for model in dict.fromkeys(models))
         self._draw(found)
         rows = [(n, *summary) for n, (_, _, summary) in zip("AB", found, strict=True)]
         table = markup.table(("model", "acts on", "after", "at the end"), rows)

@@ -85,8 +85,13 @@ class PlanPanel:
         self._send(ordered(self._plan, self._other.value, self._step.value, must))
 
     def _press_undo(self) -> None:
+        def done(ok: bool, why: str) -> None:
+            if ok:
+                self._before.pop()
+            self._commands.notify(ok, why)
+
         if self._before:
-            self._tell(self._before.pop(), self._commands.notify)
+            self._tell(self._before[-1], done)
 
     def _send(self, plan: WorkPlan) -> None:
         """Put a changed plan in force; the one of now can be taken back then."""

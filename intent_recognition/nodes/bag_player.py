@@ -15,7 +15,7 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 
 from intent_recognition.bags import BagReader, RawMessage, TopicInfo
-from intent_recognition.errors import BagError
+from intent_recognition.errors import BagError, one_line
 from intent_recognition.nodes.conversions import message_class, to_stamp
 from intent_recognition.nodes.diagnostics import Diagnostics, Level, Readiness
 from intent_recognition.nodes.parameters import Changes, declare, keep_live, live_parameters
@@ -128,6 +128,19 @@ class BagPlayer(Node):
 
     def _play(self) -> None:
         try:
+            self._play_all()
+        except Exception as error:
+            self.exit_code = 1
+            self.get_logger().error(one_line(error))
+            self._diagnostics.status(Level.ERROR, one_line(error))
+            if not isinstance(error, BagError):
+                raise
+        finally:  # whatever it was: others wait for that
+            self.finished.set()
+            self.done = self._values["exit_at_end"]
+
+    def _play_all(self) -> None:
+        try:
             self._wait_for_nodes()
             self._wait_for_subscribers()
             self.get_logger().info(f"playing {self._reader.path}")
@@ -138,18 +151,13 @@ class BagPlayer(Node):
             for publisher in self._outputs.values():
                 if not self._stopping.is_set():
                     publisher.wait_for_all_acked(Duration(seconds=1.0))
-        except BagError as error:
-            self.get_logger().error(str(error))
-            self._diagnostics.status(Level.ERROR, str(error))
-            self.exit_code = 1
-        for damage in self._reader.damage:
-            self.get_logger().warning(f"not played: {damage.reason} (byte {damage.offset})")
-        self._diagnostics.value("published", self.published)
-        self.get_logger().info(f"{self.published} messages played")
-        if not self.exit_code and not self._stopping.is_set():
+        finally:
+            for damage in self._reader.damage:
+                self.get_logger().warning(f"not played: {damage.reason} (byte {damage.offset})")
+            self._diagnostics.value("published", self.published)
+            self.get_logger().info(f"{self.published} messages played")
+        if not self._stopping.is_set():
             self._diagnostics.end("played")
-        self.finished.set()
-        self.done = self._values["exit_at_end"]
 
     def _play_once(self) -> None:
         begin_ns = self._start_ns + round(self._values["start_offset"] * 1e9)

@@ -3,11 +3,13 @@
 
 import threading
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from intent_recognition.bags import BagReader
+from intent_recognition.dashboard import compare_tab
 from intent_recognition.dashboard.compare_tab import CompareTab, posterior_over
 from intent_recognition.errors import IntentError
 from intent_recognition.evaluation import explain
@@ -73,6 +75,14 @@ def test_two_models_are_drawn_and_their_decision_is_explained_as_by_intent_expla
     assert f"{total:+.1f}" in tab._result.content
     compare.run("toolbox.npz", "toolbox.npz")
     assert len(tab._plots) == 2, "the diagrams before are gone"
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+@pytest.mark.parametrize("step", ["why_over", "task_colours"])
+def test_whatever_fails_is_said(compare, monkeypatch, step):
+    monkeypatch.setattr(compare_tab, step, Mock(side_effect=RuntimeError("no such luck")))
+    tab = compare.run("toolbox.npz", "toolbox.npz")
+    assert "no such luck" in tab._result.content and not tab._button.disabled
 
 
 def test_models_that_come_later_are_offered(compare, toolbox_model):

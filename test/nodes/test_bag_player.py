@@ -2,6 +2,7 @@
 """Replay sends the recorded bytes in the recorded rhythm, to whoever listens from the start."""
 
 import time
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from intent_recognition.bags.writer import BagWriter
 from intent_recognition.errors import BagError
 from intent_recognition.nodes import bag_player
 from intent_recognition.nodes.bag_player import BagPlayer, shift_stamp
+from intent_recognition.nodes.diagnostics import Level
 from intent_recognition.nodes.qos import LATCHED, SENSOR, recorded_profile
 
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -200,6 +202,17 @@ def test_what_has_no_stamp_that_can_be_moved_is_counted_and_the_rest_is_played(
     harness.spin_until(lambda: node.done and len(seen) == 29)
     assert node._diagnostics.rejected("malformed") == 1
     assert node.exit_code == 0
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+@pytest.mark.parametrize("error", [BagError("the disk is gone"), OSError("the disk is gone")])
+def test_it_ends_whatever_fails(harness, bag, monkeypatch, error):
+    monkeypatch.setattr(BagPlayer, "_publish", Mock(side_effect=error))
+    node = harness.add(player(bag, rate=0.0))
+    harness.spin_until(lambda: node.done)
+    report = node._diagnostics.report()
+    assert node.finished.is_set() and node.exit_code == 1
+    assert report.level == bytes([Level.ERROR]) and report.message == "the disk is gone"
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
