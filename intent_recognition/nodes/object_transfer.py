@@ -19,9 +19,15 @@ from std_msgs.msg import Bool, String
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.array_types import Floats
+from intent_recognition.errors import MessageError, one_line
 from intent_recognition.kinematics import Arm
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import duration_s, position_array, stamp_ns
+from intent_recognition.nodes.conversions import (
+    duration_s,
+    joint_values,
+    position_array,
+    stamp_ns,
+)
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput
 from intent_recognition.nodes.parameters import declare
@@ -93,15 +99,13 @@ class ObjectTransfer(Node):
         self, message: JointState, arm: Arm, estimator: LoadEstimator
     ) -> Situation | None:
         """What is felt and seen; None where the message has not what that needs."""
-        rows = {name: k for k, name in enumerate(message.name)}
-        at_ns = stamp_ns(message)
+        at_ns, names = stamp_ns(message), arm.joint_names
         try:
-            chosen = [rows[name] for name in arm.joint_names]
-            q, velocity = (np.array(a)[chosen] for a in (message.position, message.velocity))
-            torque = np.array(message.effort)[chosen] if message.effort else np.zeros(len(q))
-            half = [message.position[rows[name]] for name in self._fingers if name in rows]
-        except (KeyError, IndexError):
-            self._diagnostics.reject("bad_joint_states", f"not all of {', '.join(arm.joint_names)}")
+            q, velocity = (joint_values(message, names, of) for of in ("position", "velocity"))
+            torque = joint_values(message, names, "effort") if message.effort else np.zeros(len(q))
+            half = joint_values(message, [name for name in self._fingers if name in message.name])
+        except MessageError as error:
+            self._diagnostics.reject("bad_joint_states", one_line(error))
             return None
         if not np.all(np.isfinite([q, velocity, torque])):
             self._diagnostics.reject("not_finite", "joint_states hold NaN or infinity")
@@ -118,7 +122,7 @@ class ObjectTransfer(Node):
             force if measured is None else measured,
             at_ns < self._until_ns,
             estimator.speed_m_s,
-            float(np.mean(half)) if half else np.nan,
+            float(np.mean(half)) if half.size else np.nan,
             near,
             speed,
             toward,
@@ -145,14 +149,12 @@ class ObjectTransfer(Node):
         return None
 
     def _look(self, at_ns: int, hand_m: Floats) -> tuple[bool | None, Floats | None, float]:
-        """Whether the hand of whom the arm helps is near, the way away from the base to it, and its
-        speed.
-        """
+        """Whether the person's hand is near, the direction from the base to it, and its speed."""
         person = self._people.get(self._attended, ())
-        fresh = [seen for seen in person if 0 < at_ns - seen[0] <= FRESH_S * 1e9]
-        if not fresh:
+        seen = next((seen for seen in reversed(person) if seen[0] < at_ns), None)
+        if seen is None or at_ns - seen[0] > FRESH_S * 1e9:
             return None, None, 0.0
-        _, at_m, speed = fresh[-1]
+        _, at_m, speed = seen
         near = bool(np.linalg.norm(at_m - hand_m) < self._near_m)
         return near, away_from_base(at_m), speed
 
@@ -172,7 +174,7 @@ class ObjectTransfer(Node):
 
     def _meet(self, body: str, person: str) -> None:
         topic = f"human/{person}/{body}" if person else f"human/{body}"
-        self._people[person] = deque(maxlen=2)
+        self._people[person] = deque(maxlen=300)  # `FRESH_S` at 1 kHz
         take = partial(self._on_person, person)
         self._diagnostics.subscribe(Odometry, topic, take, qos.SENSOR)
 

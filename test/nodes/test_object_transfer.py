@@ -114,36 +114,45 @@ def test_an_offer_is_released_to_who_takes_over_the_load(harness, by):
     assert told[-2]["grip_force"] < 0.5 * told[0]["grip_force"]
 
 
-def test_nothing_is_released_while_the_tracked_hand_is_elsewhere(harness):
+@pytest.mark.parametrize("ahead", [(0,), (22, 26, 30)])  # of the joint states [ms]
+def test_nothing_is_released_while_the_tracked_hand_is_elsewhere(harness, ahead):
     cell = Cell(harness)
     cell.offer()
     hand = Odometry()
     hand.pose.pose.position.x = 3.0
     for _ in range(40):
-        hand.header.stamp = to_stamp(cell.now_ns + STEP_NS)
-        now = cell.now_ns + STEP_NS
-        cell.tell(
-            "human/wrist",
-            hand,
-            lambda now=now: cell.node._people[""] and cell.node._people[""][-1][0] == now,
-        )
+        for ahead_ms in ahead:
+            now = cell.now_ns + STEP_NS + ahead_ms * 1_000_000
+            hand.header.stamp = to_stamp(now)
+            cell.tell(
+                "human/wrist",
+                hand,
+                lambda now=now: cell.node._people[""] and cell.node._people[""][-1][0] == now,
+            )
         told = cell.feel([0.0, 0.0, 0.0])
     assert cell.state() == "offering"
     assert told["load_share"] == 0.0
     assert told["slip"] == 1.0
 
 
-def test_messages_without_what_is_needed_are_counted(harness):
+def test_messages_without_what_is_needed_are_counted(harness, capfd):
     cell = Cell(harness)
     cell.feel(HANGS)
     counts = cell.node._diagnostics
     names, still = list(ROBOT.joint_names), [0.0] * 7
+    no_velocity = JointState(name=names, position=still)
+    cell.tell("joint_states", no_velocity, lambda: counts.rejected("bad_joint_states"))
+    assert "velocity: expected 7 values" in capfd.readouterr().err
     for message, reason in (
         (JointState(name=["other"], position=[0.0]), "bad_joint_states"),
         (JointState(name=names, position=[np.nan] * 7, velocity=still), "not_finite"),
         (JointState(name=names, position=still, velocity=still), "no_effort"),
     ):
-        cell.tell("joint_states", message, lambda reason=reason: counts.rejected(reason))
+        cell.tell(
+            "joint_states",
+            message,
+            lambda reason=reason, n=counts.rejected(reason): counts.rejected(reason) > n,
+        )
     wrench = WrenchStamped()
     wrench.wrench.force.x = np.inf
     before = counts.rejected("not_finite")
