@@ -139,7 +139,7 @@ class MocapIngest(Node):
         if self._left_overs.include(body, measured.stamp_ns):
             self._diagnostics.count("left_over")
             return
-        self._last_ns[body] = measured.stamp_ns
+        self._last_ns[body] = max(measured.stamp_ns, self._last_ns.get(body, 0))
         waiting = self._waiting[body]
         if waiting or (self._hears and frame_name(measured.frame_id) not in self._settings.frames):
             if len(waiting) >= 1000:

@@ -2,7 +2,6 @@
 """Sequences of tasks in the activation node: topics to what is known, and orders to the arm."""
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -34,7 +33,7 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array
 from intent_recognition.nodes.diagnostics import Diagnostics, key_values
 from intent_recognition.nodes.parameters import declare
-from intent_recognition.nodes.runtime import when_clock_goes_back
+from intent_recognition.nodes.runtime import elapsed_s, when_clock_goes_back
 from intent_recognition.promp import TaskLibrary, Trajectory, largest_by_unit
 from intent_recognition.untrusted import read_named
 
@@ -108,14 +107,13 @@ class SequenceRunner:
         self._places.clear()
 
     def _moment(self, activation: Activation) -> Moment:
-        now_s = self._node.get_clock().now().nanoseconds * 1e-9
+        now_s = elapsed_s(self._node)
         if not activation.decision.idle:
             self._rest_since_s = None
         elif self._rest_since_s is None:
             self._rest_since_s = now_s
         resting_s = 0.0 if self._rest_since_s is None else now_s - self._rest_since_s
-        fresh_s = time.monotonic() - 0.5
-        places = {body: at for body, (seen_s, at) in self._places.items() if seen_s >= fresh_s}
+        places = {body: at for body, (seen_s, at) in self._places.items() if now_s - seen_s <= 0.5}
         n_started, task = activation.counts["started"], activation.active_task
         return Moment(now_s, n_started, task, activation.arrived, resting_s, places)
 
@@ -155,7 +153,7 @@ class SequenceRunner:
     def _take_place(self, body: str, message: Odometry) -> None:
         place = position_array(message.pose.pose)
         if np.all(np.isfinite(place)):
-            self._places[body] = time.monotonic(), place
+            self._places[body] = elapsed_s(self._node), place
 
     def _take_points(self, message: String) -> None:
         try:

@@ -86,10 +86,11 @@ def test_bad_input_is_counted_and_harms_nothing(harness):
 def test_when_the_clock_goes_back_the_first_pose_counts(harness):
     node = start(harness, use_sim_time=True)
     received = []
+    unstamped = PoseStamped()
     for first, left_over in ((1000, []), (0, [pose(1003, (0.03, 0.5, 1.0))])):
         harness.set_clock(node, T0 + first * STEP)
         messages = [pose(first + i, (0.01 * i, 0.5, 1.0)) for i in range(3)]
-        received += exchange(harness, [*left_over, *messages], 3)
+        received += exchange(harness, [*left_over, *messages, unstamped], 3)
     expected = [T0 + k * STEP for k in (1000, 1001, 1002, 0, 1, 2)]
     assert [stamp_ns(message) for message in received] == expected
 

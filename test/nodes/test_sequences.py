@@ -2,6 +2,7 @@
 """A task made of parts on the topics: recognised, then by itself through a via point, then left."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import to_pose
 from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.plans import read_plan
 from intent_recognition.promp import controlled_at
 from intent_recognition.recognition.transitions import HABIT_TRUST
@@ -78,6 +80,17 @@ def test_a_task_of_two_parts_with_a_via_point_and_another_task_leads_out(harness
     assert abs(graph.arm()[3] - goal) < 2e-3
     graph.until(lambda: told[-1].message == "no sequence")
     check_commands(graph.commands)
+
+
+def test_a_place_is_fresh_by_the_clock_of_the_node(harness, given, monkeypatch):
+    node = harness.node(PrimitiveActivation, **given[1], use_sim_time=True)
+    harness.set_clock(node, 10**9)
+    node._sequences._take_place("wrist", Odometry())
+    monkeypatch.setattr("time.monotonic", lambda: np.inf)
+    idle = SimpleNamespace(
+        decision=SimpleNamespace(idle=True), counts={"started": 0}, active_task="", arrived=False
+    )
+    assert [*node._sequences._moment(idle).places] == ["wrist"]
 
 
 def test_sequences_need_a_model_and_a_file(harness, given, tmp_path):
