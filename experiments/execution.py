@@ -177,7 +177,7 @@ def execute(
             if command is not None:
                 commands.append(command)
                 follower.accept(_message(command, frame.now_ns, arm), arm.time_s)
-            corrected = activation.corrected or corrected
+            corrected = activation.motions.corrected or corrected
             if gripper is not None:
                 gripper.set_task(activation.active_task)
             begun = (one for one in reversed(commands) if one.start_ns <= frame.now_ns)

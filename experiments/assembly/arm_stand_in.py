@@ -156,7 +156,7 @@ class _Run:
             probabilities = np.eye(len(self._labels))[-1]
         # Without log evidence `none` has no vote of its own: one of the tasks it must be.
         self._activation.take_tasks(stamp_ns, stamp_ns, self._labels, probabilities)
-        self._over |= self._activation.decision.event == "over"
+        self._over |= self._activation.inbox.decision.event == "over"
 
     def _prediction(
         self, task: str, onset_ns: int, trajectory: Trajectory

@@ -185,7 +185,11 @@ class EstimatorInbox:
             self.held_back = ""
 
     def order(self, prediction: PredictedInteraction | None) -> None:
-        """Keep what to begin without recognition, unless its end is too uncertain."""
+        """Begin a task that is not recognised, once none is; None takes that back.
+
+        It begins with its onset at that moment, and a recognised task ends it as any other. One
+        whose end is too uncertain is rejected.
+        """
         if prediction is not None:
             label, end_std = prediction.label, prediction.end_std
             if not is_certain(self._common.settings.decision, end_std, label):

@@ -8,7 +8,7 @@ import numpy as np
 
 from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.settings import Common
-from intent_recognition.activation.states import Command, PlannedWay, PredictedInteraction, TaskPath
+from intent_recognition.activation.states import Command, PlannedWay, PredictedInteraction
 from intent_recognition.activation.things import SEARCH_EVERY_NS, Things
 from intent_recognition.array_types import Floats
 from intent_recognition.motion import (
@@ -59,7 +59,7 @@ class Motions:
     def __init__(self, common: Common, arm: ArmTracking):
         self._common, self._arm = common, arm
         self._reject, self._counts = common.reject, common.counts
-        self._followed: TaskPath | None = None
+        self._followed: tuple[str, ClearPath] | None = None
         self._way: PlannedWay | None = None
         self._paced_by: tuple[object, object] = ((), None)
         self._tried_ns = 0
@@ -100,7 +100,7 @@ class Motions:
             self.things.block(label, touched)
             return None
         self.things.begun()
-        self._followed = TaskPath(label, found)
+        self._followed = label, found
         self.corrected = prediction if vias else None
         self._counts["planned"] += 1
         self._counts["slowed"] += plan.slowed
@@ -161,9 +161,8 @@ class Motions:
         self, now_ns: int, label: str, path: JointPath, phase: float
     ) -> ClearPath | Obstruction:
         """A path of a task, moved where it must be; what is in its way where nothing is found."""
-        last = self._followed
-        before = last.clear if last is not None and last.label == label else None
-        return self.things.clear(now_ns, path, label, phase, before)
+        of, before = self._followed or (label, None)
+        return self.things.clear(now_ns, path, label, phase, before if of == label else None)
 
     def _obstruction(self, plan: JointPlan, since_s: float = 0.0) -> Obstruction | None:
         clearance = self._common.settings.clearance
@@ -305,7 +304,7 @@ class Motions:
             if newer is not None and self._obstruction(newer.plan) is None:
                 self._counts["replanned"] += bool(found.how)
                 if found.how and self._followed is not None and way.kind == "interaction":
-                    self._followed = self._followed._replace(clear=ClearPath(found.path))
+                    self._followed = self._followed[0], ClearPath(found.path)
                 return self._send_way(now_ns, start_ns, newer)
         if brakes or not (too_fast or touches):
             return None

@@ -23,6 +23,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from intent_recognition.activation.correcting import Correcting
+from intent_recognition.activation.inbox import EstimatorInbox
 from intent_recognition.activation.parts import Parts
 from intent_recognition.activation.settings import ActivationSettings, Common
 from intent_recognition.activation.states import (
@@ -47,21 +48,23 @@ from intent_recognition.activation.transitions import Transitions
 from intent_recognition.activation.waiting import Waiting
 from intent_recognition.array_types import Floats
 from intent_recognition.motion import PredictedPerson
-from intent_recognition.recognition import DecisionState
 
 
 class Activation:
     """Takes what is observed, and gives the next command when `step` is called.
 
-    `reject` is called with (reason, text) for everything not acted on; `counts` say how often plans
-    were made, slowed, clamped, stopped and so on; of interactions that ended, the last 100 outcomes
-    are kept until they are taken.
+    `reject` is called with (reason, text) for everything not acted on.
+
+    Attributes:
+        counts: how often plans were made, slowed, clamped, stopped and so on.
+        outcomes: the last 100 of interactions that ended, until they are taken.
+        arm, motions, people, pretrigger: what they know is for whoever reports it.
     """
 
     def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
         self._parts, self._reject = Parts(Common(settings, reject)), reject
         parts = self._parts
-        self._arm, self._motions, self._people = parts.arm, parts.motions, parts.people
+        self.arm, self.motions, self.people = parts.arm, parts.motions, parts.people
         self.counts, self.pretrigger = parts.counts, parts.pretrigger
         self._correcting, self._waiting = Correcting(parts), Waiting(parts)
         self._transitions = Transitions(parts, self._waiting, self._correcting)
@@ -72,7 +75,7 @@ class Activation:
     def _start_over(self) -> None:
         """Back to the beginning, but for the measured arm and the command in force."""
         self.state = Idle()
-        self._people.forget()
+        self.people.forget()
         self._transitions.interacting.forget()
         self.pretrigger.forget()
 
@@ -92,18 +95,13 @@ class Activation:
         return self._helped if self.active_task else ""
 
     @property
-    def reasons(self) -> str:
-        """Who asked for help when it was decided whom the arm helps, see `People`."""
-        return self._people.reasons
-
-    @property
     def mode(self) -> Mode:
         """The state's name."""
         return self.state.mode
 
     def moves(self, now_ns: int) -> bool:
         """Whether the arm does anything, or a command such as a brake has not come to rest."""
-        return self.mode is not Mode.IDLE or self._arm.under_way(now_ns)
+        return self.mode is not Mode.IDLE or self.arm.under_way(now_ns)
 
     @property
     def home(self) -> Floats | None:
@@ -117,19 +115,9 @@ class Activation:
         return "" if interaction is None else interaction.prediction.label
 
     @property
-    def question(self) -> dict[str, float]:
-        """Tasks that the movement under way may be, while none is acted on; empty else."""
-        return self._parts.inbox.question
-
-    @property
-    def clocks(self) -> dict[str, str]:
-        """For diagnostics: how the stamps of joint states relate to the clock of `step`."""
-        return self._arm.clocks
-
-    @property
-    def corrected(self) -> PredictedInteraction | None:
-        """What the arm follows, if a person has corrected it by hand."""
-        return self._motions.corrected
+    def inbox(self) -> EstimatorInbox:
+        """What has come from the estimator of whom the arm attends to."""
+        return self.people.inbox
 
     @property
     def arrived(self) -> bool:
@@ -140,16 +128,6 @@ class Activation:
     def stop_reason(self) -> str:
         """Why the arm is stopped, empty when it is not."""
         return self.state.reason if isinstance(self.state, Stopped) else ""
-
-    @property
-    def decision(self) -> DecisionState:
-        """The state of the decision."""
-        return self._parts.inbox.decision
-
-    @property
-    def held_back(self) -> str:
-        """Why a recognised task is not executed (its end is uncertain), or empty."""
-        return self._parts.inbox.held_back
 
     @property
     def waits_for(self) -> str:
@@ -176,14 +154,14 @@ class Activation:
             ArgumentError: what `decide` cannot take.
         """
         helped = isinstance(self.state, UNDER_WAY) and person == self._helped
-        decision = self._people.take_tasks(
+        decision = self.people.take_tasks(
             person, helped, now_ns, stamp_ns, labels, probabilities, log_evidence
         )
         if decision is None:
             return
         if decision.event:
             self.counts[decision.event] += 1
-        if person != self._people.attended:
+        if person != self.people.attended:
             return
         if decision.event == "over" and isinstance(self.state, UNDER_WAY):
             self.state = finished(self.state)
@@ -193,7 +171,7 @@ class Activation:
         self, now_ns: int, prediction: PredictedInteraction, person: str = ""
     ) -> None:
         """Take the newest prediction of a person; it is used if its task is the active one."""
-        self._people.of(person).take_prediction(now_ns, prediction)
+        self.people.of(person).take_prediction(now_ns, prediction)
 
     def take_next_task(
         self, now_ns: int, stamp_ns: int, labels: Sequence[str], probabilities: Floats
@@ -203,21 +181,8 @@ class Activation:
         Raises:
             ArgumentError: they are no probabilities, or not one for each label.
         """
-        if not self._parts.inbox.is_ahead(now_ns, stamp_ns, "intent/next_task"):
+        if not self.inbox.is_ahead(now_ns, stamp_ns, "intent/next_task"):
             self.pretrigger.take_expectation(stamp_ns, labels, probabilities)
-
-    @property
-    def ordered(self) -> bool:
-        """Whether a task waits that was ordered."""
-        return self._parts.inbox.ordered is not None
-
-    def order(self, prediction: PredictedInteraction | None) -> None:
-        """Begin a task that is not recognised, once none is; None takes that back.
-
-        It begins with its onset at that moment, and a recognised task ends it as any other. One
-        whose end is too uncertain is rejected.
-        """
-        self._parts.inbox.order(prediction)
 
     def take_exchange(self, until_ns: int) -> None:
         """An object is changing hands; until then the arm does not go home."""
@@ -225,11 +190,7 @@ class Activation:
 
     def take_people(self, people: tuple[PredictedPerson, ...]) -> None:
         """Take where people are predicted to be, as far as that is known."""
-        self._motions.people = people
-
-    def take_person(self, person: PredictedPerson | None) -> None:
-        """Take where the only person is predicted to be; None where that is not known."""
-        self.take_people(() if person is None else (person,))
+        self.motions.people = people
 
     def take_joint_state(
         self,
@@ -244,19 +205,19 @@ class Activation:
         Without velocities a motion begins only once the positions have stood still for 0.1 s.
         """
         arrival_ns = stamp_ns if now_ns is None else now_ns
-        self._arm.take_joint_state(arrival_ns, stamp_ns, position, velocity)
+        self.arm.take_joint_state(arrival_ns, stamp_ns, position, velocity)
         self._correcting.observe()
 
     def reset(self, now_ns: int) -> Command | None:
         """Forget the interaction; an arm under way goes home."""
-        self._people.forget_interaction()
+        self.people.forget_interaction()
         self._transitions.interacting.forget()
         self.pretrigger.forget()
         state = self.state
         if isinstance(state, Pretriggered):
             return self._enter(self._waiting.withdraw(now_ns) or Transition(Homing(None)))
         if isinstance(state, UNDER_WAY):
-            self._parts.inbox.mark_served(state.interaction)
+            self.inbox.mark_served(state.interaction)
             home = self._waiting.go_home(now_ns, state.interaction)
             return self._enter(home or Transition(Homing(state.interaction)))
         return None
@@ -267,7 +228,7 @@ class Activation:
         The brake stays in force: what comes next goes on from it, or from the arm where that has
         been moved meanwhile.
         """
-        command = self._motions.stop(now_ns) if self._arm.under_way(now_ns) else None
+        command = self.motions.stop(now_ns) if self.arm.under_way(now_ns) else None
         self._start_over()
         return command
 
@@ -280,11 +241,11 @@ class Activation:
         self.counts[f"stopped: {reason}"] += 1
         interaction = interaction_of(self.state)
         if interaction is not None:
-            self._parts.inbox.mark_served(interaction)
+            self.inbox.mark_served(interaction)
         self._enter(Transition(Idle()))
         self._transitions.interacting.forget()
         self.pretrigger.forget()
-        self._arm.forget_commands()
+        self.arm.forget_commands()
 
     # Time
 
@@ -293,19 +254,19 @@ class Activation:
         if now_ns < self._now_ns - 100_000_000:  # more than the jitter of threads
             self._now_ns = now_ns
             self._reject("clock_jumped_back", "the node's clock went back; starting over")
-            self._arm.forget_joints()
-            self._arm.forget_commands()
+            self.arm.forget_joints()
+            self.arm.forget_commands()
             self._start_over()
             return None
         self._now_ns = max(now_ns, self._now_ns)
-        if self._people.named and self._is_free(now_ns):
-            self._people.choose(now_ns)
+        if self.people.named and self._is_free(now_ns):
+            self.people.choose(now_ns)
         return self._enter(self._transitions.following(self.state, now_ns))
 
     def _is_free(self, now_ns: int) -> bool:
         state = self.state
         if isinstance(state, Arrived) and state.interaction.over:
-            active = bool(self.decision.active) and now_ns >= self._transitions.exchanging_until_ns
+            active = bool(self.inbox.decision.active) and now_ns >= self._transitions.exchanging_until_ns
             return self._transitions.held(state, now_ns) or active
         return isinstance(state, (Idle, Homing))
 
@@ -315,5 +276,5 @@ class Activation:
             self.outcomes.append(outcome)
         self.state = transition.state
         if isinstance(self.state, Executing):  # until then it is chosen whom the arm will help
-            self._helped = self._people.attended
+            self._helped = self.people.attended
         return transition.command

@@ -10,7 +10,6 @@ import numpy as np
 
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.motion import (
-    ClearPath,
     JointPath,
     JointPlan,
     JointReference,
@@ -73,13 +72,6 @@ class Command(NamedTuple):
     def phase_at(self, time_ns: int) -> PhaseState:
         """How much of the interaction is done at a time."""
         return self.plan.phase_at((time_ns - self.start_ns) * 1e-9)
-
-
-class TaskPath(NamedTuple):
-    """The path of a task that the arm follows."""
-
-    label: str
-    clear: ClearPath
 
 
 class PlannedWay(NamedTuple):

@@ -50,26 +50,6 @@ BEGINNING = PhaseState()
 """Nothing is done yet, and nothing moves."""
 
 
-class Excess(NamedTuple):
-    """How much of each limit a plan uses at its worst moment (1 = all of it).
-
-    `position_rad` is how far outside the position limits it goes (negative: inside by that much).
-    """
-
-    position_rad: float
-    velocity: float
-    acceleration: float
-
-    def within(self) -> bool:
-        """Whether no limit is exceeded by more than the tolerances an arm has, too."""
-        largest = 1.0 + RATE_TOLERANCE
-        return (
-            self.position_rad <= POSITION_TOLERANCE_RAD
-            and self.velocity <= largest
-            and self.acceleration <= largest
-        )
-
-
 @dataclass(frozen=True, eq=False)
 class JointPlan:
     """A motion from its first sample's reference to rest at its last sample.
@@ -200,12 +180,12 @@ def interval_use(
     )
 
 
-def excess(times_s: Floats, positions: Floats, velocities: Floats, limits: JointLimits) -> Excess:
-    """How much of each limit the cubics through the samples use, at their own exact extremes."""
-    velocity, acceleration = interval_use(times_s, positions, velocities, limits)
-    lowest, highest = position_range(times_s, positions, velocities)
-    outside = np.maximum(limits.lower - lowest, highest - limits.upper)
-    return Excess(float(outside.max()), float(velocity.max()), float(acceleration.max()))
+def within(times_s: Floats, positions: Floats, velocities: Floats, limits: JointLimits) -> bool:
+    """Whether the cubics through the samples keep the limits, but for an arm's own tolerances."""
+    use = np.max(interval_use(times_s, positions, velocities, limits))
+    reached = np.stack(position_range(times_s, positions, velocities))
+    outside = position_violation(reached, limits).max()
+    return bool(outside <= POSITION_TOLERANCE_RAD and use <= 1.0 + RATE_TOLERANCE)
 
 
 def position_range(times_s: Floats, positions: Floats, velocities: Floats) -> tuple[Floats, Floats]:
@@ -237,7 +217,7 @@ def keeps_limits(plan: JointPlan, start: JointReference, limits: JointLimits) ->
     if room.any():
         room = np.where(room > 0.0, room + 1e-3, 0.0)
         limits = replace(limits, lower=limits.lower - room, upper=limits.upper + room)
-    return excess(plan.times_s, plan.positions, plan.velocities, limits).within()
+    return within(plan.times_s, plan.positions, plan.velocities, limits)
 
 
 def scaled_limits(

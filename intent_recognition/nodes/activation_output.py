@@ -80,7 +80,7 @@ class ActivationOutput:
 
     def outcomes(self, activation: Activation) -> None:
         """Publish how a person has corrected the motion, and what became of an interaction."""
-        corrected = activation.corrected
+        corrected = activation.motions.corrected
         if corrected is not None and corrected is not self._corrected and self._builder is not None:
             path, phases = corrected.path, np.linspace(0.0, 1.0, 61)
             positions, slopes = path.at(phases)
@@ -108,7 +108,7 @@ class ActivationOutput:
             self._task.publish(String(data=task))
             self._diagnostics.tick("intent/active_task")
             self._logger.info(f"active task: {task or 'none'}")
-        question = {} if activation is None else activation.question
+        question = {} if activation is None else activation.inbox.question
         if {*question} != {*self._asked}:
             self._asked = tuple(question)
             message = JointState(name=list(question), position=list(question.values()))
@@ -126,13 +126,13 @@ class ActivationOutput:
         value("active task", activation.active_task or "none")
         for name, count in activation.counts.items():
             value(f"count {name}", count)
-        for name, text in activation.clocks.items():
+        for name, text in activation.arm.clocks.items():
             value(name, text)
         value("expected task", activation.pretrigger.expected or "none")
-        if activation.held_back:
-            value("last held back", activation.held_back)
-        if activation.reasons:
-            value("asked for help", activation.reasons)
+        if activation.inbox.held_back:
+            value("last held back", activation.inbox.held_back)
+        if activation.people.reasons:
+            value("asked for help", activation.people.reasons)
         value("waits for", activation.waits_for or "nothing")
         self.status(activation, silent)
 
@@ -154,8 +154,8 @@ def _status(activation: Activation | None) -> tuple[int, str]:
         return Level.WARN, f"stopped: {activation.stop_reason}"
     if activation.waits_for:
         return Level.WARN, f"waits: {activation.waits_for}"
-    if activation.held_back:
-        return Level.WARN, activation.held_back
+    if activation.inbox.held_back:
+        return Level.WARN, activation.inbox.held_back
     if activation.mode is Mode.PRETRIGGERED:
         return Level.OK, f"pretriggered: {activation.pretrigger.label}"
     return Level.OK, activation.mode.value

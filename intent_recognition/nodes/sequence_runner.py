@@ -92,13 +92,13 @@ class SequenceRunner:
         moment = self._moment(activation)
         self._progress = advance(self._sequences, before, moment)
         if self._progress.ordered != before.ordered:
-            activation.order(None)
+            activation.inbox.order(None)
             self._tried_s = -math.inf
         step = awaited(self._sequences, self._progress)
-        lost = self._progress.ordered and not activation.ordered
+        lost = self._progress.ordered and activation.inbox.ordered is None
         if step is not None and lost and moment.now_s - self._tried_s >= 1.0:
             self._tried_s = moment.now_s
-            activation.order(self._prediction(self._library, step.task, make_path, arm))
+            activation.inbox.order(self._prediction(self._library, step.task, make_path, arm))
         self._tell()
 
     def forget(self) -> None:
@@ -108,7 +108,7 @@ class SequenceRunner:
 
     def _moment(self, activation: Activation) -> Moment:
         now_s = elapsed_s(self._node)
-        if not activation.decision.idle:
+        if not activation.inbox.decision.idle:
             self._rest_since_s = None
         elif self._rest_since_s is None:
             self._rest_since_s = now_s

@@ -173,10 +173,10 @@ def test_an_end_that_is_too_uncertain_is_executed_once_it_is_certain():
     world.begin("plate", already_s=0.2)
     world.end_std = 0.6
     world.run(0.5)
-    assert world.commands == [] and "end is uncertain" in world.activation.held_back
+    assert world.commands == [] and "end is uncertain" in world.activation.inbox.held_back
     world.end_std = 0.1
     world.run_until(Mode.EXECUTING)
-    assert world.activation.held_back == "" and "uncertain_end" not in world.rejected
+    assert world.activation.inbox.held_back == "" and "uncertain_end" not in world.rejected
 
 
 def test_a_prediction_too_fast_for_the_arm_is_slowed():
@@ -205,7 +205,7 @@ def test_what_is_possible_is_in_question_while_nothing_is_acted_on():
     def question(*p):
         question.ns += 10_000_000
         activation.take_tasks(question.ns, question.ns, LABELS, np.array(p))
-        return activation.question
+        return activation.inbox.question
 
     question.ns = START_NS
     assert question(0.5, 0.4, 0.1) == {"plate": 0.5, "screw": 0.4}

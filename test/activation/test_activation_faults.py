@@ -67,13 +67,13 @@ def test_bodies_measured_at_the_same_time_all_count(n_bodies):
             p = rest if step == 0 else sure + body * np.array([1e-3, -1e-3, 0.0])
             said = None if step == 0 else evidence + step + body
             world.activation.take_tasks(START_NS, START_NS + step * STEP_NS, labels, p, said)
-        assert world.activation.decision.n_for == step * n_bodies
+        assert world.activation.inbox.decision.n_for == step * n_bodies
     assert world.rejected == []
     stamp = START_NS + 6 * STEP_NS
     for body in range(n_bodies):  # the newest of one time is what is believed
         p = sure if body < n_bodies - 1 else doubtful
         world.activation.take_tasks(START_NS, stamp, labels, p, evidence + body)
-    assert world.activation.decision.candidate == "" and world.rejected == []
+    assert world.activation.inbox.decision.candidate == "" and world.rejected == []
 
 
 def test_the_same_estimate_once_more_is_a_sender_that_is_stuck():
@@ -82,7 +82,7 @@ def test_the_same_estimate_once_more_is_a_sender_that_is_stuck():
     for _ in range(8):
         world.activation.take_tasks(START_NS, START_NS, LABELS, world.probabilities())
     assert world.rejected == ["stamp_not_increasing"] * 7
-    assert world.activation.decision.n_for == 1
+    assert world.activation.inbox.decision.n_for == 1
 
 
 def test_repeated_stamps_count_as_silence():
@@ -97,11 +97,11 @@ def test_repeated_stamps_count_as_silence():
 
 def test_malformed_probabilities_raise_and_change_nothing():
     world = World()
-    before = world.activation.decision
+    before = world.activation.inbox.decision
     for p in (np.array([0.5]), np.array([np.nan, 0.5, 0.5]), np.array([])):
         with pytest.raises(IntentError):
             world.activation.take_tasks(START_NS, START_NS, LABELS, p)
-    assert world.activation.decision == before
+    assert world.activation.inbox.decision == before
     world.activation.take_tasks(START_NS, START_NS, LABELS, world.probabilities())
     assert world.rejected == []
 

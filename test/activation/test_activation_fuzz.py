@@ -161,7 +161,7 @@ class Fuzz:
         elif kind == "lead" and self.held is not None:
             self.held = self.held + rng.normal(0.0, 0.05, 7)
         elif kind == "order":
-            self.activation.order(self.draw_order() if rng.random() < 0.9 else None)
+            self.activation.inbox.order(self.draw_order() if rng.random() < 0.9 else None)
         elif kind == "release":
             self.push, self.held = np.zeros(7), None
             self.speaks = self.measures = True
@@ -220,13 +220,13 @@ class Fuzz:
         """As the sequences' node does: orders the next step where its condition holds."""
         activation = self.activation
         known = activation.counts["started"], activation.active_task, activation.arrived
-        moment = Moment(self.now_ns * 1e-9, *known, 1.0 * activation.decision.idle)
+        moment = Moment(self.now_ns * 1e-9, *known, 1.0 * activation.inbox.decision.idle)
         self.progress = advance(SEQUENCES, self.progress, moment)
-        if self.progress.ordered and not activation.ordered:
+        if self.progress.ordered and activation.inbox.ordered is None:
             task = LABELS.index(awaited(SEQUENCES, self.progress).task)
             times, q = self.through_points(task)
             path = make_path(times, q, LIMITS)
-            activation.order(PredictedInteraction(LABELS[task], 0, path, {"rad": 0.1}))
+            activation.inbox.order(PredictedInteraction(LABELS[task], 0, path, {"rad": 0.1}))
 
     def draw_shape(self):
         """A way to somewhere, also outside the limits, slow or too fast, of few points or many."""

@@ -66,7 +66,7 @@ def test_a_push_is_noticed_though_joint_states_are_late(late_s, stopped):
     for k in range(70):
         step(world.arm() + (0.9 if k > 30 else 0.0))
     assert world.activation.stop_reason == stopped
-    assert world.activation.clocks["joint states' age by"] == "stamp"
+    assert world.activation.arm.clocks["joint states' age by"] == "stamp"
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 0.1, 0.2])
@@ -81,7 +81,7 @@ def test_an_arm_whose_clock_is_behind_is_followed_while_it_moves(behind_s, lag_s
         stamp_ns = world.now_ns - round(behind_s * 1e9)
         world.activation.take_joint_state(stamp_ns, been[0], np.zeros(7), now_ns=world.now_ns)
         world.step()
-    clocks = world.activation.clocks
+    clocks = world.activation.arm.clocks
     assert clocks["joint states behind"] == f"{behind_s:.3f} s"
     if lag_s < behind_s:  # else both are as good as the other
         assert clocks["joint states' age by"] == "arrival"

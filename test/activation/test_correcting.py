@@ -53,14 +53,16 @@ def test_where_the_arm_is_left_becomes_the_end_and_nothing_jumps():
     activation = held.activation
     assert Mode.YIELDING in held.modes and activation.counts["corrected"] == 1
     np.testing.assert_allclose(held.arm(), before + AWAY, atol=5e-3)
-    np.testing.assert_allclose(activation.corrected.path.spline(1.0), before + AWAY, atol=5e-3)
+    np.testing.assert_allclose(
+        activation.motions.corrected.path.spline(1.0), before + AWAY, atol=5e-3
+    )
     held.check_continuous()
     held.task = "idle"
     held.run_until(Mode.HOMING)
     held.begin("plate")
     held.run_until(Mode.EXECUTING)
     held.run(DURATION_S)
-    assert activation.corrected is None  # of the next interaction
+    assert activation.motions.corrected is None  # of the next interaction
     np.testing.assert_allclose(held.arm(), HOME + GOALS["plate"], atol=1e-3)
 
 
@@ -99,7 +101,7 @@ def test_an_arm_left_on_its_way_goes_on_from_there():
     assert held.commands[-1].phase_at(held.now_ns)[0] >= done
     held.run(3.0)
     held.check_continuous()
-    expected = held.activation.corrected.path.spline(1.0)
+    expected = held.activation.motions.corrected.path.spline(1.0)
     np.testing.assert_allclose(held.arm(), expected, atol=1e-6)
 
 
@@ -122,7 +124,7 @@ def test_an_unknown_task_yields_and_goes_on_as_before():
     held.run(DURATION_S)
     hold(held, AWAY, 1.5)
     held.run(1.5)
-    assert held.activation.counts["yielded"] == 1 and held.activation.corrected is None
+    assert held.activation.counts["yielded"] == 1 and held.activation.motions.corrected is None
     np.testing.assert_allclose(held.arm(), HOME + GOALS["plate"], atol=1e-3)
 
 
@@ -170,7 +172,7 @@ def test_an_ordered_task_goes_on_by_what_is_recognised_alone():
     held.task = "idle"
     held.run_until(Mode.IDLE)
     ordered = prediction("plate", 0, duration_s=4.0)
-    held.activation.order(ordered)
+    held.activation.inbox.order(ordered)
     held.run(0.2)
     held.task = "none"
     held.run(0.3)

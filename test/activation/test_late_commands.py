@@ -126,7 +126,7 @@ def test_what_is_executed_keeps_the_limits_and_ends_at_home(latency_s, loss):
     assert world.activation.mode is Mode.IDLE
     np.testing.assert_allclose(world.arm(), HOME, atol=1e-3)
     assert world.tasks_seen == ["", "plate", "", "screw", ""]
-    late = float(world.activation.clocks["commands late [s]"])
+    late = float(world.activation.arm.clocks["commands late [s]"])
     if loss == 0.0:
         assert (late > 0.0) == (latency_s[1] > 0.0)
         assert ("commands_late" in world.rejected) == (late > 0.0)
@@ -135,7 +135,7 @@ def test_what_is_executed_keeps_the_limits_and_ends_at_home(latency_s, loss):
 @pytest.mark.parametrize("lag_s", [0.05, 0.08, 0.12, 0.2])
 def test_an_arm_that_lags_is_not_taken_for_one_that_gets_late_commands(lag_s):
     world, _ = session(1, (0.0, 0.0), 0.0, lag_s=lag_s)
-    assert world.rejected == [] and world.activation.clocks["commands late [s]"] == "0.000"
+    assert world.rejected == [] and world.activation.arm.clocks["commands late [s]"] == "0.000"
     assert world.activation.mode is Mode.IDLE
 
 

@@ -144,7 +144,7 @@ def test_a_task_that_a_caller_orders_is_begun_for_the_one_attended_to():
     world.until(lambda: world.activation.mode is Mode.EXECUTING)
     world.rest()
     world.until(lambda: world.activation.mode is Mode.IDLE)
-    world.activation.order(prediction("screw", world.now_ns))
+    world.activation.inbox.order(prediction("screw", world.now_ns))
     world.until(lambda: world.activation.counts["started"] == 2)
     world.check_continuous()
 
@@ -190,7 +190,7 @@ def test_who_finds_no_way_lets_another_one_go_first(monkeypatch):
 def test_who_needs_it_first_does_not_depend_on_the_names():
     world = both_ask(0.4, 0.8)
     world.until(lambda: world.activation.attended)
-    assert world.activation.attended in world.activation.reasons
+    assert world.activation.attended in world.activation.people.reasons
     assert world.helps("ben")
 
 

@@ -180,10 +180,10 @@ def at_the_plate():
 def test_one_primitive_goes_over_into_the_next_smoothly_without_being_recognised():
     """The plan blends: position and velocity are continuous, in motion and from rest."""
     world = at_the_plate()
-    world.activation.order(prediction("screw", 0))
+    world.activation.inbox.order(prediction("screw", 0))
     world.run(0.5)
     assert world.activation.active_task == "screw"
-    world.activation.order(prediction("plate", 0))
+    world.activation.inbox.order(prediction("plate", 0))
     world.run(0.1)
     assert world.activation.active_task == "screw", "one after the other"
     world.run_until(Mode.IDLE)
@@ -195,7 +195,7 @@ def test_one_primitive_goes_over_into_the_next_smoothly_without_being_recognised
 @pytest.mark.parametrize("moving", ["", "none"])
 def test_what_began_by_itself_goes_on_until_another_task_is_recognised(moving):
     world = at_the_plate()
-    world.activation.order(prediction("screw", 0))
+    world.activation.inbox.order(prediction("screw", 0))
     world.run(0.4)
     world.task = moving or "idle"
     world.run(0.4)
@@ -211,7 +211,7 @@ def test_what_began_by_itself_goes_on_until_another_task_is_recognised(moving):
 def test_an_ordered_task_that_is_recognised_is_the_persons_from_then_on():
     """It is not begun a second time in the same movement."""
     world = at_the_plate()
-    world.activation.order(prediction("screw", 0))
+    world.activation.inbox.order(prediction("screw", 0))
     world.run(0.3)
     world.begin("screw", already_s=0.3)
     while not world.activation.arrived:
@@ -223,7 +223,7 @@ def test_an_ordered_task_that_is_recognised_is_the_persons_from_then_on():
 
 def test_an_ordered_task_that_was_recognised_stops_when_it_is_withdrawn():
     world = at_the_plate()
-    world.activation.order(prediction("screw", 0))
+    world.activation.inbox.order(prediction("screw", 0))
     world.run(0.3)
     world.begin("screw", already_s=0.3)
     world.run(0.3)
@@ -234,7 +234,7 @@ def test_an_ordered_task_that_was_recognised_stops_when_it_is_withdrawn():
 
 def test_an_ordered_task_that_was_stopped_hides_no_movement():
     world = at_the_plate()
-    world.activation.order(prediction("screw", 0, duration_s=9.0))
+    world.activation.inbox.order(prediction("screw", 0, duration_s=9.0))
     world.run(0.4)
     world.task, world.measures = "none", False
     world.run_until(Mode.STOPPED)
@@ -248,15 +248,15 @@ def test_an_ordered_task_that_was_stopped_hides_no_movement():
 
 def test_an_order_is_taken_back_waits_for_a_recognised_task_and_must_be_certain():
     world = at_the_plate()
-    world.activation.order(prediction("screw", 0, end_std=2.0))
+    world.activation.inbox.order(prediction("screw", 0, end_std=2.0))
     world.run(0.1)
     assert world.rejected == ["uncertain_end"] and world.activation.active_task == "plate"
     world.begin("plate", already_s=0.3)
     world.run(0.1)
-    world.activation.order(prediction("screw", 0))
+    world.activation.inbox.order(prediction("screw", 0))
     world.run(0.2)
     assert world.activation.active_task == "plate"
-    world.activation.order(None)
+    world.activation.inbox.order(None)
     world.task = "idle"
     world.run_until(Mode.IDLE)
     assert world.tasks_seen == ["", "plate", ""]
@@ -266,12 +266,12 @@ def test_an_order_waits_while_the_arm_cannot_be_seen():
     world = at_the_plate()
     world.measures = False
     world.run(0.4)
-    world.activation.order(prediction("screw", 0))
+    world.activation.inbox.order(prediction("screw", 0))
     world.run(0.1)
-    assert world.activation.ordered and world.activation.active_task != "screw"
+    assert world.activation.inbox.ordered and world.activation.active_task != "screw"
     world.measures = True
     world.run(0.2)
-    assert not world.activation.ordered and world.activation.active_task == "screw"
+    assert not world.activation.inbox.ordered and world.activation.active_task == "screw"
 
 
 def test_an_arm_that_holds_nothing_has_arrived_all_the_same():

@@ -16,7 +16,7 @@ from intent_recognition.motion import (
     plan_interaction,
     scaled_limits,
 )
-from intent_recognition.motion.plan import excess, position_range
+from intent_recognition.motion.plan import position_range, within
 from intent_recognition.motion.point_to_point import brake_plan
 from sim_bridge.arm import RejectedTrajectoryError, TrajectoryCommand
 
@@ -95,9 +95,10 @@ def test_a_curve_that_leaves_the_limits_between_its_samples_is_in_excess():
     q[:, 1] = LIMITS.upper[1] - 0.01
     v = np.zeros((2, 7))
     v[:, 1] = 0.2, -0.2
-    found = excess(np.array([0.0, 1.0]), q, v, LIMITS)
-    assert found.position_rad == pytest.approx(0.04)  # a parabola of height v h / 4
-    assert not found.within()
+    times = np.array([0.0, 1.0])
+    _, highest = position_range(times, q, v)
+    assert highest[1] == pytest.approx(q[0, 1] + 0.05)  # a parabola of height v h / 4
+    assert not within(times, q, v, LIMITS)
 
 
 @few

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
-from intent_recognition.motion.plan import JointPlan, JointReference, excess, scaled_limits
+from intent_recognition.motion.plan import JointPlan, JointReference, scaled_limits, within
 from intent_recognition.motion.point_to_point import RISE_TIME_S, brake_plan, home_plan
 from sim_bridge.arm.trajectory_command import TrajectoryCommand
 
@@ -34,7 +34,7 @@ def on_its_way(seed: int) -> tuple[JointPlan, JointReference]:
 def check_accepted(plan: JointPlan) -> None:
     times_s = np.round(plan.times_s * 1e9) * 1e-9
     TrajectoryCommand.validated(JOINT_NAMES, times_s, plan.positions, plan.velocities)
-    assert excess(plan.times_s, plan.positions, plan.velocities, LIMITS).within()
+    assert within(plan.times_s, plan.positions, plan.velocities, LIMITS)
 
 
 @few

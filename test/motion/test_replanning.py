@@ -15,7 +15,7 @@ from intent_recognition.motion import (
     plan_interaction,
     replanning,
 )
-from intent_recognition.motion.plan import excess
+from intent_recognition.motion.plan import within
 
 ENDS = np.array([0.0, 1.0])
 
@@ -49,7 +49,7 @@ def test_a_path_through_things_goes_around_them_from_start_to_end(seed):
     np.testing.assert_allclose(found.path.spline(ENDS), PATH.spline(ENDS), atol=1e-9)
     plan = planned(found)
     assert guard.obstruction(plan) is None and plan.clamped == ()
-    assert excess(plan.times_s, plan.positions, plan.velocities, LIMITS).within()
+    assert within(plan.times_s, plan.positions, plan.velocities, LIMITS)
     every_ms = plan.sampled(np.arange(0.0, plan.duration_s, 1e-3))[0]
     assert bodies_among(*boxes, clearance_m=0.0199).contacts(every_ms) == []
 

@@ -230,13 +230,13 @@ def test_a_person_who_comes_slows_the_way_that_is_under_way_and_who_leaves_quick
     world = go_home(FAR, separation=separation)
     world.run(0.25)
     n, unslowed_ns = len(world.commands), world.commands[-1].end_ns
-    world.activation.take_person(person(HALFWAY))
+    world.activation.take_people((person(HALFWAY),))
     world.run(0.3)
     brake, *_, slow = world.commands[n:]
     assert (brake.plan.kind, slow.plan.kind) == ("stop", "home")
     assert slow.end_ns > unslowed_ns + 500_000_000
     assert separation.excess(slow.plan, slow.start_ns, person(HALFWAY)) <= 1.0
-    world.activation.take_person(person(FAR))
+    world.activation.take_people((person(FAR),))
     world.run(0.1)
     assert world.commands[-1].end_ns < slow.end_ns - 200_000_000
     world.run_until(Mode.IDLE)
@@ -252,7 +252,7 @@ def test_going_ahead_slows_near_the_person():
     world.run_until(Mode.EXECUTING)
     world.task = "idle"
     world.run_until(Mode.HOMING)
-    world.activation.take_person(person(HALFWAY))
+    world.activation.take_people((person(HALFWAY),))
     world.activation.pretrigger.take_expectation(world.now_ns, ["screw"], np.ones(1))
     world.run_until(Mode.PRETRIGGERED)
     (ahead,) = ways(world, "pretrigger")

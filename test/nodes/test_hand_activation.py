@@ -108,7 +108,7 @@ def test_the_whole_pose_of_the_hand_is_reached_as_predicted(harness, panda):
     pose = panda._arm.forward_kinematics(q[-1])
     np.testing.assert_allclose(pose[:3, 3], GOAL_M, atol=1e-3)
     np.testing.assert_allclose(pose[:3, :3], turn.as_matrix(), atol=2e-3)
-    assert graph.node.activation.decision.active == "plate"
+    assert graph.node.activation.inbox.decision.active == "plate"
 
 
 @pytest.fixture

@@ -87,9 +87,8 @@ def test_a_place_is_fresh_by_the_clock_of_the_node(harness, given, monkeypatch):
     harness.set_clock(node, 10**9)
     node._sequences._take_place("wrist", Odometry())
     monkeypatch.setattr("time.monotonic", lambda: np.inf)
-    idle = SimpleNamespace(
-        decision=SimpleNamespace(idle=True), counts={"started": 0}, active_task="", arrived=False
-    )
+    inbox = SimpleNamespace(decision=SimpleNamespace(idle=True))
+    idle = SimpleNamespace(inbox=inbox, counts={"started": 0}, active_task="", arrived=False)
     assert [*node._sequences._moment(idle).places] == ["wrist"]
 
 
