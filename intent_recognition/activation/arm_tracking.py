@@ -171,10 +171,7 @@ class ArmTracking:
         return command
 
     def _samples(self, now_ns: int, end_ns: int) -> MotionPoints | None:
-        """What is in force from now until just before a time; None where that is no time.
-
-        Where commands take over and at their samples: the cubics between are those in force.
-        """
+        """What is in force until just before a time, at switches and samples; None for no time."""
         starts_ns = [command.start_ns for command in self._history]
         times_ns = [np.array([now_ns])]
         for command, until_ns in zip(self._history, [*starts_ns[1:], end_ns], strict=True):

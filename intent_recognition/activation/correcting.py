@@ -128,10 +128,7 @@ class Correcting:
 
 
 def _yields_to(position: Floats, reference: JointReference, detector: DeviationDetector) -> Floats:
-    """Where the reference must be for the arm to be free, (n,) [rad].
-
-    It follows the arm but for what the controller explains, so that the arm does not sink.
-    """
+    """Where the reference follows a led arm to (n,) [rad]: less far, so that it does not sink."""
     residual = detector.residual(position, reference)
     explained = np.clip(residual, -detector.explained, detector.explained)
     return reference.position + residual - explained

@@ -112,10 +112,7 @@ class Motions:
     def _planner(
         self, path: JointPath, timing: NominalTiming, start: JointReference, progress: PhaseState
     ) -> _Planner:
-        """Plans along a path from a reference on, under ceilings of the phase rate.
-
-        Where the arm is faster than that already, it brakes along the path.
-        """
+        """Plans along a path under ceilings of the phase rate; a faster arm brakes along it."""
         settings = self._common.settings
         limits, places = settings.limits, settings.slow_places
         always = None if places is None else places.rate_ceiling(path)

@@ -266,7 +266,9 @@ class Activation:
     def _is_free(self, now_ns: int) -> bool:
         state = self.state
         if isinstance(state, Arrived) and state.interaction.over:
-            active = bool(self.inbox.decision.active) and now_ns >= self._transitions.exchanging_until_ns
+            active = (
+                bool(self.inbox.decision.active) and now_ns >= self._transitions.exchanging_until_ns
+            )
             return self._transitions.held(state, now_ns) or active
         return isinstance(state, (Idle, Homing))
 

@@ -110,9 +110,7 @@ class Admission:
         return secrets.compare_digest(given.encode(errors="replace"), self._token.encode())
 
     def _is_own(self, host: str) -> bool:
-        """Whether a `Host` is this server's: a number, which no foreign name server can give to
-        a page, or a name that is known.
-        """
+        """Whether a `Host` is a known name, or a number, which no name server gives to a page."""
         if not (found := _HOST.fullmatch(host)):
             return False
         name = (found["number"] or found["name"]).lower()

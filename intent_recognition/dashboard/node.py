@@ -91,13 +91,7 @@ class Dashboard(Node):
         return [path for path in found if _is_model(path, path.stat().st_mtime_ns)][:50]
 
     def _play(self, bag: Path, offset_s: float, rate: float) -> BagPlayer:
-        """Play the topics without other publishers from an offset, stamped with the present.
-
-        Where people have names, the body is the first one's.
-
-        Raises:
-            BagError: nothing is left to be played.
-        """
+        """Play what nobody else publishes, stamped with the present; the first person's body."""
         stored = [topic.lstrip("/") for topic in BagReader(bag, tolerant=True).topics]
         topics = self.state.pose_topics(self._body)
         heard = {topic: topic for topic in stored} | {topics[0]: topics[-1]}

@@ -128,12 +128,7 @@ def brake_along(plan: JointPlan, time_s: float, limits: JointLimits) -> JointPla
 
 @dataclass(frozen=True, eq=False)
 class _Budget:
-    """What path and offset may use of the limits.
-
-    Attributes:
-        share: share of the path's bounds in each interval of its grid, (N_GRID,).
-        stretch: how many times longer the offset takes than its own bounds ask for.
-    """
+    """Share of the bounds of the path (N_GRID,), and factor on the time of the offset."""
 
     share: Floats
     stretch: float

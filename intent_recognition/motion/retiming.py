@@ -85,10 +85,7 @@ def speed_limits(
 
 
 def _largest_with_room(a: Floats, b: Floats, own: float) -> Floats:
-    """Largest x (G + 1,) at which every lower bound on s'' lies below every upper bound.
-
-    a, b are those of the joints at the grid points, (G + 1, n); own bounds s'' itself.
-    """
+    """Largest x (G + 1,) with room for s'' between bounds of joints (G + 1, n) and its own."""
     a = np.hstack([a, np.full((len(a), 1), own)])
     b = np.hstack([b, np.zeros((len(b), 1))])
     difference = np.maximum(b[:, :, None] - b[:, None, :], 1e-300)

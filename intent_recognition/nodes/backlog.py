@@ -22,10 +22,7 @@ BacklogItem = TypeVar("BacklogItem")
 
 @dataclass(eq=False)
 class _Source:
-    """One topic: the function that takes its messages, and whether too many waited the last time.
-
-    `subscription` is None once it is closed.
-    """
+    """A topic: who takes its messages, and whether too many waited the last time."""
 
     callback: Callable[[object], None]
     raw: bool

@@ -149,7 +149,7 @@ class ObjectTransfer(Node):
         return None
 
     def _look(self, at_ns: int, hand_m: Floats) -> tuple[bool | None, Floats | None, float]:
-        """Whether the person's hand is near, the direction from the base to it, and its speed."""
+        """Whether the helped person's hand is near, the way from the base to it, and its speed."""
         person = self._people.get(self._attended, ())
         seen = next((seen for seen in reversed(person) if seen[0] < at_ns), None)
         if seen is None or at_ns - seen[0] > FRESH_S * 1e9:

@@ -152,13 +152,7 @@ def _step(
 
 
 class _Draws(NamedTuple):
-    """Every step of every assembly as a draw from those that were undone.
-
-    Attributes:
-        undone: 1 for each step that was undone before the draw, (T, n); what an assembly does not
-            hold was never undone.
-        drawn: number of the step, (T,).
-    """
+    """Every step of the assemblies as a draw (T,) from the undone ones, 1 in (T, n)."""
 
     undone: Floats
     drawn: Integers
@@ -219,10 +213,7 @@ def _may_change(order: Floats, i: int, j: int) -> bool:
 
 
 def _kept_by_all(sequences: Sequence[Sequence[int]], n: int) -> Floats:
-    """1 where i came before j in every assembly that holds both, and in some, (n, n).
-
-    Where few hold both, this may be no order: then what follows from it in a circle is left out.
-    """
+    """1 where i came before j in every assembly that holds both, (n, n), without circles."""
     seen = np.zeros((n, n))
     for one in sequences:
         for k, step in enumerate(one):

@@ -159,11 +159,9 @@ class WorkProgress:
         return np.asarray(weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300))
 
     def _choice(self, habit: Floats | None) -> tuple[Floats, Floats, Floats]:
-        """What the next movement does, from each set of done steps.
+        """Probability of what comes next, by the sets of done steps; a row of all three sums to one.
 
-        Returns:
-            Probability of a step (M, n), of a first step of the next assembly (M, n), and of a
-            task that does no step (M, K); a row of all three sums to one.
+        A step (M, n), a first step of the next assembly (M, n), a task that does no step (M, K).
         """
         plan, done = self.plan, self._done
         begun = np.any(done, axis=1, keepdims=True)

@@ -262,10 +262,7 @@ class TransferMachine:
         return min(self._factor * grip_n, MOST_N)
 
     def _felt_share(self, now: Situation) -> float:
-        """What the person has taken over of an offer; nobody near, nobody takes.
-
-        Where the person stands is a guess: who pulls to the side for long takes, too.
-        """
+        """What the person has taken over of an offer; a long pull to any side counts, too."""
         if self.holding is not Holding.OFFERING or now.near is False:
             return 0.0
         toward = now.toward
@@ -295,10 +292,7 @@ class TransferMachine:
         return slips
 
     def _weigh(self, now: Situation) -> None:
-        """The weight is the median of the load since the object was lifted, if it was carried.
-
-        The median: a bump, or a pull of less than half the way, does not count.
-        """
+        """The weight is the median of loads since the lift: a bump does not count."""
         if self.holding is not Holding.CARRYING or -now.force_n[2] < 0.25 * LIGHTEST_N:
             return
         self._remember(now._replace(force_n=now.force_n / now.heaviness), np.inf)

@@ -40,10 +40,7 @@ class ArmReference(NamedTuple):
 
 
 class _Curve:
-    """Piecewise polynomials of degree 5 through a command's points, held at rest after the last.
-
-    Before the first point it runs straight through that point at the point's velocity.
-    """
+    """Quintics through a command's points, straight before the first, at rest after the last."""
 
     def __init__(self, command: TrajectoryCommand, start_s: float) -> None:
         times = command.times_s + start_s

@@ -102,11 +102,7 @@ def load_urdf(client: BulletClient, urdf: str, base_position_m: tuple[float, flo
 
 
 def _try_meshes(urdf: str, path: Path, flags: int) -> None:
-    """Let another process load meshes that did not come with PyBullet: some broken ones end it.
-
-    Raises:
-        ArgumentError: a mesh cannot be used, or that process was ended or did not end.
-    """
+    """Let another process load meshes that did not come with PyBullet: some broken ones end it."""
     meshes = [
         mesh
         for mesh in ElementTree.fromstring(urdf).iter("mesh")

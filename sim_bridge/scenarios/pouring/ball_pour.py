@@ -62,11 +62,7 @@ class BallPours(AbstractContextManager["BallPours"]):
         return BallCount(len(inside), caught, left - caught, len(inside) - left)
 
     def _caught(self, path: PourPath, start_s: float, tilted: Tilted) -> Flags:
-        """Which of the balls that left come down through the opening.
-
-        A ball has left when it is some way below the lip, at times already below the opening: then
-        it is followed back to the opening's plane.
-        """
+        """Which of the balls that left come down through the opening: their way to its plane."""
         left = tilted.left
         times = start_s + tilted.exit_time_s[left]
         speed = np.gradient(path.offset_m, path.times_s, axis=0)

@@ -34,10 +34,7 @@ def shell_pieces(container: Container) -> list[Floats]:
 
 
 def _rows(container: Container) -> tuple[Floats, Floats, Floats]:
-    """Inner and outer outlines (R, N_CORNERS, 2) and heights (R,), from the base to the crest.
-
-    All are drawn back by Bullet's margin.
-    """
+    """Inner and outer outlines (R, N_CORNERS, 2) and heights (R,), less Bullet's margin."""
     sections = container.sections
     # The wall up to where the rim begins to be round, and the crest.
     level = sections.heights_m

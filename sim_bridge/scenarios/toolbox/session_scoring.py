@@ -235,8 +235,7 @@ def _arrival(
 ) -> float | None:
     """When the arm first rested where it was to go after the decision, since the human's end [s].
 
-    Where it did something else until then, it has moved first, and away from there. `transfer_ns`
-    is when an object changed hands, which was there and not where the arm waited on the way.
+    It has moved first; `transfer_ns` is when an object changed hands, which was there.
     """
     first, last = np.searchsorted(log.joint_ns, [decided_ns, until_ns])
     stamps, joints = log.joint_ns[first:last], log.joint_rad[first:last]

@@ -290,9 +290,7 @@ class ToolboxTransfers:
             self._offset_m = hand.target_m - self._wrist_m
 
     def _gives_way(self, hand: CompliantHand, thing: HandedThing) -> bool:
-        """Whether a giver has seen that the fingers closed in front of the object: it is taken back
-        until they are open.
-        """
+        """Whether a giver has seen that the fingers closed in front of the object."""
         blocked = self._fingers.half_opening_m() < BETWEEN * thing.what.half_edges_m[1]
         self._blocked_s = self._blocked_s + TIME_STEP_S if blocked and hand.holds else 0.0
         return self._manner is not None and self._blocked_s > self._manner.reaction_s
