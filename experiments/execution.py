@@ -147,7 +147,7 @@ def execute(
     with SimulatedArm(HOME, noise=SensorNoise(), rng=rng) as arm:
         surroundings = Surroundings(arm, boxes)
         gripper = ToolboxGripper(arm)
-        follower = TrajectoryFollower(arm.reference.q, arm.limits)
+        follower = TrajectoryFollower(arm.reference.position, arm.limits)
 
         def before_step(arm: "SimulatedArm") -> None:
             arm.set_reference(*follower.sample(arm.time_s))

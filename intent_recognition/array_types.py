@@ -7,7 +7,7 @@ from reprlib import Repr
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -22,6 +22,13 @@ def settle(owner: object, **values: object) -> None:
         if isinstance(value, np.ndarray):
             value.setflags(write=False)
         object.__setattr__(owner, name, value)
+
+
+def frozen(values: ArrayLike) -> Floats:
+    """A copy of numbers that nobody can change."""
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
 
 
 class _Short(Repr):

@@ -136,7 +136,7 @@ class _Run:
         hand = hand_position(state.q)
         self._estimator.update_controlled(Observation(now_ns, 0, hand))
         self._activation.take_joint_state(now_ns, state.q, state.qd)
-        self._rows.append((hand, hand_position(self._arm.reference.q)))
+        self._rows.append((hand, hand_position(self._arm.reference.position)))
 
     def observe(self, observation: Observation) -> None:
         """Recognise; predict when it is time to."""

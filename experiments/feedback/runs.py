@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from experiments.feedback.controller import FeedbackPolicy
-from sim_bridge.arm import STEPS_PER_SAMPLE, TIME_STEP_S, ArmReference, SimulatedArm
+from intent_recognition.motion import JointReference
+from sim_bridge.arm import STEPS_PER_SAMPLE, TIME_STEP_S, SimulatedArm
 
 NOISE_STEPS = 5
 """Physics steps for which one draw of the disturbance lasts; far shorter than the arm's motion."""
@@ -47,17 +48,17 @@ class FeedbackRun:
     saturated_steps: int
 
 
-def mean_movement(policy: FeedbackPolicy) -> Callable[[float], ArmReference]:
+def mean_movement(policy: FeedbackPolicy) -> Callable[[float], JointReference]:
     """The distribution's mean as a reference over time, held at rest after its end."""
     n = policy.n_joints
     spline = CubicSpline(policy.times_s, policy.mean[:, :n])
     slope, bend = spline.derivative(), spline.derivative(2)
-    end = ArmReference(policy.mean[-1, :n], np.zeros(n), np.zeros(n))
+    end = JointReference.at_rest(policy.mean[-1, :n])
 
-    def reference(time_s: float) -> ArmReference:
+    def reference(time_s: float) -> JointReference:
         if time_s >= policy.times_s[-1]:
             return end
-        return ArmReference(spline(time_s), slope(time_s), bend(time_s))
+        return JointReference(spline(time_s), slope(time_s), bend(time_s))
 
     return reference
 

@@ -58,14 +58,14 @@ def execute(
     rows, lag, touched = [], 0.0, False
     with SimulatedArm(start) as arm:
         bodies = PointingBodies(arm)
-        follower = TrajectoryFollower(arm.reference.q, arm.limits)
+        follower = TrajectoryFollower(arm.reference.position, arm.limits)
         follower.accept(command, 0.0)
         arm.before_step.append(lambda _: arm.set_reference(*follower.sample(arm.time_s)))
         for _ in range(n_samples):
             arm.step(STEPS_PER_SAMPLE)
             q = arm.state().q
             rows.append(q)
-            lag = max(lag, float(np.abs(arm.reference.q - q).max()))
+            lag = max(lag, float(np.abs(arm.reference.position - q).max()))
             touched = touched or bodies.touches()
     times = 0.01 * np.arange(1, n_samples + 1, dtype=np.float64)
     return PointingRun(times, np.array(rows), pointed_at(rows[-1]), lag, touched)

@@ -159,7 +159,7 @@ class WorkProgress:
         return np.asarray(weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300))
 
     def _choice(self, habit: Floats | None) -> tuple[Floats, Floats, Floats]:
-        """Probability of what comes next, by the sets of done steps; a row of all three sums to one.
+        """Probability of what comes next, by the sets of done steps; rows of all three sum to one.
 
         A step (M, n), a first step of the next assembly (M, n), a task that does no step (M, K).
         """

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intent_recognition.array_types import Floats, Integers
+from intent_recognition.array_types import Floats, Integers, frozen
 from intent_recognition.tracking.settings import IngestSettings, frame_name
 from intent_recognition.tracking.transforms import multiply_quaternions, normalise_quaternions
 
@@ -21,12 +21,10 @@ ZERO_STAMP = "zero_stamp"
 STAMP_NOT_INCREASING = "stamp_not_increasing"
 JUMP = "jump"
 UNKNOWN_FRAME = "unknown_frame"
-REASONS = (NOT_FINITE, ZERO_STAMP, STAMP_NOT_INCREASING, JUMP, UNKNOWN_FRAME)
 
 FARTHEST_M = 1e5
 """Positions farther away [m] are rejected as infinite ones. Convention: no tracker reaches it."""
-NO_ROTATION = np.array([0.0, 0.0, 0.0, 1.0])
-NO_ROTATION.setflags(write=False)
+NO_ROTATION = frozen((0.0, 0.0, 0.0, 1.0))
 
 
 Sample = tuple[int, Floats]
@@ -68,7 +66,7 @@ class TrackedPose:
 
 @dataclass(frozen=True)
 class Rejected:
-    """A dropped pose, for one of `REASONS`."""
+    """A dropped pose, and why."""
 
     reason: str
     detail: str

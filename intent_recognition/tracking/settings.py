@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, frozen
 from intent_recognition.errors import ArgumentError
 from intent_recognition.tracking.transforms import RigidTransform
 
@@ -84,9 +84,7 @@ class IngestSettings:
         covariances = {}
         for frame, transform in self.frames.items():
             covariance = (transform.rotation * variances) @ transform.rotation.T
-            covariance = 0.5 * (covariance + covariance.T)
-            covariance.setflags(write=False)
-            covariances[frame] = covariance
+            covariances[frame] = frozen(0.5 * (covariance + covariance.T))
         return covariances
 
     @cached_property

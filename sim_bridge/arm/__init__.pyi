@@ -19,7 +19,6 @@ from .surroundings import Surroundings as Surroundings
 from .surroundings import add_box as add_box
 from .trajectory_command import RejectedTrajectoryError as RejectedTrajectoryError
 from .trajectory_command import TrajectoryCommand as TrajectoryCommand
-from .trajectory_follower import ArmReference as ArmReference
 from .trajectory_follower import TrajectoryFollower as TrajectoryFollower
 from .urdf import add_inertial as add_inertial
 from .urdf import add_joint as add_joint

@@ -15,12 +15,12 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.kinematics import check_position
+from intent_recognition.motion import JointReference
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm.controllers import guiding_torque, impedance_torque, limit_torque
 from sim_bridge.arm.held_joints import HeldJoints
 from sim_bridge.arm.robots import Robot, derived_gains, find_robot
 from sim_bridge.arm.state import ArmState, HandPose, SensorNoise
-from sim_bridge.arm.trajectory_follower import ArmReference
 from sim_bridge.arm.urdf_loading import free_joints, load_urdf, stop_at_fixtures
 from sim_bridge.physics import end_world, pybullet, start_world
 
@@ -170,7 +170,7 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         q = np.clip(self._joint_array(q, "q"), self.limits.lower, self.limits.upper)
         qd = np.zeros(self.robot.n_joints) if qd is None else self._joint_array(qd, "qd")
         qdd = np.zeros(self.robot.n_joints) if qdd is None else self._joint_array(qdd, "qdd")
-        self.reference = ArmReference(q, qd, qdd)
+        self.reference = JointReference(q, qd, qdd)
 
     def set_gravity_compensation(self, enabled: bool) -> None:
         """Let go of the reference, or take hold again of the position where the arm is now."""
@@ -223,7 +223,7 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
     def _apply_torque(self) -> None:
         q, qd, law = self._q, self._qd, self.acceleration_law
         guided = self.gravity_compensation
-        wanted = self.reference.qdd if law is None else law(self.time_s, q, qd)
+        wanted = self.reference.acceleration if law is None else law(self.time_s, q, qd)
         # Guided: gravity only (no velocity, no acceleration terms), the arm's inertia is felt.
         none = np.zeros(len(q))
         model = self.client.calculateInverseDynamics(
@@ -237,7 +237,7 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
             torque += guiding_torque(self.gains, qd)
         elif law is None:
             ref = self.reference
-            torque += impedance_torque(self.gains, q, qd, ref.q, ref.qd)
+            torque += impedance_torque(self.gains, q, qd, ref.position, ref.velocity)
         if self._payload_mass_kg > 0.0:
             torque += self._payload_torque()
         bound = self.limits.torque

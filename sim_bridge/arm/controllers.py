@@ -5,15 +5,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, frozen
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import JointLimits
-
-
-def _array(*values: float) -> Floats:
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,19 +25,19 @@ class ControllerGains:
     """
 
     stiffness: Floats = field(
-        default_factory=lambda: _array(200.0, 200.0, 120.0, 120.0, 60.0, 25.0, 15.0)
+        default_factory=lambda: frozen((200.0, 200.0, 120.0, 120.0, 60.0, 25.0, 15.0))
     )
-    damping: Floats = field(default_factory=lambda: _array(28.0, 28.0, 12.0, 12.0, 4.0, 2.0, 1.2))
+    damping: Floats = field(default_factory=lambda: frozen((28.0, 28.0, 12.0, 12.0, 4.0, 2.0, 1.2)))
     guide_damping: Floats = field(
-        default_factory=lambda: _array(1.5, 1.5, 1.0, 1.0, 0.4, 0.2, 0.15)
+        default_factory=lambda: frozen((1.5, 1.5, 1.0, 1.0, 0.4, 0.2, 0.15))
     )
-    guide_friction: Floats = field(default_factory=lambda: _array(*[0.0] * 7))
+    guide_friction: Floats = field(default_factory=lambda: frozen(np.zeros(7)))
     limit_margin_rad: float = 0.06
     limit_stiffness: Floats = field(
-        default_factory=lambda: _array(1500.0, 1500.0, 900.0, 900.0, 500.0, 250.0, 200.0)
+        default_factory=lambda: frozen((1500.0, 1500.0, 900.0, 900.0, 500.0, 250.0, 200.0))
     )
     limit_damping: Floats = field(
-        default_factory=lambda: _array(30.0, 30.0, 15.0, 15.0, 6.0, 3.0, 2.0)
+        default_factory=lambda: frozen((30.0, 30.0, 15.0, 15.0, 6.0, 3.0, 2.0))
     )
 
     def scaled(self, stiffness_scale: float) -> "ControllerGains":

@@ -77,8 +77,8 @@ class SpreadControl:
 
         def law(time_s: float, q: Floats, qd: Floats) -> Floats:
             stiffness, damping = self.gains(time_s)
-            reference = arm.reference
-            return reference.qdd + stiffness * (reference.q - q) + damping * (reference.qd - qd)
+            wanted_q, wanted_qd, wanted_qdd = arm.reference
+            return wanted_qdd + stiffness * (wanted_q - q) + damping * (wanted_qd - qd)
 
         arm.acceleration_law = law
 

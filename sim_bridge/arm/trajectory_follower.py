@@ -17,6 +17,7 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import LWR_LIMITS, RATE_TOLERANCE, JointLimits
+from intent_recognition.motion import JointReference
 from sim_bridge.arm.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
 
 # Peaks over [0, 1] of the quintic that fades a unit offset (or a unit velocity) to rest.
@@ -29,14 +30,6 @@ out, on top of the trajectory's own acceleration. Convention."""
 LONGEST_FADE_S = 8.0
 """A trajectory that cannot be joined in this time [s] is rejected. Convention: the longest time in
 which the activation lets an offset fade."""
-
-
-class ArmReference(NamedTuple):
-    """A point of the reference curve: q [rad], qd [rad/s], qdd [rad/s^2], all (n_joints,)."""
-
-    q: Floats
-    qd: Floats
-    qdd: Floats
 
 
 class _Curve:
@@ -55,7 +48,7 @@ class _Curve:
         self._pieces = pieces
         self.first_s = float(times[0])
 
-    def sample(self, time_s: float) -> ArmReference:
+    def sample(self, time_s: float) -> JointReference:
         piece = bisect_right(self._knots, time_s)
         return _evaluate(self._pieces[piece], time_s - self._origins[piece])
 
@@ -64,17 +57,17 @@ class _Entry(NamedTuple):
     """A curve in force from start_s on, plus an offset that has faded by start_s + fade_s."""
 
     start_s: float
-    curve: _Curve | ArmReference
+    curve: _Curve | JointReference
     offset: Floats | None
     fade_s: float
 
-    def sample(self, time_s: float) -> ArmReference:
-        base = self.curve if isinstance(self.curve, ArmReference) else self.curve.sample(time_s)
+    def sample(self, time_s: float) -> JointReference:
+        base = self.curve if isinstance(self.curve, JointReference) else self.curve.sample(time_s)
         elapsed = time_s - self.start_s
         if self.offset is None or elapsed >= self.fade_s:
             return base
         extra = _evaluate(self.offset, max(elapsed, 0.0))
-        return ArmReference(base.q + extra.q, base.qd + extra.qd, base.qdd + extra.qdd)
+        return JointReference(*map(np.add, base, extra))
 
 
 class TrajectoryFollower:
@@ -96,8 +89,7 @@ class TrajectoryFollower:
         if q.shape != (self._limits.n_joints,):
             cure = "One each."
             raise ShapeError.about("position", f"shape ({self._limits.n_joints},)", q.shape, cure)
-        rest = ArmReference(q, np.zeros_like(q), np.zeros_like(q))
-        self._entries = [_Entry(-np.inf, rest, None, 0.0)]
+        self._entries = [_Entry(-np.inf, JointReference.at_rest(q), None, 0.0)]
 
     def accept(self, command: TrajectoryCommand, now_s: float) -> None:
         """Follow this command from its start on; the running one goes on until then.
@@ -116,7 +108,7 @@ class TrajectoryFollower:
         old = _sample(kept, switch_s)
         curve = _Curve(command, start_s)
         new = curve.sample(switch_s)
-        offset, velocity = old.q - new.q, old.qd - new.qd
+        offset, velocity = old.position - new.position, old.velocity - new.velocity
         shortest_s = max(self._fade_time(offset, velocity), curve.first_s - switch_s)
         self._entries = [*kept, self._joined(curve, switch_s, offset, velocity, shortest_s)]
 
@@ -124,7 +116,8 @@ class TrajectoryFollower:
         self, curve: _Curve, switch_s: float, offset: Floats, velocity: Floats, fade_s: float
     ) -> _Entry:
         """The curve from switch_s on, with an offset that fades as quickly as the limits allow."""
-        rest, limits = np.zeros_like(offset), self._limits
+        rest = np.zeros_like(offset)
+        bounds = np.stack([self._limits.velocity, self._limits.acceleration])
         longest_s = max(LONGEST_FADE_S, fade_s)
         while True:
             fading = _quintic(offset, velocity, rest, rest, rest, rest, fade_s)
@@ -134,18 +127,17 @@ class TrajectoryFollower:
             times = switch_s + fade_s * np.linspace(0.0, 1.0, 65)
             knots = curve.knots_s[(curve.knots_s > switch_s) & (curve.knots_s < times[-1])]
             times = np.concatenate([times, knots, np.nextafter(knots, -np.inf)])
-            alone = [curve.sample(time) for time in times]
-            both = [entry.sample(time) for time in times]
-            if _within(limits.velocity, [r.qd for r in both], [r.qd for r in alone]) and _within(
-                limits.acceleration, [r.qdd for r in both], [r.qdd for r in alone]
-            ):
+            alone = np.array([curve.sample(time) for time in times])[:, 1:]
+            both = np.array([entry.sample(time) for time in times])[:, 1:]
+            largest = np.maximum(bounds, np.abs(alone).max(axis=0))  # or the trajectory's own
+            if np.all(np.abs(both) <= largest * (1.0 + RATE_TOLERANCE)):
                 return entry
             if fade_s >= longest_s:
                 text = f"cannot be joined within the limits from {np.abs(offset).max():.3f} rad off"
                 raise RejectedTrajectoryError("cannot_join", f"joint_trajectory {text}")
             fade_s = min(1.15 * fade_s, longest_s)
 
-    def sample(self, time_s: float) -> ArmReference:
+    def sample(self, time_s: float) -> JointReference:
         """Return the reference at a time not before the last accepted command's `now_s`."""
         return _sample(self._entries, time_s)
 
@@ -164,17 +156,11 @@ class TrajectoryFollower:
         return max(float(fade.max()), 0.05)
 
 
-def _sample(entries: list[_Entry], time_s: float) -> ArmReference:
+def _sample(entries: list[_Entry], time_s: float) -> JointReference:
     for entry in reversed(entries):
         if entry.start_s <= time_s:
             return entry.sample(time_s)
     return entries[0].sample(time_s)
-
-
-def _within(limit: Floats, both: list[Floats], alone: list[Floats]) -> bool:
-    """Whether rates keep their limit (n,), or the trajectory's own where that is larger."""
-    largest = np.maximum(limit, np.abs(alone).max(axis=0))
-    return bool(np.all(np.abs(both) <= largest * (1.0 + RATE_TOLERANCE)))
 
 
 def _polynomial(*coefficients: Floats) -> Floats:
@@ -215,10 +201,10 @@ def _quintic(
     )
 
 
-def _evaluate(polynomial: Floats, t: float) -> ArmReference:
+def _evaluate(polynomial: Floats, t: float) -> JointReference:
     t2 = t * t
     t3, t4 = t2 * t, t2 * t2
     value = np.array([1.0, t, t2, t3, t4, t4 * t])
     first = np.array([0.0, 1.0, 2.0 * t, 3.0 * t2, 4.0 * t3, 5.0 * t4])
     second = np.array([0.0, 0.0, 2.0, 6.0 * t, 12.0 * t2, 20.0 * t3])
-    return ArmReference(value @ polynomial, first @ polynomial, second @ polynomial)
+    return JointReference(value @ polynomial, first @ polynomial, second @ polynomial)

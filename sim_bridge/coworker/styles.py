@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, frozen
 
 PLATE = "plate_handover"
 SCREW = "screw_handover"
@@ -52,10 +52,7 @@ class TaskStyle:
 
 
 def _style(*values: tuple[float, float, float]) -> TaskStyle:
-    arrays = [np.array(value, dtype=np.float64) for value in values]
-    for array in arrays:
-        array.setflags(write=False)
-    return TaskStyle(*arrays)
+    return TaskStyle(*map(frozen, values))
 
 
 STYLES = {

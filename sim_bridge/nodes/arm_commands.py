@@ -32,7 +32,7 @@ class ArmCommands:
         spread: SpreadControl | None,
     ) -> None:
         self._arm, self._clock, self._diagnostics, self.spread = arm, clock, diagnostics, spread
-        self.follower = TrajectoryFollower(arm.reference.q, arm.limits)
+        self.follower = TrajectoryFollower(arm.reference.position, arm.limits)
         self._followed: tuple[TrajectoryCommand, int] | None = None
         self._caught_up_s = 0.0
         self._push_n, self._push_until = np.zeros(3), 0
@@ -63,7 +63,7 @@ class ArmCommands:
                 now_s=self._arm.time_s,
                 joint_names=self._arm.robot.joint_names,
                 limits=self._arm.limits,
-                position=np.stack([self._arm.state().q, self._arm.reference.q]),
+                position=np.stack([self._arm.state().q, self._arm.reference.position]),
             )
             self.follower.accept(command, self._arm.time_s)
             self._followed = command, at_ns
@@ -112,4 +112,4 @@ class ArmCommands:
         self._arm.set_gravity_compensation(enabled)
         self._followed = None
         if not enabled:
-            self.follower.hold(self._arm.reference.q)
+            self.follower.hold(self._arm.reference.position)

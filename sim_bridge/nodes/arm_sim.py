@@ -200,7 +200,7 @@ class ArmSim(Node):
         self._answers.note("joint_states")
         self.diagnostics.tick("joint_states")
         if not self.arm.gravity_compensation:
-            error = float(np.abs(self.arm.reference.q - state.q).max())
+            error = float(np.abs(self.arm.reference.position - state.q).max())
             self._tracking_error_rad = max(self._tracking_error_rad, error)
 
     def _on_trajectory(self, message: JointTrajectory) -> None:

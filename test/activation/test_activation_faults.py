@@ -276,6 +276,6 @@ def test_a_plan_that_brakes_as_hard_as_it_may_before_a_limit_is_left_to_end():
     q = end - np.outer(deceleration * left**2 / 2.0, joint)
     v = np.outer(deceleration * left, joint)
     plan = JointPlan(t, q, v, np.zeros(20), np.zeros(20), "interaction")
-    world.activation._arm.put_in_force(world.now_ns, Command(world.now_ns, plan))
+    world.activation.arm.put_in_force(world.now_ns, Command(world.now_ns, plan))
     assert world.activation.halt(world.now_ns) is None
-    assert world.activation._arm.in_force().plan is plan
+    assert world.activation.arm.in_force().plan is plan

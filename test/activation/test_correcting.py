@@ -156,7 +156,7 @@ def test_an_arm_that_was_moved_and_has_no_other_task_to_begin_is_not_pushed_any_
     held.run(4.0)
     held.task = "idle"
     held.run(1.0)
-    held.activation._motions.interact = lambda *_: None  # no plan keeps the limits
+    held.activation.motions.interact = lambda *_: None  # no plan keeps the limits
     held.begin("screw", already_s=0.2)
     held.held = held.arm() + 2.0 * AWAY
     held.run(1.0)

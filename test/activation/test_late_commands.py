@@ -14,8 +14,9 @@ from scipy.interpolate import CubicHermiteSpline
 
 from intent_recognition.activation.states import Mode
 from intent_recognition.kinematics import JOINT_NAMES, RATE_TOLERANCE
+from intent_recognition.motion import JointReference
 from sim_bridge.arm.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
-from sim_bridge.arm.trajectory_follower import ArmReference, TrajectoryFollower
+from sim_bridge.arm.trajectory_follower import TrajectoryFollower
 
 FINE_S = 0.002
 """Between two looks at what is executed [s]."""
@@ -51,7 +52,7 @@ class Arm:
             while self._coming and self._coming[0][0] <= t:
                 self._take(self._coming.pop(0)[1], t)
             self.executed.append(self.sample(t))
-            step = (self.executed[-1].q - self.at) * self._follows
+            step = (self.executed[-1].position - self.at) * self._follows
             self.at = self.at + np.clip(step, -self._top, self._top)
 
     def _take(self, command, t):
@@ -65,8 +66,8 @@ class Arm:
 
     def use(self):
         """Largest shares of the limits: acceleration, velocity."""
-        a = np.array([reference.qdd for reference in self.executed]) / LIMITS.acceleration
-        v = np.array([reference.qd for reference in self.executed]) / LIMITS.velocity
+        a = np.array([reference.acceleration for reference in self.executed]) / LIMITS.acceleration
+        v = np.array([reference.velocity for reference in self.executed]) / LIMITS.velocity
         return np.array([np.abs(a).max(), np.abs(v).max()])
 
 
@@ -79,7 +80,7 @@ class ForgetfulArm(Arm):
         if self.curve is None:
             return self.follower.sample(t)
         q = self.curve(np.clip(t, *self.curve.x[[0, -1]]))
-        return ArmReference(q, np.zeros(7), np.zeros(7))
+        return JointReference.at_rest(q)
 
     def _take(self, command, t):
         times_ns, q, v = command.to_send()
@@ -180,7 +181,9 @@ def test_once_lateness_is_known_a_controller_that_forgets_goes_on_without_a_jump
     for k, executed in enumerate(arm.executed):
         time_ns = START_NS + round((k + 1) * FINE_S * 1e9)
         if time_ns > begun_ns:
-            np.testing.assert_allclose(executed.q, world.reference(time_ns).position, atol=1e-5)
+            np.testing.assert_allclose(
+                executed.position, world.reference(time_ns).position, atol=1e-5
+            )
             compared += 1
     assert compared > 500
 

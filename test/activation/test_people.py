@@ -160,7 +160,7 @@ def test_who_comes_next_is_not_told_before_the_arm_begins(monkeypatch):
 
 def test_who_waits_is_helped_once_a_way_is_found(monkeypatch):
     world = helps_anna()
-    motions, tries = world.activation._motions, []
+    motions, tries = world.activation.motions, []
     with monkeypatch.context() as nothing:
         nothing.setattr(motions, "interact", lambda now_ns, *_: tries.append(now_ns))
         world.rest()
@@ -174,7 +174,7 @@ def test_who_waits_is_helped_once_a_way_is_found(monkeypatch):
 
 def test_who_finds_no_way_lets_another_one_go_first(monkeypatch):
     world = helps_anna()
-    motions = world.activation._motions
+    motions = world.activation.motions
     interact = motions.interact
 
     def but_for_ben(now_ns, prediction, *more):

@@ -28,7 +28,7 @@ def test_undisturbed_both_follow_the_mean():
     wanted = mean_movement(one)
     for low_gain in (False, True):
         run = execute(one, start, DURATION_S + 0.2, low_gain=low_gain)
-        reference = np.array([wanted(t).q for t in run.times_s])
+        reference = np.array([wanted(t).position for t in run.times_s])
         assert np.abs(run.positions_rad - reference).max() < 0.01
         assert run.saturated_steps == 0
 

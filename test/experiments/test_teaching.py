@@ -97,7 +97,7 @@ def test_gripper_takes_on_passing_slowly_and_releases_at_rest():
         arm.before_step.append(lambda _: gripper.update())
         seen = [gripper.held]
         for q, steps in ((q_home, 100), (q_stand, 1500), (away, 2500)):
-            origin = arm.reference.q
+            origin = arm.reference.position
             for n in range(steps):
                 s = min(1.0, n / 900)
                 arm.set_reference(origin + (q - origin) * s * s * (3 - 2 * s))

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.tracking.ingest import (
-    REASONS,
     IngestSettings,
     IngestState,
     Rejected,
@@ -23,6 +22,7 @@ T0 = 10**18
 STEP = 10**7
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 DEFAULT = IngestSettings()
+REASONS = {"not_finite", "zero_stamp", "stamp_not_increasing", "jump", "unknown_frame"}
 
 
 def feed(samples, setting=DEFAULT, state=None, frame="world"):

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, frozen
 
 HAND_OVER = "hand_over"
 FASTENING = "fastening"
@@ -42,14 +42,8 @@ class Place:
         return self.centre_m + self.half_width_m * rng.uniform(-1.0, 1.0, 3)
 
 
-def _frozen(*values: float) -> Floats:
-    array = np.array(values)
-    array.setflags(write=False)
-    return array
-
-
 def _place(centre: tuple[float, ...], half_width: tuple[float, ...]) -> Place:
-    return Place(_frozen(*centre), _frozen(*half_width))
+    return Place(frozen(centre), frozen(half_width))
 
 
 RESTS = {
@@ -70,20 +64,20 @@ PLATE = _place((0.98, -0.28, 0.20), (0.03, 0.05, 0.02))
 TRAY = _place((0.54, 0.20, 0.25), (0.02, 0.03, 0.01))
 """Where things lie: as the wrist is when the hand takes them."""
 
-GIVE_M = _frozen(-0.15, -0.02, 0.02)
-HOLD_M = _frozen(-0.20, -0.10, -0.09)
-TAKE_BOX_M = _frozen(-0.25, 0.14, -0.02)
-FLIPPED_M = _frozen(-0.28, 0.02, 0.05)
+GIVE_M = frozen((-0.15, -0.02, 0.02))
+HOLD_M = frozen((-0.20, -0.10, -0.09))
+TAKE_BOX_M = frozen((-0.25, 0.14, -0.02))
+FLIPPED_M = frozen((-0.28, 0.02, 0.05))
 """From the worker's goal to the assistant's wrist: screw given, box held, taken, flipped."""
 
 PERSONAL_STD_M = 0.012
 """How far a person's wrist is from what the place of the other would make it, per axis [m]."""
 
-PRESS_M = _frozen(0.0, 0.0, -0.02)
-PUSH_M = _frozen(-0.07, 0.0, 0.0)
+PRESS_M = frozen((0.0, 0.0, -0.02))
+PUSH_M = frozen((-0.07, 0.0, 0.0))
 """The worker's last movement: pressing the screwdriver, pushing the plate in."""
 
-FLIP_BOW_M = _frozen(-0.02, 0.0, 0.10)
+FLIP_BOW_M = frozen((-0.02, 0.0, 0.10))
 """The wrist goes up and over when the box is flipped."""
 
 REACTION_S = (0.25, 0.55)

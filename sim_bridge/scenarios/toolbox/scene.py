@@ -6,12 +6,11 @@ frame 7 of the arm, its z axis pointing out of the hand. In every posture used h
 at the worker, roughly level, and the arm stays on one branch of its inverse kinematics.
 """
 
-from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, frozen
 from intent_recognition.kinematics import Branch, solve
 from sim_bridge.coworker import HOLD, PLATE, SCREW
 
@@ -38,14 +37,9 @@ LIFT_M = np.array([0.0, 0.0, 0.08])
 """How far the taken object is lifted off its stand [m]. Convention."""
 
 
-def _frozen(values: Mapping[str, tuple[float, ...]]) -> Mapping[str, Floats]:
-    arrays = {key: np.array(value, dtype=np.float64) for key, value in values.items()}
-    for array in arrays.values():
-        array.setflags(write=False)
-    return MappingProxyType(arrays)
-
-
-STANDS_M = _frozen({PLATE: (0.52, -0.31, 0.33), SCREW: (0.56, -0.26, 0.31)})
+STANDS_M = MappingProxyType(
+    {PLATE: frozen((0.52, -0.31, 0.33)), SCREW: frozen((0.56, -0.26, 0.31))}
+)
 """Where the hand is when it takes an object from its stand; the screwdriver has no stand."""
 
 
@@ -106,5 +100,4 @@ def takes(task: str, hand_m: Floats, speed_m_s: float) -> bool:
     return bool(near and speed_m_s < GRASP_SPEED_M_S)
 
 
-HOME = arm_posture(home_pose())
-HOME.setflags(write=False)
+HOME = frozen(arm_posture(home_pose()))

@@ -119,7 +119,7 @@ def test_taking_hold_again_does_not_jump(arm):
     arm.step(2500)
     before = arm.state().q
     arm.set_gravity_compensation(False)
-    assert np.array_equal(arm.reference.q, before)
+    assert np.array_equal(arm.reference.position, before)
     arm.step(1500)
     assert np.abs(arm.state().q - before).max() < 0.05
 

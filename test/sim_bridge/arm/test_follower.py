@@ -37,8 +37,7 @@ def following(*rows, since_s=0.0, **options):
 
 
 def samples(follower, times):
-    references = [follower.sample(t) for t in times]
-    return tuple(np.array([getattr(r, field) for r in references]) for field in ("q", "qd", "qdd"))
+    return map(np.array, zip(*(follower.sample(t) for t in times), strict=True))
 
 
 def test_quintic_points_give_the_quintic_back():
@@ -71,9 +70,9 @@ def test_single_point_is_reached_at_its_time_and_held():
     follower = following([2.0], [goal], since_s=1.0)
     for t in (3.0, 3.5, 100.0):
         reference = follower.sample(t)
-        assert np.allclose(reference.q, goal, atol=1e-9)
-        assert np.allclose(reference.qd, 0.0, atol=1e-9)
-    assert np.all(follower.sample(2.0).q > 0.1)
+        assert np.allclose(reference.position, goal, atol=1e-9)
+        assert np.allclose(reference.velocity, 0.0, atol=1e-9)
+    assert np.all(follower.sample(2.0).position > 0.1)
 
 
 def test_a_point_too_soon_is_reached_later_within_the_limits():
@@ -93,7 +92,7 @@ def test_future_stamp_waits_and_the_old_one_goes_on():
     both = samples(follower, np.linspace(0.5, 0.9999, 50))
     assert np.allclose(both[0], np.interp(np.linspace(0.5, 0.9999, 50),
                        np.linspace(0.0, 1.0, 100), alone[0][:, 0])[:, None], atol=1e-4)  # fmt: skip
-    assert np.allclose(follower.sample(10.0).q, -0.5)
+    assert np.allclose(follower.sample(10.0).position, -0.5)
 
 
 def test_points_in_the_past_are_skipped():
@@ -101,21 +100,21 @@ def test_points_in_the_past_are_skipped():
     follower = TrajectoryFollower(q[4])
     follower.accept(command(times, q, qd, qdd, start_s=4.0, now_s=5.0), 5.0)
     # The second half is followed once the difference in velocity has faded.
-    assert np.allclose(follower.sample(5.9).q, q[-1], atol=2e-2)
-    assert np.allclose(follower.sample(6.5).q, q[-1], atol=1e-9)
+    assert np.allclose(follower.sample(5.9).position, q[-1], atol=2e-2)
+    assert np.allclose(follower.sample(6.5).position, q[-1], atol=1e-9)
 
 
 def test_a_later_command_replaces_one_that_waits():
     follower = following([1.0], [np.full(7, 0.5)], start_s=5.0)
     follower.accept(command([1.0], [np.full(7, -0.3)], start_s=2.0), 0.0)
-    assert np.allclose(follower.sample(20.0).q, -0.3)
-    assert np.allclose(follower.sample(1.9).q, 0.0)
+    assert np.allclose(follower.sample(20.0).position, -0.3)
+    assert np.allclose(follower.sample(1.9).position, 0.0)
 
 
 def test_hold_forgets_everything():
     follower = following([1.0], [np.full(7, 0.5)])
     follower.hold(np.full(7, 0.2))
-    assert np.array_equal(follower.sample(5.0).q, np.full(7, 0.2))
+    assert np.array_equal(follower.sample(5.0).position, np.full(7, 0.2))
     with pytest.raises(ShapeError):
         follower.hold(np.zeros(6))
 
@@ -149,8 +148,8 @@ def test_replacement_is_continuous_and_its_acceleration_bounded(script):
         follower.accept(new, now)
         after = follower.sample(switch)
         if before is not None:
-            assert np.allclose(before.q, after.q, atol=1e-9)
-            assert np.allclose(before.qd, after.qd, atol=1e-9)
+            assert np.allclose(before.position, after.position, atol=1e-9)
+            assert np.allclose(before.velocity, after.velocity, atol=1e-9)
         switches.append(switch)
         own = max(
             own,
@@ -165,7 +164,7 @@ def test_replacement_is_continuous_and_its_acceleration_bounded(script):
         assert np.abs(np.diff(found_qd, axis=0)).max() <= bound * 0.005 + 1e-9
         speed = np.abs(found_qd).max()
         assert np.abs(np.diff(found_q, axis=0)).max() <= speed * 0.005 + bound * 0.005**2
-    assert np.allclose(follower.sample(50.0).qd, 0.0)
+    assert np.allclose(follower.sample(50.0).velocity, 0.0)
 
 
 @pytest.mark.slow
@@ -192,7 +191,7 @@ def test_one_that_cannot_be_joined_within_the_limits_is_rejected_and_changes_not
         follower.accept(late, 0.0)
     assert caught.value.reason == "cannot_join"
     for t, reference in zip((0.5, 2.0), before, strict=True):
-        np.testing.assert_array_equal(follower.sample(t).q, reference.q)
+        np.testing.assert_array_equal(follower.sample(t).position, reference.position)
 
 
 def test_names_in_any_order():

@@ -75,7 +75,7 @@ def test_it_follows_and_carries_a_payload(arm):
             np.full(len(start), 0.8 * np.cos(angle)),
         )
         arm.step()
-    assert np.abs(arm.state().q - arm.reference.q).max() < 2e-3
+    assert np.abs(arm.state().q - arm.reference.position).max() < 2e-3
     assert arm.saturated_steps == 0
     before = arm.state().torque
     arm.set_payload(1.0)
