@@ -203,7 +203,7 @@ class _Run:
         cell.held.put(from_m - [HELD_SHARE * cell.thing.half_edges_m[2], 0.0, 0.0])
         hand.grasp(*cell.held.held_point())
         hand.force_n = np.array([0.0, 0.0, cell.thing.mass_kg * GRAVITY_M_S2])
-        hand.feel(cell.thing.mass_kg * GRAVITY_M_S2)
+        hand.felt_n = cell.thing.mass_kg * GRAVITY_M_S2
         self.person = Giver(hand, manner, to_m)
         cell.person = hand
         robot.request = Request.TAKE

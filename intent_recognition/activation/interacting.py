@@ -25,11 +25,6 @@ class _Blocked(NamedTuple):
     tried_ns: int
     until_ns: int
 
-    @property
-    def label(self) -> str:
-        """Its task."""
-        return self.prediction.label
-
 
 class Interacting:
     """Begins an interaction, and plans it anew while it runs.
@@ -51,7 +46,7 @@ class Interacting:
         obstruction = self._motions.things.obstruction
         if self._blocked is None or obstruction is None:
             return ""
-        return f"{self._blocked.label}: {obstruction}"
+        return f"{self._blocked.prediction.label}: {obstruction}"
 
     def forget(self) -> None:
         """Wait for nothing."""
@@ -96,11 +91,8 @@ class Interacting:
         if clearance is None or (blocked is None and self._motions.things.obstruction is None):
             return
         until_ns = now_ns + round(1e9 * clearance.wait_s)
-        if (
-            blocked is None
-            or blocked.inbox is not self._parts.inbox
-            or blocked.label != prediction.label
-        ):
+        same = blocked is not None and blocked.prediction.label == prediction.label
+        if blocked is None or not same or blocked.inbox is not self._parts.inbox:
             self._counts["waited"] += 1
         elif not self._parts.inbox.decision.active:
             until_ns = blocked.until_ns
@@ -111,7 +103,7 @@ class Interacting:
         blocked = self._blocked
         if blocked is None:
             return None
-        label, active = blocked.label, blocked.inbox.decision.active
+        label, active = blocked.prediction.label, blocked.inbox.decision.active
         if active not in ("", label) or (not active and now_ns > blocked.until_ns):
             self._motions.things.refuse(label)
             self._blocked = None

@@ -86,10 +86,6 @@ class Activation:
         self._waiting.change()
 
     @property
-    def _settings(self) -> ActivationSettings:
-        return self._parts.common.settings
-
-    @property
     def attended(self) -> str:
         """Whom the arm helps while a task is active; empty where people have no names."""
         return self._helped if self.active_task else ""

@@ -121,7 +121,7 @@ class _Followed:
     """One body, and where it is."""
 
     def __init__(self, body: Body):
-        self._body = body
+        self._body, self.task = body, body.task
         self._laid = body.pose if body.laid is None else with_position(body.pose, body.laid)
         self.holder, self.who = BodyHolder.PLACE, ""  # who: of people, the last one who held it
         self.pose = body.pose
@@ -131,11 +131,6 @@ class _Followed:
         self._nearest_m, self._came_m = np.inf, 0.0
         self._taken_m: Floats | None = None
         self._was_active = self._had_begun = False
-
-    @property
-    def task(self) -> str:
-        """In which it is handed over."""
-        return self._body.task
 
     def update(self, moment: HandlingMoment, hand_rests: bool, wrist_rests: bool) -> None:
         """Decide who holds it, and put it there."""

@@ -16,8 +16,6 @@ from intent_recognition.kinematics import (
     reach_position,
 )
 
-Vector = Floats
-
 
 class MovedArm(NamedTuple):
     """What is needed of an arm's kinematics.
@@ -30,8 +28,8 @@ class MovedArm(NamedTuple):
     """
 
     joint_names: tuple[str, ...]
-    hand: Callable[[Vector], Vector]
-    posture_at: Callable[[Vector, Vector], Vector]
+    hand: Callable[[Floats], Floats]
+    posture_at: Callable[[Floats, Floats], Floats]
     limits: JointLimits
 
 

@@ -36,6 +36,9 @@ class DashboardPage:
     graph's thread calls. Without `hand_link` the hand is the link that most joints move; `light` is
     as of `welcome`.
 
+    Attributes:
+        address: what its operator opens; it carries the token.
+
     Raises:
         ResourceBusyError: the port is taken.
         ArgumentError: the token of the environment cannot be used.
@@ -70,12 +73,13 @@ class DashboardPage:
         self._of_model: dict[str, str] = {}
         self._seen: tuple[str, ...] = ()
         self._taught = ""
-        self._admission = Admission(host, port, new_token(), names)
+        admission = Admission(host, port, new_token(), names)
+        self.address = admission.address
         self._server = serve_page(
             host,
             port,
             TITLE,
-            self._admission,
+            admission,
             Operator(read_only),
             lambda why: self.show_message(False, why),
             light,
@@ -109,11 +113,6 @@ class DashboardPage:
             self._compare = CompareTab(self._server, bags, models, lambda: self._colours)
         with tabs.add_tab("Nodes"):
             self._nodes = gui.add_html("")
-
-    @property
-    def address(self) -> str:
-        """What its operator opens; it carries the token."""
-        return self._admission.address
 
     def show_message(self, ok: bool, text: str) -> None:
         """Notify what happened, for a few seconds; what went wrong stands out."""

@@ -48,11 +48,6 @@ class RobotView:
         self._shown: Floats | None = None
         self._hand: Floats | None = None
 
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the moving joints."""
-        return self._joints
-
     def update(self, positions: Mapping[str, float]) -> None:
         """Move the arm; joints that are not in `positions` [rad] stay at zero."""
         q = np.array([positions.get(name, 0.0) for name in self._joints])

@@ -33,6 +33,7 @@ class PageScene:
     """Draws a `CellState`; `update` is cheap where nothing has changed.
 
     Attributes:
+        robot: the arm, once its description was received and could be read.
         hand_path: task and positions (T, 3) [m] of the path predicted last; None before the first.
     """
 
@@ -40,7 +41,7 @@ class PageScene:
         self, server: viser.ViserServer, cell: CellScene, hand_link: str = "", light: bool = False
     ):
         self._server, self._cell, self._hand_link = server, cell, hand_link
-        self._robot: RobotView | None = None
+        self.robot: RobotView | None = None
         self._description = self._problem = self._helped = ""
         self._hand_path_at_s = -np.inf
         self.hand_path: tuple[str, Floats] | None = None
@@ -60,11 +61,6 @@ class PageScene:
         self._server.scene.configure_environment_map(None)
         self._server.scene.add_light_ambient("/ambient", intensity=1.2)
 
-    @property
-    def robot(self) -> RobotView | None:
-        """The arm, once its description was received and could be read."""
-        return self._robot
-
     def update(
         self, state: CellState, colours: Mapping[str, str], people: Mapping[str, str], now_s: float
     ) -> str:
@@ -74,7 +70,7 @@ class PageScene:
             What is wrong with the robot's description, empty if nothing.
         """
         self._guard(lambda: self._update_robot(state))
-        bare = self._robot is None and not self._problem
+        bare = self.robot is None and not self._problem
         self._base.visible = bare
         self._lines.draw("arm", _skeleton(state.joints) if bare else NOTHING, GREY, 0.045)
         self._update_people(state, colours, people, now_s)
@@ -108,7 +104,7 @@ class PageScene:
             update()
         except Exception as error:  # whatever the parsers of XML and meshes raise, or made of it
             self._server.scene.remove_by_name(ROOT)
-            self._robot = None
+            self.robot = None
             self._problem = f"robot_description cannot be drawn: {one_line(error)}"
 
     def _prepare(self) -> None:
@@ -140,15 +136,15 @@ class PageScene:
         if state.description and state.description != self._description:
             self._description = state.description
             self._server.scene.remove_by_name(ROOT)
-            self._robot, self._problem = None, ""
-            self._robot = RobotView(self._server, state.description, self._hand_link)
-        if self._robot is not None and state.joints:
-            self._robot.update(state.joints)
+            self.robot, self._problem = None, ""
+            self.robot = RobotView(self._server, state.description, self._hand_link)
+        if self.robot is not None and state.joints:
+            self.robot.update(state.joints)
 
     def _update_things(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
         hand = None
-        if self._robot is not None and self._things.follows_hand(state.active):
-            hand = self._robot.hand_pose()
+        if self.robot is not None and self._things.handling.follows_hand(state.active):
+            hand = self.robot.hand_pose()
         self._helped = state.helped or self._helped  # told no more when the task ends
         wrists = {name: person.wrist for name, person in state.people.items()}
         moment = HandlingMoment(now_s, state.active, state.begun, hand, wrists, self._helped)
@@ -161,10 +157,10 @@ class PageScene:
             self._lines.draw("hand_path", NOTHING, DARK, PATH_WIDTH_M)
             return
         due = now_s - self._hand_path_at_s >= 0.2
-        if self._robot is None or not due or len(predicted.positions) < 2:
+        if self.robot is None or not due or len(predicted.positions) < 2:
             return
         self._hand_path_at_s = now_s
-        path = self._robot.hand_path(predicted.joints, predicted.positions)
+        path = self.robot.hand_path(predicted.joints, predicted.positions)
         self.hand_path = predicted.task, path
         colour = rgb(colours.get(predicted.task, NONE_COLOUR))
         self._lines.draw("hand_path", path, colour, PATH_WIDTH_M)

@@ -148,7 +148,7 @@ class TeachTab:
         page.on_click(self._record, self._press_record)
         page.on_click(self._learn, session.learn)
         page.on_click(self._discard, session.discard)
-        page.on_click(self._undo, session.undo)
+        page.on_click(self._undo, partial(page.commands.trigger, f"{TEACHER}/undo"))
         page.on_click(self._reach, self._press_reach)
         for body, field in ((WRIST, self._wrist_goal), (HAND, self._hand_goal)):
             self._join(body, field)

@@ -88,10 +88,6 @@ class TeachingSession:
         self._notify(True, "learning")
         self._commands.trigger(f"{TEACHER}/learn", self._learned)
 
-    def undo(self) -> None:
-        """Take the last demonstration that was learned back."""
-        self._commands.trigger(f"{TEACHER}/undo")
-
     def reach(self, goal: Floats, length_s: float) -> None:
         """Move the wrist alone: what will the robot do?"""
         if not self._is_free() or not self._holds_wrist():

@@ -21,21 +21,17 @@ class ThingsView:
 
     def __init__(self, server: viser.ViserServer, scene: CellScene):
         self._bodies = scene.bodies
-        self._handling = Handling(scene.bodies)
+        self.handling = Handling(scene.bodies)
         for thing in scene.furniture:
             add_thing(server, "furniture", thing, rgb(GREY))
         self._shown = {body.name: _ShownBody(server, body) for body in scene.bodies}
 
-    def follows_hand(self, active: str) -> bool:
-        """Whether bodies depend on where the robot's hand is, while it does such a task."""
-        return self._handling.follows_hand(active)
-
     def update(self, moment: HandlingMoment, colours: Mapping[str, str]) -> None:
         """Put the bodies where they are now, in the colours of their tasks."""
-        self._handling.update(moment)
+        self.handling.update(moment)
         for body in self._bodies:
             colour = rgb(colours.get(body.task, NONE_COLOUR))
-            self._shown[body.name].update(self._handling.pose(body.name), colour)
+            self._shown[body.name].update(self.handling.pose(body.name), colour)
 
 
 class _ShownBody:

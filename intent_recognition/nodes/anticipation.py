@@ -20,7 +20,6 @@ from intent_recognition.demonstrations import (
     stamp_of,
 )
 from intent_recognition.errors import IntentError
-from intent_recognition.kinematics import Arm
 from intent_recognition.motion import is_hand
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
@@ -48,22 +47,20 @@ class PostureInput:
 
     What is rejected is counted under `posture_<reason>`, a posture that could not be used under
     `start_posture_<why>`, once a movement and task; a graph without an arm counts nothing.
+
+    Attributes:
+        hand: the arm of `robot_description`.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
         self._node, self._diagnostics = node, diagnostics
-        self._hand = HandInput(node, diagnostics)
+        self.hand = HandInput(node, diagnostics)
         self._subscriptions: list = []
         self.estimators: Sequence[IntentEstimator] = ()
         self._noted: dict[str, tuple] = {}
         self._received = False
         self._last_ns: dict[int, int] = {}
         self._left_overs = LeftOvers({})
-
-    @property
-    def arm(self) -> Arm | None:
-        """The arm of `robot_description`; None before that has come, or if it cannot be used."""
-        return self._hand.arm
 
     def open(self, estimators: Sequence[IntentEstimator], entries: Sequence[DofEntry]) -> None:
         """Subscribe to the controlled signals.
@@ -73,9 +70,9 @@ class PostureInput:
         """
         self.estimators = estimators
         self._last_ns.clear()
-        self._hand.taught = next((entry.link for entry in entries if entry.link), "")
+        self.hand.taught = next((entry.link for entry in entries if entry.link), "")
         numbers = [name for entry in entries for name in entry.message_names]
-        in_place = bool(self._hand.link) and is_hand(numbers)
+        in_place = bool(self.hand.link) and is_hand(numbers)
         for group, entry in enumerate(entries):
             raw = is_raw_pose(entry.topic, entry.type)
             take, topic = partial(self._take, group, entry, raw), entry.topic
@@ -109,7 +106,7 @@ class PostureInput:
 
     def _take_joints(self, group: int, entry: DofEntry, message: JointState) -> None:
         """The hand of the arm that is there, from its joints."""
-        if (arm := self._hand.arm) is None:
+        if (arm := self.hand.arm) is None:
             return
 
         def hand() -> Floats:

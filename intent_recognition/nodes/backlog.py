@@ -63,18 +63,16 @@ class Backlog:
         self._sources.append(source)
         return subscription
 
-    @property
-    def subscriptions(self) -> list[Subscription]:
-        """Those made, in order."""
-        return [source.subscription for source in self._sources if source.subscription]
-
-    def close(self, node: Node) -> None:
-        """Unsubscribe from everything."""
+    def close(self, node: Node) -> list[Subscription]:
+        """Unsubscribe from everything; returns what was subscribed."""
+        closed = []
         while self._sources:
             source = self._sources.pop()
             if source.subscription is not None:
                 node.destroy_subscription(source.subscription)
+                closed.append(source.subscription)
             source.subscription = None
+        return closed
 
     def _on_message(self, arrived: _Source, message: object) -> None:
         """Use a message and whatever waits, behind it or elsewhere."""

@@ -181,7 +181,7 @@ class Diagnostics:
         self._totals[stream] += 0
 
     def unwatch(self, subscriptions: Collection[Subscription]) -> None:
-        """Forget subscriptions before they are destroyed."""
+        """Forget subscriptions that are closed."""
         self._watched = [pair for pair in self._watched if pair[0] not in subscriptions]
 
     def status(self, level: int, message: str) -> None:

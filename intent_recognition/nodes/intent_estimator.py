@@ -86,14 +86,14 @@ class IntentEstimatorNode(ManagedNode):
     def _check(self, changes: Changes) -> None:
         """Make sure that new values can be taken; see `ViaPointInput.check`."""
         if VIA_POINTS in changes:
-            self._via_points.check(changes[VIA_POINTS], self._estimators, self._postures.arm)
+            self._via_points.check(changes[VIA_POINTS], self._estimators, self._postures.hand.arm)
         if PLAN in changes:
             self._plan.check(changes[PLAN], self._estimators)
 
     def _change(self, changes: Changes) -> None:
         if VIA_POINTS in changes:
             self._via_points.change(changes[VIA_POINTS])
-            self._via_points.use(self._estimators, self._postures.arm)
+            self._via_points.use(self._estimators, self._postures.hand.arm)
         if PLAN in changes:
             self._plan.change(changes[PLAN])
             for estimator in self._estimators:
@@ -193,7 +193,7 @@ class IntentEstimatorNode(ManagedNode):
     def _check_stream(self) -> None:
         if not self.active:
             return
-        self._via_points.use(self._estimators, self._postures.arm)
+        self._via_points.use(self._estimators, self._postures.hand.arm)
         for belief in self.people.values():
             belief.look()
 

@@ -7,7 +7,6 @@ from functools import partial
 
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.subscription import Subscription
 
 from intent_recognition.demonstrations import (
     DofEntry,
@@ -108,13 +107,7 @@ class ObservationInput:
 
     def close(self) -> None:
         """Unsubscribe."""
-        self._diagnostics.unwatch(self.subscriptions)
-        self._backlog.close(self._node)
-
-    @property
-    def subscriptions(self) -> list[Subscription]:
-        """All current subscriptions."""
-        return self._backlog.subscriptions
+        self._diagnostics.unwatch(self._backlog.close(self._node))
 
     def _on_odometry(self, name: str, readers: list[ObservationReader], data: bytes) -> None:
         """Take a tracked pose; its twist is computed from poses and not an observation."""

@@ -180,7 +180,7 @@ class TransferMachine:
 
     def _empty(self, request: Request, now: Situation) -> None:
         if request is Request.HOLD:
-            self._close(now)
+            self._enter(Holding.CLOSING, now.time_s)
         elif request is not Request.TAKE:
             self._waited_in_vain = False
         elif not (now.moving or self._waited_in_vain):
@@ -196,7 +196,7 @@ class TransferMachine:
         if request is not Request.TAKE or now.moving or self._waited_in_vain:
             self._enter(Holding.EMPTY, now.time_s)
         elif self._lasts("present", ready, now.time_s, PRESENT_S):
-            self._close(now)
+            self._enter(Holding.CLOSING, now.time_s)
 
     def _closing(self, request: Request, now: Situation) -> None:
         """Wait until the fingers stand; on nothing they open again."""
@@ -315,9 +315,6 @@ class TransferMachine:
     def _put_down(self, now: Situation) -> None:
         if not now.moving and now.speed_m_s < SETTLED_M_S:
             self._enter(Holding.RELEASING, now.time_s)
-
-    def _close(self, now: Situation) -> None:
-        self._enter(Holding.CLOSING, now.time_s)
 
     def _enter(self, holding: Holding, time_s: float) -> None:
         self.holding, self._entered_s = holding, time_s

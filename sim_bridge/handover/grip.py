@@ -54,6 +54,7 @@ class CompliantHand:
         target_m: where the person wants it.
         lift_n: force upward that the person adds on purpose, for the object's weight [N].
         force_n: on the object (3,), of the last step.
+        felt_n: load on the fingers as it is felt, late [N].
         holds: whether it has hold of the object.
     """
 
@@ -62,18 +63,9 @@ class CompliantHand:
         self.position_m = np.array(position_m, dtype=np.float64)
         self.target_m, self.velocity_m_s = self.position_m.copy(), np.zeros(3)
         self.lift_n, self.force_n, self.holds = 0.0, np.zeros(3), False
-        self._noise, self._felt_n, self._ready = np.zeros(3), 0.0, 1.0
+        self._noise, self.felt_n, self._ready = np.zeros(3), 0.0, 1.0
         self._offset_m, self._slid_m = np.zeros(3), 0.0
         self._turn0 = np.array([0.0, 0.0, 0.0, 1.0])
-
-    def feel(self, load_n: float) -> None:
-        """Begin with a load that has been carried for a while [N]."""
-        self._felt_n = load_n
-
-    @property
-    def felt_n(self) -> float:
-        """Load on the fingers as it is felt, late [N]."""
-        return self._felt_n
 
     def grasp(self, point_m: Floats, turn: Floats, ready: float = 1.0) -> None:
         """Take hold of the object at a point (3,), as it is turned (quaternion xyzw).
@@ -129,7 +121,7 @@ class CompliantHand:
         ) * self._rng.standard_normal(3)
         self.velocity_m_s += (pull + self._noise - self.force_n) / HAND_KG * step_s
         self.position_m += self.velocity_m_s * step_s
-        self._felt_n += step_s / FEEL_S * (float(np.linalg.norm(self.force_n)) - self._felt_n)
+        self.felt_n += step_s / FEEL_S * (float(np.linalg.norm(self.force_n)) - self.felt_n)
         return self.force_n, torque
 
     def _grip(self, step_s: float, point_m: Floats, velocity_m_s: Floats, mass_kg: float) -> Floats:
@@ -137,7 +129,7 @@ class CompliantHand:
         damping = 2.0 * DAMPING_RATIO * np.sqrt(GRIP_N_M * reduced_kg)
         stretch = self.position_m + self._offset_m - point_m
         force = GRIP_N_M * stretch + damping * (self.velocity_m_s - velocity_m_s)
-        limit_n = self._ready * LEAST_LIMIT_N + LIMIT_PER_LOAD * self._felt_n
+        limit_n = self._ready * LEAST_LIMIT_N + LIMIT_PER_LOAD * self.felt_n
         self._ready = min(1.0, self._ready + step_s / FEEL_S)
         size = float(np.linalg.norm(force))
         if size > limit_n:  # it slides: the pads hold as much as they can

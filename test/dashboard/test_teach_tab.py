@@ -29,7 +29,7 @@ def tab(server):
         others_move_wrist=lambda: False,
         can_move_arm=lambda: True,
     )
-    commands = SimpleNamespace(offers=lambda name: True, notify=None)
+    commands = SimpleNamespace(offers=lambda name: True, notify=None, trigger=print)
     session = TeachingSession(teleoperation, commands, None)
     made = TeachTab(PageAccess(server, commands, lambda do: do()), teleoperation, session)
     made._task.value = "wave"

@@ -77,7 +77,7 @@ class Nodes:
         types = {e.topic: message_class(e.type) for e in self.dofs.observed}
         inputs = {topic: self.harness.publisher(kind, topic, 10) for topic, kind in types.items()}
         self.harness.connect(*inputs.values())
-        heard = [*self.estimator.people[""].inputs.subscriptions, *self.ingest.subscriptions]
+        heard = [*self.estimator.subscriptions, *self.ingest.subscriptions]
         heard = [one for one in heard if one.topic_name[1:] in {*inputs, *self.inner}]
         self.harness.spin_until(
             lambda: all(one.get_publisher_count() for one in heard), what="publishers found"

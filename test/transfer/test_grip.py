@@ -37,7 +37,7 @@ def hand(seed=0, **strength):
 def test_what_is_held_is_carried_and_the_arm_yields_by_its_stiffness():
     one = hand(stiffness_n_m=200.0)
     one.grasp(np.zeros(3), LEVEL)
-    one.feel(WEIGHT_N)
+    one.felt_n = WEIGHT_N
     forces = Falling(one).run(3.0)
     np.testing.assert_allclose(forces[-1000:].mean(0), [0, 0, WEIGHT_N], atol=0.05)
     assert one.position_m[2] == pytest.approx(-WEIGHT_N / 200.0, abs=0.003)
@@ -58,7 +58,7 @@ def test_a_hand_that_expects_nothing_lets_a_sudden_weight_slip():
 def test_no_arm_is_stronger_than_it_is():
     one = hand(stiffness_n_m=300.0, strongest_n=9.0)
     one.grasp(np.zeros(3), LEVEL)
-    one.feel(20.0)
+    one.felt_n = 20.0
     one.target_m = np.array([1.0, 0.0, 0.0])
     forces = [one.step(STEP_S, STILL, STILL, LEVEL, STILL, MASS_KG)[0] for _ in range(2000)]
     assert np.mean(forces[-500:], axis=0)[0] == pytest.approx(9.0, abs=0.6)
@@ -112,7 +112,7 @@ def test_a_giver_lets_go_only_of_what_the_robot_holds():
     for closed in (False, True):
         one = hand()
         one.grasp(np.zeros(3), LEVEL)
-        one.feel(WEIGHT_N)
+        one.felt_n = WEIGHT_N
         giver, body = Giver(one, manner, np.array([-0.2, 0.0, 0.0])), Falling(one)
 
         def act(t, point, giver=giver, body=body, closed=closed):
@@ -129,7 +129,7 @@ def test_a_giver_keeps_what_the_fingers_closed_on_and_opened_again():
     manner = Manner.draw(np.random.default_rng(2), WEIGHT_N)
     one = hand()
     one.grasp(np.zeros(3), LEVEL)
-    one.feel(WEIGHT_N)
+    one.felt_n = WEIGHT_N
     giver, body = Giver(one, manner, np.array([-0.2, 0.0, 0.0])), Falling(one)
     touched = (2.0, 2.1 + manner.reaction_s)
 
@@ -145,10 +145,10 @@ def test_a_giver_takes_back_what_met_a_finger_and_brings_it_where_it_should_be()
     manner = Manner.draw(np.random.default_rng(2), WEIGHT_N)
     one, to_m = hand(), np.array([-0.2, 0.0, 0.0])
     one.grasp(np.zeros(3), LEVEL)
-    one.feel(WEIGHT_N)
+    one.felt_n = WEIGHT_N
     giver, ways = Giver(one, manner, to_m), []
     for t in np.arange(0.0, 5.0, STEP_S):
-        one.feel(WEIGHT_N + (5.0 if 1.2 < t < 1.4 else 0.0))
+        one.felt_n = WEIGHT_N + (5.0 if 1.2 < t < 1.4 else 0.0)
         giver.step(t, SeenRobot(to_m, LEVEL, rests=True))
         ways.append(one.target_m @ manner.toward)
         if t <= 1.2:

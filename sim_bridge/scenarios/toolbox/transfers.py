@@ -214,8 +214,8 @@ class ToolboxTransfers:
         )
         weight_n = what.mass_kg * GRAVITY_M_S2
         hand.grasp(*self._thing.held_point())
-        hand.lift_n, hand.force_n = weight_n, np.array([0.0, 0.0, weight_n])
-        hand.feel(weight_n)
+        hand.lift_n = hand.felt_n = weight_n
+        hand.force_n = np.array([0.0, 0.0, weight_n])
 
     def _put_away(self) -> None:
         robot = self._thing is not None and self.held
