@@ -182,10 +182,7 @@ class Motions:
         return self._brake(now_ns)
 
     def go_home(
-        self,
-        now_ns: int,
-        target: Floats,
-        start: JointReference | None = None,
+        self, now_ns: int, target: Floats, start: JointReference | None = None
     ) -> Command | None:
         """Go to a posture, braking first where no plan starts from this motion.
 

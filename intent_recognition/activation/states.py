@@ -9,13 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats, Integers
-from intent_recognition.motion import (
-    JointPath,
-    JointPlan,
-    JointReference,
-    PhaseState,
-    Via,
-)
+from intent_recognition.motion import JointPath, JointPlan, JointReference, PhaseState, Via
 
 
 class Mode(Enum):

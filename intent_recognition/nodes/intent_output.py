@@ -139,11 +139,7 @@ TUBE_FACES = tube_faces().ravel()
 
 
 def to_path(
-    time_ns: int,
-    frame: str,
-    human: Prediction,
-    positions: Floats,
-    orientations: Floats | None,
+    time_ns: int, frame: str, human: Prediction, positions: Floats, orientations: Floats | None
 ) -> Path:
     """The predicted rest of the movement, each pose stamped with the time it is expected at.
 

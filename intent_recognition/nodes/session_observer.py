@@ -107,12 +107,7 @@ class SessionObserver(Node):
                 (JointState, f"intent/{of}tasks", self._now(seen.take_tasks), qos.STATE),
                 (JointTrajectory, f"intent/{of}robot_trajectory", predicted, qos.COMMAND),
                 (Path, f"intent/{of}human_path", self._now(seen.take_path), qos.COMMAND),
-                (
-                    String,
-                    f"coworker/{of}task",
-                    partial(_tell, on_task, person),
-                    qos.STATE,
-                ),
+                (String, f"coworker/{of}task", partial(_tell, on_task, person), qos.STATE),
             ]
         self._heard: Counter[str] = Counter()
         self._answers = self.create_publisher(JointState, ANSWERS, qos.FEEDBACK)

@@ -28,11 +28,7 @@ class HeldJoints:
             held = _held(joint)
             self._client.resetJointState(self._body, joint.number, held, 0.0)
             self._client.setJointMotorControl2(
-                self._body,
-                joint.number,
-                pybullet.POSITION_CONTROL,
-                targetPosition=held,
-                force=20.0,
+                self._body, joint.number, pybullet.POSITION_CONTROL, targetPosition=held, force=20.0
             )
 
 

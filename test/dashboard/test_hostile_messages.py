@@ -19,11 +19,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from intent_recognition.dashboard.robot_view import MOST_JOINTS
 from intent_recognition.dashboard.scene import DARK
-from intent_recognition.dashboard.subscriptions import (
-    MOST_PEOPLE,
-    PLOTTED_S,
-    CellSubscriptions,
-)
+from intent_recognition.dashboard.subscriptions import MOST_PEOPLE, PLOTTED_S, CellSubscriptions
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 
 TEXTS = (*ANY_TEXTS, *JOINT_NAMES)
