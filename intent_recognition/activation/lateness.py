@@ -79,12 +79,7 @@ class Lateness:
 
 
 def at_top_speed(times_ns: NDArray, positions: Floats) -> NDArray[np.bool_]:
-    """Where joints turn evenly, and faster than anywhere else, for a while (T, n).
-
-    Args:
-        times_ns: increasing (T,) [ns].
-        positions: measured (T, n) [rad].
-    """
+    """Where joints at positions (T, n) [rad] turn evenly, and as fast as never else (T, n)."""
     speed = np.abs(np.diff(positions, axis=0) / np.diff(times_ns)[:, None])
     top = binary_opening(
         speed >= _TOP_SPEED * speed.max(axis=0), np.ones((_N_AT_TOP, 1), dtype=bool)
@@ -95,10 +90,7 @@ def at_top_speed(times_ns: NDArray, positions: Floats) -> NDArray[np.bool_]:
 def unexplained(positions: Floats, asked: Floats, tells: NDArray[np.bool_]) -> float:
     """Root mean square of what no lag explains of an arm's motion, but for a constant [rad].
 
-    Args:
-        positions: measured (T, n) [rad].
-        asked: of the arm at the same times (T, n) [rad].
-        tells: which of the positions count (T, n).
+    Positions (T, n) [rad] were measured and asked for at the same times; `tells` says which count.
     """
     rows = np.arange(len(asked))
     late = [asked[np.maximum(rows - delay, 0)] for delay in _DELAYS]

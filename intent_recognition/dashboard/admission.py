@@ -127,11 +127,7 @@ class Operator:
     """One connection at a time operates the page; the others look on.
 
     The first to come operates, until it leaves or has done nothing for `IDLE_S`; then whoever
-    acts next does.
-
-    Args:
-        read_only: nobody operates.
-        clock: seconds, monotonic.
+    acts next does. Nobody operates a page that is read only. The clock is monotonic [s].
     """
 
     def __init__(self, read_only: bool = False, clock: Callable[[], float] = time.monotonic):
@@ -188,9 +184,7 @@ def new_token() -> str:
 def response_headers(scripts: Iterable[str], host: str) -> dict[str, str]:
     """Headers of every answer: no frame, no other origin, no script but the page's own.
 
-    Args:
-        scripts: sources of the page's scripts, as `script_sources` gives them.
-        host: the `Host` that the request named, which was checked.
+    The scripts are those of `script_sources`, the host that of the request, which was checked.
     """
     rules = {
         "default-src": "'none'",

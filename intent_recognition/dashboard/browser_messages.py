@@ -82,12 +82,9 @@ def read_message(data: bytes | str) -> LookFrom | Action | None:
 
 
 def can_become(value: ControlValue, present: object, options: Sequence[str] | None = None) -> bool:
-    """Whether a browser can give a control this value.
+    """Whether a browser can give this value to a control that has another, and offers options.
 
-    Args:
-        value: that was sent.
-        present: value that the control has.
-        options: that it offers; None: any of the same kind.
+    Without options it may have any value of the same kind.
     """
     if isinstance(present, tuple):
         return isinstance(value, list) and len(value) == len(present)

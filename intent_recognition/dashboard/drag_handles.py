@@ -36,10 +36,7 @@ Moved = Callable[[Floats], None]
 class Drag:
     """Drags of a handle, in the order in which they were sent.
 
-    Args:
-        server: the page.
-        handle: what is dragged.
-        moved: called with the position (3,) [m], and whether the handle was left there.
+    `moved` is called with the position (3,) [m], and whether the handle was left there.
     """
 
     def __init__(
@@ -64,12 +61,7 @@ class Drag:
 
 
 class DragHandles:
-    """Two pairs of viser transform controls, hidden until they are shown.
-
-    Args:
-        server: the page.
-        places: initial position (3,) [m] by body: `wrist` and `hand`.
-    """
+    """Two pairs of viser transform controls, hidden until shown; places (3,) [m] are by body."""
 
     def __init__(self, server: viser.ViserServer, places: dict[str, Floats]):
         self._server = server

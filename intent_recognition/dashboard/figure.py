@@ -86,15 +86,11 @@ class Posture(NamedTuple):
 
 
 def reach(stance: Stance, wrist: Floats) -> Posture:
-    """The posture of a figure whose wrist is at a point.
+    """The posture of a figure whose wrist is at a point (3,) [m], world.
 
     The upper body leans toward a wrist that is out of the arm's reach, by as little as is needed;
     where that is not enough the whole figure is moved. The wrist is always reached, bones keep
     their lengths, and the posture changes continuously with the wrist.
-
-    Args:
-        stance: where the person stands.
-        wrist: (3,) [m], world.
     """
     upper, fore = stance.arm_m
     hip = stance.ground_m + np.array([0.0, 0.0, HIP * stance.height_m])

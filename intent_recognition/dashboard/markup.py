@@ -176,9 +176,7 @@ def banner(text: str, colour: str = BAD) -> str:
 def steps(lines: Sequence[str], done: int | None = None) -> str:
     """What to do, numbered; commands between backquotes.
 
-    Args:
-        lines: the steps.
-        done: so many are done and ticked, the next one stands out; None: all are alike.
+    So many as are done are ticked, the next one stands out; None: all are alike.
     """
     items = []
     for k, line in enumerate(lines):

@@ -40,8 +40,7 @@ LWR = MovedArm(JOINT_NAMES, hand_position, reach_position, LWR_LIMITS)
 class ArmFinder:
     """Finds the arm of a cell: an LWR by its joints, another by `robot_description`.
 
-    Args:
-        hand_link: link that is the hand; empty: the last one before the tree branches.
+    Without `hand_link` the hand is the last link before the tree branches.
 
     Attributes:
         problem: why the arm on `robot_description` cannot be moved, empty if it can.

@@ -152,10 +152,7 @@ class CellScene:
 
 
 def load_scene(path: str | Path) -> CellScene:
-    """Read a scene.
-
-    Args:
-        path: of a YAML file, or the name of a shipped one, such as `toolbox`.
+    """Read a scene from a YAML file, or a shipped one by its name, such as `toolbox`.
 
     Raises:
         ArgumentError: it is missing, no YAML or malformed; names the place in the file.

@@ -29,12 +29,7 @@ class TeachingSession:
     ) -> None:
         """Record one demonstration of a task: wrist to its goal, hand of the arm to its own.
 
-        Args:
-            task: label.
-            wrist_goal: (3,) [m], world.
-            hand_goal: (3,) [m], world.
-            length_s: usual duration of the movement.
-            vary: standard deviation of the goals between demonstrations [m].
+        Goals are (3,) [m], world, and vary between demonstrations by a standard deviation [m].
         """
         if not self._is_free() or not self._holds_wrist():
             return

@@ -42,11 +42,9 @@ class ViaPointControls:
         page.on_click(self._remove, self.remove)
 
     def update(self, points: tuple[ViaPoint, ...], path: tuple[str, Floats] | None) -> None:
-        """Show what is in force, and the handle on the path.
+        """Show the points in force, and the handle on the path of a task, if there is one.
 
-        Args:
-            points: in force.
-            path: task, and positions of the hand (T, 3) [m] evenly spaced in time; None for none.
+        It has positions of the hand (T, 3) [m], evenly spaced in time.
         """
         self._path = path
         visible = bool(self._drag.value) and path is not None

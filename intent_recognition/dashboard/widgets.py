@@ -61,11 +61,8 @@ def slider_value(handle: viser.GuiSliderHandle) -> float:
 class TimePlot:
     """Curves over the last seconds in a folder, which is there while there is something to draw.
 
-    Args:
-        server: the page; the folder is made where it is called.
-        title: of the folder: what is plotted, with its unit.
-        top: the largest value that is expected; None: as large as it is.
-        order: place of the folder on the page; None: the last one.
+    The title says what is plotted, with its unit. `top` is the largest value that is expected;
+    None: as large as it is. Without an order the folder is the last one.
     """
 
     def __init__(

@@ -84,12 +84,7 @@ class Clearance:
         self.replan_budget_s, self.wait_s, self._clock = replan_budget_s, wait_s, clock
 
     def obstruction(self, plan: JointPlan, since_s: float = 0.0) -> Obstruction | None:
-        """What a plan comes too near to, between its samples too; None if it is clear.
-
-        Args:
-            plan: of the arm.
-            since_s: what of it is past does not count.
-        """
+        """What a plan comes too near to from a time on, between its samples too; None: nothing."""
         past = int(np.searchsorted(plan.times_s, since_s, side="right")) - 1
         past = int(np.clip(past, 0, len(plan.times_s) - 2))
         n = self.bodies.steps(plan.subdivided(1)[1][past:])

@@ -105,11 +105,7 @@ def brake_along(plan: JointPlan, time_s: float, limits: JointLimits) -> JointPla
     """Slow to a stand on the very way of a plan, as fast as the limits allow; always gives one.
 
     Where the plan is still joining a predicted path, or braking itself, that way is not the path's.
-
-    Args:
-        plan: in force.
-        time_s: after its start, when the brake begins.
-        limits: position, velocity and acceleration limits, as scaled as wanted.
+    The brake begins so long after the plan's start.
     """
     start, phase = plan.at(time_s), plan.phase_at(time_s).phase
     ahead = (plan.times_s > time_s + _SLIVER_S) & (plan.times_s < time_s + _BRAKES_WITHIN_S)

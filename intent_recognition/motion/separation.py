@@ -107,14 +107,10 @@ class Separation:
         person: PredictedPerson,
         positions: Floats | None = None,
     ) -> Floats:
-        """Largest phase rate (G + 1,) [1/s] on the grid of a path of the arm.
+        """Largest phase rate (G + 1,) [1/s] on the grid of a path, where the arm is at some times.
 
-        Args:
-            path: of the arm.
-            times_ns: when it will be at each point of the grid (G + 1,).
-            person: predicted.
-            positions: where it will be then, off the path where it has not joined it yet
-                (G + 1, n) [rad]; None: on the path. The shorter distance counts.
+        Then it is at positions (G + 1, n) [rad], off the path where it has not joined it yet; None:
+        on the path. The shorter distance counts.
         """
         phase = np.linspace(0.0, 1.0, N_GRID + 1)
         points = self.arm.skeleton(path.spline(phase))

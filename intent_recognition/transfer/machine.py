@@ -138,8 +138,7 @@ class TransferOutput(NamedTuple):
 class TransferMachine:
     """Holds, offers, releases, takes and brings back one object after the other.
 
-    Args:
-        patience_s: time after which an offer ends, and after which nothing is received any more.
+    After its patience an offer ends, and nothing is received any more.
     """
 
     def __init__(self, patience_s: float = PATIENCE_S) -> None:

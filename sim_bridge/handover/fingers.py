@@ -51,11 +51,8 @@ def _that_grip(names: list[str]) -> list[str]:
 class Fingers:
     """The two fingers of a simulated arm, pressed together by a force.
 
-    Args:
-        arm: whose joints beside the chain are two fingers that slide.
-
     Raises:
-        ArgumentError: it has not two.
+        ArgumentError: the arm has not two fingers that slide.
     """
 
     def __init__(self, arm: SimulatedArm) -> None:

@@ -70,10 +70,7 @@ class CompliantHand:
     def grasp(self, point_m: Floats, turn: Floats, ready: float = 1.0) -> None:
         """Take hold of the object at a point (3,), as it is turned (quaternion xyzw).
 
-        Args:
-            point_m: of the object.
-            turn: of the object.
-            ready: share of its grip that it has at once; the rest comes with what it feels.
+        It has a share of its grip at once; the rest comes with what it feels.
         """
         self.holds, self._slid_m, self._ready = True, 0.0, ready
         self._offset_m, self._turn0 = point_m - self.position_m, np.array(turn)
@@ -97,13 +94,8 @@ class CompliantHand:
     ) -> tuple[Floats, Floats]:
         """Move the hand; return force (3,) [N] and torque (3,) [Nm] on the object.
 
-        Args:
-            step_s: of the physics.
-            point_m: of the object at which it is held (3,).
-            velocity_m_s: of that point (3,).
-            turn: orientation of the object (4,), xyzw.
-            spin_rad_s: its angular velocity (3,).
-            mass_kg: of the object, which sets the damping of the grip.
+        Point and velocity (3,) are those of where it is held, its orientation (4,) is xyzw, its
+        spin (3,); its mass sets the damping of the grip.
         """
         self.force_n, torque = np.zeros(3), np.zeros(3)
         if self.holds:

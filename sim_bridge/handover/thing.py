@@ -35,15 +35,7 @@ class TransferObject(NamedTuple):
 
 
 class HandedThing:
-    """The body in a world.
-
-    Args:
-        client: of the world.
-        what: the object.
-        centre_m: where its centre is (3,).
-        turn: how it is turned (4,), xyzw.
-        friction: on the pads.
-    """
+    """The body of an object in a world: its centre at a place (3,), turned (4,), xyzw."""
 
     def __init__(
         self,

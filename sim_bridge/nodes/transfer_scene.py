@@ -37,16 +37,10 @@ UPDATE_EVERY = 5
 
 
 class TransferScene:
-    """Translates between topics and `ToolboxTransfers`.
+    """Translates between topics and `ToolboxTransfers`, whose arm, seed and lever these are.
 
-    Args:
-        node: of the arm.
-        arm: with fingers.
-        seed: of the person.
-        lever_m: as of `ToolboxTransfers`.
-        stamp: of a message now.
-        diagnostics: count what cannot be used.
-        note: called with the topic of what is taken, or sent to those whom the clock waits for.
+    `stamp` gives that of a message now; `note` is called with the topic of what is taken, or sent
+    to those whom the clock waits for. `diagnostics` count what cannot be used.
     """
 
     def __init__(

@@ -16,12 +16,7 @@ their time."""
 
 
 def by_force_with(robot: Robot, hold_s: tuple[float, float]) -> dict[str, dict[str, object]]:
-    """Parameters by node.
-
-    Args:
-        robot: with fingers.
-        hold_s: how long a worker waits at least and at most [s].
-    """
+    """Parameters by node for an arm with fingers, and how long a worker waits at least and most."""
     slow = [f"{x} {y} {z} {SLOW_M} {SLOW_M_S}" for x, y, z in STANDS_M.values()]
     fingers = finger_joints(robot)
     return {
