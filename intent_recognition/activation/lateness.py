@@ -35,9 +35,6 @@ _TOP_SPEED, _N_AT_TOP, _N_LEFT = 0.99, 12, 20
 """Share of its largest speed from which on a joint turns as fast as it may, for how many looks, and
 how many samples of such a joint must be left. Convention: motions of minimum jerk of up to 2 s are
 above that share for shorter; more samples than weights."""
-_SHARE = 0.6
-"""What lateness must leave unexplained at most of what is without. Measurement:
-`test_late_commands.py`."""
 
 
 class Lateness:
@@ -72,7 +69,7 @@ class Lateness:
         if error <= 5e-4:  # several times the noise of encoders
             return 0
         errors = [error, *(unexplained(positions, one, tells) for one in late)]
-        if min(errors) > _SHARE * error:
+        if min(errors) > 0.6 * error:  # measured: `test_late_commands.py`
             return 0
         self._looks.clear()
         return int(LATENESSES_NS[np.argmin(errors)])

@@ -26,7 +26,6 @@ SET_GOALS, BY_HAND = "set two goals", "drag both myself"
 FEW = 3
 """Demonstrations of a task that are recorded before learning. Convention."""
 RECORD, REACH = "Record a demonstration", "Reach to the wrist goal"
-DISCARD = "Discard the last one"
 TAKE = "Tick `Take the wrist`."
 BY_GOALS = (
     TAKE,
@@ -74,7 +73,7 @@ class TeachTab:
             self._vary = gui.add_slider("Variation [cm]", 0.0, 8.0, 0.5, 3.0)
         self._record = gui.add_button(RECORD, icon=viser.Icon.PLAYER_RECORD, color=rgb(markup.BAD))
         self._learn = gui.add_button("Learn", icon=viser.Icon.SCHOOL, color=rgb(markup.GOOD))
-        self._discard = gui.add_button(DISCARD, icon=viser.Icon.TRASH, color="gray")
+        self._discard = gui.add_button("Discard the last one", icon=viser.Icon.TRASH, color="gray")
         self._reach = gui.add_button(REACH, icon=viser.Icon.HAND_FINGER)
         self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, color="gray")
         self._status = gui.add_html("")

@@ -40,11 +40,6 @@ from intent_recognition.motion.retiming import (
     speed_limits,
 )
 
-_BRAKES_WITHIN_S = 1.0
-"""How much of a plan a brake on its way can need [s]. Convention: all of it at the speed limits
-takes half as long."""
-_SLIVER_S = 0.002
-"""Samples nearer than this [s] to where a brake begins are left out. Numerical safeguard."""
 _LEAST_SHARE = 0.1
 """Share of the limits the path keeps, however much the offset takes. Convention: it never stands
 still for good."""
@@ -108,7 +103,8 @@ def brake_along(plan: JointPlan, time_s: float, limits: JointLimits) -> JointPla
     The brake begins so long after the plan's start.
     """
     start, phase = plan.at(time_s), plan.phase_at(time_s).phase
-    ahead = (plan.times_s > time_s + _SLIVER_S) & (plan.times_s < time_s + _BRAKES_WITHIN_S)
+    # from 2 ms on, for numerical reasons, and twice as long as a brake takes at the speed limits
+    ahead = (plan.times_s > time_s + 0.002) & (plan.times_s < time_s + 1.0)
     if not ahead.any():
         return brake_plan(start, phase, limits)
     times_s = np.append(time_s, plan.times_s[ahead])

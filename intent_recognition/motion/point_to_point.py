@@ -31,9 +31,6 @@ RISE_TIME_S = 0.1
 """Shortest time in which an acceleration rises from zero to its limit [s]; the jerk limit is the
 acceleration limit divided by it: 80 rad/s^3 at 8 rad/s^2. Measurement: docs/decisions,
 "Ruckig goes home and brakes"."""
-_INTERPOLATION = 8.0 / 27.0
-"""Largest error of a Hermite cubic's acceleration, as a share of jerk limit times sample spacing:
-the integral of |3 u^2 - 2 u| over [0, 1], its Peano kernel at the ends of the interval."""
 
 
 def home_plan(start: JointReference, home: Floats, limits: JointLimits) -> JointPlan | None:
@@ -93,7 +90,8 @@ def _input(start: JointReference, limits: JointLimits, bounds: JointLimits) -> "
     acceleration, never in position or velocity.
     """
     jerk = limits.acceleration / RISE_TIME_S
-    largest = limits.acceleration - _INTERPOLATION * jerk * STEP_S
+    # the integral of |3 u^2 - 2 u| over [0, 1], the Peano kernel of a Hermite cubic's acceleration
+    largest = limits.acceleration - 8.0 / 27.0 * jerk * STEP_S
     room_up = np.sqrt(2.0 * jerk * np.maximum(limits.velocity - start.velocity, 0.0))
     room_down = np.sqrt(2.0 * jerk * np.maximum(limits.velocity + start.velocity, 0.0))
     ruckig = optional("ruckig")

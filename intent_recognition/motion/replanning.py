@@ -16,9 +16,6 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.motion.bending import TouchingPath, bend
 
-_N_DESCENTS = 4
-"""Descents from drawn detours at most. Measurement: docs/decisions/replanning.md."""
-
 
 def detours(phases: Floats, n_joints: int, first: float) -> Floats:
     """Joints by independent standard normal numbers (T, n, m): smooth, and zero at both ends.
@@ -49,7 +46,7 @@ def replan(
     # Always the same; to measure them takes as long as two descents.
     draws = np.random.default_rng([7, tries]).normal(size=(24, path.moves.shape[2]))
     depths = [_depth(path, z) for z in draws]
-    for k in np.argsort(depths, kind="stable")[:_N_DESCENTS]:
+    for k in np.argsort(depths, kind="stable")[:4]:  # measured: docs/decisions/replanning.md
         if out_of_time():
             break
         found = bend(path, start=draws[k])

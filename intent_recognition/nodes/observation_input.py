@@ -27,8 +27,6 @@ from intent_recognition.nodes.serialized import read_odometry
 from intent_recognition.signals import Observation
 from intent_recognition.tracking import frame_name
 
-OTHER_FRAME = ", in another frame"
-"""In the diagnostics, after the topic: poses that are not in the frame of the demonstrations."""
 CURE = (
     "They are used as they are, and the estimate is likely wrong. Train with `extrinsics` in the"
     " DOF file, or let mocap_ingest (or the source) publish in the frame of the demonstrations."
@@ -142,7 +140,7 @@ class ObservationInput:
         learned = self._frames.get(topic)
         if not learned or not frame_id or learned == (frame_name(frame_id),):
             return
-        self._diagnostics.tick(topic + OTHER_FRAME)
+        self._diagnostics.tick(f"{topic}, in another frame")
         if topic not in self._told:
             self._told.add(topic)
             frames = " and ".join(map(repr, learned))

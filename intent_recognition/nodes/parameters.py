@@ -164,8 +164,6 @@ def _refuse_not_finite(parameters: list[Parameter]) -> SetParametersResult:
 DEFAULT = "default"
 COMMAND_LINE = "command line"
 LAUNCH = "launch argument"
-_LAUNCH_FILE = "launch_params_"
-"""How launch_ros begins the name of the file into which it writes values of arguments."""
 
 
 def parameter_sources(arguments: Sequence[str], node: str) -> dict[str, str]:
@@ -185,7 +183,8 @@ def parameter_sources(arguments: Sequence[str], node: str) -> dict[str, str]:
         options = options[options.index("--ros-args") + 1 :]
     for option, value in pairwise(options):
         if option == "--params-file":
-            shown = LAUNCH if Path(value).name.startswith(_LAUNCH_FILE) else value
+            of_launch = Path(value).name.startswith("launch_params_")  # so launch_ros names them
+            shown = LAUNCH if of_launch else value
             sources |= dict.fromkeys(_names(value, node), shown)
         elif option in ("-p", "--param") and ":=" in value:
             *of, name = value.split(":=", 1)[0].split(":")

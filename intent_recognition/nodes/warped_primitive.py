@@ -36,8 +36,6 @@ OBJECTS = ("cup", "second")
 REQUEST = "pour"
 REFUSED = "refused"
 """Key of the diagnostics: why the last pour asked for was refused; empty where it was not."""
-OUTCOME_NS = 3_000_000_000
-"""Time after a pour in which its outcome is told [ns]. Convention: more than an arm holds still."""
 
 
 class WarpedPrimitiveNode(Node):
@@ -136,7 +134,7 @@ class WarpedPrimitiveNode(Node):
         now = now_ns(self)
         if now <= 0:
             return
-        if 0 < self._end_ns < now - OUTCOME_NS:
+        if 0 < self._end_ns < now - 3_000_000_000:  # more than an arm holds still
             self._end_ns = 0
             self._diagnostics.reject("not_poured", "nothing was heard of the arm")
         pours = float(self._end_ns > now)

@@ -25,11 +25,6 @@ from intent_recognition.array_types import Flags, Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.plans.work_plan import USUAL_SLIP, WorkPlan
 
-HABIT_WEIGHT = 0.5
-"""Exponent of what usually follows, among the steps that may come (docs/plans.md)."""
-FORGOTTEN = 0.4
-"""Probability from which a step counts as forgotten (docs/plans.md)."""
-
 
 class StepState(NamedTuple):
     """What is believed of a step.
@@ -49,7 +44,7 @@ class StepState(NamedTuple):
     def __str__(self) -> str:
         if self.done >= 0.5:
             return "done"
-        if self.forgotten >= FORGOTTEN:
+        if self.forgotten >= 0.4:  # docs/plans.md
             return "forgotten"
         return "may come" if self.next >= 0.1 else "later"
 
@@ -155,7 +150,7 @@ class WorkProgress:
         log_free = np.log1p(-self.plan.before * present[:, :, None]).sum(axis=1)
         weight = np.exp(log_free) * self._share * ~done
         if habit is not None:
-            weight = weight * (habit[self._task] + 1e-9) ** HABIT_WEIGHT
+            weight = weight * np.sqrt(habit[self._task] + 1e-9)  # docs/plans.md
         return np.asarray(weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300))
 
     def _choice(self, habit: Floats | None) -> tuple[Floats, Floats, Floats]:

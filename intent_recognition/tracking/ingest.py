@@ -20,7 +20,6 @@ NOT_FINITE = "not_finite"
 ZERO_STAMP = "zero_stamp"
 STAMP_NOT_INCREASING = "stamp_not_increasing"
 JUMP = "jump"
-UNKNOWN_FRAME = "unknown_frame"
 
 FARTHEST_M = 1e5
 """Positions farther away [m] are rejected as infinite ones. Convention: no tracker reaches it."""
@@ -162,7 +161,7 @@ def _check_sample(
         return Rejected(ZERO_STAMP, f"stamp {stamp_ns} ns; the tracker must stamp its poses")
     if frame_name(frame_id) not in settings.frames:
         known = ", ".join(settings.frames)
-        return Rejected(UNKNOWN_FRAME, f"frame '{frame_id}' has no extrinsics; known: {known}")
+        return Rejected("unknown_frame", f"frame '{frame_id}' has no extrinsics; known: {known}")
     return None
 
 

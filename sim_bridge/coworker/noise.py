@@ -9,12 +9,8 @@ import numpy as np
 from intent_recognition.array_types import Flags, Floats
 from intent_recognition.promp import minimum_jerk
 
-TREMOR_HZ = 10.0
-"""Middle frequency of physiological tremor [Hz]: 8 to 12 Hz are usual."""
-TREMOR_BANDWIDTH_HZ = 1.0
-"""Its bandwidth [Hz]. Convention."""
 TREMOR_STD_M = 0.0004
-"""Its standard deviation per axis [m]: below a millimetre. Convention."""
+"""Standard deviation of physiological tremor per axis [m]: below a millimetre. Convention."""
 SWAY_STD_M = 0.0012
 """Standard deviation of slow postural sway per axis [m]. Convention."""
 MARKER_STD_M = 0.001
@@ -35,11 +31,11 @@ def smooth_noise(rng: np.random.Generator, count: int, rate_hz: float, cutoff_hz
 
 
 def tremor(rng: np.random.Generator, count: int, rate_hz: float) -> Floats:
-    """Physiological tremor (count, 3) in metres: a narrow band around 10 Hz, below a millimetre."""
-    radius = np.exp(-np.pi * TREMOR_BANDWIDTH_HZ / rate_hz)
+    """Physiological tremor (count, 3) in metres: a narrow band around 10 Hz (8 to 12 are usual)."""
+    radius = np.exp(-np.pi * 1.0 / rate_hz)  # a band of 1 Hz
     warm_up = int(np.ceil(8.0 / (1.0 - radius)))
     white = rng.standard_normal((count + warm_up, 3))
-    feedback = 2.0 * radius * np.cos(2.0 * np.pi * TREMOR_HZ / rate_hz)
+    feedback = 2.0 * radius * np.cos(2.0 * np.pi * 10.0 / rate_hz)
     return TREMOR_STD_M * _recursive(white, feedback, -(radius**2))[warm_up:]
 
 

@@ -9,7 +9,6 @@ from sim_bridge.arm import SimulatedArm
 from sim_bridge.handover.fingers import Fingers
 
 CARRIED = (Holding.CARRYING, Holding.OFFERING, Holding.RETURNING)
-OPEN = (Holding.EMPTY, Holding.RELEASING)
 
 
 class GripFollower:
@@ -25,6 +24,6 @@ class GripFollower:
         self._fingers.press(grip_n)
         wanted_n = weight_n * (1.0 - share) if holding in CARRIED else 0.0
         # slower than it is measured, faster than people give it up
-        reach_n = np.inf if holding in OPEN else 40.0 * step_s
+        reach_n = np.inf if holding in (Holding.EMPTY, Holding.RELEASING) else 40.0 * step_s
         self._payload_n += float(np.clip(wanted_n - self._payload_n, -reach_n, reach_n))
         self._arm.set_payload(max(self._payload_n, 0.0) / GRAVITY_M_S2)

@@ -15,11 +15,8 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import follow_poses
 
-POUR_DIRECTION = np.array([0.0, 1.0, 0.0])
-"""In the world: to the arm's left."""
-
-_POUR_AXES = np.column_stack([POUR_DIRECTION, [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-"""Along, across and up as columns, in the world."""
+_POUR_AXES = np.column_stack([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""Along, to the arm's left, across and up as columns, in the world."""
 
 _HAND_IN_CUP = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 """The hand's axes as columns in the held cup's axes: its third points at the cup from the side."""

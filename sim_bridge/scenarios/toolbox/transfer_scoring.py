@@ -10,8 +10,6 @@ from intent_recognition.evaluation import ContactLog, SessionLog, Trace
 from sim_bridge.scenarios.toolbox.transfers import Holder
 
 HANDS = (Holder.ROBOT.value, Holder.PERSON.value)
-SHOWN_NS = 1_000_000_000
-"""Time after the transfer that a trace shows [ns]. Convention."""
 
 
 class TransferScore(NamedTuple):
@@ -57,8 +55,8 @@ def _dropped(stamps: Integers, holders: tuple[str, ...]) -> bool:
 def transfer_trace(
     log: SessionLog, onset_ns: int, end_ns: int, until_ns: int, score: TransferScore
 ) -> Trace:
-    """Forces from the human's end until a while after the transfer, or else until all was over."""
-    stop_ns = until_ns if score.at_ns is None else score.at_ns + SHOWN_NS
+    """Forces from the human's end until a second after the transfer, or else until the end."""
+    stop_ns = until_ns if score.at_ns is None else score.at_ns + 1_000_000_000
     felt = slice(*np.searchsorted(log.transfers.stamps_ns, [end_ns, stop_ns]))
     true = slice(*np.searchsorted(log.contacts.stamps_ns, [end_ns, stop_ns]))
     values = log.transfers.values[felt]

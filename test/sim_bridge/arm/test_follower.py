@@ -37,7 +37,7 @@ def following(*rows, since_s=0.0, **options):
 
 
 def samples(follower, times):
-    return map(np.array, zip(*(follower.sample(t) for t in times), strict=True))
+    return [*map(np.array, zip(*(follower.sample(t) for t in times), strict=True))]
 
 
 def test_quintic_points_give_the_quintic_back():
