@@ -118,8 +118,16 @@ class Visit(Visited):
 
         monkeypatch.setattr(server, "read_message", judge)
 
-    def run(self, story):
-        asyncio.run(story())
+    def run(self, story, browsers=1):
+        """Tell a story of browsers that have the page open, and close it in the end."""
+
+        async def told():
+            connections = [await self.open() for _ in range(browsers)]
+            await story(*connections)
+            for connection in connections:
+                await connection.close()
+
+        asyncio.run(told())
 
     async def until(self, condition, what=""):
         end = asyncio.get_running_loop().time() + DEADLINE_S

@@ -22,9 +22,11 @@ CLICKS, FEW = 3000, 5
 def visit(harness, monkeypatch):
     made = []
 
-    def start(**values):
+    def start(begin=True, **values):
         made.append(Graph(harness, **values))
-        return Visit(made[-1], monkeypatch)
+        if begin:
+            made[-1].begin()
+        return Visit(made[-1], monkeypatch), made[-1]
 
     return start
 
@@ -56,49 +58,38 @@ def every_action(page):
 
 
 def test_an_onlooker_changes_nothing(visit):
-    visit = visit()
-    graph = visit.graph
-    graph.begin()
+    visit, graph = visit()
     before = graph.controls()
 
-    async def story():
-        operator, onlooker = await visit.open(), await visit.open()
+    async def story(operator, onlooker):
         await visit.say(onlooker, *every_action(graph.page))
         assert graph.controls() == before
         await visit.like(operator)
-        for connection in (operator, onlooker):
-            await connection.close()
 
-    visit.run(story)
+    visit.run(story, browsers=2)
 
 
 def test_nobody_changes_a_page_that_is_read_only(visit):
-    visit = visit(read_only=True)
-    graph = visit.graph
-    graph.begin()
+    visit, graph = visit(read_only=True)
     before = graph.controls()
 
-    async def story():
-        only = await visit.open()
+    async def story(only):
         await visit.say(only, *every_action(graph.page))
         graph.page.show_message(True, "all was judged")
         await visit.until(lambda: "all was judged" in graph.page._banner.content)
         assert graph.controls() == before
         assert not graph.heard
-        await only.close()
 
     visit.run(story)
 
 
 def test_what_is_hidden_or_disabled_cannot_be_pressed_or_dragged(visit):
-    visit = visit()
-    graph = visit.graph
+    visit, graph = visit(begin=False)
     page = graph.page
     shown = [page._skills._keep, page._skills._undo, page._teach._record, page._teach._undo]
     assert [control.disabled for control in shown] == [False, False, True, False]
 
-    async def story():
-        operator = await visit.open()
+    async def story(operator):
         hidden = (page._teach._record, page._teach._learn, page._teach._reach, page._via._remove)
         await visit.say(operator, *(update(button, True) for button in hidden))
         await visit.say(operator, update(page._skills._thumbs, "Good"))
@@ -106,13 +97,12 @@ def test_what_is_hidden_or_disabled_cannot_be_pressed_or_dragged(visit):
             await visit.say(operator, grab(name), drag(name), leave(name), leave(name))
         graph.begin()
         await visit.like(operator)
-        await operator.close()
 
     visit.run(story)
 
 
 def test_what_is_not_there_cannot_be_undone(visit):
-    graph = visit().graph
+    _, graph = visit(begin=False)
     page = graph.page
     undo = (page._skills._undo, page._teach._undo)
     assert not any(button.disabled for button in undo)
@@ -158,19 +148,15 @@ def malformed(page):
 
 
 def test_what_no_control_sends_is_dropped(visit, capfd):
-    visit = visit()
-    graph = visit.graph
-    graph.begin()
+    visit, graph = visit()
     before = graph.controls()
 
-    async def story():
-        operator = await visit.open()
+    async def story(operator):
         await visit.say(operator, *malformed(graph.page))
         assert graph.controls() == before
         await visit.like(operator)
         await visit.say(operator, grab(VIA), drag(VIA), leave(VIA))
         await visit.until(lambda: "via_points" in dict(graph.heard))
-        await operator.close()
 
     visit.run(story)
     error = capfd.readouterr().err
@@ -179,15 +165,12 @@ def test_what_no_control_sends_is_dropped(visit, capfd):
 
 @pytest.mark.parametrize("button", ["_keep", "_undo", "_thumbs"])
 def test_a_flood_of_clicks_is_one_action(visit, button):
-    visit = visit()
-    graph = visit.graph
-    graph.begin()
+    visit, graph = visit()
     control = getattr(graph.page._skills, button)
     value, clicked = "Good" if button == "_thumbs" else True, []
     control.on_click(lambda _: clicked.append(1))
 
-    async def story():
-        operator = await visit.open()
+    async def story(operator):
         await send(operator, *[update(control, value)] * CLICKS)
         visit.sent += CLICKS
         await eventually(lambda: len(clicked) == CLICKS)  # the graph's thread does other things
@@ -195,19 +178,15 @@ def test_a_flood_of_clicks_is_one_action(visit, button):
         await visit.say(operator, update(graph.page._skills._thumbs, "Bad"))
         await visit.until(lambda: "down" in [m.values[0].value for _, m in graph.heard if m])
         assert len(graph.heard) <= FEW
-        await operator.close()
 
     visit.run(story)
 
 
 def test_who_was_followed_in_the_middle_of_a_drag_drops_nothing(visit, monkeypatch):
-    visit = visit()
-    graph = visit.graph
-    graph.begin()
+    visit, graph = visit()
     via = graph.page._via
 
-    async def story():
-        first, second = await visit.open(), await visit.open()
+    async def story(first, second):
         await visit.say(first, grab(VIA), drag(VIA))
         await visit.until(lambda: via._dragged.held)
         with monkeypatch.context() as patch:
@@ -222,18 +201,15 @@ def test_who_was_followed_in_the_middle_of_a_drag_drops_nothing(visit, monkeypat
         await visit.say(second, grab(VIA), drag(VIA), leave(VIA))
         await visit.until(lambda: "via_points" in dict(graph.heard))
         assert "[0.3, 0.2, 0.1]" in dict(graph.heard)["via_points"]
-        await second.close()
 
-    visit.run(story)
+    visit.run(story, browsers=2)
 
 
 def test_a_wrist_that_is_taken_again_is_taken_once_and_held_while_it_is_in_use(visit):
-    visit = visit()
-    graph = visit.graph
+    visit, graph = visit(begin=False)
     teach = graph.page._teach
 
-    async def story():
-        operator = await visit.open()
+    async def story(operator):
         await visit.say(operator, update(teach._take, True))
         await visit.until(lambda: not teach._reach.disabled)
         teach._take_or_release()  # given up and taken again between two updates
@@ -244,22 +220,19 @@ def test_a_wrist_that_is_taken_again_is_taken_once_and_held_while_it_is_in_use(v
         teach._take.value = False  # before the page has disabled it
         teach._take_or_release()
         assert teach._take.value and graph.node.count_publishers("mocap/wrist/pose") == 1
-        await operator.close()
 
     visit.run(story)
 
 
 def test_the_arm_is_asked_for_nothing_that_it_cannot_do(visit):
-    visit = visit()
-    graph = visit.graph
+    visit, graph = visit(begin=False)
     teach = graph.page._teach
     hand = teach._handles._handles["direct", "hand"]
 
     def asked():
         return [message for topic, message in graph.heard if topic == "joint_trajectory"]
 
-    async def story():
-        operator = await visit.open()
+    async def story(operator):
         await visit.say(operator, update(teach._take, True), update(teach._how, BY_HAND))
         await visit.until(lambda: hand.visible)
         for place in ((1e8, 1e8, 1e8), (0.0, 0.0, -1e8), (0.5, 0.3, 0.5)):
@@ -270,6 +243,5 @@ def test_the_arm_is_asked_for_nothing_that_it_cannot_do(visit):
         for message in asked():
             times, positions, rest = trajectory_arrays(message)
             TrajectoryCommand.validated(message.joint_names, times, positions, rest["velocities"])
-        await operator.close()
 
     visit.run(story)

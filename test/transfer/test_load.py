@@ -12,6 +12,8 @@ from sim_bridge.arm import SensorNoise, SimulatedArm, find_robot
 from sim_bridge.handover import with_fingers
 
 PUSH_N = np.array([3.0, 0.0, -5.0])
+ROBOT = find_robot("lwr")
+LWR, READY = Arm.from_urdf(ROBOT.urdf, tip=ROBOT.tip), ROBOT.ready
 
 
 @pytest.mark.parametrize("name", ["lwr", "panda"])
@@ -42,28 +44,24 @@ def test_a_push_is_felt_as_it_is(name):
 
 def test_static_torques_are_the_jacobian_times_the_force():
     """Without motion the estimate is a linear map, whose inverse is J^T."""
-    robot = find_robot("lwr")
-    arm = Arm.from_urdf(robot.urdf, tip=robot.tip)
-    zero = np.zeros(arm.n_joints)
-    held = arm.inverse_dynamics(robot.ready, zero, zero)
+    zero = np.zeros(LWR.n_joints)
+    held = LWR.inverse_dynamics(READY, zero, zero)
     wrench = np.array([4.0, -2.0, -7.0, 0.1, 0.2, 0.0])
-    torque = held - arm.jacobian(robot.ready).T @ wrench
-    force = LoadEstimator(arm).update(0.0, robot.ready, zero, torque)
+    torque = held - LWR.jacobian(READY).T @ wrench
+    force = LoadEstimator(LWR).update(0.0, READY, zero, torque)
     np.testing.assert_allclose(force, wrench[:3], atol=0.1)
 
 
 def test_a_quick_motion_is_no_load():
     """A joint that swings at up to 15 rad/s^2 within half a second, and nothing at the hand."""
-    robot, length_s = find_robot("lwr"), 0.5
-    arm = Arm.from_urdf(robot.urdf, tip=robot.tip)
-    estimator, swing = LoadEstimator(arm), 15.0 * np.eye(arm.n_joints)[1]
+    estimator, swing, length_s = LoadEstimator(LWR), 15.0 * np.eye(LWR.n_joints)[1], 0.5
     per_rad_s = length_s / (2.0 * np.pi)
     forces, speeds, rises = [], [], []
     for t in np.arange(0.0, length_s, 0.005):
         qdd, qd = swing * np.sin(t / per_rad_s), swing * per_rad_s * (1.0 - np.cos(t / per_rad_s))
-        q = robot.ready + swing * per_rad_s * (t - per_rad_s * np.sin(t / per_rad_s))
-        forces.append(estimator.update(t, q, qd, arm.inverse_dynamics(q, qd, qdd)))
-        speeds.append(arm.jacobian(q)[2] @ qd)
+        q = READY + swing * per_rad_s * (t - per_rad_s * np.sin(t / per_rad_s))
+        forces.append(estimator.update(t, q, qd, LWR.inverse_dynamics(q, qd, qdd)))
+        speeds.append(LWR.jacobian(q)[2] @ qd)
         rises.append(estimator.rise_m_s2)
     late = round(1.0 / (BANDWIDTH_RAD_S * 0.005))  # of the filter
     accelerations = np.gradient(speeds, 0.005)
@@ -75,13 +73,11 @@ def test_a_quick_motion_is_no_load():
 @pytest.mark.parametrize("at", [0.0, 0.5, 0.99])
 def test_a_step_between_two_measurements_is_in_doubt(at):
     """At which part of the interval the torques stepped is not known: it may look like a load."""
-    robot = find_robot("lwr")
-    arm = Arm.from_urdf(robot.urdf, tip=robot.tip)
-    estimator, step_s, q = LoadEstimator(arm), 0.005, robot.ready
-    hard, rest, doubts = np.eye(arm.n_joints)[1] * 8.0, np.zeros(arm.n_joints), []
+    estimator, step_s, q = LoadEstimator(LWR), 0.005, READY
+    hard, rest, doubts = np.eye(LWR.n_joints)[1] * 8.0, np.zeros(LWR.n_joints), []
     for k in range(21):
         moving = max(k - 10 - at, 0.0) * step_s
-        torque = arm.inverse_dynamics(q, hard * moving, hard if moving else rest)
+        torque = LWR.inverse_dynamics(q, hard * moving, hard if moving else rest)
         force = estimator.update(k * step_s, q, hard * moving, torque)
         doubts.append(estimator.doubt_n)
         assert abs(force[2]) < doubts[-1] + 1.0
@@ -103,15 +99,13 @@ def test_gravity_torques_are_the_gradient_of_the_potential_energy():
 
 def test_states_that_are_late_or_far_apart():
     """One that is no later changes nothing; after a gap the filter begins anew."""
-    robot = find_robot("lwr")
-    arm = Arm.from_urdf(robot.urdf, tip=robot.tip)
-    zero = np.zeros(arm.n_joints)
-    torque = arm.inverse_dynamics(robot.ready, zero, zero)
-    torque = torque - arm.jacobian(robot.ready)[2] * -6.0
-    estimator = LoadEstimator(arm)
-    first = estimator.update(1.0, robot.ready, zero, torque).copy()
-    np.testing.assert_array_equal(estimator.update(0.9, robot.ready, zero, zero), first)
-    again = estimator.update(5.0, robot.ready, zero, torque)
+    zero = np.zeros(LWR.n_joints)
+    torque = LWR.inverse_dynamics(READY, zero, zero)
+    torque = torque - LWR.jacobian(READY)[2] * -6.0
+    estimator = LoadEstimator(LWR)
+    first = estimator.update(1.0, READY, zero, torque).copy()
+    np.testing.assert_array_equal(estimator.update(0.9, READY, zero, zero), first)
+    again = estimator.update(5.0, READY, zero, torque)
     np.testing.assert_allclose(again, first, atol=1e-9)
     with pytest.raises(ShapeError, match="torque"):
-        estimator.update(6.0, robot.ready, zero, zero[:3])
+        estimator.update(6.0, READY, zero, zero[:3])
