@@ -2,14 +2,8 @@
 """Going to where the expected next task begins, before the human moves, and leaving again.
 
 At most once after each interaction, and only while the human rests: when the most probable next
-task is probable enough, the arm goes to the mean posture in which that task begins. It is no
-activation. It ends when a task is activated (whichever: the interaction starts from there), and
-is withdrawn when
-
-- the movement under way is not the expected task: less probable than `release_below` for
-  `n_observations` consecutive observations ("another_task", or "none" where that leads);
-- a movement ends without an activation ("not_recognised");
-- nobody has moved for `timeout_s` ("timeout").
+task is probable enough, the arm goes to the mean posture in which that task begins. The interaction
+with whichever task is activated then starts from there.
 """
 
 from collections.abc import Mapping, Sequence
@@ -130,7 +124,11 @@ class Pretrigger:
         self._against = "none" if leads_none else "another_task"
 
     def reason_to_withdraw(self, now_ns: int, decision: DecisionState) -> str:
-        """Why to give up now, or empty."""
+        """Why to give up now, or empty.
+
+        The movement under way has been less probable than `release_below` for `n_observations`
+        ("another_task", or "none" where that leads), has ended without an activation, or none came.
+        """
         if self._n_against >= self.decision.n_observations:
             return self._against
         if decision.idle and self._moved:

@@ -13,16 +13,8 @@ from intent_recognition.errors import MessageError
 from intent_recognition.nodes.conversions import orientation_array, position_array
 from intent_recognition.warping import Emptying, PouringParameters, References, SeenContainer
 
-TYPES = {
-    PointField.INT8: "i1",
-    PointField.UINT8: "u1",
-    PointField.INT16: "i2",
-    PointField.UINT16: "u2",
-    PointField.INT32: "i4",
-    PointField.UINT32: "u4",
-    PointField.FLOAT32: "f4",
-    PointField.FLOAT64: "f8",
-}
+TYPES = dict(enumerate(("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"), PointField.INT8))
+"""Kinds of numbers by their constants, from INT8 to FLOAT64."""
 POSITION = ("x", "y", "z")
 NORMAL = ("normal_x", "normal_y", "normal_z")
 LABEL = "label"

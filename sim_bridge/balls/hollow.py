@@ -10,7 +10,6 @@ from functools import cached_property
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ShapeError
 
 
 @dataclass(frozen=True)
@@ -23,27 +22,10 @@ class Hollow:
     Attributes:
         rings_m: (S, K, 2) corners of the inner wall, from the floor up.
         heights_m: (S,) ascending; the first is the inner floor, the last the rim.
-
-    Raises:
-        ShapeError: no such rings.
     """
 
     rings_m: Floats
     heights_m: Floats
-
-    def __post_init__(self) -> None:
-        rings, heights = self.rings_m, self.heights_m
-        good = rings.ndim == 3 and rings.shape[1] >= 3 and rings.shape[2] == 2
-        if not good or heights.shape != rings.shape[:1] or len(heights) < 2:
-            expected = "shapes (S, K, 2) and (S,), S >= 2, K >= 3"
-            got = (rings.shape, heights.shape)
-            cure = "Give one ring of corners per height."
-            raise ShapeError.about("rings_m, heights_m", expected, got, cure)
-        if np.any(np.diff(heights) <= 0.0) or not np.all(_areas(rings) > 0.0):
-            expected = "ascending heights and counter-clockwise rings"
-            got = (heights.tolist(), _areas(rings).tolist())
-            cure = "Order the rings from the floor up."
-            raise ShapeError.about("rings_m, heights_m", expected, got, cure)
 
     @property
     def rim_height_m(self) -> float:

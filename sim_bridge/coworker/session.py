@@ -153,9 +153,8 @@ def _following(
 def _interaction(
     intention: Intention, onset_s: float, end_s: float, leaves_s: float, reach: WristMovement
 ) -> Interaction:
+    done = onset_s, end_s, reach.goal_m, reach
     if not intention.then:
-        return Interaction(intention.task, onset_s, end_s, reach.goal_m, reach, leaves_s=leaves_s)
+        return Interaction(intention.task, *done, leaves_s=leaves_s)
     change_s = onset_s + intention.share * reach.duration_s
-    return Interaction(
-        intention.then, onset_s, end_s, reach.goal_m, reach, intention.task, change_s, leaves_s
-    )
+    return Interaction(intention.then, *done, intention.task, change_s, leaves_s)

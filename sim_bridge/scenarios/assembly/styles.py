@@ -4,13 +4,11 @@
 The worker (observed) sits at the far side of the table, the assistant (predicted, later replaced
 by the arm) where the robot's base is. Three tasks as in Maeda et al. 2014, Fig. 7:
 
-- hand-over: the worker stretches out a hand; the assistant takes a screw from its tray and brings
-  it there.
-- fastening: the worker takes the electrical screwdriver and sets it on the screw in the box; the
-  assistant holds the box, then the worker presses. The worker's wrist ends where it also ends in a
-  hand-over.
-- plate insertion: the worker takes the bottom plate and holds it before the box; the assistant
-  takes the box and flips it, slots toward the worker, who then pushes the plate in.
+- hand-over: the assistant takes a screw from its tray and brings it to the worker's hand;
+- fastening: the worker takes the screwdriver, and presses it on the screw when the assistant holds
+  the box. The wrist ends where it also ends in a hand-over;
+- plate insertion: the worker takes the plate, and pushes it in when the assistant has flipped the
+  box.
 
 World frame: robot base at the origin, x toward the worker, z up; metres, radians, seconds.
 """

@@ -12,7 +12,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import follow_poses
 
 _POUR_AXES = np.column_stack([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -37,21 +36,11 @@ class PourPath:
         times_s: ascending from 0 (T,).
         offset_m: lip from the centre of the second opening (T, 3): along, across, up.
         tilt_rad: of the held container about its lip (T,).
-
-    Raises:
-        ShapeError: lengths differ.
     """
 
     times_s: Floats
     offset_m: Floats
     tilt_rad: Floats
-
-    def __post_init__(self) -> None:
-        count = len(self.times_s)
-        if self.offset_m.shape != (count, 3) or self.tilt_rad.shape != (count,):
-            got = (self.times_s.shape, self.offset_m.shape, self.tilt_rad.shape)
-            cure = "Give one offset and one tilt per time."
-            raise ShapeError.about("path", "shapes (T,), (T, 3), (T,)", got, cure)
 
 
 @dataclass(frozen=True)
