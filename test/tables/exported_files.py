@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 from c3d_builder import c3d_file
+from tables.odd_files import h5, parquet_file
 
 from intent_recognition.tables import suggest_map
 
@@ -165,11 +166,9 @@ def robomimic(folder):
 
 
 def aloha(folder):
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(folder / "episode_0.hdf5", "w") as file:
-        file["observations/qpos"] = np.hstack([np.zeros((ROWS, 2)), PLACE / 1000])
-        file["action"] = np.zeros((ROWS, 14))
-    return folder / "episode_0.hdf5"
+    joints = np.hstack([np.zeros((ROWS, 2)), PLACE / 1000])
+    arrays = {"observations/qpos": joints, "action": np.zeros((ROWS, 14))}
+    return h5(folder / "episode_0.hdf5", arrays)
 
 
 def openpose(folder):
@@ -250,10 +249,8 @@ def deeplabcut(folder):
 
 
 def parquet(folder):
-    arrow, files = (pytest.importorskip(name) for name in ("pyarrow", "pyarrow.parquet"))
     columns = {"t": np.arange(ROWS) / 100, "wrist_pos": list(PLACE / 1000)}
-    files.write_table(arrow.table(columns), folder / "a.parquet")
-    return folder / "a.parquet"
+    return parquet_file(folder / "a.parquet", columns)
 
 
 def npz(folder):

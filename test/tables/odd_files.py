@@ -2,6 +2,7 @@
 """Files as labs send them, of one wrist."""
 
 import numpy as np
+import pytest
 
 ROWS = 200
 TIMES_S = np.arange(ROWS) / 100
@@ -10,6 +11,22 @@ PLACE = np.array([300.0, 20.5, 900.0]) + SHARE**2 * (3 - 2 * SHARE) * np.array([
 """Of a wrist in millimetres, over time."""
 NEXUS = "Trajectories\n100\n,,{0}:RWRA,,,{1}:RWRA,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n,,mm,mm,mm,,,\n"
 DEVICES = "Devices\n1000\n,,Plate - Force,,\nFrame,Sub Frame,Fx,Fy,Fz\n,,N,N,N\n"
+
+
+def h5(path, arrays, units=None, **attributes):
+    with pytest.importorskip("h5py").File(path, "w") as file:
+        file.attrs.update(attributes)
+        for name, array in arrays.items():
+            file[name] = array
+        for name, unit in (units or {}).items():
+            file[name].attrs["units"] = unit
+    return path
+
+
+def parquet_file(path, columns):
+    table = pytest.importorskip("pyarrow").table(columns)
+    pytest.importorskip("pyarrow.parquet").write_table(table, path)
+    return path
 
 
 def cells(k, form="{:.6f}", scale=1.0):

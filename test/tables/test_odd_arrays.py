@@ -8,7 +8,7 @@ import pytest
 from scipy.io import savemat
 from tables.exported_files import entry
 from tables.imports import check_wrist, demonstrations, imported
-from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S
+from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, h5, parquet_file
 
 from intent_recognition.tables import import_demonstrations, suggest_map
 from intent_recognition.tables.files import open_table
@@ -30,14 +30,6 @@ def test_arrays_of_any_layout(kind, tmp_path):
     columns = [name.format(k) for k in range(3)]
     found = imported(tmp_path, "a.npz", None, columns, time={"column": "t"})
     check_wrist(found, times_atol=1)
-
-
-def h5(path, arrays, units):
-    with pytest.importorskip("h5py").File(path, "w") as file:
-        for name, array in arrays.items():
-            file[name] = array
-        for name, unit in units.items():
-            file[name].attrs["units"] = unit
 
 
 SIDE = {"t": 1e3 * TIMES_S, "w": PLACE / 10}
@@ -146,9 +138,7 @@ def test_demonstrations_along_the_first_axis_are_cut(kind, count, tmp_path):
     if kind == "npz":
         np.savez(tmp_path / "a.npz", task=labels, **arrays)
     else:
-        with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
-            for name, array in (arrays | {"task": labels.astype("S")}).items():
-                file[name] = array
+        h5(tmp_path / "a.h5", arrays | {"task": labels.astype("S")})
     (path,) = tmp_path.iterdir()
     found = demonstrations(path, ["w.0", "w.1", "w.2"], {"column": "task"}, rate=None)
     values = np.stack([one.samples[0].values for one in found])
@@ -161,10 +151,7 @@ def test_times_beside_a_rate_are_asked_for_and_texts_are_labels(kind, tmp_path):
     labels = np.where(np.arange(ROWS) < 120, "give", "take").astype(object)
     arrays = {"t": TIMES_S, "w": PLACE / 1000, "label": labels}
     if kind == "h5":
-        with pytest.importorskip("h5py").File(tmp_path / "made.h5", "w") as file:
-            for name, array in arrays.items():
-                file[name] = array
-            file.attrs["fps"] = 30.0  # of the camera
+        h5(tmp_path / "made.h5", arrays, fps=30.0)  # of the camera
     else:
         savemat(tmp_path / "made.mat", arrays | {"fps": 30.0})
     path = tmp_path / f"made.{kind}"
@@ -181,9 +168,7 @@ def test_times_beside_a_rate_are_asked_for_and_texts_are_labels(kind, tmp_path):
 
 
 def test_a_rate_that_hdf5_states_is_used(tmp_path):
-    with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
-        file.attrs["FPS"], file.attrs["note"] = 50, "by me"
-        file["w"] = PLACE / 1000
+    h5(tmp_path / "a.h5", {"w": PLACE / 1000}, FPS=50, note="by me")
     assert open_table(tmp_path / "a.h5").defaults == {"time": {"rate": 50.0}}
 
 
@@ -198,9 +183,7 @@ def test_samples_along_the_second_axis_are_read_as_along_the_first(kind, times, 
         savemat(tmp_path / "a.mat", {"note": "by me", "s": {"b": {"c": [1.0]}}, **arrays})
     else:
         before = "data/demo_0/" if kind == "demonstrations" else ""
-        with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
-            for name, array in arrays.items():
-                file[before + name] = array
+        h5(tmp_path / "a.h5", {before + name: array for name, array in arrays.items()})
     (path,) = tmp_path.iterdir()
     read = open_table(path)
     column = "t" if "t" in read.names else "t.0"
@@ -309,12 +292,10 @@ def test_an_array_alone_is_turned_where_its_numbers_say_so(hidden, rng, tmp_path
 
 
 def test_a_replay_buffer_is_cut_and_fields_of_records_are_columns(tmp_path):
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(tmp_path / "a.hdf5", "w") as file:
-        file["data/eef_pos"], file["meta/episode_ends"] = PLACE / 1000, [80, ROWS]
+    buffer = {"data/eef_pos": PLACE / 1000, "meta/episode_ends": [80, ROWS]}
+    h5(tmp_path / "a.hdf5", buffer)
     records = np.array(list(map(tuple, PLACE / 1000)), [(axis, float) for axis in "xyz"])
-    with h5py.File(tmp_path / "b.hdf5", "w") as file:
-        file["w"] = records
+    h5(tmp_path / "b.hdf5", {"w": records})
     for name, columns, lengths in (
         ("a", [f"data.eef_pos.{k}" for k in range(3)], [80, ROWS - 80]),
         ("b", ["w.x", "w.y", "w.z"], [ROWS]),
@@ -430,17 +411,15 @@ NESTED = {
 
 @pytest.mark.parametrize("kind", NESTED)
 def test_structs_of_parquet(kind, tmp_path):
-    arrow, parquet = (pytest.importorskip(name) for name in ("pyarrow", "pyarrow.parquet"))
     values, name = NESTED[kind]
-    parquet.write_table(arrow.table({"t": TIMES_S, "w": values}), tmp_path / "a.parquet")
+    parquet_file(tmp_path / "a.parquet", {"t": TIMES_S, "w": values})
     columns = [name.format(axis) for axis in "xyz"]
     check_wrist(imported(tmp_path, "a.parquet", None, columns, time={"column": "t"}), atol=0.0)
 
 
 def test_a_list_that_is_missing_was_not_measured(tmp_path):
-    arrow, parquet = (pytest.importorskip(name) for name in ("pyarrow", "pyarrow.parquet"))
     lists = [None if k < 3 else row for k, row in enumerate((PLACE / 1000).tolist())]
-    parquet.write_table(arrow.table({"w": lists}), tmp_path / "a.parquet")
+    parquet_file(tmp_path / "a.parquet", {"w": lists})
     columns, time = ["w.0", "w.1", "w.2"], {"rate": 100}
     samples, _ = imported(tmp_path, "a.parquet", None, columns, time=time)
     assert np.isnan(samples.values[:3]).all()
@@ -448,10 +427,9 @@ def test_a_list_that_is_missing_was_not_measured(tmp_path):
 
 
 def test_the_columns_of_parquet_that_are_read_are_bounded(tmp_path, monkeypatch):
-    arrow, parquet = (pytest.importorskip(name) for name in ("pyarrow", "pyarrow.parquet"))
     columns = dict(zip("txyz", (TIMES_S, *PLACE.T / 1000), strict=True))
     notes = [f"{k:0>200}" for k in range(ROWS)]
-    parquet.write_table(arrow.table(columns | {"note": notes}), tmp_path / "a.parquet")
+    parquet_file(tmp_path / "a.parquet", columns | {"note": notes})
     monkeypatch.setattr("intent_recognition.tables.parquet.MOST_ARRAYS", 20_000)
     options = {"time": {"column": "t"}}
     check_wrist(imported(tmp_path, "a.parquet", None, **options))
@@ -460,13 +438,9 @@ def test_the_columns_of_parquet_that_are_read_are_bounded(tmp_path, monkeypatch)
 
 
 def test_numbered_groups_of_hdf5_are_demonstrations(tmp_path):
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(tmp_path / "made.h5", "w") as file:
-        for k in range(3):
-            file[f"traj_{k}/obs/tcp_pose"] = np.hstack(
-                [PLACE + k, np.tile([0, 0, 0, 1], (ROWS, 1))]
-            )
-            file[f"traj_{k}/actions"] = PLACE[1:]
+    poses = {k: np.hstack([PLACE + k, np.tile([0, 0, 0, 1], (ROWS, 1))]) for k in range(3)}
+    arrays = {f"traj_{k}/obs/tcp_pose": pose for k, pose in poses.items()}
+    h5(tmp_path / "made.h5", arrays | {f"traj_{k}/actions": PLACE[1:] for k in poses})
     columns = [f"obs.tcp_pose.{k}" for k in range(3)]
     said, *found = demonstrations(tmp_path / "made.h5", columns, columns_unit="mm")
     assert "left out: actions" in said.reason and len(found) == 3

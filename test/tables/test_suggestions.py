@@ -6,7 +6,7 @@ import pytest
 import yaml
 from bag_builder import JOINTS, POSE, START_NS, write_ros1
 from tables.exported_files import lerobot
-from tables.odd_files import PLACE, SHARE, TIMES_S, cells, day_time, plain, table
+from tables.odd_files import PLACE, SHARE, TIMES_S, cells, day_time, h5, plain, table
 
 from intent_recognition.bags import BagReader, BagWriter
 from intent_recognition.demonstrations import extract
@@ -123,11 +123,9 @@ def test_a_body_in_any_message_that_holds_its_place_is_observed(kind, tmp_path):
 
 
 def test_a_map_is_suggested_of_what_was_measured_not_commanded(tmp_path):
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(tmp_path / "give_0.hdf5", "w") as file:
-        file["observations/qpos"] = SHARE + np.arange(14) / 100
-        file["observations/wrist_pos"] = file["observations/goal_pos"] = PLACE / 1000
-        file["action"] = SHARE + np.arange(14) / 100
+    joints = SHARE + np.arange(14) / 100
+    places = {f"observations/{name}_pos": PLACE / 1000 for name in ("goal", "wrist")}
+    h5(tmp_path / "give_0.hdf5", {"observations/qpos": joints, "action": joints} | places)
     content, text, _ = suggested(tmp_path)
     topics = [one["topic"] for side in ("observed", "controlled") for one in content[side]]
     assert topics == ["/mocap/goal/pose", "/mocap/wrist/pose", "/joint_states"]
