@@ -12,7 +12,7 @@ from intent_recognition.evaluation.reactive import (
     ReactiveCase,
 )
 from intent_recognition.evaluation.scores import ScoreTable
-from intent_recognition.evaluation.scoring import collect, score_demonstration
+from intent_recognition.evaluation.scoring import EvaluationRecords, score_demonstration
 from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import make_prior_grid
 from intent_recognition.promp.prediction import StartPosture
@@ -69,6 +69,6 @@ def test_each_moment_of_a_recording_is_scored_once(rng):
     library = make_library(rng)
     for duration_s in rng.uniform(1.0, 3.0, 5):
         test, clock = simulate(library, 0, rng, duration_s=duration_s), Clock()
-        score_demonstration(collect(False), library, [test], test, False, clock)
+        score_demonstration(EvaluationRecords(), library, [test], test, False, clock)
         expected = np.linspace(0.05, 1.0, 20) * test.duration_s
         np.testing.assert_allclose(clock.asked_s, expected)
