@@ -146,6 +146,9 @@ def _run_several(args: argparse.Namespace, arms: list[str], console: Console) ->
     alone = {"record": None, "dashboard": False, "model": None, "tip": "", "base": ""}
     refuse_options(args, alone, "several arms", "Run one arm at a time.")
     own = [{"arm": arm, "output": args.output / Path(arm).stem} for arm in arms]
+    if len({part["output"] for part in own}) < len(arms):
+        cure = "Write each once, or rename a file."
+        raise ArgumentError.about("--arm", "arms of different names", args.arm, cure)
     parts = [argparse.Namespace(**vars(args) | values) for values in own]
     for part in parts:
         _check(part)

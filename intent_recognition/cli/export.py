@@ -36,14 +36,15 @@ def run(args: argparse.Namespace) -> int:
     dofs = load_dofs(args.dofs)
     demonstrations, rejections = read_all(args.bags, dofs, console)
     columns = export_columns(demonstrations)
-    args.output.parent.mkdir(parents=True, exist_ok=True)
-    if args.output.suffix:
-        write_table(args.output, columns)
-        content = export_map(dofs, columns)
-    else:
-        content = write_lerobot(args.output, columns, dofs)
-    path = args.output.with_suffix(".map.yaml")
+    path, lerobot = args.output.with_suffix(".map.yaml"), not args.output.suffix
+    content = export_map(dofs, columns, lerobot)
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=100)
+    output.check_new("--output", path, text)
+    args.output.parent.mkdir(parents=True, exist_ok=True)
+    if lerobot:
+        write_lerobot(args.output, columns, dofs)
+    else:
+        write_table(args.output, columns)
     path.write_text(text, encoding="utf-8")
     print_left_out(console, rejections)
     print_dropped(console, demonstrations)

@@ -20,7 +20,6 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Mapping
-from pathlib import Path
 
 import yaml
 from rich.table import Table
@@ -29,8 +28,7 @@ from intent_recognition.cli import output
 from intent_recognition.cli.console import busy, escape, make_console, plain_table, say
 from intent_recognition.cli.recordings import DOFS
 from intent_recognition.cli.rejections import nothing_of, print_doubtful, print_left_out
-from intent_recognition.demonstrations import DofSpec
-from intent_recognition.errors import ArgumentError, ResourceBusyError
+from intent_recognition.errors import ArgumentError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables import (
     Doubt,
@@ -50,9 +48,7 @@ def run(args: argparse.Namespace) -> int:
             sys.stdout.write(text)
         else:
             output.check_output("--output", args.output)
-            if args.output.exists() and args.output.read_bytes() != text.encode():
-                cure = "Choose another, or delete it."
-                raise ResourceBusyError.about("--output", "a new file", args.output, cure)
+            output.check_new("--output", args.output, text)
             args.output.parent.mkdir(parents=True, exist_ok=True)
             args.output.write_text(text, encoding="utf-8")
             make_console().print(f"wrote {args.output}")
@@ -63,6 +59,10 @@ def run(args: argparse.Namespace) -> int:
         raise ArgumentError.about(option, "a path", "none", cure)
     console = make_console()
     mapping = load_map(args.map)
+    dofs = args.output / DOFS
+    content = mapping.dofs.to_dict()
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=100)
+    output.check_new("--output", dofs, text)
     left_out: list[Rejection] = []
     table = plain_table("bag", "task", ">messages", ">not measured", ">dropped")
     totals: Counter[str] = Counter()
@@ -83,13 +83,12 @@ def run(args: argparse.Namespace) -> int:
             _add_row(table, found, written)
     if not count:
         raise nothing_of(str(args.source), "demonstrations", left_out, "Correct the map.")
-    _write_dofs(args.output / DOFS, mapping.dofs)
+    dofs.write_text(text, encoding="utf-8")
     console.print(table)
     print_left_out(console, [one for one in left_out if not isinstance(one, Doubt)])
     print_doubtful(console, [one for one in left_out if isinstance(one, Doubt)])
     for topic, total in sorted(totals.items()):
         say(console, f"{topic}: {total} messages")
-    dofs = args.output / DOFS
     made = f"{count} demonstration{'s' * (count != 1)} in {args.output}"
     say(console, f"{made}; learn from them with --dofs {dofs}")
     if n_unlabelled:
@@ -106,11 +105,3 @@ def _add_row(
     if isinstance(found, ImportedDemonstration):
         row += [str(found.not_measured(written)), str(found.n_dropped)]
     table.add_row(*row)
-
-
-def _write_dofs(path: Path, dofs: DofSpec) -> None:
-    text = yaml.safe_dump(dofs.to_dict(), sort_keys=False, allow_unicode=True, width=100)
-    if path.is_file() and path.read_text(encoding="utf-8") != text:
-        cure = "Import into another folder."
-        raise ResourceBusyError.about(str(path), "the same DOF file", "another one", cure)
-    path.write_text(text, encoding="utf-8")

@@ -61,6 +61,13 @@ def check_output(option: str, path: Path | None) -> None:
         raise ResourceBusyError.about(f"{option} {path}", expected, problem, "Choose another.")
 
 
+def check_new(option: str, path: Path, text: str) -> None:
+    """Find out before anything is written whether a text would replace another one."""
+    if path.exists() and path.read_bytes() != text.encode():
+        got = f"{path}, which says something else"
+        raise ResourceBusyError.about(option, "a new file", got, "Choose another, or delete it.")
+
+
 def write_json(path: Path | None, content: object, indent: int | None = 2) -> None:
     """Write JSON where `--json` says; the folder is made if it is missing.
 

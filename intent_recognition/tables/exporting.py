@@ -4,6 +4,7 @@
 import csv
 import json
 from collections.abc import Mapping, Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -30,15 +31,15 @@ def export_columns(demonstrations: Sequence[Demonstration]) -> Columns:
     `metadata.KEY` for every text that a recording has. Samples are those that passed the checks of
     reading. All have the same signals; two of the same name are told apart by a number.
     """
-    names: dict[str, int] = {}
+    names: set[str] = set()
     parts: dict[str, list[NDArray[Any]]] = {}
     keys = sorted({key for one in demonstrations for key in one.metadata})
     for one in demonstrations:
-        names[one.name] = names.get(one.name, 0) + 1
-        count = names[one.name]
+        numbered = (f"{one.name}_{k}" for k in count(2))
+        name = next(name for name in chain([one.name], numbered) if name not in names)
+        names.add(name)
         signals = (*one.observed, *one.controlled, *one.context)
         stamps = np.unique(np.concatenate([signal.stamps_ns for signal in signals]))
-        name = one.name if count == 1 else f"{one.name}_{count}"
         texts = {NAME: name, TASK: one.task or ""}
         texts |= {METADATA + key: one.metadata.get(key, "") for key in keys}
         parts.setdefault(STAMP, []).append(stamps)
@@ -55,12 +56,19 @@ def export_columns(demonstrations: Sequence[Demonstration]) -> Columns:
     return {key: np.concatenate(parts[key]) for key in order}
 
 
-def export_map(dofs: DofSpec, columns: Mapping[str, object]) -> dict[str, object]:
-    """The map with which `intent import` makes bags of an exported table again."""
+def export_map(
+    dofs: DofSpec, columns: Mapping[str, object], lerobot: bool = False
+) -> dict[str, object]:
+    """The map with which `intent import` makes bags of an exported table, or data set, again."""
+    called = {name: f"{key}.{name}" if lerobot else name
+              for key, group in _groups(dofs).items() for name in group}  # fmt: skip
     content: dict[str, object] = {}
     observed = (*dofs.observed, *dofs.context)
     for side, entries in (("observed", observed), ("controlled", dofs.controlled)):
-        content[side] = [{**entry.to_dict(), "columns": list(entry.names)} for entry in entries]
+        content[side] = [
+            {**entry.to_dict(), "columns": [called[name] for name in entry.names]}
+            for entry in entries
+        ]
     texts = [key for key in columns if key.startswith(METADATA)]
     content |= {
         "time": {"column": STAMP, "unit": "ns", "since": 0},
@@ -125,8 +133,8 @@ OWN = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64",
 """Features that every data set has."""
 
 
-def write_lerobot(folder: Path, columns: Columns, dofs: DofSpec) -> dict[str, object]:
-    """Write exported columns as a data set in a new folder; returns the map that imports it again.
+def write_lerobot(folder: Path, columns: Columns, dofs: DofSpec) -> None:
+    """Write exported columns as a data set in a new folder.
 
     An episode is a demonstration, a row a stamp: `stamp_ns` has it to the nanosecond, and
     `timestamp` counts frames at the median rate, as LeRobot expects. Values are of 64 bits, NaN
@@ -153,7 +161,7 @@ def write_lerobot(folder: Path, columns: Columns, dofs: DofSpec) -> dict[str, ob
         "index": np.arange(len(names)),
         "task_index": np.array([tasks.index(task) for task in columns[TASK].tolist()]),
     }
-    groups = {HUMAN: (*dofs.observed_names, *dofs.context_names), ROBOT: dofs.controlled_names}
+    groups = _groups(dofs)
     values = {
         key: np.column_stack([columns[name] for name in group])
         for key, group in groups.items()
@@ -191,7 +199,6 @@ def write_lerobot(folder: Path, columns: Columns, dofs: DofSpec) -> dict[str, ob
     stats = {key: _statistics(array) for key, array in {**values, **own}.items()}
     for name, content in (("info", info), ("stats", stats)):
         (folder / f"meta/{name}.json").write_text(json.dumps(content, indent=2), encoding="utf-8")
-    return _map(dofs, columns, groups)
 
 
 def _feature(kind: str, size: int = 1, names: Sequence[str] | None = None) -> dict[str, object]:
@@ -244,12 +251,6 @@ def _statistics(values: NDArray) -> dict[str, list]:
     return found | {"count": [len(table)]}
 
 
-def _map(dofs: DofSpec, columns: Columns, groups: Mapping[str, Sequence[str]]) -> dict[str, object]:
-    """The map of a table, its columns as the data set calls them."""
-    content = export_map(dofs, columns)
-    called = {name: f"{key}.{name}" for key, group in groups.items() for name in group}
-    for side in ("observed", "controlled"):
-        entries: Any = content[side]
-        for entry in entries:
-            entry["columns"] = [called[name] for name in entry["columns"]]
-    return content
+def _groups(dofs: DofSpec) -> dict[str, Sequence[str]]:
+    """The DOFs of each feature."""
+    return {HUMAN: (*dofs.observed_names, *dofs.context_names), ROBOT: dofs.controlled_names}

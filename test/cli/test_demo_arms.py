@@ -62,6 +62,11 @@ def test_each_arm_has_its_session_and_all_have_one_report(run, tmp_path, capsys)
         assert cell in page, cell
 
 
+def test_arms_that_would_write_into_the_same_folder_are_refused(run, capsys):
+    assert run("--arm", "a/robot.urdf,b/robot.urdf") == (1, [])
+    assert "--arm: expected arms of different names, got a/robot" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("arm", ["panda", "lwr"])
 def test_in_the_assembly_an_arm_is_in_a_persons_place(run, arm):
     code, ((name, _, scene),) = run(

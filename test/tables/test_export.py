@@ -2,6 +2,7 @@
 """`intent export`, and back: the demonstrations are the same to the last bit."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -71,9 +72,10 @@ def test_demonstrations_of_a_session_and_of_equal_names(repository):
     session = repository / "bags/assembly/session_00"
     dofs = load_dofs(repository / "config/dofs_two_humans.yaml")
     parts, _ = read_demonstrations(session, dofs)
-    columns = export_columns([*parts[:2], parts[0]])
+    named = replace(parts[1], name="session_00#000_2")
+    columns = export_columns([parts[0], named, parts[0]])
     names = list(dict.fromkeys(columns["demonstration"]))
-    assert names == ["session_00#000", "session_00#001", "session_00#000_2"]
+    assert names == ["session_00#000", "session_00#000_2", "session_00#000_3"]
     assert np.all(np.diff(columns["stamp_ns"][columns["demonstration"] == names[0]]) > 0)
 
 
@@ -100,6 +102,18 @@ def test_a_lerobot_data_set_has_the_schema_of_version_3(repository, tmp_path, ca
     assert episodes[-1]["dataset_to_index"] == info["total_frames"]
     assert main(["export", str(bags[0]), "--output", str(folder)]) == 1
     assert "got a folder. Choose another" in capsys.readouterr().err
+
+
+def test_a_map_that_was_edited_by_hand_is_kept(repository, tmp_path, capsys):
+    command = ["export", str(repository / "bags/toolbox/test/plate_handover_00"), "--output"]
+    table = tmp_path / "a.csv"
+    for _ in range(2):  # the second says the same
+        assert main([*command, str(table)]) == 0
+    (tmp_path / "a.map.yaml").write_text("by hand", encoding="utf-8")
+    table.write_text("older", encoding="utf-8")
+    assert main([*command, str(table)]) == 1
+    assert "a.map.yaml, which says something else" in capsys.readouterr().err
+    assert (tmp_path / "a.map.yaml").read_text() == "by hand" and table.read_text() == "older"
 
 
 def test_another_suffix_is_refused(repository, tmp_path, capsys):
