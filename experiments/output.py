@@ -4,16 +4,15 @@
 from collections.abc import Iterable, Mapping
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from experiments.catalogue import Experiment
 from experiments.results import ExperimentResult
 from experiments.runs import ExperimentRun
 from intent_recognition import __version__
-from intent_recognition.errors import printable
 
-MARKS = {True: "[green]yes[/]", False: "[red]no[/]", None: "other conditions"}
+MARKS = {True: Text("yes", "green"), False: Text("no", "red"), None: Text("other conditions")}
 
 
 def summary_line(outcomes: Iterable[ExperimentResult]) -> str:
@@ -49,12 +48,12 @@ def print_list(console: Console, entries: Iterable[Experiment]) -> None:
 
 def print_outcome(console: Console, name: str, outcome: ExperimentResult, seconds: float) -> None:
     """Print the findings of one experiment."""
-    title = f"\n[bold]{outcome.title}[/] ({name}; {outcome.source}; {seconds:.0f} s)"
-    console.print(title, highlight=True)
+    head = console.render_str(f"\n{outcome.title}", style="bold")
+    console.print(head, f"({name}; {outcome.source}; {seconds:.0f} s)", highlight=True)
     table = Table(box=None, header_style="dim", pad_edge=False)
     for title in ("", "paper", "ours", "met", ""):
         table.add_column(title, overflow="fold")
+    table.columns[-1].style = "dim"
     for f in outcome.findings:
-        cells = (escape(printable(f.quantity)), f.paper or "-", f.ours, MARKS[f.holds])
-        table.add_row(*cells, f"[dim]{escape(printable(f.remark))}[/]")
+        table.add_row(f.quantity, f.paper or "-", f.ours, MARKS[f.holds], f.remark)
     console.print(table)

@@ -5,8 +5,8 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import Any
 
-from rich import markup
 from rich.console import Console, JustifyMethod, OverflowMethod
 from rich.progress import (
     BarColumn,
@@ -19,6 +19,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table
+from rich.text import Text
 
 from intent_recognition.errors import printable
 
@@ -28,22 +29,25 @@ NEWS_S = 30.0
 """Time between two lines of progress where the output is no terminal [s]. Convention."""
 
 
-def escape(text: str) -> str:
-    """A text of a file or a node as it is printed: no markup, no escape sequence."""
-    return markup.escape(printable(text))
-
-
 class _Output(Console):
-    """Leaves it to `main` to end where the reader has had enough; rich would end with 1."""
+    """Texts of files and nodes are printed as they are: no markup, no emoji, no escape sequence.
+
+    It is left to `main` to end where the reader has had enough; rich would end with 1.
+    """
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """A text as it is printed."""
+        return super().render_str("\n".join(map(printable, text.split("\n"))), **options)
 
     def on_broken_pipe(self) -> None:
         """Take it for what it is."""
         raise BrokenPipeError
 
 
-def make_console() -> Console:
+def make_console(stderr: bool = False) -> Console:
     """A console as wide as the terminal, or wide enough for every table."""
-    return _Output(width=None if sys.stdout.isatty() else 140, highlight=False)
+    width = None if (sys.stderr if stderr else sys.stdout).isatty() else 140
+    return _Output(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
 
 
 def brief_list(items: Sequence[object]) -> str:
@@ -53,8 +57,8 @@ def brief_list(items: Sequence[object]) -> str:
 
 
 def say(console: Console, text: object, style: str | None = None) -> None:
-    """Print a text as it is, on one line however long: paths and messages can be copied."""
-    console.print(str(text), style=style, markup=False, soft_wrap=True)
+    """Print a text on one line however long: paths and messages can be copied."""
+    console.print(str(text), style=style, soft_wrap=True)
 
 
 @contextmanager
@@ -81,7 +85,7 @@ def news(console: Console, text: Callable[[], str]) -> Iterator[None]:
 @contextmanager
 def bar_with(console: Console, *columns: ProgressColumn) -> Iterator[Progress]:
     """A progress bar with these columns behind it, removed at its end; lines without a terminal."""
-    shown = (TextColumn("{task.description}"), BarColumn(), *columns)
+    shown = (TextColumn("{task.description}", markup=False), BarColumn(), *columns)
     bar = Progress(*shown, console=console, transient=True, disable=not console.is_terminal)
     with bar, news(console, lambda: "; ".join(map(_state, bar.tasks))):
         yield bar
@@ -118,8 +122,8 @@ def print_facts(console: Console, facts: Mapping[str, str]) -> None:
     """Print names and values in two columns."""
     width = max(map(len, facts))
     for name, value in facts.items():
-        line = f"[bold]{escape(name.ljust(width))}[/bold]  {escape(str(value))}"
-        console.print(line, soft_wrap=True)
+        head = console.render_str(name.ljust(width), style="bold")
+        console.print(head, value, sep="  ", soft_wrap=True)
 
 
 def plain_table(*titles: str) -> Table:
@@ -136,5 +140,5 @@ def boxed_table(title: str, *titles: str) -> Table:
 def _with_columns(table: Table, titles: Sequence[str], overflow: OverflowMethod) -> Table:
     for title in titles:
         side: JustifyMethod = "right" if title.startswith(">") else "left"
-        table.add_column(escape(title.removeprefix(">")), justify=side, overflow=overflow)
+        table.add_column(title.removeprefix(">"), justify=side, overflow=overflow)
     return table

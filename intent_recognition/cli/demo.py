@@ -155,7 +155,7 @@ def _run_several(args: argparse.Namespace, arms: list[str], console: Console) ->
     scenes = [make_scene(part) for part in parts]
     sessions, numbers = {}, {}
     for part, scene in zip(parts, scenes, strict=True):
-        console.print(f"arm: {part.arm}")
+        say(console, f"arm: {part.arm}")
         sessions[part.arm], numbers[part.arm] = _run_one(part, scene, console)
     report = write_arms_report(args.output / "report.html", sessions)
     say(console, f"all arms: {report}")

@@ -11,6 +11,7 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition import durable
+from intent_recognition.cli.console import say
 from intent_recognition.cli.demo_scene import Scene
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import DofError
@@ -43,7 +44,7 @@ def trained_model(path: Path, console: Console, scene: Scene) -> Path:
     kept = cache / f"{content_key([Path(__file__).parents[1], *learned_from])}.npz"
     if kept.is_file():
         durable.copy(kept, path)
-        console.print(f"trained before, from the same recordings: {kept}")
+        say(console, f"trained before, from the same recordings: {kept}")
         return path
     model, report = train([share_path(scene.bags)], dofs, TrainingSettings(), console)
     print_library(console, model.library, report)

@@ -40,7 +40,7 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli import output
-from intent_recognition.cli.console import boxed_table, brief_list, busy, escape, progress_bar, say
+from intent_recognition.cli.console import boxed_table, brief_list, busy, progress_bar, say
 from intent_recognition.cli.recordings import add_recording_options, read_all, training_settings
 from intent_recognition.cli.rejections import (
     print_doubtful,
@@ -118,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
 
         with busy(console, "writing the report"):
             write_evaluation_report(args.report, result, _title(args.bags, test))
-        console.print(f"wrote {args.report}")
+        say(console, f"wrote {args.report}")
     return 0
 
 
@@ -218,7 +218,7 @@ def print_reactive(console: Console, reactive: dict) -> None:
     for label, rows in reactive.items():
         for ahead, row in rows.items():
             cells = [_cell(row[name], "{:.3g}") for name in names]
-            table.add_row(escape(label), f"{float(ahead):g} s", *cells)
+            table.add_row(label, f"{float(ahead):g} s", *cells)
     console.print(table)
 
 

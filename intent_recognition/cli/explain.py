@@ -24,7 +24,7 @@ from rich.console import Console
 
 from intent_recognition.bags import BagReader
 from intent_recognition.cli import output
-from intent_recognition.cli.console import boxed_table, busy, escape, say
+from intent_recognition.cli.console import boxed_table, busy, say
 from intent_recognition.evaluation import Explanation, explain
 from intent_recognition.model import load_model
 from intent_recognition.report import heading, without_rows, write_explanation_report
@@ -73,7 +73,7 @@ def print_explanation(console: Console, one: Explanation) -> None:
     table.add_row("expected before", *[""] * PARTS, f"{found.expected:+.1f}", "")
     for name, total, instead in without_rows(one):
         cells = [f"{value:+.1f}" for value in by_name.get(name, ())] or [""] * PARTS
-        table.add_row(escape(name), *cells, "" if total is None else f"{total:+.1f}", instead)
+        table.add_row(name, *cells, "" if total is None else f"{total:+.1f}", instead)
     totals = [f"{value:+.1f}" for value in sums.sum(axis=1)]
     table.add_row("log odds", *totals, f"{found.log_odds:+.1f}", "")
     console.print(table)

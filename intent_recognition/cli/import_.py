@@ -25,7 +25,7 @@ import yaml
 from rich.table import Table
 
 from intent_recognition.cli import output
-from intent_recognition.cli.console import busy, escape, make_console, plain_table, say
+from intent_recognition.cli.console import busy, make_console, plain_table, say
 from intent_recognition.cli.recordings import DOFS
 from intent_recognition.cli.rejections import nothing_of, print_doubtful, print_left_out
 from intent_recognition.errors import ArgumentError
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
             output.check_new("--output", args.output, text)
             args.output.parent.mkdir(parents=True, exist_ok=True)
             args.output.write_text(text, encoding="utf-8")
-            make_console().print(f"wrote {args.output}")
+            say(make_console(), f"wrote {args.output}")
         return 0
     if args.map is None or args.output is None:
         option = "--map" if args.map is None else "--output"
@@ -101,7 +101,7 @@ def _add_row(
     table: Table, found: ImportedDemonstration | ImportedBag, written: Mapping[str, int]
 ) -> None:
     messages = " + ".join(map(str, written.values()))
-    row = [escape(found.name), escape(found.custom_data.get("task", "-")), messages]
+    row = [found.name, found.custom_data.get("task", "-"), messages]
     if isinstance(found, ImportedDemonstration):
         row += [str(found.not_measured(written)), str(found.n_dropped)]
     table.add_row(*row)

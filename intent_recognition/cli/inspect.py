@@ -28,7 +28,7 @@ from rich.progress import track
 
 from intent_recognition.bags import cure_of
 from intent_recognition.cli import output
-from intent_recognition.cli.console import escape, make_console, plain_table, print_facts
+from intent_recognition.cli.console import make_console, plain_table, print_facts
 from intent_recognition.cli.inspect_bag import bag_json, print_bag, print_folder
 from intent_recognition.cli.inspect_model import model_json, print_model
 from intent_recognition.cli.rejections import print_doubtful
@@ -164,9 +164,9 @@ def _print_tasks(console: Console, path: Path, skills: dict[str, list[SkillPerio
     for label, periods in skills.items():
         for k, one in enumerate(periods):
             table.add_row(
-                escape(label) if k == 0 else "",
+                label if k == 0 else "",
                 one.since[:16].replace("T", " "),
-                escape(one.what),
+                one.what,
                 str(one.n_demonstrations) if one.since else "-",
                 *one.texts(),
             )

@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.bags import RECOVER, Damage
-from intent_recognition.cli.console import brief_list, escape, plain_table, print_facts
+from intent_recognition.cli.console import brief_list, plain_table, print_facts
 from intent_recognition.demonstrations import BagSummary, TopicSummary
 from intent_recognition.errors import BagError
 
@@ -41,24 +41,24 @@ def print_bag(console: Console, summary: BagSummary) -> None:
     )
     for topic in summary.topics:
         table.add_row(
-            escape(topic.name),
-            escape(topic.type),
+            topic.name,
+            topic.type,
             str(topic.count),
             f"{topic.rate_hz:.1f}" if topic.rate_hz else "-",
             str(len(topic.gaps)),
             f"{topic.longest_gap_s:.3f}" if topic.count > 1 else "-",
-            escape(problems(topic)) or "-",
+            problems(topic) or "-",
         )
     console.print(table)
     for topic in summary.topics:
         _print_gaps(console, topic, summary.start_ns)
     _print_session(console, summary)
     for damage in summary.damage:
-        console.print(escape(damage_line(damage)), style="red")
+        console.print(damage_line(damage), style="red")
     if summary.damage:
         console.print(RECOVER, style="red")
     for note in summary.notes:
-        console.print(f"note: {escape(note)}", style="yellow")
+        console.print(f"note: {note}", style="yellow")
 
 
 def print_folder(
@@ -68,9 +68,9 @@ def print_folder(
     table = plain_table("bag", "task", ">length [s]", ">messages", ">topics", ">gaps", "problems")
     tasks: Counter[str] = Counter()
     for path, got in found:
-        name = escape(str(path.relative_to(root)))
+        name = str(path.relative_to(root))
         if isinstance(got, BagError):
-            table.add_row(name, *"-----", f"[red]{escape(str(got))}[/red]")
+            table.add_row(name, *"-----", console.render_str(str(got), style="red"))
             continue
         tasks.update([part.task for part in got.demonstrations] or [got.task or "(no label)"])
         label = f"session of {len(got.demonstrations)}" if got.demonstrations else got.task
@@ -79,16 +79,16 @@ def print_folder(
         issues += got.notes
         table.add_row(
             name,
-            escape(label or "(no label)"),
+            label or "(no label)",
             f"{got.duration_s:.2f}",
             str(got.message_count),
             str(len(got.topics)),
             str(sum(len(topic.gaps) for topic in got.topics)),
-            escape(", ".join(filter(None, issues))) or "-",
+            ", ".join(filter(None, issues)) or "-",
         )
     console.print(table)
     counts = ", ".join(f"{task} {count}" for task, count in sorted(tasks.items()))
-    console.print(f"{len(found)} bags: {escape(counts)}")
+    console.print(f"{len(found)} bags: {counts}")
     if any(isinstance(got, BagSummary) and got.damage for _, got in found):
         console.print(RECOVER, style="red")
 
@@ -123,7 +123,7 @@ def _print_gaps(console: Console, topic: TopicSummary, start_ns: int) -> None:
     shown = brief_list(
         [f"{length:.3f} s at {(at_ns - start_ns) * 1e-9:.2f} s" for at_ns, length in topic.gaps]
     )
-    console.print(f"gaps in {escape(topic.name)}: {shown}", style="yellow")
+    console.print(f"gaps in {topic.name}: {shown}", style="yellow")
 
 
 def _print_session(console: Console, summary: BagSummary) -> None:
@@ -132,10 +132,10 @@ def _print_session(console: Console, summary: BagSummary) -> None:
         for part in summary.demonstrations:
             table.add_row(
                 str(part.index),
-                escape(part.task),
+                part.task,
                 f"{(part.start_ns - summary.start_ns) * 1e-9:.2f}",
                 f"{(part.end_ns - part.start_ns) * 1e-9:.2f}",
             )
         console.print(table)
     for rejection in summary.unfinished:
-        console.print(f"left out: {escape(rejection.reason)}", style="yellow")
+        console.print(f"left out: {rejection.reason}", style="yellow")

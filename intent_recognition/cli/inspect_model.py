@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from intent_recognition.cli.console import brief_list, escape, plain_table, print_facts
+from intent_recognition.cli.console import brief_list, plain_table, print_facts
 from intent_recognition.model import FRAMES, Frames, Model, frames_of
 from intent_recognition.promp import TaskLibrary, least_end_std
 from intent_recognition.recognition import learned_risk
@@ -104,7 +104,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
     )
     for k, label in enumerate(library.labels):
         tasks.add_row(
-            escape(label),
+            label,
             str(int(library.n_demonstrations[k])),
             f"{library.durations_s[k]:.2f}",
             f"{low[k]:.2f} to {high[k]:.2f}",
@@ -118,13 +118,13 @@ def print_model(console: Console, path: Path, model: Model) -> None:
         *(("controlled", n, u) for n, u in zip(library.controlled_names, library.controlled_units)),
     )
     for (agent, name, unit), variance in zip(rows, library.noise_variance, strict=True):
-        dofs.add_row(agent, escape(name), escape(unit), f"{np.sqrt(variance):.4f}")
+        dofs.add_row(agent, name, unit, f"{np.sqrt(variance):.4f}")
     if (context := library.context) is not None:
         for name, unit in zip(context.names, context.units, strict=True):
-            dofs.add_row("context", escape(name), escape(unit), "-")
+            dofs.add_row("context", name, unit, "-")
     console.print(dofs)
     if bags:
-        console.print(f"from {len(bags)} bags: {escape(brief_list(bags))}")
+        console.print(f"from {len(bags)} bags: {brief_list(bags)}")
 
 
 def _brief(value: object) -> str:

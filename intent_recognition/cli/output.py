@@ -20,7 +20,7 @@ def console_beside(args: argparse.Namespace, *options: str) -> Console:
     `--json` and these options are checked before, see `check_outputs`.
     """
     check_outputs(args, *options)
-    return Console(stderr=True, highlight=False) if args.json == PRINTED else make_console()
+    return make_console(stderr=args.json == PRINTED)
 
 
 def check_outputs(args: argparse.Namespace, *options: str) -> None:

@@ -18,7 +18,7 @@ import argparse
 from rich.console import Console
 
 from intent_recognition.cli import output
-from intent_recognition.cli.console import boxed_table, escape, progress_bar, say
+from intent_recognition.cli.console import boxed_table, progress_bar, say
 from intent_recognition.cli.options import number
 from intent_recognition.cli.recordings import read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         for title, (names, *rows) in tables.items():
             table = boxed_table(title, *names)
             for row in rows:
-                table.add_row(*map(escape, row))
+                table.add_row(*row)
             console.print(table)
     if args.report:
         write_rehearsal_report(args.report, tables, worst)

@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         print_rows(console, model.library, rows)
     active = {row["active_task"] for row in rows}
     for reason in (reason for task, reason in held_back.items() if task not in active):
-        console.print(f"not activated: {reason}", style="yellow")
+        say(console, f"not activated: {reason}", "yellow")
     if dropped:
         console.print(f"messages dropped: {dropped}", style="yellow")
     if args.report:

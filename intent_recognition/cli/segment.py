@@ -21,7 +21,7 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli import output
-from intent_recognition.cli.console import busy, escape, plain_table, say
+from intent_recognition.cli.console import busy, plain_table, say
 from intent_recognition.cli.options import add_options
 from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError
@@ -76,6 +76,6 @@ def _print(console: Console, segments: list[Segment], bags: list[Path]) -> None:
     table = plain_table("bag", ">from [s]", ">to [s]", "task")
     for segment, bag in zip(segments, bags, strict=True):
         at = [f"{(ns - segments[0].start_ns) * 1e-9:.2f}" for ns in segment[:2]]
-        table.add_row(escape(bag.name), *at, escape(segment.task or "-"))
+        table.add_row(bag.name, *at, segment.task or "-")
     if segments:
         console.print(table)

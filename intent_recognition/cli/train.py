@@ -32,7 +32,7 @@ import numpy as np
 from rich.console import Console
 
 from intent_recognition.cli import output
-from intent_recognition.cli.console import boxed_table, busy, escape
+from intent_recognition.cli.console import boxed_table, busy, say
 from intent_recognition.cli.recordings import (
     accumulate_all,
     add_recording_options,
@@ -105,7 +105,7 @@ def finish(args: argparse.Namespace, model: Model, report: TrainingReport, conso
     model = with_sessions(model, args.sessions, console)
     save_model(args.output, model, report.trained)
     output.write_json(args.json, report_json(model, report) | {"output": str(args.output)})
-    console.print(f"wrote {args.output}")
+    say(console, f"wrote {args.output}")
     return 0
 
 
@@ -153,7 +153,7 @@ def print_library(console: Console, library: TaskLibrary, report: TrainingReport
     table = boxed_table(f"learned from {report.n_used} demonstrations", *titles)
     for index, label in enumerate(library.labels):
         table.add_row(
-            escape(label),
+            label,
             str(library.n_demonstrations[index]),
             f"{library.durations_s[index]:.2f}",
             f"x {np.exp(library.log_duration_std[index]):.2f}",
@@ -173,12 +173,14 @@ def print_library(console: Console, library: TaskLibrary, report: TrainingReport
     )
     if library.n_tasks > 1 and chosen.log_loss > np.log(library.n_tasks):
         console.print(
-            f"[yellow]Guessing would recognise the tasks better (log loss"
+            f"Guessing would recognise the tasks better (log loss"
             f" {np.log(library.n_tasks):.3f}): a label may be wrong, or tasks look alike."
-            " `intent evaluate` names recordings that are taken for another task.[/yellow]"
+            " `intent evaluate` names recordings that are taken for another task.",
+            style="yellow",
         )
     if chosen.error > 1.0:
         console.print(
-            "[yellow]A constant posture would predict the controlled agent better: record more"
-            " demonstrations, and look at these with `intent inspect`.[/yellow]"
+            "A constant posture would predict the controlled agent better: record more"
+            " demonstrations, and look at these with `intent inspect`.",
+            style="yellow",
         )

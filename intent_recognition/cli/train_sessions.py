@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.cli.console import boxed_table
+from intent_recognition.cli.console import boxed_table, say
 from intent_recognition.cli.rejections import print_left_out
 from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.errors import BagError
@@ -40,7 +40,7 @@ def with_sessions(model: Model, sessions: Sequence[Path], console: Console) -> M
     learned = replace(library, transition_prior=smoothed_transitions(counts), provenance=provenance)
     unknown = {t for sequence in sequences for t in sequence.tasks} - set(library.labels)
     for label in sorted(unknown):
-        console.print(f"passed over in sessions: {label}, no task of the model", style="yellow")
+        say(console, f"passed over in sessions: {label}, no task of the model", "yellow")
     print_transitions(console, learned, int(counts.sum()))
     return replace(model, library=learned)
 

@@ -39,7 +39,7 @@ from rich.table import Table
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.cli import output
-from intent_recognition.cli.console import boxed_table, busy, make_console
+from intent_recognition.cli.console import boxed_table, busy, make_console, say
 from intent_recognition.cli.options import number
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects import N_POINTS, find_object, load_object, load_target
@@ -112,7 +112,7 @@ def run(args: argparse.Namespace) -> int:
         with busy(Console(stderr=True), "writing the report"):
             path = write_warp_report(args.report, source, warped, parameters, content)
         if args.json != output.PRINTED:
-            make_console().print(f"report: {path}")
+            say(make_console(), f"report: {path}")
     return 0
 
 

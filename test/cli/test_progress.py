@@ -63,7 +63,7 @@ def test_no_terminal_no_bar(bar):
 @pytest.mark.slow
 def test_every_long_step_of_a_command_has_one(recorded, tmp_path, parse, monkeypatch):
     console = terminal()
-    monkeypatch.setattr(output, "make_console", lambda: console)
+    monkeypatch.setattr(output, "make_console", lambda **_: console)
     bags, model = recorded / "bags", tmp_path / "model.npz"
     options = ("--dofs", recorded / "dofs.yaml", "--basis", 8)
     fast = ("--test", bags / "demo_00", "--unknown-tasks", "off")
