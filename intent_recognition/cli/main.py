@@ -76,12 +76,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     known = words[0] in COMMANDS if words else False
     whole = known or any(word.startswith(COMPLETION) for word in words)
-    parser = make_parser(words[:1] if known else COMMANDS, whole)
-    if words and not known and (near := get_close_matches(words[0], COMMANDS, 1)):
-        parser.error(f"expected a command, got {words[0]!r}: did you mean {near[0]!r}?")
-    args = parser.parse_args(words)
-    raise_interrupts()
+    name = f"intent {words[0]}" if known else "intent"
     try:
+        parser = make_parser(words[:1] if known else COMMANDS, whole)
+        if words and not known and (near := get_close_matches(words[0], COMMANDS, 1)):
+            parser.error(f"expected a command, got {words[0]!r}: did you mean {near[0]!r}?")
+        args = parser.parse_args(words)
+        raise_interrupts()
         code = int(args.run(args) or 0)
         sys.stdout.flush()
         return code
@@ -93,11 +94,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ImportError as error:
         if (missing := missing_package(error)) is None:
             raise
-        sys.stderr.write(f"intent {args.command}: {one_line(missing)}\n")
+        sys.stderr.write(f"{name}: {one_line(missing)}\n")
         return 1
     except (IntentError, OSError, MemoryError, RecursionError) as error:
         cure = next((f". {cure}" for kind, cure in CURES.items() if isinstance(error, kind)), "")
-        sys.stderr.write(f"intent {args.command}: {one_line(error)}{cure}\n")
+        sys.stderr.write(f"{name}: {one_line(error)}{cure}\n")
         if isinstance(error, OSError):
             _drop_output()
         return 1

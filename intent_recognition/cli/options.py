@@ -13,6 +13,7 @@ from types import ModuleType
 from typing import Any, TypeAlias, TypeVar
 
 from intent_recognition.cli.help import COMMANDS, HEADING, Formatter
+from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes.processes import yaml_value
 
 Subparsers: TypeAlias = "argparse._SubParsersAction[Any]"
@@ -87,6 +88,9 @@ def add_module(subparsers: Subparsers, name: str, module: ModuleType) -> None:
     Its function `run` does it, if it has one, and its docstring is the text. `OPTIONS` are further
     keywords, and functions in `MORE` add to the parser what is no row of a table.
     """
+    if module.__doc__ is None:
+        expected = "0 or 1, as the docstrings of commands are their options"
+        raise ArgumentError.about("PYTHONOPTIMIZE", expected, sys.flags.optimize, "Unset it.")
     run, more = getattr(module, "run", None), getattr(module, "OPTIONS", {})
     parser = add_command(subparsers, name, run, module.__doc__, **more)
     for add in getattr(module, "MORE", ()):
@@ -97,7 +101,7 @@ def add_command(
     subparsers: Subparsers,
     name: str,
     run: Callable[..., object] | None,
-    text: str | None,
+    text: str,
     /,
     **more: Any,
 ) -> argparse.ArgumentParser:
@@ -112,7 +116,7 @@ def add_command(
             `# what it does` above the command.
         more: as of `add_options`.
     """
-    about, *sections = textwrap.dedent(text or "").strip().split("\n\n")
+    about, *sections = textwrap.dedent(text).strip().split("\n\n")
     examples = sections.pop() if sections and sections[-1].startswith("#") else ""
     shown = textwrap.indent(re.sub(r"\n +", " ", examples), "  ")
     parser = subparsers.add_parser(

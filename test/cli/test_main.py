@@ -131,6 +131,18 @@ def test_an_error_is_one_line_and_exit_code_one(argv, capsys):
     assert line.startswith(f"intent {argv[0]}: ") and "/no/" in line
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [("INTENT_KERNEL", "foo", ["--version"]), ("PYTHONOPTIMIZE", "2", ["undo", "a"])],
+)
+def test_an_error_before_the_command_is_one_line_too(name, value, words):
+    command = [sys.executable, "-m", "intent_recognition.cli.main", *words]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), name: value}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 1 and f": {name}: expected" in line
+
+
 def failing(error):
     def run(args):
         raise error
