@@ -4,6 +4,7 @@
 import gc
 import time
 from functools import lru_cache, partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -87,8 +88,8 @@ class Dashboard(Node):
     def _find_models(self) -> list[Path]:
         folder = Path(self._models)
         depths = ("*.npz", "*/*.npz", "*/*/*.npz")
-        found = [path.absolute() for depth in depths for path in sorted(folder.glob(depth))]
-        return [path for path in found if _is_model(path, path.stat().st_mtime_ns)][:50]
+        found = (path.absolute() for depth in depths for path in sorted(folder.glob(depth)))
+        return list(islice(filter(_is_model, found), 50))
 
     def _play(self, bag: Path, offset_s: float, rate: float) -> BagPlayer:
         """Play what nobody else publishes, stamped with the present; the first person's body."""
@@ -133,8 +134,16 @@ def shipped_bags() -> list[Path]:
     return sorted(find_bags(bags), key=lambda bag: not bag.is_relative_to(bags / "toolbox/test"))
 
 
+def _is_model(path: Path) -> bool:
+    """Whether a file, which may be gone, is a model."""
+    try:
+        return _was_model(path, path.stat().st_mtime_ns)
+    except OSError:
+        return False
+
+
 @lru_cache(maxsize=1000)
-def _is_model(path: Path, changed_ns: int) -> bool:
+def _was_model(path: Path, changed_ns: int) -> bool:
     """Whether a file is a model, looked at once for each of its versions."""
     try:
         load_model(path)

@@ -2,6 +2,7 @@
 """The cell in three dimensions: arm, people, things, and where the hand is expected to go."""
 
 from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 import numpy as np
 import viser
@@ -25,6 +26,7 @@ from intent_recognition.errors import one_line
 from intent_recognition.kinematics import JOINT_NAMES, frame_poses
 from intent_recognition.report import INK, NONE_COLOUR
 
+Result = TypeVar("Result")
 DARK = rgb(INK)
 """Of the only person's wrist, and of what has no task."""
 
@@ -69,13 +71,13 @@ class PageScene:
         Returns:
             What is wrong with the robot's description, empty if nothing.
         """
-        self._guard(lambda: self._update_robot(state))
+        self._guarded(lambda: self._update_robot(state))
         bare = self.robot is None and not self._problem
         self._base.visible = bare
         self._lines.draw("arm", _skeleton(state.joints) if bare else NOTHING, GREY, 0.045)
         self._update_people(state, colours, people, now_s)
-        self._guard(lambda: self._update_things(state, colours, now_s))
-        self._guard(lambda: self._update_hand_path(state, colours, now_s))
+        self._update_things(state, colours, now_s)
+        self._update_hand_path(state, colours, now_s)
         return self._problem
 
     def _update_people(
@@ -98,14 +100,15 @@ class PageScene:
                 )
             self._figures[name].update(person.wrist)
 
-    def _guard(self, update: Callable[[], None]) -> None:
-        """Update what depends on the robot's description; one that cannot be drawn is dropped."""
+    def _guarded(self, of_robot: Callable[[], Result]) -> Result | None:
+        """What is asked of the robot; None of one that cannot be drawn, which is dropped."""
         try:
-            update()
+            return of_robot()
         except Exception as error:  # whatever the parsers of XML and meshes raise, or made of it
             self._server.scene.remove_by_name(ROOT)
             self.robot = None
             self._problem = f"robot_description cannot be drawn: {one_line(error)}"
+            return None
 
     def _prepare(self) -> None:
         scene = self._server.scene
@@ -144,7 +147,7 @@ class PageScene:
     def _update_things(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
         hand = None
         if self.robot is not None and self._things.handling.follows_hand(state.active):
-            hand = self.robot.hand_pose()
+            hand = self._guarded(self.robot.hand_pose)
         self._helped = state.helped or self._helped  # told no more when the task ends
         wrists = {name: person.wrist for name, person in state.people.items()}
         moment = HandlingMoment(now_s, state.active, state.begun, hand, wrists, self._helped)
@@ -156,11 +159,13 @@ class PageScene:
         if predicted is None or not state.fresh(person.predicted_at_s, now_s, STALE_S):
             self._lines.draw("hand_path", NOTHING, DARK, PATH_WIDTH_M)
             return
-        due = now_s - self._hand_path_at_s >= 0.2
-        if self.robot is None or not due or len(predicted.positions) < 2:
+        due, robot = now_s - self._hand_path_at_s >= 0.2, self.robot
+        if robot is None or not due or len(predicted.positions) < 2:
             return
         self._hand_path_at_s = now_s
-        path = self.robot.hand_path(predicted.joints, predicted.positions)
+        path = self._guarded(lambda: robot.hand_path(predicted.joints, predicted.positions))
+        if path is None:
+            return
         self.hand_path = predicted.task, path
         colour = rgb(colours.get(predicted.task, NONE_COLOUR))
         self._lines.draw("hand_path", path, colour, PATH_WIDTH_M)

@@ -94,7 +94,7 @@ class PlanFollower:
                 if (names := [step.name for step in steps if str(step) == what])
             ]
             message.message = "; ".join(parts) or "done"
-            if "forgotten" in message.message:
+            if any(str(step) == "forgotten" for step in steps):
                 message.level = DiagnosticStatus.WARN
             rows = {step.name: f"{step} {step.done:.2f}" for step in steps}
             message.values = key_values({**rows, "yaml": write_plan(self._plan)})

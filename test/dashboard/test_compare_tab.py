@@ -11,6 +11,7 @@ import pytest
 from intent_recognition.bags import BagReader
 from intent_recognition.dashboard import compare_tab
 from intent_recognition.dashboard.compare_tab import CompareTab, posterior_over
+from intent_recognition.dashboard.node import Dashboard
 from intent_recognition.errors import IntentError
 from intent_recognition.evaluation import explain
 from intent_recognition.model import load_model
@@ -83,6 +84,16 @@ def test_whatever_fails_is_said(compare, monkeypatch, step):
     monkeypatch.setattr(compare_tab, step, Mock(side_effect=RuntimeError("no such luck")))
     tab = compare.run("toolbox.npz", "toolbox.npz")
     assert "no such luck" in tab._result.content and not tab._button.disabled
+
+
+def test_only_models_that_are_there_are_found(toolbox_model, tmp_path):
+    (tmp_path / "gone.npz").symlink_to(tmp_path / "nothing.npz")
+    (tmp_path / "other.npz").write_bytes(b"no model")
+    for folder in ("a", "b/c"):
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / folder / "model.npz").symlink_to(toolbox_model)
+    found = Dashboard._find_models(SimpleNamespace(_models=str(tmp_path)))
+    assert found == [tmp_path / "a/model.npz", tmp_path / "b/c/model.npz"]
 
 
 def test_models_that_come_later_are_offered(compare, toolbox_model):

@@ -113,7 +113,10 @@ def test_the_estimator_expects_the_step(harness, tmp_path):
     harness.spin_until(lambda: expectation.prior[1] < HABIT_TRUST, what="no step")
 
 
-TEXT = "steps: [{step: task_0}, {step: task_1}]\nby_hand: {task_0 < task_1: 1}\n"
+TEXT = (
+    "steps: [{step: forgotten_0, task: task_0}, {step: task_1}]\n"
+    "by_hand: {forgotten_0 < task_1: 1}\n"
+)
 
 
 def node_of(harness, tmp_path, plan):
@@ -130,12 +133,13 @@ def test_a_plan_is_told_expected_and_changed(harness, tmp_path):
     expected = harness.collect(JointState, "intent/next_task", qos.LATCHED)
     node = node_of(harness, tmp_path, str(file))
     harness.spin_until(lambda: told, what="the plan")
-    assert told[-1].message == "may come: task_0"
+    assert told[-1].message == "may come: forgotten_0"
+    assert told[-1].level == DiagnosticStatus.OK
     rows = values_of(told[-1])
-    assert rows["task_0"] == "may come 0.00" and rows["task_1"] == "later 0.00"
+    assert rows["forgotten_0"] == "may come 0.00" and rows["task_1"] == "later 0.00"
     assert read_plan(rows["yaml"]) == read_plan(TEXT)
     harness.spin_until(lambda: expected and expected[-1].position[0] > 0.7, what="its prior")
-    turned = TEXT.replace("task_0 < task_1", "task_1 < task_0")
+    turned = TEXT.replace("forgotten_0 < task_1", "task_1 < forgotten_0")
     (result,) = node.set_parameters([Parameter("plan", value=turned)])
     assert result.successful, result.reason
     harness.spin_until(lambda: told[-1].message == "may come: task_1", what="the other plan")
