@@ -8,8 +8,11 @@ from pathlib import Path
 import pytest
 import yaml
 from docs.shown import nodes
+from rclpy.qos import QoSDurabilityPolicy
 
+from intent_recognition.bags import TopicInfo
 from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
+from intent_recognition.nodes.qos import recorded_profile
 from intent_recognition.tables.import_map import ImportMap
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -107,6 +110,14 @@ def test_reasons_of_the_table_are_counted_somewhere():
             if last not in literals:  # put together where it is counted
                 last = last.removeprefix("posture_")
             assert last in literals, reason
+
+
+def test_topics_are_played_as_the_table_says():
+    for topics, *_, profile in table(TEXTS["docs/topics.md"], "Topics"):
+        for name in code(topics):
+            recorded = recorded_profile(TopicInfo(f"/{name}", "any"))
+            latched = recorded.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL
+            assert latched == ("latched" in profile), name
 
 
 def test_services_of_the_table_exist():

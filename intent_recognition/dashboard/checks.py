@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the page takes of a message: names, numbers and texts of bounded size."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +23,17 @@ def check(field: str, expected: str, holds: object, got: object) -> None:
         ArgumentError: it does not.
     """
     if not holds:
-        raise ArgumentError.about(field, expected, got, "See what publishes it.")
+        cure = "`ros2 topic info --verbose` names who publishes it."
+        raise ArgumentError.about(field, expected, got, cure)
+
+
+def check_count(field: str, items: Sized, most: int, what: str) -> None:
+    """Make sure that there are at most so many.
+
+    Raises:
+        ArgumentError: there are more.
+    """
+    check(field, f"at most {most} {what}", len(items) <= most, len(items))
 
 
 def checked_text(field: str, text: str, longest: int = LONGEST_NAME) -> str:
@@ -32,7 +42,7 @@ def checked_text(field: str, text: str, longest: int = LONGEST_NAME) -> str:
     Raises:
         ArgumentError: it is longer.
     """
-    check(field, f"at most {longest} characters", len(text) <= longest, len(text))
+    check_count(field, text, longest, "characters")
     return text
 
 
@@ -42,8 +52,9 @@ def checked_names(field: str, names: Sequence[str], most: int) -> tuple[str, ...
     Raises:
         ArgumentError: they are more, too long, or two are the same.
     """
-    check(field, f"at most {most} names", len(names) <= most, len(names))
-    check(field, "names that differ", len(set(names)) == len(names), "one twice")
+    check_count(field, names, most, "names")
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
+    check(field, "names that differ", not twice, f"{twice[:1]} twice")
     return tuple(checked_text(field, name) for name in names)
 
 
@@ -55,6 +66,6 @@ def checked_numbers(field: str, numbers: ArrayLike, shape: tuple[int, ...]) -> F
     """
     array = np.array(numbers, dtype=float)
     check(field, f"shape {shape}", array.shape == shape, f"shape {array.shape}")
-    within = np.all(np.abs(array) <= LARGEST)  # false for NaN
-    check(field, f"numbers up to {LARGEST:g}", within, "others")
+    beyond = array[~(np.abs(array) <= LARGEST)]  # NaN, too
+    check(field, f"numbers up to {LARGEST:g}", not beyond.size, beyond[:1])
     return array

@@ -35,6 +35,7 @@ from intent_recognition.dashboard.cell import (
 from intent_recognition.dashboard.checks import (
     LONGEST_NAME,
     check,
+    check_count,
     checked_names,
     checked_numbers,
     checked_text,
@@ -157,7 +158,7 @@ class CellSubscriptions:
 
     def _on_predicted(self, person: PersonState, message: JointTrajectory) -> None:
         names = checked_names("joint_names", message.joint_names, MOST_NAMES)
-        check("points", f"at most {MOST_POINTS}", len(message.points) <= MOST_POINTS, "more")
+        check_count("points", message.points, MOST_POINTS, "of a trajectory")
         rows = [checked_numbers("positions", p.positions, (len(names),)) for p in message.points]
         positions = np.array(rows).reshape(len(rows), len(names))
         task = checked_text("frame_id", message.header.frame_id)
@@ -168,7 +169,8 @@ class CellSubscriptions:
         lines = [_points(m) for m in message.markers if m.type == Marker.LINE_STRIP]
         tubes = [_points(m) for m in message.markers if m.type == Marker.TRIANGLE_LIST]
         if len(lines) == 2 and len(tubes) == 1:
-            check("points", "three corners of each triangle", len(tubes[0]) % 3 == 0, "others")
+            n = len(tubes[0])
+            check("points", "three corners of each triangle", n % 3 == 0, n)
             person.drawn, person.drawn_at_s = PathMarkers(*lines, *tubes), self._clock()
 
     def _on_transfer(self, message: JointState) -> None:
@@ -224,13 +226,13 @@ class CellSubscriptions:
         for status in message.status:
             name = checked_text("name", status.name)
             known = name in nodes or len(nodes) < MOST_NAMES
-            check("status", f"at most {MOST_NAMES} nodes", known, "one more")
+            check("status", f"at most {MOST_NAMES} nodes", known, f"{name}, too")
             text, values = _told(status)
             level = int.from_bytes(status.level, "little")
             nodes[name] = NodeHealth(level, text, values, now_s, ENDED in values)
 
     def _on_skills(self, message: DiagnosticArray) -> None:
-        check("status", "at most 2000", len(message.status) <= 2000, "more")
+        check_count("status", message.status, 2000, "changes")
         skills: dict[str, list[SkillRow]] = {}
         for status in message.status:
             row = SkillRow(*_told(status))
@@ -240,7 +242,7 @@ class CellSubscriptions:
 
 def _told(status: DiagnosticStatus) -> tuple[str, dict[str, str]]:
     """Message and values of a status."""
-    check("values", "at most 200", len(status.values) <= 200, "more")
+    check_count("values", status.values, 200, "rows")
     text = checked_text("message", status.message, LONGEST_SENTENCE)
     return text, {
         checked_text("key", pair.key): checked_text("value", pair.value, LONGEST_SENTENCE)
@@ -250,6 +252,6 @@ def _told(status: DiagnosticStatus) -> tuple[str, dict[str, str]]:
 
 def _points(marker: Marker) -> Floats:
     """Points of a marker (T, 3)."""
-    check("points", f"at most {MOST_POINTS}", len(marker.points) <= MOST_POINTS, "more")
+    check_count("points", marker.points, MOST_POINTS, "of a marker")
     points = np.array([(p.x, p.y, p.z) for p in marker.points]).reshape(-1, 3)
     return checked_numbers("points", points, points.shape)

@@ -28,7 +28,7 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_parameters import Taught
 from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
 from intent_recognition.nodes.diagnostics import Diagnostics
-from intent_recognition.nodes.hand_input import HandInput
+from intent_recognition.nodes.hand_input import HandInput, no_description
 from intent_recognition.nodes.object_transfer import FRESH_S, TRANSFER
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.planning_scene import BOTH, READ, PlanningSceneLink
@@ -74,7 +74,7 @@ class ClearanceInput:
         if not self._distance_m:
             return False
         if not description:
-            raise RejectionError("no_robot_description", "clearance is set, but for which arm?")
+            raise RejectionError("no_robot_description", no_description("clearance"))
         changed = (description, self._scene.boxes) != (self._description, self._of_scene)
         changed |= taught is not self._taught
         if changed:
@@ -154,9 +154,8 @@ class PersonInput:
             return False
         arm = self._hand.arm
         if arm is None:
-            raise RejectionError(
-                "no_robot_description", "person_dofs or slow_at is set, but for which arm?"
-            )
+            argument = "person_dofs" if self._dofs else "slow_at"
+            raise RejectionError("no_robot_description", no_description(argument))
         if arm.joint_names != names:
             text = f"robot_description moves {', '.join(arm.joint_names)}, not {', '.join(names)}"
             raise RejectionError("wrong_joint_names", text)
@@ -172,6 +171,10 @@ class PersonInput:
         try:
             times_s, positions, rest = trajectory_arrays(message)
             names = list(message.joint_names)
+            if not {*self._dofs} <= {*names} or (len(times_s) and "effort" not in rest):
+                expected = f"{', '.join(self._dofs)}, and effort"
+                got = f"{', '.join(names)}; {', '.join(rest) or 'positions alone'}"
+                raise ArgumentError.about("joint_names", expected, got, "Check the sender.")
             columns = [names.index(name) for name in self._dofs]
             if np.all(times_s == times_s[-1:]):  # the movement is at its end
                 times_s, positions = times_s[-1:], positions[-1:]
@@ -179,11 +182,11 @@ class PersonInput:
             if not len(times_s) or np.any(np.diff(times_s) <= 0.0):
                 got = f"{len(times_s)} that do not" if len(times_s) else "none"
                 cure = "Check the sender."
-                raise ArgumentError.about(TOPIC, "points whose times increase", got, cure)
+                raise ArgumentError.about("points", "times that increase", got, cure)
             mean, std = positions[:, columns], rest["effort"][:, columns]
             if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(std))):
-                raise ArgumentError.about(TOPIC, "finite numbers", "NaN", "Check the sender.")
-        except (IntentError, KeyError, ValueError) as error:  # the person is where last predicted
+                raise ArgumentError.about("points", "finite numbers", "NaN", "Check the sender.")
+        except IntentError as error:  # the person is where last predicted
             self._diagnostics.reject("bad_human_trajectory", f"{TOPIC}: {error}")
             return
         times_ns = stamp_ns(message) + np.rint(times_s * 1e9).astype(np.int64)
@@ -243,7 +246,7 @@ def load_detector(name: str) -> DeviationDetector:
 class TransferInput:
     """Keeps the newest states; one counts for what is later than its stamp.
 
-    Where time waits for the nodes, whichever message of one time comes first changes nothing so.
+    So the order of messages with one stamp does not matter.
     """
 
     def __init__(self, diagnostics: Diagnostics) -> None:

@@ -27,9 +27,9 @@ class Argument:
         try:
             read = _READ[self.kind](text) if text else None
         except (ValueError, KeyError) as error:
-            kinds: dict[type, str] = {tuple: "a list", list: "a list of numbers"}
-            kind = kinds.get(self.kind, self.kind.__name__)
-            raise ArgumentError.about(self.name, kind, text, self.description) from error
+            kind, example = _KINDS[self.kind]
+            cure = f"Give {self.name}:={example}."
+            raise ArgumentError.about(self.name, kind, repr(text), cure) from error
         return None if read in ((), []) else read
 
 
@@ -39,6 +39,12 @@ _READ: dict[type, Callable[[str], object]] = {
     int: int,
     float: float,
     tuple: lambda text: tuple(word.strip() for word in text.split(",") if word.strip()),
+}
+_KINDS = {
+    list: ("numbers", "1.0,2.0"),
+    bool: ("true or false", "true"),
+    int: ("a whole number", "1"),
+    float: ("a number", "1.0"),
 }
 
 ARGUMENTS = {
@@ -61,9 +67,13 @@ ARGUMENTS = {
             "command_action", str, "Action FollowJointTrajectory that takes commands as goals."
         ),
         Argument("joint_states_topic", str, "Where the arm publishes its joint states."),
-        Argument("activate", bool, "Let the arm be moved at once; false: after `ros2 lifecycle`."),
+        Argument("activate", bool, "Activate at start; if false: `ros2 lifecycle set`."),
         Argument("transition_prior", bool, "Expect the task that usually follows the last one."),
-        Argument("pretrigger_threshold", float, "Go ahead for a next task so probable; 0: never."),
+        Argument(
+            "pretrigger_threshold",
+            float,
+            "Probability of the next task from which the arm starts early; 0: never.",
+        ),
         Argument("transfers", bool, "Hand objects over by force: start object_transfer."),
         Argument("plan", str, "Plan of the assembly, a file of `intent plan learn`; empty: none."),
         Argument("sequences", str, "File of sequences of tasks; empty: none."),
@@ -71,7 +81,7 @@ ARGUMENTS = {
         Argument("hand_link", str, "Link that is the hand, for a model that predicts a hand."),
         Argument("scenario", str, "What the coworker works at: toolbox or assembly."),
         Argument("publish_clock", bool, "The arm publishes /clock."),
-        Argument("rate", float, "Simulated, or recorded, seconds in a real one."),
+        Argument("rate", float, "Speed of simulation or playback; 1 is real time."),
         Argument("headless", bool, "No PyBullet window."),
         Argument("sensor_noise", bool, "Noise on the simulated arm's joint states."),
         Argument("coworker", bool, "Start the simulated coworker."),

@@ -7,11 +7,16 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from intent_recognition.demonstrations import arm_in_world
-from intent_recognition.errors import ArgumentError, IntentError
+from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.kinematics import Arm
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import declare
+
+
+def no_description(argument: str) -> str:
+    """What to say of something that needs the arm's description before that has come."""
+    return describe(argument, "a robot_description", "none", "Start robot_state_publisher.")
 
 
 class HandInput:

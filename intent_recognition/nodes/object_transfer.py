@@ -29,7 +29,7 @@ from intent_recognition.nodes.conversions import (
     stamp_ns,
 )
 from intent_recognition.nodes.diagnostics import Diagnostics
-from intent_recognition.nodes.hand_input import HandInput
+from intent_recognition.nodes.hand_input import HandInput, no_description
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.people import meet
 from intent_recognition.nodes.runtime import now_ns, run
@@ -82,7 +82,7 @@ class ObjectTransfer(Node):
     def _on_joints(self, message: JointState) -> None:
         arm = self._hand.arm
         if arm is None:
-            self._diagnostics.reject("no_robot_description", "which arm is this?")
+            self._diagnostics.reject("no_robot_description", no_description("joint_states"))
             return
         if self._estimator is None or self._estimator.arm is not arm:
             self._estimator = LoadEstimator(arm)

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState, PointCloud2
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError, IntentError, one_line
+from intent_recognition.errors import ArgumentError, IntentError, MessageError, one_line
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array, stamp_ns, to_pose
 from intent_recognition.nodes.diagnostics import Diagnostics
@@ -77,7 +77,8 @@ class ObjectWarper(Node):
             parameters = pouring_parameters(warped, self._other_m(message.header.frame_id))
             holds = emptying(warped, parameters.lip_point, self._above_m)
         except IntentError as error:
-            self._diagnostics.reject(type(error).__name__, one_line(error))
+            reason = "malformed" if isinstance(error, MessageError) else "not_warped"
+            self._diagnostics.reject(reason, one_line(error))
             return
         self._cloud.publish(
             to_labelled_cloud(message.header, warped.points, warped.normals, warped.labels)

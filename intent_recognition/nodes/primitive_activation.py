@@ -30,7 +30,7 @@ from intent_recognition.nodes.activation_parameters import AT_REST, ActivationPa
 from intent_recognition.nodes.command_action import CommandAction
 from intent_recognition.nodes.conversions import joint_values, stamp_ns
 from intent_recognition.nodes.diagnostics import Diagnostics
-from intent_recognition.nodes.hand_input import HandInput
+from intent_recognition.nodes.hand_input import HandInput, no_description
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.parameters import (
     Changes,
@@ -208,7 +208,7 @@ class PrimitiveActivation(ManagedNode):
         """The arm whose hand is predicted; of a new one, or home, finds where tasks begin."""
         arm = self._hand.arm
         if arm is None:
-            raise RejectionError("no_robot_description", "a hand is predicted, but of which arm?")
+            raise RejectionError("no_robot_description", no_description("hand"))
         rest = self._rest(arm)
         if arm is not self._settings.described or not np.array_equal(rest, self._starts_near):
             self._settings.describe(arm)

@@ -81,6 +81,8 @@ class WarpedPrimitiveNode(Node):
             return
         if np.isfinite(joints).all():
             self._joints = joints
+        else:
+            self._diagnostics.reject("not_finite", "joint_states hold NaN or infinity")
 
     def _on_feedback(self, message: DiagnosticStatus) -> None:
         """What became of an execution; others than this node's task are none of its business."""
@@ -101,7 +103,7 @@ class WarpedPrimitiveNode(Node):
                 raise MessageError.about(REQUEST, "no pour under way", "one", "Wait for it.")
             plan, joints = self._plan(message.data)
         except IntentError as error:
-            self._diagnostics.reject(type(error).__name__, one_line(error))
+            self._diagnostics.reject("bad_request", one_line(error))
             self._diagnostics.value(REFUSED, one_line(error))
             return
         self._diagnostics.value(REFUSED, "")

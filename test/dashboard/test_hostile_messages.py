@@ -2,6 +2,7 @@
 """No message of a subscribed type ends the page, and what it cannot show it counts."""
 
 from array import array
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -137,6 +138,16 @@ def test_after_a_robot_that_cannot_be_drawn_the_next_one_is(fed):
         assert fed.page._scene.robot not in (None, bad), name
 
 
+def test_what_else_cannot_be_drawn_is_not_laid_to_the_robot(fed, monkeypatch):
+    fed.hear("/robot_description", String(data=chain(2)))
+    robot = fed.page._scene.robot
+    monkeypatch.setattr(fed.page._scene._things, "update", Mock(side_effect=RuntimeError("things")))
+    with pytest.raises(RuntimeError, match="things"):
+        fed.page.update()
+    assert robot is not None and fed.page._scene.robot is robot
+    monkeypatch.undo()
+
+
 UNEQUAL = [([0.5], [0.5]), ([], []), ([0.5, 0.5], []), ([np.nan, 0.5], [0, 0]), ([7, -6], [0, 0])]
 
 
@@ -246,6 +257,20 @@ def test_health_that_is_no_number_is_shown_as_it_is(fed):
     ]
     fed.hear("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="n", values=values)]))
     assert "fast" in fed.page._nodes.content
+
+
+TOO_MUCH = [
+    (["a", "a"], [0.5, 0.5], "name: expected names that differ, got ['a'] twice."),
+    (["a"], [1e300], "position: expected numbers up to 1e+06, got [1.e+300]."),
+    ([str(k) for k in range(101)], [], "name: expected at most 100 names, got 101."),
+]
+
+
+@pytest.mark.parametrize(("names", "positions", "text"), TOO_MUCH)
+def test_what_is_not_shown_is_named(fed, names, positions, text):
+    fed.hear("/joint_states", JointState(name=names, position=positions))
+    ((reason, told),) = fed.rejected
+    assert reason == "malformed joint_states" and told.startswith(text)
 
 
 def test_names_without_end_take_no_room_without_end(fed):

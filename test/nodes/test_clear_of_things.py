@@ -157,7 +157,7 @@ def test_the_arm_slows_where_the_person_is_predicted_to_be(harness, near):
 
 
 @pytest.mark.parametrize("names, where", [(["a", "b", "c"], 0.0), (PERSON, np.nan)])
-def test_a_broken_prediction_does_not_clear_the_way_of_a_person(harness, names, where):
+def test_a_broken_prediction_does_not_clear_the_way_of_a_person(harness, capfd, names, where):
     graph = Graph(harness, person_dofs=PERSON)
     graph.describe(ROBOT.description)
     tell_person(graph, np.zeros(3), times_s=(5.0, 5.0))  # at the end of the movement
@@ -166,6 +166,8 @@ def test_a_broken_prediction_does_not_clear_the_way_of_a_person(harness, names, 
     tell_person(graph, np.full(3, where), names)
     assert graph.node._person.people == (person,)
     assert graph.node.diagnostics.rejected("bad_human_trajectory") == 1
+    what = "points: expected finite" if names == PERSON else f"joint_names: expected {PERSON[0]}"
+    assert f"bad_human_trajectory: intent/human_trajectory: {what}" in capfd.readouterr().err
 
 
 def test_a_path_into_a_box_is_planned_anew(harness):

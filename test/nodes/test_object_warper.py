@@ -165,7 +165,7 @@ def test_bad_clouds_are_counted_and_harm_nothing(harness):
         harness.executor.spin_once(timeout_sec=0.05)
     harness.spin_until(lambda: vectors, what="parameters of the good cloud")
     assert stamp_ns(vectors[0]) == T0 + 9
-    counted = {"pixel_without_depth": 80, "MessageError": 2, "ArgumentError": 1}
+    counted = {"pixel_without_depth": 80, "malformed": 2, "not_warped": 1}
     harness.spin_until(lambda: node._diagnostics._counts == counted, what="the counts")
 
 

@@ -95,7 +95,7 @@ def test_a_request_becomes_a_task_and_a_trajectory(harness, pouring_skill):
     harness.connect(ask, joints, *seen["cup"], *seen["second"])
     rejected = node._diagnostics.rejected
     ask.publish(String(data="empty"))
-    harness.spin_until(lambda: tasks and rejected("MessageError") == 1, what="too early")
+    harness.spin_until(lambda: tasks and rejected("bad_request") == 1, what="too early")
     assert tasks[-1].position[0] == 0.0
     posture = start_posture("tea_cup")
     joints.publish(to_joint_state(JOINT_NAMES, posture, time_ns=5))
@@ -109,7 +109,7 @@ def test_a_request_becomes_a_task_and_a_trajectory(harness, pouring_skill):
     harness.spin_until(lambda: len(node._poses) == len(node._vectors) == 2, what="containers")
     harness.spin_until(lambda: node._joints is not None, what="joints")
     ask.publish(String(data="400"))
-    harness.spin_until(lambda: rejected("ArgumentError"), what="too much")
+    harness.spin_until(lambda: rejected("bad_request") == 2, what="too much")
     ask.publish(String(data="50"))
     harness.spin_until(lambda: planned and tasks[-1].position[0] == 1.0, what="the pour")
     assert planned[0].header.frame_id == tasks[-1].name[0] == "pouring"
@@ -122,7 +122,7 @@ def test_a_request_becomes_a_task_and_a_trajectory(harness, pouring_skill):
     assert rest["effort"].shape == path.shape
     assert rest["effort"][-1].max() < 0.02 < rest["effort"].max() < 0.5
     ask.publish(String(data="10"))
-    harness.spin_until(lambda: rejected("MessageError") == 2, what="one at a time")
+    harness.spin_until(lambda: rejected("bad_request") == 3, what="one at a time")
     assert len(planned) == 1
     assert node._end_ns > 0
     node._end_ns = node.get_clock().now().nanoseconds  # over; the arm tells once it has held still

@@ -117,7 +117,14 @@ def test_a_parameter_that_the_node_has_not_is_refused(describe, tmp_path):
             start(describe("intent"), params_file=str(own))
 
 
-@pytest.mark.parametrize("given", [{"rate": "fast"}, {"headless": "perhaps"}, {"seed": "1.5"}])
-def test_a_value_of_another_kind_is_named(describe, given):
-    with pytest.raises(ArgumentError, match=next(iter(given))):
-        start(describe("demo"), **given)
+KINDS = [
+    ("rate", "fast", "expected a number, got 'fast'. Give rate:=1.0."),
+    ("headless", "perhaps", "expected true or false, got 'perhaps'. Give headless:=true."),
+    ("seed", "1.5", "expected a whole number, got '1.5'. Give seed:=1."),
+]
+
+
+@pytest.mark.parametrize(("name", "value", "message"), KINDS)
+def test_a_value_of_another_kind_is_named(describe, name, value, message):
+    with pytest.raises(ArgumentError, match=f"{name}: {message}"):
+        start(describe("demo"), **{name: value})
