@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording, and what the recognition makes of it: on the recording's time, no arm is moved.
+"""Play a recording to the recognition, at the recording's time; no arm moves.
 
 ros2 launch intent_recognition replay.launch.py bag:=session model:=toolbox.npz rviz:=true
 """

@@ -28,7 +28,7 @@ CURES = (
 
 
 class CompareTab:
-    """The fourth tab; the models run in a thread of their own, not on the live topics."""
+    """Runs models on a recording in a thread of its own, not on the live topics."""
 
     def __init__(
         self,

@@ -101,7 +101,7 @@ class PersonMarks:
                 vertices,
                 np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3),
                 color=colour,
-                opacity=0.28,  # with viser's lights; RViz: `markers.TUBE_ALPHA`
+                opacity=0.28,  # with viser's lights
                 side="double",
                 cast_shadow=False,
                 receive_shadow=False,

@@ -22,7 +22,7 @@ Play = Callable[[Path, float, float], BagPlayer]
 
 
 class ReplayTab:
-    """The third tab."""
+    """Plays recordings to the nodes that run."""
 
     def __init__(
         self, page: PageAccess, bags: Sequence[Path], play: Play, stop: Callable[[BagPlayer], None]

@@ -25,7 +25,7 @@ HEAD = ("change", "done", "arrived", "corrected", "good / bad", "spilled")
 
 
 class SkillsTab:
-    """The third tab."""
+    """Shows what became of each task's changes, and takes one back."""
 
     def __init__(self, page: PageAccess):
         gui, self._commands = page.server.gui, page.commands

@@ -55,7 +55,7 @@ ARMS = (
 
 
 class TeachTab:
-    """The second tab."""
+    """Records and learns what is shown from the page."""
 
     def __init__(self, page: PageAccess, teleoperation: Teleoperation, session: TeachingSession):
         self._page, self._commands = page, page.commands

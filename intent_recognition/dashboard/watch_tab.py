@@ -22,7 +22,7 @@ NEXT_STEPS = (
 
 
 class WatchTab:
-    """The first tab."""
+    """Shows who does what, and switches the nodes."""
 
     def __init__(self, page: PageAccess, tab: viser.GuiTabHandle):
         gui, commands = page.server.gui, page.commands

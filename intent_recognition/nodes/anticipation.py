@@ -163,7 +163,7 @@ class NextTaskOutput:
         self._published: tuple[TaskMemory, Floats] | None = None
 
     def update(self, estimator: IntentEstimator) -> bool:
-        """Publish, if memory or expectation is another one than at the last call; whether so."""
+        """Publish if memory or expectation changed since the last call; returns whether it did."""
         expectation = estimator.expectation
         known, prior = self._published or (None, None)
         if expectation.memory is known and expectation.prior is prior:

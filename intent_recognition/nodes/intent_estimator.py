@@ -29,7 +29,7 @@ LIVE = ("publish_rate", "transition_prior", "forget_after", VIA_POINTS, PLAN)
 
 
 class IntentEstimatorNode(ManagedNode):
-    """Holds what is believed of people by their names (`PersonBelief`), by one model."""
+    """Keeps one `PersonBelief` per person, all with the same model."""
 
     _model: Model
     """From `configure` on."""

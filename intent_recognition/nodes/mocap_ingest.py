@@ -89,7 +89,8 @@ class MocapIngest(Node):
         self._identity: IdentityInput | None = None
         if people := named_people(self):
             self._identity = IdentityInput(bodies[0], self._ingest_of, self._diagnostics)
-            for person in people:  # those who are known by name are found before they are seen
+            # publishers of named people exist before the first pose, so that subscribers find them
+            for person in people:
                 for body in bodies if person != ANYBODY else ():
                     self._tell(f"{person}/{body}")
         for body in [] if self._identity else bodies:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Quality of service: the four profiles of the topic graph, and those of recorded topics."""
+"""Quality of service: the profiles of the topic graph, and those of recorded topics."""
 
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 
@@ -7,7 +7,18 @@ from intent_recognition.bags import TopicInfo, qos_policy
 
 PLAYBACK_DEPTH = 1000
 """Messages that a publisher keeps for slow subscribers. Convention."""
-LATCHED_TOPICS = ("robot_description", "intent/active_task", "intent/question")
+LATCHED_TOPICS = (
+    "intent/active_person",
+    "intent/active_task",
+    "intent/next_task",
+    "intent/plan",
+    "intent/question",
+    "intent/sequence",
+    "intent/via_points",
+    "robot_description",
+    "teach/skills",
+    "teach/status",
+)
 SENSOR_TOPICS = ("mocap/", "human/")
 
 
