@@ -91,7 +91,7 @@ class PlanPanel:
             self._commands.notify(ok, why)
 
         if self._before:
-            self._tell(self._before[-1], done)
+            self._set_plan(self._before[-1], done)
 
     def _send(self, plan: WorkPlan) -> None:
         """Put a changed plan in force; the one of now can be taken back then."""
@@ -102,7 +102,7 @@ class PlanPanel:
                 self._before.append(before)
             self._commands.notify(ok, why or "the plan is changed")
 
-        self._tell(plan, done)
+        self._set_plan(plan, done)
 
-    def _tell(self, plan: WorkPlan, done: Notify) -> None:
+    def _set_plan(self, plan: WorkPlan, done: Notify) -> None:
         self._commands.set_parameter(ESTIMATOR, "plan", write_plan(plan), done)

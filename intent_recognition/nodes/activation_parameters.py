@@ -97,8 +97,8 @@ class ActivationParameters:
         other._check_pretrigger()
         return other
 
-    def joints(self) -> tuple[tuple[str, ...], dict[str, Floats]]:
-        """Joint names, empty where they are not known yet, and where each task begins.
+    def read_model(self) -> tuple[tuple[str, ...], dict[str, Floats]]:
+        """Read the model; joint names, empty before they are known, and where each task begins.
 
         Those of a model of the hand are known with the arm; its tasks begin at positions (3,) [m]
         or whole poses (7,), with a quaternion xyzw.

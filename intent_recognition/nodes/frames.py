@@ -57,27 +57,27 @@ class FrameOutput:
     """Tells poses as frames, where somebody listens."""
 
     def __init__(self, node: Node) -> None:
-        self._told: Publisher | None = None
+        self._publisher: Publisher | None = None
         wanted = declare(node, "frames")["broadcast_frames"]
         self._type: Any = message_type() if wanted else None
         if self._type is not None:
-            self._told = node.create_publisher(self._type, "/tf", qos.TRANSFORMS)
+            self._publisher = node.create_publisher(self._type, "/tf", qos.TRANSFORMS)
             self._fixed = node.create_publisher(self._type, "/tf_static", qos.FIXED_TRANSFORMS)
 
     @property
     def heard(self) -> bool:
         """Whether anybody listens."""
-        return self._told is not None and self._told.get_subscription_count() > 0
+        return self._publisher is not None and self._publisher.get_subscription_count() > 0
 
     def send(self, time_ns: int, parent: str, child: str, pose: Pose) -> None:
         """Tell where a frame is at a time [ns]; quaternions of zeros stand for no rotation."""
-        if self._told is not None and self.heard and parent:
+        if self._publisher is not None and self.heard and parent:
             stamped = [_stamped(time_ns, parent, child, pose)]
-            self._told.publish(self._type(transforms=stamped))
+            self._publisher.publish(self._type(transforms=stamped))
 
     def send_fixed(self, time_ns: int, parent: str, poses: dict[str, Pose]) -> None:
         """Tell once and for all where frames are."""
-        if self._told is not None and poses:
+        if self._publisher is not None and poses:
             stamped = [_stamped(time_ns, parent, child, pose) for child, pose in poses.items()]
             self._fixed.publish(self._type(transforms=stamped))
 

@@ -74,7 +74,7 @@ class IntentEstimatorNode(ManagedNode):
         if person in self.people:
             return
         self.people[person] = belief = PersonBelief(
-            self, self._diagnostics, self._frames, self._postures, self._tell, person
+            self, self._diagnostics, self._frames, self._postures, self._publish, person
         )
         belief.publish_rate = self._values["publish_rate"]
         if self._configured:
@@ -108,7 +108,7 @@ class IntentEstimatorNode(ManagedNode):
                 self._values["transition_prior"], self._values["forget_after"]
             )
             if self.active:
-                self._tell(belief)
+                self._publish(belief)
 
     def configure(self) -> None:
         """Load the model and check it against the DOF file."""
@@ -146,7 +146,7 @@ class IntentEstimatorNode(ManagedNode):
         if not self._meets and "" not in self.people:
             self._meets = meet(self, self._topic_of("{}"), self._meet)
         for belief in self.people.values():
-            self._tell(belief)
+            self._publish(belief)
         self._diagnostics.status(*WAITING)
 
     def deactivate(self) -> None:
@@ -157,7 +157,7 @@ class IntentEstimatorNode(ManagedNode):
         self._forget()
         self._diagnostics.status(Level.OK, "not active")
 
-    def _tell(self, belief: PersonBelief) -> None:
+    def _publish(self, belief: PersonBelief) -> None:
         """Publish what may come next, and report the worst of the people's states, if changed."""
         if belief.tell_next():
             self._plan.share(belief.estimator, self._estimators)
@@ -215,7 +215,7 @@ class IntentEstimatorNode(ManagedNode):
             raise
         self._model = model
         for belief in self.people.values():
-            self._tell(belief)
+            self._publish(belief)
         return self._report_model("model changed; ")
 
     def _report_model(self, what: str = "") -> str:

@@ -92,9 +92,9 @@ class MocapIngest(Node):
             # publishers of named people exist before the first pose, so that subscribers find them
             for person in people:
                 for body in bodies if person != ANYBODY else ():
-                    self._tell(f"{person}/{body}")
+                    self._add_output(f"{person}/{body}")
         for body in [] if self._identity else bodies:
-            self._tell(body)
+            self._add_output(body)
             self._hear(body)
 
         def hear_all(label: str) -> None:
@@ -112,7 +112,7 @@ class MocapIngest(Node):
         topic, take = f"mocap/{body}/pose", partial(self._on_pose, body)
         self._diagnostics.subscribe(PoseStamped, topic, take, qos.SENSOR, raw=True)
 
-    def _tell(self, body: str) -> None:
+    def _add_output(self, body: str) -> None:
         self._states[body] = IngestState()
         self._outputs[body] = self.create_publisher(Odometry, f"human/{body}", qos.SENSOR)
 
@@ -187,7 +187,7 @@ class MocapIngest(Node):
     def _ingest_of(self, person: str, body: str, measured: PoseNumbers) -> None:
         name = f"{person}/{body}"
         if name not in self._outputs:
-            self._tell(name)
+            self._add_output(name)
         self._ingest(name, measured)
 
     def _ingest(self, body: str, measured: PoseNumbers) -> None:

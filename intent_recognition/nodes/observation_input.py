@@ -76,7 +76,7 @@ class ObservationInput:
     def learned_in(self, frames: Frames) -> None:
         """Say, once for each topic, when its poses are in another frame than the model's."""
         self._frames = frames
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
 
     def open(self) -> None:
         """Subscribe."""
@@ -141,8 +141,8 @@ class ObservationInput:
         if not learned or not frame_id or learned == (frame_name(frame_id),):
             return
         self._diagnostics.tick(f"{topic}, in another frame")
-        if topic not in self._told:
-            self._told.add(topic)
+        if topic not in self._warned:
+            self._warned.add(topic)
             frames = " and ".join(map(repr, learned))
             expected = f"poses in the frame of the demonstrations, {frames}"
             text = printable(describe(topic, expected, repr(frame_id), CURE))

@@ -68,7 +68,7 @@ def meet_all(node: Node, template: str, act: Callable[[str], object], met: set[s
     steady_timer(node, 0.5, look)
 
 
-class _Frame(NamedTuple):
+class _Snapshot(NamedTuple):
     """Bodies measured at one time: positions (3,) [m] in the world by label, and the poses."""
 
     positions: dict[str, Floats]
@@ -76,9 +76,9 @@ class _Frame(NamedTuple):
 
 
 class IdentityInput:
-    """Collects the bodies of a frame, and passes them on by person.
+    """Collects the bodies of a snapshot, and passes them on by person.
 
-    A frame is complete once all who were seen the last time have come; after 50 ms it is taken
+    A snapshot is complete once all who were seen the last time have come; after 50 ms it is taken
     as it is. The position of `body` tells who it is; `send` takes person, body and pose.
     """
 
@@ -93,7 +93,7 @@ class IdentityInput:
         self._identities = Identities()
         self._who: dict[str, str] = {}
         self._expected: set[str] = set()
-        self._frames: dict[int, _Frame] = {}
+        self._snapshots: dict[int, _Snapshot] = {}
         self._newest_ns = self._taken_ns = 0
 
     def take(self, label: str, body: str, measured: PoseNumbers, settings: IngestSettings) -> None:
@@ -111,23 +111,23 @@ class IdentityInput:
         if stamp_ns <= self._taken_ns:
             self._pass_on([(label, body, measured)])
             return
-        positions, poses = self._frames.setdefault(stamp_ns, _Frame({}, []))
+        positions, poses = self._snapshots.setdefault(stamp_ns, _Snapshot({}, []))
         poses.append((label, body, measured))
         if body == self._body:
             positions[label] = settings.frames[frame].apply(measured.pose[:3])
-        for stamp_ns in sorted(self._frames):
-            complete = self._frames[stamp_ns].positions.keys() >= self._expected
+        for stamp_ns in sorted(self._snapshots):
+            complete = self._snapshots[stamp_ns].positions.keys() >= self._expected
             if not complete and self._newest_ns - stamp_ns < 50_000_000:
                 break
-            self._take_frame(stamp_ns)
+            self._take_snapshot(stamp_ns)
 
-    def _take_frame(self, stamp_ns: int) -> None:
-        before, (positions, poses) = self._identities, self._frames.pop(stamp_ns)
+    def _take_snapshot(self, stamp_ns: int) -> None:
+        before, (positions, poses) = self._identities, self._snapshots.pop(stamp_ns)
         self._taken_ns = stamp_ns
         self._identities, found = identify(before, stamp_ns, positions)
         gone = {k: who for k, who in self._who.items() if who not in found.values()}
         self._who = {**gone, **found}
-        self._expected = set(positions).union(*(f.positions for f in self._frames.values()))
+        self._expected = set(positions).union(*(f.positions for f in self._snapshots.values()))
         for name in ("n_undone", "n_unknown"):
             if getattr(self._identities, name) > getattr(before, name):
                 self._diagnostics.count(f"identity_{name[2:]}")

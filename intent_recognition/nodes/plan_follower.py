@@ -36,7 +36,7 @@ class PlanFollower:
         self.change(declare(node, PLAN)[PLAN])
         serve(node, "save_plan", self._save)
         self._publisher = node.create_publisher(DiagnosticStatus, "intent/plan", qos.LATCHED)
-        self._told: DiagnosticStatus | None = None
+        self._published: DiagnosticStatus | None = None
         self.forget()
 
     def forget(self) -> None:
@@ -98,9 +98,9 @@ class PlanFollower:
                 message.level = DiagnosticStatus.WARN
             rows = {step.name: f"{step} {step.done:.2f}" for step in steps}
             message.values = key_values({**rows, "yaml": write_plan(self._plan)})
-        if message == self._told or (self._told is None and progress is None):
+        if message == self._published or (self._published is None and progress is None):
             return
-        self._told = message
+        self._published = message
         self._publisher.publish(message)
         self._diagnostics.value("plan", message.message)
 

@@ -109,14 +109,14 @@ class PrimitiveActivation(ManagedNode):
 
     def configure(self) -> None:
         """Read the model, if one is named, and fix the joints where they are known."""
-        names, self._taught_starts = self._settings.joints()
+        names, self._taught_starts = self._settings.read_model()
         self._sequences.configure(self._settings.taught.library)
         self._hand.taught = self._settings.taught_link
         # Those of a hand become joints when the arm is met, also one that was met before.
         self._starts = {} if self._settings.of_hand else self._taught_starts
         self._starts_near = np.empty(0)
         if names:
-            self._set_joints(names)
+            self._apply_settings(names)
         risk = self._settings.risk
         if risk is not None:
             few = risk.n_groups < risk.n_needed
@@ -133,7 +133,7 @@ class PrimitiveActivation(ManagedNode):
     def activate(self) -> None:
         """Begin to act; nothing but the command in force is left from before."""
         if self.joint_names:
-            self._set_joints(self.joint_names)
+            self._apply_settings(self.joint_names)
         self._output.task(self.activation)
 
     def deactivate(self) -> None:
@@ -185,7 +185,7 @@ class PrimitiveActivation(ManagedNode):
             read = read_prediction(message)
             self._keep_clear(joints)
             if self.activation is None:
-                self._set_joints(joints)
+                self._apply_settings(joints)
             path = self._path(read.of_hand, read.times_s, read.positions, read.velocities)
         except IntentError as error:
             usual = "wrong_size" if isinstance(error, MessageError) else "bad_prediction"
@@ -218,7 +218,7 @@ class PrimitiveActivation(ManagedNode):
                 for label, start in self._taught_starts.items()
             }
             if self.activation is not None and self.joint_names == arm.joint_names:
-                self._set_joints(self.joint_names)
+                self._apply_settings(self.joint_names)
         return arm
 
     def _keep_clear(self, names: tuple[str, ...]) -> None:
@@ -226,7 +226,7 @@ class PrimitiveActivation(ManagedNode):
         new = self._things.update(self._hand.description, names, self._settings.taught)
         new |= self._person.update(names)
         if new and self.activation is not None:
-            self._set_joints(self.joint_names)
+            self._apply_settings(self.joint_names)
 
     def _rest(self, arm: Arm) -> Floats:
         """Posture that the joints are drawn to: home, as far as it is known."""
@@ -238,7 +238,7 @@ class PrimitiveActivation(ManagedNode):
             return
         try:
             if self.activation is None and self._settings.of_hand and self._hand.arm is not None:
-                self._set_joints(self._meet_arm().joint_names)
+                self._apply_settings(self._meet_arm().joint_names)
             if self.activation is None:
                 return
             position = joint_values(message, self.joint_names)
@@ -349,9 +349,9 @@ class PrimitiveActivation(ManagedNode):
     def _change(self, changes: Changes) -> None:
         self._settings = self._changed(changes)
         if self.activation is not None:
-            self._set_joints(self.joint_names)
+            self._apply_settings(self.joint_names)
 
-    def _set_joints(self, names: tuple[str, ...]) -> None:
+    def _apply_settings(self, names: tuple[str, ...]) -> None:
         """Fix the joints; for those of before, the command in force is not forgotten."""
         self._correction.update(names, self._settings.taught)
         settings = replace(

@@ -99,7 +99,7 @@ class SequenceRunner:
         if step is not None and lost and moment.now_s - self._tried_s >= 1.0:
             self._tried_s = moment.now_s
             activation.inbox.order(self._prediction(self._library, step.task, make_path, arm))
-        self._tell()
+        self._publish()
 
     def forget(self) -> None:
         """Be in no sequence, at the beginning of time: after a reset, or a clock that went back."""
@@ -133,7 +133,7 @@ class SequenceRunner:
             self._diagnostics.reject("bad_step", f"{task}: {error}")
             return None
 
-    def _tell(self) -> None:
+    def _publish(self) -> None:
         progress, step = self._progress, awaited(self._sequences, self._progress)
         shown = (progress.name, progress.step, progress.running)
         if shown == self._published:

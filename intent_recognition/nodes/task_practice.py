@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError, BagError, IntentError
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.improvement import Cost, PracticeSession, Rollout, load_cost
 from intent_recognition.model import DOWN, THUMBS, UP, PractisedTask
 from intent_recognition.nodes.diagnostics import Level
@@ -47,13 +47,13 @@ class TaskPracticeService:
     def start(self) -> str:
         """Begin, or go on; returns what is practised."""
         if self.running:
-            raise BagError.about("~/practise", "no practice", "one", "End it first.")
+            raise ArgumentError.about("~/practise", "no practice", "one", "End it first.")
         self._begun = begun = self._open()
         judged = self._teacher.estimator_runs() and self._teacher.executions.records
         if begun.by_thumbs and not judged:
             cure = "Start the graph, and leave `executions` above 0."
             expected = "an estimator, and recordings of executions"
-            raise BagError.about("practice by thumbs", expected, "none", cure)
+            raise ArgumentError.about("practice by thumbs", expected, "none", cure)
         self.running = True
         text = f"practising {begun.practised.task} by {begun.cost}"
         self._teacher.report(Level.OK, f"{text}, {len(begun.session.tried)} rollouts so far")
@@ -64,7 +64,7 @@ class TaskPracticeService:
     def stop(self) -> str:
         """End it; it can go on later."""
         if not self.running or self._begun is None:
-            raise BagError.about("~/practise", "practice to end", "none", "Begin one first.")
+            raise ArgumentError.about("~/practise", "practice to end", "none", "Begin one first.")
         return self._end("ended")
 
     def accept(self) -> str:

@@ -182,7 +182,7 @@ class TaskTeacher(TopicRecorder):
         """Learn from the last execution that a person corrected; returns what changed.
 
         Raises:
-            BagError: no execution was corrected, or the last one was kept before.
+            ArgumentError: no execution was corrected, or the last one was kept before.
             TrainingError: it cannot be learned from; it is kept in the folder's `undone`.
         """
         with self._lock:
@@ -194,7 +194,7 @@ class TaskTeacher(TopicRecorder):
             wanted = "an execution that was corrected and not kept before"
             came = "none" if last is None else f"{last.name}, the last one, which was"
             cure = "Lead the arm by hand while it executes, then keep that."
-            raise BagError.about("~/keep", wanted, came, cure)
+            raise ArgumentError.about("~/keep", wanted, came, cure)
         change = self.folder.learn(self.folder.correct(last))
         return self.changed(change, f"kept the correction of {last.name}")
 

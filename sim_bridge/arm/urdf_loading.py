@@ -50,8 +50,8 @@ def fixtures_of(urdf: str) -> frozenset[str]:
     for _ in ends:
         moved |= {child for _, parent, child in ends if parent in moved}
     carriers = {parent for kind, parent, _ in ends if kind != "fixed"}
-    shaped = (link.get("name", "") for link in root.findall("link") if link.find("collision"))
-    return frozenset(shaped) - moved - carriers
+    shaped = {link.get("name", "") for link in root.findall("link[collision]")}
+    return frozenset(shaped - moved - carriers)
 
 
 def link_name(client: BulletClient, body: int, link: int) -> str:

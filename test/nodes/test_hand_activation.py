@@ -178,7 +178,7 @@ def test_the_estimator_hears_where_the_hand_is(harness, panda, dofs):
     joints = harness.publisher(JointState, "joint_states", qos.STATE)
     harness.connect(description, joints)
     description.publish(String(data=panda.robot.description))
-    harness.spin_until(lambda: inputs._hand.arm is not None)
+    harness.spin_until(lambda: inputs.hand.arm is not None)
     state = to_joint_state(panda.robot.joint_names, panda.home, np.zeros(7), time_ns=START_NS)
     joints.publish(state)
     joints.publish(to_joint_state(["other"], [0.0], [0.0], time_ns=START_NS + 1))

@@ -147,7 +147,7 @@ def test_what_one_has_done_of_a_plan_counts_for_all_and_stays_done_when_one_is_l
     ones = np.ones(n + 1)
     done = TaskPosterior(np.eye(n + 1)[first], 0.0 * ones, ones, ones, ones[:, None])
     anna.estimator.expectation.remember(T0, done)
-    node._tell(anna)
+    node._publish(anna)
     assert ben.estimator.expectation.prior[second] > 0.7
     ben.forget()  # not seen for a while
     assert ben.estimator.expectation.prior[second] > 0.7
