@@ -16,6 +16,7 @@ from intent_recognition.nodes.intent_output import IntentOutput
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.observation_input import ObservationInput
 from intent_recognition.nodes.runtime import LeftOvers, elapsed_s
+from intent_recognition.parameter_table import parameter_parts
 from intent_recognition.recognition import Estimate, IntentEstimator
 from intent_recognition.signals import Observation
 from intent_recognition.tracking import LOST_S
@@ -175,7 +176,9 @@ class PersonBelief:
     def look(self) -> None:
         """Tell whether the person's stream is silent, or too sparse."""
         silent_s = elapsed_s(self._node) - self._last_arrival_s
-        if self._moving and silent_s > 0.5:  # the default `timeout` of `primitive_activation`
+        # by default the arm slows then
+        slows_s = parameter_parts()["activation"]["timeout"].default
+        if self._moving and silent_s > slows_s:
             self._silent = True
             self._say(Level.WARN, f"human stream stopped {silent_s:.1f} s ago")
         elif not self._moving:

@@ -6,6 +6,7 @@ from collections import Counter, deque
 import numpy as np
 import pytest
 
+from intent_recognition.registry import NODES
 from sim_bridge.arm.lock_step import ANSWERING, ARM, EDGES, LockStep
 
 CHAIN = EDGES[2:5]
@@ -118,3 +119,13 @@ def test_what_several_people_have_of_a_topic_is_added_up():
     assert lock.missing() == EDGES[2]
     hear(lock, "mocap_ingest", mocap__anna__wrist__pose=2, mocap__ben__wrist__pose=1)
     assert lock.missing() is None
+
+
+def test_topics_go_from_node_to_node_as_registered():
+    def names(topics):
+        return {t.format(body="wrist", heard="human/wrist", sampled="") for t in topics}
+
+    for edge in EDGES[1:]:  # the clock is every node's
+        sender, taker = NODES.get(edge.sender or "arm_sim"), NODES.get(edge.taker or "arm_sim")
+        assert sender is None or edge.topic in names(sender.publishes), edge
+        assert taker is None or edge.topic in names(taker.subscribes), edge
