@@ -155,6 +155,8 @@ def covariance_defect(observation: Observation, past: SignalPast) -> str | None:
     if covariance is None:
         return "no_covariance" if observation.derivative else None
     fits = np.shape(covariance) == (m, m) and past.is_covariance(covariance)
+    if fits and observation.derivative:  # no learned noise is added
+        fits = bool(np.linalg.cond(covariance) < 1e12)
     return None if fits else "bad_covariance"
 
 

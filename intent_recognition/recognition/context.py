@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is known of the scene while the estimator runs: it may come late, and change."""
 
+from collections import defaultdict
+
 import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition.first_samples import context_misfit
-from intent_recognition.signals import Misfit, Observation
+from intent_recognition.signals import CLOCK_RESET_AFTER, LateSamples, Misfit, Observation
 
 CONTEXT_PERIOD_S = 0.2
 """Least time between two changes of context in one movement, which is filtered anew at each [s].
@@ -39,6 +41,7 @@ class KnownContext:
         self._used = np.full(len(library.context_names), np.nan)
         self._used_at_ns = 0
         self._newest_ns: dict[int, int] = {}
+        self._late = defaultdict[int, LateSamples](LateSamples)
 
     def know(self, values: Floats) -> Misfit | None:
         """Know these (M,), NaN for what is not known, or say why they are in another unit."""
@@ -57,7 +60,11 @@ class KnownContext:
         model, newest_ns = self.learned.context, self._newest_ns.get(observation.group, 0)
         if model is None or not 0 <= observation.group < len(model.groups):
             return "no_context"
-        if observation.stamp_ns < newest_ns:
+        late = self._late[observation.group]
+        if (
+            observation.stamp_ns < newest_ns
+            and late.count(observation.stamp_ns) < CLOCK_RESET_AFTER
+        ):
             return "stamp_not_increasing"
         first, size = sum(model.groups[: observation.group]), model.groups[observation.group]
         dofs = range(size) if observation.dofs is None else observation.dofs
@@ -71,6 +78,7 @@ class KnownContext:
         if self.know(known) is not None:
             return "unit"
         self._newest_ns[observation.group] = observation.stamp_ns
+        late.forget()
         return None
 
     def forget_stamps(self) -> None:
@@ -94,4 +102,8 @@ class KnownContext:
     def apply(self, stamp_ns: int = 0) -> TaskLibrary:
         """Use what is known from a stamp on: the library in this context."""
         self._used, self._used_at_ns = self.values.copy(), stamp_ns
-        return self.learned if self.learned.context is None else self.learned.given(self.values)
+        return self.given(self.learned)
+
+    def given(self, library: TaskLibrary) -> TaskLibrary:
+        """A library of the same context in what is known of it."""
+        return library if library.context is None else library.given(self.values)

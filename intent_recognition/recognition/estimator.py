@@ -38,13 +38,7 @@ from intent_recognition.recognition.observed_turns import ObservedTurns
 from intent_recognition.recognition.predicting import Predictor, expected_at_rest, predict_observed
 from intent_recognition.recognition.start_posture import OnsetPosture
 from intent_recognition.recognition.transitions import FORGET_AFTER_S, Expectation
-from intent_recognition.signals import Observation
-
-CLOCK_RESET_AFTER = 50
-"""Consecutive late observations of a signal, in order, after which its clock was set back.
-
-Convention: half a second of a motion capture system at 100 Hz.
-"""
+from intent_recognition.signals import CLOCK_RESET_AFTER, Observation
 
 
 class IntentEstimator:
@@ -83,8 +77,7 @@ class IntentEstimator:
         switching: bool = True,
     ):
         check_type("library", library, TaskLibrary, LIBRARY_CURE)
-        self._bend: Callable[[TaskLibrary], TaskLibrary] = lambda taught: taught
-        self._context, self._task_prior = KnownContext(library), task_prior
+        self._context = KnownContext(library)
         self._n_scales, self._switching = n_scales, switching
         self._posture = OnsetPosture(used=start_posture)
         self._predictor = Predictor(self._posture)
@@ -94,7 +87,7 @@ class IntentEstimator:
         self.first_samples = FirstSamples(library)
         self._run: MovementFilter | None = None  # of the movement under way
         self._posterior: TaskPosterior | None = None
-        self._use(library)
+        self._use(library, lambda taught: taught, task_prior)
 
     def __repr__(self) -> str:
         """What it can recognise, and whether a movement is under way."""
@@ -170,7 +163,7 @@ class IntentEstimator:
             ArgumentError: it is no `Observation`.
         """
         check_observation(observation)
-        observation = self._turns.bring(observation)
+        observation = self._turns.bring(observation.copied())
         now_ns, detector = observation.stamp_ns, self._detector
         detector.add(observation)
         if self._run is None:
@@ -178,11 +171,11 @@ class IntentEstimator:
             onset_ns = detector.find_onset_ns()
             if onset_ns is not None:
                 if self._context.changed():
-                    self._use(self._context.apply(now_ns))
+                    self._use_context(now_ns)
                 self._begin(onset_ns, detector.since(onset_ns))
         elif now_ns >= self._run.onset_ns:
             if self._context.due(now_ns, self._run.onset_ns):
-                self._use(self._context.apply(now_ns))
+                self._use_context(now_ns)
             self._run.observe(observation)
         elapsed_s = 0.0 if self._run is None else (now_ns - self._run.onset_ns) * 1e-9
         posterior = self._believe(now_ns)
@@ -194,11 +187,13 @@ class IntentEstimator:
             if following is not None:
                 self._end(now_ns)
                 self._run = following
+                self._posture.find(following.onset_ns)
                 self._believe(now_ns)
         return self._estimate(now_ns)
 
     def _begin(self, onset_ns: int, past: Sequence[Observation]) -> None:
         """Follow a movement from its onset, of which something has been observed."""
+        self._posture.find(onset_ns)
         self._run = self._movements.begin(onset_ns, self.expectation.ratio, past)
         self._detector.forget_stops()
 
@@ -264,7 +259,7 @@ class IntentEstimator:
         if (misfit := self._context.know(known)) is not None:
             raise ArgumentError(misfit.reason)
         if self._context.changed():
-            self._use(self._context.apply())
+            self._use_context()
 
     def update_context(self, observation: Observation) -> str | None:
         """Take a sample of the scene; returns why it was not taken, as a diagnostics key, or None.
@@ -284,8 +279,7 @@ class IntentEstimator:
         `composing.BentLibrary` makes one that passes through via points. The observed weights must
         stay, so that the same is recognised.
         """
-        self._bend = change
-        self._use(self.taught)
+        self._use(self.taught, change, self._task_prior)
 
     def answer(self, task: str) -> None:
         """Count what a person says the movement under way is, until it ends or is answered anew.
@@ -391,20 +385,32 @@ class IntentEstimator:
 
         Raises:
             DofError: the other library has other DOFs, or another context.
+            ArgumentError: the prior is not one over its tasks. Nothing has changed then.
         """
         check_same_dofs(self._context.learned, library)
-        self._task_prior = task_prior
+        self._use(self._context.given(library), self._bend, task_prior)
         self._context.use(library)
-        self._use(self._context.apply())
+        self._context.apply()
 
-    def _use(self, library: TaskLibrary) -> None:
-        self.taught, self.library = library, self._bend(library)
-        self._detector.use(self.library.onset)
-        self.expectation.swap(self.library, self._task_prior)
+    def _use_context(self, stamp_ns: int = 0) -> None:
+        self._use(self._context.apply(stamp_ns), self._bend, self._task_prior)
+
+    def _use(
+        self,
+        taught: TaskLibrary,
+        bend: Callable[[TaskLibrary], TaskLibrary],
+        task_prior: Floats | None,
+    ) -> None:
+        library = bend(taught)
+        grid = make_prior_grid(library, task_prior, self._n_scales)
+        self.taught, self.library, self._bend, self._task_prior = taught, library, bend, task_prior
+        turned = self._turns.change(library)
+        self._detector.use(library.onset)
+        self._detector.change_past(turned)
+        self.expectation.swap(library, task_prior)
         self._posture.library_changed()
-        grid = make_prior_grid(self.library, self._task_prior, self._n_scales)
-        self._movements = Movements(self.library, grid, switching=self._switching)
+        self._movements = Movements(library, grid, switching=self._switching)
         if self._run is not None:
-            seen = self._run.observations
+            seen = [turned(observation) for observation in self._run.observations]
             self._begin(self._run.onset_ns, seen)
             self._believe(seen[-1].stamp_ns)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """When a movement begins, stops and is over, from the last seconds of all observed signals."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.filtering import TaskPosterior
 from intent_recognition.signals import (
     LEAST_RATE_HZ,
+    NEVER_NS,
     Observation,
     OnsetSettings,
     Samples,
@@ -164,6 +165,16 @@ class MotionDetector:
         for past, own in zip(self.pasts, settings, strict=True):
             past.keep(past_s(own))
         self._now.clear()
+
+    def change_past(self, change: Callable[[Observation], Observation]) -> None:
+        """Keep what a function makes of all observations."""
+        kept, waits = self.since(NEVER_NS), self.waits_for_rest
+        changed = [change(observation) for observation in kept]
+        if any(new is not old for new, old in zip(changed, kept, strict=True)):
+            self.clear()
+            for observation in changed:
+                self.add(observation)
+            self.waits_for_rest = waits
 
     def forget_stops(self) -> None:
         """Forget when the signals moved: a movement begins."""

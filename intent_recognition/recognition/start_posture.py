@@ -5,7 +5,7 @@ It conditions trajectories (`prediction.controlled_weights`), never the task evi
 robot stands is its own doing.
 """
 
-from collections import deque
+from collections import defaultdict, deque
 
 import numpy as np
 from scipy.special import chdtri
@@ -19,7 +19,13 @@ from intent_recognition.promp import (
     controlled_spread,
     distance_to,
 )
-from intent_recognition.signals import Observation, turns_of, whole_turns
+from intent_recognition.signals import (
+    CLOCK_RESET_AFTER,
+    LateSamples,
+    Observation,
+    turns_of,
+    whole_turns,
+)
 
 POSTURE_USED, POSTURE_OUTSIDE, POSTURE_UNKNOWN = "used", "outside", "unknown"
 MAX_AGE_S = 0.25
@@ -52,6 +58,7 @@ class PostureHistory:
 
     def __init__(self) -> None:
         self._samples: list[deque[tuple[int, Floats]]] = []
+        self._late = defaultdict[int, LateSamples](LateSamples)
 
     def take(self, stamp_ns: int, group: int, values: Floats) -> str | None:
         """Take one sample; returns why it was not taken, as a diagnostics key, or None.
@@ -67,7 +74,10 @@ class PostureHistory:
         if not np.all(np.isfinite(values)):
             return "not_finite"
         if samples and stamp_ns <= samples[-1][0]:
-            return "stamp_not_increasing"
+            if self._late[group].count(stamp_ns) < CLOCK_RESET_AFTER:
+                return "stamp_not_increasing"
+            samples.clear()
+        self._late[group].forget()
         samples.append((stamp_ns, np.array(values, dtype=np.float64)))
         while stamp_ns - samples[0][0] > SPAN_S * 1e9:
             samples.popleft()
@@ -107,7 +117,18 @@ class OnsetPosture:
         """Take a sample; returns why it was not taken, as a diagnostics key, or None."""
         if not self._used:
             return None
-        return self._history.take(observation.stamp_ns, observation.group, observation.values)
+        reason = self._history.take(observation.stamp_ns, observation.group, observation.values)
+        self.find(self._onset_ns)
+        return reason
+
+    def find(self, onset_ns: int) -> None:
+        """Keep the posture at the onset of a movement, until it can change no more."""
+        if onset_ns != self._onset_ns:
+            self._forget_onset(onset_ns)
+        if not self._final:
+            self._position = self._history.at(onset_ns)
+            self._final = self._history.passed(onset_ns)
+            self.library_changed()
 
     def _forget_onset(self, onset_ns: int) -> None:
         self._onset_ns, self._final = onset_ns, False
@@ -130,12 +151,7 @@ class OnsetPosture:
 
         Third, the whole turns by which the arm is away from where the task was learned, (Q,) [rad].
         """
-        if onset_ns != self._onset_ns:
-            self._forget_onset(onset_ns)
-        if not self._final:
-            self._position = self._history.at(onset_ns)
-            self._final = self._history.passed(onset_ns)
-            self.library_changed()
+        self.find(onset_ns)
         position, none = self._position, np.zeros(library.n_controlled)
         if position is None or position.shape != none.shape:
             return None, POSTURE_UNKNOWN, none

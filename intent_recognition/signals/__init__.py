@@ -29,7 +29,13 @@ from intent_recognition.signals.orientation import (
     to_tangent,
     to_tangent_covariance,
 )
-from intent_recognition.signals.past import Samples, SignalPast
+from intent_recognition.signals.past import (
+    CLOCK_RESET_AFTER,
+    NEVER_NS,
+    LateSamples,
+    Samples,
+    SignalPast,
+)
 from intent_recognition.signals.proposals import Span, propose_spans
 from intent_recognition.signals.segmentation import LEAST_RATE_HZ, movement_span, onset_settings
 from intent_recognition.signals.signal import (

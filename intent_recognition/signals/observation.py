@@ -32,6 +32,11 @@ class Observation(NamedTuple):
     dofs: tuple[int, ...] | None = None
     derivative: bool = False
 
+    def copied(self) -> Observation:
+        """With arrays of its own: a sender may use its buffer again."""
+        covariance = None if self.covariance is None else np.array(self.covariance)
+        return self._replace(values=np.array(self.values), covariance=covariance)
+
     def measured(self) -> Observation | None:
         """Without the DOFs whose value is NaN, which were not measured; None where all are NaN."""
         rows = np.flatnonzero(~np.isnan(self.values))

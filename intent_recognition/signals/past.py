@@ -12,6 +12,11 @@ from intent_recognition.signals.observation import Observation
 
 NEVER_NS = -(2**63)
 """Earlier than every stamp [ns]."""
+CLOCK_RESET_AFTER = 50
+"""Consecutive late samples of a signal, in order, after which its clock was set back.
+
+Convention: half a second of a motion capture system at 100 Hz.
+"""
 
 
 class Samples(NamedTuple):
@@ -94,6 +99,23 @@ class History:
         return n
 
 
+class LateSamples:
+    """Counts consecutive late samples of a signal that are in order among themselves."""
+
+    def __init__(self) -> None:
+        self.forget()
+
+    def forget(self) -> None:
+        """One has come that was not late."""
+        self._last_ns, self._n = NEVER_NS, 0
+
+    def count(self, stamp_ns: int) -> int:
+        """Number of them, with this one."""
+        self._n = self._n + 1 if stamp_ns > self._last_ns else 1
+        self._last_ns = stamp_ns
+        return self._n
+
+
 class SignalPast:
     """Observations of one signal, those of the same DOFs together, of the last `length_s`.
 
@@ -115,7 +137,7 @@ class SignalPast:
         """Forget everything."""
         self._histories: dict[tuple, History] = {}
         self._newest_ns = ([NEVER_NS] * self.n_dofs, [NEVER_NS] * self.n_dofs)
-        self._late = [(NEVER_NS, 0), (NEVER_NS, 0)]
+        self._late = LateSamples(), LateSamples()
 
     def is_late(self, observation: Observation) -> bool:
         """Whether one of its DOFs was seen at that time, or after it, already.
@@ -129,10 +151,7 @@ class SignalPast:
 
     def count_late(self, observation: Observation) -> int:
         """Number of consecutive late observations in order among themselves, with this one."""
-        last_ns, count = self._late[observation.derivative]
-        count = count + 1 if observation.stamp_ns > last_ns else 1
-        self._late[observation.derivative] = (observation.stamp_ns, count)
-        return count
+        return self._late[observation.derivative].count(observation.stamp_ns)
 
     def add(self, observation: Observation) -> None:
         """Take an observation that is not late."""
@@ -143,7 +162,7 @@ class SignalPast:
         newest_ns = self._newest_ns[observation.derivative]
         for dof in range(self.n_dofs) if observation.dofs is None else observation.dofs:
             newest_ns[dof] = observation.stamp_ns
-        self._late[observation.derivative] = (NEVER_NS, 0)
+        self._late[observation.derivative].forget()
 
     def is_covariance(self, covariance: Floats) -> bool:
         """Whether a matrix (m, m) is a valid covariance; the last valid one is known."""
@@ -203,8 +222,10 @@ def _join(parts: Sequence[Samples]) -> Samples:
 
 
 def is_covariance(matrix: Floats) -> bool:
-    """Whether a symmetric matrix is finite and positive semidefinite."""
+    """Whether a matrix is finite, symmetric and positive semidefinite."""
     if not np.all(np.isfinite(matrix)):
+        return False
+    if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-6 * np.abs(matrix).max(initial=0.0):
         return False
     eigenvalues = np.linalg.eigvalsh(matrix)
     return bool(eigenvalues[0] >= -1e-9 * abs(eigenvalues[-1]))

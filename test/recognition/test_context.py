@@ -11,7 +11,7 @@ from intent_recognition.errors import ArgumentError, DofError, ShapeError
 from intent_recognition.learning import add_demonstration
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.recognition.context import CONTEXT_PERIOD_S, CONTEXT_SHARE
-from intent_recognition.signals import Observation, merge
+from intent_recognition.signals import CLOCK_RESET_AFTER, Observation, merge
 from intent_recognition.signals.streams import recording_doubts
 
 BOX, ELSEWHERE = np.array([0.2, -0.15]), np.array([-0.1, 0.25])
@@ -172,3 +172,11 @@ def test_another_library_is_used_in_the_same_context(library, recorded):
     assert_same(found[60:], feed(IntentEstimator(more.given(BOX)), recorded)[60:])
     with pytest.raises(DofError, match="library context_names"):
         estimator.swap(replace(library, context=None))
+
+
+def test_one_stamp_in_the_future_is_forgotten_after_a_while(library):
+    estimator = IntentEstimator(library)
+    assert estimator.update_context(Observation(3_600_000_000_000, 0, BOX)) is None
+    late = (Observation(10**9 + k, 0, -BOX) for k in range(CLOCK_RESET_AFTER))
+    assert [estimator.update_context(one) is None for one in late].count(True) == 1
+    np.testing.assert_array_equal(estimator._context.values, -BOX)

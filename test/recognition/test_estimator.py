@@ -190,6 +190,50 @@ def test_a_library_swapped_in_mid_movement_has_seen_everything(library, truth, r
         same(ours, theirs)
 
 
+@pytest.mark.parametrize("begins_at", [0, 110], ids=["at rest", "in mid-movement"])
+def test_a_swap_to_tasks_in_another_turn_of_an_angle_changes_nothing(begins_at):
+    rng, units = np.random.default_rng(8), ("rad",) * 3
+    library = replace(make_library(rng, spread=0.03, noise_std=0.001), observed_units=units)
+    turned, of_none = library.weight_mean.copy(), library.none_mean.copy()
+    turned[:, 10:20] += 2.0 * np.pi  # the second DOF
+    of_none[10:20] += 2.0 * np.pi
+    other = replace(library, weight_mean=turned, none_mean=of_none)
+    observations = list(merge(movement(library, 1, rng).observed))
+    kept, swapping = IntentEstimator(library), IntentEstimator(library)
+    feed(kept, observations[:begins_at])
+    feed(swapping, observations[:begins_at])
+    swapping.swap(other)
+    expected, found = (feed(one, observations[begins_at:]) for one in (kept, swapping))
+    assert sum(one.moving for one in found) > 40
+    for ours, theirs in zip(found, expected, strict=True):
+        assert ours.moving == theirs.moving
+        np.testing.assert_allclose(ours.probabilities, theirs.probabilities, atol=1e-6)
+
+
+def test_what_cannot_be_swapped_in_or_bent_changes_nothing(library, truth, rng):
+    observations = list(merge(movement(truth, 0, rng).observed))
+    estimator, undisturbed = IntentEstimator(library), IntentEstimator(library)
+    feed(estimator, observations[:110])
+    feed(undisturbed, observations[:110])
+    with pytest.raises(ArgumentError):
+        estimator.swap(library, np.array([0.5, 0.5]))
+    with pytest.raises(ZeroDivisionError):
+        estimator.bend(lambda taught: 1 / 0)
+    ours, theirs = (feed(one, observations[110:]) for one in (estimator, undisturbed))
+    for one, other in zip(ours, theirs, strict=True):
+        same(one, other, 0.0)
+
+
+def test_a_buffer_may_be_used_again(library, truth, rng):
+    observations = list(merge(movement(truth, 0, rng).observed))[:120]
+    expected = feed(IntentEstimator(library), observations)[-1]
+    buffer, estimator = np.zeros(3), IntentEstimator(library)
+    for observation in observations:
+        buffer[:] = observation.values
+        found = estimator.update(observation._replace(values=buffer))
+    same(found, expected, 0.0)
+
+
 @pytest.mark.slow
 def test_a_swap_between_movements_and_a_task_prior(library, truth, rng):
     estimator = IntentEstimator(library)

@@ -11,6 +11,8 @@ from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.recognition.estimator import CLOCK_RESET_AFTER, IntentEstimator
 from intent_recognition.signals.observation import Observation, merge
 
+SINGULAR = np.diag([1.0, 1.0, 0.0])
+
 
 @pytest.mark.slow
 def test_seconds_and_arrays_give_what_observations_give(library, truth, rng):
@@ -216,6 +218,9 @@ def test_a_movement_that_never_ends_does_not_keep_the_estimator(library):
         (Observation(START_NS, 0, np.zeros(3), np.full((3, 3), np.nan)), "bad_covariance"),
         (Observation(START_NS, 0, np.zeros(3), np.eye(2)), "bad_covariance"),
         (Observation(START_NS, 0, np.zeros(3), -np.eye(3)), "bad_covariance"),
+        (Observation(START_NS, 0, np.zeros(3), np.triu(np.ones((3, 3)))), "bad_covariance"),
+        (Observation(START_NS, 0, np.zeros(3), SINGULAR, derivative=True), "bad_covariance"),
+        (Observation(START_NS, 0, np.zeros(3), SINGULAR), None),
         (Observation(START_NS, 0, np.zeros(3), np.zeros((3, 3))), None),
         (Observation(START_NS, 0, np.zeros(3), np.eye(3)), None),
     ],

@@ -21,6 +21,7 @@ from intent_recognition.recognition.start_posture import (
     start_variance,
     within_trained_starts,
 )
+from intent_recognition.signals import CLOCK_RESET_AFTER
 from intent_recognition.signals.observation import Observation, merge
 
 MS = 1_000_000
@@ -61,6 +62,21 @@ def test_bad_samples_are_refused_with_the_reason():
     assert taken.take(110 * MS, 0, np.array([np.nan])) == "not_finite"
     assert taken.take(100 * MS, 0, np.array([5.0])) == "stamp_not_increasing"
     assert taken.at(110 * MS) == 1.0
+
+
+def test_one_stamp_in_the_future_is_forgotten_after_a_while():
+    taken = history((100, 0, [1.0]), (3_600_000, 0, [2.0]))
+    reasons = [taken.take((110 + k) * MS, 0, np.array([3.0])) for k in range(CLOCK_RESET_AFTER)]
+    assert reasons == [*["stamp_not_increasing"] * (CLOCK_RESET_AFTER - 1), None]
+    assert taken.at(200 * MS) == 3.0
+
+
+def test_it_is_known_however_late_somebody_asks(library, recording):
+    """The past that is kept is over by then."""
+    estimator = begun(library, recording, start_mean(library, 1))
+    stamp_ns = recording.start_ns + 10_000 * MS
+    assert estimator.update_controlled(Observation(stamp_ns, 0, np.ones(2))) is None
+    assert estimator.predict_controlled().start == "used"
 
 
 def test_a_sample_without_a_stamp_is_refused(library):

@@ -76,6 +76,7 @@ def test_dofs_that_were_last_seen_long_before_others_do_not_speak():
         (np.zeros((2, 2)), True),
         (-np.eye(2), False),
         (np.array([[1.0, 2.0], [2.0, 1.0]]), False),
+        (np.array([[1.0, 0.5], [0.0, 1.0]]), False),
         (np.full((2, 2), np.nan), False),
     ],
 )
