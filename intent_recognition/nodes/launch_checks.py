@@ -69,14 +69,15 @@ def check_sections(path: str, calls: Sequence[NodeCall]) -> None:
     A section of a node that is not started here, but in another graph, passes. ROS itself passes
     over what is misspelt.
     """
-    started = ["/" + "/".join(filter(None, (call.namespace, call.name))) for call in calls]
     executables = {name: spec.executable or name for name, spec in NODES.items()}
     for section, values in sections(load_yaml(read_text(Path(path))), ""):
         last = section.rsplit("/", 1)[-1]
         executable = executables.get(last, last)
         if executable in PARTS:
             _check_names(f"params_file {path}, {last}", values, executable)
-        if executable in executables.values() or any(holds_for(section, n) for n in started):
+        if executable in executables.values() or any(
+            holds_for(section, call.enclave) for call in calls
+        ):
             continue
         cure = nearest(last, NODES, f"Nodes are {', '.join(NODES)}.")
         raise ArgumentError.about(f"params_file {path}", "sections of nodes", section, cure)

@@ -4,6 +4,7 @@
 import os
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.nodes.graph import GRAPHS, NodeCall, arguments_of, resolve
 from intent_recognition.nodes.launch_checks import check_arguments, check_needs, check_sections
+from intent_recognition.nodes.parameters import holds_for, sections
 from intent_recognition.nodes.processes import transport
 from intent_recognition.share import share_path
 from intent_recognition.untrusted import load_yaml, read_text
@@ -79,7 +81,7 @@ def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]
         for name, value in parameters.items()
     }
     named = call.name != call.executable
-    own = [_section(file, call.executable) for file in files] if named else []
+    own = [_section(file, call) for file in files] if named else []
     return Node(
         package=call.package,
         executable=call.executable,
@@ -102,9 +104,13 @@ def end_if_refused(event: Any, _context: object) -> None:
         raise IntentError(f"{event.process_name} cannot run; what it logged says why")
 
 
-def _section(file: str, executable: str) -> dict[str, object]:
-    content = load_yaml(read_text(Path(file))) or {}
-    return dict(content.get(f"/**/{executable}", {}).get("ros__parameters", {}))
+def _section(file: str, call: NodeCall) -> dict[str, object]:
+    """What a file says of nodes of this executable."""
+    node, found = replace(call, name=call.executable).enclave, dict[str, object]()
+    for section, values in sections(load_yaml(read_text(Path(file))), ""):
+        if holds_for(section, node):
+            found |= values
+    return found
 
 
 def _params_file(name: str) -> str:

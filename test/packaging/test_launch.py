@@ -48,6 +48,16 @@ def test_nodes_are_executables_with_parameters(describe, repository, name):
             assert options["parameters"][0]["source"] == "mug"
 
 
+@pytest.mark.parametrize("section", ["object_warper", "/cell1/object_warper", "/**/object_warper"])
+def test_both_warpers_take_the_section_of_their_executable(describe, tmp_path, section):
+    own = tmp_path / "mine.yaml"
+    own.write_text(f"/**/object_warper:\n{section}:\n  ros__parameters: {{source: bowl}}\n")
+    namespace = "" if section == "object_warper" else "cell1"
+    nodes = start(describe("pouring"), params_file=str(own), namespace=namespace)
+    for node in WARPERS:
+        assert nodes[node]["parameters"][1]["source"] == "bowl"
+
+
 @pytest.mark.parametrize("name", EXECUTABLES)
 def test_every_node_takes_the_namespace_and_the_clock(describe, name):
     entities = describe(name)
