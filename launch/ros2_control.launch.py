@@ -46,6 +46,7 @@ def _check(_: LaunchContext) -> list[Node]:
 
 def _controllers(context: LaunchContext) -> list[Node]:
     arm = LaunchConfiguration("arm").perform(context)
+    namespace = LaunchConfiguration("namespace").perform(context).strip("/")
     hardware = share_path(f"config/ros2_control/{arm}.ros2_control.xml").read_text(encoding="utf-8")
     described = describe_robot(arm).replace("</robot>", f"{hardware}</robot>")
     controllers = str(share_path(f"config/ros2_control/{arm}_controllers.yaml"))
@@ -53,6 +54,7 @@ def _controllers(context: LaunchContext) -> list[Node]:
         package="controller_manager",
         executable="ros2_control_node",
         name="controller_manager",
+        namespace=namespace,
         parameters=[controllers],
         remappings=[("~/robot_description", "robot_description")],
         output="screen",
@@ -61,6 +63,7 @@ def _controllers(context: LaunchContext) -> list[Node]:
     publisher = Node(
         package="robot_state_publisher",
         executable="robot_state_publisher",
+        namespace=namespace,
         parameters=[{"robot_description": described}],
         output="screen",
         on_exit=end_if_refused,
@@ -68,6 +71,7 @@ def _controllers(context: LaunchContext) -> list[Node]:
     spawner = Node(
         package="controller_manager",
         executable="spawner",
+        namespace=namespace,
         arguments=[*CONTROLLERS, "--controller-manager", "controller_manager"],
         output="screen",
         on_exit=end_if_refused,

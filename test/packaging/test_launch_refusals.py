@@ -50,9 +50,10 @@ def test_ros2_control_looks_first_and_starts_its_own_nodes_last(describe, monkey
     _, check, graph, controllers = describe("ros2_control")
     assert graph.kind == "IncludeLaunchDescription"
     check, controllers = check.options["function"], controllers.options["function"]
-    context = Context(arm="lwr")
+    context = Context(arm="lwr", namespace="/cell1/")
     assert check(context) == []
     for node in controllers(context):
+        assert node.options["namespace"] == "cell1"
         with pytest.raises(IntentError, match="spawner-2 cannot run"):
             exited = types.SimpleNamespace(returncode=1, process_name="spawner-2")
             node.options["on_exit"](exited, context)
