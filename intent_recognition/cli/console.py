@@ -99,7 +99,7 @@ def _state(task: Task) -> str:
     said = f"{task.description}: {task.completed:.0f} of {task.total:.0f}, {elapsed_s:.0f} s"
     if not task.completed:
         return said
-    rest_s = elapsed_s * max(0.0, task.total - task.completed) / task.completed
+    rest_s = elapsed_s * (task.total - task.completed) / task.completed
     return f"{said}, about {rest_s:.0f} s more"
 
 

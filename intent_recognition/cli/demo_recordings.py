@@ -7,12 +7,14 @@ from contextlib import suppress
 from functools import partial
 from itertools import cycle
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from rich.console import Console
 
 from intent_recognition.array_types import Floats
+from intent_recognition.bags import cure_of
 from intent_recognition.cli.console import boxed_table, say
 from intent_recognition.cli.demo_session import (
     LIBRARY,
@@ -27,7 +29,7 @@ from intent_recognition.cli.output import PRINTED, write_json
 from intent_recognition.cli.session_watch import PLAYER, NodeWatch
 from intent_recognition.dashboard.admission import answers
 from intent_recognition.demonstrations import find_bags, is_raw_pose, read_demonstrations
-from intent_recognition.errors import ArgumentError, DofError
+from intent_recognition.errors import ArgumentError, BagError, DofError
 from intent_recognition.model import Model, frames_of, load_model
 from intent_recognition.motion import is_hand
 from intent_recognition.nodes.graph import ARMS, RECOGNITION, NodeCall, resolve
@@ -70,6 +72,9 @@ def run_recordings(args: argparse.Namespace, console: Console) -> int:
     _check(args)
     model = load_model(args.model)
     bags = find_bags(args.recordings)
+    if not bags:
+        cure = cure_of(args.recordings, "Check the path.")
+        raise BagError.about("--recordings", "a bag", f"none in {args.recordings}", cure)
     arm, home = _arm(args, model)
     shown: list[Shown] = []
     make_observer = partial(RecordingObserver, model.dofs.observed[0], arm.robot.joint_names)
@@ -234,7 +239,7 @@ def _report(args: argparse.Namespace, shown: Sequence[Shown], console: Console) 
     off = [one.off_cm for one in shown if np.isfinite(one.off_cm)]
     if right < len(shown):
         say(console, "people move in real time, which a busy machine cannot follow; without it:")
-        say(console, f"  intent rehearse {args.model} {args.recordings}")
+        say(console, f"  intent rehearse {quote(str(args.model))} {quote(str(args.recordings))}")
     by_hand = f", hand off by {np.mean(off):.1f} cm on average" if off else ""
     console.file.write(f"acted on as labelled {right}/{len(shown)}{by_hand}\n")
     return 1 if 2 * right < len(shown) else 0

@@ -52,17 +52,17 @@ def read_all(
     """Read all recordings with a progress bar; the DOFs may be those of a model."""
     demonstrations: list[Demonstration] = []
     rejections: list[Rejection] = []
-    total = sum(len(find_bags(path)) for path in paths)
+    bags = [bag for path in paths for bag in find_bags(path) or [path]]
     with progress_bar(console) as bar:
-        task = bar.add_task("reading bags", total=total)
-        for found in iter_demonstrations(paths, dofs):
-            if isinstance(found, Demonstration):
-                demonstrations.append(found)
-                console_path = found.source
-            else:
-                rejections.append(found)
-                console_path = found.path
-            bar.update(task, advance=1, description=f"reading {Path(console_path).name}")
+        task = bar.add_task("reading bags", total=len(bags))
+        for bag in bags:
+            bar.update(task, description=f"reading {bag.name}")
+            for found in iter_demonstrations(bag, dofs):
+                if isinstance(found, Demonstration):
+                    demonstrations.append(found)
+                else:
+                    rejections.append(found)
+            bar.advance(task)
     if not demonstrations:
         raise nothing_read(paths, None if of_model else dofs, rejections)
     return demonstrations, rejections

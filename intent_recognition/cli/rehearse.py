@@ -75,5 +75,6 @@ def _movements(
     if again := sum(one.name in known for one in found):
         text = "recordings have names of what the model was trained on; if they are the same, the"
         say(console, f"{again} {text} numbers flatter", "yellow")
+    print_left_out(console, [f"{one.name}: it has no label" for one in found if one.task is None])
     labelled = [one for one in found if one.task is not None]
     return [where_both_were_recorded(trained.preprocessing.cut(one)) for one in labelled]

@@ -75,11 +75,13 @@ def test_the_arm_does_what_was_learned(learned, tmp_path, capfd):
     [
         (["--arm", "lwr"], "joints of lwr"),
         (["--arm", "panda", "--rate", "2"], "no such option with --recordings"),
+        (["--recordings", "{}"], "--recordings: expected a bag, got none in "),
     ],
 )
 def test_what_does_not_fit_is_said_before_anything_starts(learned, options, said, capsys, tmp_path):
     model, held_out = learned
     given = ["--model", str(model), "--recordings", str(held_out), "--output", str(tmp_path / "o")]
+    options = [option.format(tmp_path) for option in options]
     assert main(["demo", "--headless", *given, *options]) != 0
     assert said in " ".join(capsys.readouterr().err.split())
 
@@ -99,6 +101,6 @@ def test_recordings_need_a_model(tmp_path, capsys):
 def test_where_an_arm_missed_something_it_is_said_how_to_count_without_a_clock(task, capsys):
     shown = [demo_recordings.Shown("a_0", "a", "a", 1.0, 2.0)] * 2
     shown.append(demo_recordings.Shown("a_1", "a", task, float("nan"), float("nan")))
-    args = Namespace(json=None, dashboard=False, model=Path("m.npz"), recordings=Path("held"))
+    args = Namespace(json=None, dashboard=False, model=Path("m.npz"), recordings=Path("held out"))
     assert demo_recordings._report(args, shown, Console(file=sys.stdout, width=80)) == 0
-    assert ("  intent rehearse m.npz held\n" in capsys.readouterr().out) == (not task)
+    assert ("  intent rehearse m.npz 'held out'\n" in capsys.readouterr().out) == (not task)

@@ -2,15 +2,18 @@
 """Bars are shown on a terminal, leave nothing behind, and are not there without one."""
 
 import io
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
 
 from intent_recognition.cli import console as consoles
-from intent_recognition.cli import output
+from intent_recognition.cli import output, recordings
 from intent_recognition.cli.console import busy, progress_bar
+from intent_recognition.cli.recordings import read_all
 from intent_recognition.cli.session_watch import ProgressLine
+from intent_recognition.demonstrations import load_dofs
 
 
 def terminal():
@@ -58,6 +61,22 @@ def test_no_terminal_no_bar(bar):
     with bar(console):
         pass
     assert not console.file.getvalue()
+
+
+def test_a_session_of_many_demonstrations_is_one_bag(repository, monkeypatch):
+    bars = []
+
+    @contextmanager
+    def bar(console):
+        with progress_bar(console) as made:
+            bars.append(made)
+            yield made
+
+    monkeypatch.setattr(recordings, "progress_bar", bar)
+    dofs = load_dofs(repository / "config/dofs_two_humans.yaml")
+    found, _ = read_all([repository / "bags/assembly/session_00"], dofs, terminal())
+    ((task,),) = (one.tasks for one in bars)
+    assert len(found) > 1 and task.completed == task.total == 1
 
 
 @pytest.mark.slow

@@ -60,8 +60,9 @@ def test_numbers_worst_moments_and_suggestions(run_command, bags, tmp_path):
         assert "What to demonstrate next".lower() in part.lower()
     printed = json.loads(run_command("rehearse", model, bags / "new", "--json")[1])
     assert printed["suggestions"] == content["suggestions"]
+    write_recording(bags / "shown" / "nameless", perform(TRUTH, 0, 70), DOFS, task="")
     text = run_command("rehearse", model, bags / "shown")[1]
-    assert "numbers flatter" in text
+    assert "numbers flatter" in text and "left out nameless: it has no label" in text
     with pytest.raises(BagError, match=r"missing topic.* Give recordings of what the") as said:
         run_command("rehearse", model, "bags/assembly")
     assert "--dofs" not in str(said.value)
