@@ -92,8 +92,8 @@ def to_odometry(
         placed[3:, 3:] = orientation_variance * np.eye(3)
     if pose.velocity is not None:
         linear = message.twist.twist.linear
-        linear.x, linear.y, linear.z = pose.velocity.tolist()
-        moving[:3, :3] = pose.velocity_covariance
+        linear.x, linear.y, linear.z = pose.velocity.mean.tolist()
+        moving[:3, :3] = pose.velocity.covariance
     message.pose.covariance, message.twist.covariance = placed.ravel(), moving.ravel()
     return message
 

@@ -47,9 +47,8 @@ class TrackedPose:
         orientation_measured: False if the tracker gave none (an all-zero quaternion);
             `orientation` is then the identity.
         position_covariance: of the measurement, (3, 3) [m^2], world axes.
-        velocity: (3,) [m/s], world axes, or None with fewer than three recent samples. Fitted
-            to the same positions, so it is not an observation of its own.
-        velocity_covariance: (3, 3) [m^2/s^2], or None with the velocity.
+        velocity: world axes, or None with fewer than three recent samples. Fitted to the same
+            positions, so it is not an observation of its own.
         reanchored: whether a new track begins with this sample.
     """
 
@@ -58,8 +57,7 @@ class TrackedPose:
     orientation: Floats
     orientation_measured: bool
     position_covariance: Floats
-    velocity: Floats | None = None
-    velocity_covariance: Floats | None = None
+    velocity: Velocity | None = None
     reanchored: bool = False
 
 
@@ -135,15 +133,13 @@ def ingest_pose(
     unit = normalise_quaternions(orientation)
     measured = not math.isnan(unit[0])
     turned = multiply_quaternions(transform.quaternion, unit) if measured else NO_ROTATION
-    velocity = _velocity(settings, state)
     return state, TrackedPose(
         stamp_ns=sample[0],
         position=world,
         orientation=turned,
         orientation_measured=measured,
         position_covariance=settings.covariances[frame],
-        velocity=None if velocity is None else velocity.mean,
-        velocity_covariance=None if velocity is None else velocity.covariance,
+        velocity=_velocity(settings, state),
         reanchored=reanchored,
     )
 

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import LWR_LIMITS, RATE_TOLERANCE, JointLimits
 from intent_recognition.motion import JointReference
 from sim_bridge.arm.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
@@ -36,17 +35,15 @@ class _Curve:
     """Quintics through a command's points, straight before the first, at rest after the last."""
 
     def __init__(self, command: TrajectoryCommand, start_s: float) -> None:
-        times = command.times_s + start_s
+        self.knots_s = command.times_s + start_s
         first, last = command.positions[0], command.positions[-1]
         pieces = [_polynomial(first, command.velocities[0])]
         for k, duration in enumerate(np.diff(command.times_s)):
             pieces.append(_segment(command, k, float(duration)))
         pieces.append(_polynomial(last))
-        self.knots_s = times
-        self._knots = times.tolist()
-        self._origins = [times[0], *times.tolist()]
+        self._knots = self.knots_s.tolist()
+        self._origins = [self._knots[0], *self._knots]
         self._pieces = pieces
-        self.first_s = float(times[0])
 
     def sample(self, time_s: float) -> JointReference:
         piece = bisect_right(self._knots, time_s)
@@ -80,16 +77,11 @@ class TrajectoryFollower:
 
     def __init__(self, position: Floats, limits: JointLimits = LWR_LIMITS) -> None:
         self._limits = limits
-        self._entries: list[_Entry] = []
         self.hold(position)
 
     def hold(self, position: Floats) -> None:
         """Forget all commands and rest at position (n_joints,) [rad], without a blend."""
-        q = np.array(position, dtype=np.float64)
-        if q.shape != (self._limits.n_joints,):
-            cure = "One each."
-            raise ShapeError.about("position", f"shape ({self._limits.n_joints},)", q.shape, cure)
-        self._entries = [_Entry(-np.inf, JointReference.at_rest(q), None, 0.0)]
+        self._entries = [_Entry(-np.inf, JointReference.at_rest(position.copy()), None, 0.0)]
 
     def accept(self, command: TrajectoryCommand, now_s: float) -> None:
         """Follow this command from its start on; the running one goes on until then.
@@ -109,7 +101,7 @@ class TrajectoryFollower:
         curve = _Curve(command, start_s)
         new = curve.sample(switch_s)
         offset, velocity = old.position - new.position, old.velocity - new.velocity
-        shortest_s = max(self._fade_time(offset, velocity), curve.first_s - switch_s)
+        shortest_s = max(self._fade_time(offset, velocity), curve.knots_s[0] - switch_s)
         self._entries = [*kept, self._joined(curve, switch_s, offset, velocity, shortest_s)]
 
     def _joined(

@@ -31,6 +31,7 @@ from intent_recognition.nodes.conversions import (
 )
 from intent_recognition.nodes.serialized import read_odometry, read_pose
 from intent_recognition.tracking import TrackedPose
+from intent_recognition.tracking.ingest import Velocity
 
 NAMES = [f"joint_{i}" for i in range(7)]
 
@@ -137,8 +138,7 @@ def test_an_odometry_holds_the_pose(rng, has_velocity, measured):
             rng.normal(size=4),
             measured,
             root @ root.T,
-            rng.normal(size=3) if has_velocity else None,
-            2.0 * root @ root.T if has_velocity else None,
+            Velocity(rng.normal(size=3), 2.0 * root @ root.T) if has_velocity else None,
         )
         found = to_odometry(pose, "wrist", "world", 4e-4)
         assert stamp_ns(found) == STAMP_NS
@@ -151,9 +151,8 @@ def test_an_odometry_holds_the_pose(rng, has_velocity, measured):
         expected[:3, :3], expected[3:, 3:] = pose.position_covariance, turn * np.eye(3)
         assert np.array_equal(found.pose.covariance.reshape(6, 6), expected)
         linear = found.twist.twist.linear
-        velocity = pose.velocity if has_velocity else np.zeros(3)
+        velocity, own = pose.velocity or (np.zeros(3), 1e6 * np.eye(3))
         assert (linear.x, linear.y, linear.z) == tuple(velocity)
-        own = pose.velocity_covariance if has_velocity else 1e6 * np.eye(3)
         expected[:3, :3], expected[3:, 3:] = own, 1e6 * np.eye(3)
         assert np.array_equal(found.twist.covariance.reshape(6, 6), expected)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.array_types import Floats, Integers
+from intent_recognition.array_types import Floats
 from intent_recognition.evaluation import ContactLog, InteractionRecord, SessionLog, Trace
 from intent_recognition.kinematics import JOINT_NAMES, hand_position
 from intent_recognition.promp import NONE
@@ -99,8 +99,7 @@ def score_interaction(
     movement_s = (end - onset) * 1e-9
     earliest = onset - round(EARLIEST_DECISION_S * 1e9)
     if interaction.changed_from:
-        decided_ns, recognised = _last_decision(log, earliest, end)
-        note = ""
+        decided_ns, recognised, note = _last_decision(log, earliest, end)
     else:
         decided_ns, recognised, note = _decision(log, earliest, until_ns)
     observations = share = decision_s = None
@@ -209,12 +208,12 @@ def _decision(log: SessionLog, earliest: int, until: int) -> tuple[int | None, s
     return *changes[0], f"then {', '.join(later)}" if later else ""
 
 
-def _last_decision(log: SessionLog, earliest: int, end_ns: int) -> tuple[int | None, str]:
+def _last_decision(log: SessionLog, earliest: int, end_ns: int) -> tuple[int | None, str, str]:
     """Which task is active `DECIDED_WITHIN_S` after a movement's end, and since when."""
     first, last = np.searchsorted(log.active_ns, [earliest, end_ns + round(DECIDED_WITHIN_S * 1e9)])
     if last == first or not log.active[last - 1]:
-        return None, ""
-    return int(log.active_ns[last - 1]), log.active[last - 1]
+        return None, "", ""
+    return int(log.active_ns[last - 1]), log.active[last - 1], ""
 
 
 def _hand_error(log: SessionLog, place_m: Floats, at_ns: int, scoring: Scoring) -> float | None:
@@ -273,9 +272,9 @@ def _trace(
         "labels": log.labels,
         "share": (log.tasks_ns[tasks] - onset) / (end - onset),
         "probabilities": log.probabilities[tasks],
-        "wrist_s": _seconds(log.wrist_ns[wrist], onset),
+        "wrist_s": np.multiply(log.wrist_ns[wrist] - onset, 1e-9),
         "wrist_m": log.wrist_m[wrist],
-        "joint_s": _seconds(log.joint_ns[joints], onset),
+        "joint_s": np.multiply(log.joint_ns[joints] - onset, 1e-9),
         "joint_rad": log.joint_rad[joints][:, :n_joints],
         "end_s": (end - onset) * 1e-9,
     }
@@ -292,7 +291,3 @@ def _trace(
     if paths:
         trace["predicted_wrist_m"] = paths[0]
     return trace
-
-
-def _seconds(stamps_ns: Integers, onset_ns: int) -> Floats:
-    return np.asarray((stamps_ns - onset_ns) * 1e-9, dtype=np.float64)
