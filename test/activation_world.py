@@ -67,6 +67,11 @@ class World:
     def begin(self, task, already_s=0.8):
         self.task, self.onset_ns = task, self.now_ns - round(already_s * 1e9)
 
+    def serve(self, task, already_s=0.8):
+        """Begin, until the arm is on its way."""
+        self.begin(task, already_s)
+        self.run_until(Mode.EXECUTING)
+
     def probabilities(self):
         if self.task == "idle":
             return np.array([0.0, 0.0, 1.0])
@@ -133,6 +138,5 @@ class World:
 def executing(already_s=0.2, **settings):
     """A world whose arm has begun to serve a plate."""
     world = World(**settings)
-    world.begin("plate", already_s)
-    world.run_until(Mode.EXECUTING)
+    world.serve("plate", already_s)
     return world

@@ -48,8 +48,7 @@ def test_the_movement_just_served_does_not_start_again_but_the_next_does():
     assert world.modes[-1] is Mode.IDLE
     world.task = "idle"
     world.run(0.1)
-    world.begin("screw", already_s=0.5)
-    world.run_until(Mode.EXECUTING)
+    world.serve("screw", already_s=0.5)
     assert world.activation.active_task == "screw"
     world.go_home()
 
@@ -86,8 +85,7 @@ def test_a_new_interaction_on_the_way_home_starts_from_the_moving_arm():
     world.run_until(Mode.HOMING)
     world.task = "idle"
     world.run(0.3)
-    world.begin("screw", already_s=0.3)
-    world.run_until(Mode.EXECUTING)
+    world.serve("screw", already_s=0.3)
     assert np.abs(world.reference().velocity).max() > 0.01
     world.run_until(Mode.HOMING)
     world.go_home()

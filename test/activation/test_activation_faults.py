@@ -213,8 +213,7 @@ def test_what_comes_after_a_halt_goes_on_from_the_braking_arm(after_s):
     n = len(world.commands)
     world.task = "idle"
     world.run(after_s)
-    world.begin("screw", already_s=0.4)
-    world.run_until(Mode.EXECUTING)
+    world.serve("screw", already_s=0.4)
     first = world.commands[n]
     assert after_s > 0.0 or first.start_ns < world.commands[n - 1].end_ns
     world.go_home()
@@ -261,8 +260,7 @@ def test_an_arm_at_rest_that_was_moved_starts_from_where_it_is(moved_rad):
     world.run(1.0)
     n = len(world.commands)
     world.push = np.full(7, -moved_rad)
-    world.begin("screw")
-    world.run_until(Mode.EXECUTING)
+    world.serve("screw")
     np.testing.assert_allclose(world.commands[n].plan.positions[0], HOME - moved_rad, atol=1e-9)
 
 

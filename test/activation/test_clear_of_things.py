@@ -55,8 +55,7 @@ def arrived(**settings):
     """A world whose arm is at the end of its path."""
     world = World(clearance=clearance(), hold_s=3.0, **settings)
     world.run(0.3)
-    world.begin("plate")
-    world.run_until(Mode.EXECUTING)
+    world.serve("plate")
     world.run(2.5)
     return world
 
@@ -159,8 +158,7 @@ def test_what_waited_in_vain_is_refused_once():
 def test_what_comes_in_the_way_of_a_motion_makes_it_brake_and_go_on(goes_away):
     world = World(clearance=clearance(), hold_s=0.5)
     world.run(0.3)
-    world.begin("plate")
-    world.run_until(Mode.EXECUTING)
+    world.serve("plate")
     world.run(0.2)
     change(world, clearance=blocked_end())
     world.run(1.5)

@@ -31,8 +31,7 @@ def world(**settings):
     held = Held(**chosen)
     held.shift = 0.0
     held.rng = type("Still", (), {"normal": lambda *_: 0.0})()
-    held.begin("plate")
-    held.run_until(Mode.EXECUTING)
+    held.serve("plate")
     return held
 
 
@@ -59,8 +58,7 @@ def test_where_the_arm_is_left_becomes_the_end_and_nothing_jumps():
     held.check_continuous()
     held.task = "idle"
     held.run_until(Mode.HOMING)
-    held.begin("plate")
-    held.run_until(Mode.EXECUTING)
+    held.serve("plate")
     held.run(DURATION_S)
     assert activation.motions.corrected is None  # of the next interaction
     np.testing.assert_allclose(held.arm(), HOME + GOALS["plate"], atol=1e-3)

@@ -29,8 +29,7 @@ def expect(world, probabilities=EXPECTED):
 def after_a_plate(probabilities=EXPECTED, **settings):
     """A plate is handed over; the human rests, and the next task is expected."""
     world = make_world(**settings)
-    world.begin("plate")
-    world.run_until(Mode.EXECUTING)
+    world.serve("plate")
     world.run(1.2)
     world.task = "idle"
     world.step()
@@ -55,8 +54,7 @@ def test_the_arm_goes_ahead_and_the_interaction_starts_from_there():
     assert world.tasks_seen == ["", "plate", ""]
     assert world.activation.counts["activated"] == world.activation.counts["started"] == 1
     n = len(world.commands)
-    world.begin("screw", already_s=0.4)
-    world.run_until(Mode.EXECUTING)
+    world.serve("screw", already_s=0.4)
     np.testing.assert_allclose(world.commands[n].plan.positions[0], AHEAD, atol=1e-9)
     assert world.activation.counts["pretrigger right"] == 1
     world.run_until(Mode.HOMING)
@@ -67,8 +65,7 @@ def test_the_arm_goes_ahead_and_the_interaction_starts_from_there():
 
 def test_the_human_beginning_while_the_arm_is_on_its_way_starts_from_the_moving_arm():
     world = ahead(0.3)
-    world.begin("screw", already_s=0.4)
-    world.run_until(Mode.EXECUTING)
+    world.serve("screw", already_s=0.4)
     assert np.abs(world.reference().velocity).max() > 0.01
     world.run_until(Mode.HOMING)
     world.check_continuous()
@@ -76,8 +73,7 @@ def test_the_human_beginning_while_the_arm_is_on_its_way_starts_from_the_moving_
 
 def test_another_task_takes_over_from_there_or_on_the_way_home():
     world = ahead(1.5)
-    world.begin("plate", already_s=0.4)
-    world.run_until(Mode.EXECUTING)
+    world.serve("plate", already_s=0.4)
     assert world.activation.active_task == "plate"
     counts = world.activation.counts
     assert counts["pretrigger wrong"] + counts["pretrigger withdrawn: another_task"] == 1
@@ -161,8 +157,7 @@ def test_where_the_task_begins_at_home_nothing_moves():
     np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
     assert world.activation.counts["pretriggered"] == 1
     assert world.activation.counts["pretrigger withdrawn: timeout"] == 1
-    world.begin("screw", already_s=0.4)
-    world.run_until(Mode.EXECUTING)
+    world.serve("screw", already_s=0.4)
     world.check_continuous()
 
 
@@ -224,8 +219,7 @@ def test_it_never_moves_before_an_interaction_nor_on_an_old_expectation():
     world.run(3.0)
     assert world.commands == []
     expect(world)  # before the movement that follows
-    world.begin("plate")
-    world.run_until(Mode.EXECUTING)
+    world.serve("plate")
     world.run(1.2)
     world.task = "idle"
     world.run_until(Mode.IDLE)

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from activation_world import HOME, LIMITS, World
+from activation_world import LIMITS, World
 from clearance_world import PATH, ROBOT
 
 from intent_recognition.activation.pretrigger import PretriggerSettings
@@ -195,8 +195,7 @@ def go_home(who, **settings):
     """An interaction, and the way home with the person there; the commands home."""
     world = World(**settings)
     world.run(0.3)
-    world.begin("plate")
-    world.run_until(Mode.EXECUTING)
+    world.serve("plate")
     world.run(2.0)
     world.task = "idle"
     if who is not None:
@@ -217,9 +216,7 @@ def test_the_way_home_slows_near_the_person_and_arrives():
     separation, who = Separation(ARM, SETTINGS), person(HALFWAY)
     free, slowed = go_home(None), go_home(HALFWAY, separation=separation)
     for world in (free, slowed):
-        world.run_until(Mode.IDLE)
-        np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
-    slowed.check_continuous()
+        world.go_home()
     assert separation.excess(ways(free, "home")[0].plan, 0, who) > 2.0
     assert separation.excess(ways(slowed, "home")[0].plan, 0, who) <= 1.0
     assert slowed.now_ns > free.now_ns
@@ -239,17 +236,14 @@ def test_a_person_who_comes_slows_the_way_that_is_under_way_and_who_leaves_quick
     world.activation.take_people((person(FAR),))
     world.run(0.1)
     assert world.commands[-1].end_ns < slow.end_ns - 200_000_000
-    world.run_until(Mode.IDLE)
-    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
-    world.check_continuous()
+    world.go_home()
 
 
 def test_going_ahead_slows_near_the_person():
     separation, start = Separation(ARM, SETTINGS), PATH.spline(0.8)
     settings = PretriggerSettings(0.5, 3.0, {"screw": start})
     world = World(separation=separation, pretrigger=settings)
-    world.begin("plate")
-    world.run_until(Mode.EXECUTING)
+    world.serve("plate")
     world.task = "idle"
     world.run_until(Mode.HOMING)
     world.activation.take_people((person(HALFWAY),))
