@@ -275,7 +275,7 @@ def refuse_busy_domain(observer: "Node", watch: NodeWatch) -> None:
 def _domain() -> int:
     """The user's ROS_DOMAIN_ID, or one of this process's own."""
     chosen = os.environ.get("ROS_DOMAIN_ID")
-    if chosen is None:
+    if not chosen:
         return DOMAINS[0] + os.getpid() % (DOMAINS[1] - DOMAINS[0] + 1)
     if not chosen.isdigit() or int(chosen) > DOMAINS[1]:
         cure = "Set it, or unset it."

@@ -69,3 +69,8 @@ def test_poses_of_strangers_are_not_called_none(n, got, monkeypatch):
     scene = SimpleNamespace(plans={"": SimpleNamespace(interactions=())})
     with pytest.raises(IntentError, match=got):
         demo_session.run_session(SimpleNamespace(dashboard=False), "m.npz", None, scene)
+
+
+def test_an_empty_domain_is_none_chosen(monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "")
+    assert demo_session._domain() in range(1, 102)
