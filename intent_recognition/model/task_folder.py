@@ -173,7 +173,7 @@ class TaskFolder:
                 if change.bag == name:  # another teacher was faster
                     return change
             try:
-                trained = self._more(bag) if self.model_path.exists() else self._first()
+                trained = self._more(bag) if self.model_path.exists() else self._first(bag)
             except (BagError, TrainingError):
                 self.prune(bag)
                 raise
@@ -276,10 +276,12 @@ class TaskFolder:
         bags = [self.path / change.bag for change in kept if change.task == task]
         return [bag for bag in bags[-10:] if bag.exists()]  # each is read, in some 50 ms
 
-    def _first(self) -> Trained | None:
-        """Learn from all recordings, if there are enough by now."""
-        self.dofs = settle_orientations(self.dofs, self.path / BAGS)
-        found = accumulate_bags([self.path / BAGS], self.dofs, TrainingSettings())
+    def _first(self, bag: Path) -> Trained | None:
+        """Learn from the recordings that waited and this one, if there are enough by now."""
+        waited = [self.path / change.bag for change in standing(self.history())]
+        bags = [*filter(Path.exists, waited), bag]
+        self.dofs = settle_orientations(self.dofs, bags)
+        found = accumulate_bags(bags, self.dofs, TrainingSettings())
         check_usable(found, self.path / BAGS)
         if found.accumulated.n_used == len(found.accumulated.tasks):
             return None

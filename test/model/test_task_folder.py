@@ -26,18 +26,21 @@ def folder_of(path, dofs=DOFS):
     return TaskFolder(path, dofs, clock=lambda: NOON)
 
 
+def record(folder, task, seed):
+    bag = folder.new_bag(TRUTH.labels[task])
+    return write_recording(bag, perform(TRUTH, task, seed), DOFS)
+
+
 def teach(folder, task, seed):
-    label = TRUTH.labels[task]
-    bag = folder.new_bag(label)
-    return folder.learn(write_recording(bag, perform(TRUTH, task, seed), DOFS))
+    return folder.learn(record(folder, task, seed))
 
 
 @pytest.fixture(scope="module")
 def started(tmp_path_factory):
-    """A folder that has learned two tasks from three recordings each."""
+    """A folder that has learned two tasks from three recordings each, all recorded before."""
     folder = folder_of(tmp_path_factory.mktemp("tasks") / "mine")
-    changes = [teach(folder, task, 10 * task + k) for k in range(3) for task in (0, 1)]
-    return folder, changes
+    bags = [record(folder, task, 10 * task + k) for k in range(3) for task in (0, 1)]
+    return folder, [folder.learn(bag) for bag in bags]
 
 
 def copy_of(folder, target):
@@ -51,6 +54,7 @@ def copy_of(folder, target):
 def test_waits_for_a_second_recording_of_a_task_then_learns_all(started):
     _, changes = started
     assert [c.action for c in changes[:3]] == [WAIT, WAIT, LEARN]
+    assert dict(changes[2].tasks) == {TRUTH.labels[0]: 2, TRUTH.labels[1]: 1}
     assert dict(changes[-1].tasks) == {TRUTH.labels[0]: 3, TRUTH.labels[1]: 3}
 
 
