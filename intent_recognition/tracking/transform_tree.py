@@ -10,6 +10,9 @@ from intent_recognition.errors import IntentError
 from intent_recognition.tracking.settings import frame_name
 from intent_recognition.tracking.transforms import RigidTransform, multiply_quaternions
 
+KEPT_NS = 10_000_000_000
+"""How long poses are kept [ns]. Convention: tf2's buffer."""
+
 
 class NoTransformError(IntentError):
     """A frame cannot be put into another one at a time.
@@ -58,13 +61,14 @@ class TransformTree:
             self._fixed[child] = transform
             return
         track = self._moving.setdefault(child, [])
+        if track and stamp_ns < track[-1][0] - KEPT_NS:  # a clock that went back
+            track.clear()
         at = bisect_left(track, stamp_ns, key=_stamp)
         if at < len(track) and track[at][0] == stamp_ns:
             track[at] = stamp_ns, transform
             return
         insort(track, (stamp_ns, transform), key=_stamp)
-        oldest_ns = track[-1][0] - round(10.0 * 1e9)  # as tf2's buffer
-        del track[: bisect_left(track, oldest_ns, key=_stamp)]
+        del track[: bisect_left(track, track[-1][0] - KEPT_NS, key=_stamp)]
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> RigidTransform:
         """Pose of the frame `source` in the frame `target` at a time.
