@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import math
+import operator
 import os
 import shutil
 import time
@@ -28,7 +29,7 @@ from intent_recognition.bags.metadata import (
     dump_yaml,
     write_metadata,
 )
-from intent_recognition.errors import BagError, ResourceBusyError, as_path, one_line
+from intent_recognition.errors import ArgumentError, BagError, ResourceBusyError, as_path, one_line
 
 FLUSH_PERIOD_S = 0.5
 """Longest time a message stays in memory [s]. Convention: a killed recorder loses less than 1 s."""
@@ -139,12 +140,16 @@ class BagWriter:
         Raises:
             DiskFullError: the disk is nearly full; the bag has been closed and is complete.
             BagError: the bag is closed, or the topic has another type.
+            ArgumentError: a time is no whole number from 0 to 2^64 - 1.
         """
         if self.closed:
             raise BagError.about(str(self.path), "an open bag", "a closed one", "Start anew.")
+        log_time_ns = _checked_ns("log_time_ns", log_time_ns)
+        sent = log_time_ns
+        if publish_time_ns is not None:
+            sent = _checked_ns("publish_time_ns", publish_time_ns)
         known = self._topics.get(topic)
         name = topic if known and known.type == type_name else self.add_topic(topic, type_name)
-        sent = log_time_ns if publish_time_ns is None else publish_time_ns
         self._guard(
             lambda: self._writer.add_message(
                 self._channels[name], log_time_ns, data, sent, sequence
@@ -336,3 +341,15 @@ class _SafeStream:
                 os.fsync(self._descriptor)
             os.close(self._descriptor)
             self._descriptor = -1
+
+
+def _checked_ns(name: str, stamp_ns: int) -> int:
+    """A stamp of MCAP as Python's integer, also of a numpy array's element."""
+    try:
+        whole = operator.index(stamp_ns)
+    except TypeError:
+        whole = -1
+    if not 0 <= whole < 2**64:
+        cure = "Give nanoseconds since 1970, as an integer."
+        raise ArgumentError.about(name, "an integer from 0 to 2^64 - 1", stamp_ns, cure)
+    return whole

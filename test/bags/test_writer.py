@@ -30,7 +30,7 @@ from intent_recognition.bags.definitions import (
 from intent_recognition.bags.metadata import read_metadata
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter, DiskFullError
-from intent_recognition.errors import BagError, MessageError, ResourceBusyError
+from intent_recognition.errors import ArgumentError, BagError, MessageError, ResourceBusyError
 
 TYPES = sorted(name for name in jazzy_types().fielddefs if "/msg/" in name)
 MESSAGES = st.lists(
@@ -195,6 +195,20 @@ def test_closed_writer_and_changed_type_are_refused(tmp_path):
     writer.close()
     with pytest.raises(BagError, match="open bag"):
         writer.write("a", POSE, b"1", 1)
+
+
+def test_stamps_of_an_array_are_written_and_others_are_refused(tmp_path):
+    with BagWriter(tmp_path / "demo") as writer:
+        for stamp_ns in np.arange(1, 4):
+            writer.write("a", POSE, b"1", stamp_ns, stamp_ns)
+        for bad in (-1, 1.5, 2**64, np.float64(3.0), "4"):
+            with pytest.raises(ArgumentError, match="log_time_ns"):
+                writer.write("a", POSE, b"1", bad)
+            with pytest.raises(ArgumentError, match="publish_time_ns"):
+                writer.write("a", POSE, b"1", 4, bad)
+    stamps = [(m.log_time_ns, m.publish_time_ns) for m in BagReader(writer.path).raw_messages()]
+    assert stamps == [(1, 1), (2, 2), (3, 3)]
+    assert read_metadata(writer.path).message_count == 3
 
 
 @pytest.mark.parametrize(
