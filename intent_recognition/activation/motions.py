@@ -198,7 +198,7 @@ class Motions:
         start_ns = self._arm.switch_ns(now_ns)
         start = self._arm.in_force().at(start_ns) if start is None else start
         way = self._way_to(start_ns, start, target)
-        if way is None and current is None:
+        if way is None and not moves:
             return None
         if way is None or (moves and self._obstruction(way.plan) is not None):
             return self._brake(now_ns)

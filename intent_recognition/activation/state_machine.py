@@ -86,6 +86,10 @@ class Activation:
         self._waiting.change()
 
     @property
+    def _settings(self) -> ActivationSettings:
+        return self._parts.settings
+
+    @property
     def attended(self) -> str:
         """Whom the arm helps while a task is active; empty where people have no names."""
         return self._helped if self.active_task else ""
@@ -180,6 +184,19 @@ class Activation:
         if not self.inbox.is_ahead(now_ns, stamp_ns, "intent/next_task"):
             self.pretrigger.take_expectation(stamp_ns, labels, probabilities)
 
+    @property
+    def ordered(self) -> bool:
+        """Whether a task waits that was ordered."""
+        return self.inbox.ordered is not None
+
+    def order(self, prediction: PredictedInteraction | None) -> None:
+        """Begin a task that is not recognised, once none is; None takes that back.
+
+        It begins with its onset at that moment, and a recognised task ends it as any other. One
+        whose end is too uncertain is rejected.
+        """
+        self.inbox.order(prediction)
+
     def take_exchange(self, until_ns: int) -> None:
         """An object is changing hands; until then the arm does not go home."""
         self._transitions.exchanging_until_ns = until_ns
@@ -187,6 +204,10 @@ class Activation:
     def take_people(self, people: tuple[PredictedPerson, ...]) -> None:
         """Take where people are predicted to be, as far as that is known."""
         self.motions.people = people
+
+    def take_person(self, person: PredictedPerson | None) -> None:
+        """Take where the only person is predicted to be; None where that is not known."""
+        self.take_people(() if person is None else (person,))
 
     def take_joint_state(
         self,
@@ -210,10 +231,10 @@ class Activation:
         self._transitions.interacting.forget()
         self.pretrigger.forget()
         state = self.state
+        self.inbox.mark_served(interaction_of(state))
         if isinstance(state, Pretriggered):
             return self._enter(self._waiting.withdraw(now_ns) or Transition(Homing(None)))
         if isinstance(state, UNDER_WAY):
-            self.inbox.mark_served(state.interaction)
             home = self._waiting.go_home(now_ns, state.interaction)
             return self._enter(home or Transition(Homing(state.interaction)))
         return None

@@ -66,6 +66,8 @@ class Transitions:
         interaction = state.interaction
         if self._correcting.pushed(now_ns):
             return self._from_yielding(self._correcting.begin(now_ns, interaction), now_ns)
+        if self._arm.current is None:  # the arm was moved, and from there nothing could begin
+            return Transition(Stopped(interaction, "arm_off_reference", now_ns))
         if self._arm.phase(now_ns) >= 1.0 - 1e-6:
             if not interaction.over:
                 self._parts.inbox.mark_served(interaction)

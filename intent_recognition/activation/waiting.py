@@ -40,7 +40,8 @@ class Waiting:
         where the arm is.
         """
         under_way = self._arm.under_way(now_ns)
-        if not self._parts.settings.return_home or self.home is None or self._arm.current is None:
+        stays = not self._parts.settings.return_home or self._arm.last_command_ns == 0
+        if stays or self.home is None:
             return Transition(Idle(), self._motions.stop(now_ns) if under_way else None)
         start_ns, start = self._arm.switch_ns(now_ns), None
         if not under_way:
@@ -61,8 +62,8 @@ class Waiting:
         start = self._arm.start_reference(now_ns, start_ns)
         if start is None:
             return None
-        current, command = self._arm.current, None
-        destination = start.position if current is None else current.plan.end
+        under_way, command = self._arm.under_way(now_ns), None
+        destination = self._arm.in_force().plan.end if under_way else start.position
         if not self._pretrigger.is_near(destination, label):
             target = self._pretrigger.start(label)
             if self.home is not None and self._pretrigger.is_near(self.home, label):

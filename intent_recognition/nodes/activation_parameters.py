@@ -80,7 +80,6 @@ class ActivationParameters:
         self._values = declare(node, "activation")
         self.rate_hz: float = self._values["command_rate"]
         self.command_action: str = self._values["command_action"]
-        self.allows_shared_arm: bool = self._values["allow_shared_arm"]
         self.described: Arm | None = None
         self.of_hand, self.taught_link = False, ""
         self.taught = Taught()
@@ -88,6 +87,11 @@ class ActivationParameters:
         self._least_end_std: dict[str, float] = {}
         self._learned_end_std: dict[str, dict[str, float]] = {}
         self._decision()
+
+    @property
+    def allows_shared_arm(self) -> bool:
+        """Whether others may command the arm, too."""
+        return bool(self._values["allow_shared_arm"])
 
     def changed(self, changes: Changes) -> "ActivationParameters":
         """The same with other values."""

@@ -87,12 +87,12 @@ class CommandAction:
 
     def check(self) -> None:
         """Notice a controller that does not answer or is gone; call it some times a second."""
-        goal = self._newest
-        if goal is None:
+        if self._newest is None:
             return
+        waiting = [goal.sent_s for goal in self._under_way if goal.handle is None]
         if not self._client.server_is_ready():
             self._fail("controller_missing", f"the controller of {self._name} is gone")
-        elif goal.handle is None and elapsed_s(self._node) - goal.sent_s > ANSWER_S:
+        elif waiting and elapsed_s(self._node) - min(waiting) > ANSWER_S:
             self._fail("controller_silent", f"no answer to a goal in {ANSWER_S:g} s")
 
     def _on_answer(self, goal: _Goal, future: Future) -> None:

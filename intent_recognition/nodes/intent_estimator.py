@@ -160,7 +160,7 @@ class IntentEstimatorNode(ManagedNode):
     def _publish(self, belief: PersonBelief) -> None:
         """Publish what may come next, and report the worst of the people's states, if changed."""
         if belief.tell_next():
-            self._plan.share(belief.estimator, self._estimators)
+            self._plan.share(self._estimators)
             for other in self.people.values():
                 other.tell_next()
             self._plan.update(belief.estimator)
@@ -171,7 +171,6 @@ class IntentEstimatorNode(ManagedNode):
             self._diagnostics.status(level, "; ".join(texts))
 
     def _forget(self) -> None:
-        self._plan.forget()
         for belief in self.people.values():
             belief.forget()
 

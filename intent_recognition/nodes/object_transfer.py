@@ -47,6 +47,8 @@ TRANSFER, HOLDING, WRENCH = "intent/transfer", "intent/holding", "wrench"
 NAMES = ("load_share", "load", "weight", "grip_force", "slip")
 """Of the values on `intent/transfer`: the person's share, the load and the weight [N], the force of
 each finger [N] (0: open), and 1 while the object slips."""
+HOLDS = Holding.CARRYING, Holding.OFFERING, Holding.RELEASING, Holding.RETURNING
+"""States in which an object is between the fingers."""
 FRESH_S = 0.3
 """A tracked hand or a wrench counts for so long [s]. Convention: a few samples of slow sensors."""
 
@@ -162,7 +164,11 @@ class ObjectTransfer(Node):
         self._task = message.data
 
     def _on_holding(self, message: Bool) -> None:  # what the gripper took, or let go, by itself
-        self._machine.carry() if message.data else self._machine.drop()
+        holds = self._machine.holding in HOLDS  # it may say so again and again
+        if message.data and not holds:
+            self._machine.carry()
+        elif holds and not message.data:
+            self._machine.drop()
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         begin_ns = stamp_ns(message) or now_ns(self)

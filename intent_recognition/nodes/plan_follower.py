@@ -37,12 +37,6 @@ class PlanFollower:
         serve(node, "save_plan", self._save)
         self._publisher = node.create_publisher(DiagnosticStatus, "intent/plan", qos.LATCHED)
         self._published: DiagnosticStatus | None = None
-        self.forget()
-
-    def forget(self) -> None:
-        """Nothing is done."""
-        self._n_taken = 0
-        self._shared: WorkProgress | None = None
 
     def check(self, text: str, estimators: Sequence[IntentEstimator]) -> None:
         """Make sure that a value of the parameter can be taken."""
@@ -69,18 +63,16 @@ class PlanFollower:
         """Let an estimator follow the plan; steps that were done stay done."""
         estimator.expectation.follow(self._plan)
 
-    def share(self, estimator: IntentEstimator, everybody: Sequence[IntentEstimator]) -> None:
-        """Let all know what one person has done, and one who was forgotten what the others have."""
-        progress = estimator.expectation.progress
-        if progress is None or len(everybody) < 2:
+    def share(self, everybody: Sequence[IntentEstimator]) -> None:
+        """Let all know what one person has done, and who was forgotten what the others have."""
+        followed = [one.expectation.progress for one in everybody]
+        found = [progress for progress in followed if progress is not None]
+        if len(found) < 2:
             return
-        if progress.n_taken < self._n_taken and self._shared is not None:
-            estimator.expectation.share(self._shared)
-        elif progress.n_taken > self._n_taken:
-            self._n_taken, self._shared = progress.n_taken, progress
-            for other in everybody:
-                if other is not estimator:
-                    other.expectation.share(progress)
+        furthest = max(found, key=lambda progress: progress.n_taken)
+        for one in everybody:
+            if one.expectation.progress is not furthest:
+                one.expectation.share(furthest)
 
     def update(self, estimator: IntentEstimator) -> None:
         """Publish how far the assembly is, if that has changed."""

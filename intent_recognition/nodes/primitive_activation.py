@@ -139,9 +139,14 @@ class PrimitiveActivation(ManagedNode):
     def deactivate(self) -> None:
         """Brake the arm along its path and forget the interaction."""
         self._sequences.forget()
-        if self.activation is not None:
-            self._output.command(self.activation.halt(now_ns(self)))
         self._output.task(self.activation)
+        if self.activation is not None:
+            self._halt(self.activation)
+
+    def _halt(self, activation: Activation) -> None:
+        self._output.command(activation.halt(now_ns(self)))
+        self._tell_forgotten(activation)
+        self._output.report(activation, self._silent)
 
     # Messages in
 
@@ -309,7 +314,7 @@ class PrimitiveActivation(ManagedNode):
         if refused and not self._refused:
             self.diagnostics.reject("shared_arm", self._output.shared)
             if self.activation is not None:
-                self._output.command(self.activation.halt(now_ns(self)))
+                self._halt(self.activation)
         self._refused = refused
         if changed:
             self._silent = silent

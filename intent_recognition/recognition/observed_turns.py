@@ -17,6 +17,8 @@ class ObservedTurns:
     by whole turns (`signals.turns`), as in training.
     """
 
+    _last: Floats
+
     def __init__(self, library: TaskLibrary):
         self._library, self._starts = library, _starts(library)
         self._turn = turns_of(library.units[: library.n_observed])

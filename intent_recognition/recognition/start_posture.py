@@ -109,6 +109,11 @@ class OnsetPosture:
         used: False leaves it out of account.
     """
 
+    _onset_ns: int
+    _final: bool
+    _position: Floats | None
+    _known: dict[int, tuple[StartPosture | None, str, Floats]]
+
     def __init__(self, *, used: bool = True) -> None:
         self._used, self._history = used, PostureHistory()
         self._forget_onset(0)
@@ -132,8 +137,7 @@ class OnsetPosture:
 
     def _forget_onset(self, onset_ns: int) -> None:
         self._onset_ns, self._final = onset_ns, False
-        self._position: Floats | None = None
-        self._known: dict[int, tuple[StartPosture | None, str, Floats]] = {}
+        self._position, self._known = None, {}
 
     def clear(self) -> None:
         """Forget everything."""

@@ -17,6 +17,8 @@ from intent_recognition.kinematics import Arm
 BANDWIDTH_RAD_S = 45.0
 """Of the residual's filter [rad/s]: at 63 % after 22 ms, as a slip must be noticed within 50 ms
 (docs/transfer.md), with as little noise of differenced velocities as that allows."""
+CLOCK_BACK_S = 0.5
+"""A state so much earlier than the last comes from a clock that was set back [s]. Convention."""
 
 
 class LoadEstimator:
@@ -45,13 +47,13 @@ class LoadEstimator:
         if np.shape(torque) != (self.arm.n_joints,):
             shape = f"({self.arm.n_joints},)"
             raise ShapeError.about("torque", shape, np.shape(torque), "Give one value per joint.")
-        if self._last is not None and time_s <= self._last[0]:
+        if self._last is not None and self._last[0] - CLOCK_BACK_S < time_s <= self._last[0]:
             return self.wrench[:3]
         J = self.arm.jacobian(q)
         state, tip_m_s = np.array([q, velocity, torque]), J[:3] @ velocity
-        share, halfway, acceleration = 1.0, state, np.zeros(len(q))
+        share, halfway, acceleration = float(self._last is None), state, np.zeros(len(q))
         rise_m_s2 = doubt_n = 0.0
-        if self._last is not None and (gap_s := time_s - self._last[0]) <= 0.1:
+        if self._last is not None and 0.0 < (gap_s := time_s - self._last[0]) <= 0.1:
             _, before, before_m_s = self._last
             share = 1.0 - np.exp(-BANDWIDTH_RAD_S * gap_s)
             halfway, acceleration = 0.5 * (before + state), (velocity - before[1]) / gap_s

@@ -27,6 +27,9 @@ simulated arm's overshoot is over. Convention."""
 SHARE_PER_S = 5.0
 """Fastest change of the share that counts [1/s]. People take 0.2 s and more to take over a load
 (Chan et al. 2012, Fig. 4); a bump of 0.1 s, and what the filter adds to it, ends before."""
+LONGEST_STEP_S = 0.02
+"""Time that a step counts for at most [s], so that the share does not jump after a gap. Convention.
+"""
 TAKEN_SHARE, LEFT_SHARE = 0.9, 0.3
 """Share at which the hand opens, and below which an offer may end. Convention: nearly all, and
 less than a hand that rests on the object."""
@@ -162,8 +165,12 @@ class TransferMachine:
         self.weight_n, self._factor = 0.0, 1.0
 
     def step(self, request: Request, now: Situation) -> TransferOutput:
-        """Take what is felt, and say what to do; times must grow."""
+        """Take what is felt, and say what to do.
+
+        Times should grow; after a gap, or where they go back, one step counts as short.
+        """
         step_s = 0.0 if np.isnan(self._time_s) else now.time_s - self._time_s
+        step_s = min(max(step_s, 0.0), LONGEST_STEP_S)
         self._time_s = now.time_s
         reach = SHARE_PER_S * step_s
         self._share += float(np.clip(self._felt_share(now) - self._share, -reach, reach))

@@ -106,10 +106,13 @@ def test_malformed_probabilities_raise_and_change_nothing():
     assert world.rejected == []
 
 
-def test_reset_sends_the_arm_home_and_does_not_start_the_same_movement_again():
+@pytest.mark.parametrize("times", [1, 2])
+def test_reset_sends_the_arm_home_and_does_not_start_the_same_movement_again(times):
     world = executing()
-    world.run(0.3)
-    world.commands.append(world.activation.reset(world.now_ns))
+    for _ in range(times):
+        world.run(0.3)
+        command = world.activation.reset(world.now_ns)
+        world.commands += [] if command is None else [command]
     assert world.activation.mode is Mode.HOMING
     world.go_home()
     assert Mode.EXECUTING not in world.modes[2:]

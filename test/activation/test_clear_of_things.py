@@ -176,3 +176,26 @@ def test_what_comes_in_the_way_of_a_motion_makes_it_brake_and_go_on(goes_away):
     assert world.activation.mode is Mode.IDLE
     np.testing.assert_allclose(world.arm(), HOME, atol=1e-3)
     world.check_continuous()
+
+
+def test_an_arm_that_was_moved_after_a_brake_waits_for_a_way_and_goes_home():
+    """The way of the next task is blocked, too."""
+    boxes = [Box(goal, tuple(hand_position(HOME + GOALS[goal])), (0.06,) * 3) for goal in GOALS]
+    world = World(clearance=clearance())
+    world.duration_s = 5.0
+    world.run(0.3)
+    world.begin("plate")
+    world.run_until(Mode.EXECUTING)
+    world.run(0.2)
+    change(world, clearance=clearance(*boxes))
+    world.run(1.2)
+    world.push = 0.1 * np.eye(7)[3]
+    world.run(0.1)
+    world.begin("screw", 0.5)
+    world.run(1.5)
+    assert world.activation.counts["waited"] == 1
+    change(world, clearance=clearance())
+    world.task = "idle"
+    world.run(8.0)
+    assert world.activation.mode is Mode.IDLE
+    np.testing.assert_allclose(world.commands[-1].plan.end, HOME, atol=1e-6)

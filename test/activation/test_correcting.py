@@ -159,8 +159,9 @@ def test_an_arm_that_was_moved_and_has_no_other_task_to_begin_is_not_pushed_any_
     held.held = held.arm() + 2.0 * AWAY
     held.run(1.0)
     assert held.activation.mode is Mode.EXECUTING
-    held.task = "idle"
+    held.task, held.held = "idle", None
     held.run_until(Mode.IDLE)
+    np.testing.assert_allclose(held.commands[-1].plan.end, HOME, atol=1e-6)
 
 
 def test_an_ordered_task_goes_on_by_what_is_recognised_alone():

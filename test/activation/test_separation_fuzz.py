@@ -192,7 +192,7 @@ def test_a_motion_under_way_slows_when_more_separation_is_asked_for():
     """Nothing new is known of the person meanwhile."""
     world = RecordingWorld(separation=SEPARATION)
     person = PredictedPerson(START_NS + TUBE_NS[:1], END[None] + [0.0, 0.0, 0.8], np.zeros(1))
-    world.activation.take_people((person,))
+    world.activation.take_person(person)
     world.begin("plate", already_s=0.3)
     world.run(0.9)
     world.speaks = False

@@ -102,6 +102,15 @@ def test_bumps_end_before_they_count(way):
     assert set(states(outputs)) == {Holding.OFFERING}
 
 
+@pytest.mark.parametrize("gap_s", [0.25, -1000.0], ids=["a gap", "a clock that was set back"])
+def test_after_a_gap_one_load_opens_nothing_and_a_person_still_gets_the_object(gap_s):
+    course = Course().offer()
+    course.time_s += gap_s
+    (after,) = course.run(STEP_S, Request.GIVE, (4.0, 0.0, 0.0))
+    assert after.holding is Holding.OFFERING and after.share < 0.2
+    assert Holding.RELEASING in states(course.run(1.0, Request.GIVE, taking))
+
+
 def test_a_hand_that_carries_half_and_one_that_is_not_there_get_nothing():
     course = Course().offer()
     assert set(states(course.run(1.5, Request.GIVE, (0, 0, -WEIGHT_N / 2)))) == {Holding.OFFERING}
