@@ -2,6 +2,7 @@
 """From the messages of a bag to signals: bad stamps and what the tracker's checks reject go."""
 
 import re
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,6 +35,8 @@ from intent_recognition.tracking import (
 RAW_POSE_TOPIC = re.compile(r"(.*/)?mocap/[^/]+/pose")
 MISSING_DOF = "missing_dof"
 """Reason for which a message is dropped: a joint or field of an entry is not in it."""
+FEW_LATE = 0.05
+"""Share of late messages up to which each of them is dropped, whichever came first. Convention."""
 
 
 @dataclass(frozen=True)
@@ -213,15 +216,39 @@ def _names(frame_ids: Iterable[object]) -> tuple[str, ...]:
 
 
 def _increasing(stamps_ns: Integers) -> tuple[Integers, Counter[str]]:
-    """Rows whose stamp is positive and later than all before, and counts of the others."""
-    positive = stamps_ns > 0
-    latest_ns = np.maximum.accumulate(np.where(positive, stamps_ns, 0))
-    before_ns = np.concatenate([[0], latest_ns[:-1]])[: stamps_ns.size]
-    accepted = positive & (stamps_ns > before_ns)
-    late = int(np.sum(positive & ~accepted))
-    return np.flatnonzero(accepted), _counter(
-        {ZERO_STAMP: int(np.sum(~positive)), STAMP_NOT_INCREASING: late}
+    """Rows whose stamp is positive and later than all before, and counts of the others.
+
+    Where that leaves out many, after one stamp in the future, as many as can be in order stay.
+    """
+    positive = np.flatnonzero(stamps_ns > 0)
+    stamps = stamps_ns[positive]
+    latest_ns = np.maximum.accumulate(stamps)
+    accepted = np.flatnonzero(np.diff(latest_ns, prepend=0) > 0)
+    if accepted.size < (1.0 - FEW_LATE) * stamps.size:
+        most = _most_in_order(stamps)
+        accepted = most if accepted.size < (1.0 - FEW_LATE) * most.size else accepted
+    return positive[accepted], _counter(
+        {
+            ZERO_STAMP: stamps_ns.size - stamps.size,
+            STAMP_NOT_INCREASING: stamps.size - accepted.size,
+        }
     )
+
+
+def _most_in_order(stamps_ns: Integers) -> Integers:
+    """Rows of a longest increasing subsequence (Fredman 1975)."""
+    ends: list[int] = []  # of the subsequences of each length, the earliest stamp
+    rows: list[int] = []  # where it is
+    before = np.full(stamps_ns.size, -1)
+    for row, stamp_ns in enumerate(stamps_ns.tolist()):
+        length = bisect_left(ends, stamp_ns)
+        before[row] = rows[length - 1] if length else -1
+        ends[length : length + 1], rows[length : length + 1] = [stamp_ns], [row]
+    found, row = [], rows[-1] if rows else -1
+    while row >= 0:
+        found.append(row)
+        row = int(before[row])
+    return np.array(found[::-1], dtype=np.int64)
 
 
 def _longest_increasing(

@@ -171,6 +171,8 @@ class IntentEstimatorNode(ManagedNode):
             self._diagnostics.status(level, "; ".join(texts))
 
     def _forget(self) -> None:
+        for estimator in self._estimators:  # all of them, before one lets others know
+            estimator.reset()
         for belief in self.people.values():
             belief.forget()
 

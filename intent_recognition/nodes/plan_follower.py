@@ -32,7 +32,7 @@ class PlanFollower:
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
         self._diagnostics = diagnostics
-        self._file = ""
+        self._file, self._n_taken = "", 0
         self.change(declare(node, PLAN)[PLAN])
         serve(node, "save_plan", self._save)
         self._publisher = node.create_publisher(DiagnosticStatus, "intent/plan", qos.LATCHED)
@@ -70,8 +70,9 @@ class PlanFollower:
         if len(found) < 2:
             return
         furthest = max(found, key=lambda progress: progress.n_taken)
+        news, self._n_taken = furthest.n_taken != self._n_taken, furthest.n_taken
         for one in everybody:
-            if one.expectation.progress is not furthest:
+            if news or one.expectation.progress is not furthest:
                 one.expectation.share(furthest)
 
     def update(self, estimator: IntentEstimator) -> None:

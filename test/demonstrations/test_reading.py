@@ -64,6 +64,16 @@ def test_bad_poses_are_dropped_and_counted_as_the_node_does(tmp_path):
     assert demonstration.observed[0].stamps_ns.size == 34
 
 
+def test_one_joint_state_from_the_future_does_not_cost_those_after_it(tmp_path):
+    states = [joints(i) for i in range(60)]
+    states[10] = joints(10, stamp_ns=START_NS + 3_600_000_000_000)
+    bag = write_pairs(tmp_path / "demo", [pose(i) for i in range(60)], states)
+    (demonstration,), _ = read(bag, DOFS)
+    assert demonstration.rejected == {"stamp_not_increasing": 1}
+    expected = START_NS + STEP_NS * np.delete(np.arange(60), 10)
+    np.testing.assert_array_equal(demonstration.controlled[0].stamps_ns, expected)
+
+
 def test_bad_joint_states_are_dropped_and_counted(tmp_path):
     states = [joints(i) for i in range(30)]
     states[3] = joints(3, positions=[float("nan")] * 7)
