@@ -26,19 +26,16 @@ def bag_json(summary: BagSummary) -> dict:
 
 def print_bag(console: Console, summary: BagSummary) -> None:
     """Everything about one bag."""
-    print_facts(
-        console,
-        {
-            "bag": summary.path,
-            "task": summary.task or "(no label)",
-            **{key: text for key, text in summary.custom_data.items() if key != "task"},
-            "recorded": f"{moment(summary.start_ns)}, {summary.duration_s:.2f} s",
-            "messages": str(summary.message_count),
-        },
-    )
-    table = plain_table(
-        "topic", "type", ">messages", ">rate [Hz]", ">gaps", ">longest [s]", "problems"
-    )
+    facts = {
+        "bag": summary.path,
+        "task": summary.task or "(no label)",
+        **{key: text for key, text in summary.custom_data.items() if key != "task"},
+        "recorded": f"{moment(summary.start_ns)}, {summary.duration_s:.2f} s",
+        "messages": str(summary.message_count),
+    }
+    print_facts(console, facts)
+    numbers = (">messages", ">rate [Hz]", ">gaps", ">longest [s]")
+    table = plain_table("topic", "type", *numbers, "problems")
     for topic in summary.topics:
         table.add_row(
             topic.name,

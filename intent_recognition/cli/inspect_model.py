@@ -74,34 +74,25 @@ def print_model(console: Console, path: Path, model: Model) -> None:
     named = origin.pop("bags", ())
     bags = [str(bag) for bag in (named if isinstance(named, (list, tuple)) else [named])]
     frames, _ = frames_of(library), origin.pop(FRAMES, None)
-    print_facts(
-        console,
-        {
-            "model": str(path),
-            "basis": f"{library.basis.n_basis} functions per degree of freedom",
-            "none": f"prior {library.none_prior:.3g}, margin {library.none_margin:.3g} nats"
-            " (evidence that a known task must have over it)",
-            "change of mind": f"margin {library.switch_margin:.3g} nats (evidence that it must have"
-            " over staying with the task)",
-            **({"risk": str(risk)} if (risk := learned_risk(library)) else {}),
-            "noise": f"scale {library.noise_scale:.3g}, correlated over"
-            f" {library.correlation_time_s:.3g} s",
-            "progress": _progress(library),
-            **({"observed in": _in_frames(frames)} if frames else {}),
-            **{key: _brief(value) for key, value in origin.items()},
-        },
-    )
-    tasks = plain_table(
-        "task",
-        ">demonstrations",
-        ">median [s]",
-        ">2.5 % to 97.5 % [s]",
-        ">prior",
-        ">end std, least",
-    )
-    low, high = (
-        np.exp(library.log_duration_mean + factor * library.log_duration_std) for factor in (-2, 2)
-    )
+    facts = {
+        "model": str(path),
+        "basis": f"{library.basis.n_basis} functions per degree of freedom",
+        "none": f"prior {library.none_prior:.3g}, margin {library.none_margin:.3g} nats"
+        " (evidence that a known task must have over it)",
+        "change of mind": f"margin {library.switch_margin:.3g} nats (evidence that it must have"
+        " over staying with the task)",
+        **({"risk": str(risk)} if (risk := learned_risk(library)) else {}),
+        "noise": f"scale {library.noise_scale:.3g}, correlated over"
+        f" {library.correlation_time_s:.3g} s",
+        "progress": _progress(library),
+        **({"observed in": _in_frames(frames)} if frames else {}),
+        **{key: _brief(value) for key, value in origin.items()},
+    }
+    print_facts(console, facts)
+    durations = (">median [s]", ">2.5 % to 97.5 % [s]")
+    tasks = plain_table("task", ">demonstrations", *durations, ">prior", ">end std, least")
+    about, width = library.log_duration_mean, 2 * library.log_duration_std
+    low, high = np.exp(about - width), np.exp(about + width)
     for k, label in enumerate(library.labels):
         tasks.add_row(
             label,

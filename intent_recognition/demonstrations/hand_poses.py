@@ -39,14 +39,10 @@ def read_by_joints(reader: BagReader, dofs: DofSpec) -> tuple[DofSpec, dict[int,
         for k, entry in enumerate(dofs.controlled)
         if entry.link and entry.topic not in recorded
     }
-    controlled = [
-        DofEntry(
-            JOINTS_TOPIC, JOINT_STATE, joints=arms[k].joint_names, unit="rad", robot=entry.robot
-        )
-        if k in arms
-        else entry
-        for k, entry in enumerate(dofs.controlled)
-    ]
+    controlled = list(dofs.controlled)
+    for k, arm in arms.items():
+        joints, robot = arm.joint_names, controlled[k].robot
+        controlled[k] = DofEntry(JOINTS_TOPIC, JOINT_STATE, joints=joints, unit="rad", robot=robot)
     return replace(dofs, controlled=tuple(controlled)), arms
 
 

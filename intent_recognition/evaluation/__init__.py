@@ -20,7 +20,13 @@ from intent_recognition.evaluation.segmenting import (
     recognise_segments,
     write_segments,
 )
-from intent_recognition.evaluation.session_log import ContactLog, SessionLog, TransferLog
+from intent_recognition.evaluation.session_log import (
+    ContactLog,
+    SessionLog,
+    Trace,
+    TransferLog,
+    usable,
+)
 from intent_recognition.evaluation.session_summary import (
     CM_PER_M,
     CONDITIONS,
@@ -35,4 +41,3 @@ from intent_recognition.evaluation.session_summary import (
     to_json,
 )
 from intent_recognition.evaluation.suggesting import Suggestion, rehearsal_to_json, suggest_next
-from intent_recognition.evaluation.traces import Trace, usable

@@ -123,15 +123,13 @@ def evaluate(
     scored = sorted({index for train, test in folds for index in (*train, *test)})
     unknown = []
     if unknown_tasks:
-        unknown = follow_unknown(
-            [usable[i] for i in scored], settings, lambda n: progress(done + n)
-        )
+        shown = [usable[i] for i in scored]
+        unknown = follow_unknown(shown, settings, lambda n: progress(done + n))
     decided = {}
     if online:
-        n_runs = done + len(unknown)
-        decided["online"] = score_online(
-            recordings, folds, settings, lambda n: progress(n_runs + n)
-        )
+        runs = done + len(unknown)
+        decided["online"] = score_online(recordings, folds, settings, lambda n: progress(runs + n))
+    none = compare(collected.outcomes, unknown)
     return {
         "n_demonstrations": done,
         "tasks": sorted(labels),
@@ -145,10 +143,7 @@ def evaluate(
             for label in sorted(labels)
         },
         **decided,
-        "none": {
-            **compare(collected.outcomes, unknown),
-            "accuracy": collected.recognitions.accuracy_beside_none(),
-        },
+        "none": none | {"accuracy": collected.recognitions.accuracy_beside_none()},
     }
 
 

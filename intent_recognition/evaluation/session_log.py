@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was on the topics of a session, as arrays."""
+"""What was on the topics of a session, and of one interaction for the report, as arrays."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypedDict, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats, Integers
 
@@ -59,3 +60,55 @@ class SessionLog:
     paths: Sequence[tuple]
     contacts: ContactLog = NO_CONTACTS
     transfers: TransferLog = NO_TRANSFERS
+
+
+class Trace(TypedDict, total=False):
+    """One interaction; every key but `index` may be missing, None or empty.
+
+    Times are seconds after onset. T posteriors, M joint states, L and V predicted points, Q joints.
+    """
+
+    index: int  # of the record it belongs to
+    share: Floats  # (T,) share of the human's movement passed at each posterior
+    labels: Sequence[str]  # of the K + 1 columns of the probabilities, `none` last
+    probabilities: Floats  # (T, K + 1)
+    wrist_s: Floats  # (W,)
+    wrist_m: Floats  # (W, 3) observed, world frame
+    predicted_wrist_m: Floats  # (V, 3) predicted at the decision
+    predicted_wrist_std_m: Floats  # (V, 3)
+    joint_names: Sequence[str]
+    joint_s: Floats  # (M,)
+    joint_rad: Floats  # (M, Q) measured
+    predicted_s: Floats  # (L,)
+    predicted_rad: Floats  # (L, Q) mean predicted at the decision
+    predicted_std_rad: Floats  # (L, Q)
+    decision_s: float
+    end_s: float  # end of the human's movement
+    person_s: Floats  # (H,)
+    person_n: Floats  # (H,) size of the person's force on the object, in truth
+    holders: Sequence[str]  # (H,) who held it then
+    transfer_s: Floats  # (F,)
+    load_n: Floats  # (F,) that the robot feels
+    grip_n: Floats  # (F,) of each finger
+    load_share: Floats  # (F,) of the person
+
+
+GROUPS = (
+    ("share", "probabilities", "labels"),
+    ("joint_s", "joint_rad"),
+    ("predicted_s", "predicted_rad"),
+    ("person_s", "person_n", "holders", "transfer_s", "load_n", "grip_n", "load_share"),
+)
+"""Keys that are meaningful only together; all but the labels have equal length."""
+
+
+def usable(trace: Trace) -> Trace:
+    """A copy without empty entries and without incomplete groups."""
+    kept: dict[str, Any] = {}
+    for key, value in trace.items():
+        if value is not None and np.size(cast(ArrayLike, value)):
+            kept[key] = value
+    for group in GROUPS:
+        if not all(key in kept for key in group):
+            kept = {key: value for key, value in kept.items() if key not in group}
+    return cast(Trace, kept)

@@ -216,6 +216,7 @@ def summarise(records: Sequence[InteractionRecord]) -> DemoSummary:
     changed = [record for record in records if record.changed_from]
     transfers = [record for record in records if record.handed_over is not None]
     forces = [r.largest_force_n for r in transfers if r.largest_force_n is not None]
+    moved = [record for record in changed if record.task not in TASKS_APART]
     records = [record for record in records if not record.changed_from]
     by_task: dict[str, list[float]] = {task: [] for task in sorted({r.task for r in records})}
     for record in records:
@@ -238,11 +239,7 @@ def summarise(records: Sequence[InteractionRecord]) -> DemoSummary:
         n_changed=len(changed),
         changes_followed=sum(record.right for record in changed),
         changed_hand_error=hand_error(
-            [
-                r.hand_error_m
-                for r in changed
-                if r.hand_error_m is not None and r.task not in TASKS_APART
-            ]
+            [r.hand_error_m for r in moved if r.hand_error_m is not None]
         ),
         n_transfers=len(transfers),
         handed_over=sum(bool(record.handed_over) for record in transfers),

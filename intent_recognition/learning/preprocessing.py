@@ -112,22 +112,19 @@ def settle_preprocessing(
 
 def angle_references(recordings: Sequence[Demonstration]) -> tuple[float | None, ...]:
     """Where each angle begins, in the turn that recordings are brought to; None for other DOFs."""
-    starts = np.array(
-        [
-            np.concatenate(
-                [first_values(signal, one.start_ns) for signal in (*one.observed, *one.controlled)]
-            )
-            for one in recordings
-            if all(signal.stamps_ns.size for signal in (*one.observed, *one.controlled))
-        ]
-    )
-    signals = (*recordings[0].observed, *recordings[0].controlled)
+    agents = [(one.start_ns, (*one.observed, *one.controlled)) for one in recordings]
+    starts = [
+        np.concatenate([first_values(signal, start_ns) for signal in signals])
+        for start_ns, signals in agents
+        if all(signal.stamps_ns.size for signal in signals)
+    ]
+    _, signals = agents[0]
     units = [signal.unit for signal in signals for _ in signal.names]
-    if not len(starts):
+    if not starts:
         return (None,) * len(units)
     return tuple(
         turn_reference(of_dof, TURNS[unit]) if unit in TURNS else None
-        for unit, of_dof in zip(units, starts.T, strict=True)
+        for unit, of_dof in zip(units, np.array(starts).T, strict=True)
     )
 
 

@@ -13,6 +13,7 @@ under a normal error whose variance is fitted after each share seen, Q / 2 log(m
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -102,14 +103,8 @@ def choose(
     first = Hyperparameters(next(iter(candidates)))
     lags = _lags(*candidates[first.pace])
     lag = best_with(first, *(first._replace(lag=lag) for lag in lags)).lag
-    best = best_with(
-        *(
-            Hyperparameters(pace, scale, lag=one)
-            for pace in candidates
-            for one in sorted({0.0, lag})
-            for scale in NOISE_SCALES
-        )
-    )
+    grid = product(candidates, sorted({0.0, lag}), NOISE_SCALES)
+    best = best_with(*(Hyperparameters(pace, scale, lag=one) for pace, one, scale in grid))
     best = best_with(best._replace(borrowed=0.0))
     best = best_with(*(best._replace(independent=part) for part in INDEPENDENT[1:]))
     if compares_people([[one.group for one in task.examples] for task in recorded.values()]):

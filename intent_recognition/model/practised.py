@@ -11,6 +11,7 @@ closed, and goes to `undone` when it is taken back.
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from intent_recognition.errors import ModelError, ResourceBusyError
 from intent_recognition.improvement import (
@@ -20,7 +21,6 @@ from intent_recognition.improvement import (
     PracticeSession,
     TaskPractice,
 )
-from intent_recognition.kinematics import Arm
 from intent_recognition.learning import change_rule
 from intent_recognition.model.file import Model, load_trained, save_model
 from intent_recognition.model.folder_content import LIBRARY_MODEL
@@ -31,7 +31,7 @@ TRIAL = "trial.npz"
 
 
 class PractisedTask:
-    """A task of a folder that is practised.
+    """A task of a folder that is practised; further options are those of `TaskPractice`.
 
     Raises:
         ModelError: there is no model yet.
@@ -45,23 +45,15 @@ class PractisedTask:
         *,
         beside_m: Sequence[float] | None = None,
         moved_m: Sequence[float] = (0.0, 0.0, 0.0),
-        arm: Arm | None = None,
-        **options: int,
+        **options: Any,
     ) -> None:
         if not folder.model_path.exists():
             cure = "Teach a task first, or name the folder of tasks."
             raise ModelError.about(str(folder.path), f"a folder with {LIBRARY_MODEL}", "none", cure)
         self.folder, self.task, self.since = folder, task, folder.present_model()
         self._model, self._trained = load_trained(folder.model_path)
-        self.practice = TaskPractice(
-            self._trained,
-            self._model.dofs,
-            task,
-            beside_m=beside_m,
-            moved_m=moved_m,
-            arm=arm,
-            **options,
-        )
+        options |= {"beside_m": beside_m, "moved_m": moved_m}
+        self.practice = TaskPractice(self._trained, self._model.dofs, task, **options)
         self._about = {"task": task, "beside": _text(beside_m or ()), "moved": _text(moved_m)}
 
     def session(self, cost: Cost, seed: int) -> PracticeSession:

@@ -8,7 +8,7 @@ from statistics import median
 from intent_recognition.evaluation import CM_PER_M, InteractionRecord, summarise, summary_line
 from intent_recognition.report import html
 from intent_recognition.report.demo_report import hand_error_text
-from intent_recognition.report.drawing import to_svg
+from intent_recognition.report.drawing import svg_figure
 from intent_recognition.report.figures_session import hand_error_figure
 
 COLUMNS = (
@@ -35,19 +35,13 @@ def write_arms_report(
     """Write the report as one HTML file."""
     errors_cm = {arm: hand_errors_cm(records) for arm, records in sessions.items()}
     rows = tuple(arm_row(arm, records) for arm, records in sessions.items())
-    figure = hand_error_figure(errors_cm)
-    blocks = (
-        html.TableBlock(COLUMNS, rows, CAPTION),
-        html.Figure(to_svg(figure), "Every interaction's hand error, and their mean, by arm."),
-    )
+    caption = "Every interaction's hand error, and their mean, by arm."
+    figure = svg_figure(hand_error_figure(errors_cm), caption)
     together = summary_line(summarise([one for records in sessions.values() for one in records]))
-    page = html.ReportPage(
-        "The same session with several arms",
-        "Each arm before the same simulated coworker; measured on the ROS 2 topics.",
-        (html.Section("Result", blocks),),
-        together,
-    )
-    return html.write_page(path, page)
+    title = "The same session with several arms"
+    subtitle = "Each arm before the same simulated coworker; measured on the ROS 2 topics."
+    result = html.Section("Result", (html.TableBlock(COLUMNS, rows, CAPTION), figure))
+    return html.write_page(path, html.ReportPage(title, subtitle, (result,), together))
 
 
 def arm_row(arm: str, records: Sequence[InteractionRecord]) -> tuple[str | None, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from intent_recognition.report import html
-from intent_recognition.report.drawing import readable, to_svg
+from intent_recognition.report.drawing import readable, svg_figure
 from intent_recognition.report.figures_evaluation import (
     PHASE_NAMES,
     confusion_shares_figure,
@@ -29,18 +29,15 @@ def reliability_figures(result: Mapping) -> list[html.Figure]:
     """A reliability diagram for each kind of phase, and the regions that hold the truth."""
     figures = []
     for phase, bins in by_phase(result.get("reliability")).items():
-        figure = reliability_figure(
-            np.array(bins["probability"], dtype=float),
-            np.array(bins["share_true"], dtype=float),
-            np.array(bins["count"]),
-        )
+        said, true = (np.array(bins[name], dtype=float) for name in ("probability", "share_true"))
+        figure = reliability_figure(said, true, np.array(bins["count"]))
         caption = f"Are the task probabilities calibrated? {PHASE_NAMES[phase].capitalize()}."
-        figures.append(html.Figure(to_svg(figure), caption))
+        figures.append(svg_figure(figure, caption))
     regions = by_phase(result.get("coverage"))
     if regions:
         figure = regions_figure({p: (r["should"], r["does"]) for p, r in regions.items()})
         caption = "Are the standard deviations calibrated? Regions of 50 to 99 %."
-        figures.append(html.Figure(to_svg(figure), caption))
+        figures.append(svg_figure(figure, caption))
     return figures
 
 
@@ -49,22 +46,17 @@ def confusion_section(result: Mapping, segment: str) -> html.Section:
     rows: list[html.Block] = []
     for phase, by_fraction in by_phase(result.get("confusion")).items():
         figures = []
-        for fraction in ("0.2", "0.5"):
-            if fraction in by_fraction:
-                table = by_fraction[fraction]
-                figure = confusion_shares_figure(
-                    table["counts"], table["true"], table["recognised"]
-                )
-                percent = f"{100 * float(fraction):.0f} %"
-                caption = f"{percent} of the {segment} observed, {PHASE_NAMES[phase]}."
-                figures.append(html.Figure(to_svg(figure), caption))
+        for fraction in [one for one in ("0.2", "0.5") if one in by_fraction]:
+            table = by_fraction[fraction]
+            figure = confusion_shares_figure(table["counts"], table["true"], table["recognised"])
+            percent = f"{100 * float(fraction):.0f} %"
+            caption = f"{percent} of the {segment} observed, {PHASE_NAMES[phase]}."
+            figures.append(svg_figure(figure, caption))
         if figures:
             rows.append(html.Row(tuple(figures)))
     mistaken = [tuple(map(str, one.values())) for one in result.get("mistaken", ())]
     if mistaken:
-        columns = tuple(
-            html.Column(name, align="left") for name in ("recording", "task", "taken for")
-        )
+        columns = html.text_columns("recording", "task", "taken for")
         caption = "Taken for another task with all observed, unknown phase: are the labels right?"
         rows.append(html.TableBlock(columns, tuple(mistaken), caption))
     return html.Section("Confusions", tuple(rows))
@@ -79,7 +71,7 @@ def none_section(result: Mapping) -> html.Section:
         curve = none["roc"]
         figure = roc_figure(curve["unknown"], curve["known"], none["area"])
         caption = "Each point is a threshold: how many known and unknown movements reach it."
-        blocks.append(html.Figure(to_svg(figure), caption))
+        blocks.append(svg_figure(figure, caption))
         blocks.append(_left_out_table(none["left_out"]))
         blocks.append(html.Paragraph(UNKNOWN_EXPLANATION, small=True))
     accuracy = by_phase(none.get("accuracy"))
@@ -90,21 +82,13 @@ def none_section(result: Mapping) -> html.Section:
 
 
 def _none_numbers(none: Mapping) -> html.KeyNumbers:
-    return html.KeyNumbers(
-        (
-            html.KeyNumber("area under the ROC", f"{none['area']:.3f}", good=none["area"] >= 0.95),
-            html.KeyNumber(
-                "unknown movements activated",
-                _percent(none["activated_unknown"]),
-                note=_gates(none, "unknown"),
-            ),
-            html.KeyNumber(
-                "known movements activated",
-                _percent(none["activated_known"]),
-                note=_gates(none, "known"),
-            ),
-        )
+    area = html.KeyNumber("area under the ROC", f"{none['area']:.3f}", good=none["area"] >= 0.95)
+    activated = (
+        html.KeyNumber(f"{kind} movements activated", text, note=_gates(none, kind))
+        for kind in ("unknown", "known")
+        for text in [_percent(none[f"activated_{kind}"])]
     )
+    return html.KeyNumbers((area, *activated))
 
 
 def _gates(none: Mapping, kind: str) -> str:
@@ -143,9 +127,8 @@ def _accuracy_table(accuracy: Mapping) -> html.TableBlock:
         both = [table.get(fraction, {}) for table in accuracy.values()]
         shares = (one[k] for one in both for k in ("without_none", "with_none") if k in one)
         rows.append([100 * float(fraction), *(100 * share for share in shares)])
-    return html.TableBlock(
-        columns, rows, "Accuracy on known tasks, without the answer none and with it"
-    )
+    caption = "Accuracy on known tasks, without the answer none and with it"
+    return html.TableBlock(columns, rows, caption)
 
 
 def by_phase(content: Mapping | None) -> dict[str, Mapping]:

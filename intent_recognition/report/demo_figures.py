@@ -2,7 +2,6 @@
 """The drawn sections of the demo's report: accuracy, timing, recognition, single interactions."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from intent_recognition.evaluation import (
 )
 from intent_recognition.promp import NONE
 from intent_recognition.report import figures_session
-from intent_recognition.report.drawing import readable, to_svg
+from intent_recognition.report.drawing import readable, svg_figure
 from intent_recognition.report.figures_evaluation import confusion_shares_figure, reliability_figure
 from intent_recognition.report.figures_interaction import (
     joint_figure,
@@ -24,10 +23,20 @@ from intent_recognition.report.figures_interaction import (
     transfer_figure,
     wrist_figure,
 )
-from intent_recognition.report.html import Block, Figure, Paragraph, Row, Section
+from intent_recognition.report.html import Block, Paragraph, Row, Section
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Drawing
+POSTERIORS = (
+    "Probability of each task while the human moves: thin lines are interactions, bold lines their"
+    " median, ticks at the top the decisions."
+)
+RELIABILITY = (
+    "Are the probabilities to be believed? Every posterior since the onset was noticed, pooled;"
+    " those of one interaction are not independent."
+)
+TRANSFER = (
+    "The object changes hands: the person's force on it in truth, the load that the robot feels,"
+    " and the force of its fingers; below: the person's share of the load, as felt."
+)
 
 
 def figures_of_records(
@@ -45,25 +54,23 @@ def figures_of_records(
             for t, e in PAPER_HAND_ERROR.items()
             if e.mean_cm is not None and e.two_std_cm is not None
         }
-        figure = figures_session.hand_error_figure(
-            errors_cm, paper, dict.fromkeys(summary.tasks_apart, "(place is fixed)"), labels
-        )
-        drawn.append(
-            _figure(figure, "Measured hand to the place the demonstrator's rule gives, in cm.")
-        )
+        fixed = dict.fromkeys(summary.tasks_apart, "(place is fixed)")
+        figure = figures_session.hand_error_figure(errors_cm, paper, fixed, labels)
+        caption = "Measured hand to the place the demonstrator's rule gives, in cm."
+        drawn.append(svg_figure(figure, caption))
     if shares:
         figure = figures_session.decision_share_figure(shares, labels=labels)
-        drawn.append(_figure(figure, "How early: 100 % is the end of the human's movement."))
+        drawn.append(svg_figure(figure, "How early: 100 % is the end of the human's movement."))
     if arrivals:
         figure = figures_session.arrival_figure(arrivals, labels)
-        drawn.append(_figure(figure, "Zero is the end of the human's movement."))
+        drawn.append(svg_figure(figure, "Zero is the end of the human's movement."))
     decided = [r for r in records if r.decision_time_s is not None]
     decisions = _per_task(decided, "decision_time_s")
     if decisions:
         movements = _per_task(decided, "movement_s")
         figure = figures_session.timing_figure(movements, decisions, labels)
         caption = "When each was decided: below the solid line, before the human's end."
-        drawn.append(_figure(figure, caption))
+        drawn.append(svg_figure(figure, caption))
     return (Row(tuple(drawn)),) if drawn else ()
 
 
@@ -77,7 +84,7 @@ def figures_of_posteriors(
         [r.task for r in records], [r.recognised for r in records]
     )
     figure = confusion_shares_figure(counts, rows, columns)
-    confusion = _figure(figure, "What each task was recognised as.")
+    confusion = svg_figure(figure, "What each task was recognised as.")
     both = [(r, by_index[r.index]) for r in records if _has_posterior(by_index.get(r.index))]
     if not both:
         return (Row((confusion,)),)
@@ -99,38 +106,19 @@ def figures_of_posteriors(
     bins = reliability_bins(
         np.concatenate([p.ravel() for p in noticed]), np.concatenate([t.ravel() for t in truth])
     )
-    return (
-        _figure(
-            figure,
-            "Probability of each task while the human moves: thin lines are interactions, bold"
-            " lines their median, ticks at the top the decisions.",
-        ),
-        Row(
-            (
-                confusion,
-                _figure(
-                    reliability_figure(*bins),
-                    "Are the probabilities to be believed? Every posterior since the onset was"
-                    " noticed, pooled; those of one interaction are not independent.",
-                ),
-            )
-        ),
-    )
+    reliability = svg_figure(reliability_figure(*bins), RELIABILITY)
+    return svg_figure(figure, POSTERIORS), Row((confusion, reliability))
 
 
 def details(records: Sequence[InteractionRecord], by_index: Mapping[int, Trace]) -> list[Section]:
     """A typical interaction of each task, and what was missed."""
     chosen = {}
     for task in sorted({r.task for r in records}):
-        measured = [
-            r
-            for r in records
-            if r.task == task and r.hand_error_m is not None and r.index in by_index
-        ]
+        own = [r for r in records if r.task == task and r.index in by_index]
+        measured = [r for r in own if r.hand_error_m is not None]
         if measured:
-            typical = sorted(measured, key=lambda r: r.hand_error_m or 0.0)[
-                (len(measured) - 1) // 2
-            ]
+            measured.sort(key=lambda r: r.hand_error_m or 0.0)
+            typical = measured[(len(measured) - 1) // 2]
             name = readable(task)
             heading = f"Typical: {name}" if len(measured) > 1 else name.capitalize()
             chosen[typical.index] = (heading, typical)
@@ -147,29 +135,20 @@ def details(records: Sequence[InteractionRecord], by_index: Mapping[int, Trace])
 def _detail(record: InteractionRecord, trace: Trace) -> tuple[Block, ...]:
     small = []
     if "wrist_m" in trace:
-        small.append(
-            _figure(wrist_figure(trace), "The wrist, observed and predicted at the decision.")
-        )
+        caption = "The wrist, observed and predicted at the decision."
+        small.append(svg_figure(wrist_figure(trace), caption))
     if _has_posterior(trace):
         figure = posterior_over_time_figure(trace, record.movement_s)
-        small.append(
-            _figure(figure, "Task posterior; solid vertical line: decision; dotted: human's end.")
-        )
+        caption = "Task posterior; solid vertical line: decision; dotted: human's end."
+        small.append(svg_figure(figure, caption))
     blocks: list[Block] = [Paragraph(_sentence(record))]
     if small:
         blocks.append(Row(tuple(small)))
     if "predicted_rad" in trace or "joint_rad" in trace:
-        blocks.append(
-            _figure(
-                joint_figure(trace), "The robot's joints: predicted at the decision, and measured."
-            )
-        )
+        caption = "The robot's joints: predicted at the decision, and measured."
+        blocks.append(svg_figure(joint_figure(trace), caption))
     if "transfer_s" in trace:
-        caption = (
-            "The object changes hands: the person's force on it in truth, the load that the robot"
-            " feels, and the force of its fingers; below: the person's share of the load, as felt."
-        )
-        blocks.append(_figure(transfer_figure(trace), caption))
+        blocks.append(svg_figure(transfer_figure(trace), TRANSFER))
     return tuple(blocks)
 
 
@@ -203,7 +182,3 @@ def _per_task(records: Sequence[InteractionRecord], name: str) -> dict[str, list
 
 def _has_posterior(trace: Trace | None) -> bool:
     return trace is not None and "probabilities" in trace
-
-
-def _figure(figure: "Drawing", caption: str) -> Figure:
-    return Figure(to_svg(figure), caption)

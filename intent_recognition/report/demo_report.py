@@ -43,7 +43,7 @@ def write_demo_report(
         path: of the file; its folder is made if it is missing.
         records: all interactions, in order.
         summary: of these records.
-        traces: arrays of as many interactions as there are (keys: `traces.Trace`); figures
+        traces: arrays of as many interactions as there are (keys: `evaluation.Trace`); figures
             without data are left out.
         settings: name and value of what the session was run with, shown at the end.
 
@@ -88,76 +88,51 @@ def demo_page(
 
 
 def _key_numbers(summary: DemoSummary, of_paper: bool) -> html.KeyNumbers:
-    share, arrival = summary.median_decision_share, summary.median_arrival_s
+    n, share = summary.n, summary.median_decision_share
+    helped, known = "recognised", "decided before"
+    if summary.people:
+        helped, known = "helped with", "recognised at"
+    right, good = f"{summary.recognised_right}/{n}", not summary.too_many_missed
+    paper_right = "{}/{}".format(*PAPER_RECOGNISED) if of_paper else ""
     numbers = [
-        html.KeyNumber(
-            "tasks helped with" if summary.people else "tasks recognised",
-            f"{summary.recognised_right}/{summary.n}",
-            "{}/{}".format(*PAPER_RECOGNISED) if of_paper else "",
-            not summary.too_many_missed,
-        ),
-        html.KeyNumber(
-            "recognised at the human's end" if summary.people else "decided before the human's end",
-            f"{summary.decided_before_end}/{summary.n}",
-            good=summary.decided_before_end == summary.n,
-        ),
-        html.KeyNumber("hand error", hand_error_text(summary.hand_error), note=_who(summary)),
+        html.KeyNumber(f"tasks {helped}", right, paper_right, good),
+        _all_of(f"{known} the human's end", summary.decided_before_end, n),
     ]
     if not summary.people:
-        decided = html.KeyNumber(
-            "median decision",
-            _absent(share, lambda x: f"{100 * x:.0f} %"),
-            good=None if share is None else share <= 0.5,
-            note="of the human's movement had passed",
-        )
-        numbers.insert(2, decided)
+        text = _absent(share, lambda x: f"{100 * x:.0f} %")
+        early = None if share is None else share <= 0.5
+        note = "of the human's movement had passed"
+        numbers.append(html.KeyNumber("median decision", text, good=early, note=note))
+    text = hand_error_text(summary.hand_error)
+    numbers.append(html.KeyNumber("hand error", text, note=_who(summary)))
     for task, error in summary.hand_error_by_task.items():
         paper = PAPER_HAND_ERROR.get(task)
-        apart = task in summary.tasks_apart
-        numbers.append(
-            html.KeyNumber(
-                f"hand error, {readable(task)}",
-                hand_error_text(error),
-                hand_error_text(paper) if paper else "",
-                _meets(error, paper),
-                f"n = {error.n}; {FIXED_PLACE}" if apart else f"n = {error.n}",
-            )
-        )
-    numbers.append(
-        html.KeyNumber(
-            "robot's arrival after the human's end",
-            _absent(arrival, lambda x: f"{x:+.2f} s"),
-            note=_absent(summary.latest_arrival_s, lambda x: f"median; latest {x:+.2f} s"),
-        )
-    )
+        title, ours = f"hand error, {readable(task)}", hand_error_text(error)
+        theirs = hand_error_text(paper) if paper else ""
+        note = f"n = {error.n}; {FIXED_PLACE}" if task in summary.tasks_apart else f"n = {error.n}"
+        numbers.append(html.KeyNumber(title, ours, theirs, _meets(error, paper), note))
+    text = _absent(summary.median_arrival_s, lambda x: f"{x:+.2f} s")
+    note = _absent(summary.latest_arrival_s, lambda x: f"median; latest {x:+.2f} s")
+    numbers.append(html.KeyNumber("robot's arrival after the human's end", text, note=note))
     if summary.n_transfers:
-        all_of_them = summary.handed_over == summary.n_transfers
-        numbers += [
-            html.KeyNumber(
-                "objects handed over by force",
-                f"{summary.handed_over}/{summary.n_transfers}",
-                good=all_of_them,
-            ),
-            html.KeyNumber(
-                "largest force of the person",
-                _absent(summary.largest_force_n, lambda x: f"{x:.1f} N"),
-                good=(summary.largest_force_n or 0.0) <= LARGEST_FORCE_N,
-                note=f"at most {LARGEST_FORCE_N:g} N is required",
-            ),
-        ]
+        given = _all_of("objects handed over by force", summary.handed_over, summary.n_transfers)
+        force, note = summary.largest_force_n, f"at most {LARGEST_FORCE_N:g} N is required"
+        text, good = _absent(force, lambda x: f"{x:.1f} N"), (force or 0.0) <= LARGEST_FORCE_N
+        numbers += [given, html.KeyNumber("largest force of the person", text, "", good, note)]
     if summary.people:
         wrong = sum(one.wrong_helps for one in summary.people)
         note = "begun while the person neither moved nor waited"
         numbers.append(html.KeyNumber("wrong helps", str(wrong), good=not wrong, note=note))
     if summary.n_changed:
-        numbers.append(
-            html.KeyNumber(
-                "changes of mind followed",
-                f"{summary.changes_followed}/{summary.n_changed}",
-                note=f"hand error {hand_error_text(summary.changed_hand_error)}",
-            )
-        )
+        text = f"{summary.changes_followed}/{summary.n_changed}"
+        note = f"hand error {hand_error_text(summary.changed_hand_error)}"
+        numbers.append(html.KeyNumber("changes of mind followed", text, note=note))
     return html.KeyNumbers(tuple(numbers))
+
+
+def _all_of(label: str, count: int, n: int) -> html.KeyNumber:
+    """A count of n, which is good where it is all of them."""
+    return html.KeyNumber(label, f"{count}/{n}", good=count == n)
 
 
 def _people(summary: DemoSummary) -> html.TableBlock:
@@ -202,11 +177,7 @@ def _settings(settings: Mapping[str, object]) -> tuple[html.Block, ...]:
     if not settings:
         return ()
     rows = tuple((str(name), str(value)) for name, value in settings.items())
-    return (
-        html.TableBlock(
-            (html.Column("setting", align="left"), html.Column("value", align="left")), rows
-        ),
-    )
+    return (html.TableBlock(html.text_columns("setting", "value"), rows),)
 
 
 def hand_error_text(error: HandError) -> str:

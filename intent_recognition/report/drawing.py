@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypeVar
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import optional
 from intent_recognition.promp import NONE
+from intent_recognition.report import html
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -131,6 +132,11 @@ def to_svg(figure: "Figure") -> bytes:
     figure.set_layout_engine(engine)
     head, _, rest = stream.getvalue().partition(b"<!DOCTYPE")
     return head + rest.partition(b">")[2].lstrip() if rest else head
+
+
+def svg_figure(figure: "Figure", caption: str) -> html.Figure:
+    """The figure with its caption, as it stands on a page."""
+    return html.Figure(to_svg(figure), caption)
 
 
 @styled

@@ -14,7 +14,7 @@ from intent_recognition.report.calibration_report import (
     none_section,
     reliability_figures,
 )
-from intent_recognition.report.drawing import to_svg
+from intent_recognition.report.drawing import svg_figure
 from intent_recognition.report.figures_evaluation import (
     PHASE_NAMES,
     RMSE_STYLES,
@@ -23,6 +23,7 @@ from intent_recognition.report.figures_evaluation import (
     rmse_figure,
 )
 
+PREDICTIONS = {"prediction": "", "prediction_with_start_posture": ", start posture known"}
 PREDICTION_COLUMNS = {
     "rmse": "RMSE",
     "rmse_inferred_task": "RMSE, inferred task",
@@ -70,19 +71,15 @@ def evaluation_page(result: Mapping, title: str) -> html.ReportPage:
     tasks = ", ".join(str(task) for task in result.get("tasks", ()))
     segment = result.get("segment", "movement")
     explained = " ".join([*remarks_on(result), EXPLANATION.format(segment=segment)])
+    remark = html.Paragraph(explained, small=True)
     sections = [
-        html.Section(
-            "Result", (_key_numbers(result, segment), html.Paragraph(explained, small=True))
-        ),
+        html.Section("Result", (_key_numbers(result, segment), remark)),
         html.Section("Recognition", _recognition(result.get("recognition", {}), segment)),
         confusion_section(result, segment),
-        *(_prediction(result.get("prediction", {}), unit, segment) for unit in _units(result)),
         *(
-            _prediction(
-                result["prediction_with_start_posture"], unit, segment, ", start posture known"
-            )
+            _prediction(result.get(kind, {}), unit, segment, remark)
+            for kind, remark in PREDICTIONS.items()
             for unit in _units(result)
-            if "prediction_with_start_posture" in result
         ),
         html.Section("Online", _online(result.get("online", {}))),
         html.Section("Calibration", _calibration(result, segment)),
@@ -154,10 +151,10 @@ def _recognition(recognition: Mapping, segment: str) -> tuple[html.Block, ...]:
             row.append(_known(number(scores.get("log_loss"), "")))
         rows.append(row)
     caption = f"Accuracy and mean log loss over the share of the {segment} observed."
-    return html.Figure(to_svg(figure), caption), html.TableBlock(columns, rows)
+    return svg_figure(figure, caption), html.TableBlock(columns, rows)
 
 
-def _prediction(prediction: Mapping, unit: str, segment: str, remark: str = "") -> html.Section:
+def _prediction(prediction: Mapping, unit: str, segment: str, remark: str) -> html.Section:
     phases = by_phase(prediction)
     heading = f"Prediction of the controlled agent{remark} [{unit}]" if unit else "Prediction"
     if not phases:
@@ -166,15 +163,10 @@ def _prediction(prediction: Mapping, unit: str, segment: str, remark: str = "") 
         phase: {name: series(table, name, unit) for name in RMSE_STYLES}
         for phase, table in phases.items()
     }
-    blocks: list[html.Block] = [
-        html.Figure(
-            to_svg(rmse_figure(panels, unit, segment)),
-            "Solid and dotted: the library; dashed: baselines, which are given the true task.",
-        )
-    ]
-    for phase, table in phases.items():
-        blocks.append(_prediction_table(table, unit, segment, PHASE_NAMES[phase]))
-    return html.Section(heading, tuple(blocks))
+    caption = "Solid and dotted: the library; dashed: baselines, which are given the true task."
+    figure = svg_figure(rmse_figure(panels, unit, segment), caption)
+    tables = (_prediction_table(t, unit, segment, PHASE_NAMES[p]) for p, t in phases.items())
+    return html.Section(heading, (figure, *tables))
 
 
 def _prediction_table(table: Mapping, unit: str, segment: str, caption: str) -> html.TableBlock:
@@ -199,9 +191,8 @@ def _online(online: Mapping) -> tuple[html.Block, ...]:
     for phase, scores in phases.items():
         values = [100 * number(scores.get(name), "") for name in ONLINE_COLUMNS]
         rows.append((PHASE_NAMES[phase], *map(_known, values)))
-    return html.TableBlock((html.Column("", align="left"), *shares), rows), html.Paragraph(
-        ONLINE_EXPLANATION, small=True
-    )
+    table = html.TableBlock((*html.text_columns(""), *shares), rows)
+    return table, html.Paragraph(ONLINE_EXPLANATION, small=True)
 
 
 def _faults(result: Mapping) -> tuple[html.Block, ...]:
@@ -211,8 +202,8 @@ def _faults(result: Mapping) -> tuple[html.Block, ...]:
         for key, kind in (("left_out", "left out"), ("doubtful", "doubtful"))
         for one in result.get(key, ())
     ]
-    columns = tuple(html.Column(name, align="left") for name in ("recording", "", "why"))
-    return (html.TableBlock(columns, tuple(rows)),) if rows else ()
+    columns = html.text_columns("recording", "", "why")
+    return (html.TableBlock(columns, rows),) if rows else ()
 
 
 def _calibration(result: Mapping, segment: str) -> tuple[html.Block, ...]:
@@ -227,7 +218,7 @@ def _calibration(result: Mapping, segment: str) -> tuple[html.Block, ...]:
         if coverage:
             where = f" ({unit})" if len(units) > 1 else ""
             caption = f"Share of true values within two standard deviations{where}."
-            drawn.append(html.Figure(to_svg(coverage_figure(coverage, segment)), caption))
+            drawn.append(svg_figure(coverage_figure(coverage, segment), caption))
     drawn += reliability_figures(result)
     return tuple(html.Row(tuple(drawn[i : i + 2])) for i in range(0, len(drawn), 2))
 
@@ -235,28 +226,19 @@ def _calibration(result: Mapping, segment: str) -> tuple[html.Block, ...]:
 def _mixture(mixture: Mapping) -> tuple[html.Block, ...]:
     if not mixture:
         return ()
-    purity = number(mixture.get("purity"), "")
-    return (
-        html.KeyNumbers(
-            (
-                html.KeyNumber("components chosen", str(mixture.get("n_components", "?"))),
-                html.KeyNumber("purity", _text(purity, ".2f") or "?", note="against the labels"),
-            )
-        ),
-    )
+    components = html.KeyNumber("components chosen", str(mixture.get("n_components", "?")))
+    text = _text(number(mixture.get("purity"), ""), ".2f") or "?"
+    purity = html.KeyNumber("purity", text, note="against the labels")
+    return (html.KeyNumbers((components, purity)),)
 
 
 def _text(value: float, form: str = "") -> str | None:
     """Three significant digits unless a form is given; None for what is not known."""
     if not np.isfinite(value):
         return None
-    return format(value, form) if form else _significant(value)
+    decimals = 2 - int(np.floor(np.log10(abs(value)))) if value else 2
+    return format(value, form or f".{min(max(decimals, 0), 6)}f")
 
 
 def _known(value: float) -> float | None:
     return value if np.isfinite(value) else None
-
-
-def _significant(value: float) -> str:
-    decimals = 2 - int(np.floor(np.log10(abs(value)))) if value else 2
-    return f"{value:.{min(max(decimals, 0), 6)}f}"

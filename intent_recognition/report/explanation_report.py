@@ -16,7 +16,7 @@ from intent_recognition.report.drawing import (
     new_figure,
     readable,
     styled,
-    to_svg,
+    svg_figure,
 )
 from intent_recognition.report.figures_interaction import posterior_over_time_figure
 
@@ -113,8 +113,7 @@ def _blocks(one: Explanation) -> tuple[html.Block, ...]:
         html.Column("without it", align="left"),
     )
     table = html.TableBlock(columns, without_rows(one))
-    drawings = (html.Figure(*one) for one in zip(map(to_svg, drawn), CAPTIONS, strict=True))
-    blocks: tuple[html.Block, ...] = (*drawings, table)
+    blocks: tuple[html.Block, ...] = (*map(svg_figure, drawn, CAPTIONS), table)
     if not one.task:
         blocks = (html.Paragraph("Nothing became active during this movement."), *blocks)
     return blocks

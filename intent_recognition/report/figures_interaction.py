@@ -31,7 +31,7 @@ PREDICTED_LINE, DOTTED = (0, (4, 1.6)), (0, (1, 1.5))
 
 @styled
 def wrist_figure(trace: Mapping) -> "Figure":
-    """The wrist's path seen from above and from the side; keys as in `traces.Trace`."""
+    """The wrist's path seen from above and from the side; keys as in `evaluation.Trace`."""
     figure = new_figure(5.6, 3.9)
     grid = figure.subplots(1, 2)
     observed = thin(np.asarray(trace["wrist_m"], dtype=float))
@@ -53,7 +53,7 @@ def wrist_figure(trace: Mapping) -> "Figure":
 
 @styled
 def transfer_figure(trace: Mapping) -> "Figure":
-    """Forces while an object changes hands; keys as in `traces.Trace`."""
+    """Forces while an object changes hands; keys as in `evaluation.Trace`."""
     figure = new_figure(11.2, 4.2)
     axes, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     felt_s = np.asarray(trace["transfer_s"], dtype=float)

@@ -143,6 +143,11 @@ class ReportPage:
     footer: str = ""
 
 
+def text_columns(*names: str) -> list[Column]:
+    """Headings of columns of texts; one with `>` before its name is set to the right."""
+    return [Column(n.removeprefix(">"), align="right" if n[:1] == ">" else "left") for n in names]
+
+
 def render(page: ReportPage) -> str:
     """The page as one self-contained HTML document."""
     footer = f"<footer>{escape(page.footer)}</footer>" if page.footer else ""

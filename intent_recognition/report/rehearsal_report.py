@@ -15,8 +15,8 @@ from intent_recognition.report.drawing import (
     new_figure,
     readable,
     styled,
+    svg_figure,
     task_colours,
-    to_svg,
 )
 from intent_recognition.report.figures_interaction import thin
 
@@ -77,21 +77,15 @@ def write_rehearsal_report(path: str | Path, tables: Tables, worst: Sequence[Reh
     """Write the report as one HTML file, whose folder is made; the worst runs come first."""
     sections = []
     for title, (names, *rows) in tables.items():
-        columns = [
-            html.Column(name.removeprefix(">"), align="right" if name[:1] == ">" else "left")
-            for name in names
-        ]
-        block: tuple[html.Block, ...] = (html.TableBlock(columns, rows),)
-        sections.append(html.Section(title.capitalize(), block))
+        table = html.TableBlock(html.text_columns(*names), rows)
+        sections.append(html.Section(title.capitalize(), (table,)))
     if worst:
-        drawn = html.Figure(to_svg(worst_figure(worst)), CAPTION)
+        drawn = svg_figure(worst_figure(worst), CAPTION)
         sections[-1] = html.Section(sections[-1].heading, (drawn, *sections[-1].blocks))
-    sections[0] = html.Section(
-        "Result", (*sections[0].blocks, html.Paragraph(EXPLANATION, small=True))
-    )
-    return html.write_page(
-        path, html.ReportPage("Rehearsal", "before the robot moves", tuple(sections))
-    )
+    explained = html.Paragraph(EXPLANATION, small=True)
+    sections[0] = html.Section("Result", (*sections[0].blocks, explained))
+    page = html.ReportPage("Rehearsal", "before the robot moves", tuple(sections))
+    return html.write_page(path, page)
 
 
 @styled

@@ -18,8 +18,8 @@ from intent_recognition.report.drawing import (
     new_axes,
     new_figure,
     styled,
+    svg_figure,
     to_png,
-    to_svg,
 )
 from intent_recognition.warping import ObjectModel, Part, PouringParameters, WarpedObject
 
@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PART_COLOURS = {Part.CONTAINER: PALETTE[0], Part.RIM: PALETTE[1], Part.HANDLE: PALETTE[2]}
+CUT = (
+    "Cut along the lip. The line is the fitted cavity; the dashed one is the level of what is"
+    " left when the container is tilted about its lip until half of its volume is above it."
+)
 MM = 1e3
 """Millimetres in a metre."""
 
@@ -44,8 +48,8 @@ def write_warp_report(
         (f"annotated: {own.name}", source.frame.to_local(own.points), own.labels),
         ("warped", warped.frame.to_local(warped.points), warped.labels),
     )
-    parts = to_png(parts_figure(views))
-    cut = to_svg(cut_figure(warped, parameters))
+    parts = html.Figure(to_png(parts_figure(views)), "Points by part.")
+    cut = svg_figure(cut_figure(warped, parameters), CUT)
     degrees = np.degrees(parameters.tilt_reference_rad)
     numbers = (
         html.KeyNumber("opening radius", f"{1e3 * parameters.opening_radius_m:.1f} mm"),
@@ -54,24 +58,12 @@ def write_warp_report(
         html.KeyNumber("tilt that leaves half", f"{degrees:.1f}\N{DEGREE SIGN}"),
     )
     rows = tuple((name, _text(value)) for name, value in content.items())
-    table = html.TableBlock(
-        (html.Column("name", align="left"), html.Column("value", align="left")), rows
-    )
-    caption = (
-        "Cut along the lip. The line is the fitted cavity; the dashed one is the level of what is"
-        " left when the container is tilted about its lip until half of its volume is above it."
-    )
-    page = html.ReportPage(
-        title="Warped object",
-        subtitle=f"{content['source']} onto {content['target']}",
-        sections=(
-            html.Section("Parameters", (html.KeyNumbers(numbers),)),
-            html.Section("Parts", (html.Figure(parts, "Points by part."),)),
-            html.Section("Cavity", (html.Figure(cut, caption),)),
-            html.Section("As JSON", (table,)),
-        ),
-    )
-    return html.write_page(path, page)
+    table = html.TableBlock(html.text_columns("name", "value"), rows)
+    blocks: dict[str, html.Block] = {"Parameters": html.KeyNumbers(numbers), "Parts": parts}
+    blocks |= {"Cavity": cut, "As JSON": table}
+    sections = tuple(html.Section(name, (block,)) for name, block in blocks.items())
+    subtitle = f"{content['source']} onto {content['target']}"
+    return html.write_page(path, html.ReportPage("Warped object", subtitle, sections))
 
 
 def _text(value: object) -> str:

@@ -8,6 +8,7 @@ import pytest
 from cli.recorded import DOFS, TRUTH, write_all
 from model_builder import learned_model
 
+from intent_recognition.cli.main import main
 from intent_recognition.cli.options import add_module
 from intent_recognition.model import save_model
 
@@ -39,6 +40,19 @@ def run_command(parse, capsys):
         args = parse(command, *arguments)
         code = args.run(args)
         return code, capsys.readouterr().out
+
+    return run
+
+
+@pytest.fixture
+def refused(capsys):
+    """Let the parser refuse the words of a command; returns what it says."""
+
+    def run(*words: object) -> str:
+        with pytest.raises(SystemExit) as ended:
+            main([*map(str, words)])
+        assert ended.value.code == 2
+        return capsys.readouterr().err
 
     return run
 

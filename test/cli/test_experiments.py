@@ -108,11 +108,9 @@ def test_unknown_name_is_one_line(capsys):
 
 
 @pytest.mark.parametrize(("option", "least"), [("--seed", "0"), ("--seeds", "1"), ("--jobs", "1")])
-def test_a_number_that_is_too_small_is_named(parse, capsys, option, least):
-    with pytest.raises(SystemExit) as ended:
-        parse("experiments", option, int(least) - 1)
-    assert ended.value.code == 2
-    assert f"argument {option}: expected {least} or more" in capsys.readouterr().err
+def test_a_number_that_is_too_small_is_named(refused, option, least):
+    said = refused("experiments", option, int(least) - 1)
+    assert f"argument {option}: expected {least} or more" in said
 
 
 def test_recordings_that_are_not_there_are_said_before_any_work(capsys, tmp_path):

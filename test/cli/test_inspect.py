@@ -124,22 +124,15 @@ def test_the_length_of_a_cut_bag_is_of_what_can_be_read(run_command, tmp_path):
     assert content["end_ns"] == max(times_ns) < START_NS + 1900 * STEP_NS
 
 
-def test_a_file_of_another_kind_is_named(parse, tmp_path):
-    path = tmp_path / "notes.txt"
-    path.write_text("hello", encoding="utf-8")
-    args = parse("inspect", path)
+def test_nothing_to_inspect_is_an_error(run_command, tmp_path):
+    notes, missing = tmp_path / "notes.txt", tmp_path / "missing"
+    model = missing.with_suffix(".npz")
+    for path, error in ((tmp_path, BagError), (missing, BagError), (model, ModelError)):
+        with pytest.raises(error, match=str(path)):
+            run_command("inspect", path)
+    notes.write_text("hello", encoding="utf-8")
     with pytest.raises(BagError, match="expected a recording, got another kind of file"):
-        args.run(args)
-
-
-def test_nothing_to_inspect_is_an_error(parse, tmp_path):
-    for path in (tmp_path, tmp_path / "missing"):
-        args = parse("inspect", path)
-        with pytest.raises(BagError, match=str(path)):
-            args.run(args)
-    args = parse("inspect", tmp_path / "missing.npz")
-    with pytest.raises(ModelError, match=r"missing\.npz"):
-        args.run(args)
+        run_command("inspect", notes)
 
 
 @pytest.fixture(scope="module")

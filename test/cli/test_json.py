@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`--json [OUT]` means the same in every command."""
 
-import argparse
 import json
 from functools import cache
 from pathlib import Path
@@ -113,16 +112,9 @@ def test_without_a_file_it_is_all_of_standard_output(words, folder, monkeypatch,
 
 
 def test_every_command_that_has_it_has_it_so():
-    (commands,) = (
-        action
-        for action in cli.make_parser()._actions
-        if isinstance(action, argparse._SubParsersAction)
-    )
-    found = {
-        name: parser._option_string_actions["--json"]
-        for name, parser in commands.choices.items()
-        if "--json" in parser._option_string_actions
-    }
+    (commands,) = (a for a in cli.make_parser()._actions if a.choices and not a.option_strings)
+    options = {name: one._option_string_actions for name, one in commands.choices.items()}
+    found = {name: known["--json"] for name, known in options.items() if "--json" in known}
     assert found.keys() == COMMANDS.keys()
     for option in found.values():
         assert (option.nargs, option.const, option.metavar) == ("?", PRINTED, "OUT")

@@ -19,39 +19,43 @@ from intent_recognition.errors import ModelError
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.fixture
+def printed(capsys):
+    """What `intent` prints for an option after which it ends."""
+
+    def run(*words: str) -> str:
+        with pytest.raises(SystemExit) as ended:
+            cli.main(words)
+        assert ended.value.code == 0
+        return capsys.readouterr().out
+
+    return run
+
+
 @pytest.mark.parametrize("command", cli.COMMANDS)
-def test_every_command_explains_itself(command, capsys):
-    with pytest.raises(SystemExit) as ended:
-        cli.main([command, "--help"])
-    assert ended.value.code == 0
-    text = capsys.readouterr().out
+def test_every_command_explains_itself(command, printed):
+    text = printed(command, "--help")
     assert text.startswith(f"usage: intent {command}") and len(text.splitlines()) > 5
 
 
-def test_every_option_explains_itself():
+def parsers():
+    """The parser of each command, by its name."""
     (commands,) = (a for a in cli.make_parser()._actions if a.choices and not a.option_strings)
-    for command, parser in commands.choices.items():
+    return commands.choices.items()
+
+
+def test_every_option_explains_itself():
+    for command, parser in parsers():
         for action in parser._actions:
             assert action.help, (command, action.dest)
             assert not re.search(r"\b([a-z]+) \1\b", action.help), (command, action.help)
 
 
-def test_the_actions_of_a_command_are_listed(capsys):
-    with pytest.raises(SystemExit):
-        cli.main(["via", "--help"])
-    printed = capsys.readouterr().out
-    assert all(f"\n    {action} " in printed for action in ("add", "list", "remove"))
-
-
-def test_the_parser_lists_every_command(capsys):
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["--help"])
-    assert ended.value.code == 0
-    text = capsys.readouterr().out
-    assert all(command in text for command in cli.COMMANDS)
-    with pytest.raises(SystemExit):
-        cli.main(["--version"])
-    version, update = capsys.readouterr().out.splitlines()
+def test_commands_and_their_actions_are_listed(printed):
+    actions, commands = printed("via", "--help"), printed("--help")
+    assert all(f"\n    {action} " in actions for action in ("add", "list", "remove"))
+    assert all(command in commands for command in cli.COMMANDS)
+    version, update = printed("--version").splitlines()
     assert version == f"intent {__version__}"
     assert update.startswith(("update: compiled C", "update: numpy"))
 
@@ -64,42 +68,30 @@ def test_what_the_terminal_has_no_letter_for_is_an_escape(monkeypatch, tmp_path)
     assert b"\\xe4_0" in ascii_output.buffer.getvalue()
 
 
-def test_no_path_is_empty(capsys):
+def test_no_path_is_empty(refused):
     """An unset variable of a shell is not the present folder."""
-    (commands,) = (a for a in cli.make_parser()._actions if a.choices and not a.option_strings)
-    for parser in commands.choices.values():
+    for _, parser in parsers():
         assert all(action.type is not Path for action in parser._actions)
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["train", "", "--output", "m.npz"])
-    assert ended.value.code == 2 and "got nothing" in capsys.readouterr().err
+    assert "got nothing" in refused("train", "", "--output", "m.npz")
 
 
 @pytest.mark.parametrize(
     "option", [("--basis", "2"), ("--basis", "1e5"), ("--basis", "201"), ("--jobs", "0")]
 )
-def test_numbers_have_limits_before_anything_is_read(option, capsys):
-    (commands,) = (a for a in cli.make_parser()._actions if a.choices and not a.option_strings)
-    for parser in commands.choices.values():
+def test_numbers_have_limits_before_anything_is_read(option, refused):
+    for _, parser in parsers():
         assert all(action.type not in (int, float) for action in parser._actions)
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["train", "/no/bag", "--output", "m.npz", *option])
-    assert ended.value.code == 2 and f"argument {option[0]}" in capsys.readouterr().err
+    said = refused("train", "/no/bag", "--output", "m.npz", *option)
+    assert f"argument {option[0]}" in said
 
 
 @pytest.mark.parametrize("argv", [[], ["dance"], ["train"], ["train", "bag"], ["replay", "bag"]])
-def test_wrong_use_is_exit_code_two(argv, capsys):
-    with pytest.raises(SystemExit) as ended:
-        cli.main(argv)
-    assert ended.value.code == 2
-    assert capsys.readouterr().err.startswith("usage: intent")
+def test_wrong_use_is_exit_code_two(argv, refused):
+    assert refused(*argv).startswith("usage: intent")
 
 
-def test_a_misspelt_command_is_told_the_nearest(capsys):
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["inspekt", "bags"])
-    assert ended.value.code == 2 and "did you mean 'inspect'?" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        cli.main(["--version"])
+def test_a_misspelt_command_is_told_the_nearest(refused):
+    assert "did you mean 'inspect'?" in refused("inspekt", "bags")
 
 
 def test_a_missing_file_is_told_without_the_number_of_the_system(tmp_path, capsys):
@@ -208,12 +200,10 @@ def test_a_reader_that_closes_early_sees_no_traceback(repository):
         (("--versoin", "train"), "unknown option --versoin: did you mean --version?"),
     ],
 )
-def test_an_unknown_option_is_told_the_nearest_before_all_else(words, said, capsys):
-    with pytest.raises(SystemExit) as ended:
-        cli.main(words)
-    errors = capsys.readouterr().err
+def test_an_unknown_option_is_told_the_nearest_before_all_else(words, said, refused):
+    errors = refused(*words)
     command = " ".join(word for word in words[:2] if word in (*cli.COMMANDS, "add"))
-    assert ended.value.code == 2 and said in errors and "required" not in errors
+    assert said in errors and "required" not in errors
     assert errors.startswith(f"usage: intent {command if words[0] in cli.COMMANDS else ''}")
 
 

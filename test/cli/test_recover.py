@@ -34,11 +34,10 @@ def test_a_script_gets_json(run_command, tmp_path):
     assert content["message_count"] == 100 and content["damage"] == []
 
 
-def test_an_existing_output_is_not_touched(parse, tmp_path):
+def test_an_existing_output_is_not_touched(run_command, tmp_path):
     bag = write_bag(tmp_path / "whole")
     other = write_bag(tmp_path / "other", count=3)
     before = raw(other, BagReader)
-    args = parse("recover", bag, "--output", other)
     with pytest.raises(ResourceBusyError, match="other"):
-        args.run(args)
+        run_command("recover", bag, "--output", other)
     assert raw(other, BagReader) == before

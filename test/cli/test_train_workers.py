@@ -117,13 +117,10 @@ def test_a_scheduler_without_workers_is_refused(train):
         train("--scheduler", empty.scheduler_address)
 
 
-def test_jobs_and_scheduler_exclude_each_other(parse, capsys):
-    with pytest.raises(SystemExit):
-        parse("train", "bag", "--output", "m", "--jobs", 2, "--scheduler", "tcp://127.0.0.1:1")
-    assert "not allowed with" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        parse("train", "bag", "--output", "m", "--jobs", 0)
-    assert "expected 1 or more, got 0" in capsys.readouterr().err
+def test_jobs_and_scheduler_exclude_each_other(refused):
+    words = ("train", "bag", "--output", "m", "--jobs")
+    assert "not allowed with" in refused(*words, 2, "--scheduler", "tcp://127.0.0.1:1")
+    assert "expected 1 or more, got 0" in refused(*words, 0)
 
 
 @pytest.mark.slow

@@ -58,11 +58,9 @@ def test_a_table_and_a_report(bowl, tmp_path, capsys):
     "option",
     ["--points=0", "--points=-5", "--neighbours=0", "--seed=-1", "--scale=0", "--scale=inf"],
 )
-def test_a_number_that_cannot_be_is_refused_and_no_fault_of_the_mesh(option, capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(["warp", "mug", "bowl.stl", option])
-    assert ended.value.code == 2
-    assert f"argument {option.partition('=')[0]}: expected" in capsys.readouterr().err
+def test_a_number_that_cannot_be_is_refused_and_no_fault_of_the_mesh(option, refused):
+    said = refused("warp", "mug", "bowl.stl", option)
+    assert f"argument {option.partition('=')[0]}: expected" in said
 
 
 def test_a_page_that_cannot_be_written_is_said_before_the_work(tmp_path, capsys):

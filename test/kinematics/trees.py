@@ -66,157 +66,134 @@ def names(prefix, count):
     return " ".join(f"{prefix}j{k}" for k in range(1, count + 1))
 
 
+SIX = names("", 6)
+
+
+def tree(*branches, tip, joints=SIX, **named):
+    """A `Tree` of these branches, by default with an arm of six joints in a row."""
+    return Tree(branches, tip, joints, **named)
+
+
 TREES = {
-    "ur": Tree(
-        (
-            "world f base_link f base",
-            row("base_link f inertia", "", 6, after=" f flange f tool0"),
-            "l6 f ft_frame",
-        ),
-        "tool0",
-        names("", 6),
+    "ur": tree(
+        "world f base_link f base",
+        row("base_link f inertia", "", 6, after=" f flange f tool0"),
+        "l6 f ft_frame",
+        tip="tool0",
     ),
-    "ur_of_two_frames": Tree(
-        (row("base_link", "", 6, after=" f ee_link"), "l6 f tool0"), "tool0", names("", 6)
+    "ur_of_two_frames": tree(
+        row("base_link", "", 6, after=" f ee_link"), "l6 f tool0", tip="tool0"
     ),
-    "five_fingers": Tree(
-        (
-            "base p:torso torso r head",
-            row("torso", "", 7, after=" f palm r:thumb_abd thumb"),
-            *(row("palm", f"{finger}_", 7) for finger in ("index", "middle", "ring", "little")),
-        ),
-        "palm",
-        "torso " + names("", 7),
+    "five_fingers": tree(
+        "base p:torso torso r head",
+        row("torso", "", 7, after=" f palm r:thumb_abd thumb"),
+        *(row("palm", f"{finger}_", 7) for finger in ("index", "middle", "ring", "little")),
+        tip="palm",
+        joints="torso " + names("", 7),
     ),
-    "ur_robotiq": Tree(
-        (
-            row("base_link", "", 6, after=" f tool0 f coupler f robotiq_base"),
-            "robotiq_base r:finger_joint left_knuckle f left_outer r:lin=finger_joint left_tip",
-            "robotiq_base r:right=finger_joint right_knuckle r:rin=finger_joint right_tip",
-        ),
-        "robotiq_base",
-        names("", 6),
+    "ur_robotiq": tree(
+        row("base_link", "", 6, after=" f tool0 f coupler f robotiq_base"),
+        "robotiq_base r:finger_joint left_knuckle f left_outer r:lin=finger_joint left_tip",
+        "robotiq_base r:right=finger_joint right_knuckle r:rin=finger_joint right_tip",
+        tip="robotiq_base",
     ),
-    "kinova_jaco": Tree(
-        (
-            row("world f base", "", 6, "c", " f end_effector"),
-            "l6 r:finger_1 f1 r:finger_tip_1 t1",
-            "l6 r:finger_2 f2 r:finger_tip_2 t2",
-            "l6 r:finger_3 f3 r:finger_tip_3 t3",
-        ),
-        "l6",
-        names("", 6),
+    "kinova_jaco": tree(
+        row("world f base", "", 6, "c", " f end_effector"),
+        "l6 r:finger_1 f1 r:finger_tip_1 t1",
+        "l6 r:finger_2 f2 r:finger_tip_2 t2",
+        "l6 r:finger_3 f3 r:finger_tip_3 t3",
+        tip="l6",
     ),
-    "kinova_gen3": Tree(
-        (
-            row("base", "", 7, "c", " f bracelet f end_effector_link"),
-            "bracelet f camera_link f camera_color_frame f camera_optical",
-        ),
-        "end_effector_link",
-        names("", 7),
+    "kinova_gen3": tree(
+        row("base", "", 7, "c", " f bracelet f end_effector_link"),
+        "bracelet f camera_link f camera_color_frame f camera_optical",
+        tip="end_effector_link",
+        joints=names("", 7),
     ),
-    "fetch": Tree(
-        (
-            "base c r_wheel",
-            "base c l_wheel",
-            "base p:torso torso f bellows",
-            row("torso", "", 7, after=" f gripper p:r_gripper_finger r_tip"),
-            "gripper p:l_gripper_finger l_tip",
-            "torso r head_pan r head_tilt f camera",
-        ),
-        "gripper",
-        "torso " + names("", 7),
+    "fetch": tree(
+        "base c r_wheel",
+        "base c l_wheel",
+        "base p:torso torso f bellows",
+        row("torso", "", 7, after=" f gripper p:r_gripper_finger r_tip"),
+        "gripper p:l_gripper_finger l_tip",
+        "torso r head_pan r head_tilt f camera",
+        tip="gripper",
+        joints="torso " + names("", 7),
     ),
-    "fetch_without_lift": Tree(
-        (
-            "base c r_wheel",
-            "base p:torso torso",
-            row("torso", "", 7, after=" f gripper p:r_gripper_finger r_tip"),
-            "torso r head_pan r head_tilt",
-        ),
-        "gripper",
-        names("", 7),
+    "fetch_without_lift": tree(
+        "base c r_wheel",
+        "base p:torso torso",
+        row("torso", "", 7, after=" f gripper p:r_gripper_finger r_tip"),
+        "torso r head_pan r head_tilt",
+        tip="gripper",
+        joints=names("", 7),
         base="torso",
     ),
-    "so100": Tree(
-        (row("base", "", 4, after=" r:5 Fixed_Jaw r:6 Moving_Jaw"),),
-        "Fixed_Jaw",
-        names("", 4) + " 5",
+    "so100": tree(
+        row("base", "", 4, after=" r:5 Fixed_Jaw r:6 Moving_Jaw"),
+        tip="Fixed_Jaw",
+        joints=names("", 4) + " 5",
     ),
-    "so101": Tree(
-        (
-            row("base", "", 4, after=" r:wrist_roll gripper_link r:gripper moving_part"),
-            "gripper_link f gripper_frame_link",
-        ),
-        "gripper_link",
-        names("", 4) + " wrist_roll",
+    "so101": tree(
+        row("base", "", 4, after=" r:wrist_roll gripper_link r:gripper moving_part"),
+        "gripper_link f gripper_frame_link",
+        tip="gripper_link",
+        joints=names("", 4) + " wrist_roll",
     ),
-    "z1": Tree(
-        (row("world f base", "", 6, after=" f gripperStator r:jointGripper gripperMover"),),
-        "gripperStator",
-        names("", 6),
+    "z1": tree(
+        row("world f base", "", 6, after=" f gripperStator r:jointGripper gripperMover"),
+        tip="gripperStator",
     ),
-    "tiago": Tree(
-        (
-            "footprint f base c wheel_right",
-            "base c wheel_left",
-            "base r caster_1 c caster_wheel_1",
-            "base p:torso_lift torso r head_1 r head_2 f camera",
-            row("torso", "", 7, after=" f arm_tool f gripper p:gripper_left g1"),
-            "gripper p:gripper_right g2",
-        ),
-        "gripper",
-        "torso_lift " + names("", 7),
+    "tiago": tree(
+        "footprint f base c wheel_right",
+        "base c wheel_left",
+        "base r caster_1 c caster_wheel_1",
+        "base p:torso_lift torso r head_1 r head_2 f camera",
+        row("torso", "", 7, after=" f arm_tool f gripper p:gripper_left g1"),
+        "gripper p:gripper_right g2",
+        tip="gripper",
+        joints="torso_lift " + names("", 7),
     ),
-    "baxter": Tree(
-        (
-            "base f torso r head f screen",
-            row("torso f right_mount", "r_", 7, after=" f right_hand f right_gripper"),
-            row("torso f left_mount", "l_", 7, after=" f left_hand f left_gripper"),
-        ),
-        "right_gripper or left_gripper",
-        "",
+    "baxter": tree(
+        "base f torso r head f screen",
+        row("torso f right_mount", "r_", 7, after=" f right_hand f right_gripper"),
+        row("torso f left_mount", "l_", 7, after=" f left_hand f left_gripper"),
+        tip="right_gripper or left_gripper",
+        joints="",
     ),
-    "baxter_left": Tree(
-        (
-            "base f torso r head f screen",
-            row("torso f right_mount", "r_", 7, after=" f right_hand"),
-            row("torso f left_mount", "l_", 7, after=" f left_hand"),
-        ),
-        "left_hand",
-        names("l_", 7),
+    "baxter_left": tree(
+        "base f torso r head f screen",
+        row("torso f right_mount", "r_", 7, after=" f right_hand"),
+        row("torso f left_mount", "l_", 7, after=" f left_hand"),
+        tip="left_hand",
+        joints=names("l_", 7),
         asked="left_hand",
     ),
-    "pr2": Tree(
-        (
-            "footprint f base r caster_rotation c wheel",
-            "base p:torso_lift torso r head_pan r head_tilt",
-            "torso r laser_tilt",
-            row("torso", "r_", 7, after=" f r_palm p:r_gripper_joint r_gripper_tool"),
-            row("torso", "l_", 7, after=" f l_palm r:l_l_finger l_lf r:l_lt=l_l_finger l_lft"),
-            "l_palm r:l_r_finger=l_l_finger l_rf",
-        ),
-        "r_palm or l_palm",
-        "",
+    "pr2": tree(
+        "footprint f base r caster_rotation c wheel",
+        "base p:torso_lift torso r head_pan r head_tilt",
+        "torso r laser_tilt",
+        row("torso", "r_", 7, after=" f r_palm p:r_gripper_joint r_gripper_tool"),
+        row("torso", "l_", 7, after=" f l_palm r:l_l_finger l_lf r:l_lt=l_l_finger l_lft"),
+        "l_palm r:l_r_finger=l_l_finger l_rf",
+        tip="r_palm or l_palm",
+        joints="",
     ),
-    "pr2_right": Tree(
-        (
-            "footprint f base r caster_rotation c wheel",
-            "base p:torso_lift torso r head_pan r head_tilt",
-            row("torso", "r_", 7, after=" f r_palm p:r_gripper_joint r_gripper_tool"),
-            row("torso", "l_", 7, after=" f l_palm"),
-        ),
-        "r_palm",
-        names("r_", 7),
+    "pr2_right": tree(
+        "footprint f base r caster_rotation c wheel",
+        "base p:torso_lift torso r head_pan r head_tilt",
+        row("torso", "r_", 7, after=" f r_palm p:r_gripper_joint r_gripper_tool"),
+        row("torso", "l_", 7, after=" f l_palm"),
+        tip="r_palm",
+        joints=names("r_", 7),
         base="torso",
         asked="r_palm",
     ),
-    "one_name": Tree((row("base", "", 6, after=" f:hand hand"),), "hand", names("", 6)),
-    "allegro": Tree(
-        (row("base", "", 6, after=" f palm"),)
-        + tuple(row("palm", f"{k}_", 4) for k in ("index", "middle", "ring", "little")),
-        "palm",
-        names("", 6),
+    "one_name": tree(row("base", "", 6, after=" f:hand hand"), tip="hand"),
+    "allegro": tree(
+        row("base", "", 6, after=" f palm"),
+        *(row("palm", f"{k}_", 4) for k in ("index", "middle", "ring", "little")),
+        tip="palm",
     ),
-    "scara": Tree(("base r:a l1 r:b l2 r:c l3 p:d quill",), "quill", "a b c d"),
+    "scara": tree("base r:a l1 r:b l2 r:c l3 p:d quill", tip="quill", joints="a b c d"),
 }

@@ -10,7 +10,6 @@ from simulation import make_library, simulate
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.unlabelled import label_by_components, learn_components
-from intent_recognition.signals.signal import Signal
 
 SETTINGS = TrainingSettings(n_basis=10, n_aligned_basis=10, segmentation="recording")
 
@@ -59,14 +58,9 @@ def test_their_number_may_be_given(recorded):
 
 def test_what_cannot_be_used_is_named(recorded):
     short = replace(recorded[0], name="short", end_ns=recorded[0].start_ns + 1000)
-    strange = replace(
-        recorded[1],
-        name="strange",
-        observed=tuple(
-            Signal(tuple(f"x_{n}" for n in s.names), s.stamps_ns, s.values, s.unit)
-            for s in recorded[1].observed
-        ),
-    )
+    observed = recorded[1].observed
+    renamed = tuple(replace(s, names=tuple(f"x_{n}" for n in s.names)) for s in observed)
+    strange = replace(recorded[1], name="strange", observed=renamed)
     rng = np.random.default_rng(0)
     found = label_by_components([*recorded, short, strange], SETTINGS, rng)
     assert [name for name, _ in found.rejected] == ["short", "strange"]

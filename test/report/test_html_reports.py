@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.evaluation.session_summary import InteractionRecord, summarise
-from intent_recognition.report import calibration_report, demo_figures, evaluation_report
+from intent_recognition.report import drawing
 from intent_recognition.report.demo_report import demo_page, write_demo_report
 from intent_recognition.report.evaluation_report import (
     evaluation_page,
@@ -71,8 +71,7 @@ def session():
 @pytest.fixture
 def undrawn(monkeypatch):
     """Figures are made, but not written as SVG: for tests of what stands around them."""
-    for module in (demo_figures, evaluation_report, calibration_report):
-        monkeypatch.setattr(module, "to_svg", lambda figure: b"<svg/>")
+    monkeypatch.setattr(drawing, "to_svg", lambda figure: b"<svg/>")
 
 
 @pytest.fixture(scope="module")
