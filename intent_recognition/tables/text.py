@@ -155,6 +155,8 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
     ):
         first = first[1:]  # a mark of its own before names with blanks between them
     names = tuple(name.strip().lstrip("#").removeprefix("% ").strip() for name in first)
+    if len(names) >= LEAST_CELLS and names == tuple(map(str, range(len(names)))):
+        return Header(names, 1)  # as pandas writes columns that have no names
     if all(map(_is_number, names)) or _is_row(names, head[1:3]):
         return Header(tuple(map(str, range(len(names)))), 0)
     second = len(head) > 1 and _is_second_line(head[1:])

@@ -79,6 +79,7 @@ HEADS = {
         "t,x,y,z,in",
     ),
     "texts in rows without names": ("", ""),
+    "columns that are counted, as by pandas": ("", "0,1,2,3,4"),
 }
 
 
@@ -86,10 +87,10 @@ HEADS = {
 def test_where_the_names_are_is_seen(kind, tmp_path):
     before, names = HEADS[kind]
     content = table(names, lambda k: [f"{TIMES_S[k]}", *cells(k), "world"])
-    columns = ["x", "y", "z"] if names else [1, 2, 3]
-    time = {"column": "t" if names else 0}
+    named = names.startswith("t")
+    columns, time = (["x", "y", "z"], "t") if named else ([1, 2, 3], 0)
     content = before + content.lstrip("\n")
-    check_wrist(imported_csv(tmp_path, content, columns, unit="mm", time=time))
+    check_wrist(imported_csv(tmp_path, content, columns, unit="mm", time={"column": time}))
 
 
 @pytest.mark.parametrize("content", ["\n5", "\n\n1,2\n3,4\n", "#\n\n1\n"])
