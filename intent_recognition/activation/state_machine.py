@@ -184,19 +184,6 @@ class Activation:
         if not self.inbox.is_ahead(now_ns, stamp_ns, "intent/next_task"):
             self.pretrigger.take_expectation(stamp_ns, labels, probabilities)
 
-    @property
-    def ordered(self) -> bool:
-        """Whether a task waits that was ordered."""
-        return self.inbox.ordered is not None
-
-    def order(self, prediction: PredictedInteraction | None) -> None:
-        """Begin a task that is not recognised, once none is; None takes that back.
-
-        It begins with its onset at that moment, and a recognised task ends it as any other. One
-        whose end is too uncertain is rejected.
-        """
-        self.inbox.order(prediction)
-
     def take_exchange(self, until_ns: int) -> None:
         """An object is changing hands; until then the arm does not go home."""
         self._transitions.exchanging_until_ns = until_ns

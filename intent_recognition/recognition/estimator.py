@@ -385,7 +385,8 @@ class IntentEstimator:
 
         Raises:
             DofError: the other library has other DOFs, or another context.
-            ArgumentError: the prior is not one over its tasks. Nothing has changed then.
+            ArgumentError: the prior is not one over its tasks, or a plan is followed that has no
+                step of these. Nothing has changed then.
         """
         check_same_dofs(self._context.learned, library)
         self._use(self._context.given(library), self._bend, task_prior)
@@ -403,11 +404,11 @@ class IntentEstimator:
     ) -> None:
         library = bend(taught)
         grid = make_prior_grid(library, task_prior, self._n_scales)
+        self.expectation.swap(library, task_prior)  # refuses a library without a task of the plan
         self.taught, self.library, self._bend, self._task_prior = taught, library, bend, task_prior
         turned = self._turns.change(library)
         self._detector.use(library.onset)
         self._detector.change_past(turned)
-        self.expectation.swap(library, task_prior)
         self._posture.library_changed()
         self._movements = Movements(library, grid, switching=self._switching)
         if self._run is not None:

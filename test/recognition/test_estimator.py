@@ -12,6 +12,7 @@ from simulation import START_NS, make_library, minimum_jerk
 from intent_recognition.errors import ArgumentError, DofError, IntentError
 from intent_recognition.filtering.grid import make_prior_grid
 from intent_recognition.filtering.posterior import task_posterior
+from intent_recognition.plans.work_plan import WorkPlan, WorkStep
 from intent_recognition.promp.control_points import controlled_at
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.recognition.estimator import IntentEstimator
@@ -215,8 +216,12 @@ def test_what_cannot_be_swapped_in_or_bent_changes_nothing(library, truth, rng):
     estimator, undisturbed = IntentEstimator(library), IntentEstimator(library)
     feed(estimator, observations[:110])
     feed(undisturbed, observations[:110])
+    for one in (estimator, undisturbed):
+        one.expectation.follow(WorkPlan((WorkStep("task_0", "task_0"),)))
     with pytest.raises(ArgumentError):
         estimator.swap(library, np.array([0.5, 0.5]))
+    with pytest.raises(ArgumentError, match="plan"):
+        estimator.swap(replace(library, labels=("a", "b", "c")))
     with pytest.raises(ZeroDivisionError):
         estimator.bend(lambda taught: 1 / 0)
     ours, theirs = (feed(one, observations[110:]) for one in (estimator, undisturbed))
