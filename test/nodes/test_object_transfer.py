@@ -13,6 +13,7 @@ from intent_recognition.demonstrations import arm_in_world
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns, to_stamp
 from intent_recognition.nodes.object_transfer import NAMES, ObjectTransfer
+from intent_recognition.transfer import Holding
 from sim_bridge.arm import find_robot
 
 STEP_NS, WEIGHT_N = 10_000_000, 6.0
@@ -112,6 +113,15 @@ def test_an_offer_is_released_to_who_takes_over_the_load(harness, by):
     assert told[-1]["grip_force"] == 0.0
     assert told[-2]["load_share"] > 0.7
     assert told[-2]["grip_force"] < 0.5 * told[0]["grip_force"]
+
+
+def test_a_gripper_that_says_again_what_it_holds_changes_nothing(harness):
+    cell = Cell(harness)
+    cell.offer()
+    cell.node._on_holding(Bool(data=True))
+    assert cell.node._machine.holding is Holding.OFFERING and cell.node._machine.weight_n > 0.0
+    cell.node._on_holding(Bool(data=False))
+    assert cell.node._machine.holding is Holding.EMPTY
 
 
 @pytest.mark.parametrize("ahead", [(0,), (22, 26, 30)])  # of the joint states [ms]

@@ -241,6 +241,13 @@ def test_two_who_command_are_an_error_and_refused(harness, allowed):
     )
     graph.run(30)
     assert graph.seen("joint_trajectory") == n
+    assert graph.active[-1].data == ""
+    _, values = graph.report()
+    assert (values["mode"], values["active task"]) == ("idle", "none")
+    graph.node.set_parameters([Parameter("allow_shared_arm", value=True)])
+    graph.until(lambda: graph.mode == "executing")
+    graph.node.set_parameters([Parameter("allow_shared_arm", value=False)])
+    graph.until(lambda: graph.mode == "idle")
     other_page.destroy_publisher(other)
     graph.until(lambda: not graph.node._output.shared)
     graph.until(lambda: graph.mode == "executing")
