@@ -31,15 +31,14 @@ class KnownContext:
     """
 
     def __init__(self, library: TaskLibrary):
-        self.use(library)
         self.values = np.full(len(library.context_names), np.nan)
+        self.use(library)
         self.misfit: Misfit | None = None
 
     def use(self, library: TaskLibrary) -> None:
-        """Go on with another library of the same context."""
+        """Go on with another library of the same context, in what is known of it (`given`)."""
         self.learned = library
-        self._used = np.full(len(library.context_names), np.nan)
-        self._used_at_ns = 0
+        self._used, self._used_at_ns = self.values.copy(), 0
         self._newest_ns: dict[int, int] = {}
         self._late = defaultdict[int, LateSamples](LateSamples)
 

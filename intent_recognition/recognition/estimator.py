@@ -391,7 +391,6 @@ class IntentEstimator:
         check_same_dofs(self._context.learned, library)
         self._use(self._context.given(library), self._bend, task_prior)
         self._context.use(library)
-        self._context.apply()
 
     def _use_context(self, stamp_ns: int = 0) -> None:
         self._use(self._context.apply(stamp_ns), self._bend, self._task_prior)
