@@ -167,7 +167,7 @@ def _demonstrations(
     main = mapping.columns[0].file
     labels = {key: text for key, text in recording.named.items() if key != "task"}
     parts_ = _parts(recording, mapping, rows, data)
-    for name, picks, first, cut in _cut_at_tasks(parts_, mapping, data[main]):
+    for name, picks, first, cut in _cut_at_tasks(parts_, mapping, rows, data[main]):
         task = _task(mapping, cut, data[main], first, recording.named.get("task", ""))
         texts_ = {key: _text_at(t, data[main], first) for key, t in mapping.metadata.items()}
         origin = {"imported_from": ", ".join(p.name for p in recording.paths.values())}
@@ -282,7 +282,7 @@ def _parts(
     else:
         cuts = [cut for cut in mapping.segments if cut.file in ("", recording.name)]
         for k, cut in enumerate(cuts):
-            picks = [_between(row, cut) for row in rows]
+            picks = [_between(row, cut, rows[0].zero_ns) for row in rows]
             first = int(picks[0][0]) if picks[0].size else 0
             name = recording.name if len(cuts) == 1 else f"{recording.name}_{k:03d}"
             yield name, picks, first, cut
@@ -291,9 +291,15 @@ def _parts(
 def _cut_at_tasks(
     parts: Iterator[tuple[str, list[Integers], int, Cut | None]],
     mapping: ImportMap,
+    rows_of: Sequence[_Rows],
     data: Mapping[str, Values],
 ) -> Iterator[tuple[str, list[Integers], int, Cut | None]]:
-    """Parts cut where the column of their task changes; an empty cell goes on with the last."""
+    """Parts cut where the column of their task changes; an empty cell goes on with the last.
+
+    Entries with the times of the first are cut at the same rows, others at the same times.
+    """
+    main = rows_of[0]
+    latest_ns = np.maximum.accumulate(np.where(main.known, main.stamps_ns, 0))
     column = mapping.task.column if mapping.task is not None else ""
     for name, picks, first, cut in parts:
         labels = texts(data[column]) if column and data[column].size > 1 else []
@@ -302,15 +308,19 @@ def _cut_at_tasks(
         if (cut is not None and cut.task) or not starts:
             yield name, picks, rows[0] if rows else first, cut
             continue
-        edges = [int(picks[0][0]), *starts, int(picks[0][-1]) + 1]
-        for k, (start, stop) in enumerate(pairwise(edges)):
-            inside = [pick[(pick >= start) & (pick < stop)] for pick in picks]
-            own = next(row for row in rows if start <= row < stop)
+        parts_of = [
+            np.searchsorted(starts, pick, "right")
+            if np.array_equal(row.stamps_ns, main.stamps_ns)
+            else np.searchsorted(latest_ns[starts], row.stamps_ns[pick], "right")
+            for row, pick in zip(rows_of, picks, strict=True)
+        ]
+        for k, own in enumerate([rows[0], *starts]):
+            inside = [pick[of == k] for pick, of in zip(picks, parts_of, strict=True)]
             yield f"{name}_task_{k}", inside, own, cut
 
 
-def _between(rows: _Rows, cut: Cut) -> Integers:
-    start_ns, end_ns = (rows.zero_ns + round(s * NANOSECONDS) for s in (cut.start_s, cut.end_s))
+def _between(rows: _Rows, cut: Cut, zero_ns: int) -> Integers:
+    start_ns, end_ns = (zero_ns + round(s * NANOSECONDS) for s in (cut.start_s, cut.end_s))
     return np.flatnonzero(rows.known & (rows.stamps_ns >= start_ns) & (rows.stamps_ns <= end_ns))
 
 

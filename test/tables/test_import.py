@@ -159,6 +159,37 @@ def test_several_files_make_one_recording(values, tmp_path):
     assert left_out == ["arm_12.csv: missing file: {day}/wrist_{no}.csv of the same recording"]
 
 
+@pytest.mark.parametrize("rate", [5, 20])
+@pytest.mark.parametrize("way", ["a task of rows", "a list of dates"])
+def test_files_of_other_rates_and_beginnings_are_cut_at_the_same_times(way, rate, tmp_path):
+    wrist, arm = np.arange(80) / 10, np.arange(-rate, 8 * rate) / rate
+    day = np.datetime64("2024-01-31T10:00:00", "ns")
+    write_csv(
+        tmp_path / "wrist_0.csv",
+        {"t": [str(day + round(s * 1e9)) for s in wrist], "x": wrist, "y": wrist, "z": 0.1 * wrist}
+        | {"what": ["give" if s < 4.0 else "take" for s in wrist]},
+    )
+    write_csv(
+        tmp_path / "arm_0.csv",
+        {"t": [str(day + round(s * 1e9)) for s in arm], "q0": arm, "q1": 0.1 * arm},
+    )
+    by_task = way == "a task of rows"
+    cuts = [{"start": 0.0, "end": 3.95}, {"start": 4.0, "end": 7.95}]
+    content = MAP | {
+        "files": {"wrist": "wrist_{no}.csv", "arm": "arm_{no}.csv"},
+        "observed": [WRIST | {"file": "wrist"}],
+        "controlled": [ARM | {"file": "arm"}],
+        **({"task": {"column": "what"}} if by_task else {"segments": cuts}),
+    }
+    parts = [*import_demonstrations(tmp_path, ImportMap.from_dict(content, "map"))]
+    since_s = [[(s.stamps_ns - day.astype(np.int64)) / 1e9 for s in part.samples] for part in parts]
+    for k, (seen, moved) in enumerate(since_s):
+        wanted = arm[(arm >= 4.0) == k] if by_task else arm[(arm >= 4 * k) & (arm < 4 * k + 3.96)]
+        np.testing.assert_allclose(seen, wrist[40 * k : 40 * k + 40], atol=1e-9)
+        np.testing.assert_allclose(moved, wanted, atol=1e-9)
+    assert len(since_s) == 2
+
+
 @pytest.mark.parametrize("source", ["set", "set/fetch_box_0.csv"])
 def test_a_file_name_is_divided_at_its_last_separator(source, values, tmp_path):
     (tmp_path / "set").mkdir()
