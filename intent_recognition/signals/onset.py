@@ -8,12 +8,17 @@ Hogan 1985), so it began 3 x / v before the moment it has displacement x and spe
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
+
+BLOCK_S = 10.0
+"""Samples whose sums have an origin of their own [s]: of one origin, the squared times of an hour
+leave an error of 5 % in a speed at 100 Hz."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,18 @@ def windowed_velocity(times_s: Floats, values: Floats, window_s: float) -> Float
     """
     times_s = np.asarray(times_s, dtype=np.float64)
     first = np.searchsorted(times_s, times_s - window_s - 1e-9)
-    last = np.arange(1, len(times_s) + 1)
+    blocks = np.flatnonzero(np.diff((times_s - times_s[:1]) // BLOCK_S)) + 1
+    slopes = []
+    for start, stop in pairwise([0, *blocks.tolist(), len(times_s)]):
+        begin = first[start] if start else 0
+        near = slice(begin, stop)
+        slopes.append(_slopes(times_s[near], values[near], first[start:stop] - begin, window_s))
+    return np.concatenate(slopes)
+
+
+def _slopes(times_s: Floats, values: Floats, first: Integers, window_s: float) -> Floats:
+    """Slopes at the last samples, (N, d), of lines through those from `first` (N,) on."""
+    last = np.arange(len(times_s) - len(first), len(times_s)) + 1
     centre = values - values[:1]
 
     def window_sum(samples: Floats) -> Floats:
@@ -64,11 +80,11 @@ def windowed_velocity(times_s: Floats, values: Floats, window_s: float) -> Float
         return total[last] - total[first]
 
     count = (last - first)[:, None].astype(np.float64)
-    t = (times_s - times_s[0])[:, None] if len(times_s) else times_s[:, None]
+    t = (times_s - times_s[:1])[:, None]
     sum_t, sum_y = window_sum(t), window_sum(centre)
     sum_of_squares = window_sum(t * t) - sum_t**2 / count
     covariance = window_sum(t * centre) - sum_t * sum_y / count
-    enough = (count >= 3) & ((times_s - times_s[first])[:, None] >= 0.5 * window_s)
+    enough = (count >= 3) & ((times_s[last - 1] - times_s[first])[:, None] >= 0.5 * window_s)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(enough, covariance / sum_of_squares, np.nan)
 

@@ -63,9 +63,9 @@ def test_windowed_velocity_equals_a_line_fitted_to_each_window(rng):
 
 
 def test_velocity_far_from_the_origin_and_late_in_a_recording():
-    times = 3600.0 + np.arange(0.0, 600.0, 0.01)
+    times = 3600.0 + np.arange(0.0, 4 * 3600.0, 0.02)
     values = 1e4 + 0.3 * (times[:, None] - 3600.0)
-    np.testing.assert_allclose(windowed_velocity(times, values, 0.15)[50:], 0.3, rtol=1e-3)
+    np.testing.assert_allclose(windowed_velocity(times, values, 0.15)[50:], 0.3, rtol=1e-6)
 
 
 @given(seeds, st.floats(0.5, 2.0), st.floats(0.0, 0.003))
