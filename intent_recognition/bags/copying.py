@@ -9,10 +9,11 @@ from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
+from intent_recognition.bags.definitions import definition
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.errors import BagError
+from intent_recognition.errors import BagError, MessageError
 
 
 class BagPart(NamedTuple):
@@ -103,28 +104,43 @@ def recover(source: str | Path, output: str | Path) -> RecoveryReport:
 
     Damaged parts are skipped up to the next whole chunk. Of a chunk cut off by the end of the file,
     whatever can be decompressed is kept. Labels come from metadata.yaml where it is readable.
+    Topics of a type that neither the recording nor ROS defines are left out.
 
     Raises:
         BagError: not one message in it can be read.
         ResourceBusyError: `output`, the directory of the new bag, exists already.
     """
     reader = BagReader(source, tolerant=True)
-    messages = reader.raw_messages()
+    undefined = _undefined(reader)
+    messages = (m for m in reader.raw_messages() if m.topic not in undefined)
     first = next(messages, None)
     if first is None:
-        why = reader.damage[0].reason if reader.damage else "the bag is empty"
+        reasons = [*(found.reason for found in reader.damage), *undefined.values()]
+        why = next(iter(reasons), "the bag is empty")
         cure = "Record it again."
         raise BagError.about(str(source), "a message that can be read", f"none: {why}", cure)
     counts: Counter[str] = Counter()
     last_ns = first.log_time_ns
     with BagWriter(output, reader.custom_data, flush_period_s=None) as writer:
-        declare_topics(writer, reader)
+        declare_topics(writer, reader, undefined)
         for message in chain([first], messages):
             writer.write_raw(message)
             counts[message.topic] += 1
             last_ns = max(last_ns, message.log_time_ns)
     damage = tuple(sorted(reader.damage, key=lambda found: found.offset))
-    notes = tuple(reader.notes)
+    notes = (*reader.notes, *undefined.values())
     return RecoveryReport(
         str(source), str(output), dict(counts), first.log_time_ns, last_ns, damage, notes
     )
+
+
+def _undefined(reader: BagReader) -> dict[str, str]:
+    """Why topics of a recording are left out, whose types are not defined."""
+    found = {}
+    for topic in reader.topics.values():
+        try:
+            if reader.definition_of(topic.name) is None:
+                definition(topic.type)
+        except MessageError as error:
+            found[topic.name] = f"left out {topic.name}: {error}"
+    return found

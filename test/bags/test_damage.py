@@ -6,13 +6,16 @@ import shutil
 import numpy as np
 import pytest
 from bag_builder import SteppingClock, raw, write_bag
+from mcap.writer import Writer
 
 from intent_recognition.bags.copying import recover
+from intent_recognition.bags.definitions import serialize
 from intent_recognition.bags.mcap.scan import scan_file
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import BagError, ResourceBusyError
 
 COUNT = 120
+TEXT = "std_msgs/msg/String"
 
 
 @pytest.fixture(scope="module")
@@ -139,6 +142,28 @@ def test_nothing_to_save_and_nothing_overwritten(whole, tmp_path, damaged):
         assert not (tmp_path / "saved").exists()
     with pytest.raises(ResourceBusyError):
         recover(whole[0], whole[0])
+
+
+def test_topics_of_no_known_type_are_left_out(tmp_path):
+    for texts in ("", "xy"):
+        source = tmp_path / f"{len(texts)}.mcap"
+        with source.open("wb") as stream:
+            writer = Writer(stream)
+            writer.start("ros2")
+            schema = writer.register_schema(TEXT, "ros2msg", b"string data")
+            json = writer.register_channel("/json", "json", 0)
+            channel = writer.register_channel("/text", "cdr", schema)
+            writer.add_message(json, 1, b"{}", 1)
+            for text in texts:
+                writer.add_message(channel, 2, serialize(TEXT, {"data": text}), 2)
+            writer.finish()
+        if not texts:
+            with pytest.raises(BagError, match=r"got none: left out /json: type: expected a"):
+                recover(source, tmp_path / "saved")
+            assert not (tmp_path / "saved").exists()
+    report = recover(source, tmp_path / "saved")
+    assert report.message_counts == {"/text": 2} and "left out /json" in report.notes[-1]
+    assert [m.message.data for m in BagReader(tmp_path / "saved").messages()] == ["x", "y"]
 
 
 def test_what_came_in_place_of_a_bag_is_told_in_words(whole, damaged):
