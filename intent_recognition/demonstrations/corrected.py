@@ -18,10 +18,11 @@ CORRECTED = "corrected"
 def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str]) -> None:
     """Write what was seen, with the arm on the corrected path instead of where it was pushed.
 
-    That path is the last on `CORRECTION_TOPIC` of the execution's bag.
+    That path is the last on `CORRECTION_TOPIC` of the execution's bag. Messages of joints without a
+    position of each are copied as they are.
 
     Raises:
-        BagError: it holds no correction, or cannot be read.
+        BagError: it holds no correction, one without a position of each joint, or cannot be read.
         ResourceBusyError: the target's directory exists already.
     """
     reader = BagReader(execution)
@@ -30,6 +31,13 @@ def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str
         cure = "Only executions that were corrected by hand can be kept."
         raise BagError.about(str(execution), "a corrected execution", "none", cure)
     path = corrections[-1]
+    counts = {len(point.positions) for point in path.points}
+    if counts != {len(path.joint_names)}:
+        cure = "Correct the execution again."
+        expected = f"positions of {len(path.joint_names)} joints at each point"
+        raise BagError.about(
+            f"{execution}: {CORRECTION_TOPIC}", expected, sorted(counts) or "none", cure
+        )
     stamps_ns = _ns(path.header.stamp) + np.array([_ns(p.time_from_start) for p in path.points])
     positions = np.array([point.positions for point in path.points])
     decoders = {}
@@ -43,6 +51,9 @@ def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str
             if raw.topic not in decoders:
                 decoders[raw.topic] = reader.decoder(raw.topic, raw.type)
             message = decode(raw, decoders[raw.topic]).message
+            if len(message.position) != len(message.name):
+                writer.write_raw(raw)
+                continue
             stamp_ns = _ns(message.header.stamp)
             if stamp_ns > stamps_ns[-1] + 500_000_000:  # with half a second of rest
                 break
