@@ -151,7 +151,12 @@ def load_model(path: str | Path) -> Model:
             value that is not finite or makes no sense; names the file and the array.
     """
     path = as_path("path", path)
-    content = ADDED | _read(path, (*SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING))
+    return _model(path, _read(path))
+
+
+def _model(path: Path, content: dict[str, NDArray[Any]]) -> Model:
+    """The model of what a file holds, which is checked."""
+    content = ADDED | content
     header = _header(path, content)
     try:
         dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")
@@ -197,8 +202,9 @@ def load_trained(path: str | Path) -> tuple[Model, Trained]:
     Raises:
         ModelError: as `load_model`, or the file holds no statistics.
     """
-    model = load_model(path)
-    content = _read(Path(path), ARRAYS)
+    path = as_path("path", path)
+    content = _read(path, ARRAYS)
+    model = _model(path, content)
     header = _header(path, content)
     if "statistics" not in header:
         expected = "statistics to add demonstrations to"
@@ -243,16 +249,13 @@ def _with_references(
     )
 
 
-def _read(path: Path, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """Header and wanted arrays that the file holds."""
+def _read(path: Path, more: Sequence[str] = ()) -> dict[str, NDArray[Any]]:
+    """Header, arrays of a model, and more arrays, as far as the file holds them."""
+    wanted = ("header", *SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING, *more)
     try:
         check_archive(path)
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            return {
-                name: _read_array(path, file, name)
-                for name in ("header", *wanted)
-                if name in file.files
-            }
+            return {name: _read_array(path, file, name) for name in wanted if name in file.files}
     except ModelError:
         raise
     except Exception as error:  # numpy and zipfile raise many kinds for what is no model

@@ -2,6 +2,7 @@
 """Statistics in the model file: exact there and back, passed by where they are not wanted."""
 
 import json
+import shutil
 from dataclasses import fields, replace
 
 import numpy as np
@@ -76,6 +77,25 @@ def test_a_later_session_adds_the_same(trained, written):
     recorded = perform(TRUTH, 1, 30)
     later = add_demonstration(load_trained(written)[1], recorded)
     assert_identical(later.library, add_demonstration(trained, recorded).library)
+
+
+def test_a_file_that_is_replaced_meanwhile_is_read_as_one(trained, written, tmp_path, monkeypatch):
+    path, other, load = tmp_path / "model.npz", tmp_path / "other.npz", np.load
+    shutil.copy(written, path)
+    later = add_demonstration(trained, perform(TRUTH, 1, 30))
+    save_model(other, Model(later.library, DOFS), later)
+
+    def load_and_replace(*args, **options):
+        found = load(*args, **options)
+        if other.exists():
+            other.replace(path)
+        return found
+
+    monkeypatch.setattr(np, "load", load_and_replace)
+    _, read = load_trained(path)
+    assert not other.exists()
+    assert [task.n for task in read.tasks.values()] == [task.n for task in trained.tasks.values()]
+    assert_identical(read.library, trained.library)
 
 
 def test_the_model_alone_is_read_without_them(trained, written, tmp_path):
