@@ -14,6 +14,9 @@ from intent_recognition.array_types import Floats, brief, settle
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.warping.grasp import LARGEST_M, Grasp
 
+NEIGHBOURS = 10
+"""Points that a plane is fitted to for a normal. Convention."""
+
 
 class Part(IntEnum):
     """Part of a container that a surface point belongs to (Brandl et al. II-A)."""
@@ -113,7 +116,8 @@ def with_estimated_normals(points: Floats, viewpoints: Floats | None) -> ObjectC
     """A cloud whose normals are those of the planes through each point's neighbours.
 
     A surface can only be seen from outside: each normal is turned toward the camera. Neighbours
-    on the other side of a thin wall are seen from another camera, or not at all.
+    on the other side of a thin wall are seen from another camera, or not at all: they are those
+    that the same camera sees, if it sees `NEIGHBOURS` at least.
 
     Args:
         points: (n, 3) [m].
@@ -139,15 +143,16 @@ def with_estimated_normals(points: Floats, viewpoints: Floats | None) -> ObjectC
         _, group = np.unique(eyes, axis=0, return_inverse=True)
         groups = [np.flatnonzero(group.ravel() == one) for one in range(group.max() + 1)]
     for rows in groups:
-        normals[rows] = _plane_normals(points[rows])
+        seen = points[rows] if len(rows) >= NEIGHBOURS else points
+        normals[rows] = _plane_normals(points[rows], seen)
     away = ((eyes - points) * normals).sum(1) < 0.0
     normals[away] *= -1.0
     return ObjectCloud(points, normals)
 
 
-def _plane_normals(points: Floats) -> Floats:
-    """Unit normals (n, 3) of either sign."""
-    _, near = cKDTree(points).query(points, k=min(10, len(points)))
-    offsets = points[near] - points[near].mean(1, keepdims=True)
+def _plane_normals(points: Floats, cloud: Floats) -> Floats:
+    """Unit normals (n, 3), of either sign, of planes through a cloud's points next to others."""
+    _, near = cKDTree(cloud).query(points, k=NEIGHBOURS)
+    offsets = cloud[near] - cloud[near].mean(1, keepdims=True)
     _, vectors = np.linalg.eigh(offsets.transpose(0, 2, 1) @ offsets)
     return vectors[:, :, 0]

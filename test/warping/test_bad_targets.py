@@ -43,6 +43,16 @@ def test_bad_arrays(points, normals, error, reason):
         ObjectCloud(points, normals)
 
 
+@pytest.mark.parametrize("few", [1, 2, 5])
+def test_normals_of_points_that_a_camera_sees_few_of_are_those_of_the_surface(few, rng):
+    ball = rng.normal(size=(2000, 3))
+    ball /= np.linalg.norm(ball, axis=1)[:, None]
+    eyes = np.tile([0.0, 0.0, 9.0], (len(ball), 1))
+    eyes[:few] = [9.0, 0.0, 0.0]
+    found = with_estimated_normals(ball, eyes).normals
+    assert np.abs((found * ball).sum(1)).min() > 0.9
+
+
 def test_clouds_that_are_no_container(mug):
     """Wrong unit, flat, two objects, none."""
     cloud = scanned("tumbler")
