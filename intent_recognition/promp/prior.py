@@ -177,7 +177,7 @@ def structured_target(
         floor: variance floor per DOF, (D,).
         assumed: what it borrows, and how the weights depend on each other.
     """
-    borrowed = OTHERS_SAMPLE_SIZE if own.freedom < FEW else assumed.borrowed
+    borrowed = _borrowed(own, assumed)
     scatter, demonstrations = _borrow(own, pooled, borrowed)
     inflation = (FEW / max(demonstrations, 2.0)) ** 6
     variance = np.diag(scatter).reshape(len(floor), -1)
@@ -313,6 +313,11 @@ def observed_block(scatter: Scatter, size: int) -> Scatter:
     return Scatter(scatter.matrix[:size, :size], scatter.freedom)
 
 
+def _borrowed(own: Scatter, assumed: TargetSettings) -> float:
+    """What a task borrows of the others, if they have as much, in demonstrations."""
+    return OTHERS_SAMPLE_SIZE if own.freedom < FEW else assumed.borrowed
+
+
 def _borrow(own: Scatter, pooled: Scatter, borrowed: float) -> tuple[Floats, float]:
     """A task's covariance from unbiased ones of its own and all, and its equivalent sample size."""
     others = float(pooled.freedom - own.freedom)
@@ -348,7 +353,7 @@ def predictive_covariance(
     covariance = (own.matrix + strength * target) * ((1.0 + 1.0 / n) / (own.freedom + strength))
     if not assumed.ridge:
         return symmetrize(covariance)
-    scatter, demonstrations = _borrow(own, pooled, assumed.borrowed)
+    scatter, demonstrations = _borrow(own, pooled, _borrowed(own, assumed))
     n_observed, n_basis = assumed.n_observed, len(scatter) // len(floor)
     chance = np.repeat(assumed.ridge * floor[:n_observed] / FLOOR_OF_RANGE**2, n_basis)
     slopes, spent = ridge_slopes(scatter, chance, demonstrations)

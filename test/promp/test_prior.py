@@ -59,11 +59,14 @@ def test_positive_definite_when_demonstrations_are_identical(n, weights):
     assert np.linalg.eigvalsh(covariance).min() > 0
 
 
-def test_a_task_of_one_demonstration_borrows_from_the_others(rng):
+@pytest.mark.parametrize("ridge", [0.0, 1e-3])
+@pytest.mark.parametrize("borrowed", [0.0, 5.0])
+def test_a_task_of_one_demonstration_borrows_from_the_others(rng, borrowed, ridge):
     weights = rng.normal(size=(5, 2, 6))
     nothing = Scatter(np.zeros((12, 12)), 0)
     others = scatter_of(weights[1:])
-    covariance = predictive_covariance(nothing, others, 1, weight_floor(weights), 10.0)
+    assumed = TargetSettings(borrowed, n_observed=1, ridge=ridge)
+    covariance = predictive_covariance(nothing, others, 1, weight_floor(weights), 10.0, assumed)
     assert np.linalg.eigvalsh(covariance).min() > 0
     assert np.trace(covariance) > np.trace(np.cov(weights[1:].reshape(4, -1).T))
 
