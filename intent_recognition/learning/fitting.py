@@ -55,6 +55,7 @@ class LearnedFields(TypedDict):
     none_mean: Floats
     none_covariance: Floats
     none_log_duration: Floats
+    usual_log_duration: Floats | None
     context: ContextModel | None
 
 
@@ -111,6 +112,10 @@ def learned_from(
     covariance = (1.0 + 1.0 / n)[:, None, None] * shared
     departed = departures(list(over.values()), preprocessing.units[:n_observed])
     none = none_primitive(means, covariance, departed)
+    timing, none_duration = preprocessing.timing, none_timing(log_mean, log_std)
+    usual = None
+    if timing.duration_exponent:
+        usual = np.r_[np.log([timing.usual_of(label) for label in tasks]), none_duration[0]]
     mean_duration_s = float(sum(task.duration_sum_s for task in tasks.values()) / n.sum())
     context = None
     assumed = chosen.target(n_observed)
@@ -131,7 +136,8 @@ def learned_from(
         "observed_weight_covariance": covariance,
         "none_mean": none.mean,
         "none_covariance": none.covariance,
-        "none_log_duration": none_timing(log_mean, log_std),
+        "none_log_duration": none_duration,
+        "usual_log_duration": usual,
         "context": context,
     }
 

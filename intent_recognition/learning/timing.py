@@ -56,7 +56,7 @@ class Timing:
         templates: of each label that had two recordings.
         deviation_std: standard deviation of the phase deviation at even recorded phases, (U,).
         duration_exponent: how progress depends on the duration (`promp.steady_phase`).
-        usual_s: median duration of each of these labels.
+        usual_s: median duration of each of these labels; see `usual_of`.
     """
 
     templates: Mapping[str, Template]
@@ -88,9 +88,14 @@ class Timing:
             scale, DEVIATION_CORRELATION, DEVIATION_EVIDENCE, follows, self.duration_exponent
         )
 
+    def usual_of(self, label: str) -> float:
+        """What durations of a task are relative to [s]; all tasks' for one that came later."""
+        known = [self.usual_s[label]] if label in self.usual_s else [*self.usual_s.values()]
+        return float(np.exp(np.mean(np.log(known or [1.0]))))
+
     def steady(self, recordings: Sequence[Demonstration]) -> list[PhaseMap]:
         """From the recorded phase of each to the reference phase at steady progress."""
-        usual_s = [self.usual_s.get(str(one.task), one.duration_s) for one in recordings]
+        usual_s = [self.usual_of(str(one.task)) for one in recordings]
         bent = replace(STEADY, duration_exponent=self.duration_exponent)
         return [
             partial(steady_phase, bent, relative=one.duration_s / usual)

@@ -163,16 +163,31 @@ def phase_deviation(
     return PhaseDeviation(std, correlation, evidence, follows, exponent)
 
 
+USUAL = "usual_log_duration"
 CONTEXT = ("context_mean", "context_covariance", "context_gain")
 COUPLING = tuple(f"coupling_{name}" for name in ResidualCoupling._fields)
-"""Names of the arrays of both."""
+"""Names of the arrays of what not every library has."""
 
 
 def optional_arrays(library: TaskLibrary) -> dict[str, Floats]:
-    """What is written of a library's context and coupling; nothing where it has none."""
-    context, coupling = library.context, library.coupling
+    """What is written of a library's context, coupling and usual durations, where it has them."""
+    context, coupling, usual = library.context, library.coupling, library.usual_log_duration
     arrays = () if context is None else (context.mean, context.covariance, context.gain)
-    return {**dict(zip(CONTEXT, arrays)), **dict(zip(COUPLING, coupling or ()))}
+    durations = {} if usual is None else {USUAL: usual}
+    return {**dict(zip(CONTEXT, arrays)), **dict(zip(COUPLING, coupling or ())), **durations}
+
+
+def read_usual(
+    path: str | Path, content: Mapping[str, NDArray[Any]], n_tasks: int
+) -> Floats | None:
+    """What durations are relative to, checked; None for the means of the timing priors."""
+    if USUAL not in content:
+        return None
+    check_arrays(path, content, {USUAL: (n_tasks + 1,)})
+    found, largest = content[USUAL], PLAUSIBLE["log_duration_mean"]
+    within = bool(np.all(np.abs(found) <= largest))
+    require(within, f"{path}: {USUAL}", f"at most {largest:g}", found)
+    return found
 
 
 def read_context(

@@ -32,6 +32,7 @@ from intent_recognition.model.checks import (
     OF_DEVIATION,
     SCALARS,
     SHAPES,
+    USUAL,
     check_groups,
     check_values,
     evidence_freedom,
@@ -41,6 +42,7 @@ from intent_recognition.model.checks import (
     phase_deviation,
     read_context,
     read_coupling,
+    read_usual,
     shapes_of,
 )
 from intent_recognition.model.statistics import ARRAYS, pack_statistics, unpack_statistics
@@ -191,6 +193,7 @@ def _model(path: Path, content: dict[str, NDArray[Any]]) -> Model:
         provenance=provenance,
         context=read_context(path, content, dofs, numbers),
         coupling=read_coupling(path, content, len(labels), *n_dofs),
+        usual_log_duration=read_usual(path, content, len(labels)),
         **numbers,
     )
     return Model(library, dofs)
@@ -251,7 +254,7 @@ def _with_references(
 
 def _read(path: Path, more: Sequence[str] = ()) -> dict[str, NDArray[Any]]:
     """Header, arrays of a model, and more arrays, as far as the file holds them."""
-    wanted = ("header", *SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING, *more)
+    wanted = ("header", *SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING, USUAL, *more)
     try:
         check_archive(path)
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:

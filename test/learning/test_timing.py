@@ -7,6 +7,11 @@ import numpy as np
 import pytest
 from simulation import START_NS, minimum_jerk
 
+from intent_recognition.learning import (
+    TrainingSettings,
+    add_demonstration,
+    learn_with_report,
+)
 from intent_recognition.learning.timing import (
     ALIGNED_FLOOR,
     DEFAULT_DEVIATION_STD,
@@ -114,6 +119,21 @@ def test_how_progress_depends_on_the_duration_is_recovered(rng, duration_exponen
     for of_one, share in zip(timing.steady(recordings), relative, strict=True):
         expected = steady_phase(timing.phase_deviation("steady"), PHASE, share)
         np.testing.assert_allclose(of_one(PHASE), expected, atol=1e-6)
+
+
+def test_what_is_added_is_filtered_at_the_phases_it_was_fitted_at(rng):
+    """Slower demonstrations move the mean duration, and a task that came later has another."""
+    recordings = bent_recordings(rng, 0.8, 2.0 * np.exp(np.linspace(-0.6, 0.6, 5)))
+    trained = learn_with_report(recordings, TrainingSettings(segmentation="recording")).trained
+    added = bent_recordings(rng, 0.8, [3.5, 4.0])
+    added = [*added, *(replace(one, task="later") for one in added)]
+    for one in added:
+        trained = add_demonstration(trained, one)
+    library, timing = trained.library, trained.preprocessing.timing
+    for one, fitted in zip(added, timing.steady(added), strict=True):
+        relative = one.duration_s / library.usual_s[library.labels.index(one.task)]
+        found = steady_phase(library.phase_deviation, PHASE, relative)
+        np.testing.assert_allclose(found, fitted(PHASE), atol=1e-9)
 
 
 def test_progress_depends_on_the_duration_only_where_people_are_compared(rng):

@@ -51,6 +51,7 @@ def model() -> Model:
         left_out_odds=LeftOutOdds((0.5, -1.25), ("anna", "")),
         provenance={"bags": ["a", "b"], "package_version": "1"},
         coupling=a_coupling(library),
+        usual_log_duration=np.linspace(0.1, 0.4, library.n_tasks + 1),
     )
     return Model(library, dofs)
 
@@ -239,6 +240,8 @@ def test_a_value_that_is_not_finite_is_named(written, tmp_path, name, value):
         ("coupling_gain", lambda a: a * np.nan),
         ("coupling_explained", lambda a: a + 0.8),
         ("coupling_decay_s", lambda a: 0.0 * a),
+        ("usual_log_duration", lambda a: a[1:]),
+        ("usual_log_duration", lambda a: a + 30.0),
         ("coupling_decay_s", lambda a: None),
         (DEVIATION_STD, lambda a: None),
         (DEVIATION_STD, lambda a: a[:1]),
