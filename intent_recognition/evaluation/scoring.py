@@ -192,8 +192,8 @@ def _snapshots(
     run = MovementFilter(library, hypotheses, test.start_ns)
     for observation in merge(test.observed):
         elapsed = (observation.stamp_ns - test.start_ns) * 1e-9
-        if observation.stamp_ns > test.end_ns:
-            break
+        if not test.start_ns <= observation.stamp_ns <= test.end_ns:
+            continue
         while fractions and elapsed > fractions[0] * test.duration_s + 1e-9:
             yield fractions.pop(0), run
         run.observe(observation)

@@ -89,7 +89,7 @@ class DecisionMonitor:
         if self._activated:
             return
         ready = self._state.n_for + 1 >= self._settings.n_observations
-        sure = posterior.probabilities[best] >= self._settings.threshold
+        sure = self._settings.is_sure(*current, best)
         end_std = run.end_std(best) if ready and sure else None
         self._state, self._activated = decide(
             self._settings, self._state, *current, end_std, evidence

@@ -196,7 +196,7 @@ def test_percentages_observed_are_of_time_not_of_samples():
 
 
 @pytest.mark.slow
-def test_what_comes_after_a_fraction_does_not_change_its_scores(rng):
+def test_what_comes_after_a_fraction_or_before_the_movement_does_not_change_scores(rng):
     truth = make_library(rng, n_tasks=2, groups=(2,), n_basis=8)
     training = [simulate(truth, i % 2, rng, name=str(i), n_samples=40) for i in range(8)]
     library = gathered(training, SETTINGS).library
@@ -205,8 +205,11 @@ def test_what_comes_after_a_fraction_does_not_change_its_scores(rng):
     changed = signal.values.copy()
     changed[21:] += 5.0
     other = replace(test, observed=(Signal(signal.names, signal.stamps_ns, changed, "m"),))
+    stamps_ns = np.r_[signal.stamps_ns - test.end_ns + test.start_ns - 1, signal.stamps_ns]
+    values = np.concatenate([changed + 5.0, signal.values])
+    longer = replace(test, observed=(Signal(signal.names, stamps_ns, values, "m"),))
     tables = []
-    for recording in (test, other):
+    for recording in (test, other, longer):
         collected = EvaluationRecords()
         score_demonstration(collected, library, training, recording, False)
         names = tuple(PREDICTION_KEYS - {"rmse_nearest_neighbour"})
@@ -221,6 +224,7 @@ def test_what_comes_after_a_fraction_does_not_change_its_scores(rng):
         )
     assert tables[0][:2] == tables[1][:2]
     assert tables[0][2] != tables[1][2]
+    assert tables[0] == tables[2]
 
 
 @pytest.mark.slow

@@ -28,6 +28,21 @@ def test_a_movement_that_speaks_for_none_activates_nothing_however_probable(
     assert monitor.outcome("a").activated == activated
 
 
+def test_a_movement_is_acted_on_where_the_learned_risk_allows_it():
+    run = SimpleNamespace(
+        grid=PriorGrid(1, np.ones(3), np.log([0.7, 0.25, 0.05])),
+        log_evidence=np.zeros(3),
+        end_std=lambda task: {"rad": 0.01},
+    )
+    for threshold, activated in ((0.6, "a"), (0.8, "")):
+        risk = SimpleNamespace(threshold=threshold)
+        settings = DecisionSettings(risk=risk, min_evidence=0.0)
+        monitor = DecisionMonitor(SimpleNamespace(labels=("a", "b")), settings)
+        for k in range(10):
+            monitor.observe(run, 0.1 * k)
+        assert monitor.outcome("a").activated == activated
+
+
 def followed(end_std, task="a"):
     log_prior = np.log([0.445, 0.445, 0.11])
     run = SimpleNamespace(
