@@ -14,6 +14,7 @@ Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 AClass = TypeVar("AClass", bound=type)
+AValue = TypeVar("AValue")
 
 
 def settle(owner: object, **values: object) -> None:
@@ -26,9 +27,17 @@ def settle(owner: object, **values: object) -> None:
 
 def frozen(values: ArrayLike) -> Floats:
     """A copy of numbers that nobody can change."""
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array
+    return read_only(np.array(values, dtype=np.float64))
+
+
+def read_only(value: AValue) -> AValue:
+    """The same value; its arrays, those of a tuple too, cannot be written to from now on."""
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif isinstance(value, tuple):
+        for part in value:
+            read_only(part)
+    return value
 
 
 class _Short(Repr):

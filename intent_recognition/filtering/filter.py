@@ -18,7 +18,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from intent_recognition.array_types import Floats, Integers
+from intent_recognition.array_types import Floats, Integers, read_only
 from intent_recognition.filtering.births import MAX_TASKS, Births
 from intent_recognition.filtering.grid import PriorGrid
 from intent_recognition.filtering.observation_model import Measurement, ObservationModel
@@ -170,7 +170,8 @@ class MovementFilter:
         elapsed_s = (stamp_ns - self.onset_ns) * 1e-9
         if self._posterior is None:
             born = () if self.births is None else (self.births.table, self.births.log_stay)
-            self._posterior = task_posterior(self.log_evidence, self.grid, elapsed_s, *born)
+            posterior = task_posterior(self.log_evidence, self.grid, elapsed_s, *born)
+            self._posterior = read_only(posterior)
         return self._posterior.at(elapsed_s)
 
     def _condition(self, measurement: Measurement) -> None:
@@ -270,7 +271,8 @@ class MovementFilter:
         asked = task, n_points
         if asked not in self._controlled or self._controlled[asked][0] is not start:
             grid = self._control_grids[task]
-            self._controlled[asked] = start, self.prediction(task).controlled(n_points, start, grid)
+            found = self.prediction(task).controlled(n_points, start, grid)
+            self._controlled[asked] = start, read_only(found)
         return self._controlled[asked][1]
 
     def mixture_at(

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, read_only
 from intent_recognition.errors import ArgumentError, number
 
 
@@ -37,7 +37,7 @@ class NormalizedRBFBasis:
     @cached_property
     def centers(self) -> Floats:
         """Phases of the centres, (N,)."""
-        return np.linspace(0.0, 1.0, self.n_basis)
+        return read_only(np.linspace(0.0, 1.0, self.n_basis))
 
     @property
     def scale(self) -> float:

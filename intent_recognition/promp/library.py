@@ -11,7 +11,7 @@ from math import inf
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intent_recognition.array_types import Floats, Integers
+from intent_recognition.array_types import Floats, Integers, read_only
 from intent_recognition.errors import check_whole, first_of
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.plots import Figure, by_unit, draw_bands, name_lines, new_panels
@@ -183,7 +183,7 @@ class TaskLibrary:
         usual = self.usual_log_duration
         if usual is None:
             usual = np.r_[self.log_duration_mean, self.none_log_duration[0]]
-        return np.exp(usual)
+        return read_only(np.exp(usual))
 
     def primitive(self, task: int) -> InteractionProMP:
         """The interaction primitive of task number `task`, at steady progress.
@@ -231,7 +231,8 @@ class TaskLibrary:
     @cached_property
     def observed_mean(self) -> Floats:
         """Prior means of the observed weights, tasks then none, (K + 1, P N)."""
-        return np.vstack([self.weight_mean[:, : self.n_observed_weights], self.none_mean])
+        known = self.weight_mean[:, : self.n_observed_weights]
+        return read_only(np.vstack([known, self.none_mean]))
 
     @cached_property
     def observed_covariance(self) -> Floats:
@@ -239,7 +240,7 @@ class TaskLibrary:
         size, known = self.n_observed_weights, self.observed_weight_covariance
         if known is None:
             known = self.weight_covariance[:, :size, :size]
-        return np.concatenate([known, self.none_covariance[None]])
+        return read_only(np.concatenate([known, self.none_covariance[None]]))
 
     @cached_property
     def regressions(self) -> Regressions:
@@ -262,8 +263,9 @@ class TaskLibrary:
         return all_dofs if dofs is None else all_dofs[list(dofs)]
 
     @cached_property
-    def _dofs_of_groups(self) -> list[Integers]:
-        return np.split(np.arange(self.n_observed), np.cumsum(self.observed_groups)[:-1])
+    def _dofs_of_groups(self) -> tuple[Integers, ...]:
+        ends = np.cumsum(self.observed_groups)[:-1]
+        return read_only(tuple(np.split(np.arange(self.n_observed), ends)))
 
     def noise_covariance(self, dofs: Integers, interval_s: float) -> Floats:
         """Noise of one observation of the observed DOFs `dofs`, (m, m).

@@ -14,7 +14,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, read_only
 
 N_DEVIATIONS = 15
 """Values of the phase deviation on its grid (docs/decisions/one_filter.md)."""
@@ -50,8 +50,8 @@ class PhaseDeviation:
     def grid(self) -> Floats:
         """Values of the phase deviation in its scales, (E,)."""
         if not np.any(self.deviation_std):
-            return np.zeros(1)
-        return np.linspace(-DEVIATION_SPAN, DEVIATION_SPAN, N_DEVIATIONS)
+            return read_only(np.zeros(1))
+        return read_only(np.linspace(-DEVIATION_SPAN, DEVIATION_SPAN, N_DEVIATIONS))
 
     @cached_property
     def _phases(self) -> Floats:

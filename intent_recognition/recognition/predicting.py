@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, read_only
 from intent_recognition.filtering import MovementFilter
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition.estimate import Prediction
@@ -45,7 +45,7 @@ class Predictor:
             names, units = library.controlled_names, library.controlled_units
             label = library.labels[task]
             found = Prediction(label, run.onset_ns, turned, used, names, units)
-            self._last = along, found
+            self._last = along, read_only(found)
         return self._last[1]
 
     def controlled_at(

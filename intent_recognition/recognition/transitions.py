@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
+from intent_recognition.array_types import Floats, read_only
 from intent_recognition.filtering import TaskPosterior, answered
 from intent_recognition.plans import WorkPlan, WorkProgress
 from intent_recognition.promp import TaskLibrary
@@ -243,7 +243,7 @@ class Expectation:
             posterior = weigh(posterior, self.ratio)
         if self._answer in self._library.labels:
             posterior = answered(posterior, self._library.labels.index(self._answer))
-        return posterior
+        return read_only(posterior)
 
     def _set(self, memory: TaskMemory) -> None:
         self.memory = memory

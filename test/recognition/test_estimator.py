@@ -240,6 +240,25 @@ def test_a_buffer_may_be_used_again(library, truth, rng):
 
 
 @pytest.mark.slow
+def test_answers_that_are_given_again_cannot_be_changed(library, truth, rng):
+    estimator = IntentEstimator(library)
+    for observation in merge(movement(truth, 1, rng).observed):
+        estimate = estimator.update(observation)
+        if estimate.phase.max() > 0.5:
+            break
+    kept = [
+        *estimate.posterior[:-1],
+        *estimate.posterior.timing,
+        *estimator.predict_controlled().trajectory,
+        *estimator._run.controlled(1, 50),
+        *(library.observed_mean, library.observed_covariance, library.usual_s),
+        *(library.observed_dofs(0), library.basis.centers, library.phase_deviation.grid),
+    ]
+    for array in kept:
+        with pytest.raises(ValueError, match="read-only"):
+            array[:] = 0
+
+
 def test_a_swap_between_movements_and_a_task_prior(library, truth, rng):
     estimator = IntentEstimator(library)
     first = list(merge(movement(truth, 0, rng).observed))
