@@ -52,6 +52,16 @@ def merge_folds(folds: Sequence[Fold], most: int) -> list[Fold]:
     return merged
 
 
+def of_learned_tasks(folds: Sequence[Fold], recordings: Sequence[Demonstration]) -> list[Fold]:
+    """The folds without tests of a task that they do not train on; those that test nothing go."""
+    found = []
+    for train, test in folds:
+        learned = {recordings[index].task for index in train}
+        if shown := [index for index in test if recordings[index].task in learned]:
+            found.append((train, shown))
+    return found
+
+
 def check_folds(folds: Sequence[Fold], n: int) -> list[Fold]:
     """Folds of n recordings that somebody else has made, as lists.
 

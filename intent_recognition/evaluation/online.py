@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.evaluation.folds import Fold, merge_folds
+from intent_recognition.evaluation.folds import Fold, merge_folds, of_learned_tasks
 from intent_recognition.evaluation.scoring import PHASES
 from intent_recognition.learning import TrainingSettings, cut_to_movement, learn_with_report
 from intent_recognition.promp import TaskLibrary
@@ -127,8 +127,8 @@ def score_online(
     """What the nodes would have done, by phase knowledge; see `summarise_online`.
 
     The models are those of `intent train`: learned from the movements, whatever the settings say.
-    Folds are merged to at most ten, which bounds the time; `progress` is called with the number of
-    recordings fed so far.
+    Folds are merged to at most ten, which bounds the time, and test the tasks that they learn;
+    `progress` is called with the number of recordings fed so far.
 
     Raises:
         TrainingError: a fold cannot be learned from.
@@ -137,7 +137,7 @@ def score_online(
     movements = [where_both_were_recorded(recorded) for recorded in cut_to_movement(demonstrations)]
     outcomes: dict[str, list[OnlineOutcome]] = {phase: [] for phase in PHASES}
     done = 0
-    for train, test in merge_folds(folds, 10):
+    for train, test in of_learned_tasks(merge_folds(folds, 10), movements):
         library = learn_with_report([movements[i] for i in train], settings).library
         for recorded in (movements[i] for i in test):
             for phase in PHASES:

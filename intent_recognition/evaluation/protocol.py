@@ -6,10 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from intent_recognition.errors import ArgumentError, TrainingError, check_type, first_of
-from intent_recognition.evaluation.folds import Fold, check_folds, make_folds
+from intent_recognition.evaluation.folds import Fold, check_folds, make_folds, of_learned_tasks
 from intent_recognition.evaluation.online import score_online, where_both_were_recorded
 from intent_recognition.evaluation.reactive import HORIZONS_S, REACTIVE_NAMES, NearestWindows
 from intent_recognition.evaluation.scores import ScoreTable
@@ -87,6 +85,11 @@ def evaluate(
         folds = make_folds(usable, protocol)
     else:
         folds = _only(kept, check_folds(protocol, len(demonstrations)))
+    tested = {index for _, test in folds for index in test}
+    folds = of_learned_tasks(folds, usable)
+    for index in sorted(tested - {index for _, test in folds for index in test}):
+        reason = f"no recording of {usable[index].task} is left to learn from"
+        left_out[kept[index]] = StreamFinding(usable[index].name, reason)
     if not folds:
         reasons = "; ".join(map(str, [*left_out.values()][:3])) or "none"
         expected, cure = "recordings to train and to test on", "See docs/recognition.md."
@@ -114,10 +117,7 @@ def evaluate(
         labels |= set(library.labels)
         windows = NearestWindows(training)
         for recorded in (usable[i] for i in test):
-            if recorded.task in library.labels:
-                score_demonstration(collected, library, training, recorded, start_posture, windows)
-            else:
-                _miss(collected)
+            score_demonstration(collected, library, training, recorded, start_posture, windows)
             done += 1
             progress(done)
     scored = sorted({index for train, test in folds for index in (*train, *test)})
@@ -169,13 +169,6 @@ def _only(kept: Sequence[int], folds: Sequence[Fold]) -> list[Fold]:
     place = {index: position for position, index in enumerate(kept)}
     both = [[[place[i] for i in part if i in place] for part in fold] for fold in folds]
     return [(train, test) for train, test in both if train and test]
-
-
-def _miss(collected: EvaluationRecords) -> None:
-    """Score a recording whose task could not be learned without it as not recognised."""
-    for phase in PHASES:
-        for fraction in RECOGNITION_FRACTIONS:
-            collected.scores.add(phase, fraction, accuracy=0.0, log_loss=-np.log(1e-12))
 
 
 def _tables(collected: EvaluationRecords, units: Sequence[str]) -> dict[str, object]:

@@ -310,14 +310,6 @@ def test_a_recording_under_a_wrong_label_is_named():
     assert one == {"recording": "wrong", "true": "b", "recognised": "a"}
 
 
-def test_nothing_left_that_can_be_scored_is_still_json():
-    """Trained on two tasks, tested on a third only."""
-    result = evaluate([*IDENTICAL, exact("c0", "c", 0.9)], [([*range(6)], [6])], SETTINGS)
-    assert result["recognition"]["known_phase"]["1.0"]["accuracy"] == 0.0
-    assert result["prediction"]["known_phase"]["0.5"]["rmse"] is None
-    json.dumps(result, allow_nan=False)
-
-
 @pytest.mark.slow
 def test_a_movement_unlike_any_task_is_scored_without_none():
     """None outweighs every task by more than a float can hold; the rest still sums to one."""
@@ -333,7 +325,7 @@ def test_a_movement_unlike_any_task_is_scored_without_none():
 @pytest.mark.slow
 def test_progress_counts_every_demonstration():
     seen = []
-    folds = make_folds(some(6), "kfold:2")
+    folds = make_folds(some(6), "kfold:3")
     evaluate(IDENTICAL, folds, SETTINGS, unknown_tasks=False, progress=seen.append)
     assert seen == [1, 2, 3, 4, 5, 6]
 
@@ -362,6 +354,21 @@ def test_what_cannot_be_scored_is_left_out_and_named(identical):
     assert by_fold["n_demonstrations"] == 6 and by_fold["recognition"] == identical["recognition"]
     with pytest.raises(ArgumentError, match="short"):
         evaluate([short, short], [([0], [1])], SETTINGS)
+
+
+def test_the_only_recording_of_a_task_is_left_out_of_every_table():
+    alone = replace(IDENTICAL[0], name="alone", task="c")
+    result = evaluate([*IDENTICAL, alone], "kfold:7", SETTINGS)
+    (left_out,) = result["left_out"]
+    assert left_out == {"recording": "alone", "reason": "no recording of c is left to learn from"}
+    n = result["n_demonstrations"]
+    assert n == result["none"]["n_known"] == len(IDENTICAL)
+    assert result["recognition"]["known_phase"]["1.0"]["accuracy"] == 1.0
+    confusion = result["confusion"]["known_phase"]["1.0"]
+    assert dict(zip(confusion["true"], map(sum, confusion["counts"]), strict=True))["c"] == 0
+    json.dumps(result, allow_nan=False)
+    with pytest.raises(ArgumentError, match="no recording of c is left to learn from"):
+        evaluate([*IDENTICAL, alone], [([*range(6)], [6])], SETTINGS)
 
 
 @pytest.mark.slow

@@ -40,5 +40,5 @@ def test_demonstrations_without_a_name_are_numbered(unnamed):
             task="t0",
         ),
     ]
-    left_out = evaluate(wrong, "kfold:2", settings)["left_out"]
+    left_out = evaluate(wrong, "kfold:3", settings)["left_out"]
     assert [one["recording"] for one in left_out] == ["demonstration_10"]
