@@ -13,6 +13,7 @@ import numpy as np
 from scipy.constants import g
 
 from intent_recognition.array_types import Floats
+from intent_recognition.transfer.load import CLOCK_BACK_S
 from intent_recognition.transfer.sharing import (
     LIGHTEST_N,
     MOST_N,
@@ -167,9 +168,13 @@ class TransferMachine:
     def step(self, request: Request, now: Situation) -> TransferOutput:
         """Take what is felt, and say what to do.
 
-        Times should grow; after a gap, or where they go back, one step counts as short.
+        Times should grow; after a gap, or where they go back, one step counts as short. Where the
+        clock was set back, the state begins anew.
         """
         step_s = 0.0 if np.isnan(self._time_s) else now.time_s - self._time_s
+        if step_s < -CLOCK_BACK_S:
+            self._enter(self.holding, now.time_s)
+            self._opened_s = now.time_s
         step_s = min(max(step_s, 0.0), LONGEST_STEP_S)
         self._time_s = now.time_s
         reach = SHARE_PER_S * step_s

@@ -111,6 +111,23 @@ def test_after_a_gap_one_load_opens_nothing_and_a_person_still_gets_the_object(g
     assert Holding.RELEASING in states(course.run(1.0, Request.GIVE, taking))
 
 
+@pytest.mark.parametrize(
+    ("gives_s", "request_after", "waits_s", "then"),
+    [
+        (0.0, Request.GIVE, PATIENCE_S, Holding.RETURNING),
+        (0.4, Request.NOTHING, 0.3, Holding.EMPTY),
+    ],
+    ids=["offering", "releasing"],
+)
+def test_a_clock_that_was_set_back_ends_no_state_late(gives_s, request_after, waits_s, then):
+    course = Course().offer()
+    course.run(gives_s, Request.GIVE, taking)
+    before = course.machine.holding
+    course.time_s -= 1000.0
+    assert {*states(course.run(waits_s - 0.1, request_after))} == {before}
+    assert course.run(0.2, request_after)[-1].holding is then
+
+
 def test_a_hand_that_carries_half_and_one_that_is_not_there_get_nothing():
     course = Course().offer()
     assert set(states(course.run(1.5, Request.GIVE, (0, 0, -WEIGHT_N / 2)))) == {Holding.OFFERING}
