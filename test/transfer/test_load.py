@@ -107,5 +107,8 @@ def test_states_that_are_late_or_far_apart():
     np.testing.assert_array_equal(estimator.update(0.9, READY, zero, zero), first)
     again = estimator.update(5.0, READY, zero, torque)
     np.testing.assert_allclose(again, first, atol=1e-9)
+    unloaded = LWR.inverse_dynamics(READY, zero, zero)
+    np.testing.assert_allclose(estimator.update(5.2, READY, zero, unloaded), 0.0, atol=1e-9)
+    assert estimator.doubt_n == pytest.approx(np.abs(first[2]) - 0.5)
     with pytest.raises(ShapeError, match="torque"):
         estimator.update(6.0, READY, zero, zero[:3])
