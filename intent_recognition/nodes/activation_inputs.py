@@ -38,6 +38,7 @@ from intent_recognition.transfer import EXCHANGES
 from intent_recognition.untrusted import load_yaml, read_text
 
 TOPIC = "intent/human_trajectory"
+_FRESH_NS = round(FRESH_S * 1e9)
 _STATES = {state.value for state in EXCHANGES}
 
 
@@ -244,21 +245,26 @@ def load_detector(name: str) -> DeviationDetector:
 
 
 class TransferInput:
-    """Keeps the newest states; one counts for what is later than its stamp.
+    """Keeps the states of `FRESH_S`; one counts for what is later than its stamp.
 
-    So the order of messages with one stamp does not matter.
+    So the order of messages with one stamp does not matter. Where all are ahead of the node's
+    clock, the oldest counts.
     """
 
     def __init__(self, diagnostics: Diagnostics) -> None:
-        self._states: deque[tuple[int, bool]] = deque(maxlen=2)
+        self._states: deque[tuple[int, bool]] = deque()
         diagnostics.subscribe(JointState, TRANSFER, self._take, qos.STATE)
 
     def _take(self, message: JointState) -> None:
-        self._states.append((stamp_ns(message), message.header.frame_id in _STATES))
+        at_ns = stamp_ns(message)
+        self._states.append((at_ns, message.header.frame_id in _STATES))
+        while not 0 <= at_ns - self._states[0][0] <= _FRESH_NS:
+            self._states.popleft()
 
     def exchanging_until_ns(self, now_ns: int) -> int:
         """Until when an object changes hands, as far as is known now; 0: it does not."""
-        for at_ns, exchanges in reversed(self._states):
-            if at_ns < now_ns:
-                return at_ns + round(FRESH_S * 1e9) if exchanges else 0
-        return 0
+        if not self._states:
+            return 0
+        past = (state for state in reversed(self._states) if state[0] < now_ns)
+        at_ns, exchanges = next(past, self._states[0])
+        return at_ns + _FRESH_NS if exchanges else 0

@@ -4,6 +4,7 @@
 import time
 from collections import Counter
 from itertools import pairwise
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.activation_inputs import TransferInput
 from intent_recognition.nodes.conversions import (
     stamp_ns,
     to_joint_state,
@@ -189,6 +191,19 @@ def test_joints_of_another_arm_need_limits(harness):
     graph.begin()
     graph.send_prediction(predicted("plate", graph.onset_ns, names=names))
     assert graph.rejected("wrong_joint_names") == 1 and graph.node.activation is None
+
+
+@pytest.mark.parametrize("ahead_ms", [0, 15, 900])
+def test_an_exchange_is_known_where_the_clock_of_its_stamps_leads(ahead_ms):
+    heard, until_ns = TransferInput(Mock()), []
+    for k in range(200):
+        now_ns, message = 10_000_000_000 + k * 5_000_000, JointState()
+        message.header.stamp = to_stamp(now_ns + ahead_ms * 1_000_000)
+        message.header.frame_id = "offering" if k < 100 else "carrying"
+        heard._take(message)
+        until_ns.append(heard.exchanging_until_ns(now_ns))
+    assert until_ns[99] > 10_000_000_000 + 99 * 5_000_000
+    assert until_ns[-1] == 0
 
 
 @pytest.mark.parametrize("name", ["lower", "upper", "velocity"])
