@@ -188,10 +188,12 @@ class PrimitiveActivation(ManagedNode):
                 named, wanted = ", ".join(joints), ", ".join(self.joint_names)
                 raise RejectionError("wrong_joint_names", f"{named} for {wanted}")
             read = read_prediction(message)
+            if self.activation is None:
+                self._limits = self._settings.settings(joints, self._starts).limits
+            path = self._path(read.of_hand, read.times_s, read.positions, read.velocities)
             self._keep_clear(joints)
             if self.activation is None:
                 self._apply_settings(joints)
-            path = self._path(read.of_hand, read.times_s, read.positions, read.velocities)
         except IntentError as error:
             usual = "wrong_size" if isinstance(error, MessageError) else "bad_prediction"
             self.diagnostics.reject(reason_of(error, usual), str(error))

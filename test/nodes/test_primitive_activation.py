@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from activation_graph import GOALS, HOME, LABELS, Graph, predicted, reference
 from diagnostic_msgs.msg import DiagnosticArray
+from joint_trajectories import build_joint_trajectory
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -191,6 +192,20 @@ def test_joints_of_another_arm_need_limits(harness):
     graph.begin()
     graph.send_prediction(predicted("plate", graph.onset_ns, names=names))
     assert graph.rejected("wrong_joint_names") == 1 and graph.node.activation is None
+
+
+def test_a_prediction_that_is_rejected_does_not_fix_the_joints(harness):
+    graph = Graph(harness, home=None)
+    degrees = np.full((5, 6), 50.0)
+    message = build_joint_trajectory(
+        JOINT_NAMES[:6], np.arange(5.0), degrees, 0.0 * degrees, time_ns=graph.now_ns
+    )
+    message.header.frame_id = "plate"
+    graph.send_prediction(message)
+    assert graph.rejected("outside_range") == 1 and graph.node.joint_names == ()
+    graph.begin()
+    graph.send_prediction()
+    assert graph.node.joint_names == JOINT_NAMES
 
 
 @pytest.mark.parametrize("ahead_ms", [0, 15, 900])
