@@ -83,6 +83,8 @@ class Motions:
                 prediction.path, prediction.label, vias, self._common.settings.limits
             )
             prediction = prediction._replace(path=path)
+        if progress is BEGINNING:
+            self._followed = None
         label, self.things.obstruction = prediction.label, None
         found = self._clear_of_things(now_ns, label, prediction.path, progress.phase)
         if isinstance(found, Obstruction):

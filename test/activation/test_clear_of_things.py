@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from activation_world import GOALS, HOME, World
-from clearance_world import bodies_among, box_beside, clearance
+from clearance_world import ROBOT, bodies_among, box_beside, clearance, primitive
 
 from intent_recognition.activation.states import Mode
-from intent_recognition.kinematics import Box, hand_position
+from intent_recognition.kinematics import Arm, Box, hand_position
+from intent_recognition.motion import Spread
 
 
 def way(world):
@@ -42,6 +43,22 @@ def test_an_interaction_goes_around_a_box(depth_m):
     clear.check_continuous()
     assert clear.activation.counts["bent"] > 0
     np.testing.assert_allclose(clear.commands[-1].plan.end, HOME, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_an_arm_that_turned_about_its_hand_does_not_in_the_next_interaction():
+    arm = Arm.from_urdf(ROBOT.description, tip=ROBOT.tip)
+    of_hand = {"plate": Spread.of(primitive(3), arm)}
+    elbow_m = arm.skeleton((HOME + GOALS["plate"])[None])[0, 3]
+    post = Box("post", tuple(elbow_m + [0.0, 0.12, 0.0]), (0.06,) * 3)
+    world = World(clearance=clearance(post, spreads=of_hand))
+    interact(world)
+    n_turned = world.activation.counts["replanned"]
+    assert n_turned and world.activation.mode is Mode.IDLE
+    change(world, clearance=clearance(spreads=of_hand))
+    interact(world)
+    assert world.activation.counts["started"] == 2
+    assert world.activation.counts["replanned"] == n_turned
 
 
 def test_what_cannot_be_bent_is_refused_and_the_arm_stays_where_nothing_is_planned_anew():
