@@ -212,8 +212,8 @@ class Motions:
         """To a posture, slowed near people; None where no plan keeps the limits."""
         settings = self._common.settings
         plan = home_plan(start, target, settings.limits)
-        if plan is None or settings.separation is None:
-            return None if plan is None else PlannedWay(kind, plan)
+        if plan is None:
+            return None
         rate = 1.0 / plan.duration_s
         path = make_path(plan.times_s, plan.positions, settings.limits, plan.velocities)
         timing = NominalTiming(0.0, plan.duration_s)
@@ -266,7 +266,7 @@ class Motions:
         for a way on every `SEARCH_EVERY_NS`.
         """
         way, current, start_ns = self._way, self._arm.current, self._arm.switch_ns(now_ns)
-        if way is None or way.path is None or current is None or way.command is not current:
+        if way is None or current is None or way.command is not current:
             return None
         brakes = way.plan.kind == "stop"
         waits = brakes and 0 <= now_ns - self._tried_ns < SEARCH_EVERY_NS

@@ -74,7 +74,7 @@ class PlannedWay(NamedTuple):
     Attributes:
         kind: of its plan as it is sent.
         plan: with the phases on the path.
-        path: that it keeps to at any speed; None where it has but one.
+        path: that it keeps to at any speed.
         onset_ns: when the motion is to begin; None: as soon as it may.
         slowed: whether it is slower than it would be without people.
         command: that was sent: the plan, or a brake along the path.
@@ -83,7 +83,7 @@ class PlannedWay(NamedTuple):
 
     kind: str
     plan: JointPlan
-    path: JointPath | None = None
+    path: JointPath
     onset_ns: int | None = None
     slowed: bool = False
     command: Command | None = None

@@ -82,17 +82,23 @@ def change(world, **changes):
 
 
 @pytest.mark.slow
-def test_where_the_straight_way_home_is_blocked_it_goes_around():
+@pytest.mark.parametrize("under_way", [False, True])
+def test_where_the_straight_way_home_is_blocked_it_goes_around(under_way):
     world = arrived()
     home = HOME + np.array([1.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     straight = hand_position(0.5 * (world.arm() + home))
     box = Box("post", tuple(straight), (0.04, 0.04, 0.04))
-    change(world, clearance=clearance(box), home=home)
+    change(world, home=home)
     world.task = "idle"
+    if under_way:
+        world.run_until(Mode.HOMING)
+        world.run(0.2)
+    change(world, clearance=clearance(box))
     world.run(10.0)
     assert world.commands[-1].plan.kind == "home" and world.activation.mode is Mode.IDLE
     assert bodies_among(box, clearance_m=0.001).contacts(way(world)) == []
     np.testing.assert_allclose(world.arm(), home, atol=0.05)
+    assert world.activation.counts["braked for things"] == under_way
     assert world.activation.counts["replanned"] == 1 and not world.activation.counts["refused"]
     world.check_continuous()
 
