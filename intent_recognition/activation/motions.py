@@ -217,8 +217,12 @@ class Motions:
         rate = 1.0 / plan.duration_s
         path = make_path(plan.times_s, plan.positions, settings.limits, plan.velocities)
         timing = NominalTiming(0.0, plan.duration_s)
-        free = replace(plan, phase=plan.times_s * rate, phase_rate=np.full_like(plan.times_s, rate))
+        uniform = np.full_like(plan.times_s, rate)
+        free: JointPlan | None = replace(plan, phase=plan.times_s * rate, phase_rate=uniform)
         again = self._planner(path, timing, start, PhaseState(rate=rate))
+        places = settings.slow_places
+        if places is not None and places.rate_ceiling(path).min() < rate:
+            free = again(None, 1.0)
         slowed = self._slowed(free, path, start_ns, again)
         if slowed is None:
             return None

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError
@@ -207,13 +208,16 @@ class SlowPlaces:
         self._arm, self._places = arm, places
 
     def rate_ceiling(self, path: JointPath) -> Floats:
-        """Largest phase rate (G + 1,) [1/s] on the grid of a path; infinite away from all."""
+        """Largest phase rate (G + 1,) [1/s] on the grid of a path; infinite away from all.
+
+        A place begins and ends one point of the grid early and late.
+        """
         phase = np.linspace(0.0, 1.0, N_GRID + 1)
         hand = self._arm.skeleton(path.spline(phase))[:, -1]
         way = np.linalg.norm(np.gradient(hand, phase, axis=0), axis=1)
         away = np.linalg.norm(hand[:, None] - self._places[:, :3], axis=2)
         speed = np.where(away <= self._places[:, 3], self._places[:, 4], np.inf).min(axis=1)
-        return np.asarray(speed / np.maximum(way, 1e-6))
+        return minimum_filter1d(speed / np.maximum(way, 1e-6), 3, mode="nearest")
 
 
 def parse_places(texts: Sequence[str]) -> Floats:

@@ -3,11 +3,14 @@
 
 import numpy as np
 import pytest
-from activation_world import HOME, LABELS, STEP_NS, World
+from activation_world import GOALS, HOME, LABELS, STEP_NS, World
+from clearance_world import ROBOT
 
 from intent_recognition.activation.pretrigger import Pretrigger, PretriggerSettings
 from intent_recognition.activation.states import Mode
 from intent_recognition.errors import IntentError
+from intent_recognition.kinematics import Arm
+from intent_recognition.motion import SlowPlaces
 from intent_recognition.recognition.decision import DecisionSettings, DecisionState
 
 AHEAD = HOME + np.array([0.3, -0.2, 0.1, 0.2, 0.0, -0.1, 0.4])
@@ -43,6 +46,25 @@ def ahead(seconds=0.0, **settings):
     world.run_until(Mode.PRETRIGGERED)
     world.run(seconds)
     return world
+
+
+@pytest.mark.parametrize(
+    ("mode", "target", "expected"),
+    [(Mode.HOMING, HOME, [0.5, 0.5]), (Mode.PRETRIGGERED, AHEAD, EXPECTED)],
+)
+def test_the_hand_is_slow_at_a_place_on_its_way(mode, target, expected):
+    arm = Arm.from_urdf(ROBOT.description, tip=ROBOT.tip)
+    middle_m = arm.forward_kinematics(0.5 * (HOME + GOALS["plate"] + target))[:3, 3]
+    places = SlowPlaces(arm, np.array([[*middle_m, 0.05, 0.1]]))
+    world = after_a_plate(expected, slow_places=places)
+    world.run_until(mode)
+    plan = world.commands[-1].plan
+    q, _, _ = plan.sampled(np.arange(0.0, plan.duration_s, 1e-3))
+    hand_m = arm.forward_kinematics(q)[:, :3, 3]
+    speed = np.linalg.norm(np.diff(hand_m, axis=0), axis=1) / 1e-3
+    at_place = np.linalg.norm(hand_m[1:] - middle_m, axis=1) < 0.05
+    assert 0.09 < speed[at_place].max() < 0.101 and speed.max() > 0.2
+    np.testing.assert_allclose(plan.end, target, atol=1e-6)
 
 
 def test_the_arm_goes_ahead_and_the_interaction_starts_from_there():
