@@ -2,7 +2,7 @@
 """Cells of a table as numbers and texts."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ THOUSANDS = re.compile(
     r"([+-]?\d{1,3})((?:[ '\u2019\u00a0\u202f]\d{3})+|(?:,\d{3})+(?=\.)|(?:,\d{3}){2,})"
 )
 """A number whose thousands are separated by something else than its decimals."""
-MAYBE_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+MAYBE_THOUSANDS = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}([.,])\d{3}(?:\1\d{3})*")
 """A number that may have thousands, or decimals."""
 LONGEST_CELL = 60
 """Characters of a cell that a message repeats. Convention."""
@@ -36,27 +36,52 @@ def numbers(values: Values, source: Path, name: str) -> Floats:
     if values.dtype.kind in "fiub":
         return values.astype(np.float64)
     found = np.empty(values.size)
-    for row, cell in enumerate(values):
-        text = str(cell).strip()
+    cells = without_thousands([str(cell).strip() for cell in values])
+    for row, text in enumerate(cells):
         try:
             found[row] = np.nan if text.lower() in MISSING else float(with_point(text))
         except ValueError as error:
             cure = "Name a column of numbers in the map."
             got = f"{text[:LONGEST_CELL]!r} in row {row + 1}"
             raise BagError.about(f"{source}: {name}", "numbers", got, cure) from error
-    _check_commas(values, source, name)
+    _check_commas(cells, source, name)
     return found
 
 
-def _check_commas(values: Values, source: Path, name: str) -> None:
+def without_thousands(cells: Sequence[str]) -> Sequence[str]:
+    """Cells of a column; of `1,000` beside `999.5` or `1,000.5` without the mark of thousands.
+
+    So are those of `1.000` beside `999,5`.
+    """
+    if not any("," in text for text in cells):
+        return cells
+    marks = set(map(_decimal_mark, cells)) - {""}
+    if len(marks) != 1:
+        return cells
+    of_thousands = "," if marks == {"."} else "."
+    return [
+        text.replace(of_thousands, "") if MAYBE_THOUSANDS.fullmatch(text) else text
+        for text in cells
+    ]
+
+
+def _decimal_mark(text: str) -> str:
+    """What decimals are certainly behind, in a column that has such a number; "" of any other."""
+    marks = re.findall(r"[.,](?=\d)", text)
+    if len(marks) > 1 and len(set(marks)) == 1:  # several thousands
+        return "," if marks[0] == "." else "."
+    return marks[-1] if marks and not MAYBE_THOUSANDS.fullmatch(text) else ""
+
+
+def _check_commas(cells: Sequence[str], source: Path, name: str) -> None:
     """Refuse a column whose commas may separate thousands."""
-    commas = [str(cell).strip() for cell in values if "," in str(cell)]
+    commas = [text for text in cells if "," in text]
     if not commas or not all(MAYBE_THOUSANDS.fullmatch(text) for text in commas):
         return
-    others = [
-        t for cell in values if "," not in (t := str(cell).strip()) and t.lower() not in MISSING
-    ]
-    if others and all(text.lstrip("+-").isdigit() for text in others):
+    others = [text for text in cells if "," not in text and text.lower() not in MISSING]
+    if others and all(
+        text.lstrip("+-").isdigit() or MAYBE_THOUSANDS.fullmatch(text) for text in others
+    ):
         got = f"{commas[0]!r} beside {others[0]!r}: thousands?"
         cure = "Save it without separators of thousands."
         raise BagError.about(f"{source}: {name}", "decimal commas", got, cure)

@@ -14,7 +14,13 @@ from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.errors import BagError
 from intent_recognition.signals import LONGEST_PERIOD_S, SHORTEST_PERIOD_S, USUAL_PERIODS_S
-from intent_recognition.tables.cells import LONGEST_CELL, MISSING, Values, with_point
+from intent_recognition.tables.cells import (
+    LONGEST_CELL,
+    MISSING,
+    Values,
+    with_point,
+    without_thousands,
+)
 
 PER_UNIT = {"s": NANOSECONDS, "ms": 10**6, "us": 10**3, "ns": 1, "min": 60 * NANOSECONDS}
 """Nanoseconds in each unit of time."""
@@ -135,7 +141,7 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
     else:
         counts = np.zeros(values.size, object)
         rounds = last = 0
-        cells = [str(cell).strip() for cell in values]
+        cells = without_thousands([str(cell).strip() for cell in values])
         dates = [_date(text) for text in cells]
         day_first = next((date[0] for date in dates if date and 12 < int(date["first"]) < 100), "")
         for row, (text, date) in enumerate(zip(cells, dates, strict=True)):

@@ -27,6 +27,7 @@ PLAIN = {
     "thousands, quoted": plain('"{:,.3f}"', 10.0),
     "thousands of the Swiss": plain("{:,.3f}", 10.0, ";").replace(",", "'"),
     "thousands with blanks": plain("{:,.3f}", 10.0, ";").replace(",", "\N{NO-BREAK SPACE}"),
+    "thousands, without decimals of zero": plain("{:,.3f}", 10.0, ";").replace(".000", ""),
     "a row of units": plain(scale=10.0, head="t,x,y,z\ns,mm,mm,mm"),
     "comments": "# by me\n# on monday\n" + plain(scale=10.0),
     "a name behind a mark": plain(scale=10.0, head="# t,x,y,z"),

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cells of a column of texts are read as numbers together."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from intent_recognition.errors import BagError
+from intent_recognition.tables.cells import numbers
+
+
+@pytest.mark.parametrize(
+    ("cells", "expected"),
+    [
+        ("999.5 1,000", [999.5, 1000.0]),
+        ("999.5 1,000 1,000.5", [999.5, 1000.0, 1000.5]),
+        ("999,5 1.000 -1.000,5 1.000.000", [999.5, 1000.0, -1000.5, 1e6]),
+        ("999 1,000 1,000,000", [999.0, 1000.0, 1e6]),
+        ("0,5 1,000", [0.5, 1.0]),
+        ("0,5 1,000 0.25", [0.5, 1.0, 0.25]),
+        ("1,000 1,125 1.#IND", [1.0, 1.125, np.nan]),
+        ("1,000 999", "'1,000' beside '999': thousands?"),
+        ("1,000 999.125", "'1,000' beside '999.125': thousands?"),
+    ],
+)
+def test_the_cells_of_a_column_say_what_a_mark_means(cells, expected):
+    column = np.array(cells.split(), object)
+    if isinstance(expected, str):
+        with pytest.raises(BagError, match=re.escape(expected)):
+            numbers(column, Path("a.csv"), "x")
+    else:
+        np.testing.assert_array_equal(numbers(column, Path("a.csv"), "x"), expected)
