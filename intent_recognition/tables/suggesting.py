@@ -138,10 +138,10 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     later = [name for name in columns if LATER.match(name)]
     columns = {name: one for name, one in columns.items() if name not in later}
     cut = _cut(table, columns, labels)
-    time, time_note = _time(table, columns, labels, cut)
-    used = {str(time.get("column", "")), str(time.get("nanoseconds", "")), cut}
     bodies = bodies_of(columns)
-    used |= {column for body in bodies.values() for column in body}
+    places = {column for body in bodies.values() for column in body}
+    time, time_note = _time(table, columns, labels, cut, places)
+    used = {str(time.get("column", "")), str(time.get("nanoseconds", "")), cut, *places}
     used |= orientations_of(columns, bodies)
     joints = [c for c in columns.values() if c.moves and c.name not in used and not counts_rows(c)]
     others = [c.name for c in joints if not (is_joint(c.name) and is_angle(table, c.name))]
@@ -238,19 +238,26 @@ def _cut(
 
 
 def _time(
-    table: Table, columns: Mapping[str, SeenColumn], labels: Mapping[str, Sequence[str]], cut: str
+    table: Table,
+    columns: Mapping[str, SeenColumn],
+    labels: Mapping[str, Sequence[str]],
+    cut: str,
+    places: Collection[str],
 ) -> tuple[dict[str, object], str]:
+    """Where times are, and how that is known: columns by their names, dates, a first column."""
     said = table.defaults.get("time")
     if isinstance(said, Mapping):
         rate = said.get("rate")
         return dict(said), f"from the file{f', {rate:g} Hz' if isinstance(rate, float) else ''}"
     of = np.array(labels.get(cut) or (columns[cut].values if cut in columns else []))
     inside = of[1:] == of[:-1] if of.size else slice(None)  # each may begin at time 0
-    for column in columns.values():
+    dates = next((name for name, cells in labels.items() if _are_later(table, name, cells)), "")
+    named = [c for c in columns.values() if c.name == "0" or TIME_NAME.search(c.name)]
+    first = [] if dates or any(map(TIME_NAME.search, labels)) else [*columns.values()][:1]
+    even = [c for c in first if c.name not in places and _is_even(np.diff(c.values)[inside])]
+    for column in [*named, *even]:
         steps = np.diff(column.values)[inside]
-        is_first = column.name == next(iter(columns))
-        named = column.name == "0" or TIME_NAME.search(column.name)
-        if not (named or (is_first and _is_even(steps))) or not steps.size:
+        if not steps.size:
             continue
         if np.all(steps < 0.0):
             return {"column": column.name}, "it decreases: reverse the rows of the file"
@@ -266,14 +273,18 @@ def _time(
                 if NANOSECONDS_NAME.search(more.name) or unnamed:
                     both: dict[str, object] = {"column": column.name, "nanoseconds": more.name}
                     return both, "seconds and nanoseconds"
-    for name, cells in labels.items():
-        try:
-            steps = np.diff(stamps_ns(np.array(cells, object), "s", None, table.source, name).ns)
-        except BagError:
-            continue
-        if steps.size and np.all(steps > 0):
-            return {"column": name}, "dates, or times of day"
+    if dates:
+        return {"column": dates}, "dates, or times of day"
     return {"rate": 100}, NO_RATE
+
+
+def _are_later(table: Table, name: str, cells: Sequence[str]) -> bool:
+    """Whether texts are dates, or times of day, each later than that before."""
+    try:
+        ns = stamps_ns(np.array(cells, object), "s", None, table.source, name).ns
+    except BagError:
+        return False
+    return ns.size > 1 and bool(np.all(np.diff(ns) > 0))
 
 
 def _is_even(steps: Floats) -> bool:

@@ -80,6 +80,16 @@ def test_a_first_column_that_goes_on_evenly_is_the_time_in_any_language(name, tm
     assert content["time"] == {"column": name, "unit": "s"} and "controlled" not in content
 
 
+@pytest.mark.parametrize("head", ["x,y,z", "time,x,y,z", "time,q,x,y,z"])
+def test_what_goes_on_evenly_is_no_time_as_a_place_or_beside_a_time_in_words(head, tmp_path):
+    def row(k):
+        even = [f"{k / 100}"] * (1 + ("q" in head))
+        return [*["soon"] * ("time" in head), *even, *cells(k)[1:]]
+
+    (tmp_path / "a.csv").write_text(table(head, row))
+    assert "# time: {rate: 100}" in suggest_map(tmp_path / "a.csv")
+
+
 def test_columns_of_a_body_may_have_units_of_their_own(tmp_path):
     def row(k):
         x, y, z = PLACE[k]
@@ -159,6 +169,7 @@ def test_a_suggestion_knows_seconds_with_nanoseconds_and_dates(tmp_path):
     for head, stamp, wanted in (
         ("sec,nanosec", lambda k: f"{k // 100},{k % 100 * 10**7}", "nanosec"),
         ("when", lambda k: f"2024-01-31 {day_time(TIMES_S[k])}", "when"),
+        ("day,even", lambda k: f"2024-01-31 {day_time(TIMES_S[k])},{k / 100}", "day"),
     ):
         content = table(f"{head},x,y,z", lambda k, stamp=stamp: [stamp(k), *cells(k)])
         folder = tmp_path / wanted
