@@ -75,7 +75,7 @@ def by_body(table: Table) -> Table:
     wide = tuple(names[k] if b is None else f"{bodies[b]}.{names[k]}" for k, b in places)
     units = {n: table.units[k] for n, (k, _) in enumerate(places) if k in table.units}
     check_columns(table.source, len(wide))
-    return replace(table, names=wide, read=read, units=units, aliases={})
+    return replace(table, names=wide, read=read, counts=None, units=units, aliases={})
 
 
 def _distinct(values: Values) -> tuple[list[str], Integers]:

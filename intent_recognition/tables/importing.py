@@ -235,9 +235,12 @@ def _rows(
     if table.must_say and source.entry.unit == "m" and values.shape[1] == 3:
         values, hidden = without_zeros(values)
     if time.column is None or time.unit == SAMPLES:
-        counts = np.arange(len(values), dtype=np.float64)
         if time.column is not None:
             counts = numbers(data[time.column], table.source, time.column)
+        elif table.counts is not None:
+            counts = table.counts()[: len(values)]
+        else:
+            counts = np.arange(len(values), dtype=np.float64)
         stamps = counted_ns(counts, time.rate_hz, time.since_ns, table.source)
     else:
         place = (table.source, time.column)

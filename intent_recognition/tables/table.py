@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import BagError, first_of
 from intent_recognition.signals import UNITS, spelled
 from intent_recognition.tables.cells import Values, scale_between
@@ -36,6 +37,7 @@ class Table:
         source: the file, or the folder of a data set.
         names: of all columns, as messages list them; one may occur twice, but not be asked for.
         read: columns by their numbers, each (T,) or (1,).
+        counts: which rows of the file those that are read are, from 0 on, where some are empty.
         aliases: numbers of columns by further names.
         unit: of all columns, "" where the file does not say.
         units: of single columns, by number; of others, one that ends their name counts.
@@ -47,6 +49,7 @@ class Table:
     source: Path
     names: tuple[str, ...]
     read: Callable[[Sequence[int]], Sequence[Values]]
+    counts: Callable[[], Floats] | None = None
     aliases: Mapping[str, int] = field(default_factory=dict)
     unit: str = ""
     units: Mapping[int, str] = field(default_factory=dict)

@@ -8,13 +8,14 @@ else is a CSV with a line of names, or without one.
 import codecs
 import csv
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
+from intent_recognition.array_types import Floats
 from intent_recognition.tables.by_body import by_body
 from intent_recognition.tables.cells import MISSING, Values, with_point
 from intent_recognition.tables.headers import OF_VICON, Header, known_header
@@ -65,27 +66,19 @@ def open_text(path: Path, skip_rows: int) -> Table:
     unit = _unit_above(path, skip_rows + start, encoding)
     check_columns(path, len(header.names))
 
+    def rows(last: int) -> Iterator[tuple[int, list[str]]]:
+        of_table = islice(_rows(path, skip_rows, encoding), start, None)
+        spread = (_spread(row, sizes) for row in of_table) if sizes else of_table
+        return _below(header, spread, last, path)
+
     def read(wanted: Sequence[int]) -> list[Values]:
         cells: list[list[str]] = [[] for _ in wanted]
         most = MOST_CELLS // max(1, len(wanted))
-        last = max(wanted, default=0)
-        short = ""
-        rows = islice(_rows(path, skip_rows, encoding), start, None)
-        for number, row in enumerate(rows):
-            row = _spread(row, sizes) if sizes else row
+        for number, row in rows(max(wanted, default=0)):
             if number >= most:
                 cure = "Split it, or name fewer of its columns in the map."
                 got = f"more than {most} rows of {len(wanted)} columns"
                 raise unusable(path, f"at most {MOST_CELLS} cells", got, cure)
-            if not any(cell.strip() for cell in row):
-                if header.ends_blank and number:
-                    break
-                continue
-            if short:
-                raise unusable(path, f"{len(header.names)} cells", short, "Correct the file.")
-            if len(row) <= last:  # of the last row, that writing stopped there
-                short = f"{len(row)} in row {number + 1}"
-                continue
             if is_plain and _is_shifted(row, len(header.names)):
                 got = f"{len(row)} in row {number + 1}"
                 cure = "Name every column; between cells with decimal commas put semicolons."
@@ -94,9 +87,52 @@ def open_text(path: Path, skip_rows: int) -> Table:
                 column.append(row[place])
         return [np.array(column, object) for column in cells]
 
+    def counts() -> Floats:
+        return np.array([number for number, _ in rows(0)], np.float64)
+
     notes = (f"only {head[0][0].strip()} are read, not {', '.join(others)}",) if others else ()
-    table = Table(path, header.names, read, notes=notes, unit=unit, **header.about)
+    about = {"counts": counts, "notes": notes, "unit": unit, **header.about}
+    table = Table(path, header.names, read, **about)
     return by_body(table) if is_plain else table
+
+
+def _below(
+    header: Header, rows: Iterable[list[str]], last: int, path: Path
+) -> Iterator[tuple[int, list[str]]]:
+    """Numbers and cells of the rows below a header, up to the column `last` at least.
+
+    Rows at which nothing was measured are counted and left out; blank lines and comments are no
+    rows. Cells that are missing at the end of a row are empty; of the last row, writing stopped
+    there.
+    """
+    width, number, short = len(header.names), -1, None
+    for row in rows:
+        is_blank = not any(cell.strip() for cell in row)
+        if is_blank and header.ends_blank and number >= 0:
+            break
+        if (is_blank and len(row) < 2) or (len(row) != width and row[0].startswith(COMMENTS)):
+            continue
+        if short is not None:
+            if len(short) == 1:
+                cure = "Correct or remove the row, or begin it with # as a comment."
+                raise unusable(path, f"{width} cells", f"1 in row {number + 1}", cure)
+            yield number, [*short, *[""] * (last + 1 - len(short))]
+        number, short = number + 1, None
+        if is_blank:
+            continue
+        if header.skip and _are_names(row, header.names):
+            got, cure = f"its names again in row {number + 1}", "Split it there, into two files."
+            raise unusable(path, "one recording", got, cure)
+        if len(row) > last:
+            yield number, row
+        else:
+            short = row
+
+
+def _are_names(row: Sequence[str], names: Sequence[str]) -> bool:
+    """Whether a row is a line of names, not one of numbers."""
+    cells = (cell.strip().lstrip("#").strip() for cell in row)
+    return all(map(str.__eq__, cells, names)) and not all(map(_is_number, names))
 
 
 def _comments(path: Path, encoding: str) -> int:

@@ -38,6 +38,7 @@ PLAIN = {
     + plain(scale=10.0, separator=" ", head="% t,x,y,z"),
     "a comment and a name behind a mark": "# by me\n" + plain(scale=10.0, head="# t,x,y,z"),
     "a last row that is cut": plain(scale=10.0) + "2.00,3",
+    "comments between rows": plain(scale=10.0).replace("\n1.000,", "\n# cup\n% in, hand\n1.000,"),
     "zero bytes at the end": plain(scale=10.0).encode() + bytes(40),
     "UTF-16 without a mark": plain(scale=10.0).encode("utf-16-le"),
     "UTF-16, big end first": plain(scale=10.0).encode("utf-16-be"),
@@ -72,6 +73,25 @@ PLAIN = {
 @pytest.mark.parametrize("kind", PLAIN)
 def test_a_csv_that_can_be_read_in_one_way_is(kind, tmp_path):
     check_wrist(imported_csv(tmp_path, PLAIN[kind], unit="mm"), PLACE / 100, 1e-5, times_atol=1)
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.tsv"])
+def test_rows_at_which_nothing_was_measured_take_their_time(name, tmp_path):
+    qtm = f"NO_OF_FRAMES,{ROWS}\nNO_OF_MARKERS,1\nFREQUENCY,100\nMARKER_NAMES,w\n"
+    content = table("x,y,z", lambda k: [""] * 3 if 60 <= k < 80 else cells(k))
+    if name == "a.tsv":
+        content = content.replace("x,y,z\n", qtm).replace(",", "\t")
+    time, unit = ({"time": {"rate": 100}}, {"unit": "mm"}) if name == "a.csv" else ({}, {})
+    samples, said = imported(tmp_path, name, content, (0, 1, 2), **time, **unit)
+    seen = np.delete(np.arange(ROWS), np.arange(60, 80))
+    check_wrist((samples, said), PLACE[seen] / 1000)
+    np.testing.assert_array_equal(samples.stamps_ns - samples.stamps_ns[0], seen * 10**7)
+
+
+def test_cells_that_are_missing_at_the_end_of_a_row_were_not_measured(tmp_path):
+    rows = table("t,x,y,z", lambda k: [f"{TIMES_S[k]}", *cells(k)[: 1 if 60 <= k < 80 else 3]])
+    expected = np.where((np.arange(ROWS) // 20 == 3)[:, None] & [False, True, True], np.nan, PLACE)
+    check_wrist(imported_csv(tmp_path, rows, unit="mm"), expected / 1000)
 
 
 HEADS = {
@@ -201,7 +221,8 @@ REFUSED = {
         plain(hidden=range(60, 80), cell="-9999"),
         "stands in every column of 20 rows",
     ),
-    "a line of names within": (plain() + plain(), "'x' in row 201"),
+    "a line of names within": (plain() + plain(), "its names again in row 201"),
+    "a title between rows": (plain() + "part 2\n" + plain(), "got 1 in row 201"),
     "row numbers without a name": (
         table("t,x,y,z", lambda k: [f"{k + 1}", f"{TIMES_S[k]}", *cells(k)]),
         "4 cells, one for each name, got 5 in row 1",
