@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.array_types import Integers
 from intent_recognition.errors import one_line
-from intent_recognition.tables.cells import flat
+from intent_recognition.tables.cells import flat, text_of
 from intent_recognition.tables.hdf5_reading import RATES, UNIT
 from intent_recognition.tables.table import MOST_COLUMNS, Table, table_of, unusable
 from intent_recognition.tables.times import usual_unit
@@ -78,6 +78,11 @@ IMAGE = _names(
 )
 """Keys of MediaPipe's landmarks: those in metres come first."""
 ONE_PERSON = "Keep one person in the files."
+NUMBERS = _names("image_id frame frame_id frame_number frame_index frame_idx")
+"""Keys of the number of a frame, or of an image whose name ends in it."""
+SPARSE = 100
+"""How many numbers there may be for each frame. Convention: ids of a collection are farther apart.
+"""
 FEW_FRAMES = 0.1
 """Share of frames with several people that are left out. Convention: passers-by, reflections."""
 OF_IMAGE = "the landmarks are places in the image, not in metres"
@@ -92,10 +97,17 @@ def open_frames(folder: Path) -> Table:
     several people, of whom nobody says who is who.
     """
     files = sorted(folder.glob(f"*{FRAMES}"))
-    numbers = [re.search(r"(\d+)" + re.escape(FRAMES), path.name) for path in files]
-    rows = [int(number[1]) if number else k for k, number in enumerate(numbers)]
     contents = [(path, _load(path)) for path in files]
-    return _of_openpose(folder, contents, np.array(rows) - min(rows, default=0))
+    return _of_openpose(folder, contents, _rows([path.name[: -len(FRAMES)] for path in files]))
+
+
+def _rows(numbers: Sequence[object]) -> Integers:
+    """Rows of frames, from 0 on, by the numbers that end their names; else in their order."""
+    found = [re.search(r"(\d+)(?:\.\D\w*)?$", text_of(number)) for number in numbers]
+    rows = [int(match[1]) for match in found if match]
+    least = min(rows, default=0)
+    is_sound = len(set(rows)) == len(numbers) and max(rows) - least < SPARSE * len(rows)
+    return np.array([row - least for row in rows]) if is_sound else np.arange(len(numbers))
 
 
 def _of_openpose(source: Path, contents: Sequence[tuple[Path, Any]], rows: Integers) -> Table:
@@ -132,14 +144,17 @@ def open_landmarks(path: Path) -> Table:
             v for v in content.values() if isinstance(v, list) and v and isinstance(v[0], dict)
         ]
         frames = lists[0] if len(lists) == 1 else None
-    if isinstance(content, dict) and (keys := _numbered(content)):
+    keys = _numbered(content) if isinstance(content, dict) else []
+    if keys:
         frames = [content[key] for key in keys]
     if isinstance(content, dict) and not isinstance(frames, list):
         return table_of(path, _read(path, _of_lists, content), **_about(path, content))
     if not isinstance(frames, list) or not frames:
         raise unusable(path, "a list of frames with landmarks", "none", "Check the file.")
+    number = next((k for k in NUMBERS if all(isinstance(f, dict) and k in f for f in frames)), "")
+    rows = _rows([frame[number] for frame in frames] if number else keys or range(len(frames)))
     if all(isinstance(frame, dict) and "people" in frame for frame in frames):
-        return _of_openpose(path, [(path, frame) for frame in frames], np.arange(len(frames)))
+        return _of_openpose(path, [(path, frame) for frame in frames], rows)
     images = [f.get("image_id") for f in frames if isinstance(f, dict)]
     if len(set(map(str, images))) < len(images) and images.count(None) < len(images):
         raise unusable(path, "one person in each image", "several results of one", ONE_PERSON)
@@ -147,17 +162,17 @@ def open_landmarks(path: Path) -> Table:
     people = [_read(path, partial(_people, key), frame) for frame in frames]
     if not any(people):
         return table_of(path, _read(path, _of_records, frames), **_about(path, content))
+    points = [_read(path, _points, one[0]) if one else {} for one in people]
     notes = []
-    if key in IMAGE:
+    if key in IMAGE or (not key and _is_of_image(points)):
         notes.append(OF_IMAGE)
     if several := sum(len(one) > 1 for one in people):
         notes.append(
             f"{several} frames have several people or hands, whose order may change: the first of"
             " each is read. Keep one in the file."
         )
-    points = [_read(path, _points, one[0]) if one else {} for one in people]
-    columns = _columns(points, np.arange(len(frames)))
     stamp = next((k for k in ("timestamp_ms", "timestamp", "time") if _has(frames, k)), None)
+    columns = _columns(points, rows if stamp is None else np.arange(len(frames)))
     about = _about(path, content)
     if stamp is not None:
         stamps = [frame.get(stamp) if isinstance(frame, dict) else None for frame in frames]
@@ -165,6 +180,13 @@ def open_landmarks(path: Path) -> Table:
         unit = "ms" if stamp.endswith("_ms") else usual_unit(np.diff(columns["time"])) or "s"
         about["defaults"] = {"time": {"column": "time", "unit": unit}}
     return table_of(path, columns, **about, notes=notes)
+
+
+def _is_of_image(frames: Sequence[Points]) -> bool:
+    """Whether landmarks are MediaPipe's in the image: those in metres are on all sides of zero."""
+    seen = [point for frame in frames for point in frame.values()]
+    are_known = {frozenset(frame) for frame in frames} <= {frozenset(POSE_33), frozenset(HAND_21)}
+    return are_known and all(min(point[:2]) >= 0.0 for point in seen)
 
 
 def _about(path: Path, content: Any) -> dict[str, Any]:

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Landmarks in any JSON: read right, or what is odd is named."""
+
+import json
+
+import numpy as np
+import pytest
+from tables.imports import check_wrist, imported
+from tables.odd_files import PLACE, ROWS, TIMES_S
+
+from intent_recognition.tables.files import open_table
+
+
+def landmarks(k, value=None):
+    points = [{"x": 0.0, "y": 0.0, "z": 0.0} for _ in range(33)]
+    points[16] = dict(zip("xyz", (PLACE[k] / 1000).tolist() if value is None else value * 3))
+    return points
+
+
+def frames(scale=1.0, key="worldLandmarks"):
+    return [{"timestamp": scale * t, key: [landmarks(k)]} for k, t in enumerate(TIMES_S.tolist())]
+
+
+JSON = {
+    "with a mark": (b"\xef\xbb\xbf" + json.dumps(frames()).encode(), ""),
+    "in UTF-16": (json.dumps(frames()).encode("utf-16"), ""),
+    "in milliseconds": (json.dumps(frames(1e3)), ""),
+    "in microseconds": (json.dumps(frames(1e6)), ""),
+    "a frame on each line": ("\n".join(map(json.dumps, frames())), ""),
+    "frames by their number": (json.dumps({str(k): f for k, f in enumerate(frames())}), ""),
+    "of the image": (json.dumps(frames(key="landmarks")), "places in the image, not in metres"),
+    "two hands": (
+        json.dumps([f | {"worldLandmarks": f["worldLandmarks"] * 2} for f in frames()]),
+        "200 frames have several people or hands",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", JSON)
+def test_landmarks_in_any_json(kind, tmp_path):
+    content, words = JSON[kind]
+    columns = [f"right_wrist.{axis}" for axis in "xyz"]
+    name = "a.jsonl" if "line" in kind else "a.json"
+    samples, said = imported(tmp_path, name, content, columns)
+    assert said == (said if words else "") and words in said
+    np.testing.assert_allclose(samples.values, PLACE / 1000)
+    np.testing.assert_allclose(samples.stamps_ns - samples.stamps_ns[0], 1e9 * TIMES_S, atol=200)
+
+
+@pytest.mark.parametrize("kind", ["rows", "lists"])
+def test_unit_and_rate_beside_rows_of_json(kind, tmp_path):
+    rows = [{"w": dict(zip("xyz", place, strict=True))} for place in (PLACE / 10).tolist()]
+    inside = {"frames": rows} if kind == "rows" else {"w": (PLACE / 10).tolist()}
+    content = json.dumps({"units": "cm", "fps": 50, **inside}).encode()
+    found = imported(tmp_path, "a.json", content, ["w.x", "w.y", "w.z"])
+    check_wrist(found)
+    assert set(np.diff(found[0].stamps_ns)) == {20_000_000}
+
+
+def test_people_in_frames_of_openpose(tmp_path):
+    """Those of one file; a few frames with two people are left out, and many are refused."""
+    person = [{"pose_keypoints": [100.0 + k, 200.0, 0.9] * 25} for k in range(ROWS)]
+    frames = [{"people": [one] * (2 if k in (7, 8) else 1)} for k, one in enumerate(person)]
+    columns, time = ["RWrist.x", "RWrist.y", "RWrist.y"], {"rate": 100}
+    options = {"columns": columns, "unit": "mm", "time": time}
+    samples, said = imported(tmp_path, "a.json", json.dumps(frames), **options)
+    assert "left out, of several people: 2 of 200 frames" in said
+    assert np.isnan(samples.values[7:9]).all()
+    np.testing.assert_allclose(samples.values[9:, 0], 0.109 + np.arange(ROWS - 9) / 1000)
+    frames = [{"people": [one] * 2} for one in person]
+    samples, said = imported(tmp_path, "a.json", json.dumps(frames), **options)
+    assert samples is None and "several people in 200 of 200 frames" in said
+
+
+def test_what_openpose_does_not_see_in_space_is_a_gap_and_no_pixel(tmp_path):
+    """The groups of the image are beside those in space, of which one may be missing."""
+    frames = []
+    for k, (x, y, z) in enumerate((PLACE / 1000).tolist()):
+        in_space = [] if k == 3 else [x, y, z, 0.9 * (k != 5)] * 25
+        image = [640.0, 360.0, 0.9] * 25
+        frames.append({"people": [{"pose_keypoints_2d": image, "pose_keypoints_3d": in_space}]})
+    columns = [f"RWrist.{axis}" for axis in "xyz"]
+    samples, said = imported(tmp_path, "a.json", json.dumps(frames), columns, time={"rate": 100})
+    assert not said
+    seen = ~np.isin(np.arange(ROWS), (3, 5))
+    np.testing.assert_array_equal(samples.values[seen], PLACE[seen] / 1000)
+    assert np.isnan(samples.values[~seen]).all()
+
+
+def test_landmarks_in_space_are_not_mixed_with_those_of_the_image(tmp_path):
+    both = [f | {"landmarks": [[{"x": 0.5, "y": 0.5, "z": 0.0}] * 33]} for f in frames()]
+    both[7]["worldLandmarks"] = []
+    columns = [f"right_wrist.{axis}" for axis in "xyz"]
+    samples, said = imported(tmp_path, "a.json", json.dumps(both), columns)
+    assert not said and np.isnan(samples.values[7]).all()
+    np.testing.assert_allclose(np.delete(samples.values, 7, 0), np.delete(PLACE, 7, 0) / 1000)
+
+
+def test_keypoints_of_coco_are_of_one_person_in_each_image(tmp_path):
+    results = [{"image_id": k, "keypoints": [1.0, 2.0, 0.9] * 17} for k in range(ROWS)]
+    columns, time = ["right_wrist.x", "right_wrist.y", "right_wrist.y"], {"rate": 100}
+    samples, _ = imported(tmp_path, "a.json", json.dumps(results), columns, time=time)
+    assert samples.values.tolist() == [[1.0, 2.0, 2.0]] * ROWS
+    samples, said = imported(tmp_path, "a.json", json.dumps(results * 2), columns, time=time)
+    assert samples is None and "one person in each image" in said
+
+
+def numbered(row):
+    """What frames hold, the last first, and without those from 60 to 80."""
+    return [row(k, (PLACE[k] / 1000).tolist()) for k in reversed(SEEN)]
+
+
+SEEN = [k for k in range(ROWS) if not 60 <= k < 80]
+NUMBERED = {
+    "of COCO": numbered(
+        lambda k, place: {"image_id": f"{k:04d}.jpg", "keypoints": [*place[:2], 0.9] * 17}
+    ),
+    "of MediaPipe": numbered(lambda k, _: {"frame": 7 + k, "worldLandmarks": [landmarks(k)]}),
+    "of OpenPose": numbered(
+        lambda k, place: {"frame_id": k, "people": [{"pose_keypoints_3d": [*place, 0.9] * 25}]}
+    ),
+    "by their names": dict(numbered(lambda k, _: (f"frame_{k}", landmarks(k)))),
+}
+
+
+@pytest.mark.parametrize("kind", NUMBERED)
+def test_frames_that_are_left_out_take_their_time(kind, tmp_path):
+    axes = "xy" if kind == "of COCO" else "xyz"
+    wrist = "RWrist" if kind == "of OpenPose" else "right_wrist"
+    columns = [f"{wrist}.{axes[k % len(axes)]}" for k in range(3)]
+    options = {"time": {"rate": 100}}
+    samples, said = imported(tmp_path, "a.json", json.dumps(NUMBERED[kind]), columns, **options)
+    assert ("places in the image" in said) == (kind in ("of COCO", "by their names"))
+    seen = np.isfinite(samples.values).all(axis=1)
+    expected = PLACE[SEEN] / 1000
+    np.testing.assert_allclose(samples.values[seen, : len(axes)], expected[:, : len(axes)])
+    stamps = samples.stamps_ns[seen]
+    np.testing.assert_array_equal(stamps - stamps[0], np.array(SEEN) * 10**7)
+
+
+def test_numbers_of_images_of_a_collection_are_no_time(tmp_path):
+    ids = [397133, 37777, 252219]
+    results = [{"image_id": k, "keypoints": [1.0, 2.0, 0.9] * 17} for k in ids]
+    (tmp_path / "a.json").write_text(json.dumps(results))
+    assert open_table(tmp_path / "a.json").columns(["nose.x"])["nose.x"].tolist() == [1.0] * 3
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["null", "3", "[[]]", '{"fps": "a", "frames": [[[0, 0]]]}', json.dumps([landmarks(0, "abc")])],
+)
+def test_json_of_something_else_is_refused(content, tmp_path):
+    assert imported(tmp_path, "a.json", content, time={"rate": 100})[0] is None
