@@ -99,7 +99,7 @@ NODES = {
         | {"autostart": "activate"},
         remappings=_ARM,
     ),
-    "object_transfer": NodeSpec(remappings=_ARM, when="transfers"),
+    "object_transfer": NodeSpec(_from("command_action"), remappings=_ARM, when="transfers"),
     "cup_warper": _warper("cup", toward="second/pose"),
     "second_warper": _warper("second"),
     "warped_primitive": NodeSpec(_from("skill", "fluid"), remappings=_STATES),

@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from action_msgs.msg import GoalStatus, GoalStatusArray
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
@@ -32,7 +33,7 @@ from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput, no_description
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.people import meet
-from intent_recognition.nodes.runtime import now_ns, run
+from intent_recognition.nodes.runtime import now_ns, run, when_clock_goes_back
 from intent_recognition.transfer import (
     Holding,
     LoadEstimator,
@@ -49,6 +50,8 @@ NAMES = ("load_share", "load", "weight", "grip_force", "slip")
 each finger [N] (0: open), and 1 while the object slips."""
 HOLDS = Holding.CARRYING, Holding.OFFERING, Holding.RELEASING, Holding.RETURNING
 """States in which an object is between the fingers."""
+UNDER_WAY = GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING, GoalStatus.STATUS_CANCELING
+"""States of a controller's goal in which the arm may move."""
 FRESH_S = 0.3
 """A tracked hand or a wrench counts for so long [s]. Convention: a few samples of slow sensors."""
 
@@ -66,7 +69,7 @@ class ObjectTransfer(Node):
         self._hand = HandInput(self, self._diagnostics)
         self._machine = TransferMachine(values["patience"])
         self._estimator: LoadEstimator | None = None
-        self._task, self._until_ns = "", 0
+        self._task, self._until_ns, self._executes = "", 0, False
         self._people: dict[str, deque[tuple[int, Floats, float]]] = {}
         self._wrench: tuple[int, str, Floats] | None = None
         self._out = self.create_publisher(JointState, TRANSFER, qos.STATE)
@@ -74,12 +77,20 @@ class ObjectTransfer(Node):
         hear(String, "intent/active_task", self._on_task, qos.LATCHED)
         hear(Bool, HOLDING, self._on_holding, qos.STATE)
         hear(JointTrajectory, "joint_trajectory", self._on_trajectory, qos.COMMAND)
+        if action := values["command_action"]:
+            hear(GoalStatusArray, f"{action}/_action/status", self._on_goals, qos.LATCHED)
         if meet(self, f"human/{{}}/{values['body']}", partial(self._meet, values["body"])):
             hear(String, "intent/active_person", self._on_attended, qos.LATCHED)
         else:
             self._meet(values["body"], "")
         hear(WrenchStamped, WRENCH, self._on_wrench, qos.SENSOR)
         hear(JointState, "joint_states", self._on_joints, qos.MEASURED)
+        when_clock_goes_back(self, self._start_over)
+
+    def _start_over(self) -> None:
+        self._until_ns, self._wrench = 0, None
+        for seen in self._people.values():
+            seen.clear()
 
     def _on_joints(self, message: JointState) -> None:
         arm = self._hand.arm
@@ -122,7 +133,7 @@ class ObjectTransfer(Node):
         return Situation(
             at_ns * 1e-9,
             force if measured is None else measured,
-            at_ns < self._until_ns,
+            self._executes or at_ns < self._until_ns,
             estimator.speed_m_s,
             float(np.mean(half)) if half.size else np.nan,
             near,
@@ -174,6 +185,9 @@ class ObjectTransfer(Node):
         begin_ns = stamp_ns(message) or now_ns(self)
         end_s = duration_s(message.points[-1].time_from_start) if message.points else 0.0
         self._until_ns = begin_ns + round(end_s * 1e9)
+
+    def _on_goals(self, message: GoalStatusArray) -> None:
+        self._executes = any(goal.status in UNDER_WAY for goal in message.status_list)
 
     def _on_attended(self, message: String) -> None:
         self._attended = message.data or self._attended

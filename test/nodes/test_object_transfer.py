@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from action_msgs.msg import GoalStatus, GoalStatusArray
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
@@ -80,7 +81,8 @@ class Cell:
     def state(self):
         return self.out[-1].header.frame_id
 
-    def offer(self):
+    def begin(self):
+        """Under way for 0.4 s with an object, which is to be given."""
         node = self.node
         self.tell("intent/holding", Bool(data=True), lambda: node._machine.holding.value != "empty")
         way = JointTrajectory(points=[JointTrajectoryPoint()])
@@ -88,12 +90,16 @@ class Cell:
         way.points[0].time_from_start.nanosec = 400_000_000
         self.tell("joint_trajectory", way, lambda: node._until_ns > self.now_ns)
         self.tell("intent/active_task", String(data="plate"), lambda: node._task == "plate")
-        for _ in range(39):
+
+    def hold(self, n):
+        for _ in range(n):
             self.feel(HANGS)
-        assert self.state() == "carrying"  # under way
-        for _ in range(15):
-            self.feel(HANGS)
-        assert self.state() == "offering"
+        return self.state()
+
+    def offer(self):
+        self.begin()
+        assert self.hold(39) == "carrying"  # under way
+        assert self.hold(15) == "offering"
 
 
 @pytest.mark.parametrize("by", ["efforts", "wrench"])
@@ -113,6 +119,35 @@ def test_an_offer_is_released_to_who_takes_over_the_load(harness, by):
     assert told[-1]["grip_force"] == 0.0
     assert told[-2]["load_share"] > 0.7
     assert told[-2]["grip_force"] < 0.5 * told[0]["grip_force"]
+
+
+def test_nothing_is_offered_while_a_goal_of_the_controller_is_under_way(harness):
+    cell = Cell(harness, command_action="controller/follow_joint_trajectory")
+    topic = "controller/follow_joint_trajectory/_action/status"
+    goals = harness.publisher(GoalStatusArray, topic, qos.LATCHED)
+    harness.connect(goals)
+    under_way = GoalStatus(status=GoalStatus.STATUS_EXECUTING)
+    replaced = GoalStatus(status=GoalStatus.STATUS_ABORTED)
+    harness.tell(cell.node, goals, GoalStatusArray(status_list=[replaced, under_way]))
+    cell.begin()
+    assert cell.hold(60) == "carrying"
+    under_way.status = GoalStatus.STATUS_SUCCEEDED
+    harness.tell(cell.node, goals, GoalStatusArray(status_list=[replaced, under_way]))
+    assert cell.hold(15) == "offering"
+
+
+def test_when_the_clock_goes_back_nothing_of_before_counts(harness):
+    cell = Cell(harness, use_sim_time=True)
+    harness.set_clock(cell.node, cell.now_ns)
+    cell.begin()
+    cell.measure([0.0, 0.0, -3.0])
+    hand = Odometry()
+    hand.header.stamp = to_stamp(cell.now_ns)
+    harness.tell(cell.node, cell.pub["human/wrist"], hand)
+    cell.now_ns -= 5_000_000_000
+    harness.set_clock(cell.node, cell.now_ns)
+    assert not cell.node._people[""] and cell.node._wrench is None
+    assert cell.hold(15) == "offering"
 
 
 def test_a_gripper_that_says_again_what_it_holds_changes_nothing(harness):
