@@ -37,6 +37,7 @@ from intent_recognition.motion.retiming import (
     SpeedLimits,
     largest_rate,
     run,
+    shortest_s,
     speed_limits,
 )
 
@@ -151,9 +152,12 @@ def _attempt(
     rate_ceiling: Floats | None,
 ) -> tuple[JointPlan, Offset] | None:
     """A plan within the budget, and its offset; None where the path takes too long."""
-    step_s = plan_step(0.0 if nominal is None else nominal.duration_s, limits)
     offset = _join(path, start, progress, limits)
     bounds = _path_bounds(path, offset, limits, budget.share, rate_ceiling)
+    longest_s = 0.0
+    if nominal is not None:
+        longest_s = max(nominal.duration_s, shortest_s(bounds, progress.phase))
+    step_s = plan_step(longest_s, limits)
     rate = min(progress.rate, largest_rate(bounds, progress.phase))
     if rate < progress.rate:
         offset = _join(path, start, progress._replace(rate=rate), limits)

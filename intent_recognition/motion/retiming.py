@@ -21,6 +21,9 @@ _RATE_RATIO_PER_S = 15.0
 """That multiple changes by at most this per second; bounds s'' where no joint moves. Convention."""
 _CATCH_UP_GAIN = 6.0
 """Phase rate per lag [1/s] when the lag is small. Convention."""
+_MOST_STEPS = 1500
+"""Steps after which a run is given up: 150 s where limits of 8 rad/s^2 let a step be 0.1 s long
+(`plan.plan_step`). Convention."""
 
 
 class NominalTiming(NamedTuple):
@@ -115,6 +118,15 @@ def largest_rate(limits: SpeedLimits, phase: float) -> float:
     return max(limits.cap[i] * (1.0 - share) + limits.cap[i + 1] * share, 0.0) ** 0.5
 
 
+def shortest_s(limits: SpeedLimits, phase: float) -> float:
+    """Time that the limits leave no way to undercut from a phase to the end [s]."""
+    grid = np.linspace(0.0, 1.0, N_GRID + 1)
+    rate = np.sqrt(limits.cap)
+    with np.errstate(divide="ignore"):
+        each_s = 2.0 / N_GRID / (rate[:-1] + rate[1:])
+    return float(np.sum(each_s[grid[1:] > phase]))
+
+
 def run(
     limits: SpeedLimits,
     phase: float,
@@ -133,12 +145,12 @@ def run(
     time 0; from a stand it moves on after `hold_s`.
 
     Returns:
-        The progress until it stands (at phase 1 unless braking), or None if it took too long.
+        The progress until it stands (at phase 1 unless braking), or None after `_MOST_STEPS`.
     """
     bounds = [list(zip(*one, strict=True)) for one in zip(limits.a.tolist(), limits.b.tolist())]
     times, phases, rates = [0.0], [phase], [rate]
     t, s, v = 0.0, phase, rate
-    for _ in range(1500):  # more steps get nowhere
+    for _ in range(_MOST_STEPS):
         left = 1.0 - s
         if left <= 1e-9 or (nominal is None and v <= 0.0):
             break
@@ -177,6 +189,9 @@ def _next_rate(
     v_next = max(v + min(max((wanted - v) / step_s, low), high) * step_s, 0.0)
     if v_next > v:
         _, high = _phase_acceleration(bounds, s, v_next, step_s)
+        while v <= 0.0 and high <= 0.0:  # a long step from a stand
+            v_next *= 0.5
+            _, high = _phase_acceleration(bounds, s, v_next, step_s)
         v_next = max(min(v_next, v + high * step_s), min(v, v_next))
     return _under_cap(limits, s + step_s * v / 2.0, v_next, step_s / 2.0)
 

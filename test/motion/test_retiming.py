@@ -188,6 +188,19 @@ def test_a_prediction_too_fast_is_slowed_and_said_to_be():
     check_by_differences(plan)
 
 
+@pytest.mark.parametrize("acceleration", [1.0, 0.01])
+@pytest.mark.parametrize("duration_s", [1.0, 6.0])
+def test_a_slow_arm_may_take_minutes(acceleration, duration_s):
+    slow = scaled_limits(LWR_LIMITS, 0.01, acceleration)
+    times, q, v = samples(1, duration_s)
+    path, start = path_of(times, q, v, slow), JointReference.at_rest(HOME)
+    plan = plan_interaction(path, NominalTiming(0.0, duration_s), start, slow)
+    assert plan is not None and 30.0 < plan.duration_s < 120.0
+    fastest = np.abs(plan.velocities / slow.velocity).max(axis=1)
+    assert np.median(fastest) > 0.8  # no slower than it must be
+    check_by_differences(plan, slow)
+
+
 def test_a_prediction_outside_the_position_limits_is_clamped_and_said_to_be():
     times, q, _ = samples(8, 3.0)
     q = q + np.outer(minimum_jerk(times / 3.0), [0, 0, 0, 1.5, 0, 0, -4.0])
