@@ -121,7 +121,7 @@ class PrimitiveActivation(ManagedNode):
         if risk is not None:
             few = risk.n_groups < risk.n_needed
             (self.get_logger().warning if few else self.get_logger().info)(str(risk))
-            self.diagnostics.value("wrong actions at most", f"{risk.bound:.3f}")
+        self._report_risk()
         for task, std in self._settings.never_certain().items():
             self.diagnostics.value(f"never certain enough: {task} [rad]", f"{std:.2f}")
             self.get_logger().warning(
@@ -355,8 +355,14 @@ class PrimitiveActivation(ManagedNode):
 
     def _change(self, changes: Changes) -> None:
         self._settings = self._changed(changes)
+        self._report_risk()
         if self.activation is not None:
             self._apply_settings(self.joint_names)
+
+    def _report_risk(self) -> None:
+        risk = self._settings.risk
+        bound = "not known" if risk is None else f"{risk.bound:.3f}"
+        self.diagnostics.value("wrong actions at most", bound)
 
     def _apply_settings(self, names: tuple[str, ...]) -> None:
         """Fix the joints; for those of before, the command in force is not forgotten."""

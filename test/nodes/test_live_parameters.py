@@ -13,6 +13,7 @@ from intent_recognition.errors import BagError
 from intent_recognition.model.file import save_model
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.bag_recorder import BagRecorder
+from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
@@ -60,6 +61,15 @@ def test_activation_takes_the_decision_at_once(harness, model):
     settings = node.activation._parts.common.settings
     assert (settings.decision.threshold, settings.decision.n_observations) == (0.8, 2)
     assert settings.timeout_s == 0.2
+
+
+def test_the_bound_on_wrong_actions_is_that_of_the_share_in_force(harness, model):
+    node = harness.node(PrimitiveActivation, model=model)
+    bounds = []
+    for values in ({"max_wrong": 0.5}, {"max_wrong": 0.4}, {"threshold": 0.8}):
+        assert change(harness, node, **values) == ""
+        bounds.append(values_of(node.diagnostics.report())["wrong actions at most"])
+    assert bounds == ["0.500", "0.400", "not known"]
 
 
 def test_activation_tells_what_does_not_fit(harness, model):
