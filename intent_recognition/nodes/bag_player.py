@@ -146,7 +146,7 @@ class BagPlayer(Node):
             self.get_logger().info(f"playing {self._reader.path}")
             while not self._stopping.is_set():
                 self._play_once()
-                if not self._values["loop"]:
+                if not (self._values["loop"] and self.published):
                     break
             for publisher in self._outputs.values():
                 if not self._stopping.is_set():

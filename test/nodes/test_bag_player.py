@@ -158,6 +158,11 @@ def test_loop_begins_again(harness, bag):
     assert not node.done
 
 
+def test_a_loop_of_nothing_ends(harness, bag):
+    node = harness.add(player(bag, loop=True, start_offset=10.0))
+    harness.spin_until(node.finished.is_set, what="the end")
+
+
 @pytest.mark.slow
 def test_clock_follows_the_recording(harness, bag):
     ticks = harness.collect(Clock, "/clock", SENSOR)
