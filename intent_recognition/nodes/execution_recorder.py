@@ -11,6 +11,10 @@ from intent_recognition.demonstrations import CORRECTION_TOPIC, CORRECTION_TYPE
 from intent_recognition.errors import IntentError
 from intent_recognition.model import CORRECTIONS, Executions
 
+CLOCK_BACK_NS = 100_000_000
+"""A message so much earlier than the last [ns] is of another pass of simulated time. Convention:
+as `runtime.when_clock_goes_back`."""
+
 
 class ExecutionRecorder:
     """Writes executions to bags, and what becomes known of them to the list of outcomes.
@@ -51,6 +55,9 @@ class ExecutionRecorder:
         """Take a message of a recorded topic."""
         if not self._most:
             return
+        if self._recent and message.log_time_ns < self._recent[-1].log_time_ns - CLOCK_BACK_NS:
+            self.close()
+            self._recent.clear()
         self._recent.append(message)
         # a reach, and the rest before
         while self._recent[0].log_time_ns < message.log_time_ns - 6_000_000_000:

@@ -20,6 +20,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.bags import RawMessage
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import (
     ArgumentError,
@@ -354,6 +355,19 @@ def test_a_corrected_execution_stays_one_when_its_task_begins_again_at_once(tmp_
         recorder.add("cup", {"outcome": "arrived", "corrections": "0"})
         recorder.set_task("")
     assert [one.corrected for one in log.all()] == [True, False]
+
+
+def test_an_execution_holds_one_pass_of_a_recording(tmp_path):
+    log = Executions(tmp_path, now)
+    recorder = ExecutionRecorder(log, 5, lambda: "", lambda reason, text: None)
+    for time_ns, task in ((7_000_000_000, "cup"), (2_000_000_000, ""), (3_000_000_000, "cup")):
+        recorder.take(RawMessage("t", "std_msgs/msg/Empty", time_ns, time_ns, bytes(5)))
+        if task:
+            recorder.set_task(task)
+    recorder.close()
+    bags = [BagReader(tmp_path / one.bag) for one in log.all()]
+    seen = [[message.log_time_ns for message in bag.raw_messages()] for bag in bags]
+    assert seen == [[7_000_000_000], [2_000_000_000, 3_000_000_000]]
 
 
 def practising(harness, library, model):
