@@ -17,6 +17,19 @@ from numpy.typing import NDArray
 from intent_recognition.errors import ResourceBusyError, describe
 
 
+@contextmanager
+def writing(what: str, cure: str = "Free space, or choose another.") -> Iterator[None]:
+    """Write a file, by the name that an error gives it.
+
+    Raises:
+        ResourceBusyError: the disk is full, or what is written to cannot be.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise ResourceBusyError.about(what, "a file that can be written", error, cure) from error
+
+
 def commit(temporary: Path, target: Path) -> None:
     """Give a file that is complete its name; the old file or the new one is there, on the disk."""
     descriptor = os.open(temporary, os.O_RDONLY)

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.options import PRINTED
+from intent_recognition.durable import writing
 from intent_recognition.errors import ArgumentError, ResourceBusyError, optional
 
 
@@ -83,13 +84,9 @@ def write_json(path: Path | None, content: object, indent: int | None = 2) -> No
         sys.stdout.write(text)
         sys.stdout.flush()
         return
-    try:
+    with writing(f"--json {path}"):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ResourceBusyError.about(
-            f"--json {path}", "a file that can be written", error, "Choose another."
-        ) from error
 
 
 def _plain(value: object) -> str:

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.durable import write_text
+from intent_recognition.durable import write_text, writing
 from intent_recognition.errors import ModelError, ResourceBusyError
 from intent_recognition.improvement.cost import Cost
 from intent_recognition.improvement.practice import Practice, attempt, mean_outcome
@@ -81,7 +81,7 @@ class PracticeSession:
 
         Raises:
             ArgumentError: the cost function failed, or the primitive's mean breaks the limits.
-            ResourceBusyError: the bags cannot be written.
+            BagError, ResourceBusyError: it cannot be written.
         """
         number, practice = len(self.tried), self._practice
         rng = np.random.default_rng([int(self.about["seed"]), number])
@@ -100,7 +100,11 @@ class PracticeSession:
         return next_point(self._search, practice.space, *tried, practice.keeps_limits)
 
     def keep(self, point: Floats, cost: float, bag: str, outcome: Mapping[str, float]) -> Tried:
-        """Keep what came of a point, on the disk."""
+        """Keep what came of a point, on the disk.
+
+        Raises:
+            ResourceBusyError: it cannot be written.
+        """
         tried = Tried(tuple(point.tolist()), cost, bag, dict(outcome))
         self._write([*self.tried, tried])
         return tried
@@ -131,7 +135,8 @@ class PracticeSession:
 
     def _write(self, tried: list[Tried]) -> None:
         content = {"format": FORMAT, "about": self.about, "tried": [asdict(one) for one in tried]}
-        write_text(self.folder / STATE, json.dumps(content, indent=1) + "\n")
+        with writing(str(self.folder / STATE)):
+            write_text(self.folder / STATE, json.dumps(content, indent=1) + "\n")
         self.tried = tried
 
     def _check(self, tried: list[Tried]) -> None:

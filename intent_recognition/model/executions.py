@@ -19,7 +19,7 @@ from datetime import datetime
 from pathlib import Path
 
 from intent_recognition.demonstrations import check_label
-from intent_recognition.durable import append_line
+from intent_recognition.durable import append_line, writing
 from intent_recognition.model.history import are_texts, is_inside
 from intent_recognition.untrusted import UntrustedError, load_json, read_log
 
@@ -108,7 +108,11 @@ class Executions:
         return self.path / EXECUTIONS / task / f"{task}_{number:04d}"
 
     def add(self, bag: Path, values: Mapping[str, str], model: str = "") -> None:
-        """Note something about an execution, unless it is known."""
+        """Note something about an execution, unless it is known.
+
+        Raises:
+            ResourceBusyError: it cannot be written.
+        """
         kept = {str(k)[:LONGEST_VALUE]: str(v)[:LONGEST_VALUE] for k, v in values.items()}
         kept = dict(list(kept.items())[:MOST_VALUES])
         now = self._clock().isoformat(timespec="milliseconds")
@@ -117,7 +121,8 @@ class Executions:
             return
         line = Execution(now, bag.parent.name, name, model, kept)
         file = self.path / OUTCOMES
-        append_line(file, ("\n" if _is_torn(file) else "") + json.dumps(asdict(line)))
+        with writing(str(file)):
+            append_line(file, ("\n" if _is_torn(file) else "") + json.dumps(asdict(line)))
 
     def thin(self, task: str, most: int) -> None:
         """Remove the oldest recordings of a task; what became of them stays known."""

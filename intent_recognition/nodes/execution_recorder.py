@@ -92,7 +92,7 @@ class ExecutionRecorder:
         if self._writer is not None and bag == self._writer.path:
             self._values |= values
         else:
-            self.executions.add(bag, values)
+            self._note(bag, values)
         return bag.name
 
     def close(self) -> None:
@@ -106,8 +106,14 @@ class ExecutionRecorder:
             writer.close()
         if self._corrected and self._values.get(CORRECTIONS, "0") == "0":
             self._values[CORRECTIONS] = "1"  # the same task began again before the arm was home
-        self.executions.add(writer.path, self._values, self._model())
+        self._note(writer.path, self._values, self._model())
         self.executions.thin(writer.path.parent.name, self._most)
+
+    def _note(self, bag: Path, values: Mapping[str, str], model: str = "") -> None:
+        try:
+            self.executions.add(bag, values, model)
+        except IntentError as error:
+            self._reject("execution_not_recorded", str(error))
 
     def _write(self, message: RawMessage) -> None:
         if self._writer is None:

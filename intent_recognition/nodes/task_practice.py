@@ -104,7 +104,11 @@ class TaskPracticeService:
         if thumbs not in COST_OF:
             return
         bag = f"executions/{task}/{execution}"
-        begun.session.keep(self._point, COST_OF[thumbs], bag, {THUMBS: COST_OF[thumbs]})
+        try:
+            begun.session.keep(self._point, COST_OF[thumbs], bag, {THUMBS: COST_OF[thumbs]})
+        except IntentError as error:
+            self._fail(error)
+            return
         self._after_one(begun)
         if self.running:
             self._try_next()

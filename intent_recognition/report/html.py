@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from intent_recognition.array_types import settle
-from intent_recognition.errors import ResourceBusyError, ShapeError
+from intent_recognition.durable import writing
+from intent_recognition.errors import ShapeError
 from intent_recognition.report.stylesheet import STYLESHEET
 
 ABSENT = "\N{EN DASH}"
@@ -178,13 +179,9 @@ def write_page(path: str | Path, page: ReportPage) -> Path:
         ResourceBusyError: the file cannot be written.
     """
     target = Path(path)
-    try:
+    with writing(f"report {target}"):
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(render(page), encoding="utf-8")
-    except OSError as error:
-        raise ResourceBusyError.about(
-            f"report {target}", "a file that can be written", error, "Choose another."
-        ) from error
     return target
 
 

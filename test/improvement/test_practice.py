@@ -93,6 +93,14 @@ def test_another_practice_or_a_damaged_file_is_refused_by_name(tmp_path):
         session(tmp_path)
 
 
+def test_a_disk_that_is_full_is_told_and_nothing_counts_as_tried(tmp_path):
+    full = session(tmp_path)
+    (tmp_path / "practice.part").symlink_to("/dev/full")
+    with pytest.raises(ResourceBusyError, match=r"practice\.json.*no space left.*Free space"):
+        full.step()
+    assert full.tried == []
+
+
 POUR = Rollout(
     np.arange(3.0),
     np.zeros((3, 7)),

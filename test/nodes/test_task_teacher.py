@@ -370,6 +370,19 @@ def test_an_execution_holds_one_pass_of_a_recording(tmp_path):
     assert seen == [[7_000_000_000], [2_000_000_000, 3_000_000_000]]
 
 
+def test_a_disk_that_is_full_ends_no_teacher(tmp_path):
+    (tmp_path / "outcomes.jsonl").symlink_to("/dev/full")
+    rejected = []
+    recorder = ExecutionRecorder(
+        Executions(tmp_path, now), 5, str, lambda *why: rejected.append(why)
+    )
+    recorder.set_task("cup")
+    recorder.set_task("")
+    recorder.add("cup", {"outcome": "arrived"})
+    assert [reason for reason, _ in rejected] == ["execution_not_recorded"] * 2
+    assert "no space left on device. Free space" in rejected[0][1]
+
+
 def practising(harness, library, model):
     """A teacher that practises, and its services."""
     values = {"library": str(library), "model": str(model), "task": OLD[0], "practice_cost": "time"}
