@@ -94,7 +94,7 @@ class IdentityInput:
         self._who: dict[str, str] = {}
         self._expected: set[str] = set()
         self._snapshots: dict[int, _Snapshot] = {}
-        self._newest_ns = self._taken_ns = 0
+        self._newest_ns = self._taken_ns = self._doubtful_ns = 0
 
     def take(self, label: str, body: str, measured: PoseNumbers, settings: IngestSettings) -> None:
         """Take a pose that the tracker has given a label."""
@@ -103,8 +103,14 @@ class IdentityInput:
         if not usable or frame not in settings.frames:
             self._send(self._who.get(label) or label, body, measured)  # to be refused
             return
-        if stamp_ns < self._newest_ns - 1_000_000_000:  # a clock was set back
-            self.forget()
+        if self._newest_ns and abs(stamp_ns - self._newest_ns) > 1_000_000_000:
+            goes_on = 0 < stamp_ns - self._doubtful_ns <= 1_000_000_000
+            self._doubtful_ns = stamp_ns
+            if not goes_on:  # a single frame that is stamped so is wrong
+                self._diagnostics.count("stamp_jumped")
+                return
+            if stamp_ns < self._newest_ns:  # a clock was set back
+                self.forget()
         self._newest_ns = max(self._newest_ns, stamp_ns)
         if body == self._body:
             self._expected.add(label)

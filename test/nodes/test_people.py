@@ -2,6 +2,7 @@
 """Two people through the nodes: each is followed as if alone, and the arm helps one at a time."""
 
 from dataclasses import replace
+from unittest.mock import Mock, call
 
 import numpy as np
 import pytest
@@ -18,6 +19,8 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns, to_pose, to_stamp
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.nodes.people import IdentityInput
+from intent_recognition.nodes.serialized import PoseNumbers
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.signals import Observation
 from intent_recognition.tracking import IngestSettings, IngestState, ingest_pose
@@ -91,6 +94,7 @@ def test_each_is_recognised_as_if_alone_though_the_tracker_exchanges_them(
         show(T0 - 10**11 + sent * STEP_NS, first, TASKS)
     outputs = [belief.output.tasks for belief in estimator.people.values()]
     harness.connect(*ingest._outputs.values(), *outputs)
+    show(T0 - STEP_NS, first, TASKS)  # whether time has jumped is known once it goes on
     for k in range(len(apart)):
         at = {who: path[k] for who, path in wrists.items()}
         show(T0 + k * STEP_NS, at, list(reversed(TASKS)) if k >= k0 else TASKS)
@@ -110,6 +114,31 @@ def test_each_is_recognised_as_if_alone_though_the_tracker_exchanges_them(
 
 
 @pytest.mark.slow
+def test_a_frame_that_is_stamped_wrong_changes_nobody_and_a_clock_may_go_back():
+    sent, diagnostics = [], Mock()
+    people = IdentityInput(
+        "wrist", lambda who, _, pose: sent.append((who, *pose.pose)), diagnostics
+    )
+
+    def show(stamp, labels):
+        sent.clear()
+        for x, label in enumerate(labels):
+            pose = PoseNumbers(stamp, "world", np.array([x, 0.0, 0.0, *UPRIGHT]), None)
+            people.take(label, "wrist", pose, IngestSettings())
+        return "".join(who for who, x, *_ in sent if x == 0.0)
+
+    for k in range(1, 80):
+        exchanged = ("anna", "ben") if k < 20 else ("ben", "anna")
+        off_s = {30: 3600, 50: -2}.get(k, 0)
+        seen = show(T0 + k * STEP_NS + off_s * 10**9, exchanged)
+        assert seen == ("" if off_s else "anna") or k == 1
+    assert diagnostics.count.mock_calls.count(call("stamp_jumped")) == 4
+    assert show(T0 // 2, exchanged) == ""
+    for k in range(1, 4):
+        seen = show(T0 // 2 + k * STEP_NS, exchanged)
+    assert seen == "ben"
+
+
 def test_the_arm_hears_each_on_topics_of_their_own_and_says_whom_it_helps(harness):
     """Whom it helps first: test_people.py of the activation."""
     graph = Graph(harness, person="ben", persons=["anna", "ben"])
