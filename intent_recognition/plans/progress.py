@@ -123,7 +123,8 @@ class WorkProgress:
         done, where = np.unique(sets, axis=0, return_inverse=True)
         weight = np.bincount(where.ravel(), weights, minlength=len(done))
         best = np.argsort(-weight, kind="stable")[:128]
-        self._done, self._weight = done[best], weight[best] / weight[best].sum()
+        if weight.any():  # else nothing that was possible came
+            self._done, self._weight = done[best], weight[best] / weight[best].sum()
 
     def steps(self, habit: Floats | None = None) -> tuple[StepState, ...]:
         """What is believed of each step, in the order of the plan."""
@@ -167,7 +168,7 @@ class WorkProgress:
         again = plan.repeated * again / np.maximum(again.sum(axis=1, keepdims=True), 1.0)
         into, fresh = self._due(done, habit), self._due(np.zeros_like(done[:1]), habit)
         step, anew = known * (1.0 - over) * into, known * over * fresh
-        rest = 1.0 - (step.sum(axis=1) + anew.sum(axis=1) + again.sum(axis=1))
+        rest = np.maximum(1.0 - (step + anew).sum(axis=1) - again.sum(axis=1), 0.0)
         undone = (~done).astype(np.float64) @ self._of_task
         vain = np.where(undone > 0.0, 0.1, 1.0)  # what is undone is seldom done in vain
         return step, anew, again + rest[:, None] * vain / vain.sum(axis=1, keepdims=True)

@@ -91,6 +91,17 @@ def test_a_belief_of_certain_movements_is_that_of_all_sets(rng):
     np.testing.assert_allclose(progress.next_tasks(), joint.sum(axis=0), atol=1e-9)
 
 
+@pytest.mark.parametrize("n_steps", [1, 2])
+def test_what_a_plan_excludes_leaves_a_belief(n_steps):
+    plan = WorkPlan(STEPS[:n_steps], repeated=0.0, wrong=0.0)
+    for seed in range(20):
+        progress, rng = WorkProgress(plan, LABELS[:2]), np.random.default_rng(seed)
+        for done in rng.integers(2, size=12):
+            progress.take(np.eye(3)[done])
+            p = progress.next_tasks()
+            assert p.min() >= 0.0 and p.sum() == pytest.approx(1.0)
+
+
 def test_a_habit_decides_among_what_may_come():
     plan = WorkPlan(STEPS, {("a", "d"): 1.0})
     habit = np.array([0.1, 0.1, 0.6, 0.1, 0.1])
