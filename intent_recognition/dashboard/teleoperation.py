@@ -210,7 +210,7 @@ class Teleoperation:
 
     def _publish(self) -> None:
         stamp_ns = self._node.get_clock().now().nanoseconds
-        if stamp_ns <= self._last_ns:
+        if 0 <= self._last_ns - stamp_ns < 1_000_000_000:  # beyond that a clock was set back
             return
         self._last_ns = stamp_ns
         message = PoseStamped(pose=to_pose(self._position, np.array([0.0, 0.0, 0.0, 1.0])))

@@ -2,6 +2,7 @@
 """What is shown from the page: the arm goes along as long as it is the arm that was asked."""
 
 import time
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -74,6 +75,16 @@ def test_the_wrist_is_the_first_persons(harness, named):
     other = harness.publisher(PoseStamped, topics[:2][-1], qos.SENSOR)
     harness.spin_until(teleoperation.others_move_wrist, what="who moves it")
     harness.probe.destroy_publisher(other)
+
+
+def test_the_wrist_goes_on_where_the_clock_was_set_back():
+    node = Mock()
+    teleoperation = Teleoperation(node, CellState())
+    teleoperation.take_wrist(np.zeros(3))
+    for stamp_s, published in ((100.0, 1), (100.0, 1), (99.9, 1), (2.0, 2), (2.1, 3)):
+        node.get_clock().now().nanoseconds = round(stamp_s * 1e9)
+        teleoperation._publish()
+        assert teleoperation._poses[0].publish.call_count == published
 
 
 def test_an_arm_whose_driver_died_is_not_moved_and_the_reason_is_told(harness):
