@@ -104,7 +104,7 @@ def calibrate_detector(
         ArgumentError: too few executions for this rate.
     """
     fitted, held_out = executions[::2], executions[1::2]
-    rank = int(false_alarm_rate * (len(held_out) + 1))
+    rank = int(false_alarm_rate * (len(held_out) + 1) + 1e-9)  # of 1 / (m + 1), 1
     if rank < 1 or not fitted:
         needed = 2 * int(np.ceil(1.0 / max(false_alarm_rate, 1e-9)) - 1)
         expected = f"{needed} or more for a rate of {false_alarm_rate:g}"

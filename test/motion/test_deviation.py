@@ -68,3 +68,5 @@ def test_too_few_executions_for_a_rate_are_refused():
     with pytest.raises(ArgumentError, match="6 or more"):
         calibrate_detector(executions[:5], 0.3)
     calibrate_detector(executions, 0.3)
+    many = [execution(rng, n=10) for _ in range(96)]
+    assert calibrate_detector(many, 1.0 / 49.0).false_alarm_rate == 1.0 / 49.0
