@@ -55,6 +55,7 @@ class SequenceRunner:
         self._library: TaskLibrary | None = None
         self._points: tuple[ViaPoint, ...] = ()
         self._progress = SequenceProgress()
+        self._heard: set[str] = set()
         self._places: dict[str, tuple[float, Floats]] = {}
         self._rest_since_s: float | None = None
         self._tried_s = -math.inf
@@ -68,7 +69,7 @@ class SequenceRunner:
 
     def configure(self, library: TaskLibrary | None) -> None:
         """Read the file."""
-        if not self._path or self._sequences:
+        if not self._path:
             return
         if library is None:
             raise ArgumentError.about("sequences", "a model", "none", "Set the parameter model.")
@@ -76,7 +77,8 @@ class SequenceRunner:
         found = read_named(Path(self._path), "sequences", "Name a YAML file.", parse)
         self._library, self._sequences = library, found
         steps = [step for steps in self._sequences.values() for step in steps]
-        for body in sorted({step.when.body for step in steps} - {""}):
+        for body in sorted({step.when.body for step in steps} - {"", *self._heard}):
+            self._heard.add(body)
             take = partial(self._take_place, body)
             self._node.create_subscription(Odometry, f"human/{body}", take, qos.SENSOR)
 
@@ -103,7 +105,8 @@ class SequenceRunner:
 
     def forget(self) -> None:
         """Be in no sequence, at the beginning of time: after a reset, or a clock that went back."""
-        self._progress, self._rest_since_s, self._tried_s = SequenceProgress(), None, -math.inf
+        self._progress = SequenceProgress(n_started=self._progress.n_started)
+        self._rest_since_s, self._tried_s = None, -math.inf
         self._places.clear()
 
     def _moment(self, activation: Activation) -> Moment:

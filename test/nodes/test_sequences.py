@@ -92,6 +92,27 @@ def test_a_place_is_fresh_by_the_clock_of_the_node(harness, given, monkeypatch):
     assert [*node._sequences._moment(idle).places] == ["wrist"]
 
 
+def test_a_step_that_was_forgotten_is_not_taken_for_begun(harness, given):
+    runner = harness.node(PrimitiveActivation, **given[1])._sequences
+    inbox = SimpleNamespace(decision=SimpleNamespace(idle=True), order=None, ordered=None)
+    going = SimpleNamespace(inbox=inbox, counts={"started": 1}, active_task="plate", arrived=False)
+    runner.update(going, None, None)
+    assert runner._progress.name == "toolbox"
+    runner.forget()
+    runner.update(going, None, None)
+    assert runner._progress.name == ""
+
+
+def test_another_model_is_that_of_the_orders_and_must_have_the_tasks(harness, given):
+    library, parameters = given
+    runner = harness.node(PrimitiveActivation, **parameters)._sequences
+    other = replace(library, weight_mean=library.weight_mean + 0.1)
+    runner.configure(other)
+    assert runner._library is other and runner._node.count_subscribers("human/wrist") == 1
+    with pytest.raises(ArgumentError, match="screw"):
+        runner.configure(replace(library, labels=("plate", "glue")))
+
+
 def test_sequences_need_a_model_and_a_file(harness, given, tmp_path):
     _, parameters = given
     with pytest.raises(ArgumentError, match="sequences: expected a model"):
