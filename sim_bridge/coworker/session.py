@@ -137,7 +137,7 @@ def _intended(
     reach = draw_reach(rng, intention.task, start_m, side=side)
     if not intention.then:
         return reach
-    then = draw_reach(rng, intention.then, start_m, reach.nominal_s)
+    then = draw_reach(rng, intention.then, start_m, reach.nominal_s, side=side)
     return blend(reach, then, intention.share, min(USUAL_BLEND, 1.0 - intention.share))
 
 

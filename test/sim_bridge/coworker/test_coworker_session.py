@@ -8,7 +8,7 @@ import pytest
 
 from intent_recognition.errors import ArgumentError
 from sim_bridge.coworker.session import WITHOUT_PAUSE, SessionTiming, plan_people, plan_session
-from sim_bridge.coworker.styles import HOLD, PLATE, TASKS
+from sim_bridge.coworker.styles import HOLD, PLATE, STYLES, TASKS
 from sim_bridge.coworker.task_list import (
     CHANGE_SHARES,
     Intention,
@@ -56,6 +56,14 @@ def test_hands_of_two_people_are_never_in_one_place(seed):
     n = min(map(len, wrists_m))
     apart_m = np.linalg.norm(wrists_m[0][:n] - wrists_m[1][:n], axis=1)
     assert apart_m.min() > 0.08  # a hand's width
+
+
+@pytest.mark.parametrize("task", ["hold_screwdriver", "plate_handover>hold_screwdriver@0.25"])
+def test_each_of_two_reaches_on_their_own_side(task):
+    middle_m = STYLES["hold_screwdriver"].goal_centre_m[1]
+    for seed in range(20):
+        goals_m = [plan.interactions[0].goal_m[1] for plan in plan_people(seed, [[task], [task]])]
+        assert goals_m[0] > middle_m > goals_m[1]
 
 
 def test_timing_is_respected():
