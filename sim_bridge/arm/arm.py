@@ -112,6 +112,8 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         inertia = np.diag(mass)[self._columns]  # of each joint alone [kg m^2]
         gains = self.robot.gains or derived_gains(self.limits.torque, inertia)
         self.gains = gains.scaled(stiffness_scale)
+        margin = self.gains.limit_margin_rad
+        self._free = self.limits.lower + margin, self.limits.upper - margin
 
     @property
     def time_s(self) -> float:
@@ -167,7 +169,8 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
 
         Positions outside the joint limits are clamped into them.
         """
-        q = np.clip(self._joint_array(q, "q"), self.limits.lower, self.limits.upper)
+        q = np.maximum(self._joint_array(q, "q"), self.limits.lower)
+        q = np.minimum(q, self.limits.upper)
         qd = np.zeros(self.robot.n_joints) if qd is None else self._joint_array(qd, "qd")
         qdd = np.zeros(self.robot.n_joints) if qdd is None else self._joint_array(qdd, "qdd")
         self.reference = JointReference(q, qd, qdd)
@@ -225,14 +228,14 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         guided = self.gravity_compensation
         wanted = self.reference.acceleration if law is None else law(self.time_s, q, qd)
         # Guided: gravity only (no velocity, no acceleration terms), the arm's inertia is felt.
-        none = np.zeros(len(q))
+        none = [0.0] * self._n_moving
         model = self.client.calculateInverseDynamics(
             self.body,
             self._all_joints(q, measured=True),
-            self._all_joints(none if guided else qd),
-            self._all_joints(none if guided else wanted),
+            none if guided else self._all_joints(qd),
+            none if guided else self._all_joints(wanted),
         )
-        torque = np.array(model)[self._columns] + limit_torque(self.gains, self.limits, q, qd)
+        torque = np.array(model)[self._columns] + limit_torque(self.gains, self._free, q, qd)
         if guided:
             torque += guiding_torque(self.gains, qd)
         elif law is None:
@@ -242,10 +245,11 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
             torque += self._payload_torque()
         bound = self.limits.torque
         self._torque = np.minimum(np.maximum(torque, -bound), bound)
-        if (self._torque != torque).any():
+        forces = self._torque.tolist()
+        if forces != torque.tolist():
             self.saturated_steps += 1
         self.client.setJointMotorControlArray(
-            self.body, self.joint_indices, pybullet.TORQUE_CONTROL, forces=self._torque.tolist()
+            self.body, self.joint_indices, pybullet.TORQUE_CONTROL, forces=forces
         )
 
     def _payload_torque(self) -> Floats:
@@ -279,13 +283,14 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
 
     def _read(self) -> None:
         states = self.client.getJointStates(self.body, self.joint_indices)
-        self._q, self._qd = np.array([joint[:2] for joint in states]).T.copy()
+        q, qd, *_ = zip(*states, strict=True)
+        self._q, self._qd = np.array(q), np.array(qd)
 
     def _joint_array(self, values: Floats | Sequence[float], argument: str) -> Floats:
         array, n = np.array(values, dtype=np.float64), self.robot.n_joints
         if array.shape != (n,):
             names = ", ".join(self.robot.joint_names)
             raise ShapeError.about(argument, f"shape ({n},): {names}", array.shape, "Give all.")
-        if not np.all(np.isfinite(array)):
+        if not np.isfinite(array).all():
             raise ArgumentError.about(argument, "finite values", array, "Check the source.")
         return array

@@ -7,7 +7,6 @@ import numpy as np
 
 from intent_recognition.array_types import Floats, frozen
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import JointLimits
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +63,13 @@ def guiding_torque(gains: ControllerGains, qd: Floats) -> Floats:
     return -gains.guide_damping * qd - gains.guide_friction * np.tanh(qd / 0.03)
 
 
-def limit_torque(gains: ControllerGains, limits: JointLimits, q: Floats, qd: Floats) -> Floats:
-    """Return the torque that pushes joints out of the margin of their limits [Nm]."""
-    if np.minimum(q - limits.lower, limits.upper - q).min() >= gains.limit_margin_rad:
-        return np.zeros_like(q)
-    over = np.maximum(q - (limits.upper - gains.limit_margin_rad), 0.0)
-    under = np.maximum((limits.lower + gains.limit_margin_rad) - q, 0.0)
+def limit_torque(
+    gains: ControllerGains, free: tuple[Floats, Floats], q: Floats, qd: Floats
+) -> Floats:
+    """Return the torque that pushes joints back to where they are free: from, to (n,) [Nm]."""
+    lower, upper = free
+    if (q >= lower).all() and (q <= upper).all():
+        return np.zeros(q.shape)
+    over, under = np.maximum(q - upper, 0.0), np.maximum(lower - q, 0.0)
     outward = ((over > 0.0) & (qd > 0.0)) | ((under > 0.0) & (qd < 0.0))
     return gains.limit_stiffness * (under - over) - gains.limit_damping * qd * outward
