@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from intent_recognition.array_types import Integers
+from intent_recognition.errors import first_of
 from intent_recognition.tables.cells import Values
 from intent_recognition.tables.table import Table, check_columns
 
@@ -52,7 +53,7 @@ def by_body(table: Table) -> Table:
         if unique and len(body) >= ROWS_A_MOMENT * len(moments):
             break
     else:
-        return table
+        return _with_note(table, bodies, body)
     if not sure and np.any(np.diff(moment) < 0):
         return table
     moment = _ranks(moments)[moment]
@@ -76,6 +77,17 @@ def by_body(table: Table) -> Table:
     units = {n: table.units[k] for n, (k, _) in enumerate(places) if k in table.units}
     check_columns(table.source, len(wide))
     return replace(table, names=wide, read=read, counts=None, units=units, aliases={})
+
+
+def _with_note(table: Table, bodies: Sequence[str], body: Integers) -> Table:
+    """The table, with a note where rows of a few bodies alternate, each at times of its own."""
+    if not np.count_nonzero(np.diff(body)) > len(body) / 2 > len(bodies) or "" in bodies:
+        return table
+    note = (
+        f"rows of {first_of(bodies, 4)} alternate, each at times of its own, and are read as one"
+        " body. Write a file for each."
+    )
+    return replace(table, notes=(*table.notes, note))
 
 
 def _distinct(values: Values) -> tuple[list[str], Integers]:

@@ -58,6 +58,17 @@ def test_other_tables_stay(column, n_bodies, again):
     assert by_body(table) is table
 
 
+@pytest.mark.parametrize(
+    ("column", "named"), [("person", True), ("sensor", True), ("colour", False), ("id", False)]
+)
+def test_rows_of_bodies_that_alternate_at_times_of_their_own_are_named(column, named):
+    rows = np.arange(12)
+    values = rows.astype("U2").astype(object) if column == "id" else np.tile(["ann", "bob"], 6)
+    columns = {"t": rows / 100.0, column: values, "x": rows % 2.0}
+    notes = by_body(table_of("tracked.csv", columns)).notes
+    assert len(notes) == named and all("rows of ann, bob alternate" in note for note in notes)
+
+
 def test_a_csv_of_bodies_is_read_with_its_units(tmp_path):
     lines = [f"{k / 100},{b},{k + 10 * n},1,2" for k in range(5) for n, b in enumerate("ab")]
     path = tmp_path / "tracked.csv"
