@@ -42,6 +42,7 @@ from intent_recognition.demonstrations.observations import (
     observation_readers,
 )
 from intent_recognition.demonstrations.reading import (
+    FIRST_MESSAGES,
     iter_demonstrations,
     read_demonstrations,
     read_whole,

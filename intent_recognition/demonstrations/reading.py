@@ -4,7 +4,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +19,7 @@ from intent_recognition.demonstrations.cleaning import (
     signals_of,
 )
 from intent_recognition.demonstrations.collecting import collect, missing_topic
-from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
+from intent_recognition.demonstrations.dofs import QUANTITIES, DofSpec, relative_topic
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import joint_indices, reference_of
 from intent_recognition.demonstrations.folders import (
@@ -41,6 +43,8 @@ from intent_recognition.tracking import JUMP
 
 LEAST_SAMPLES = 2
 """Samples of each signal, fewer of which are not a movement. Convention: one span of time."""
+FIRST_MESSAGES = 1000
+"""Messages in which joints are looked for. Convention: of every publisher some."""
 UNFINISHED = "unfinished: the recording was not closed, its end may be missing"
 
 
@@ -245,18 +249,30 @@ def _too_short(
 
 
 def _absent(reader: BagReader, entry: DofEntry) -> str:
-    """Which joints or fields of an entry the first message does not have; empty if none."""
+    """Which joints or fields of an entry the first messages do not have; empty if none."""
     try:
-        first = next(reader.messages([entry.topic])).message
-    except (BagError, StopIteration):
+        messages = [m.message for m in islice(reader.messages([entry.topic]), FIRST_MESSAGES)]
+    except BagError:
         return ""
     if entry.joints:
-        there = tuple(first.name)
-        places = zip(entry.joints, joint_indices(entry.joints, there), strict=True)
-        absent = [joint for joint, place in places if place is None]
-        return f"no joint {', '.join(absent)}: the topic has {', '.join(there)}" if absent else ""
-    absent = [field for field in entry.fields if not _has(first, field)]
+        return _absent_joints(entry, messages)
+    absent = [f for f in entry.fields if not all(_has(m, f) for m in messages[:1])]
     return f"no field {', '.join(absent)} in {entry.type}" if absent else ""
+
+
+def _absent_joints(entry: DofEntry, messages: Sequence[Any]) -> str:
+    groups = [*dict.fromkeys(tuple(message.name) for message in messages)]
+    there = tuple(dict.fromkeys(name for names in groups for name in names))
+    places = zip(entry.joints, joint_indices(entry.joints, there), strict=True)
+    if absent := [joint for joint, place in places if place is None]:
+        return f"no joint {', '.join(absent)}: the topic has {', '.join(there)}"
+    if all(None in joint_indices(entry.joints, names) for names in groups):
+        said = "; ".join(", ".join(names) for names in groups)
+        return f"no message has all joints, they have {said}: write an entry for those of each"
+    has = [q for q in QUANTITIES if any(len(getattr(message, q)) for message in messages)]
+    if entry.quantity in has:
+        return ""
+    return f"no {entry.quantity}: the topic has {', '.join(has) or 'none'}"
 
 
 def _has(message: object, field: str) -> bool:

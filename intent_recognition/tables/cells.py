@@ -17,10 +17,11 @@ Values = NDArray[Any]
 """A column: numbers, dates, or texts (of dtype object)."""
 MISSING = frozenset(
     {"", "na", "n/a", "nan", "null", "none", "-", "--", "#n/a", "#div/0!", "#value!", "#num!",
+     "<na>", "nat", "#na", "#n/a n/a", r"\n",
      "nan(ind)", "-nan(ind)", "nan(snan)", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind", "1.#snan"}
 )  # fmt: skip
 """What a cell of text says in lower case where nothing was measured. Convention, as in pandas,
-Excel and C."""
+Excel, C and SQL."""
 THOUSANDS = re.compile(
     r"([+-]?\d{1,3})((?:[ '\u2019\u00a0\u202f]\d{3})+|(?:,\d{3})+(?=\.)|(?:,\d{3}){2,})"
 )
@@ -41,7 +42,7 @@ def numbers(values: Values, source: Path, name: str) -> Floats:
         try:
             found[row] = np.nan if text.lower() in MISSING else float(with_point(text))
         except ValueError as error:
-            cure = "Name a column of numbers in the map."
+            cure = "Name a column of numbers in the map; leave empty what was not measured."
             got = f"{text[:LONGEST_CELL]!r} in row {row + 1}"
             raise BagError.about(f"{source}: {name}", "numbers", got, cure) from error
     _check_commas(cells, source, name)

@@ -78,7 +78,7 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
         if part.entry.unit == "m" and not part.entry.context and 0.0 < extent < STILL_M:
             yield (
                 f"{part.entry.topic} moves over {1e3 * extent:.3g} mm. Likely metres that are"
-                " called millimetres: say in the map columns_unit: m."
+                " called millimetres or centimetres: say in the map columns_unit: m."
             )
 
 

@@ -4,6 +4,7 @@
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ import yaml
 
 from intent_recognition.array_types import Floats
 from intent_recognition.bags import JOINT_STATE, POSE, BagReader
+from intent_recognition.demonstrations import FIRST_MESSAGES
 from intent_recognition.errors import BagError
 from intent_recognition.signals import POSITION_FIELDS, spelled
 from intent_recognition.tables.cells import ANGLES, scale_between, without_zeros
@@ -144,7 +146,7 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
     poses = [name for name, kind in filled.items() if kind in PLACES]
     states = [name for name, kind in filled.items() if kind == JOINT_STATE]
     entries = [_place(topic, filled[topic]) for topic in poses]
-    entries += [_joints(reader, topic) for topic in states]
+    entries += [joints for topic in states for joints in _joints(reader, topic)]
     if not entries:
         got = ", ".join(f"{t.name} ({t.type})" for t in reader.topics.values()) or "no topics"
         cure = "Write the DOF file by hand (docs/bags.md)."
@@ -171,9 +173,15 @@ def _place(topic: str, kind: str) -> list[str]:
     return [*_head(topic, kind), f"    fields: {flow(fields)}", "    unit: m"]
 
 
-def _joints(reader: BagReader, topic: str) -> list[str]:
-    names = next(iter(reader.messages([topic]))).message.name
-    return [*_head(topic, JOINT_STATE), f"    joints: {flow(list(names))}", "    unit: rad"]
+def _joints(reader: BagReader, topic: str) -> Iterator[list[str]]:
+    """Entries of the joints of each publisher on a topic, by its first messages."""
+    messages = [m.message for m in islice(reader.messages([topic]), FIRST_MESSAGES)]
+    seen: set[str] = set()
+    for names in dict.fromkeys(tuple(m.name) for m in messages if len(m.position)):
+        joints = [name for name in names if name not in seen]
+        seen |= set(joints)
+        if joints:
+            yield [*_head(topic, JOINT_STATE), f"    joints: {flow(joints)}", "    unit: rad"]
 
 
 def _head(topic: str, kind: str) -> Iterator[str]:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from bag_builder import (
     JOINTS,
     POSE,
@@ -25,6 +26,7 @@ from intent_recognition.demonstrations import read_demonstrations as read
 from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
 from intent_recognition.demonstrations.inspect import inspect_bag
 from intent_recognition.errors import BagError
+from intent_recognition.tables import suggest_map
 
 DOFS = load_dofs()
 
@@ -286,3 +288,26 @@ def test_a_misspelt_joint_or_field_is_named(tmp_path, side, key, names, says):
     content[side][0][key] = names
     found, (rejection,) = read(write_bag(tmp_path / "bag"), DofSpec.from_dict(content))
     assert not found and says in str(rejection) and "clocks" not in str(rejection)
+
+
+def test_joints_that_are_never_in_one_message_and_a_missing_quantity_are_named(tmp_path):
+    poses = [pose(i) for i in range(60)]
+    arm = [joints(i, names=["a", "b"], positions=[0.01 * i, 0.0]) for i in range(60)]
+    hand = [joints(i, names=["g"], positions=[0.5]) for i in range(60)]
+    both = write_pairs(tmp_path / "both", poses, [(arm, hand)[i % 2][i] for i in range(60)])
+    effort = [state | {"position": [], "effort": [1.0, 2.0]} for state in arm]
+    content = DOFS.to_dict()
+    (entry,) = content["controlled"]
+    for bag, names, says in (
+        (both, ["a", "g"], "no message has all joints, they have a, b; g: write an entry for"),
+        (write_pairs(tmp_path / "effort", poses, effort), ["a"], "no position: the topic has effo"),
+    ):
+        content["controlled"] = [entry | {"joints": names}]
+        found, (rejection,) = read(bag, DofSpec.from_dict(content))
+        assert not found and says in rejection.reason
+    content["controlled"] = [entry | {"joints": names} for names in (["a", "b"], ["g"])]
+    (found,), _ = read(both, DofSpec.from_dict(content))
+    assert [len(one.stamps_ns) for one in found.controlled] == [30, 30]
+    suggested = yaml.safe_load(suggest_map(both))
+    assert [one["joints"] for one in suggested["controlled"]] == [["a", "b"], ["g"]]
+    assert "controlled" not in yaml.safe_load(suggest_map(tmp_path / "effort"))

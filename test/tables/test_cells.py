@@ -21,6 +21,7 @@ from intent_recognition.tables.cells import numbers
         ("0,5 1,000", [0.5, 1.0]),
         ("0,5 1,000 0.25", [0.5, 1.0, 0.25]),
         ("1,000 1,125 1.#IND", [1.0, 1.125, np.nan]),
+        ("1.5 ?", "got '?' in row 2. Name a column of numbers in the map; leave empty what"),
         ("1,000 999", "'1,000' beside '999': thousands?"),
         ("1,000 999.125", "'1,000' beside '999.125': thousands?"),
     ],

@@ -208,7 +208,9 @@ def test_minus_signs_of_unicode_are_read(tmp_path):
     check_wrist(imported_csv(tmp_path, content, unit="mm"), -PLACE / 1000)
 
 
-@pytest.mark.parametrize("cell", ["#N/A", "#DIV/0!", "-", "NaN", "inf", "-nan(ind)", "1.#QNAN"])
+@pytest.mark.parametrize(
+    "cell", ["#N/A", "#DIV/0!", "-", "NaN", "inf", "-nan(ind)", "1.#QNAN", "<NA>", "NaT", r"\N"]
+)
 def test_cells_of_what_was_not_measured(cell, tmp_path):
     samples, said = imported_csv(tmp_path, plain(hidden=range(60, 80), cell=cell), unit="mm")
     assert not said
@@ -328,7 +330,7 @@ def test_names_in_several_lines(kind, tmp_path):
 
 def test_metres_that_are_called_millimetres_are_named(tmp_path):
     samples, said = imported_csv(tmp_path, plain(scale=1e-3), unit="mm")
-    assert samples is not None and "say in the map columns_unit: m." in said
+    assert samples is not None and "or centimetres: say in the map columns_unit: m." in said
 
 
 ENDS = {"_MM": 1.0, " mm": 1.0, ".cm": 0.1, "-cm": 0.1, "/cm": 0.1, "_dm": 0.01,
