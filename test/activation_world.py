@@ -39,9 +39,10 @@ class World:
 
     def __init__(self, **settings):
         self.rejected: list[str] = []
+        self.said: list[str] = []
         self.activation = Activation(
             ActivationSettings(limits=LIMITS, home=HOME, **settings),
-            lambda reason, text: self.rejected.append(reason),
+            self._reject,
         )
         self.now_ns = START_NS
         self.commands = []
@@ -52,6 +53,10 @@ class World:
         self.duration_s, self.end_std = DURATION_S, 0.1
         self.speaks = self.measures = True
         self.rng = np.random.default_rng(0)
+
+    def _reject(self, reason, text):
+        self.rejected.append(reason)
+        self.said.append(text)
 
     def reference(self, now_ns=None):
         now_ns = self.now_ns if now_ns is None else now_ns

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.activation.arm_clock import ArmClock
-from intent_recognition.activation.inbox import LARGEST_SKEW_NS
+from intent_recognition.activation.inbox import LARGEST_SKEW_NS, RESTAMP
 from intent_recognition.activation.lateness import LATENESSES_NS, Lateness
 from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import Command, MotionPoints
@@ -81,7 +81,8 @@ class ArmTracking:
             reason = "joint_state_in_future" if ahead else "joint_state_outdated"
             where = "ahead of" if ahead else "behind"
             seconds = abs(stamp_ns - now_ns) * 1e-9
-            self._reject(reason, f"joint_states stamped {seconds:.1f} s {where} the clock")
+            cure = "" if ahead else f". {RESTAMP}"
+            self._reject(reason, f"joint_states stamped {seconds:.1f} s {where} the clock{cure}")
         else:
             self.clock.hear(now_ns, stamp_ns)
             self.clock.compare(stamp_ns, position, self._asked)

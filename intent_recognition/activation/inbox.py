@@ -22,6 +22,8 @@ from intent_recognition.recognition import (
 LARGEST_SKEW_NS = 1_000_000_000
 """A stamp may be ahead of the clock, and that of a joint state before its arrival, by this [ns].
 Convention: clocks of a graph differ by less."""
+RESTAMP = "Play recordings with --restamp, or with --clock to nodes with use_sim_time"
+"""Cure of stamps that are long past."""
 
 
 class _Estimate(NamedTuple):
@@ -205,7 +207,8 @@ class EstimatorInbox:
             pass
         elif now_ns - prediction.end_ns > self._common.settings.max_lateness_s * 1e9:
             late_s = (now_ns - prediction.end_ns) * 1e-9
-            self._reject("outdated", f"intent/robot_trajectory was over {late_s:.1f} s ago")
+            text = f"intent/robot_trajectory was over {late_s:.1f} s ago. {RESTAMP}"
+            self._reject("outdated", text)
         else:
             self.prediction = prediction
             self.unused = True

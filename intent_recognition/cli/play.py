@@ -13,7 +13,7 @@ bag BAG    bag directory or .mcap file
 # to the nodes, stamped with the present
 intent play demos/give_bracket_00 --restamp
 # slowly, again and again
-intent play demos/give_bracket_00 --rate 0.5 --loop
+intent play demos/give_bracket_00 --rate 0.5 --loop --restamp
 """
 
 import argparse

@@ -5,7 +5,7 @@ from collections import deque
 
 import numpy as np
 import pytest
-from activation_world import HOME, STEP_NS, World, executing
+from activation_world import HOME, START_NS, STEP_NS, World, executing, prediction
 
 from intent_recognition.activation.states import Mode
 
@@ -30,6 +30,15 @@ def test_a_joint_state_from_the_future_blocks_nothing(ahead_s, first):
     world.run(0.1)
     assert world.activation.mode is Mode.EXECUTING
     assert world.rejected == []
+
+
+def test_what_was_recorded_long_ago_is_rejected_with_the_cure():
+    world = World()
+    long_ago_ns = START_NS - 40_000_000_000
+    world.activation.take_prediction(START_NS, prediction("plate", long_ago_ns))
+    world.activation.take_joint_state(long_ago_ns, HOME, np.zeros(7), now_ns=START_NS)
+    assert world.rejected == ["outdated", "joint_state_outdated"]
+    assert all("--restamp" in text and "use_sim_time" in text for text in world.said)
 
 
 @pytest.mark.parametrize("skew_s", [-0.9, -0.3, 0.3, 0.9])
