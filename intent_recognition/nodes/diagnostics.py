@@ -16,7 +16,7 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.runtime import steady_timer
+from intent_recognition.nodes.runtime import simulated_ns, steady_timer
 from intent_recognition.registry import ANSWERS
 
 PUBLISHERS, LIFECYCLE, ACTIVE, INACTIVE = "publishers ", "lifecycle", "active", "not active"
@@ -27,6 +27,9 @@ ENDED = "ended"
 
 MODEL = "model"
 """Key under which the estimator says which model file it has loaded."""
+
+PATIENCE_S = 3.0
+"""Without /clock or usable input for so long [s], a node warns. Convention."""
 
 UNANSWERED = "not waited for"
 """Key under which a simulation names the nodes that its clock went on without."""
@@ -69,6 +72,8 @@ class Diagnostics:
     `rejected <reason>` (total), `latency p50|p95|p99 [ms]` (over the last 2000 samples),
     `publishers <stream>`, `lifecycle` of a lifecycle node, and what the node set with `value`.
     Publishing runs on a steady clock, so it continues while simulated time stands still.
+    A status warns of what is missing for `PATIENCE_S`: /clock, messages of a stream that the node
+    needs, or any that is not rejected.
 
     A lifecycle node reports in every state. Tests pass a clock of their own [s].
     """
@@ -87,6 +92,10 @@ class Diagnostics:
         self._latencies_s: deque[float] = deque(maxlen=2000)
         self._values: dict[str, str] = {}
         self._watched: list[tuple[Subscription, str]] = []
+        self._needed: set[str] = set()
+        self._stream = ""  # whose message is in hand
+        self._refusals: dict[str, Counter[str]] = {}
+        self._useless_since_s: dict[str, float] = {}
         self._wrong_types: set[tuple[int, ...]] = set()
         self._logged_s: dict[str, float] = {}
         self._level = bytes([Level.OK])
@@ -103,6 +112,7 @@ class Diagnostics:
     def reject(self, reason: str, text: str) -> None:
         """Count a rejected input and log it, at most once a second for each reason."""
         self.count(reason)
+        self._refusals.setdefault(self._stream, Counter())[reason] += 1
         now_s = self._clock()
         if now_s - self._logged_s.get(reason, -np.inf) >= 1.0:
             self._logged_s[reason] = now_s
@@ -119,6 +129,7 @@ class Diagnostics:
         take: Callable[[Any], object],
         profile: QoSProfile,
         stream: str = "",
+        needed: bool = False,
         **options: Any,
     ) -> Subscription:
         """Subscribe to a topic; watch it, and note its messages as `stream`, or under its name.
@@ -133,17 +144,18 @@ class Diagnostics:
         if self._node.get_parameter("use_sim_time").value:
             profile = qos.each_of(profile)
         subscription = self._node.create_subscription(kind, topic, noted, profile, **options)
-        self.watch(subscription, topic)
+        self.watch(subscription, topic, needed=needed)
         return subscription
 
     def tick(self, stream: str) -> None:
-        """Note one message of `stream`, for its measured rate."""
+        """Note one message of `stream`, for its measured rate; what is rejected next is of it."""
+        self._stream = stream
         self._totals[stream] += 1
         self._in_period[stream] += 1
         self._heard_s[stream] = self._clock()
 
     def silent_s(self, stream: str) -> float:
-        """Real time since the last message of `stream`, or since the start [s]."""
+        """Real time since the last message of `stream`, or since it is watched or the start [s]."""
         return self._clock() - self._heard_s.get(stream, self._start_s)
 
     @property
@@ -167,9 +179,10 @@ class Diagnostics:
         """Report `value` under `key` from now on; the latest wins."""
         self._values[key] = str(value)
 
-    def watch(self, subscription: Subscription, stream: str) -> None:
+    def watch(self, subscription: Subscription, stream: str, *, needed: bool = False) -> None:
         """Report how many publishers a subscription has, as `publishers <stream>`.
 
+        The status warns while one that is `needed`, and has a name like its topic, is silent.
         Publishers of another message type, whose messages never arrive, are rejected once each as
         `wrong_type`.
 
@@ -179,6 +192,9 @@ class Diagnostics:
         """
         self._watched.append((subscription, stream))
         self._totals[stream] += 0
+        if needed:
+            self._needed.add(stream)
+            self._heard_s[stream] = self._clock()
 
     def unwatch(self, subscriptions: Collection[Subscription]) -> None:
         """Forget subscriptions that are closed."""
@@ -213,15 +229,46 @@ class Diagnostics:
         if isinstance(active := getattr(self._node, "active", None), bool):
             rows[LIFECYCLE] = ACTIVE if active else INACTIVE
         rows |= self._values
+        missing = self._missing(now_s)
+        level, message = self._level, self._message
+        if missing and level == bytes([Level.OK]):
+            level, message = bytes([Level.WARN]), missing
+        elif missing:
+            message += f"; {missing}"
         self._in_period.clear()
+        self._refusals.clear()
         self._period_start_s = now_s
         return DiagnosticStatus(
-            level=self._level,
+            level=level,
             name=self._name,
-            message=self._message,
+            message=message,
             hardware_id=socket.gethostname(),
             values=key_values(rows),
         )
+
+    def _missing(self, now_s: float) -> str:
+        """What the node needs and has not had for a while; empty: nothing."""
+        if simulated_ns(self._node) == 0 and now_s - self._start_s > PATIENCE_S:
+            return (
+                "use_sim_time, and no /clock: start lwr_sim with publish_clock, or bag_player with"
+                " clock, or unset it"
+            )
+        found = []
+        for stream, n in list(self._in_period.items()):  # another thread may count
+            reasons = self._refusals.get(stream, Counter())
+            if reasons.total() < n:
+                self._useless_since_s.pop(stream, None)
+                continue
+            since_s = self._useless_since_s.setdefault(stream, self._period_start_s)
+            if now_s - since_s > PATIENCE_S:
+                ((reason, _),) = reasons.most_common(1)
+                found.append(f"all of {stream} is rejected, mostly as {reason}")
+        for subscription, stream in self._watched:
+            silent_s = self.silent_s(stream)
+            if stream in self._needed and silent_s > PATIENCE_S:
+                n = subscription.get_publisher_count()
+                found.append(f"nothing on {stream} for {silent_s:.0f} s ({n} publishers)")
+        return "; ".join(found)
 
     def publish(self) -> None:
         """Publish one report."""

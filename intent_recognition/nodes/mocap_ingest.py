@@ -110,7 +110,8 @@ class MocapIngest(Node):
     def _hear(self, body: str) -> None:
         self._waiting[body] = deque()
         topic, take = f"mocap/{body}/pose", partial(self._on_pose, body)
-        self._diagnostics.subscribe(PoseStamped, topic, take, qos.SENSOR, raw=True)
+        needed = self._identity is None  # people come and go
+        self._diagnostics.subscribe(PoseStamped, topic, take, qos.SENSOR, needed=needed, raw=True)
 
     def _add_output(self, body: str) -> None:
         self._states[body] = IngestState()

@@ -81,8 +81,8 @@ class ObservationInput:
     def open(self) -> None:
         """Subscribe."""
         by_topic: dict[str, list[ObservationReader]] = {}
-        context = [ObservationReader(entry, k) for k, entry in enumerate(self._dofs.context)]
-        for reader in (*observation_readers(self._dofs), *context):
+        scene = [ObservationReader(entry, k) for k, entry in enumerate(self._dofs.context)]
+        for reader in (*observation_readers(self._dofs), *scene):
             by_topic.setdefault(reader.entry.topic, []).append(reader)
         for topic, readers in by_topic.items():
             entry = readers[0].entry
@@ -93,8 +93,9 @@ class ObservationInput:
             # 10 s at 100 Hz: nothing is lost while a movement is filtered again (onset, new model).
             deep = qos.keep_last(1000, reliable=False)
             source = self._backlog.subscribe(self._node, kind, name, callback, deep, raw=raw)
-            self._diagnostics.watch(source, name)
-            if any(reader.entry.context for reader in readers):  # it may have been said before
+            context = any(reader.entry.context for reader in readers)
+            self._diagnostics.watch(source, name, needed=not (context or self._person))
+            if context:  # it may have been said before
                 self._backlog.subscribe(self._node, kind, name, callback, qos.LATCHED, raw=raw)
 
     def _heard_on(self, entry: DofEntry, raw: bool) -> str:

@@ -10,7 +10,7 @@ from intent_recognition.errors import ArgumentError, IntentError, one_line
 from intent_recognition.model import Model, frames_of
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
-from intent_recognition.nodes.diagnostics import Diagnostics, Level
+from intent_recognition.nodes.diagnostics import PATIENCE_S, Diagnostics, Level
 from intent_recognition.nodes.frames import FrameOutput
 from intent_recognition.nodes.intent_output import IntentOutput
 from intent_recognition.nodes.lifecycle import ManagedNode
@@ -183,7 +183,7 @@ class PersonBelief:
             self._say(Level.WARN, f"human stream stopped {silent_s:.1f} s ago")
         elif not self._moving:
             sparse = self.estimator.too_sparse()
-            if sparse is None:
+            if sparse is None or silent_s > PATIENCE_S:
                 self._say(*WAITING)
             else:
                 topic = self._model.dofs.observed[sparse.group].topic

@@ -31,7 +31,7 @@ from std_srvs.srv import Trigger
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.errors import ArgumentError
 from intent_recognition.model.file import Model, save_model
-from intent_recognition.nodes import qos
+from intent_recognition.nodes import person_belief, qos
 from intent_recognition.nodes.conversions import stamp_ns, to_stamp, trajectory_arrays
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 
@@ -218,7 +218,9 @@ def test_a_stream_that_stops_in_a_movement_is_said_and_taken_back(harness, wrist
 
 
 @pytest.mark.slow
-def test_a_stream_too_slow_for_an_onset_is_said_with_topic_and_rates(harness, wrist):
+def test_a_stream_too_slow_for_an_onset_is_said_with_topic_and_rates_while_it_comes(
+    harness, wrist, monkeypatch
+):
     graph = Graph(harness, wrist)
     resting = wrist.observations(0)
     graph.feed(
@@ -230,6 +232,11 @@ def test_a_stream_too_slow_for_an_onset_is_said_with_topic_and_rates(harness, wr
     harness.spin_until(lambda: graph.status().level == DiagnosticStatus.WARN)
     assert "wrist/pose comes at 1 Hz" in graph.status().message
     assert "no movement is found below" in graph.status().message
+    monkeypatch.setattr(person_belief, "elapsed_s", lambda _: time.monotonic() + 10.0)
+    monkeypatch.setattr(graph.node._diagnostics, "_clock", lambda: time.monotonic() + 10.0)
+    graph.node.people[""].look()
+    assert graph.status().message.startswith("nothing on human/wrist for 1")
+    monkeypatch.undo()
     assert graph.call("reset").success
     assert graph.status().level == DiagnosticStatus.OK
 

@@ -133,3 +133,11 @@ def test_a_body_in_millimetres_is_named_once_and_sent_on(harness):
     node = start(harness)
     exchange(harness, [pose(i, (800.0 + i * 0.001, -400.0, 300.0)) for i in range(4)], 4)
     assert node._diagnostics.rejected("unit_doubtful") == 1
+
+
+def test_it_warns_of_each_body_that_is_not_tracked(harness, monkeypatch):
+    diagnostics = start(harness, bodies=["wrist", "cup"])._diagnostics
+    now_s = diagnostics._clock() + 4.0
+    monkeypatch.setattr(diagnostics, "_clock", lambda: now_s)
+    diagnostics.tick("mocap/wrist/pose")
+    assert diagnostics.report().message == "nothing on mocap/cup/pose for 4 s (0 publishers)"

@@ -21,7 +21,7 @@ from sensor_msgs.msg import JointState
 
 from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.nodes import mocap_ingest, qos
-from intent_recognition.nodes.diagnostics import Diagnostics, values_of
+from intent_recognition.nodes.diagnostics import Diagnostics, Level, values_of
 from intent_recognition.nodes.parameters import declare_one
 from intent_recognition.nodes.runtime import _Signals, run, when_clock_goes_back
 from intent_recognition.parameter_table import ParameterSpec
@@ -320,6 +320,62 @@ def test_diagnostics_measure(harness):
     assert values["rate pose [Hz]"] == "0.0"
     assert values["received pose"] == "50"
     assert values["rejected jump"] == "2"
+
+
+def diagnosed(harness, **overrides):
+    """Diagnostics of a node that needs `pose`, where nothing is amiss, and their clock."""
+    clock, node = FakeClock(), node_with(harness, **overrides)
+    diagnostics = Diagnostics(node, clock=clock)
+    diagnostics.subscribe(PoseStamped, "pose", lambda _: None, qos.SENSOR, needed=True)
+    assert diagnostics.report().message == "running"
+    return diagnostics, clock
+
+
+def hear(diagnostics, clock, stream, *reasons, rejected=1.0, seconds=5):
+    """Take ten messages of a stream each second, so many of them rejected; the last status."""
+    for _ in range(seconds):
+        for k in range(10):
+            diagnostics.tick(stream)
+            if k < 10 * rejected:
+                diagnostics.reject(reasons[k % len(reasons)], "see there")
+        clock.now_s += 1.0
+        status = diagnostics.report()
+    return status.level, status.message
+
+
+OK, WARN = bytes([Level.OK]), bytes([Level.WARN])
+
+
+def test_a_status_warns_of_a_stream_that_is_needed_and_silent_until_it_is_heard(harness):
+    diagnostics, clock = diagnosed(harness)
+    clock.now_s += 2.9
+    assert diagnostics.report().level == OK
+    clock.now_s += 4.1
+    assert hear(diagnostics, clock, "tasks", rejected=0.0, seconds=1)[1] == (
+        "nothing on pose for 8 s (0 publishers)"
+    )
+    diagnostics.status(Level.WARN, "hand lost")
+    assert diagnostics.report().message.startswith("hand lost; nothing on pose")
+    diagnostics.status(Level.OK, "idle")
+    assert hear(diagnostics, clock, "pose", rejected=0.0, seconds=1) == (OK, "idle")
+
+
+def test_a_status_warns_of_a_stream_whose_messages_are_all_rejected(harness):
+    diagnostics, clock = diagnosed(harness)
+    bad = "unknown_frame", "unknown_frame", "zero_stamp"
+    warned = (WARN, "all of pose is rejected, mostly as unknown_frame")
+    assert hear(diagnostics, clock, "pose", *bad, seconds=3)[0] == OK
+    assert hear(diagnostics, clock, "pose", *bad, seconds=1) == warned
+    assert hear(diagnostics, clock, "pose", *bad, rejected=0.9)[0] == OK
+    assert hear(diagnostics, clock, "pose", *bad, seconds=3)[0] == OK
+
+
+def test_a_status_warns_of_simulated_time_without_a_clock(harness):
+    diagnostics, clock = diagnosed(harness, use_sim_time=True)
+    level, message = hear(diagnostics, clock, "pose", rejected=0.0)
+    assert level == WARN and message.startswith("use_sim_time, and no /clock: start")
+    harness.set_clock(harness.nodes[-1], 10**9)
+    assert hear(diagnostics, clock, "pose", rejected=0.0, seconds=1) == (OK, "running")
 
 
 def test_rejections_are_logged_once_a_second_for_each_reason(harness, monkeypatch):
