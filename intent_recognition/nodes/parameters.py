@@ -27,6 +27,15 @@ from intent_recognition.parameter_table import ParameterSpec, parameter_parts
 Changes = Mapping[str, Any]
 """New values by parameter name; each has the type it was declared with."""
 
+_EXPECTED = {
+    Parameter.Type.BOOL: "true or false",
+    Parameter.Type.INTEGER: "a whole number",
+    Parameter.Type.DOUBLE: "a number",
+    Parameter.Type.STRING: "a text",
+    Parameter.Type.DOUBLE_ARRAY: "a list of numbers",
+    Parameter.Type.STRING_ARRAY: "a list of texts",
+}
+
 _checked: weakref.WeakSet[Node] = weakref.WeakSet()
 """Nodes that already refuse NaN and infinity."""
 
@@ -64,8 +73,15 @@ def declare_one(node: Node, name: str, spec: ParameterSpec) -> Any:
     try:
         any_type = ParameterDescriptor(dynamic_typing=True)
         given = plain(node.declare_parameter(name, spec.default, any_type).value)
-        node.set_parameters([Parameter(name, kind, _converted(given, kind))])
+        value = _converted(given, kind)
+        if not kind.check(value):
+            listed = kind.name.endswith("ARRAY") and not isinstance(given, list)
+            cure = f"Give {name}:=[{given}]." if listed else spec.description
+            raise ArgumentError.about(f"parameter {name}", _EXPECTED[kind], repr(given), cure)
+        node.set_parameters([Parameter(name, kind, value)])
         node.set_descriptor(name, _descriptor(kind, spec))
+    except ArgumentError:
+        raise
     except (ParameterException, TypeError, ValueError) as error:
         raise ArgumentError(f"parameter {name}: {one_line(error)}. {spec.description}") from error
     if spec.one_of and given not in spec.one_of:

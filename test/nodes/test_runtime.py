@@ -277,6 +277,24 @@ def test_parameter_refuses(harness, value):
         declared(node, "rate", 1.0, minimum=0.5, maximum=2.0)
 
 
+@pytest.mark.parametrize(
+    ("default", "given", "said"),
+    [
+        (["a"], "wrist", "a list of texts, got 'wrist'. Give it:=[wrist]."),
+        ([1.0], 2.0, "a list of numbers, got 2.0. Give it:=[2.0]."),
+        (["a"], [1.0], "a list of texts, got [1.0]. what it is"),
+        (4, 1.5, "a whole number, got 1.5. what it is"),
+        (1.0, "fast", "a number, got 'fast'. what it is"),
+        (True, "no", "true or false, got 'no'. what it is"),
+        ("a", 3, "a text, got 3. what it is"),
+    ],
+)
+def test_a_parameter_of_the_wrong_type_says_what_to_give(harness, default, given, said):
+    with pytest.raises(ArgumentError) as error:
+        declared(node_with(harness, it=given), "it", default)
+    assert str(error.value) == f"parameter it: expected {said}"
+
+
 def test_what_can_be_chosen_is_and_nothing_else(harness):
     node = node_with(harness, good="b", bad="c")
     assert declared(node, "good", "a", one_of=("a", "b")) == "b"
