@@ -112,7 +112,8 @@ class MovementFilter:
             task_weight: as of the class.
             past: what has been observed of it.
         """
-        self.onset_ns, grid, n_tasks = onset_ns, self.grid, len(self._prior.state)
+        grid, n_tasks = self.grid, len(self._prior.state)
+        self.onset_ns, self.task_weight = onset_ns, task_weight
         self.table.clear()
         self.table.add(
             self._prior.state,

@@ -114,6 +114,7 @@ def _evidence_over_time(like: MovementFilter, n_dofs: int, task: int, rival: int
     dropped = frozenset(range(n_dofs, library.n_observed))
     switching = like.births is not None
     run = MovementFilter(library, like.grid, like.onset_ns, prune=True, switching=switching)
+    run.restart(like.onset_ns, like.task_weight)
     for observation in like.observations:
         seen = without_dofs(observation, library, dropped)
         if seen is not None:

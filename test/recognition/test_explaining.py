@@ -19,16 +19,21 @@ from intent_recognition.signals.observation import merge
 DURATION_S = 2.0
 
 
-@pytest.fixture(scope="module")
-def followed(library, truth):
+def follow(library, truth, expected):
     """An estimator in the middle of a movement, and its estimates."""
     recorded = movement(truth, 1, np.random.default_rng(3))
     stop_ns = recorded.start_ns + 2 * (recorded.end_ns - recorded.start_ns) // 3
     estimator = IntentEstimator(library)
+    estimator.expect(expected)
     stream = [o for o in merge(recorded.observed) if o.stamp_ns <= stop_ns]
     estimates = feed(estimator, stream)
     assert estimates[-1].moving
     return estimator, estimates
+
+
+@pytest.fixture(scope="module")
+def followed(library, truth):
+    return follow(library, truth, "")
 
 
 @pytest.mark.parametrize("pair", [(None, None), ("task_0", "task_2"), ("task_1", "none")])
@@ -51,6 +56,12 @@ def test_the_parts_sum_to_the_odds_that_the_estimator_reports(followed, pair):
             np.testing.assert_allclose(total, over_time[stamp_ns], rtol=1e-9, atol=1e-8)
             compared += 1
     assert compared > 20
+
+
+def test_the_parts_sum_to_the_odds_of_a_task_that_was_expected(library, truth):
+    estimator, estimates = follow(library, truth, "task_2")
+    found, p = estimator.explain(), estimates[-1].task_probabilities
+    np.testing.assert_allclose(found.log_odds, np.log(p[found.task] / p[found.rival]), rtol=1e-9)
 
 
 def test_the_first_pair_are_the_two_most_probable_tasks_equally_expected(followed):
