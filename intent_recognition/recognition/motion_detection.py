@@ -132,6 +132,13 @@ class _Moving(NamedTuple):
     velocity: Floats | None
 
 
+def is_overdue(elapsed_s: float, posterior: TaskPosterior) -> bool:
+    """Whether a movement has taken longer than its most probable task does."""
+    best = int(np.argmax(posterior.probabilities))
+    late = elapsed_s > float(posterior.duration_s[best]) + OVERTIME_S
+    return late and float(posterior.phase[best]) >= FINISHED_PHASE
+
+
 class MotionDetector:
     """Keeps the last seconds of each signal.
 
@@ -241,7 +248,7 @@ class MotionDetector:
         """
         best = int(np.argmax(posterior.probabilities))
         duration_s, phase = float(posterior.duration_s[best]), float(posterior.phase[best])
-        if elapsed_s > duration_s + OVERTIME_S and phase >= FINISHED_PHASE:
+        if is_overdue(elapsed_s, posterior):
             self.waits_for_rest = not self._at_rest()
             return True
         if phase >= FINISHED_PHASE or best == len(posterior.probabilities) - 1:

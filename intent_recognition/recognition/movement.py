@@ -16,7 +16,7 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.filtering import MovementFilter, PriorGrid, TaskPosterior
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.recognition.motion_detection import MotionDetector
+from intent_recognition.recognition.motion_detection import MotionDetector, is_overdue
 from intent_recognition.signals import Observation
 
 STOP_LEADS = (0.035, 0.06, 0.085)
@@ -83,9 +83,13 @@ class Movements:
                 each.restart(stopped_ns - lead_ns, task_weight, detector.since(stopped_ns))
             else:
                 each.observe(observation)
-        odds = odds_over_none([each.posterior(observation.stamp_ns) for each in after])
+        stamp_ns = observation.stamp_ns
+        posteriors = [each.posterior(stamp_ns) for each in after]
+        odds = odds_over_none(posteriors)
         known = odds.mean(axis=0).sum()
         if not done or known < RECOGNISED * (1.0 + known):
+            elapsed_s = (stamp_ns - after[0].onset_ns) * 1e-9
+            self._stopped = not is_overdue(elapsed_s, posteriors[0])
             return None
         best = int(np.argmax(odds.sum(axis=1)))
         self._filter, after[best] = after[best], self._filter
