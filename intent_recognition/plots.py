@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `.plot()` of estimates, predictions and libraries draws; matplotlib is loaded when drawn."""
+"""What `.plot()` of estimates, predictions and libraries draws; matplotlib is loaded when drawn.
+
+Names may hold dollars, in which matplotlib would look for mathematics.
+"""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -40,14 +43,17 @@ def draw_bands(
 
 def name_lines(axes: Axes) -> None:
     """Say beside a panel what its lines are."""
-    axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    anchor = 1.0, 0.5
+    legend = axes.legend(fontsize="small", loc="center left", bbox_to_anchor=anchor, frameon=False)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
 
 
 def draw_shares(axes: Axes, labels: Sequence[str], shares: Floats) -> None:
     """Draw probabilities as bars, the first label on top."""
     bars = axes.barh(range(len(labels)), shares)
     axes.bar_label(bars, fmt="%.2f", padding=3)
-    axes.set_yticks(range(len(labels)), labels)
+    axes.set_yticks(range(len(labels)), labels, parse_math=False)
     axes.invert_yaxis()
     axes.set_xlim(0.0, 1.12)
     axes.set_xlabel("probability")

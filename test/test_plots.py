@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `.plot()` draws is what the numbers say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib import pyplot
@@ -69,4 +71,14 @@ def test_a_library_is_drawn_by_task_agent_and_unit(library):
     ]
     far = figure.axes[0].lines[0].get_ydata()
     assert abs(far[-1] - 0.7) < 0.1
+    pyplot.close("all")
+
+
+def test_dollars_in_names_are_no_mathematics(library):
+    """matplotlib refuses such a text once it is drawn."""
+    labels, names = ("$^$", "a$}$"), ("$_$", "{$^$}")
+    odd = replace(library, labels=labels, observed_names=names)
+    estimate = ir.Estimate.idle(0, (*labels, "none"))
+    for figure in (odd.plot(), estimate.plot().figure):
+        figure.canvas.draw()
     pyplot.close("all")

@@ -217,7 +217,7 @@ class TaskLibrary:
             course = rollout(
                 self.basis, weights, phase, float(self.durations_s[task]), self.noise_variance
             )
-            axes[0, task].set_title(label)
+            axes[0, task].set_title(label, parse_math=False)
             for row, (agent, unit, dofs) in enumerate(rows):
                 panel, shown = axes[row, task], [names[k] for k in dofs]
                 draw_bands(

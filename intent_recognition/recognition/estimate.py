@@ -129,5 +129,5 @@ class Prediction(NamedTuple):
             draw_bands(panel, self.trajectory.times_s, mean[:, dofs], std[:, dofs], shown)
             name_lines(panel)
             panel.set_ylabel(f"[{unit}]" if unit else "")
-        figure.suptitle(self.task)
+        figure.suptitle(self.task, parse_math=False)
         return figure

@@ -48,6 +48,7 @@ STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
     "text.color": INK,
+    "text.parse_math": False,  # names may hold dollars
     "figure.facecolor": "white",
     "axes.facecolor": "white",
     "axes.edgecolor": "#b6c0cb",

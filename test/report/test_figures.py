@@ -80,7 +80,7 @@ def all_figures(per_task, trace, rng):
         "posterior": figures.posterior_figure(
             ["plate", "screw"], [*TASKS, "none"], [share] * 2, [posterior] * 2, [0.4, None]
         ),
-        "confusion": confusion_shares_figure(np.eye(3, 4), TASKS, (*TASKS, "none")),
+        "confusion": confusion_shares_figure(np.eye(3, 4), TASKS, ("$^$", *TASKS[1:], "none")),
         "wrist": wrist_figure(trace),
         "joints": joint_figure(trace),
         "over_time": posterior_over_time_figure(trace, 2.0),
