@@ -52,6 +52,7 @@ from intent_recognition.cli.unlabelled import add_unlabelled_options, find_compo
 from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import PHASES, Fold, evaluate, make_folds, remarks_on
+from intent_recognition.learning import Relabelled
 from intent_recognition.model import merge_frames
 from intent_recognition.signals import Demonstration, Rejection, StreamFinding
 
@@ -81,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
         purity = found.purity  # none where nothing had a label
         mixture = {"mixture": {"n_components": found.choice.n_components, "purity": purity}}
         if not _labelled(recorded):
-            return _finish_unlabelled(args, mixture, len(found.demonstrations), rejections, console)
+            return _finish_unlabelled(args, mixture, found, rejections, console)
     unlabelled = [d.name for d in recorded + held_out if d.task is None]
     unread: list[Rejection | StreamFinding]
     unread = [*rejections, *(StreamFinding(name, "it has no label `task`") for name in unlabelled)]
@@ -112,23 +113,35 @@ def run(args: argparse.Namespace) -> int:
     result |= {"left_out": [*map(_as_json, unread), *result["left_out"]]} | mixture
     if args.json != output.PRINTED:
         print_result(console, result)
+    return _write(args, result, _title(args.bags, test), console)
+
+
+def _finish_unlabelled(
+    args: argparse.Namespace,
+    mixture: dict,
+    found: Relabelled,
+    rejections: list[Rejection],
+    console: Console,
+) -> int:
+    """Print and write what there is without a single label."""
+    print_left_out(console, rejections)
+    console.print("no recording has a label: recognition and prediction are not scored")
+    unread: list[Rejection | StreamFinding]
+    unread = [*rejections, *(StreamFinding(*one) for one in found.rejected)]
+    left_out = [*map(_as_json, unread)]
+    result = {"n_demonstrations": len(found.demonstrations), "tasks": [], "left_out": left_out}
+    return _write(args, result | mixture, _title(args.bags, None), console)
+
+
+def _write(args: argparse.Namespace, result: dict, title: str, console: Console) -> int:
+    """Write what was asked for."""
     output.write_json(args.json, result)
     if args.report:
         from intent_recognition.report import write_evaluation_report
 
         with busy(console, "writing the report"):
-            write_evaluation_report(args.report, result, _title(args.bags, test))
+            write_evaluation_report(args.report, result, title)
         say(console, f"wrote {args.report}")
-    return 0
-
-
-def _finish_unlabelled(
-    args: argparse.Namespace, mixture: dict, n: int, rejections: list, console: Console
-) -> int:
-    """Print and write what there is without a single label."""
-    print_left_out(console, rejections)
-    console.print("no recording has a label: recognition and prediction are not scored")
-    output.write_json(args.json, {"n_demonstrations": n, "tasks": [], **mixture})
     return 0
 
 

@@ -13,7 +13,7 @@ from intent_recognition.cli.console import say
 from intent_recognition.errors import BagError, first_of
 from intent_recognition.learning import TrainingReport
 from intent_recognition.model import Frames, FromBags, mixed_frames
-from intent_recognition.signals import Demonstration, Rejection, stream_doubts
+from intent_recognition.signals import Demonstration, Rejection, SpeedCorrelation, stream_doubts
 
 
 def print_left_out(
@@ -81,11 +81,15 @@ def _print_lines(console: Console, lines: Sequence[str]) -> None:
         say(console, text, "yellow")
 
 
-def with_found(report: TrainingReport, found: FromBags) -> TrainingReport:
+def with_found(
+    report: TrainingReport,
+    rejections: Sequence[Rejection],
+    correlations: Sequence[SpeedCorrelation],
+) -> TrainingReport:
     """A report that also names what could not be read, and what is doubtful."""
-    unread = [(r.path, f"{r.topic}: {r.reason}" if r.topic else r.reason) for r in found.rejections]
-    doubts = tuple(stream_doubts(found.correlations))
-    return report._replace(rejected=(*unread, *found.accumulated.rejected), doubts=doubts)
+    unread = [(r.path, f"{r.topic}: {r.reason}" if r.topic else r.reason) for r in rejections]
+    doubts = tuple(stream_doubts(correlations))
+    return report._replace(rejected=(*unread, *report.rejected), doubts=doubts)
 
 
 def print_found(console: Console, found: FromBags) -> None:

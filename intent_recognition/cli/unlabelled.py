@@ -11,7 +11,7 @@ from rich.console import Console
 from intent_recognition.cli.console import boxed_table, busy, progress_bar
 from intent_recognition.cli.options import add_options
 from intent_recognition.cli.recordings import provenance_of, read_all
-from intent_recognition.cli.rejections import print_dropped, print_left_out
+from intent_recognition.cli.rejections import print_dropped, print_left_out, with_found
 from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError
 from intent_recognition.learning import (
@@ -23,7 +23,7 @@ from intent_recognition.learning import (
     learn_components,
 )
 from intent_recognition.model import Model, merge_frames
-from intent_recognition.signals import Demonstration
+from intent_recognition.signals import Demonstration, correlate_speeds
 
 
 def add_unlabelled_options(parser: argparse.ArgumentParser) -> None:
@@ -81,7 +81,9 @@ def train_unlabelled(
     print_left_out(console, rejections)
     print_left_out(console, [f"{name}: {reason}" for name, reason in report.rejected])
     print_dropped(console, demonstrations)
-    return Model(report.library, dofs), report
+    report = report._replace(rejected=(*found.rejected, *report.rejected))
+    correlations = [*map(correlate_speeds, found.demonstrations)]
+    return Model(report.library, dofs), with_found(report, rejections, correlations)
 
 
 def find_components(

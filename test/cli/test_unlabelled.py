@@ -85,6 +85,28 @@ def test_the_number_of_components_may_be_given(run):
     assert "purity 0.500" in text
 
 
+@pytest.fixture
+def damaged(recorded, tmp_path):
+    """Recordings without labels, of which one cannot be read."""
+    folder = shutil.copytree(recorded / "nameless", tmp_path / "damaged")
+    (folder / "n_0" / "n_0_0.mcap").write_bytes(b"")
+    return folder
+
+
+def test_what_was_left_out_is_told_to_users_and_scripts(run, damaged, tmp_path):
+    written = tmp_path / "trained.json"
+    text, _ = run("train", damaged, "--unlabelled", "--components", 1, "--json", written)
+    (left_out,) = json.loads(written.read_text())["left_out"]
+    assert left_out["recording"] == str(damaged / "n_0")
+    assert text.count(f"left out {damaged / 'n_0'}") == 1
+    page = tmp_path / "page.html"
+    text, output = run("evaluate", damaged, "--unlabelled", "--components", 1, "--report", page)
+    (left_out,) = json.loads(output.read_text())["left_out"]
+    assert left_out["recording"] == "n_0"
+    assert text.count(f"left out {damaged / 'n_0'}") == 1
+    assert "Without labels" in page.read_text() and f"wrote {page}" in text
+
+
 def test_evaluation_of_recordings_without_a_single_label(run):
     text, output = run("evaluate", "nameless", "--unlabelled")
     result = json.loads(output.read_text())
