@@ -175,10 +175,10 @@ class ObjectTransfer(Node):
         self._task = message.data
 
     def _on_holding(self, message: Bool) -> None:  # what the gripper took, or let go, by itself
-        holds = self._machine.holding in HOLDS  # it may say so again and again
-        if message.data and not holds:
+        holding = self._machine.holding  # it may say so again and again, and while fingers close
+        if message.data and holding in (Holding.EMPTY, Holding.RECEIVING):
             self._machine.carry()
-        elif holds and not message.data:
+        elif holding in HOLDS and not message.data:
             self._machine.drop()
 
     def _on_trajectory(self, message: JointTrajectory) -> None:

@@ -159,6 +159,16 @@ def test_a_gripper_that_says_again_what_it_holds_changes_nothing(harness):
     assert cell.node._machine.holding is Holding.EMPTY
 
 
+@pytest.mark.parametrize("holding", [Holding.CLOSING, Holding.TAKING])
+def test_a_gripper_that_has_closed_ends_no_taking(harness, holding):
+    """The person pulls until the load has become steady."""
+    node = Cell(harness).node
+    node._machine.holding = holding
+    for holds in (False, True):
+        node._on_holding(Bool(data=holds))
+        assert node._machine.holding is holding
+
+
 @pytest.mark.parametrize("ahead", [(0,), (22, 26, 30)])  # of the joint states [ms]
 def test_nothing_is_released_while_the_tracked_hand_is_elsewhere(harness, ahead):
     cell = Cell(harness)
