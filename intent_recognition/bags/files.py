@@ -64,7 +64,8 @@ def _check_file(path: Path) -> None:
     is_table = kind_of(path) == GZ and path.with_suffix("").suffix not in KINDS.values()
     if is_table or (path.suffix != ".mcap" and kind_of(path) not in (*KINDS.values(), *PACKED)):
         give = "Give a bag: a folder with .mcap files, or one of them."
-        cure = cure_of(path, f"{give} docs/import.md lists the tables that can be made bags.")
+        other = "Save other tables as CSV or Parquet: docs/import.md lists what can be made bags."
+        cure = cure_of(path, f"{give} {other}")
         raise BagError.about(str(path), "a recording", "another kind of file", cure)
 
 

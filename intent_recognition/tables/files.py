@@ -74,7 +74,10 @@ def find_tables(source: Path) -> list[Path]:
         return found
     kinds = ", ".join([*TEXTS, *SUFFIXES])
     got = "nothing of that name" if not source.exists() else "none"
-    cure = "Check the path; unpack what is packed; save spreadsheets as CSV."
+    cure = (
+        "Check the path; unpack what is packed; save spreadsheets as CSV, pickles and Feather as"
+        " Parquet."
+    )
     raise BagError.about(str(source), f"{kinds} or a LeRobot data set", got, cure)
 
 

@@ -54,7 +54,8 @@ CLOCK = (
 ZONE = r"(?:\s*(?:Z|UTC|GMT|(?P<sign>[+-])(?P<off_hours>\d\d):?(?P<off_minutes>\d\d)?))?"
 DATES = (
     re.compile(
-        r"(?P<first>\d{1,4})(?P<between>[-/.])(?P<middle>\d{1,2})(?P=between)(?P<last>\d{1,4})"
+        r"(?P<first>\d{1,4})(?P<between>[-/.])(?P<middle>\d{1,2}|[a-z]{3})(?P=between)"
+        r"(?P<last>\d{1,4})"
         rf"(?:T|,?\s+){CLOCK}{ZONE}",
         re.IGNORECASE,
     ),
@@ -65,14 +66,20 @@ DATES = (
     ),
 )
 """Dates and times: 2024-01-31T10:00:00.5+01:00, 31.01.2024 10:00:00,5, 1/31/2024 10:00:00.5 AM,
-20240131T100000.5."""
+20240131T100000.5, 31-Jan-2024 10:00:00.5."""
+MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 TIME_OF_DAY = re.compile(
+    r"(?:(?P<days>\d+) days? )?"
     r"(?:(?P<hours>\d+):(?P<minutes>\d{1,2}):(?P<seconds>\d{1,2}(?:[.,]\d+|:\d{3,})?)"
     r"|(?P<short>\d{1,2}):(?P<rest>\d\d[.,]\d+))(?:\s*(?P<half>[ap])\.?m\.?)?",
     re.IGNORECASE,
 )
-"""A time of day, or minutes and seconds with decimals, as spreadsheets show them. What follows a
-third colon is milliseconds, or frames, whose rate is not said."""
+"""A time of day, also after days as pandas writes it, or minutes and seconds with decimals, as
+spreadsheets show them. What follows a third colon is milliseconds, or frames, whose rate is not
+said."""
+WITH_UNIT = re.compile(r"(?P<count>.+) (?P<unit>sec|min|hr)")
+"""A duration of MATLAB."""
+PER_WORD = {"sec": NANOSECONDS, "min": 60 * NANOSECONDS, "hr": HOUR_NS}
 
 
 class Stamps(NamedTuple):
@@ -208,10 +215,12 @@ def _date_ns(date: re.Match[str], day_first: bool) -> int:
         ValueError: there is no such day.
     """
     said = {"between": "", "half": "", **date.groupdict()}
-    first, middle, last = (int(said[key]) for key in ("first", "middle", "last"))
+    is_named = said["middle"].isalpha()
+    middle = 1 + MONTHS.index(said["middle"].lower()) if is_named else int(said["middle"])
+    first, last = int(said["first"]), int(said["last"])
     if len(said["first"]) == 4:
         year, month, day = first, middle, last
-    elif said["between"] == "." or day_first:
+    elif said["between"] == "." or day_first or is_named:
         year, month, day = last, middle, first
     else:
         year, month, day = last, first, middle
@@ -238,7 +247,10 @@ def _nanoseconds(text: str, per: int) -> int:
         hours = _of_day(int(day["hours"] or 0), day["half"])
         minutes, rest = day["minutes"] or day["short"], day["seconds"] or day["rest"]
         seconds = Decimal(re.sub("[,:]", ".", rest))
+        hours += 24 * int(day["days"] or 0)
         text, per = str(3600 * hours + 60 * int(minutes) + seconds), NANOSECONDS
+    elif said := WITH_UNIT.fullmatch(text):
+        text, per = said["count"], PER_WORD[said["unit"]]
     count = Decimal(with_point(text)) * per
     if not abs(count) < 10**30:
         raise OverflowError

@@ -59,11 +59,15 @@ PLAIN = {
             "%I:%M:%S.{} %p",
             "%M:%S.{}",
             "%H:%M:%S:{}",
+            "%d-%b-%Y %H:%M:%S.{}",
+            "1 day %H:%M:%S.{}",
         )
     },
     "dates over the midnight after which the day must come first": plain(
         scale=10.0, at=lambda t: dated(t, "%d/%m/%Y %H:%M:%S.{}", datetime(2024, 1, 12, 23, 59, 59))
     ),
+    "times in sec": plain(scale=10.0, at="{} sec".format),
+    "times in min": plain(scale=10.0, at=lambda t: f"{t / 60:.12g} min"),
     "dates with decimal commas": plain(
         scale=10.0, separator=";", at=lambda t: f"2024-01-31 {day_time(t)}"
     ).replace(".", ","),
@@ -177,12 +181,6 @@ def test_the_unit_of_times_is_that_of_the_header(head, per_s, column, tmp_path):
     check_wrist(imported_csv(tmp_path, content, time={"column": column}, **options), times_atol=1)
     wrong = {"column": column, "unit": "s" if per_s > 1.0 else "ms"}  # the map's is taken first
     assert imported_csv(tmp_path, content, time=wrong, **options)[0] is None
-
-
-def test_the_unit_of_the_header_is_suggested_where_another_were_usual(tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_text(plain(head="time_ms,x,y,z", at=lambda t: f"{1e5 * t:.6g}"))  # 1 Hz
-    assert "time: {column: time_ms, unit: ms}  # 1 Hz then" in suggest_map(path)
 
 
 @pytest.mark.parametrize("form", ['"({}, {}, {})"', "[{} {} {}]", "[ {}  {}  {}]"])

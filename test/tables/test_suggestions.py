@@ -90,6 +90,12 @@ def test_what_goes_on_evenly_is_no_time_as_a_place_or_beside_a_time_in_words(hea
     assert "# time: {rate: 100}" in suggest_map(tmp_path / "a.csv")
 
 
+def test_the_unit_of_the_header_is_suggested_where_another_were_usual(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(plain(head="time_ms,x,y,z", at=lambda t: f"{1e5 * t:.6g}"))  # 1 Hz
+    assert "time: {column: time_ms, unit: ms}  # 1 Hz then" in suggest_map(path)
+
+
 def test_columns_of_a_body_may_have_units_of_their_own(tmp_path):
     def row(k):
         x, y, z = PLACE[k]
@@ -109,8 +115,10 @@ def test_a_map_is_suggested_of_bags(tmp_path):
     assert content["observed"][0]["topic"] == "/mocap/wrist/pose"
     assert len(content["controlled"][0]["joints"]) == 7
     (tmp_path / "give_00.bag").unlink()
-    with pytest.raises(BagError):
-        suggest_map(tmp_path)
+    (tmp_path / "a.pkl").write_bytes(b"\x80\x04.")
+    for path in (tmp_path, tmp_path / "a.pkl"):
+        with pytest.raises(BagError, match="as CSV"):
+            suggest_map(path)
 
 
 @pytest.mark.parametrize("kind", [kind for kind in PLACES if kind != POSE])
