@@ -114,7 +114,7 @@ def test_arrays_of_a_movement_are_taken_in_any_turn(libraries):
 
 @pytest.mark.slow
 def test_evaluations_do_not_see_turns():
-    plain, wrapped = (evaluate(demonstrations(w), "kfold:2", SETTINGS) for w in (False, True))
+    plain, wrapped = (evaluate(demonstrations(w), "kfold:3", SETTINGS) for w in (False, True))
     for kind in ("recognition", "prediction"):
         for phase, rows in plain[kind].items():
             for share, row in rows.items():
