@@ -8,6 +8,9 @@ it has a lag or borrows from the other tasks, how strong it is, and how independ
 The coupling of the residuals is learned beside each (`learning.coupling`). The score of a candidate
 is in nats: the log loss of the task, plus that of the controlled agent's Q DOFs
 under a normal error whose variance is fitted after each share seen, Q / 2 log(mean squared error).
+Slopes from demonstrations alone (`promp.ridge`) that are freer must be better by more than the
+standard error over the demonstrations, to first order in each one's part of the score; not so where
+whole people are left out, whose demonstrations go together.
 """
 
 from collections.abc import Mapping, Sequence
@@ -88,18 +91,26 @@ def choose(
         library, tasks = candidates[one.pace]
         scaled = replace(library, noise_scale=one.noise_scale)
         losses, errors = validate(scaled, left_out(one), tasks)
-        log_loss, power = float(losses[-1].mean()), expected_power(losses)
-        log_error, error = np.log(np.maximum(errors, LEAST_ERROR)).mean(), float(errors.mean())
-        score = log_loss + 0.5 * library.n_controlled * float(log_error)
+        mean = errors.mean(axis=1, keepdims=True)
+        usual = np.maximum(mean, LEAST_ERROR)
+        log_errors = np.mean(np.log(usual) + (errors - mean) / usual, axis=0)
+        parts[one] = losses[-1] + 0.5 * library.n_controlled * log_errors
+        log_loss, error, score = (float(x.mean()) for x in (losses[-1], mean, parts[one]))
+        power = expected_power(losses)
         return one._replace(task_evidence=power, log_loss=log_loss, error=error, score=score)
 
     def best_with(*more: Hyperparameters) -> Hyperparameters:
         tried.update((one, scored(one)) for one in more if one not in tried)
         return min(tried, key=lambda one: round(tried[one].score, 9))  # whatever rounding adds
 
+    def clearly_better(one: Hyperparameters, other: Hyperparameters) -> bool:
+        gained = parts[other] - parts[one]
+        return bool(gained.mean() > gained.std() / np.sqrt(len(gained)))
+
     if not all(left_out(Hyperparameters(pace)) for pace in candidates):
         return Choice(Hyperparameters(), None, (Hyperparameters(),))
     tried: dict[Hyperparameters, Hyperparameters] = {}
+    parts: dict[Hyperparameters, Floats] = {}
     first = Hyperparameters(next(iter(candidates)))
     lags = _lags(*candidates[first.pace])
     lag = best_with(first, *(first._replace(lag=lag) for lag in lags)).lag
@@ -107,9 +118,14 @@ def choose(
     best = best_with(*(Hyperparameters(pace, scale, lag=one) for pace, one, scale in grid))
     best = best_with(best._replace(borrowed=0.0))
     best = best_with(*(best._replace(independent=part) for part in INDEPENDENT[1:]))
-    if compares_people([[one.group for one in task.examples] for task in recorded.values()]):
-        best = best_with(*(best._replace(ridge=one) for one in RIDGES))
+    of_people = compares_people([[e.group for e in task.examples] for task in recorded.values()])
+    if of_people:
+        best = best_with(*(best._replace(ridge=one) for one in RIDGES[:2]))
     best = best_with(*(best._replace(strength=other) for other in REGRESSION_STRENGTHS[1:]))
+    for ridge in () if of_people else RIDGES:  # the strength has no part in such slopes
+        freer = best._replace(ridge=ridge, strength=REGRESSION_STRENGTHS[0])
+        best_with(freer)
+        best = freer if clearly_better(freer, best) else best
     library = replace(candidates[best.pace][0], noise_scale=best.noise_scale)
     at_once, of_best = _at_once(library, N_DURATIONS), left_out(best)
     variance = _variance(library, of_best)
@@ -151,7 +167,7 @@ def validate(
     """Log losses of the task and relative errors of the controlled agent, the duration known.
 
     The losses (A, n) are those under each of the powers of the evidence; the errors are those after
-    each of `FRACTIONS` which the coupling of the residuals leaves, (f,).
+    each of `FRACTIONS` which the coupling of the residuals leaves, (f, n).
     """
     variance = _variance(library, left_out)
     most = _at_once(library, 1 + _most_rivals(left_out))
@@ -168,7 +184,7 @@ def validate(
         np.concatenate(controlled, axis=1),
     )
     _, left = learn_coupling(residuals, variance, library.durations_s)
-    return np.concatenate(loss, axis=1), np.mean(left / variance, axis=(1, 2))
+    return np.concatenate(loss, axis=1), np.mean(left / variance, axis=2)
 
 
 def _follow(
