@@ -103,14 +103,17 @@ class IdentityInput:
         if not usable or frame not in settings.frames:
             self._send(self._who.get(label) or label, body, measured)  # to be refused
             return
-        if self._newest_ns and abs(stamp_ns - self._newest_ns) > 1_000_000_000:
-            goes_on = 0 < stamp_ns - self._doubtful_ns <= 1_000_000_000
+        since_ns, off_ns = stamp_ns - self._doubtful_ns, abs(stamp_ns - self._newest_ns)
+        goes_on = self._doubtful_ns and 1_000_000 <= since_ns <= off_ns
+        if self._newest_ns and off_ns > 1_000_000_000:
             self._doubtful_ns = stamp_ns
-            if not goes_on:  # a single frame that is stamped so is wrong
+            if not goes_on:  # a single frame may be stamped wrong
                 self._diagnostics.count("stamp_jumped")
                 return
             if stamp_ns < self._newest_ns:  # a clock was set back
                 self.forget()
+        elif since_ns:
+            self._doubtful_ns = 0
         self._newest_ns = max(self._newest_ns, stamp_ns)
         if body == self._body:
             self._expected.add(label)

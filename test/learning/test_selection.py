@@ -336,7 +336,7 @@ def test_a_regression_borrows_from_tasks_in_which_the_robot_follows_alike(ways, 
     data = accumulate(recordings_of(rng, hands, robots), SETTINGS)
     chosen, _, tried = choose_hyperparameters(data.tasks, data.preprocessing)
     assert chosen.borrowed == borrowed
-    assert chosen.score == min(one.score for one in tried)
+    assert chosen.score == min(one.score for one in tried if not one.ridge)
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.12])

@@ -137,6 +137,8 @@ def test_a_frame_that_is_stamped_wrong_changes_nobody_and_a_clock_may_go_back():
     for k in range(1, 4):
         seen = show(T0 // 2 + k * STEP_NS, exchanged)
     assert seen == "ben"
+    slow = [show(T0 + k * 1_100_000_000, exchanged) for k in range(20)]
+    assert all(slow[2:])  # less than one frame a second
 
 
 def test_the_arm_hears_each_on_topics_of_their_own_and_says_whom_it_helps(harness):
