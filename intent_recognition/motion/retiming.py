@@ -119,7 +119,7 @@ def largest_rate(limits: SpeedLimits, phase: float) -> float:
 
 
 def shortest_s(limits: SpeedLimits, phase: float) -> float:
-    """Time that the limits leave no way to undercut from a phase to the end [s]."""
+    """Least time that the limits allow from a phase to the end [s]."""
     grid = np.linspace(0.0, 1.0, N_GRID + 1)
     rate = np.sqrt(limits.cap)
     with np.errstate(divide="ignore"):

@@ -88,7 +88,7 @@ class ObjectTransfer(Node):
         when_clock_goes_back(self, self._start_over)
 
     def _start_over(self) -> None:
-        self._until_ns, self._wrench = 0, None
+        self._until_ns, self._executes, self._wrench = 0, False, None
         for seen in self._people.values():
             seen.clear()
 
