@@ -14,9 +14,10 @@ first where nothing can be left out (docs/decisions/covariance_target.md)."""
 INDEPENDENT = (0.0, 0.01)
 """Independent parts of these weights' variance that are tried
 (docs/decisions/covariance_target.md)."""
-RIDGES = (1e-2, 1e-3, 1e-4)
+RIDGES = (1e-3, 1e-2, 1e-4)
 """Variances of an observed weight that are taken to be chance in ridge regression, in parts of the
-square of its DOF's range, ever freer (docs/decisions/covariance_target.md)."""
+square of its DOF's range; the last not where whole people are left out
+(docs/decisions/covariance_target.md)."""
 EXPONENTS = (0.2, 0.5, 1.0)
 """Exponents of the evidence of a duration that are tried, the default first
 (docs/decisions/one_filter.md)."""

@@ -8,9 +8,9 @@ it has a lag or borrows from the other tasks, how strong it is, and how independ
 The coupling of the residuals is learned beside each (`learning.coupling`). The score of a candidate
 is in nats: the log loss of the task, plus that of the controlled agent's Q DOFs
 under a normal error whose variance is fitted after each share seen, Q / 2 log(mean squared error).
-Slopes from demonstrations alone (`promp.ridge`) that are freer must be better by more than the
-standard error over the demonstrations, to first order in each one's part of the score; not so where
-whole people are left out, whose demonstrations go together.
+Slopes from demonstrations alone (`promp.ridge`) must be better by more than the standard error over
+the demonstrations, to first order in each one's part of the score; not so where whole people are
+left out, whose demonstrations go together.
 """
 
 from collections.abc import Mapping, Sequence
@@ -103,10 +103,6 @@ def choose(
         tried.update((one, scored(one)) for one in more if one not in tried)
         return min(tried, key=lambda one: round(tried[one].score, 9))  # whatever rounding adds
 
-    def clearly_better(one: Hyperparameters, other: Hyperparameters) -> bool:
-        gained = parts[other] - parts[one]
-        return bool(gained.mean() > gained.std() / np.sqrt(len(gained)))
-
     if not all(left_out(Hyperparameters(pace)) for pace in candidates):
         return Choice(Hyperparameters(), None, (Hyperparameters(),))
     tried: dict[Hyperparameters, Hyperparameters] = {}
@@ -123,9 +119,13 @@ def choose(
         best = best_with(*(best._replace(ridge=one) for one in RIDGES[:2]))
     best = best_with(*(best._replace(strength=other) for other in REGRESSION_STRENGTHS[1:]))
     for ridge in () if of_people else RIDGES:  # the strength has no part in such slopes
-        freer = best._replace(ridge=ridge, strength=REGRESSION_STRENGTHS[0])
-        best_with(freer)
-        best = freer if clearly_better(freer, best) else best
+        alone = best._replace(ridge=ridge, strength=REGRESSION_STRENGTHS[0])
+        best_with(alone)
+        gained = parts[best] - parts[alone]
+        if gained.mean() > gained.std() / np.sqrt(len(gained)):
+            best = alone
+        elif not best.ridge and gained.mean() <= 0.0:  # nor will others be better
+            break
     library = replace(candidates[best.pace][0], noise_scale=best.noise_scale)
     at_once, of_best = _at_once(library, N_DURATIONS), left_out(best)
     variance = _variance(library, of_best)
