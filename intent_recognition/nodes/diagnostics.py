@@ -29,7 +29,7 @@ MODEL = "model"
 """Key under which the estimator says which model file it has loaded."""
 
 PATIENCE_S = 3.0
-"""Without /clock or usable input for so long [s], a node warns. Convention."""
+"""Without /clock or input for so long [s], a node warns. Convention."""
 
 UNANSWERED = "not waited for"
 """Key under which a simulation names the nodes that its clock went on without."""
@@ -72,8 +72,8 @@ class Diagnostics:
     `rejected <reason>` (total), `latency p50|p95|p99 [ms]` (over the last 2000 samples),
     `publishers <stream>`, `lifecycle` of a lifecycle node, and what the node set with `value`.
     Publishing runs on a steady clock, so it continues while simulated time stands still.
-    A status warns of what is missing for `PATIENCE_S`: /clock, messages of a stream that the node
-    needs, or any that is not rejected.
+    A status warns of what is missing for `PATIENCE_S`: /clock, or messages of a stream that the
+    node needs while simulated time, if it has that, goes on.
 
     A lifecycle node reports in every state. Tests pass a clock of their own [s].
     """
@@ -93,9 +93,8 @@ class Diagnostics:
         self._values: dict[str, str] = {}
         self._watched: list[tuple[Subscription, str]] = []
         self._needed: set[str] = set()
-        self._stream = ""  # whose message is in hand
-        self._refusals: dict[str, Counter[str]] = {}
-        self._useless_since_s: dict[str, float] = {}
+        self._simulated_ns: int | None = None  # at the last report
+        self._stood_s = self._start_s  # when simulated time was last seen to stand still
         self._wrong_types: set[tuple[int, ...]] = set()
         self._logged_s: dict[str, float] = {}
         self._level = bytes([Level.OK])
@@ -112,7 +111,6 @@ class Diagnostics:
     def reject(self, reason: str, text: str) -> None:
         """Count a rejected input and log it, at most once a second for each reason."""
         self.count(reason)
-        self._refusals.setdefault(self._stream, Counter())[reason] += 1
         now_s = self._clock()
         if now_s - self._logged_s.get(reason, -np.inf) >= 1.0:
             self._logged_s[reason] = now_s
@@ -148,14 +146,13 @@ class Diagnostics:
         return subscription
 
     def tick(self, stream: str) -> None:
-        """Note one message of `stream`, for its measured rate; what is rejected next is of it."""
-        self._stream = stream
+        """Note one message of `stream`, for its measured rate."""
         self._totals[stream] += 1
         self._in_period[stream] += 1
         self._heard_s[stream] = self._clock()
 
     def silent_s(self, stream: str) -> float:
-        """Real time since the last message of `stream`, or since it is watched or the start [s]."""
+        """Real time since `stream` was heard, or else since its watch or the node began [s]."""
         return self._clock() - self._heard_s.get(stream, self._start_s)
 
     @property
@@ -182,9 +179,9 @@ class Diagnostics:
     def watch(self, subscription: Subscription, stream: str, *, needed: bool = False) -> None:
         """Report how many publishers a subscription has, as `publishers <stream>`.
 
-        The status warns while one that is `needed`, and has a name like its topic, is silent.
-        Publishers of another message type, whose messages never arrive, are rejected once each as
-        `wrong_type`.
+        The status warns while one that is `needed`, whose stream is named after its topic, is
+        silent. Publishers of another message type, whose messages never arrive, are rejected once
+        each as `wrong_type`.
 
         They are counted at each report: the EventsExecutor of rclpy 7.1 loses a message of a
         subscription whose `matched` event is listened to. Of the stream nothing has come yet: that
@@ -236,7 +233,6 @@ class Diagnostics:
         elif missing:
             message += f"; {missing}"
         self._in_period.clear()
-        self._refusals.clear()
         self._period_start_s = now_s
         return DiagnosticStatus(
             level=level,
@@ -248,23 +244,17 @@ class Diagnostics:
 
     def _missing(self, now_s: float) -> str:
         """What the node needs and has not had for a while; empty: nothing."""
-        if simulated_ns(self._node) == 0 and now_s - self._start_s > PATIENCE_S:
+        before_ns, self._simulated_ns = self._simulated_ns, simulated_ns(self._node)
+        if self._simulated_ns is not None and self._simulated_ns == before_ns:
+            self._stood_s = now_s
+        if self._simulated_ns == 0 and now_s - self._start_s > PATIENCE_S:
             return (
-                "use_sim_time, and no /clock: start lwr_sim with publish_clock, or bag_player with"
-                " clock, or unset it"
+                "waiting for /clock: let one lwr_sim (publish_clock) or bag_player (clock) publish"
+                " it, or unset use_sim_time"
             )
         found = []
-        for stream, n in list(self._in_period.items()):  # another thread may count
-            reasons = self._refusals.get(stream, Counter())
-            if reasons.total() < n:
-                self._useless_since_s.pop(stream, None)
-                continue
-            since_s = self._useless_since_s.setdefault(stream, self._period_start_s)
-            if now_s - since_s > PATIENCE_S:
-                ((reason, _),) = reasons.most_common(1)
-                found.append(f"all of {stream} is rejected, mostly as {reason}")
         for subscription, stream in self._watched:
-            silent_s = self.silent_s(stream)
+            silent_s = min(self.silent_s(stream), now_s - self._stood_s)
             if stream in self._needed and silent_s > PATIENCE_S:
                 n = subscription.get_publisher_count()
                 found.append(f"nothing on {stream} for {silent_s:.0f} s ({n} publishers)")

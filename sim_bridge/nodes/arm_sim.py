@@ -221,7 +221,6 @@ class ArmSim(Node):
     def _report(self) -> None:
         pacer, values = self.clock.pacer, self.diagnostics.value
         if not pacer.begun:
-            self.diagnostics.status(Level.WARN, "waiting for /clock")
             return
         achieved = pacer.achieved_factor(self.clock.now_s(), self.arm.n_steps)
         values("real time factor", f"{achieved:.3f}")
