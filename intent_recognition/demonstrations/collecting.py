@@ -68,7 +68,7 @@ def collect(
                 f"no {', '.join(entry.fields)}: the topic has {', '.join(sorted(has)) or 'none'}"
             )
             damage = Rejection(str(reader.path), f"/{entry.topic}", 0, reason)
-        bodies = {getattr(message.message, "child_frame_id", "") for message in about}
+        bodies = {getattr(message.message, "child_frame_id", "") for message in about} - {""}
         if len(bodies) > 1:
             reason = f"several bodies on one topic: child_frame_id is {', '.join(sorted(bodies))}"
             cure = "Publish each on a topic of its own, or read them from tf."

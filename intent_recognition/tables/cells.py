@@ -28,6 +28,8 @@ THOUSANDS = re.compile(
 """A number whose thousands are separated by something else than its decimals."""
 MAYBE_THOUSANDS = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}([.,])\d{3}(?:\1\d{3})*")
 """A number that may have thousands, or decimals."""
+MARK = re.compile(r"[.,](?=\d)")
+"""A mark of thousands, or of decimals."""
 LONGEST_CELL = 60
 """Characters of a cell that a message repeats. Convention."""
 
@@ -45,19 +47,19 @@ def numbers(values: Values, source: Path, name: str) -> Floats:
             cure = "Name a column of numbers in the map; leave empty what was not measured."
             got = f"{text[:LONGEST_CELL]!r} in row {row + 1}"
             raise BagError.about(f"{source}: {name}", "numbers", got, cure) from error
-    _check_commas(cells, source, name)
+    _check_marks(cells, source, name)
     return found
 
 
 def without_thousands(cells: Sequence[str]) -> Sequence[str]:
-    """Cells of a column; of `1,000` beside `999.5` or `1,000.5` without the mark of thousands.
+    """Cells of a column; of `1,000` beside `1,000.5` or `1,000,000` without the mark of thousands.
 
-    So are those of `1.000` beside `999,5`.
+    So are those of `1.000` beside `1.000,5`.
     """
     if not any("," in text for text in cells):
         return cells
     marks = set(map(_decimal_mark, cells)) - {""}
-    if len(marks) != 1:
+    if len(marks) != 1 or all(len(MARK.findall(text)) < 2 for text in cells):
         return cells
     of_thousands = "," if marks == {"."} else "."
     return [
@@ -68,24 +70,24 @@ def without_thousands(cells: Sequence[str]) -> Sequence[str]:
 
 def _decimal_mark(text: str) -> str:
     """What decimals are certainly behind, in a column that has such a number; "" of any other."""
-    marks = re.findall(r"[.,](?=\d)", text)
+    marks = MARK.findall(text)
     if len(marks) > 1 and len(set(marks)) == 1:  # several thousands
         return "," if marks[0] == "." else "."
     return marks[-1] if marks and not MAYBE_THOUSANDS.fullmatch(text) else ""
 
 
-def _check_commas(cells: Sequence[str], source: Path, name: str) -> None:
-    """Refuse a column whose commas may separate thousands."""
-    commas = [text for text in cells if "," in text]
-    if not commas or not all(MAYBE_THOUSANDS.fullmatch(text) for text in commas):
-        return
-    others = [text for text in cells if "," not in text and text.lower() not in MISSING]
-    if others and all(
-        text.lstrip("+-").isdigit() or MAYBE_THOUSANDS.fullmatch(text) for text in others
-    ):
-        got = f"{commas[0]!r} beside {others[0]!r}: thousands?"
-        cure = "Save it without separators of thousands."
-        raise BagError.about(f"{source}: {name}", "decimal commas", got, cure)
+def _check_marks(cells: Sequence[str], source: Path, name: str) -> None:
+    """Refuse a column whose commas, or points beside commas, may separate thousands."""
+    known = [text for text in cells if text.lower() not in MISSING]
+    commas = [text for text in known if "," in text]
+    others = [text for text in known if "," not in text]
+    points = [text for text in others if "." in text]
+    decimals = [text for text in commas if "." not in text]
+    for doubtful, beside in ((commas, others), (points, decimals)):
+        if doubtful and beside and all(map(MAYBE_THOUSANDS.fullmatch, doubtful)):
+            got = f"{doubtful[0]!r} beside {beside[0]!r}: thousands?"
+            cure = "Save it without separators of thousands."
+            raise BagError.about(f"{source}: {name}", "one decimal mark", got, cure)
 
 
 def with_point(text: str) -> str:

@@ -106,8 +106,11 @@ def _rows(numbers: Sequence[object]) -> Integers:
     found = [re.search(r"(\d+)(?:\.\D\w*)?$", text_of(number)) for number in numbers]
     rows = [int(match[1]) for match in found if match]
     least = min(rows, default=0)
-    is_sound = len(set(rows)) == len(numbers) and max(rows) - least < SPARSE * len(rows)
-    return np.array([row - least for row in rows]) if is_sound else np.arange(len(numbers))
+    if len(set(rows)) < len(numbers) or max(rows) - least >= SPARSE * len(rows):
+        return np.arange(len(numbers))
+    found_rows = np.array([row - least for row in rows])
+    steps = np.bincount(np.diff(np.sort(found_rows)), minlength=2)
+    return found_rows if steps.argmax() == 1 else np.arange(len(numbers))  # else stamps, or ids
 
 
 def _of_openpose(source: Path, contents: Sequence[tuple[Path, Any]], rows: Integers) -> Table:
@@ -185,7 +188,8 @@ def open_landmarks(path: Path) -> Table:
 def _is_of_image(frames: Sequence[Points]) -> bool:
     """Whether landmarks are MediaPipe's in the image: those in metres are on all sides of zero."""
     seen = [point for frame in frames for point in frame.values()]
-    are_known = {frozenset(frame) for frame in frames} <= {frozenset(POSE_33), frozenset(HAND_21)}
+    names = {frozenset(frame) for frame in frames if frame}
+    are_known = names <= {frozenset(POSE_33), frozenset(HAND_21)}
     return are_known and all(min(point[:2]) >= 0.0 for point in seen)
 
 
@@ -256,8 +260,10 @@ def _columns(frames: Sequence[Points], rows: Integers) -> dict[str, NDArray[Any]
     for row, frame in zip(rows.tolist(), frames, strict=True):
         for name, point in frame.items():
             for axis, value in zip("xyz", point, strict=False):
-                column = columns.setdefault(f"{name}.{axis}", np.full(count, np.nan))
-                column[row] = value
+                key = f"{name}.{axis}"
+                if key not in columns:
+                    columns[key] = np.full(count, np.nan)
+                columns[key][row] = value
     return columns
 
 

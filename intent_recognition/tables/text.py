@@ -10,6 +10,7 @@ import csv
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from itertools import islice
 from pathlib import Path
 
@@ -87,6 +88,7 @@ def open_text(path: Path, skip_rows: int) -> Table:
                 column.append(row[place])
         return [np.array(column, object) for column in cells]
 
+    @cache
     def counts() -> Floats:
         return np.array([number for number, _ in rows(0)], np.float64)
 
@@ -102,10 +104,10 @@ def _below(
     """Numbers and cells of the rows below a header, up to the column `last` at least.
 
     Rows at which nothing was measured are counted and left out; blank lines and comments are no
-    rows. Cells that are missing at the end of a row are empty; of the last row, writing stopped
-    there.
+    rows. Cells that are missing at the end of a row are empty, unless short rows after one another
+    may be one that is broken over several lines; of the last row, writing stopped there.
     """
-    width, number, short = len(header.names), -1, None
+    width, number, short, together = len(header.names), -1, None, 0
     for row in rows:
         is_blank = not any(cell.strip() for cell in row)
         if is_blank and header.ends_blank and number >= 0:
@@ -113,10 +115,11 @@ def _below(
         if (is_blank and len(row) < 2) or (len(row) != width and row[0].startswith(COMMENTS)):
             continue
         if short is not None:
-            if len(short) == 1:
+            if len(short) == 1 or together == width:
                 cure = "Correct or remove the row, or begin it with # as a comment."
-                raise unusable(path, f"{width} cells", f"1 in row {number + 1}", cure)
+                raise unusable(path, f"{width} cells", f"{len(short)} in row {number + 1}", cure)
             yield number, [*short, *[""] * (last + 1 - len(short))]
+        together = 0 if short is None else together
         number, short = number + 1, None
         if is_blank:
             continue
@@ -126,7 +129,7 @@ def _below(
         if len(row) > last:
             yield number, row
         else:
-            short = row
+            short, together = row, together + len(row) - (not row[-1])
 
 
 def _are_names(row: Sequence[str], names: Sequence[str]) -> bool:

@@ -14,16 +14,20 @@ from intent_recognition.tables.cells import numbers
 @pytest.mark.parametrize(
     ("cells", "expected"),
     [
-        ("999.5 1,000", [999.5, 1000.0]),
         ("999.5 1,000 1,000.5", [999.5, 1000.0, 1000.5]),
         ("999,5 1.000 -1.000,5 1.000.000", [999.5, 1000.0, -1000.5, 1e6]),
+        ("205.000 1,205.000", [205.0, 1205.0]),
+        ("205,000 1.205,000 1.000", [205.0, 1205.0, 1000.0]),
         ("999 1,000 1,000,000", [999.0, 1000.0, 1e6]),
         ("0,5 1,000", [0.5, 1.0]),
         ("0,5 1,000 0.25", [0.5, 1.0, 0.25]),
+        ("1.234 2.345 999", [1.234, 2.345, 999.0]),
         ("1,000 1,125 1.#IND", [1.0, 1.125, np.nan]),
         ("1.5 ?", "got '?' in row 2. Name a column of numbers in the map; leave empty what"),
         ("1,000 999", "'1,000' beside '999': thousands?"),
         ("1,000 999.125", "'1,000' beside '999.125': thousands?"),
+        ("999.5 1,000", "'1,000' beside '999.5': thousands?"),
+        ("1.234 2.345 3,5", "one decimal mark, got '1.234' beside '3,5': thousands?"),
     ],
 )
 def test_the_cells_of_a_column_say_what_a_mark_means(cells, expected):

@@ -120,6 +120,7 @@ NUMBERED = {
         lambda k, place: {"frame_id": k, "people": [{"pose_keypoints_3d": [*place, 0.9] * 25}]}
     ),
     "by their names": dict(numbered(lambda k, _: (f"frame_{k}", landmarks(k)))),
+    "empty ones": [[] if 60 <= k < 80 else landmarks(k) for k in range(ROWS)],
 }
 
 
@@ -130,7 +131,7 @@ def test_frames_that_are_left_out_take_their_time(kind, tmp_path):
     columns = [f"{wrist}.{axes[k % len(axes)]}" for k in range(3)]
     options = {"time": {"rate": 100}}
     samples, said = imported(tmp_path, "a.json", json.dumps(NUMBERED[kind]), columns, **options)
-    assert ("places in the image" in said) == (kind in ("of COCO", "by their names"))
+    assert ("places in the image" in said) == (kind in ("of COCO", "by their names", "empty ones"))
     seen = np.isfinite(samples.values).all(axis=1)
     expected = PLACE[SEEN] / 1000
     np.testing.assert_allclose(samples.values[seen, : len(axes)], expected[:, : len(axes)])
@@ -138,8 +139,15 @@ def test_frames_that_are_left_out_take_their_time(kind, tmp_path):
     np.testing.assert_array_equal(stamps - stamps[0], np.array(SEEN) * 10**7)
 
 
-def test_numbers_of_images_of_a_collection_are_no_time(tmp_path):
-    ids = [397133, 37777, 252219]
+@pytest.mark.parametrize(
+    "ids",
+    [
+        [397133, 37777, 252219],
+        [1700000000000 + 33 * k for k in range(3)],
+        [f"{1700000000000 + 33 * k}.jpg" for k in range(3)],
+    ],
+)
+def test_numbers_of_images_of_a_collection_and_stamps_are_no_rows(ids, tmp_path):
     results = [{"image_id": k, "keypoints": [1.0, 2.0, 0.9] * 17} for k in ids]
     (tmp_path / "a.json").write_text(json.dumps(results))
     assert open_table(tmp_path / "a.json").columns(["nose.x"])["nose.x"].tolist() == [1.0] * 3

@@ -68,6 +68,7 @@ PLAIN = {
     ),
     "times in sec": plain(scale=10.0, at="{} sec".format),
     "times in min": plain(scale=10.0, at=lambda t: f"{t / 60:.12g} min"),
+    "a comma": plain("{:.6f}", 10.0, ";", at=lambda t: f"{1 + t:.3f}".replace("1.500", "1,5")),
     "dates with decimal commas": plain(
         scale=10.0, separator=";", at=lambda t: f"2024-01-31 {day_time(t)}"
     ).replace(".", ","),
@@ -93,7 +94,7 @@ def test_rows_at_which_nothing_was_measured_take_their_time(name, tmp_path):
 
 
 def test_cells_that_are_missing_at_the_end_of_a_row_were_not_measured(tmp_path):
-    rows = table("t,x,y,z", lambda k: [f"{TIMES_S[k]}", *cells(k)[: 1 if 60 <= k < 80 else 3]])
+    rows = table("t,x,y,z,in", lambda k: [f"{TIMES_S[k]}", *cells(k)[: 1 if 60 <= k < 80 else 3]])
     expected = np.where((np.arange(ROWS) // 20 == 3)[:, None] & [False, True, True], np.nan, PLACE)
     check_wrist(imported_csv(tmp_path, rows, unit="mm"), expected / 1000)
 
@@ -222,6 +223,7 @@ REFUSED = {
         "stands in every column of 20 rows",
     ),
     "a line of names within": (plain() + plain(), "its names again in row 201"),
+    "a row on two lines": (plain().replace("0,20.5", "0\n20.5", 1), "4 cells, got 2 in row 2"),
     "a title between rows": (plain() + "part 2\n" + plain(), "got 1 in row 201"),
     "row numbers without a name": (
         table("t,x,y,z", lambda k: [f"{k + 1}", f"{TIMES_S[k]}", *cells(k)]),
