@@ -111,13 +111,21 @@ class Motions:
             self._counts[how] += found.how == how
         return self._send_way(now_ns, start_ns, way)
 
+    def _always(self, path: JointPath) -> Floats | None:
+        """The ceiling of the phase rate at places that are passed slowly; None without any."""
+        places = self._common.settings.slow_places
+        return None if places is None else places.rate_ceiling(path)
+
     def _planner(
-        self, path: JointPath, timing: NominalTiming, start: JointReference, progress: PhaseState
+        self,
+        path: JointPath,
+        timing: NominalTiming,
+        start: JointReference,
+        progress: PhaseState,
+        always: Floats | None,
     ) -> _Planner:
         """Plans along a path under ceilings of the phase rate; a faster arm brakes along it."""
-        settings = self._common.settings
-        limits, places = settings.limits, settings.slow_places
-        always = None if places is None else places.rate_ceiling(path)
+        limits = self._common.settings.limits
 
         def plan(rate_ceiling: Floats | None, stretch: float) -> JointPlan | None:
             if always is not None:
@@ -219,9 +227,9 @@ class Motions:
         timing = NominalTiming(0.0, plan.duration_s)
         uniform = np.full_like(plan.times_s, rate)
         free: JointPlan | None = replace(plan, phase=plan.times_s * rate, phase_rate=uniform)
-        again = self._planner(path, timing, start, PhaseState(rate=rate))
-        places = settings.slow_places
-        if places is not None and places.rate_ceiling(path).min() < rate:
+        always = self._always(path)
+        again = self._planner(path, timing, start, PhaseState(rate=rate), always)
+        if always is not None and always.min() < rate:
             free = again(None, 1.0)
         slowed = self._slowed(free, path, start_ns, again)
         if slowed is None:
@@ -242,7 +250,8 @@ class Motions:
         onset_s = -progress.phase * path.duration_s
         if onset_ns is not None:
             onset_s = (onset_ns - start_ns) * 1e-9
-        again = self._planner(path, NominalTiming(onset_s, path.duration_s), start, progress)
+        timing = NominalTiming(onset_s, path.duration_s)
+        again = self._planner(path, timing, start, progress, self._always(path))
         free = again(None, 1.0)
         plan = self._slowed(free, path, start_ns, again)
         return None if plan is None else PlannedWay(kind, plan, path, onset_ns, plan is not free)

@@ -153,13 +153,13 @@ def load_model(path: str | Path) -> Model:
             value that is not finite or makes no sense; names the file and the array.
     """
     path = as_path("path", path)
-    return _model(path, _read(path))
+    content = _read(path)
+    return _model(path, content, _header(path, content))
 
 
-def _model(path: Path, content: dict[str, NDArray[Any]]) -> Model:
+def _model(path: Path, content: dict[str, NDArray[Any]], header: dict) -> Model:
     """The model of what a file holds, which is checked."""
     content = ADDED | content
-    header = _header(path, content)
     try:
         dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")
         labels = labels_of(header["labels"])
@@ -207,8 +207,8 @@ def load_trained(path: str | Path) -> tuple[Model, Trained]:
     """
     path = as_path("path", path)
     content = _read(path, ARRAYS)
-    model = _model(path, content)
     header = _header(path, content)
+    model = _model(path, content, header)
     if "statistics" not in header:
         expected = "statistics to add demonstrations to"
         raise ModelError.about(str(path), expected, "a model without them", RETRAIN)
