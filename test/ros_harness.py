@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import rclpy
@@ -142,6 +143,11 @@ class Harness:
         self._clock.publish(Clock(clock=Time(nanoseconds=time_ns).to_msg()))
         now = node.get_clock().now
         self.spin_until(lambda: now().nanoseconds == time_ns, what="clock")
+
+
+def node_with(harness: Harness, **overrides) -> Node:
+    """A node without topics, with these parameters."""
+    return harness.node(partial(Node, "owner"), **overrides)
 
 
 class NodeProcess:

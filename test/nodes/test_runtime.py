@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starting and ending nodes, their parameters and diagnostics."""
+"""Starting and ending nodes, and their parameters."""
 
 import gc
 import re
 import signal
 import sys
-import threading
-from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -16,12 +13,12 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from ros_harness import NodeProcess
+from ros_harness import NodeProcess, node_with
 from sensor_msgs.msg import JointState
 
 from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.nodes import mocap_ingest, qos
-from intent_recognition.nodes.diagnostics import Diagnostics, Level, values_of
+from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import declare_one
 from intent_recognition.nodes.runtime import _Signals, run, when_clock_goes_back
 from intent_recognition.parameter_table import ParameterSpec
@@ -60,27 +57,6 @@ def test_simulated_time_hears_of_a_node_before_its_first_message(harness):
     harness.spin_until(lambda: heard, what="the answer")
     assert (heard[0].header.frame_id, heard[0].name) == ("taker", ["mocap/wrist/pose"])
     assert heard[0].position.tolist() == [0.0]
-
-
-def test_messages_may_be_counted_by_another_thread_while_it_answers(harness, monkeypatch):
-    diagnostics, told = Diagnostics(node_with(harness)), []
-    heard_by_all = SimpleNamespace(get_subscription_count=lambda: 1, publish=told.append)
-    monkeypatch.setattr(diagnostics, "_answers", heard_by_all)
-
-    def count():
-        for k in range(4000):
-            diagnostics.tick(f"stream {k}")
-
-    often, counting = sys.getswitchinterval(), threading.Thread(target=count)
-    sys.setswitchinterval(1e-6)
-    try:
-        counting.start()
-        while counting.is_alive():
-            diagnostics.answer()
-    finally:
-        sys.setswitchinterval(often)
-        counting.join()
-    assert all(len(one.name) == len(one.position) for one in told)
 
 
 @pytest.mark.parametrize(("simulated", "taken"), [(True, [0, 1, 2]), (False, [2])])
@@ -228,10 +204,6 @@ def test_a_node_that_does_not_end_is_ended_by_a_later_interrupt(monkeypatch):
         signals.restore(ending=False)
 
 
-def node_with(harness, **overrides):
-    return harness.node(partial(Node, "owner"), **overrides)
-
-
 def declared(node, name, default, **fields):
     return declare_one(node, name, ParameterSpec(default, "what it is", **fields))
 
@@ -300,120 +272,6 @@ def test_what_can_be_chosen_is_and_nothing_else(harness):
     assert declared(node, "good", "a", one_of=("a", "b")) == "b"
     with pytest.raises(ArgumentError, match="parameter bad: expected one of a, b, got c"):
         declared(node, "bad", "a", one_of=("a", "b"))
-
-
-class FakeClock:
-    """Seconds under the test's control."""
-
-    def __init__(self):
-        self.now_s = 100.0
-
-    def __call__(self):
-        return self.now_s
-
-
-def test_diagnostics_measure(harness):
-    clock = FakeClock()
-    diagnostics = Diagnostics(node_with(harness), clock=clock)
-    for _ in range(50):
-        diagnostics.tick("pose")
-    for i in range(1, 101):
-        diagnostics.latency(i * 1e-3)
-    diagnostics.count("jump", 2)
-    diagnostics.value("task", "plate")
-    diagnostics.status(1, "no input")
-    clock.now_s += 0.5
-    status = diagnostics.report()
-    assert status.name == "owner"
-    assert status.level == b"\x01"
-    assert status.message == "no input"
-    values = values_of(status)
-    assert values["rate pose [Hz]"] == "100.0"
-    assert values["rejected jump"] == "2"
-    assert values["task"] == "plate"
-    assert float(values["latency p50 [ms]"]) == pytest.approx(50.5)
-    assert float(values["latency p99 [ms]"]) == pytest.approx(99.01)
-    clock.now_s += 1.0
-    values = values_of(diagnostics.report())
-    assert values["rate pose [Hz]"] == "0.0"
-    assert values["received pose"] == "50"
-    assert values["rejected jump"] == "2"
-
-
-def diagnosed(harness, **overrides):
-    """Diagnostics of a node that needs `pose`, where nothing is amiss, and their clock."""
-    clock, node = FakeClock(), node_with(harness, **overrides)
-    diagnostics = Diagnostics(node, period_s=1e4, clock=clock)  # reports when it is asked
-    diagnostics.subscribe(PoseStamped, "pose", lambda _: None, qos.SENSOR, needed=True)
-    assert diagnostics.report().message == "running"
-    return diagnostics, clock
-
-
-def hear(diagnostics, clock, stream, seconds=1):
-    """Take a message of a stream each second; the last status."""
-    for _ in range(seconds):
-        diagnostics.tick(stream)
-        clock.now_s += 1.0
-        status = diagnostics.report()
-    return status.level, status.message
-
-
-OK, WARN = bytes([Level.OK]), bytes([Level.WARN])
-
-
-def test_a_status_warns_of_a_stream_that_is_needed_and_silent_until_it_is_heard(harness):
-    diagnostics, clock = diagnosed(harness)
-    clock.now_s += 2.9
-    assert diagnostics.report().level == OK
-    clock.now_s += 4.1
-    assert hear(diagnostics, clock, "tasks")[1] == "nothing on pose for 8 s (0 publishers)"
-    diagnostics.status(Level.WARN, "hand lost")
-    assert diagnostics.report().message.startswith("hand lost; nothing on pose")
-    diagnostics.status(Level.OK, "idle")
-    assert hear(diagnostics, clock, "pose") == (OK, "idle")
-
-
-def test_no_stream_is_missed_while_simulated_time_stands_still(harness):
-    diagnostics, clock = diagnosed(harness, use_sim_time=True)
-    levels = []
-    for now_s in (1, 1, 1, 1, 1, 1, 2, 3, 4, 5):
-        harness.set_clock(harness.nodes[-1], now_s * 10**9)
-        clock.now_s += 1.0
-        levels.append(diagnostics.report().level)
-    assert levels == [OK] * 9 + [WARN]
-
-
-def test_a_status_warns_of_simulated_time_without_a_clock(harness):
-    diagnostics, clock = diagnosed(harness, use_sim_time=True)
-    level, message = hear(diagnostics, clock, "tasks", seconds=5)
-    assert level == WARN and message.startswith("waiting for /clock: let one")
-    harness.set_clock(harness.nodes[-1], 10**9)
-    assert hear(diagnostics, clock, "tasks") == (OK, "running")
-
-
-def test_rejections_are_logged_once_a_second_for_each_reason(harness, monkeypatch):
-    clock, lines = FakeClock(), []
-    node = node_with(harness)
-    diagnostics = Diagnostics(node, clock=clock)
-
-    class Logger:
-        warning = staticmethod(lines.append)
-
-    monkeypatch.setattr(node, "get_logger", lambda: Logger)
-    for _ in range(30):
-        diagnostics.reject("jump", "far")
-        diagnostics.reject("late", "old")
-        clock.now_s += 0.1
-    assert len([line for line in lines if line.startswith("jump")]) == 3
-    assert len([line for line in lines if line.startswith("late")]) == 3
-    assert diagnostics.rejected("jump") == 30
-
-
-def test_diagnostics_go_on_while_simulated_time_stands_still(harness):
-    reports = harness.collect(DiagnosticArray, "/diagnostics")
-    Diagnostics(node_with(harness, use_sim_time=True), period_s=0.02)
-    harness.spin_until(lambda: len(reports) > 2, what="reports")
-    assert [status.name for status in reports[0].status] == ["owner"]
 
 
 @pytest.mark.parametrize("back_s", [0.05, 0.2, 30.0])

@@ -20,7 +20,6 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.bags import RawMessage
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import (
     ArgumentError,
@@ -30,7 +29,7 @@ from intent_recognition.errors import (
     TrainingError,
 )
 from intent_recognition.learning import TrainingSettings
-from intent_recognition.model import TO_UNDO, WAITING, Executions, now
+from intent_recognition.model import TO_UNDO, WAITING
 from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.model.task_folder import Change
 from intent_recognition.nodes import qos, task_teacher
@@ -41,7 +40,6 @@ from intent_recognition.nodes.conversions import (
     to_stamp,
 )
 from intent_recognition.nodes.diagnostics import values_of
-from intent_recognition.nodes.execution_recorder import ExecutionRecorder
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.task_teacher import TaskTeacher
 from intent_recognition.share import share_path
@@ -341,46 +339,6 @@ def test_an_execution_is_recorded_judged_and_kept(harness, tmp_path, model):
         True,
         False,
     ]
-
-
-def test_a_corrected_execution_stays_one_when_its_task_begins_again_at_once(tmp_path):
-    """The outcome is that of the last interaction then, which nobody corrected."""
-    log = Executions(tmp_path, now)
-    recorder = ExecutionRecorder(log, 5, lambda: "", lambda reason, text: None)
-    recorder.correct(b"", 1)  # of no execution: it does not count
-    for corrected in (True, False):
-        recorder.set_task("cup")
-        if corrected:
-            recorder.correct(b"", 2)
-        recorder.add("cup", {"outcome": "arrived", "corrections": "0"})
-        recorder.set_task("")
-    assert [one.corrected for one in log.all()] == [True, False]
-
-
-def test_an_execution_holds_one_pass_of_a_recording(tmp_path):
-    log = Executions(tmp_path, now)
-    recorder = ExecutionRecorder(log, 5, lambda: "", lambda reason, text: None)
-    for time_ns, task in ((7_000_000_000, "cup"), (2_000_000_000, ""), (3_000_000_000, "cup")):
-        recorder.take(RawMessage("t", "std_msgs/msg/Empty", time_ns, time_ns, bytes(5)))
-        if task:
-            recorder.set_task(task)
-    recorder.close()
-    bags = [BagReader(tmp_path / one.bag) for one in log.all()]
-    seen = [[message.log_time_ns for message in bag.raw_messages()] for bag in bags]
-    assert seen == [[7_000_000_000], [2_000_000_000, 3_000_000_000]]
-
-
-def test_a_disk_that_is_full_ends_no_teacher(tmp_path):
-    (tmp_path / "outcomes.jsonl").symlink_to("/dev/full")
-    rejected = []
-    recorder = ExecutionRecorder(
-        Executions(tmp_path, now), 5, str, lambda *why: rejected.append(why)
-    )
-    recorder.set_task("cup")
-    recorder.set_task("")
-    recorder.add("cup", {"outcome": "arrived"})
-    assert [reason for reason, _ in rejected] == ["execution_not_recorded"] * 2
-    assert "no space left on device. Free space" in rejected[0][1]
 
 
 def practising(harness, library, model):
