@@ -81,9 +81,9 @@ class DashboardPage:
             TITLE,
             admission,
             Operator(read_only),
-            lambda why: self.show_message(False, why),
+            lambda why: self._ask(lambda: self.show_message(False, why)),
             light,
-            lambda: self._ask(self._scene.lighten),
+            lambda: self._ask(self._lighten),
         )
         self._scene = PageScene(self._server, scene or CellScene(), hand_link, light == ALWAYS)
         gui = self._server.gui
@@ -161,6 +161,9 @@ class DashboardPage:
             self._asked[action] = None
             if len(self._asked) > 200:  # a second of drags
                 del self._asked[next(iter(self._asked))]
+
+    def _lighten(self) -> None:
+        self._scene.lighten()  # asked for by browsers that may come before there is a scene
 
     def _perform(self, action: Callable[[], None]) -> None:
         """Do what was asked for; what a browser sent that makes no sense is told, no more."""

@@ -6,6 +6,7 @@ import pytest
 from dashboard.browser import free_port
 from kinematics.robots import lwr_urdf
 
+from intent_recognition.dashboard import page as page_module
 from intent_recognition.dashboard.cell import (
     CellState,
     NodeHealth,
@@ -102,3 +103,21 @@ def test_the_page_keeps_no_more_after_many_observations(watched):
     watched.observe(480)
     assert watched.sizes() == before
     assert before["things in the scene"] > 10
+
+
+@pytest.mark.slow
+def test_a_slow_browser_may_open_the_page_before_it_is_made(harness, monkeypatch):
+    serve_page = page_module.serve_page
+
+    def opened_at_once(*arguments):
+        server = serve_page(*arguments)
+        arguments[-1]()
+        return server
+
+    monkeypatch.setattr(page_module, "serve_page", opened_at_once)
+    watched = Watched(harness)
+    try:
+        watched.page.update()
+        assert "/ambient" in watched.page._server.scene._handle_from_node_name
+    finally:
+        watched.page.close()
