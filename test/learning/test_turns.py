@@ -24,12 +24,15 @@ def wrap(angle: np.ndarray) -> np.ndarray:
 
 
 def movement(rng, task: int) -> tuple[np.ndarray, np.ndarray]:
-    """An elbow and a joint that turn through pi, and a wrist in metres."""
+    """An elbow and a joint that turn through pi, and a wrist in metres; nothing is quite at rest,
+    where rounding would choose between alignments that are equal."""
     reach = minimum_jerk((TIMES - 0.5) / 1.5)
     size = 1.0 + 0.1 * rng.normal()
     elbow = 3.0 + 0.05 * rng.normal() + (0.7 - 1.2 * task) * size * reach
     joint = np.pi + 0.05 * rng.normal() + (0.5 + task) * size * reach
-    return np.stack([elbow, size * reach], axis=1), joint[:, None]
+    exact = np.stack([elbow, size * reach, joint], axis=1)
+    noisy = exact + 0.001 * rng.normal(size=exact.shape)
+    return noisy[:, :2], noisy[:, 2:]
 
 
 def demonstrations(wrapped: bool, unit: str = "rad") -> list[Demonstration]:
