@@ -77,8 +77,9 @@ class ObjectTransfer(Node):
         hear(String, "intent/active_task", self._on_task, qos.LATCHED)
         hear(Bool, HOLDING, self._on_holding, qos.STATE)
         hear(JointTrajectory, "joint_trajectory", self._on_trajectory, qos.COMMAND)
-        if action := values["command_action"]:
-            hear(GoalStatusArray, f"{action}/_action/status", self._on_goals, qos.LATCHED)
+        self._goals = f"{values['command_action']}/_action/status"
+        if values["command_action"]:
+            hear(GoalStatusArray, self._goals, self._on_goals, qos.LATCHED)
         if meet(self, f"human/{{}}/{values['body']}", partial(self._meet, values["body"])):
             hear(String, "intent/active_person", self._on_attended, qos.LATCHED)
         else:
@@ -133,7 +134,7 @@ class ObjectTransfer(Node):
         return Situation(
             at_ns * 1e-9,
             force if measured is None else measured,
-            self._executes or at_ns < self._until_ns,
+            self._controller_executes() or at_ns < self._until_ns,
             estimator.speed_m_s,
             float(np.mean(half)) if half.size else np.nan,
             near,
@@ -188,6 +189,11 @@ class ObjectTransfer(Node):
 
     def _on_goals(self, message: GoalStatusArray) -> None:
         self._executes = any(goal.status in UNDER_WAY for goal in message.status_list)
+
+    def _controller_executes(self) -> bool:
+        """Whether a goal is under way; one that died with its controller is not."""
+        self._executes = self._executes and self.count_publishers(self._goals) > 0
+        return self._executes
 
     def _on_attended(self, message: String) -> None:
         self._attended = message.data or self._attended

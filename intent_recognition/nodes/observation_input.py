@@ -111,6 +111,7 @@ class ObservationInput:
     def _on_odometry(self, name: str, readers: list[ObservationReader], data: bytes) -> None:
         """Take a tracked pose; its twist is computed from poses and not an observation."""
         start_s = time.perf_counter()
+        self._diagnostics.tick(name)
         try:
             stamp, frame_id, pose, covariance = read_odometry(data)
         except MessageError as error:
@@ -119,10 +120,11 @@ class ObservationInput:
         self._check_frame(readers[0].entry.topic, frame_id)
         if not readers[0].entry.context:
             self.frame = frame_id or self.frame
-        self._take(name, readers, lambda one: one.observe_pose(stamp, pose, covariance), start_s)
+        self._take(readers, lambda one: one.observe_pose(stamp, pose, covariance), start_s)
 
     def _on_message(self, name: str, readers: list[ObservationReader], message: object) -> None:
         start_s = time.perf_counter()
+        self._diagnostics.tick(name)
         now_ns = self._node.get_clock().now().nanoseconds
 
         frame_id = getattr(getattr(message, "header", None), "frame_id", "")
@@ -134,7 +136,7 @@ class ObservationInput:
             stamp = stamp_of(reader.entry, message, now_ns)
             return None if stamp is None else reader.observe(stamp, message)
 
-        self._take(name, readers, read, start_s)
+        self._take(readers, read, start_s)
 
     def _check_frame(self, topic: str, frame_id: str) -> None:
         """Count poses in another frame than the model was learned in, and warn of the first."""
@@ -151,13 +153,11 @@ class ObservationInput:
 
     def _take(
         self,
-        name: str,
         readers: list[ObservationReader],
         read: Callable[[ObservationReader], Observation | None],
         start_s: float,
     ) -> None:
         topic = readers[0].entry.topic
-        self._diagnostics.tick(name)
         used = False
         for reader in readers:
             try:

@@ -136,6 +136,14 @@ def test_nothing_is_offered_while_a_goal_of_the_controller_is_under_way(harness)
     assert cell.hold(15) == "offering"
 
 
+def test_a_goal_that_died_with_its_controller_is_not_under_way(harness):
+    cell = Cell(harness, command_action="controller/follow_joint_trajectory")
+    status = GoalStatus(status=GoalStatus.STATUS_EXECUTING)
+    cell.node._on_goals(GoalStatusArray(status_list=[status]))
+    cell.begin()
+    assert cell.hold(60) == "offering"
+
+
 def test_when_the_clock_goes_back_nothing_of_before_counts(harness):
     cell = Cell(harness, use_sim_time=True)
     harness.set_clock(cell.node, cell.now_ns)
