@@ -26,7 +26,6 @@ from intent_recognition.tracking import (
     NOT_FINITE,
     STAMP_NOT_INCREASING,
     ZERO_STAMP,
-    AcceptedPoses,
     IngestSettings,
     frame_name,
     ingest_poses,
@@ -106,13 +105,11 @@ def clean_columns(
     frames = _names(columns.frame_ids) if isinstance(columns, PoseColumns) else ()
     if isinstance(columns, PoseColumns) and is_raw_pose(topic, POSE):
         settings = _settings(columns, extrinsics)
-        accepted = ingest_poses(settings, columns)
+        columns, accepted, rejected = ingest_poses(settings, columns)
         frames = _names([settings.world_frame])
-        positions, orientations = np.full((2, stamps_ns.size, 4), np.nan)
-        positions[accepted.rows, :3] = accepted.positions
-        orientations[accepted.rows] = accepted.orientations
-        columns = replace(columns, positions=positions[:, :3], orientations=orientations)
-        rows, rejected = _longest_increasing(stamps_ns, accepted)
+        rows = _longest_increasing(stamps_ns, accepted)
+        if rows.size < accepted.size:
+            rejected[STAMP_NOT_INCREASING] += accepted.size - rows.size
     else:
         rows, rejected = _increasing(stamps_ns)
     return TopicSamples(
@@ -251,19 +248,10 @@ def _most_in_order(stamps_ns: Integers) -> Integers:
     return np.array(found[::-1], dtype=np.int64)
 
 
-def _longest_increasing(
-    stamps_ns: Integers, accepted: AcceptedPoses
-) -> tuple[Integers, Counter[str]]:
-    """Accepted rows of the longest part with increasing stamps: a clock may have been set back."""
-    rows, rejected = accepted.rows, accepted.rejected.copy()
+def _longest_increasing(stamps_ns: Integers, rows: Integers) -> Integers:
+    """Those in the longest part with increasing stamps: a clock may have been set back."""
     breaks = np.flatnonzero(np.diff(stamps_ns[rows]) <= 0) + 1
-    if breaks.size:
-        edges = [0, *breaks.tolist(), rows.size]
-        longest = int(np.argmax(np.diff(edges)))
-        kept = rows[edges[longest] : edges[longest + 1]]
-        rejected[STAMP_NOT_INCREASING] += rows.size - kept.size
-        rows = kept
-    return rows, rejected
+    return max(np.split(rows, breaks), key=len)
 
 
 def _counter(counts: Mapping[str, int]) -> Counter[str]:

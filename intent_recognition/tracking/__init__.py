@@ -13,7 +13,7 @@ from intent_recognition.tracking.ingest import (
     TrackedPose,
     ingest_pose,
 )
-from intent_recognition.tracking.ingest_many import AcceptedPoses, ingest_poses
+from intent_recognition.tracking.ingest_many import ingest_poses
 from intent_recognition.tracking.settings import UNKNOWN_VARIANCE, IngestSettings, frame_name
 from intent_recognition.tracking.transform_tree import NoTransformError, TransformTree
 from intent_recognition.tracking.transforms import RigidTransform, multiply_quaternions

@@ -2,7 +2,7 @@
 """All raw poses of a recording checked at once, with the results of `ingest_pose` in a loop."""
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,35 +13,23 @@ from intent_recognition.tracking.settings import IngestSettings, frame_name
 from intent_recognition.tracking.transforms import multiply_quaternions, normalise_quaternions
 
 
-@dataclass(frozen=True)
-class AcceptedPoses:
-    """The n accepted poses of a recording, world frame.
-
-    Attributes:
-        rows: which samples these are, int64 (n,).
-        positions: (n, 3) [m].
-        orientations: unit quaternions (n, 4) xyzw; NaN where none was measured.
-        rejected: number of the other samples, by reason.
-    """
-
-    rows: Integers
-    positions: Floats
-    orientations: Floats
-    rejected: Counter[str] = field(default_factory=Counter)
-
-
-def ingest_poses(settings: IngestSettings, raw: PoseColumns) -> AcceptedPoses:
+def ingest_poses(
+    settings: IngestSettings, raw: PoseColumns
+) -> tuple[PoseColumns, Integers, Counter[str]]:
     """All samples of one body in order, from the initial state; equal to `ingest_pose` in a loop.
 
     Samples that `ingest_pose` surely accepts are accepted together. From a sample that it may
     reject, samples are passed to it one by one until it accepts one again. Positions are in metres.
+
+    Returns:
+        The samples in the world frame, with unit quaternions, NaN where none was measured; which of
+        them are accepted, int64 (n,); and the number of the others, by reason.
     """
     stamps_ns, frames = raw.stamps_ns, raw.frames
     positions, orientations = raw.positions, raw.orientations
-    count = stamps_ns.size
     usable = (stamps_ns > 0) & np.all(np.isfinite(orientations), axis=1)
     usable &= np.all(np.abs(positions) <= FARTHEST_M, axis=1)  # False for NaN too
-    world, turned = np.full((count, 3), np.nan), np.full((count, 4), np.nan)
+    world, turned = (np.full(given.shape, np.nan) for given in (positions, orientations))
     for index, frame in enumerate(map(frame_name, raw.frame_ids)):
         if (transform := settings.frames.get(frame)) is not None:
             rows = usable & (frames == index)
@@ -49,7 +37,7 @@ def ingest_poses(settings: IngestSettings, raw: PoseColumns) -> AcceptedPoses:
             units = normalise_quaternions(orientations[rows])
             turned[rows] = multiply_quaternions(transform.quaternion, units.T).T
     uncertain = np.flatnonzero(~_follows(settings, stamps_ns, world))
-    accepted = np.ones(count, bool)
+    accepted = np.ones(stamps_ns.size, bool)
     rejected: Counter[str] = Counter()
     at = 0
     while (ahead := int(np.searchsorted(uncertain, at))) < uncertain.size:
@@ -57,7 +45,7 @@ def ingest_poses(settings: IngestSettings, raw: PoseColumns) -> AcceptedPoses:
         # Earlier samples of the state matter for the velocity only, which is not needed here.
         recent = ((int(stamps_ns[at - 1]), world[at - 1]),) if at else ()
         state = IngestState(recent=recent)
-        while at < count:
+        while at < stamps_ns.size:
             pose = positions[at], orientations[at], raw.frame_ids[frames[at]]
             state, result = ingest_pose(settings, state, int(stamps_ns[at]), *pose)
             at += 1
@@ -65,8 +53,8 @@ def ingest_poses(settings: IngestSettings, raw: PoseColumns) -> AcceptedPoses:
                 break
             accepted[at - 1] = False
             rejected[result.reason] += 1
-    rows = np.flatnonzero(accepted)
-    return AcceptedPoses(rows, world[rows], turned[rows], rejected)
+    columns = replace(raw, positions=world, orientations=turned)
+    return columns, np.flatnonzero(accepted), rejected
 
 
 def _follows(settings: IngestSettings, stamps_ns: Integers, world: Floats) -> Flags:

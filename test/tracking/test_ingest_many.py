@@ -44,14 +44,15 @@ def one_by_one(setting, stamps_ns, positions, orientations, frames):
 
 def check(setting, stamps_ns, positions, orientations, frames):
     rows, poses, rejected = one_by_one(setting, stamps_ns, positions, orientations, frames)
-    found = ingest_poses(setting, raw(stamps_ns, FRAMES, frames, positions, orientations))
-    assert found.rows.tolist() == rows
-    assert found.rejected == rejected
+    raw_poses = raw(stamps_ns, FRAMES, frames, positions, orientations)
+    world, accepted, counts = ingest_poses(setting, raw_poses)
+    assert accepted.tolist() == rows
+    assert counts == rejected
     expected = np.array([pose.position for pose in poses]).reshape(-1, 3)
-    np.testing.assert_allclose(found.positions, expected, rtol=1e-14, atol=1e-14)
+    np.testing.assert_allclose(world.positions[rows], expected, rtol=1e-14, atol=1e-14)
     turned = [p.orientation if p.orientation_measured else np.full(4, np.nan) for p in poses]
     turned = np.array(turned).reshape(-1, 4)
-    np.testing.assert_allclose(found.orientations, turned, atol=1e-14)
+    np.testing.assert_allclose(world.orientations[rows], turned, atol=1e-14)
 
 
 NUMBERS = st.sampled_from([0.0, -0.0, 0.4, -0.7, 1e-300, 1e5, 2e5, np.nan, np.inf])
@@ -94,6 +95,7 @@ def test_a_long_walk_with_steps_at_the_gate(setting):
 
 def test_no_samples():
     none = np.empty(0, np.int64)
-    found = ingest_poses(SETTINGS[0], raw(none, (), none, np.empty((0, 3)), np.empty((0, 4))))
-    assert found.rows.size == 0 and found.positions.shape == (0, 3)
-    assert found.orientations.shape == (0, 4) and not found.rejected
+    empty = raw(none, (), none, np.empty((0, 3)), np.empty((0, 4)))
+    world, accepted, rejected = ingest_poses(SETTINGS[0], empty)
+    assert accepted.size == 0 and world.positions.shape == (0, 3)
+    assert world.orientations.shape == (0, 4) and not rejected
