@@ -9,6 +9,7 @@ import numpy as np
 
 from intent_recognition.evaluation.folds import Fold, merge_folds, of_learned_tasks
 from intent_recognition.evaluation.scoring import PHASES
+from intent_recognition.evaluation.unknown_movements import decide_when_ready, recognised
 from intent_recognition.learning import TrainingSettings, cut_to_movement, learn_with_report
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import (
@@ -16,7 +17,6 @@ from intent_recognition.recognition import (
     DecisionState,
     Estimate,
     IntentEstimator,
-    decide,
     decision_settings,
 )
 from intent_recognition.signals import Demonstration, common_span, merge
@@ -59,10 +59,11 @@ def run_online(
         settings: of the decision; the node's defaults when None.
         phase_known: give the movement's start and duration instead.
     """
+    settings = settings or decision_settings(library)
     followed = [*follow_online(library, recorded, settings, phase_known=phase_known)]
-    recognised = next((found for _, _, found in followed if found), "")
-    activated, decided_s = actions(recorded, [(one, state) for one, state, _ in followed])
-    return OnlineOutcome(str(recorded.task), recognised, activated, decided_s / recorded.duration_s)
+    first = next(filter(None, (recognised(settings, state) for _, state in followed)), "")
+    activated, decided_s = actions(recorded, followed)
+    return OnlineOutcome(str(recorded.task), first, activated, decided_s / recorded.duration_s)
 
 
 def actions(
@@ -81,18 +82,13 @@ def actions(
 def follow_online(
     library: TaskLibrary,
     recorded: Demonstration,
-    settings: DecisionSettings | None = None,
+    settings: DecisionSettings,
     *,
     phase_known: bool = False,
-) -> Iterator[tuple[Estimate, DecisionState, str]]:
-    """Estimate and decision after each observation, and what would be active were the end certain.
-
-    The arguments are those of `run_online`.
-    """
-    settings = settings or decision_settings(library)
-    certain_or_not = replace(settings, max_end_std_rad=np.inf, max_end_std_m=np.inf)
+) -> Iterator[tuple[Estimate, DecisionState]]:
+    """Estimate and decision after each observation; the arguments are those of `run_online`."""
     estimator = _told(library, recorded) if phase_known else IntentEstimator(library)
-    state = recognising = DecisionState()
+    state = DecisionState()
     n_agents = len(recorded.observed) + len(recorded.controlled)
     for observation in merge([*recorded.observed, *recorded.controlled, *recorded.context]):
         if observation.stamp_ns > recorded.end_ns:
@@ -108,14 +104,9 @@ def follow_online(
             estimator.update_controlled(observation._replace(group=controlled))
             continue
         estimate = estimator.update(observation)
-        current = estimate.labels, estimate.probabilities
-        evidence = estimate.log_evidence
-        recognising, found = decide(certain_or_not, recognising, *current, None, evidence)
-        ready = recognising.candidate and recognising.n_for >= settings.n_observations
-        needed = ready and state.active != recognising.candidate
-        end_std = estimator.predicted_end_std() if needed else None
-        state, _ = decide(settings, state, *current, end_std, evidence)
-        yield estimate, state, found
+        current = estimate.labels, estimate.probabilities, estimate.log_evidence
+        state = decide_when_ready(settings, state, *current, estimator.predicted_end_std)
+        yield estimate, state
 
 
 def score_online(

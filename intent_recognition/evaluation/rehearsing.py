@@ -136,7 +136,7 @@ def _follow(library: TaskLibrary, recorded: Demonstration, settings: DecisionSet
     true = library.labels.index(str(recorded.task))
     followed, computed_s = list[tuple[Estimate, DecisionState]](), list[float]()
     began_s = perf_counter()
-    for estimate, state, _ in follow_online(library, recorded, settings):
+    for estimate, state in follow_online(library, recorded, settings):
         computed_s.append(perf_counter() - began_s)
         followed.append((estimate, state))
         began_s = perf_counter()

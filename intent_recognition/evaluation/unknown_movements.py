@@ -6,7 +6,8 @@ are those left out of training one by one (or by folds). Durations are unknown t
 decision is the nodes' own, with its default settings.
 """
 
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -60,10 +61,9 @@ class DecisionMonitor:
 
     def __init__(self, library: TaskLibrary, settings: DecisionSettings | None = None):
         self._settings = settings or decision_settings(library)
-        self._certain_or_not = replace(self._settings, max_end_std_rad=np.inf, max_end_std_m=np.inf)
         self._labels = (*library.labels, NONE)
-        self._state = self._recognising = DecisionState()
-        self._recent: list[tuple[int, float]] = []
+        self._state = DecisionState()
+        self._recent = deque[tuple[int, float]](maxlen=self._settings.n_observations)
         self._highest, self._activated, self._recognised = -np.inf, "", ""
         self._end_std: Callable[[], dict[str, float]] = dict
 
@@ -73,41 +73,47 @@ class DecisionMonitor:
         log_joint = run.grid.log_task_prior + posterior.log_evidence
         best = int(np.argmax(log_joint[:-1]))
         rest = np.logaddexp.reduce(np.delete(log_joint, best))
-        self._recent = [*self._recent, (best, float(log_joint[best] - rest))]
-        self._recent = self._recent[-self._settings.n_observations :]
-        full = len(self._recent) == self._settings.n_observations
-        if full and all(task == best for task, _ in self._recent):
-            self._highest = max(self._highest, min(odds for _, odds in self._recent))
-        current = self._labels, posterior.probabilities
-        evidence = posterior.log_evidence
-        if not self._recognised:
-            settings, state = self._certain_or_not, self._recognising
-            self._recognising, self._recognised = decide(settings, state, *current, None, evidence)
+        self._recent.append((best, float(log_joint[best] - rest)))
+        tasks, odds = zip(*self._recent, strict=True)
+        if len(tasks) == self._settings.n_observations and len({*tasks}) == 1:
+            self._highest = max(self._highest, min(odds))
+        current = self._labels, posterior.probabilities, posterior.log_evidence
+        end_std = partial(run.end_std, best)
+        self._state = decide_when_ready(self._settings, self._state, *current, end_std)
+        self._recognised = self._recognised or recognised(self._settings, self._state)
+        self._activated = self._activated or self._state.active
         if self._recognised:
-            task = self._labels.index(self._recognised)
-            self._end_std = partial(run.end_std, task)
-        if self._activated:
-            return
-        ready = self._state.n_for + 1 >= self._settings.n_observations
-        sure = self._settings.is_sure(*current, best)
-        end_std = run.end_std(best) if ready and sure else None
-        self._state, self._activated = decide(
-            self._settings, self._state, *current, end_std, evidence
-        )
+            self._end_std = partial(run.end_std, self._labels.index(self._recognised))
 
     def outcome(self, task: str) -> MovementOutcome:
         """The decision about the movement, which was of this task."""
         threshold = self._settings.threshold
         limit = np.log(threshold) - np.log1p(-threshold) if threshold < 1.0 else np.inf
-        above = bool(self._highest >= limit)
-        end_std = self._end_std()
-        worst = (
-            end_std[least_certain_unit(self._settings, end_std, self._recognised)]
-            if end_std
-            else np.nan
-        )
-        found = self._activated, self._recognised, worst
-        return MovementOutcome(task, self._highest, above, *found)
+        found = self._activated, self._recognised
+        worst = np.nan
+        if end_std := self._end_std():
+            worst = end_std[least_certain_unit(self._settings, end_std, self._recognised)]
+        return MovementOutcome(task, self._highest, bool(self._highest >= limit), *found, worst)
+
+
+def decide_when_ready(
+    settings: DecisionSettings,
+    state: DecisionState,
+    labels: Sequence[str],
+    probabilities: Floats,
+    log_evidence: Floats | None,
+    end_std: Callable[[], Mapping[str, float] | None],
+) -> DecisionState:
+    """As `decide`; the end's uncertainty is computed only where the decision depends on it."""
+    following, _ = decide(settings, state, labels, probabilities, None, log_evidence)
+    if recognised(settings, following) not in ("", following.active):
+        following, _ = decide(settings, state, labels, probabilities, end_std(), log_evidence)
+    return following
+
+
+def recognised(settings: DecisionSettings, state: DecisionState) -> str:
+    """The task that meets every condition of the decision but a certain end; empty if none."""
+    return state.candidate if state.n_for >= settings.n_observations else ""
 
 
 def in_context(library: TaskLibrary, recorded: Demonstration) -> TaskLibrary:
