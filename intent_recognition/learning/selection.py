@@ -23,7 +23,12 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.learning.coupling import HeldOutResiduals, learn_coupling
-from intent_recognition.learning.duration_evidence import N_DURATIONS, choose_duration_evidence
+from intent_recognition.learning.evidence_exponents import (
+    N_DURATIONS,
+    choose_duration_evidence,
+    expected_power,
+    log_losses,
+)
 from intent_recognition.learning.examples import scored_phases
 from intent_recognition.learning.held_out import (
     MAX_FLOATS,
@@ -41,7 +46,6 @@ from intent_recognition.learning.hyperparameters import (
 from intent_recognition.learning.persons import compares_people
 from intent_recognition.learning.regression_variance import choose_regression_variance
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
-from intent_recognition.learning.task_evidence import expected_power, log_losses
 from intent_recognition.promp import LAGS, ResidualCoupling, TaskLibrary, explained_by_lag
 from intent_recognition.signals import is_spatial
 

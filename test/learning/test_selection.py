@@ -13,6 +13,7 @@ from simulation import START_NS, minimum_jerk
 from intent_recognition.gaussian.normal import Gaussian, condition
 from intent_recognition.learning import held_out_examples, selection
 from intent_recognition.learning.accumulation import Accumulated, accumulate
+from intent_recognition.learning.evidence_exponents import POWERS
 from intent_recognition.learning.examples import TrainingExample, sample_phases, scored_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
 from intent_recognition.learning.held_out_examples import leave_out
@@ -25,7 +26,6 @@ from intent_recognition.learning.hyperparameters import (
 from intent_recognition.learning.selection import FRACTIONS, NOISE_SCALES, choose, validate
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import summarize
-from intent_recognition.learning.task_evidence import POWERS
 from intent_recognition.learning.timing import PACES
 from intent_recognition.learning.training import choose_hyperparameters
 from intent_recognition.promp.phase_deviation import STEADY

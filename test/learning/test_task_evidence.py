@@ -10,10 +10,10 @@ from scipy.stats import norm
 from simulation import make_library, simulate
 
 from intent_recognition.learning import TrainingSettings, learn_with_report
+from intent_recognition.learning.evidence_exponents import POWERS, expected_power, log_losses
 from intent_recognition.learning.fitting import statistics_of
 from intent_recognition.learning.left_out import LeavingOut
 from intent_recognition.learning.left_out_odds import largest_odds_against
-from intent_recognition.learning.task_evidence import POWERS, expected_power, log_losses
 
 LEVELS = np.array([0.0, 0.15, 0.3])
 """Of three tasks, in standard deviations of an innovation."""
