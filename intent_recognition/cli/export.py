@@ -23,7 +23,7 @@ from intent_recognition.cli import output
 from intent_recognition.cli.console import make_console, say
 from intent_recognition.cli.recordings import read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
-from intent_recognition.demonstrations import load_dofs
+from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.tables import export_columns, export_map, write_lerobot, write_table
 
 OPTIONS = {"output": {"required": True}}
@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     """Read, write the table and its map, print what was left out."""
     console = make_console()
     output.check_output("--output", args.output)
-    dofs = load_dofs(args.dofs)
+    dofs = settle_orientations(load_dofs(args.dofs), args.bags)
     demonstrations, rejections = read_all(args.bags, dofs, console)
     columns = export_columns(demonstrations)
     path, lerobot = args.output.with_suffix(".map.yaml"), not args.output.suffix

@@ -25,6 +25,10 @@ from intent_recognition.tables.imported import EntrySamples
 STILL_M = 0.002
 """Extent of places [m] that is named. Convention: a reach of 2 m in the unit of a thousandth."""
 
+UNIT_NORM = 0.1
+"""How far from 1 the norm of a quaternion may be. Convention: one that is written with one decimal.
+"""
+
 
 @dataclass(frozen=True)
 class Doubt(Rejection):
@@ -36,11 +40,18 @@ def certain_misfit(samples: Sequence[EntrySamples]) -> str | None:
     for part in samples:
         seen = np.all(np.isfinite(part.values), axis=1)
         values = part.values[seen]
-        signal = Signal(part.entry.names, part.stamps_ns[seen], values, part.entry.unit)
+        signal = Signal(part.entry.message_names, part.stamps_ns[seen], values, part.entry.unit)
         found = time_misfit(signal)
         if found is not None and found.certain:
             return f"{found.reason} Say under time in the map: unit, or rate."
-        found = None if part.entry.orientation else misfit(signal)
+        if part.entry.orientation:
+            norms = np.linalg.norm(values, axis=1)
+            norm = float(np.median(norms[norms > 0.0])) if norms.any() else 1.0
+            if abs(norm - 1.0) > UNIT_NORM:
+                said = f"{signal.names[0]}, ... have a norm of {norm:.3g}: no unit quaternion."
+                return f"{said} Name its x, y, z and w in the map: columns."
+            continue
+        found = misfit(signal)
         if found is not None and found.certain:
             return _never_measured(signal) or _with_cure(found)
     return None
@@ -67,7 +78,7 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
         values = part.values[seen]
         if part.entry.unit == "rad":  # reading takes wrapped angles as continuous, too
             values = np.unwrap(values, axis=0)
-        signal = Signal(part.entry.names, part.stamps_ns[seen], values, part.entry.unit)
+        signal = Signal(part.entry.message_names, part.stamps_ns[seen], values, part.entry.unit)
         judge = scene_misfit if part.entry.context else misfit
         found = None if part.entry.orientation else judge(signal)
         if found is not None:

@@ -24,6 +24,8 @@ LARGEST = 1e12
 SLOWEST = 1e-6
 """Rate [Hz]. Convention: a sample in twelve days."""
 EXAMPLES = "docs/import.md has examples."
+AXIS = re.compile(r"(?i)([wxyz])[\W_]*$")
+"""The axis at the end of the name of a column."""
 PLACEHOLDER = re.compile(r"\{(\w+)\}")
 
 
@@ -206,11 +208,18 @@ def _columns(item: Mapping, entry: DofEntry, files: Mapping[str, str], place: st
     names = item.get("columns")
     if isinstance(names, str | int):
         names = [names]
-    count = len(entry.names)
+    count = len(entry.message_names)
+    # those of an orientation with a reference may be its rotation vector, as it is exported
+    counts = {count, len(entry.names) if entry.reference else count}
     if names is not None and (
-        not isinstance(names, list) or len(names) != count or any(n in ("", None) for n in names)
+        not isinstance(names, list)
+        or len(names) not in counts
+        or any(n in ("", None) for n in names)
     ):
-        raise _error(f"{place}: columns", f"{count} names, one for each DOF", names)
+        raise _error(f"{place}: columns", f"{count} names, one for each field or joint", names)
+    axes = [found[1].lower() for name in names or () if (found := AXIS.search(str(name)))]
+    if entry.orientation and axes != [*"xyzw"] and sorted(axes) == [*"wxyz"]:
+        raise _error(f"{place}: columns", "those of x, y, z and w in this order", names)
     unit, file = str(item.get("columns_unit", "")), str(item.get("file", ""))
     if unit:
         check_convertible(unit, entry.unit, f"{place}: columns_unit")

@@ -30,7 +30,8 @@ class EntrySamples(NamedTuple):
 
     Attributes:
         stamps_ns: int64 (T,), strictly increasing.
-        values: (T, d) in the unit of the entry, NaN where nothing was measured.
+        values: (T, d) in the unit of the entry, of an orientation quaternions (T, 4); NaN where
+            nothing was measured.
     """
 
     entry: DofEntry
@@ -101,7 +102,7 @@ def _at_each_stamp(parts: Sequence[EntrySamples]) -> dict[int, list[tuple[DofEnt
     for stamp in dict.fromkeys(ns for place in places for ns in place):
         found[stamp] = [
             (part.entry, part.values[place[stamp]] if stamp in place
-             else np.full(len(part.entry.names), np.nan))
+             else np.full(part.values.shape[1], np.nan))
             for part, place in zip(parts, places, strict=True)
         ]  # fmt: skip
     return found

@@ -11,9 +11,9 @@ import numpy as np
 
 from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.bags import NANOSECONDS
-from intent_recognition.demonstrations import check_label, find_bags
+from intent_recognition.demonstrations import check_label, find_bags, reference_of
 from intent_recognition.errors import BagError, DofError, MissingPackageError
-from intent_recognition.signals import LONGEST_LABEL, Rejection
+from intent_recognition.signals import LONGEST_LABEL, Rejection, from_tangent
 from intent_recognition.tables.cells import Values, convert, numbers, text_of, texts, without_zeros
 from intent_recognition.tables.doubts import Doubt, bag_doubts, certain_misfit, doubts
 from intent_recognition.tables.files import find_tables, name_below, open_table
@@ -231,6 +231,8 @@ def _rows(
         cure = "Name a time column of the same length, under time of the entry."
         raise BagError.about(str(table.source), "columns of one length", got, cure)
     values = np.column_stack(columns)
+    if source.entry.orientation and values.shape[1] == 3:  # as `intent export` writes it
+        values = from_tangent(values, reference_of(source.entry))
     hidden = 0
     if table.must_say and source.entry.unit == "m" and values.shape[1] == 3:
         values, hidden = without_zeros(values)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from bag_builder import write_ros1
+from scipy.spatial.transform import Rotation
 
 from intent_recognition.bags import BagReader
 from intent_recognition.cli.main import main
@@ -105,6 +106,52 @@ def test_joints_that_are_missing_are_left_out_of_the_message(values, tmp_path):
     messages = [m.message for m in BagReader(tmp_path / "bags/reach").messages(["joint_states"])]
     assert messages[3].name == ["elbow"] and list(messages[3].position) == [values["q0"][3]]
     assert messages[2].name == ["elbow", "tool"]
+
+
+TURN = {
+    **WRIST,
+    "fields": [f"pose.orientation.{axis}" for axis in "xyzw"],
+    "orientation": "quaternion",
+    "unit": "rad",
+    "columns": ["qx", "qy", "qz", "qw"],
+}
+
+
+def turned(values, rng) -> dict[str, np.ndarray]:
+    quaternions = Rotation.from_rotvec(rng.normal(size=(12, 3)) * 0.2).as_quat()
+    return values | dict(zip(TURN["columns"], quaternions.T, strict=True))
+
+
+def test_a_whole_pose_goes_there_and_back(values, rng, tmp_path):
+    table = turned(values, rng)
+    content = MAP | {"observed": [WRIST, TURN], "controlled": []}
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump(content))
+    source, mapped = write_csv(tmp_path / "reach.csv", table), tmp_path / "map.yaml"
+    output, dofs = tmp_path / "bags", str(tmp_path / "bags/dofs.yaml")
+    assert main(["import", str(source), "--map", str(mapped), "--output", str(output)]) == 0
+    exported, again = str(tmp_path / "all.csv"), tmp_path / "again"
+    assert main(["export", str(output), "--dofs", dofs, "--output", exported]) == 0
+    mapped = str(tmp_path / "all.map.yaml")
+    assert main(["import", exported, "--map", mapped, "--output", str(again)]) == 0
+    seen = np.isfinite(values["y"])
+    for folder in (output, again):
+        messages = [m.message.pose for m in BagReader(folder / "reach").messages()]
+        found = [[getattr(m.orientation, axis) for axis in "xyzw"] for m in messages]
+        wanted = np.column_stack([table[name] for name in TURN["columns"]])[seen]
+        np.testing.assert_allclose(found, wanted, atol=1e-12)
+        assert [m.position.y for m in messages] == values["y"][seen].tolist()
+
+
+def test_what_is_no_quaternion_is_refused(values, rng, tmp_path):
+    table = turned(values, rng)
+    for columns, said in (
+        (["qw", "qx", "qy", "qz"], "those of x, y, z and w in this order"),
+        (["qx", "qy", "qz"], "4 names"),
+    ):
+        with pytest.raises(DofError, match=f"expected {said}"):
+            ImportMap.from_dict(MAP | {"observed": [WRIST, TURN | {"columns": columns}]})
+    entry = TURN | {"columns": ["qx", "qy", "qz", "t"]}
+    assert "no unit quaternion. Name its x, y, z and w" in wrong(tmp_path, table, observed=[entry])
 
 
 def test_segments_and_labels_by_column(values, tmp_path):
