@@ -11,7 +11,8 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from itertools import islice
+from itertools import chain, islice, pairwise
+from os import SEEK_END
 from pathlib import Path
 
 import numpy as np
@@ -103,33 +104,63 @@ def _below(
 ) -> Iterator[tuple[int, list[str]]]:
     """Numbers and cells of the rows below a header, up to the column `last` at least.
 
-    Rows at which nothing was measured are counted and left out; blank lines and comments are no
-    rows. Cells that are missing at the end of a row are empty, unless short rows after one another
-    may be one that is broken over several lines; of the last row, writing stopped there.
+    Cells that are missing at the end of a row are empty, unless short rows after one another may be
+    one that is broken over several lines. The last one is left out where it has no end, or is a
+    single cell: writing stopped there, or it says something else.
     """
-    width, number, short, together = len(header.names), -1, None, 0
+    width, together, run, before = len(header.names), 0, 0, [""]
+    for (number, row), (_, after) in pairwise(chain(_numbered(header, rows), [(0, [])])):
+        if header.skip and _are_names(row, header.names):
+            got, cure = f"its names again in row {number + 1}", "Split it there, into two files."
+            raise unusable(path, "one recording", got, cure)
+        size = len(row)
+        together, run = (together + size, run + 1) if size < width else (0, 0)
+        if run and not after and (size == 1 or not _ends_line(path)):
+            break
+        is_pair = run == 2 and (not after or width <= len(after))
+        # a break within a cell makes two of it
+        is_broken = is_pair and together in (width, width + 1)
+        is_broken = is_broken and not (after and _goes_on(before[0], row[0], after[0]))
+        is_broken |= run > 1 and together == width and size <= last
+        if is_broken or (size == 1 <= last and bool(after)):
+            cure = "Correct or remove the row, or begin it with # as a comment."
+            raise unusable(path, f"{width} cells", f"{size} in row {number + 1}", cure)
+        before = row
+        yield number, [*row, *[""] * (last + 1 - size)] if size <= last else row
+
+
+def _goes_on(*cells: str) -> bool:
+    """Whether first cells of rows may be times: numbers that increase."""
+    try:
+        numbers = [float(with_point(cell)) for cell in cells]
+    except ValueError:
+        return False
+    return all(a < b for a, b in pairwise(numbers))
+
+
+def _numbered(header: Header, rows: Iterable[list[str]]) -> Iterator[tuple[int, list[str]]]:
+    """Rows below a header with their numbers: blank lines and comments are no rows, and those at
+    which nothing was measured are counted and left out.
+    """
+    number = -1
     for row in rows:
         is_blank = not any(cell.strip() for cell in row)
         if is_blank and header.ends_blank and number >= 0:
             break
-        if (is_blank and len(row) < 2) or (len(row) != width and row[0].startswith(COMMENTS)):
+        is_comment = len(row) != len(header.names) and row and row[0].startswith(COMMENTS)
+        if (is_blank and len(row) < 2) or is_comment:
             continue
-        if short is not None:
-            if len(short) == 1 or together == width:
-                cure = "Correct or remove the row, or begin it with # as a comment."
-                raise unusable(path, f"{width} cells", f"{len(short)} in row {number + 1}", cure)
-            yield number, [*short, *[""] * (last + 1 - len(short))]
-        together = 0 if short is None else together
-        number, short = number + 1, None
-        if is_blank:
-            continue
-        if header.skip and _are_names(row, header.names):
-            got, cure = f"its names again in row {number + 1}", "Split it there, into two files."
-            raise unusable(path, "one recording", got, cure)
-        if len(row) > last:
+        number += 1
+        if not is_blank:
             yield number, row
-        else:
-            short, together = row, together + len(row) - (not row[-1])
+
+
+def _ends_line(path: Path) -> bool:
+    """Whether a file ends with the end of a line."""
+    with path.open("rb") as stream:
+        stream.seek(-min(2, path.stat().st_size), SEEK_END)
+        end = stream.read()
+    return b"\n" in end or b"\r" in end
 
 
 def _are_names(row: Sequence[str], names: Sequence[str]) -> bool:

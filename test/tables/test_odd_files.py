@@ -99,6 +99,18 @@ def test_cells_that_are_missing_at_the_end_of_a_row_were_not_measured(tmp_path):
     check_wrist(imported_csv(tmp_path, rows, unit="mm"), expected / 1000)
 
 
+def test_a_last_line_without_an_end_is_left_out_where_cells_are_missing(tmp_path):
+    content = table("t,x,y,z,a", lambda k: [f"{TIMES_S[k]}", *cells(k), "1"])
+    check_wrist(imported_csv(tmp_path, content[:-4], unit="mm"), PLACE[:-1] / 1000)
+    check_wrist(imported_csv(tmp_path, content[:-3] + "\nend of file\n", unit="mm"))
+
+
+def test_two_short_rows_whose_times_go_on_are_no_broken_one(tmp_path):
+    names = "t,x,y,z,a,b,c"
+    rows = [[f"{TIMES_S[k]}", *cells(k), *["1"] * (3 * (k not in (6, 7)))] for k in range(ROWS)]
+    check_wrist(imported_csv(tmp_path, table(names, rows.__getitem__), unit="mm"))
+
+
 HEADS = {
     "a key and its value on each line": (
         "sep=,\nDeviceTag:,D1\nOutputRate:,100Hz\n\n",
@@ -224,6 +236,14 @@ REFUSED = {
     ),
     "a line of names within": (plain() + plain(), "its names again in row 201"),
     "a row on two lines": (plain().replace("0,20.5", "0\n20.5", 1), "4 cells, got 2 in row 2"),
+    "a row on two lines, within a cell": (plain().replace("20.5", "2\n0.5", 1), "got 2 in row 2"),
+    "the last row on two lines": (plain()[:-12] + "\n" + plain()[-12:], "got 2 in row 201"),
+    "a row on two lines in unused columns": (
+        table(
+            "t,x,y,z,a,b,c", lambda k: [f"{TIMES_S[k]}", *cells(k), "1", "2" + "\n" * (k == 7), "3"]
+        ),
+        "7 cells, got 2 in row 9",
+    ),
     "a title between rows": (plain() + "part 2\n" + plain(), "got 1 in row 201"),
     "row numbers without a name": (
         table("t,x,y,z", lambda k: [f"{k + 1}", f"{TIMES_S[k]}", *cells(k)]),
