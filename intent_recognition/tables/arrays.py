@@ -110,7 +110,8 @@ def open_hdf5(path: Path) -> Table:
     left_out = arrays.pop("#left_out", np.empty(0)).tolist()
     columns = flat_columns(path, arrays)
     if not columns:
-        raise unusable(path, "arrays of numbers (T, d)", "none", "Save arrays of numbers.")
+        cure = "Save arrays of numbers; of a MATLAB table table2struct(T, ToScalar=true)."
+        raise unusable(path, "arrays of numbers (T, d)", "none", cure)
     clocks = any(is_clock(key, array) for key, array in arrays.items() if array.ndim == 1)
     # a rate that is stated may be that of a camera
     defaults: dict[str, object] = {"time": {"rate": rate}} if rate > 0.0 and not clocks else {}

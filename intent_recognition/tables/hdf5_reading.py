@@ -22,7 +22,7 @@ samples a period."""
 NUMBERED = re.compile(r"(.*?)[_-]?(\d+)")
 """A group, or an array, that may be of one of several demonstrations."""
 DEMONSTRATION = re.compile(
-    r"(?i)(.*[\W_])?(demo(nstration)?|traj(ectory)?|episode|trial|take|recording)"
+    r"(?i)(.*[\W_])?(demo(nstration)?|traj(ectory)?|episode|trial|take|recording)s?"
 )
 """What arrays are called that are one each."""
 RATES = ("fps", "rate", "rate_hz", "hz", "frequency", "control_freq", "sampling_rate",
@@ -32,6 +32,10 @@ FILLS = ("_fillvalue", "missing_value")
 """Attributes of an array, in lower case, that say which number stands for one not measured."""
 UNIT = ("unit", "units")
 """What attributes, or texts beside arrays, that say a unit are called, in lower case."""
+MATLAB = "MATLAB_class"
+"""Attribute of whatever MATLAB writes."""
+NO_ARRAY = {"MATLAB_empty", "MATLAB_object_decode"}
+"""Attributes of empty arrays, which hold their shape, and of objects, such as tables."""
 ENDS = "meta.episode_ends"
 """Where replay buffers (diffusion policy, UMI) say the row after each demonstration."""
 
@@ -45,17 +49,10 @@ def read(path: str) -> dict[str, NDArray[Any]]:
     sample. Images and what has more dimensions are left out.
     """
     if not (h5py := importlib.import_module("h5py")).is_hdf5(path):  # MATLAB's before 7.3
-        matlab = importlib.import_module("scipy.io").loadmat(path, simplify_cells=True)
-        for content in matlab.values():
-            if isinstance(content, dict) and (found := _of_qualisys(content)):
-                rate = float(content["FrameRate"])
-                return {**found, "#rate": np.array(rate), "#unit": np.array("mm")}
-        arrays = samples_first(on_end(dict(_of_structs(matlab, ""))))
-        said: dict[str, set[str]] = {}
-        for key in [key for key in arrays if ".#unit" in key]:
-            said.setdefault(key.partition(".#unit")[0], set()).add(str(arrays.pop(key)))
-        return {**arrays, "#rate": np.array(_stated_rate(matlab)), "#units": _pairs(said)}
+        return _of_matlab(importlib.import_module("scipy.io").loadmat(path, simplify_cells=True))
     with h5py.File(path, "r") as file:
+        if any(MATLAB in item.attrs for item in file.values()):
+            return _of_matlab(_as_before(h5py, file, file))
         top = file["data"] if isinstance(file.get("data"), h5py.Group) else file
         names = _demonstrations(h5py, top)
         rate = _stated_rate({**top.attrs, **file.attrs})
@@ -84,6 +81,44 @@ def read(path: str) -> dict[str, NDArray[Any]]:
         "#units": units,
         "#left_out": np.array(left_out),
     }
+
+
+def _of_matlab(content: dict[str, Any]) -> dict[str, NDArray[Any]]:
+    """As `read`, of what is in a MAT file by name."""
+    for struct in content.values():
+        if isinstance(struct, dict) and (found := _of_qualisys(struct)):
+            return {**found, "#rate": np.array(struct["FrameRate"]), "#unit": np.array("mm")}
+    arrays = samples_first(on_end(dict(_of_structs(content, ""))))
+    said: dict[str, set[str]] = {}
+    for key in [key for key in arrays if ".#unit" in key]:
+        said.setdefault(key.partition(".#unit")[0], set()).add(str(arrays.pop(key)))
+    return {**arrays, "#rate": np.array(_stated_rate(content)), "#units": _pairs(said)}
+
+
+def _as_before(h5py: Any, file: Any, item: Any) -> Any:
+    """What a MAT file of version 7.3 holds, as scipy reads those before: axes in MATLAB's order,
+    structs as mappings, cells and arrays of structs as arrays of objects, texts as texts.
+    """
+    if isinstance(item, h5py.Group):
+        parts = {key: part for key, part in item.items() if not key.startswith("#")}
+        fields = {key: _as_before(h5py, file, part) for key, part in parts.items()}
+        if item == file or any(MATLAB in part.attrs for part in parts.values()):
+            return fields
+        rows = zip(*fields.values(), strict=True)  # of an array of structs
+        return _objects([dict(zip(fields, row, strict=True)) for row in rows])
+    if NO_ARRAY & set(item.attrs) or item.size * 8 > MOST_BYTES:
+        return np.empty(0)
+    array = item[()].T
+    if h5py.check_ref_dtype(item.dtype) is not None:
+        return _objects([_as_before(h5py, file, file[one]) for one in array.ravel(order="F")])
+    return "".join(map(chr, array.ravel())) if item.attrs[MATLAB] == b"char" else np.squeeze(array)
+
+
+def _objects(values: list[Any]) -> NDArray[Any]:
+    """A list as an array (n,) of what it holds."""
+    found = np.empty(len(values), object)
+    found[:] = values
+    return found
 
 
 def _stated_rate(attributes: dict[str, Any]) -> float:
@@ -203,14 +238,17 @@ def _of_structs(content: dict[str, Any], before: str) -> Iterator[tuple[str, NDA
         array = np.asarray(value)
         if isinstance(value, dict):
             yield from _of_structs(value, f"{before}{key}.")
-        elif array.dtype == object and array.ndim == 1 and all(isinstance(v, dict) for v in array):
-            for k, one in enumerate(array):  # of an array of structs
-                for name, inner in _of_structs(one, f"{before}{key}."):
-                    yield f"{name}_{k}", inner
+        elif key.startswith("__"):  # what scipy says of the file
+            continue
         elif isinstance(value, str) and key.lower() in UNIT and value:
             yield f"{before}#unit", array
         elif array.ndim == 1 and array.size and all(isinstance(v, str) for v in array):
             yield before + key, array.astype(str)
+        elif array.dtype == object and array.ndim == 1:
+            for k, one in enumerate(array):  # of an array of structs, or of cells
+                inside = (one, f"{before}{key}.") if isinstance(one, dict) else ({key: one}, before)
+                for name, inner in _of_structs(*inside):
+                    yield f"{name}_{k}", inner
         elif array.dtype.kind in "fiub" and array.size and array.ndim in (1, 2, 3):
             yield before + key, array
 

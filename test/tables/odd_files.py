@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 ROWS = 200
 TIMES_S = np.arange(ROWS) / 100
@@ -20,6 +21,49 @@ def h5(path, arrays, units=None, **attributes):
             file[name] = array
         for name, unit in (units or {}).items():
             file[name].attrs["units"] = unit
+    return path
+
+
+def mat(path, content, version):
+    """A MAT file of a version, of arrays, texts, dictionaries (structs) and lists (cells, or arrays
+    of structs).
+    """
+    if version == 5:
+        savemat(path, content)
+        return path
+    h5py = pytest.importorskip("h5py")
+
+    def write(group, key, value, kind=None):
+        if isinstance(value, dict):
+            made = group.create_group(key)
+            for name, one in value.items():
+                write(made, name, one)
+            kind = "struct"
+        elif isinstance(value, list) and isinstance(value[0], dict):
+            fields = {name: [one[name] for one in value] for name in value[0]}
+            made = group.create_group(key)
+            for name, column in fields.items():
+                write(made, name, column, kind="")
+            kind = "struct"
+        elif isinstance(value, list):
+            cells = [write(file["#refs#"], f"{len(file['#refs#'])}", one).ref for one in value]
+            made = group.create_dataset(key, data=np.array(cells, h5py.ref_dtype)[:, None])
+            kind = "cell" if kind is None else kind
+        else:
+            is_text = isinstance(value, str)
+            array = [[ord(c) for c in value]] if is_text else np.atleast_2d(value)
+            made = group.create_dataset(key, data=np.array(array, "u2" if is_text else None).T)
+            kind = "char" if is_text else "double"
+        if kind:
+            made.attrs["MATLAB_class"] = np.bytes_(kind)
+        return made
+
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file.create_group("#refs#")
+        for key, value in content.items():
+            write(file, key, value)
+        empty = write(file, "nothing", np.zeros((1, 2)))
+        empty.attrs["MATLAB_empty"] = 1
     return path
 
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.io import savemat
 from tables.exported_files import entry
 from tables.imports import check_wrist, demonstrations, imported
-from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, h5, parquet_file
+from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, h5, mat, parquet_file
 
 from intent_recognition.tables import import_demonstrations, suggest_map
 from intent_recognition.tables.files import open_table
@@ -83,28 +83,44 @@ SAID = {
     "MAT": ({"t": TIMES_S, "w": PLACE / 10, "Units": "cm"}, "w.{}", "t"),
     "a struct": ({"s": TRIALS[0]}, "s.w.{}", "s.t"),
     "an array of structs": ({"s": TRIALS}, "s.w.{}", "s.t"),
-    "two trials of one length": ({"trial": [TRIALS[0]] * 2}, "trial.w.{}", "trial.t"),
+    "two trials of one length": ({"trials": [TRIALS[0]] * 2}, "trials.w.{}", "trials.t"),
+    "cells": ({k: [one[k] for one in TRIALS] for k in ("t", "w")} | {"unit": "cm"}, "w.{}", "t"),
     "NPZ": ({"t": TIMES_S, "w": PLACE / 10, "unit": "cm"}, "w.{}", "t"),
 }
 
 
+@pytest.mark.parametrize("version", [5, 7.3])
 @pytest.mark.parametrize("kind", SAID)
-def test_a_text_beside_arrays_says_their_unit(kind, tmp_path):
+def test_a_text_beside_arrays_says_their_unit(kind, version, tmp_path):
     content, name, time = SAID[kind]
     path = tmp_path / ("a.npz" if kind == "NPZ" else "a.mat")
     if path.suffix == ".npz":
         np.savez(path, **content)
     else:
-        savemat(path, content)
+        mat(path, content, version)
     columns = [name.format(k) for k in range(3)]
     content = {"observed": [entry(columns)], "task": "t", "time": {"column": time}}
     first, *others = import_demonstrations(path, ImportMap.from_dict(content))
     np.testing.assert_allclose(first.samples[0].values, PLACE / 1000)
-    assert len(others) == {"an array of structs": 2, "two trials of one length": 1}.get(kind, 0)
+    count = {"an array of structs": 2, "cells": 2, "two trials of one length": 1}.get(kind, 0)
+    assert len(others) == count
 
 
-def test_a_number_called_fs_is_the_rate_of_a_mat_file(tmp_path):
-    savemat(tmp_path / "a.mat", {"fs": 50.0, "w": PLACE / 1000})
+@pytest.mark.parametrize("version", [5, 7.3])
+def test_arrays_of_mat_have_their_axes_in_matlabs_order(version, tmp_path):
+    joints, places = np.repeat(PLACE, 10, axis=1), np.stack([PLACE, PLACE + 1.0], axis=1) / 1000
+    path = mat(tmp_path / "a.mat", {"q": joints, "t": TIMES_S, "w": places}, version)
+    assert open_table(path).names == (*(f"q.{k}" for k in range(30)), "t", *WHERE)
+    samples, _ = imported(tmp_path, "a.mat", None, WHERE[3:], time={"column": "t"})
+    np.testing.assert_array_equal(samples.values, places[:, 1])
+
+
+WHERE = [f"w.{n}.{axis}" for n in range(2) for axis in range(3)]
+
+
+@pytest.mark.parametrize("version", [5, 7.3])
+def test_a_number_called_fs_is_the_rate_of_a_mat_file(version, tmp_path):
+    mat(tmp_path / "a.mat", {"fs": 50.0, "w": PLACE / 1000}, version)
     samples, _ = imported(tmp_path, "a.mat", None, ["w.0", "w.1", "w.2"])
     assert set(np.diff(samples.stamps_ns)) == {20_000_000}
 
