@@ -3,6 +3,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -111,10 +112,15 @@ def text_of(value: object) -> str:
 
 
 def flat(content: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """Numbers and texts in mappings and lists within one another, by their paths: `0`, `1.x`."""
+    """Numbers and texts in mappings and lists within one another, by their paths: `0`, `1.x`.
+
+    Mappings in a list that have names of their own are called so, not by their places.
+    """
     if isinstance(content, dict | list):
-        items = content.items() if isinstance(content, dict) else enumerate(content)
-        for key, value in items:
+        names = [isinstance(one, dict) and one.get("name") for one in content]
+        are_named = all(isinstance(name, str) for name in names) and len(set(names)) == len(names)
+        listed = zip(names if are_named else count(), content, strict=False)
+        for key, value in content.items() if isinstance(content, dict) else listed:
             yield from flat(value, f"{name}.{key}" if name else str(key))
     elif name and isinstance(content, int | float | str | None):
         yield name, content

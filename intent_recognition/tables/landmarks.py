@@ -3,7 +3,7 @@
 
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -211,20 +211,32 @@ def _numbered(content: Mapping[str, Any]) -> list[str]:
 
 
 def _of_lists(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """Columns of lists by their names: numbers (T,), places (T, d) as `NAME.x`, `NAME.y`, ..."""
-    lists = {key: value for key, value in content.items() if isinstance(value, list) and value}
+    """Columns of lists by their names: numbers or texts (T,), places (T, d) as `NAME.x`, ..."""
+    lists = dict(_lists(content))
     most = max(map(len, lists.values()), default=0)
     columns = {}
     for key, value in lists.items():
-        array = np.array(value, np.float64)
+        is_text = any(isinstance(one, str) for one in value)
+        array = np.array(value, object if is_text else np.float64)
         if len(array) != most or array.ndim > 2:
             continue
         axes = "xyz" if array.ndim == 2 and array.shape[1] in (2, 3) else ""
         for k, column in enumerate(np.atleast_2d(array.T)):
             columns[key if array.ndim == 1 else f"{key}.{axes[k] if axes else k}"] = column
-    if not columns:
+    if not any(column.dtype.kind == "f" for column in columns.values()):
         raise ValueError("no lists of numbers")
     return columns
+
+
+def _lists(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, list[Any]]]:
+    """Lists in mappings within one another, by their paths; also as pandas numbers their rows."""
+    for key, value in content.items():
+        if isinstance(value, dict) and value and all(map(str.isdigit, value)):
+            value = list(value.values())
+        if isinstance(value, dict):
+            yield from _lists(value, f"{before}{key}.")
+        elif isinstance(value, list) and value:
+            yield before + key, value
 
 
 def _of_records(frames: Sequence[Any]) -> dict[str, NDArray[Any]]:
@@ -280,9 +292,10 @@ def _openpose(groups: Groups, person: Mapping[str, Any]) -> Points:
 
 def _people(key: str, frame: Any) -> list[Any]:
     """Landmarks under a key of each person, or hand, in a frame of MediaPipe, however nested."""
-    if isinstance(frame, dict):
-        frame = frame.get(key)
-    if isinstance(frame, list) and frame and isinstance(frame[0], int | float):  # as COCO has them
+    is_row = not isinstance(frame, dict)
+    frame = frame if is_row else frame.get(key)
+    is_flat = isinstance(frame, list) and frame and isinstance(frame[0], int | float)
+    if is_flat and not is_row:  # as COCO has them
         triples = np.array(frame, np.float64).reshape(-1, 3)
         frame = np.where(triples[:, 2:] > 0.0, triples[:, :2], np.nan).tolist()
     people = [frame]

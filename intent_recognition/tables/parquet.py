@@ -4,6 +4,7 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +78,7 @@ def _places(
                 continue
             _check_size([path], [column])
             elements = [name for name, _ in flat(_first_list(file, column))]
+            elements = sorted(elements) if _is_nested(kind.value_type) else elements
             count = len(elements)
             check_columns(path, len(places) + count)
             named = list(names.get(column, ()))
@@ -150,8 +152,13 @@ def _values(column: Any, path: Path, name: str) -> Values:
         return np.asarray(column.to_numpy(zero_copy_only=False))
     there = column.drop_null()
     if _is_nested(column.type.value_type) or _is_list(column.type.value_type):
-        listed = [[number for _, number in flat(row)] for row in there.to_pylist()]
-        lengths, every = [len(row) for row in listed], [number for row in listed for number in row]
+        listed = [[*flat(row)] for row in there.to_pylist()]
+        if _is_nested(column.type.value_type):  # what has a name may be at another place in each
+            listed = [sorted(row, key=itemgetter(0)) for row in listed]
+        lengths, every = (
+            [len(row) for row in listed],
+            [number for row in listed for _, number in row],
+        )
     else:
         lengths = optional("pyarrow.compute").list_value_length(there).to_numpy()
         every = there.flatten().to_numpy(zero_copy_only=False)

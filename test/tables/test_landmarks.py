@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 from tables.imports import check_wrist, imported
-from tables.odd_files import PLACE, ROWS, TIMES_S
+from tables.odd_files import PLACE, ROWS, TIMES_S, parquet_file
 
 from intent_recognition.tables.files import open_table
 
@@ -151,6 +151,46 @@ def test_numbers_of_images_of_a_collection_and_stamps_are_no_rows(ids, tmp_path)
     results = [{"image_id": k, "keypoints": [1.0, 2.0, 0.9] * 17} for k in ids]
     (tmp_path / "a.json").write_text(json.dumps(results))
     assert open_table(tmp_path / "a.json").columns(["nose.x"])["nose.x"].tolist() == [1.0] * 3
+
+
+PLACES = dict(zip("xyz", (PLACE / 1000).T.tolist(), strict=True))
+COLUMNS = {"t": TIMES_S.tolist(), **PLACES, "what": ["give"] * ROWS}
+LISTS = {
+    "with texts": (COLUMNS, ""),
+    "in a mapping": ({"made": {"by": "me"}, "data": COLUMNS}, "data."),
+    "as pandas numbers them": ({k: dict(enumerate(v)) for k, v in COLUMNS.items()}, ""),
+}
+
+
+@pytest.mark.parametrize("kind", LISTS)
+def test_lists_by_name(kind, tmp_path):
+    content, before = LISTS[kind]
+    task, time = ({"column": before + name} for name in ("what", "t"))
+    columns = [before + axis for axis in "xyz"]
+    content = json.dumps(content)
+    check_wrist(imported(tmp_path, "a.json", content, columns, time=time, task=task), atol=0.0)
+
+
+def test_rows_without_names_are_columns_by_number(tmp_path):
+    rows = np.column_stack([TIMES_S, PLACE / 1000]).tolist()
+    columns, time = ["1", "2", "3"], {"column": "0"}
+    check_wrist(imported(tmp_path, "a.json", json.dumps(rows), columns, time=time), atol=0.0)
+
+
+@pytest.mark.parametrize("kind", ["json", "parquet"])
+def test_bodies_with_names_may_change_places(kind, tmp_path):
+    """Trackers list what they see, in any order."""
+    both = [
+        [{"name": "cup", "at": [0.0] * 3}, {"name": "wrist", "at": place}][:: 1 - 2 * (k % 2)]
+        for k, place in enumerate((PLACE / 1000).tolist())
+    ]
+    if kind == "json":
+        content = [{"bodies": one} for one in both]
+        (tmp_path / "a.json").write_text(json.dumps(content))
+    else:
+        parquet_file(tmp_path / "a.parquet", {"bodies": both})
+    columns, time = [f"bodies.wrist.at.{k}" for k in range(3)], {"rate": 100}
+    check_wrist(imported(tmp_path, f"a.{kind}", None, columns, time=time), atol=0.0)
 
 
 @pytest.mark.parametrize(
