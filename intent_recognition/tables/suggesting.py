@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import yaml
 
 from intent_recognition.array_types import Floats
 from intent_recognition.bags import NANOSECONDS
@@ -105,13 +106,20 @@ def _twice(table: Table) -> list[str]:
 
 
 def _distinct(entries: Sequence[list[str]]) -> list[list[str]]:
-    """Entries whose topics differ: further ones of the same name have a number."""
+    """Entries whose topics, or joints, differ: further ones of the same name have a number."""
     seen: Counter[str] = Counter()
+    taken: set[str] = set()
     for (first, *_), entry in zip(entries, entries, strict=True):
         topic = first.split()[2]
         seen[topic] += 1
+        before, _, listed = entry[2].partition("joints: ")
+        joints = yaml.safe_load(listed) if listed else []
         if seen[topic] > 1 and topic.endswith("/pose"):
             entry[0] = first.replace(topic, f"{topic.removesuffix('/pose')}_{seen[topic]}/pose")
+        elif taken & {*joints}:
+            joints = [f"{joint}_{seen[topic]}" for joint in joints]
+            entry[2] = f"{before}joints: {flow(joints)}"
+        taken |= {*joints}
     return list(entries)
 
 

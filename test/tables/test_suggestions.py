@@ -6,7 +6,7 @@ import pytest
 import yaml
 from bag_builder import JOINTS, POSE, START_NS, write_ros1
 from tables.exported_files import lerobot
-from tables.odd_files import PLACE, SHARE, TIMES_S, cells, day_time, h5, plain, table
+from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, day_time, h5, plain, table
 
 from intent_recognition.bags import BagReader, BagWriter
 from intent_recognition.demonstrations import extract
@@ -171,6 +171,40 @@ def test_bodies_of_one_name_have_topics_of_their_own(tmp_path):
     content, *_ = suggested_csv(tmp_path, "\n".join([names, *rows]) + "\n")
     assert content["observed"][0]["topic"] == "/mocap/wrist/pose"
     assert content["controlled"][0]["topic"] == "/mocap/wrist_2/pose"
+
+
+def test_angles_of_bodies_are_named_with_their_bodies(tmp_path):
+    """QTM writes a residual and a matrix for each, which are no angles of joints."""
+    axes = "X\tY\tZ\tRoll\tPitch\tYaw\tResidual\t" + "\t".join(f"Rot[{k}]" for k in range(9))
+    head = f"NO_OF_FRAMES\t{ROWS}\nFREQUENCY\t100\nBODY_NAMES\tcup\twrist\ncup {axes}\twrist {axes}"
+    angles = ["10", "5", "3"]
+    one = [[*cells(k), *angles, str(k / 1e3), *[f"{k / 1e4}"] * 9] for k in range(ROWS)]
+    for k in range(ROWS):
+        one[k][5] = str(k / 10)
+    path = tmp_path / "a.tsv"
+    path.write_text(table(head, lambda k: one[k] * 2, "\t"))
+    content, _, _ = suggested(path)
+    *_, joints = content["controlled"]
+    assert joints["joints"] == ["cup_Yaw", "wrist_Yaw"] and joints["columns_unit"] == "deg"
+
+
+def test_joints_of_two_files_have_names_of_their_own(tmp_path):
+    for side in ("left", "right"):
+        (tmp_path / side).mkdir()
+        names = f"t,q1,q2,{side}"  # files with the same columns would be of one kind
+        content = table(names, lambda k: [f"{TIMES_S[k]}", *[f"{SHARE[k, 0]}"] * 2, "a"])
+        (tmp_path / side / "take_1.csv").write_text(content)
+        (tmp_path / side / "take_2.csv").write_text(content)
+    content, _, _ = suggested(tmp_path)
+    entries = [*content["observed"], *content["controlled"]]
+    assert [one["joints"] for one in entries] == [["q1", "q2"], ["q1_2", "q2_2"]]
+
+
+def test_a_likelihood_is_no_joint(tmp_path):
+    head = "scorer,D,D,D\nbodyparts,wrist,wrist,wrist\ncoords,x,y,likelihood"
+    content = table(head, lambda k: [str(k), *cells(k)[:2], f"{0.9 + k / 1e4}"])
+    content, text, _ = suggested_csv(tmp_path, content)
+    assert "controlled" not in content and "are no positions: wrist.likelihood" in text
 
 
 def test_a_suggestion_knows_seconds_with_nanoseconds_and_dates(tmp_path):
