@@ -182,6 +182,7 @@ def levels(rows: Rows) -> Header | None:
     at = next((k for k, found in enumerate(has_number) if found), 0)
     count = len(rows[at])
     heads = [[cell.strip() for cell in (*row, *[""] * count)[:count]] for row in rows[:at]]
+    own = heads.pop()[0] if len(heads) > 2 and not any(heads[-1][1:]) else ""  # of pandas' index
     axes = {match[1].lower() for cell in heads[-1:] for match in map(AXIS.fullmatch, cell) if match}
     if len(heads) < 2 or not {"x", "y"} <= axes:
         return None
@@ -189,7 +190,7 @@ def levels(rows: Rows) -> Header | None:
         return None
     above = [_spread(row) for row in heads[:-1] if row[0].lower() not in OF_ALL]
     above = [row for row in above if len(set(row[1:])) > 1 or row[0].lower() in OF_BODY]
-    firsts = [row[0] for row in heads[::-1] if row[0]]  # `time` above `s`
+    firsts = [name for name in (own, *(row[0] for row in heads[::-1])) if name]  # `time` above `s`
     first = next((name for name in firsts if name not in PER_UNIT), "".join(firsts[:1]))
     names = [".".join(filter(None, (row[k] for row in (*above, heads[-1])))) for k in range(count)]
     names = [first, *names[1:]] if first else names

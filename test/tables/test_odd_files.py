@@ -334,6 +334,7 @@ LEVELS = {
     "Visual3D": "\tc:\\a.c3d\t\t\t\t\t\n\tnose\tnose\tnose\twrist\twrist\twrist\n"
     "\tTARGET\t\t\t\t\t\nITEM\tX\tY\tZ\tX\tY\tZ",
     "pandas": "time,nose,,,wrist,,\n,x,y,z,x,y,z",
+    "pandas with an index": ",nose,nose,nose,wrist,wrist,wrist\n,x,y,z,x,y,z\nt,,,,,,",
     "a unit below the time": "time,nose,nose,nose,wrist,wrist,wrist\ns,x,y,z,x,y,z",
 }
 
