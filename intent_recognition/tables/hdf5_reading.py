@@ -3,6 +3,7 @@
 
 import importlib
 import json
+import pickletools
 import re
 from collections.abc import Collection, Iterator
 from contextlib import suppress
@@ -32,6 +33,8 @@ FILLS = ("_fillvalue", "missing_value")
 """Attributes of an array, in lower case, that say which number stands for one not measured."""
 UNIT = ("unit", "units")
 """What attributes, or texts beside arrays, that say a unit are called, in lower case."""
+PANDAS = "pandas_type"
+"""Attribute of what pandas writes."""
 MATLAB = "MATLAB_class"
 """Attribute of whatever MATLAB writes."""
 NO_ARRAY = {"MATLAB_empty", "MATLAB_object_decode"}
@@ -53,6 +56,9 @@ def read(path: str) -> dict[str, NDArray[Any]]:
     with h5py.File(path, "r") as file:
         if any(MATLAB in item.attrs for item in file.values()):
             return _of_matlab(_as_before(h5py, file, file))
+        frames = [item for item in file.values() if item.attrs.get(PANDAS, b"") == b"frame_table"]
+        if frames and len(file) == 1:
+            return {**_of_pandas(frames[0]["table"]), "#rate": np.array(0.0)}
         top = file["data"] if isinstance(file.get("data"), h5py.Group) else file
         names = _demonstrations(h5py, top)
         rate = _stated_rate({**top.attrs, **file.attrs})
@@ -119,6 +125,41 @@ def _objects(values: list[Any]) -> NDArray[Any]:
     found = np.empty(len(values), object)
     found[:] = values
     return found
+
+
+def _of_pandas(table: Any) -> dict[str, NDArray[Any]]:
+    """Columns of a DataFrame by their names, as DeepLabCut's: lines of these that are the same of
+    all columns are left out, but the last two.
+    """
+    found = {"index": table["index"]}
+    fields = table.dtype.names[1:]
+    names = {field: _listed(table.attrs[f"{field}_kind"]) for field in fields}
+    kinds = [*map(set, zip(*(name for own in names.values() for name in own), strict=True))]
+    kept = [k for k, kind in enumerate(kinds) if len(kind) > 1 or k >= len(kinds) - 2]
+    for field in fields:
+        values = table[field].reshape(len(table), -1)
+        values = values.astype(str) if values.dtype.kind == "S" else values
+        for name, column in zip(names[field], values.T, strict=True):
+            found[".".join(name[k] for k in kept)] = column
+    return found
+
+
+def _listed(pickled: bytes) -> list[tuple[str, ...]]:
+    """Texts of a list of texts, or of tuples of them, that was pickled by protocol 0; it is read as
+    text, nothing of it is run.
+    """
+    names: list[tuple[str, ...]] = []
+    memo: dict[Any, str] = {}
+    own: list[str] = []
+    for operation, value, _ in pickletools.genops(bytes(pickled)):
+        if operation.name in ("UNICODE", "STRING", "INT", "GET"):
+            own.append(memo[value] if operation.name == "GET" else str(value))
+        elif operation.name == "PUT" and own:
+            memo[value] = own[-1]
+        elif operation.name == "APPEND":
+            names.append(tuple(own))
+            own = []
+    return names
 
 
 def _stated_rate(attributes: dict[str, Any]) -> float:

@@ -2,6 +2,7 @@
 """Arrays in any layout: read right, or what is odd is named."""
 
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -368,6 +369,29 @@ def test_numbered_groups_of_hdf5_are_demonstrations(tmp_path):
     assert "left out: actions" in said.reason and len(found) == 3
     for k, one in enumerate(found):
         np.testing.assert_allclose(one.samples[0].values, (PLACE + k) / 1000)
+
+
+@pytest.mark.parametrize("people", [[], ["Ann", "Bob"]])
+def test_a_table_of_pandas_has_the_names_that_are_pickled_beside_it(people, tmp_path):
+    """As DeepLabCut keeps them: the name of the network, persons, parts, and coordinates."""
+    names = [
+        ("net", *owner, part, axis)
+        for owner in ([[one] for one in people] or [[]])
+        for part in ("nose", "wrist")
+        for axis in ("x", "y", "likelihood")
+    ]
+    values = np.tile(np.hstack([PLACE + 1000.0, PLACE])[:, : len(names)], 2)[:, : len(names)]
+    rows = np.zeros(ROWS, [("index", int), ("values_block_0", float, (len(names),))])
+    rows["values_block_0"] = values
+    with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
+        file["df/table"] = rows
+        file["df/_i_table/index/sortedLR"] = np.arange(2000)
+        file["df"].attrs["pandas_type"] = np.bytes_("frame_table")
+        file["df/table"].attrs["values_block_0_kind"] = np.bytes_(pickle.dumps(names, 0))
+    wanted = [".".join(name[1:]) for name in names]
+    assert open_table(tmp_path / "a.h5").names == ("index", *wanted)
+    columns, time = wanted[3:6], {"rate": 100}
+    check_wrist(imported(tmp_path, "a.h5", None, columns, unit="mm", time=time), atol=1e-12)
 
 
 def test_rows_of_json_under_any_name_are_read(tmp_path):
