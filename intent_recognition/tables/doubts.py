@@ -64,8 +64,8 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
         if dropped > 0.1 * rows:
             yield (
                 f"{dropped} of {rows} rows of {part.entry.topic} are dropped, whose times are"
-                " missing or not later than before. Likely a clock that went back or repeats: see"
-                " under time in the map."
+                " missing or not later than before. Likely a clock that went back or repeats, or"
+                " times that lost digits: see under time in the map."
             )
         seen = np.all(np.isfinite(part.values), axis=1)
         steps_s = np.diff(part.stamps_ns) * 1e-9

@@ -35,7 +35,7 @@ from intent_recognition.tables.table import Table
 from intent_recognition.tables.times import SAMPLES, counted_ns, stamps_ns
 
 NO_SAMPLES = "Check its cells, and under time in the map where times come from."
-NO_TIMES = "Where samples come at a rate, say under time in the map only: rate."
+NO_TIMES = "Save all digits of times; where samples come at a rate, say under time only: rate."
 NO_TIME = "Say under time in the map which column holds it, or at which rate samples come."
 
 

@@ -137,6 +137,13 @@ PLACES = {
     "geometry_msgs/msg/Pose": "position",
 }
 """Types of messages that hold the place of one body [m], and where."""
+ARRAYS = {
+    "geometry_msgs/msg/PoseArray": ("poses", "position"),
+    "tf2_msgs/msg/TFMessage": ("transforms", "transform.translation"),
+}
+"""Types of messages that hold places of several bodies [m]: their array, and where in each."""
+MOST_OF_ARRAY = 8
+"""Bodies of an array that a suggestion has. Convention: a person is asked to delete the others."""
 
 
 def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
@@ -145,12 +152,17 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
     filled = {t.name: t.type for t in reader.topics.values() if t.message_count}
     poses = [name for name, kind in filled.items() if kind in PLACES]
     states = [name for name, kind in filled.items() if kind == JOINT_STATE]
-    entries = [_place(topic, filled[topic]) for topic in poses]
+    entries = [_place(topic, filled[topic], PLACES[filled[topic]]) for topic in poses]
+    arrays = [name for name, kind in filled.items() if kind in ARRAYS and "static" not in name]
+    if not poses:
+        poses = arrays
+        entries = [_place(topic, filled[topic], one) for topic in arrays
+                   for one in _elements(reader, topic, *ARRAYS[filled[topic]])]  # fmt: skip
     entries += [joints for topic in states for joints in _joints(reader, topic)]
     if not entries:
         got = ", ".join(f"{t.name} ({t.type})" for t in reader.topics.values()) or "no topics"
         cure = "Write the DOF file by hand (docs/bags.md)."
-        expected = f"{', '.join(PLACES)} or {JOINT_STATE}"
+        expected = f"{', '.join([*PLACES, *ARRAYS])} or {JOINT_STATE}"
         raise BagError.about(str(bags[0]), expected, got, cure)
     pattern = name_pattern(source, bags)
     others = [t.name for t in reader.topics.values() if t.name not in (*poses, *states)]
@@ -168,8 +180,16 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _place(topic: str, kind: str) -> list[str]:
-    fields = [f"{PLACES[kind]}.{axis}" for axis in "xyz"]
+def _elements(reader: BagReader, topic: str, array: str, place: str) -> list[str]:
+    """Where the places of the bodies in an array are, by its first messages."""
+    messages = islice(reader.messages([topic]), FIRST_MESSAGES)
+    listed = [pair for m in messages for pair in enumerate(getattr(m.message, array))]
+    names = dict.fromkeys(getattr(one, "child_frame_id", k) for k, one in listed)
+    return [f"{array}[{name}].{place}" for name in [*names][:MOST_OF_ARRAY]]
+
+
+def _place(topic: str, kind: str, place: str) -> list[str]:
+    fields = [f"{place}.{axis}" for axis in "xyz"]
     return [*_head(topic, kind), f"    fields: {flow(fields)}", "    unit: m"]
 
 

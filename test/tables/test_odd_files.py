@@ -255,6 +255,7 @@ REFUSED = {
         "times decrease from row to row",
     ),
     "one time": (plain(at=lambda t: "1.0"), "all rows have the same time"),
+    "times without digits": (plain(at=lambda t: f"{1706410000 + t:.6g}"), "all rows have the same"),
     "blank times": (plain(at=lambda t: ""), "no row has a time"),
     "blank places": (plain(hidden=range(ROWS)), "every cell is empty"),
     "a unit below the names": (plain(head="t,x,y,z\ns,px,px,px"), "got 'px'"),
@@ -287,6 +288,8 @@ def test_times_that_go_back_are_named(tmp_path):
     samples, said = imported_csv(tmp_path, content, unit="mm")
     assert len(samples.stamps_ns) == 100
     assert "100 of 200 rows" in said and "a clock that went back" in said
+    _, said = imported_csv(tmp_path, plain(at=lambda t: f"{1706410000 + t:.1f}"), unit="mm")
+    assert "179 of 200 rows" in said and "times that lost digits" in said
 
 
 def test_a_clock_that_jumps_is_named(tmp_path):

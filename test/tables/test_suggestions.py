@@ -14,7 +14,7 @@ from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables import import_demonstrations, suggest_map
 from intent_recognition.tables.import_map import ImportMap
-from intent_recognition.tables.suggested_entries import PLACES
+from intent_recognition.tables.suggested_entries import ARRAYS, PLACES
 
 
 def test_a_suggestion_knows_joints_from_clocks(tmp_path):
@@ -138,6 +138,26 @@ def test_a_body_in_any_message_that_holds_its_place_is_observed(kind, tmp_path):
     (entry,) = ImportMap.from_dict(content).dofs.observed
     (message, *_) = BagReader(tmp_path / "give_00").messages(["/vicon/wrist"])
     assert extract(entry, message.message).tolist() == [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize("kind", ARRAYS)
+def test_bodies_in_an_array_are_suggested_where_no_other_is_there(kind, tmp_path):
+    array, place = ARRAYS[kind]
+    with BagWriter(tmp_path / "give_00", flush_period_s=None) as writer:
+        for k in range(5):
+            elements = []
+            for n, frame in enumerate(("wrist", "cup")):
+                content: dict = dict(zip("xyz", (1.0, 2.0, float(n)), strict=True))
+                for part in reversed(place.split(".")):
+                    content = {part: content}
+                elements.append(content | ({"child_frame_id": frame} if "tf2" in kind else {}))
+            writer.write_message("/bodies", kind, {array: elements}, START_NS + k)
+    content = yaml.safe_load(suggest_map(tmp_path))
+    mapping = ImportMap.from_dict(content)
+    entries = (*mapping.dofs.observed, *mapping.dofs.controlled)
+    (message, *_) = BagReader(tmp_path / "give_00").messages(["/bodies"])
+    found = [extract(entry, message.message).tolist() for entry in entries]
+    assert found == [[1.0, 2.0, 0.0], [1.0, 2.0, 1.0]]
 
 
 def test_a_map_is_suggested_of_what_was_measured_not_commanded(tmp_path):
