@@ -237,7 +237,9 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     except (OSError, MemoryError):
         raise
     except Exception as error:  # numpy and zipfile raise many kinds for what is no archive
-        raise UntrustedError("another file, or a damaged one") from error
+        is_pickled = "pickle" in str(error)
+        got = "pickled objects" if is_pickled else "another file, or a damaged one"
+        raise UntrustedError(got) from error
     if not all(isinstance(array, np.ndarray) for array in found.values()):
         raise UntrustedError("an archive of other files than arrays")
     return found

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arrays of NPZ, NPY, MATLAB's MAT, and HDF5 of robot learning, any with samples (T, d)."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,19 +29,29 @@ def open_npz(path: Path) -> Table:
     except (UntrustedError, OSError) as error:
         cure = "Write it with numpy.savez, with arrays of numbers or texts."
         raise unusable(path, "an .npz of plain arrays", error, cure) from error
-    return table_of_arrays(path, samples_first(on_end(arrays)))
+    return table_of_arrays(path, samples_first(on_end(dict(_fields(arrays)))))
 
 
 def open_npy(path: Path) -> Table:
     """One array (T, d), or (n, T, d) of n demonstrations: columns have numbers."""
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
-        if array.ndim not in (2, 3) or array.dtype.kind not in "fiub":
+        is_plain = array.ndim in (2, 3) and array.dtype.kind in "fiub"
+        if not is_plain and not (array.dtype.names and array.ndim == 1):
             raise ValueError(f"an array of {array.dtype} of shape {array.shape}")
     except (OSError, ValueError, EOFError) as error:
         cure = "Write it with numpy.save, or several with numpy.savez."
         raise unusable(path, "one array (T, d) or (n, T, d) of numbers", error, cure) from error
-    return table_of_arrays(path, samples_first(on_end({"": array})))
+    return table_of_arrays(path, samples_first(on_end(dict(_fields({"": array})))))
+
+
+def _fields(arrays: Mapping[str, Values]) -> Iterator[tuple[str, Values]]:
+    """Arrays by name, of arrays with fields each of these."""
+    for name, array in arrays.items():
+        if array.dtype.names is None:
+            yield name, array
+        for field in array.dtype.names or ():
+            yield from _fields({".".join(filter(None, (name, field))): array[field]})
 
 
 def table_of_arrays(path: Path, arrays: Mapping[str, Values]) -> Table:

@@ -108,7 +108,7 @@ def text_of(value: object) -> str:
         return ""
     if isinstance(value, float | np.floating) and float(value).is_integer():
         return str(int(value))
-    return str(value).strip()
+    return (value.decode(errors="replace") if isinstance(value, bytes) else str(value)).strip()
 
 
 def flat(content: Any, name: str = "") -> Iterator[tuple[str, Any]]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import BagError
-from intent_recognition.tables.cells import numbers
+from intent_recognition.tables.cells import numbers, texts
 
 
 @pytest.mark.parametrize(
@@ -37,3 +37,8 @@ def test_the_cells_of_a_column_say_what_a_mark_means(cells, expected):
             numbers(column, Path("a.csv"), "x")
     else:
         np.testing.assert_array_equal(numbers(column, Path("a.csv"), "x"), expected)
+
+
+def test_texts_of_bytes_are_texts():
+    """As numpy keeps labels of type S."""
+    assert texts(np.array([b"give", "gr\xf6\xdfer".encode()])) == ["give", "gr\xf6\xdfer"]

@@ -19,6 +19,10 @@ from intent_recognition.tables.import_map import ImportMap
 ARRAYS = {
     "places of landmarks (T, n, 3)": ({"w": np.stack([PLACE, PLACE / 1000], axis=1)}, "w.1.{}"),
     "an image beside it": ({"w": PLACE / 1000, "i": np.zeros((ROWS, 8, 8))}, "w.{}"),
+    "fields": (
+        {"w": np.rec.fromarrays([TIMES_S, PLACE / 1000], dtype=[("s", "f8"), ("at", "f8", 3)])},
+        "w.at.{}",
+    ),
     "time differences": ({"w": PLACE / 1000, "t": (1e9 * TIMES_S).astype("m8[ns]")}, "w.{}"),
     "dates from 1970 on": ({"w": PLACE / 1000, "t": (1e9 * TIMES_S).astype("M8[ns]")}, "w.{}"),
 }
