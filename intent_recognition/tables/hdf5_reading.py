@@ -108,7 +108,12 @@ def _as_before(h5py: Any, file: Any, item: Any) -> Any:
     if isinstance(item, h5py.Group):
         parts = {key: part for key, part in item.items() if not key.startswith("#")}
         fields = {key: _as_before(h5py, file, part) for key, part in parts.items()}
-        if item == file or any(MATLAB in part.attrs for part in parts.values()):
+        of_array = [
+            MATLAB not in part.attrs
+            and h5py.check_ref_dtype(getattr(part, "dtype", np.dtype("f8")))
+            for part in parts.values()
+        ]
+        if not all(of_array) or not parts:
             return fields
         rows = zip(*fields.values(), strict=True)  # of an array of structs
         return _objects([dict(zip(fields, row, strict=True)) for row in rows])
@@ -117,7 +122,9 @@ def _as_before(h5py: Any, file: Any, item: Any) -> Any:
     array = item[()].T
     if h5py.check_ref_dtype(item.dtype) is not None:
         return _objects([_as_before(h5py, file, file[one]) for one in array.ravel(order="F")])
-    return "".join(map(chr, array.ravel())) if item.attrs[MATLAB] == b"char" else np.squeeze(array)
+    return (
+        "".join(map(chr, array.ravel())) if item.attrs.get(MATLAB) == b"char" else array.squeeze()
+    )
 
 
 def _objects(values: list[Any]) -> NDArray[Any]:

@@ -115,7 +115,15 @@ def test_a_text_beside_arrays_says_their_unit(kind, version, tmp_path):
 def test_arrays_of_mat_have_their_axes_in_matlabs_order(version, tmp_path):
     joints, places = np.repeat(PLACE, 10, axis=1), np.stack([PLACE, PLACE + 1.0], axis=1) / 1000
     path = mat(tmp_path / "a.mat", {"q": joints, "t": TIMES_S, "w": places}, version)
-    assert open_table(path).names == (*(f"q.{k}" for k in range(30)), "t", *WHERE)
+    if version == 7.3:  # what another program added
+        with pytest.importorskip("h5py").File(path, "a") as file:
+            file["z/n"], file["z/of"] = np.arange(3), np.arange(4)
+    assert open_table(path).names == (
+        *(f"q.{k}" for k in range(30)),
+        "t",
+        *WHERE,
+        *(("z.n", "z.of") if version == 7.3 else ()),
+    )
     samples, _ = imported(tmp_path, "a.mat", None, WHERE[3:], time={"column": "t"})
     np.testing.assert_array_equal(samples.values, places[:, 1])
 
