@@ -12,11 +12,11 @@ from intent_recognition.array_types import Floats
 from intent_recognition.bags import BagReader
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.replay_tab import names_of
-from intent_recognition.dashboard.widgets import time_plot
+from intent_recognition.dashboard.widgets import series_of, time_plot
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.evaluation import explain, replay
 from intent_recognition.model import load_model
-from intent_recognition.report import heading, short_name, task_colours, without_rows
+from intent_recognition.report import heading, readable, short_name, task_colours, without_rows
 
 ABOUT = (
     "Both models replay one recording: which recognises the task sooner, and with more certainty?"
@@ -95,7 +95,8 @@ class CompareTab:
         bag = self._bags[self._bag.value]
         models = [self._models[field.value] for field in self._chosen]
         found = [posterior_over(bag, model) for model in models]
-        reasons = "".join(why_over(bag, model) for model in dict.fromkeys(models))
+        named = {m: " and ".join(n for n, o in zip("AB", models) if o == m) for m in models}
+        reasons = "".join(why_over(bag, model, name) for model, name in named.items())
         self._draw(found)
         rows = [(n, *summary) for n, (_, _, summary) in zip("AB", found, strict=True)]
         table = markup.table(("model", "acts on", "after", "at the end"), rows)
@@ -111,9 +112,9 @@ class CompareTab:
             self._plots.pop().remove()
         with self._place:
             for name, (times, columns, _) in zip("AB", found, strict=True):
-                data, names = (times, *columns.values()), tuple(columns)
+                data, series = (times, *columns.values()), series_of(tuple(columns), colours)
                 title = f"probability, model {name}"
-                plot = time_plot(self._gui, data, names, colours, 1.0, 0.0, last_s, title)
+                plot = time_plot(self._gui, data, series, 1.0, 0.0, last_s, title)
                 self._plots.append(plot)
         self._place.visible = True
 
@@ -140,15 +141,15 @@ def posterior_over(
     last = rows[-1]["probabilities"]
     best = max(last, key=last.get)
     summary = (
-        "nothing" if acted is None else rows[acted]["active_task"],
+        "nothing" if acted is None else readable(rows[acted]["active_task"]),
         "-" if acted is None else f"{times[acted]:.2f} s",
-        f"{best} {last[best]:.0%}",
+        f"{readable(best)} {last[best]:.0%}",
     )
     return times[::every], columns, summary
 
 
-def why_over(bag: Path, model: Path) -> str:
-    """Why a model's first decision during a recording was taken, as HTML; empty without movement.
+def why_over(bag: Path, model: Path, name: str) -> str:
+    """Why a model's first decision in a recording was taken, as HTML; empty without movement.
 
     Raises:
         IntentError: bag or model cannot be used, or do not fit one another.
@@ -163,4 +164,4 @@ def why_over(bag: Path, model: Path) -> str:
         for name, added, instead in without_rows(one)
     ]
     table = markup.table(("signal", "nats", "without it"), rows)
-    return markup.remark(f"{model.stem}: {heading(one)}") + table
+    return markup.remark(f"model {name}: {heading(one)}") + table

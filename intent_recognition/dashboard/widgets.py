@@ -17,6 +17,9 @@ from intent_recognition.report import NONE_COLOUR, readable
 FONT = "12px sans-serif"
 GRID = "rgba(128, 140, 153, 0.22)"
 """Seen on a light page and on a dark one."""
+PULSE = uplot.Series(scale="pulse", points={"show": False})
+"""Unseen, and different at each drawing, so that uPlot lays out its axes anew. It fails to where a
+new width and new data come at once, as on a page that opens, whose times then had no numbers."""
 ControlValue = TypeVar("ControlValue")
 
 
@@ -75,7 +78,7 @@ class TimePlot:
         self._server, self._top = server, top
         self._folder = server.gui.add_folder(title, visible=False, order=order)
         self._plot: viser.GuiUplotHandle | None = None
-        self._drawn_at_s = -np.inf
+        self._drawn_at_s, self._pulse = -np.inf, False
 
     def remove(self) -> None:
         """Take it off the page."""
@@ -95,11 +98,13 @@ class TimePlot:
         """Show times (T,) [s] and the curves (T,) of these names."""
         if len(columns[0]) < 2:
             return
+        look = (*series_of(names, colours), PULSE)
+        self._pulse = not self._pulse
+        columns = (*columns, np.full(len(columns[0]), float(self._pulse)))
         if self._plot is None:
             with self._folder:
-                self._plot = time_plot(self._server.gui, columns, names, colours, self._top)
+                self._plot = time_plot(self._server.gui, columns, look, self._top)
             return
-        look = series_of(names, colours)
         if look == self._plot.series:
             self._plot.data = columns
         else:
@@ -110,8 +115,7 @@ class TimePlot:
 def time_plot(
     gui: viser.GuiApi,
     columns: tuple[Floats, ...],
-    names: Sequence[str],
-    colours: Mapping[str, str],
+    series: tuple[uplot.Series, ...],
     top: float | None = 1.0,
     first_s: float = -PLOTTED_S,
     last_s: float = 0.0,
@@ -121,7 +125,7 @@ def time_plot(
     height = uplot.Scale() if top is None else uplot.Scale(auto=False, range=(-0.02, 1.06 * top))
     return gui.add_uplot(
         data=columns,
-        series=series_of(names, colours),
+        series=series,
         title=title,
         scales={"x": uplot.Scale(time=False, auto=False, range=(first_s, last_s)), "y": height},
         axes=(_axis("time [s]", 34), _axis("", 46)),

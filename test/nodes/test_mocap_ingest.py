@@ -140,4 +140,4 @@ def test_it_warns_of_each_body_that_is_not_tracked(harness, monkeypatch):
     now_s = diagnostics._clock() + 4.0
     monkeypatch.setattr(diagnostics, "_clock", lambda: now_s)
     diagnostics.tick("mocap/wrist/pose")
-    assert diagnostics.report().message == "nothing on mocap/cup/pose for 4 s (0 publishers)"
+    assert diagnostics.report().message == "nothing on mocap/cup/pose for 4 s (publishers: 0)"
