@@ -12,11 +12,14 @@ from intent_recognition.model import FRAMES, Frames, Model, frames_of
 from intent_recognition.promp import TaskLibrary, least_end_std
 from intent_recognition.recognition import learned_risk
 
-MEANINGS = {
-    "ridge": " (smoothness of what is learned)",
-    "score": " (of log loss and error, less is better)",
+MEANINGS: Mapping[str, Mapping[str, str]] = {
+    "settings": {"ridge": " (smoothness of what is learned)"},
+    "chosen": {
+        "ridge": " (of slopes from demonstrations alone; 0: others)",
+        "score": " (of log loss and error, less is better)",
+    },
 }
-"""Of words in the provenance that do not speak for themselves."""
+"""Of words in parts of the provenance that do not speak for themselves."""
 
 
 def model_json(model: Model) -> dict:
@@ -86,7 +89,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
         f" {library.correlation_time_s:.3g} s",
         "progress": _progress(library),
         **({"observed in": _in_frames(frames)} if frames else {}),
-        **{key: _brief(value) for key, value in origin.items()},
+        **{key: _brief(value, MEANINGS.get(key, {})) for key, value in origin.items()},
     }
     print_facts(console, facts)
     durations = (">median [s]", ">2.5 % to 97.5 % [s]")
@@ -118,9 +121,9 @@ def print_model(console: Console, path: Path, model: Model) -> None:
         console.print(f"from {len(bags)} bags: {brief_list(bags)}")
 
 
-def _brief(value: object) -> str:
+def _brief(value: object, meanings: Mapping[str, str] = {}) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{k} {_brief(item)}{MEANINGS.get(k, '')}" for k, item in value.items())
+        return ", ".join(f"{k} {_brief(item)}{meanings.get(k, '')}" for k, item in value.items())
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, (list, tuple)):

@@ -105,7 +105,9 @@ def run(args: argparse.Namespace) -> int:
         }
     output.write_json(args.json, content)
     if args.json != output.PRINTED:
-        make_console().print(_table(args, warped, content, parameters, grasp, taken_s))
+        make_console().print(_table(args, content, parameters, grasp))
+        parts = ", ".join(f"{n} {part}" for part, n in content["points"].items())
+        say(make_console(), f"{len(warped.points)} points: {parts}; {1e3 * taken_s:.0f} ms")
     if args.report:
         from intent_recognition.report import write_warp_report
 
@@ -118,7 +120,7 @@ def run(args: argparse.Namespace) -> int:
 
 def as_json(
     args: argparse.Namespace, warped: WarpedObject, parameters: PouringParameters, wall_m: float
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """All results as plain values: metres, cubic metres, radians."""
     values = {
         name: value.tolist() if isinstance(value, np.ndarray) else float(value)
@@ -139,17 +141,12 @@ def as_json(
 
 def _table(
     args: argparse.Namespace,
-    warped: WarpedObject,
     content: Mapping[str, Any],
     parameters: PouringParameters,
     grasp: Grasp | None,
-    taken_s: float,
 ) -> Table:
-    counts = np.bincount(warped.labels, minlength=len(Part))
-    parts = ", ".join(f"{counts[part]} {part.name.lower()}" for part in Part)
     title = f"{args.source} warped onto {args.target}"
     table = boxed_table(title, "parameter", ">value", "unit")
-    table.caption = f"{len(warped.points)} points: {parts}; {1e3 * taken_s:.0f} ms"
     rows = [(title, getattr(parameters, name), factor, unit) for title, name, factor, unit in ROWS]
     if content["wall_m"] is not None:
         rows.append(("thickness of the wall", content["wall_m"], 1e3, "mm"))

@@ -126,6 +126,7 @@ def cut_figure(warped: WarpedObject, parameters: PouringParameters) -> "Figure":
     drop = np.tan(parameters.tilt_reference_rad) * (level - level[1])
     axes.plot(level, drop, color=SOFT, linestyle="--", linewidth=1.3, label="level at half")
     axes.set_ylim(-1.12 * MM * parameters.height_m, 0.25 * MM * parameters.height_m)
+    figure.set_figheight(min(4.2, 1.0 + 1.9 * parameters.height_m / parameters.opening_radius_m))
     axes.set_aspect("equal")
     axes.set(xlabel="toward the lip [mm]", ylabel="above the rim [mm]")
     axes.legend(loc="upper center", ncols=4)

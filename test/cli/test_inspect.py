@@ -167,7 +167,13 @@ def test_a_model_shows_what_was_learned(run_command, model_file):
     for name in (*library.observed_names, *library.controlled_names):
         assert name in output
     assert "from 2 bags: bag0, bag1" in output
-    for words in ("evidence that a known task", "over staying", "(smoothness", "less is better"):
+    for words in (
+        "evidence that a known task",
+        "over staying",
+        "(smoothness",
+        "(of slopes",
+        "less is better",
+    ):
         assert words in " ".join(output.split())
 
 
