@@ -18,9 +18,10 @@ MARKS = {True: Text("yes", "green"), False: Text("no", "red"), None: Text("other
 def summary_line(outcomes: Iterable[ExperimentResult]) -> str:
     """How many of the papers' figures are met."""
     findings = [finding.holds for outcome in outcomes for finding in outcome.findings]
+    met, missed, unlike = map(findings.count, (True, False, None))
     return (
-        f"summary: {findings.count(True)} of {len(findings)} figures met or beaten,"
-        f" {findings.count(False)} missed, {findings.count(None)} not like for like"
+        f"summary: {met} of {met + missed} figures met or beaten,"
+        f" {missed} missed, {unlike} not like for like"
     )
 
 

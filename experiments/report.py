@@ -81,7 +81,7 @@ def _overview(results: Mapping[str, ExperimentResult], failures: Mapping[str, st
         KeyNumbers(
             (
                 KeyNumber("experiments", str(len(results))),
-                KeyNumber("figures met or beaten", f"{met} of {len(findings)}", good=not missed),
+                KeyNumber("figures met or beaten", f"{met} of {met + missed}", good=not missed),
                 KeyNumber("not like for like", str(len(findings) - met - missed)),
             )
         )

@@ -20,8 +20,8 @@ what happens:
                    most joints, before the gripper)
 --base LINK        where the arm begins: joints before it, such as a lift, are held at zero
                    (default: the root)
---transfers        fingers and the worker's hand hold the objects by force; else hands are empty,
-                   and the robot's only comes to its place (default: not with an arm of a file)
+--transfers        fingers and the worker's hand hold the objects by force; else hands are empty
+                   (default: unless --arm is a path)
 --seed SEED        random seed of the session (default: 1)
 --sequences F      YAML file of sequences, in which the arm may begin a step by itself
 --params F         ROS 2 parameter file (YAML), over the parameters that the demo sets

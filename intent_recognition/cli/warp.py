@@ -5,7 +5,7 @@ objects.
 
 source SOURCE      annotated object: a file, or `mug`
 target TARGET      file of a mesh or point cloud
---report OUT.html  write a page with figures (default: %(const)s)
+--report OUT.html  write a page with figures (without a name: %(const)s)
 --mapping          label: carry the source's labels to the target's points; point: move the source's
                    points onto the target (default: %(default)s)
 --neighbours K     nearest points that vote on a label (default: 1)

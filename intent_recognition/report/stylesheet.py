@@ -49,7 +49,7 @@ section > p:last-child { margin-bottom: 0; }
 .paper { font-size: 0.92rem; font-variant-numeric: tabular-nums; }
 .note { color: var(--soft); font-size: 0.8rem; line-height: 1.35; margin-top: 2px; }
 .table { overflow-x: auto; }
-.table + *, .row + *, figure + * { margin-top: 18px; }
+.table + *, .row + *, section > figure + * { margin-top: 18px; }
 table { border-collapse: collapse; width: 100%; font-size: 0.92rem; }
 caption { text-align: left; color: var(--soft); font-size: 0.87rem; padding-bottom: 8px; }
 th, td { padding: 6px 12px; border-bottom: 1px solid var(--line); vertical-align: top; }
