@@ -31,7 +31,7 @@ GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", NONE_COLOUR
 LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
 FONT = "font-family:Inter,system-ui,sans-serif;font-variant-numeric:tabular-nums"
 SMALL = f"font-size:.84em;color:{SOFT}"
-COLUMNS = "minmax(0, 10.6em) minmax(1.5em, 1fr) 3.2em 2.6em"
+COLUMNS = "minmax(0, 12em) minmax(1.5em, 1fr) 3.2em 2.6em"
 STEP_LOOKS = {
     "done": ("&#10003;", GOOD, "400"),
     "forgotten": ("!", BAD, "600"),
@@ -61,8 +61,9 @@ def bars(
         rows.append(
             f'<div style="display:grid;grid-template-columns:{COLUMNS};gap:.5em;'
             f'align-items:center;margin:.3em 0;font-weight:{strong}">'
-            f'<span style="overflow:hidden;text-overflow:ellipsis;white-space:nowrap">'
-            f"{escape(readable(label))}<span style='color:{colour}'>{running}</span></span>"
+            '<span style="display:flex;white-space:pre">'
+            f'<span style="overflow:hidden;text-overflow:ellipsis">{escape(readable(label))}</span>'
+            f'<span style="color:{colour}">{running}</span></span>'
             f'<span style="background:{RULE};border-radius:3px;height:.95em">'
             f'<span style="display:block;height:100%;border-radius:3px;background:{colour};'
             f'width:{100 * float(chance):.1f}%"></span></span>'
@@ -83,12 +84,12 @@ def now_line(state: CellState, colours: Mapping[str, str], people: Mapping[str, 
     task_chip = lambda task: chip(readable(task), colours.get(task, STALE))  # noqa: E731
     parts = [f"robot: {task_chip(state.active) if state.active else 'waits'}"]
     if state.helped:
-        parts.append(f"for {chip(state.helped, people.get(state.helped, STALE))}")
+        parts.append(f"for&nbsp;{chip(state.helped, people.get(state.helped, STALE))}")
     if state.unfinished and not state.active:
         task, what = state.unfinished
         parts.append(f"{task_chip(task)} <b style='color:{BAD}'>{escape(what)}</b>")
     if state.truth:
-        parts.append(f"coworker: {task_chip(state.truth)}")
+        parts.append(f"coworker:&nbsp;{task_chip(state.truth)}")
     why = ""
     if state.helped and (asked := state.asked):
         said = f"{ASKED} when this was decided: {escape(asked)}"

@@ -36,6 +36,7 @@ def test_bars_show_probability_and_phase():
     assert "93%" in text
     assert "0.40" in text
     assert "#0072b2" in text
+    assert text.index("give cup</span>") < text.index("&#9679;"), "no long name hides the mark"
 
 
 def test_the_plan_lists_what_became_of_each_step_and_what_it_waits_for():
