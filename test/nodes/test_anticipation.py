@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from estimator_graph import DOFS, Folder, message_for, predictions_of, shifted
 from estimator_graph import Graph as EstimatorGraph
-from model_builder import ROBOT
+from model_builder import ROBOT, perform
 from sensor_msgs.msg import JointState
 
 from intent_recognition.model.file import save_model
@@ -53,7 +53,10 @@ class Graph(EstimatorGraph):
 
 
 @pytest.mark.slow
-def test_the_start_posture_is_used_and_equals_the_library_s(harness, folder):
+def test_predictions_from_the_start_posture_are_the_library_s_and_as_the_contract_says(
+    harness, folder
+):
+    """That the posture leaves the probabilities alone: test_start_posture.py."""
     start = start_mean(folder.model.library, 1) + 0.003
     graph = Graph(harness, folder)
     observations = folder.observations(1)
@@ -62,25 +65,22 @@ def test_the_start_posture_is_used_and_equals_the_library_s(harness, folder):
     harness.spin_until(lambda: len(graph.robot) >= len(predictions), what="predictions")
     assert sum(p.start == POSTURE_USED for p in predictions) > 50
     for message, prediction in zip(graph.robot, predictions, strict=True):
-        _, positions, _ = trajectory_arrays(message)
+        times, positions, rest = trajectory_arrays(message)
+        assert list(message.joint_names) == list(folder.model.controlled_names)
+        assert message.header.frame_id == prediction.task
+        assert stamp_ns(message) == prediction.onset_ns
+        np.testing.assert_allclose(times, prediction.trajectory.times_s, atol=1e-9)
         np.testing.assert_array_equal(positions, prediction.trajectory.positions)
-    harness.spin_until(lambda: len(graph.tasks) == len(observations), what="all tasks")
-    plain = IntentEstimator(folder.model.library)
-    for message, observation in zip(graph.tasks, observations, strict=True):
-        expected = plain.update(observation).probabilities
-        np.testing.assert_allclose(message.position, expected, rtol=0.0, atol=1e-12)
+        np.testing.assert_array_equal(rest["velocities"], prediction.trajectory.velocities)
+        np.testing.assert_array_equal(rest["effort"], prediction.trajectory.std)
+        assert times[0] == 0.0 and np.all(np.diff(times) > 0) and np.all(rest["effort"] > 0)
+        slope = np.gradient(positions, times, axis=0)[1:-1]
+        np.testing.assert_allclose(rest["velocities"][1:-1], slope, atol=0.05)
+    truth = perform(folder.truth, 1, 100).controlled[0].values[-1]
+    np.testing.assert_allclose(graph.robot[-1].points[-1].positions, truth, atol=0.1)
 
 
-def test_a_posture_outside_is_skipped_counted_and_reported(harness, folder):
-    graph = Graph(harness, folder)
-    far = start_mean(folder.model.library, 1) + 0.8
-    graph.feed(folder.observations(1), lambda stamp: far)
-    assert graph.rejected("start_posture_outside")
-    values = values_of(graph.node._diagnostics.report())
-    assert values["start posture"] == "outside"
-
-
-def test_bad_joint_states_are_counted_and_harm_nothing(harness, folder):
+def test_bad_joint_states_and_a_posture_outside_are_counted_and_harm_nothing(harness, folder):
     graph = Graph(harness, folder)
     start = start_mean(folder.model.library, 1)
     names, stamp = list(ROBOT.joints), 1_600_000_000_000_000_000
@@ -97,8 +97,10 @@ def test_bad_joint_states_are_counted_and_harm_nothing(harness, folder):
         graph.send_arm(message)
         assert not reason or graph.rejected(reason) == 1
     assert graph.rejected("posture_stamp_not_increasing") == 1
-    graph.feed(folder.observations(1)[:80])
-    assert graph.node._diagnostics.report().level == b"\x00"
+    graph.feed(folder.observations(1), lambda stamp: start + 0.8)
+    assert graph.rejected("start_posture_outside")
+    status = graph.node._diagnostics.report()
+    assert values_of(status)["start posture"] == "outside" and status.level == b"\x00"
 
 
 @pytest.mark.slow

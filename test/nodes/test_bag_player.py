@@ -89,26 +89,13 @@ def test_latched_and_sensor_topics_keep_their_quality(harness, tmp_path):
     assert offered.reliability == QoSReliabilityPolicy.BEST_EFFORT
 
 
-class SimulatedTime:
-    """A clock that goes on only while someone sleeps."""
-
-    def __init__(self):
-        self.now_s = 5.0
-
-    def monotonic(self):
-        return self.now_s
-
-    def sleep(self, duration_s):
-        self.now_s += duration_s
-
-
 def test_rhythm_is_the_recorded_one(harness, bag, monkeypatch):
     harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
     harness.collect(String, "robot_description", LATCHED)
-    clock = SimulatedTime()
+    now_s, sent_s, publish = [5.0], [], BagPlayer._publish  # time goes on only in sleep
+    clock = Mock(monotonic=lambda: sum(now_s), sleep=now_s.append)
     monkeypatch.setattr(bag_player, "time", clock)
-    sent_s, publish = [], BagPlayer._publish
-    monkeypatch.setattr(BagPlayer, "_publish", lambda *a: (sent_s.append(clock.now_s), publish(*a)))
+    monkeypatch.setattr(BagPlayer, "_publish", lambda *a: (sent_s.append(sum(now_s)), publish(*a)))
     node = harness.add(player(bag))
     harness.spin_until(node.finished.is_set)
     log_s = np.array([m.log_time_ns for m in BagReader(bag).raw_messages()]) * 1e-9
@@ -126,27 +113,22 @@ def test_begins_where_asked_and_plays_the_topics_asked_for(harness, bag):
     assert [p.topic_name for p in node.publishers if "robot" in p.topic_name] == []
 
 
-def test_paused_start_sends_nothing_before_resume(harness, bag):
+@pytest.mark.slow
+def test_paused_it_sends_nothing_and_resumed_it_goes_on_where_it_stopped(harness, bag):
+    def pause():
+        return harness.trigger("bag_player/pause").message
+
     seen = harness.collect(PoseStamped, "mocap/wrist/pose", EVERY)
-    node = harness.add(player(bag, start_paused=True, wait_for_subscribers=0.0, rate=10.0))
+    node = harness.add(player(bag, start_paused=True, wait_for_subscribers=0.0, rate=0.05))
     harness.spin_until(lambda: node._outputs["/mocap/wrist/pose"].get_subscription_count())
-    assert harness.trigger("bag_player/pause").success
-    assert node.published == 0 and not seen
+    assert not node._running.is_set() and pause() == "paused after 0 messages" and not seen
+    assert harness.trigger("bag_player/resume").success
+    harness.spin_until(lambda: len(seen) >= 3)
+    held = pause()
+    node.set_parameters([Parameter("rate", value=10.0)])
+    assert {pause() for _ in range(60)} == {held} and node.published < 31
     assert harness.trigger("bag_player/resume").success
     harness.spin_until(lambda: node.done and len(seen) == 30)
-
-
-@pytest.mark.slow
-def test_pause_in_the_middle_goes_on_where_it_stopped(harness, bag):
-    seen = harness.collect(PoseStamped, "mocap/wrist/pose", EVERY)
-    node = harness.add(player(bag, rate=0.05))
-    harness.spin_until(lambda: len(seen) >= 3)
-    harness.trigger("bag_player/pause")
-    held = node.published
-    node.set_parameters([Parameter("rate", value=10.0)])
-    harness.trigger("bag_player/resume")
-    harness.spin_until(lambda: node.done and len(seen) == 30)
-    assert held < 31
     assert [m.header.stamp.nanosec for m in seen] == [i * STEP_NS for i in range(30)]
 
 
@@ -159,7 +141,7 @@ def test_loop_begins_again(harness, bag):
 
 
 def test_a_loop_of_nothing_ends(harness, bag):
-    node = harness.add(player(bag, loop=True, start_offset=10.0))
+    node = harness.add(player(bag, loop=True, start_offset=10.0, wait_for_subscribers=0.0))
     harness.spin_until(node.finished.is_set, what="the end")
 
 
@@ -213,7 +195,7 @@ def test_what_has_no_stamp_that_can_be_moved_is_counted_and_the_rest_is_played(
 @pytest.mark.parametrize("error", [BagError("the disk is gone"), OSError("the disk is gone")])
 def test_it_ends_whatever_fails(harness, bag, monkeypatch, error):
     monkeypatch.setattr(BagPlayer, "_publish", Mock(side_effect=error))
-    node = harness.add(player(bag, rate=0.0))
+    node = harness.add(player(bag, rate=0.0, wait_for_subscribers=0.0))
     harness.spin_until(lambda: node.done)
     report = node._diagnostics.report()
     assert node.finished.is_set() and node.exit_code == 1

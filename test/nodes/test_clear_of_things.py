@@ -56,48 +56,52 @@ def test_the_example_names_its_boxes(harness):
     assert node.get_parameter("clearance").value == 0.02
 
 
-def test_a_path_into_a_box_is_not_followed_and_both_bodies_are_named(harness):
-    graph = Graph(harness, clearance=0.02, boxes=[box_at(0.5 * (HOME + GOAL))], replan_budget=0.0)
+@pytest.mark.parametrize("given", [{}, {"replan_budget": 0.0}])
+def test_a_path_into_a_box_is_planned_anew_or_not_followed_and_both_bodies_are_named(
+    harness, given
+):
+    graph = Graph(harness, clearance=0.02, boxes=[box_at(0.5 * (HOME + GOAL))], **given)
     told = []
     graph.node.diagnostics.reject = lambda reason, text: told.append((reason, text))
     graph.describe(ROBOT.description)
     graph.run(4)
-    assert graph.commands == []
-    texts = [text for reason, text in told if reason == "would_touch"]
-    assert texts and all("plate: lwr_a" in text for text in texts), told
-    assert all("would touch crate at phase" in text for text in texts)
+    if given:
+        assert graph.commands == []
+        texts = [text for reason, text in told if reason == "would_touch"]
+        assert texts and all("plate: lwr_a" in text for text in texts), told
+        assert all("would touch crate at phase" in text for text in texts)
+        return
+    graph.harness.spin_until(lambda: graph.commands)
+    q = trajectory_arrays(graph.commands[0])[1]
+    np.testing.assert_allclose(q[-1], GOAL, atol=1e-6)
+    assert np.abs(q - HOME - (GOAL - HOME) * (q[:, :1] - HOME[0]) / 0.4).max() > 0.02
+    assert graph.node.activation.counts["replanned"] >= 1
 
 
 @pytest.mark.slow
 def test_a_path_into_a_thing_of_the_planning_scene_waits_until_it_is_gone(harness, ros_interfaces):
+    """How things are read: test_planning_scene.py."""
     ros_interfaces("moveit_msgs")
     from moveit_msgs.msg import CollisionObject, PlanningScene
 
     graph = Graph(harness, clearance=0.02, planning_scene="read")
     (box,) = parse_boxes([box_at(GOAL)])
-    thing = CollisionObject(id="container", operation=CollisionObject.ADD)
+    thing = CollisionObject(id="container")
     thing.header.frame_id = "world"
     thing.pose = to_pose(np.array(box.center), np.array(box.quaternion))
     thing.primitives = [SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.1, 0.05])]
-    told = harness.publisher(PlanningScene, "monitored_planning_scene", qos.STATE)
-    harness.connect(told)
-    link = graph.node._things._scene
-    for operation, n_boxes in ((CollisionObject.ADD, 1), (CollisionObject.REMOVE, 0)):
+    graph.describe(ROBOT.description)
+    for operation, waits in ((CollisionObject.ADD, True), (CollisionObject.REMOVE, False)):
         thing.operation = operation
         scene = PlanningScene(is_diff=True)
         scene.world.collision_objects = [thing]
-        told.publish(scene)
-        harness.spin_until(lambda n=n_boxes: len(link.boxes) == n, what="the scene")
-        graph.describe(ROBOT.description)
+        graph.node._things._scene.take(scene)
         graph.run(4)
-        if n_boxes == 0:
-            harness.spin_until(lambda: graph.commands, what="a command")
-        assert bool(graph.commands) == (n_boxes == 0)
-        waits = graph.node.diagnostics._message
-        assert ("waits: plate: lwr_a" in waits) == (n_boxes == 1), waits
-    counts = graph.node.activation.counts
-    assert counts["waited"] == 1 and not counts["refused"]
-    assert graph.node.diagnostics.rejected("would_touch")
+        harness.spin_until(lambda w=waits: w or graph.commands, what="a command")
+        assert bool(graph.commands) != waits
+        message = graph.node.diagnostics._message
+        assert ("waits: plate: lwr_a" in message) == waits, message
+    assert graph.node.activation.counts["waited"] == 1
 
 
 @pytest.mark.parametrize(
@@ -168,17 +172,6 @@ def test_a_broken_prediction_does_not_clear_the_way_of_a_person(harness, capfd, 
     assert graph.node.diagnostics.rejected("bad_human_trajectory") == 1
     what = "points: expected finite" if names == PERSON else f"joint_names: expected {PERSON[0]}"
     assert f"bad_human_trajectory: intent/human_trajectory: {what}" in capfd.readouterr().err
-
-
-def test_a_path_into_a_box_is_planned_anew(harness):
-    graph = Graph(harness, clearance=0.02, boxes=[box_at(0.5 * (HOME + GOAL))])
-    graph.describe(ROBOT.description)
-    graph.run(4)
-    graph.harness.spin_until(lambda: graph.commands)
-    q = trajectory_arrays(graph.commands[0])[1]
-    np.testing.assert_allclose(q[-1], GOAL, atol=1e-6)
-    assert np.abs(q - HOME - (GOAL - HOME) * (q[:, :1] - HOME[0]) / 0.4).max() > 0.02
-    assert graph.node.activation.counts["replanned"] >= 1
 
 
 def test_where_time_waits_for_the_node_a_search_takes_none(harness):

@@ -1,17 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What nodes report: rates, rejections, latencies, and what they lack."""
+"""What nodes report, what they lack, who is heard, and who is ready."""
 
 import sys
 import threading
+import uuid
 from types import SimpleNamespace
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
+from bag_builder import write_bag
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
+from model_builder import WRIST, learned_model, make_dofs
+from nav_msgs.msg import Odometry
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.parameter import Parameter
 from ros_harness import node_with
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Empty
 
+from intent_recognition.model.file import save_model
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.diagnostics import Diagnostics, Level, values_of
+from intent_recognition.nodes.bag_player import BagPlayer
+from intent_recognition.nodes.diagnostics import Diagnostics, Level, Readiness, values_of
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 
 
 class FakeClock:
@@ -147,3 +161,91 @@ def test_messages_may_be_counted_by_another_thread_while_it_answers(harness, mon
         sys.setswitchinterval(often)
         counting.join()
     assert all(len(one.name) == len(one.position) for one in told)
+
+
+ALONE = f"alone_{uuid.uuid4().hex}"
+
+
+"""A namespace where no other process publishes, whoever shares the domain."""
+
+
+def publishers(diagnostics, topic):
+    return values_of(diagnostics.report())[f"publishers {topic}"]
+
+
+def test_publishers_that_come_and_go_are_told(harness):
+    bodies = Parameter("bodies", value=["wrist", "elbow"])
+    node = harness.add(MocapIngest(namespace=ALONE, parameter_overrides=[bodies]))
+    topic = "mocap/elbow/pose"
+    made = [harness.publisher(PoseStamped, f"/{ALONE}/{topic}", qos.SENSOR) for _ in range(2)]
+    harness.spin_until(lambda: publishers(node._diagnostics, topic) == "2")
+    for count, publisher in zip(("1", "0"), made, strict=True):
+        harness.probe.destroy_publisher(publisher)
+        harness.spin_until(lambda n=count: publishers(node._diagnostics, topic) == n)
+    assert publishers(node._diagnostics, "mocap/wrist/pose") == "0"
+
+
+def test_tasks_that_offer_too_little_are_not_heard(harness):
+    """Joint states are: many drivers send them best effort."""
+    node = harness.add(PrimitiveActivation(namespace=ALONE))
+    for topic in ("joint_states", "intent/tasks"):
+        harness.publisher(JointState, f"/{ALONE}/{topic}", qos.SENSOR)
+    harness.spin_until(lambda: publishers(node.diagnostics, "joint_states") == "1")
+    harness.spin_until(lambda: node.count_publishers("intent/tasks") == 1)
+    assert publishers(node.diagnostics, "intent/tasks") == "0"
+
+
+@pytest.mark.parametrize(
+    ("rows", "ready"),
+    [
+        ({}, True),
+        ({"lifecycle": "active"}, True),
+        ({"lifecycle": "not active"}, False),
+        ({"publishers heard": "1"}, True),
+        ({"publishers heard": "0"}, False),
+        ({"publishers nobody/says": "0"}, True),
+    ],
+)
+def test_a_node_is_ready_when_active_and_matched(harness, rows, ready):
+    node = harness.add(Node("player", namespace="/cell"))
+    readiness = Readiness(node, ["worker", ""])
+    assert readiness.missing() == ["worker"]
+    harness.probe.create_publisher(Empty, "/cell/heard", 1)
+    reports = harness.publisher(DiagnosticArray, "/diagnostics")
+    harness.connect(reports)
+    harness.spin_until(lambda: node.count_publishers("heard"), what="the publisher")
+    values = [KeyValue(key=key, value=value) for key, value in rows.items()]
+    status = [
+        DiagnosticStatus(name="cell/worker", values=values),
+        DiagnosticStatus(name="worker"),
+        DiagnosticStatus(name="cell/last"),
+    ]
+    reports.publish(DiagnosticArray(status=status))
+    harness.spin_until(lambda: "cell/last" in readiness._reports, what="the report")
+    assert readiness.missing() == ([] if ready else ["worker"])
+
+
+@pytest.mark.slow
+def test_a_player_loses_nothing_to_nodes_that_come_late(harness, tmp_path):
+    model = tmp_path / "m.npz"
+    save_model(model, learned_model(make_dofs(WRIST)))
+    bag = write_bag(tmp_path / "bag", 8)  # as many as the queues hold, however busy the machine
+    player = harness.node(
+        BagPlayer,
+        bag=str(bag),
+        wait_for_nodes=["mocap_ingest", "intent_estimator"],
+        wait_for_subscribers=0.5,
+    )
+    ingest = harness.node(MocapIngest)
+    harness.spin_until(lambda: player._readiness.missing() == ["intent_estimator"], what="ingest")
+    estimator = harness.node(IntentEstimatorNode, model=str(model), autostart=False)
+    name = "intent_estimator"
+    harness.spin_until(lambda: name in player._readiness._reports, what="a report")
+    assert player.published == 0 and player._readiness.missing() == [name]
+    taken = harness.collect(Odometry, "human/wrist", qos.SENSOR)
+    for trigger in (estimator.trigger_configure, estimator.trigger_activate):
+        assert trigger() == TransitionCallbackReturn.SUCCESS
+    harness.spin_until(player.finished.is_set, what="the end")
+    harness.spin_until(lambda: estimator._diagnostics._totals["human/wrist"] == 8)
+    harness.spin_until(lambda: len(taken) == 8)  # one at a time, the estimator takes all at once
+    assert not ingest._diagnostics._counts

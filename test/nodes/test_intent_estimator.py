@@ -16,17 +16,15 @@ from estimator_graph import (
     check_tasks,
     expected,
     message_for,
-    predictions_of,
 )
 from geometry_msgs.msg import PoseStamped
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState, GetState
-from model_builder import ROBOT, WRIST, learned_model, perform, true_library
+from model_builder import ROBOT, WRIST, learned_model, true_library
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import Marker
 
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.errors import ArgumentError
@@ -34,6 +32,8 @@ from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import person_belief, qos
 from intent_recognition.nodes.conversions import stamp_ns, to_stamp, trajectory_arrays
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.nodes.intent_output import MarkerBuilder, colour
+from intent_recognition.report.drawing import task_colours
 
 
 @pytest.fixture(scope="module")
@@ -62,31 +62,6 @@ def test_tasks_are_the_library_s_and_the_right_one_wins(harness, wrist):
     assert len(graph.robot) == pytest.approx(10.0 * (times_s[-1] - times_s[0]), abs=2)
     phases = [m.velocity[task] for m in moving]
     assert phases[-1] > 0.9 and np.all(np.diff(phases) > -0.05)
-
-
-@pytest.mark.slow
-def test_trajectory_is_filled_as_the_contract_says(harness, wrist):
-    graph = Graph(harness, wrist, publish_rate=1000.0)
-    observations = wrist.observations(1)
-    graph.feed(observations)
-    predictions = predictions_of(wrist.model.library, observations)
-    assert len(predictions) > 50
-    harness.spin_until(lambda: len(graph.robot) >= len(predictions))
-    for message, prediction in zip(graph.robot, predictions, strict=True):
-        times, positions, rest = trajectory_arrays(message)
-        assert list(message.joint_names) == list(wrist.model.controlled_names)
-        assert message.header.frame_id == prediction.task
-        assert stamp_ns(message) == prediction.onset_ns
-        np.testing.assert_allclose(times, prediction.trajectory.times_s, atol=1e-9)
-        np.testing.assert_array_equal(positions, prediction.trajectory.positions)
-        np.testing.assert_array_equal(rest["velocities"], prediction.trajectory.velocities)
-        np.testing.assert_array_equal(rest["effort"], prediction.trajectory.std)
-        assert times[0] == 0.0 and np.all(np.diff(times) > 0) and np.all(rest["effort"] > 0)
-        slope = np.gradient(positions, times, axis=0)[1:-1]
-        np.testing.assert_allclose(rest["velocities"][1:-1], slope, atol=0.05)
-    final = graph.robot[-1].points[-1].positions
-    truth = perform(wrist.truth, 1, 100).controlled[0].values[-1]
-    np.testing.assert_allclose(final, truth, atol=0.1)
 
 
 def spoiled(observation, fault):
@@ -201,11 +176,15 @@ def test_nothing_is_lost_while_a_model_is_swapped(harness, wrist):
 
 @pytest.mark.slow
 def test_a_stream_that_stops_in_a_movement_is_said_and_taken_back(harness, wrist):
-    graph = Graph(harness, wrist)
+    """It does not stop while simulated time stands still."""
+    graph = Graph(harness, wrist, use_sim_time=True)
     assert graph.status().message == "waiting for a movement"
+    harness.set_clock(graph.node, 10_000_000_000)
     observations = wrist.observations(0)
     graph.feed(observations[:80])
+    graph.node.people[""].look()
     assert graph.status().level == DiagnosticStatus.OK and graph.status().message == "moving"
+    harness.set_clock(graph.node, 11_000_000_000)
     harness.spin_until(lambda: graph.status().level == DiagnosticStatus.WARN)
     assert "human stream stopped" in graph.status().message
     # what cannot be used does not count as the stream's return
@@ -223,12 +202,8 @@ def test_a_stream_too_slow_for_an_onset_is_said_with_topic_and_rates_while_it_co
 ):
     graph = Graph(harness, wrist)
     resting = wrist.observations(0)
-    graph.feed(
-        [
-            one._replace(stamp_ns=resting[0].stamp_ns + k * 10**9)
-            for k, one in enumerate(resting[:3])
-        ]
-    )
+    for k, one in enumerate(resting[:3]):
+        graph.feed([one._replace(stamp_ns=resting[0].stamp_ns + k * 10**9)])
     harness.spin_until(lambda: graph.status().level == DiagnosticStatus.WARN)
     assert "wrist/pose comes at 1 Hz" in graph.status().message
     assert "no movement is found below" in graph.status().message
@@ -242,36 +217,14 @@ def test_a_stream_too_slow_for_an_onset_is_said_with_topic_and_rates_while_it_co
 
 
 @pytest.mark.slow
-def test_a_stream_does_not_stop_while_simulated_time_stands_still(harness, wrist):
-    clock = harness.publisher(Clock, "/clock", qos.STATE)
-    graph = Graph(harness, wrist, use_sim_time=True)
-    harness.connect(clock)
-    clock.publish(Clock(clock=to_stamp(10_000_000_000)))
-    harness.spin_until(lambda: graph.node.get_clock().now().nanoseconds)
-    graph.feed(wrist.observations(0)[:80])
-    end_s = time.monotonic() + 0.8  # longer than the stream may be silent in simulated time
-    harness.spin_until(lambda: time.monotonic() > end_s)
-    assert graph.status().level == DiagnosticStatus.OK
-    clock.publish(Clock(clock=to_stamp(11_000_000_000)))
-    harness.spin_until(lambda: graph.status().level == DiagnosticStatus.WARN)
-
-
-@pytest.mark.slow
-def test_it_obeys_the_services_of_a_lifecycle_node(harness, wrist):
+def test_activated_again_it_begins_anew_and_meanwhile_it_refuses(harness, wrist):
+    """The services of a lifecycle node: test_lifecycle.py."""
     graph = Graph(harness, wrist)
     observations = wrist.observations(2)[:90]
     graph.feed(observations[:60])
-    for transition, state in (
-        (Transition.TRANSITION_DEACTIVATE, "inactive"),
-        (Transition.TRANSITION_CLEANUP, "unconfigured"),
-        (Transition.TRANSITION_CONFIGURE, "inactive"),
-        (Transition.TRANSITION_ACTIVATE, "active"),
-    ):
-        request = ChangeState.Request(transition=Transition(id=transition))
-        assert harness.call(ChangeState, "intent_estimator/change_state", request).success
-        answer = harness.call(GetState, "intent_estimator/get_state", GetState.Request())
-        assert answer.current_state.label == state
-        if state == "inactive":
+    for transition in ("deactivate", "cleanup", "configure", "activate"):
+        getattr(graph.node, f"trigger_{transition}")()
+        if transition in ("deactivate", "configure"):
             assert not graph.call("reset").success and not graph.call("reload_model").success
             assert graph.status().message == "not active"
     harness.connect(*graph.inputs)
@@ -309,3 +262,62 @@ def test_observed_topics_of_three_kinds_work_together(harness, mixed):
     apart = np.linalg.norm(drawn[:, None] - wrist, axis=2)  # the body that is predicted, alone
     assert np.all(np.min(apart, axis=1) < 1e-12)
     assert graph.robot and graph.path
+
+
+def check_markers(graph, wrist, observations):
+    """Observed and predicted path, tube and label."""
+    observed, predicted, tube, text = graph.markers[-1].markers
+    kinds = (Marker.LINE_STRIP, Marker.LINE_STRIP, Marker.TRIANGLE_LIST, Marker.TEXT_VIEW_FACING)
+    assert tuple(m.type for m in (observed, predicted, tube, text)) == kinds
+    assert len({(m.ns, m.id) for m in (observed, predicted, tube, text)}) == 4
+    assert all(m.header.frame_id == "world" and m.color.a > 0 for m in graph.markers[-1].markers)
+    assert text.text.startswith("task 0") and text.text.endswith("%")
+    own = colour(task_colours(wrist.model.labels)["task_0"])
+    for marker in (predicted, tube, text):
+        drawn = (marker.color.r, marker.color.g, marker.color.b)
+        assert drawn == pytest.approx((own.r, own.g, own.b))
+    assert 0.0 < tube.color.a < 0.5
+    seen = np.array([[p.x, p.y, p.z] for p in observed.points])
+    given = np.array([o.values for o in observations])
+    assert len(seen) > 50
+    assert np.all(np.min(np.linalg.norm(seen[:, None] - given, axis=2), axis=1) < 1e-12)
+    assert len(tube.points) % 3 == 0
+    corners = np.array([[p.x, p.y, p.z] for p in tube.points])
+    ends = np.array([[p.x, p.y, p.z] for p in (predicted.points[0], predicted.points[-1])])
+    distance = np.linalg.norm(corners[:, None] - ends, axis=-1).min(axis=0)
+    assert np.all(distance > 0.0)
+
+
+@pytest.mark.slow
+def test_the_predicted_path_of_the_human_its_tube_and_its_markers(harness, wrist):
+    graph = Graph(harness, wrist)
+    told = harness.collect(JointTrajectory, "intent/human_trajectory", qos.COMMAND)
+    harness.connect(graph.node.people[""].output.human_trajectory)
+    observations = wrist.observations(0)
+    graph.feed(observations)
+    end = observations[-1].values
+    assert len(graph.path) > 10
+    for message in graph.path:
+        assert message.header.frame_id == "world" and len(message.poses) == 30
+        stamps = [stamp_ns(pose) for pose in message.poses]
+        assert stamps == sorted(stamps)
+        assert abs(stamps[0] - stamp_ns(message)) < 1_500_000_000
+    half = graph.path[len(graph.path) * 2 // 3].poses[-1].pose.position
+    np.testing.assert_allclose((half.x, half.y, half.z), end, atol=0.08)
+    check_markers(graph, wrist, observations)
+    message = told[len(told) // 2]
+    assert tuple(message.joint_names) == wrist.model.library.observed_names
+    times_s, positions, rest = trajectory_arrays(message)
+    assert np.all(np.diff(times_s) > 0.0) and np.all(rest["effort"] > 0.0)
+    assert message.header.frame_id == wrist.model.labels[0]
+    np.testing.assert_allclose(positions[-1], end, atol=4.0 * rest["effort"][-1].max())
+
+
+def test_markers_keep_the_colour_of_a_task_when_another_is_learned():
+    builder = MarkerBuilder(["plate"])
+    builder.set_labels(["apple", "plate"])
+    path = np.zeros((2, 3))
+    _, plate, _, _ = builder.build(0, "world", "plate", 1.0, path, path).markers
+    _, apple, _, _ = builder.build(0, "world", "apple", 1.0, path, path).markers
+    assert plate.color == colour(task_colours(["plate"])["plate"])
+    assert apple.color != plate.color

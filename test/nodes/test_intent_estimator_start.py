@@ -48,6 +48,13 @@ def test_parameters_with_which_nothing_can_start(capfd, model, parameters, said)
     assert re.search(said, start(capfd, **given))
 
 
+def test_why_it_cannot_start_is_logged_under_the_name_it_was_given(capfd):
+    words = ("-r", "__node:=recognition", "-r", "__ns:=/cell1")
+    assert main(["intent_estimator", "--ros-args", *words]) == 1
+    (line,) = capfd.readouterr().err.splitlines()
+    assert "[FATAL]" in line and "[cell1.recognition]" in line and "-p model:=" in line
+
+
 OTHER = DofEntry("joint_states", "sensor_msgs/msg/JointState", joints=("a", "b"), unit="rad")
 
 

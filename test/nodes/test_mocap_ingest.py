@@ -22,10 +22,6 @@ def pose(index, position, frame="world", orientation=UPRIGHT):
     return message
 
 
-def start(harness, **overrides):
-    return harness.node(MocapIngest, **overrides)
-
-
 def exchange(harness, messages, count, body="wrist"):
     """Publish poses one by one and return the first `count` odometry messages."""
     received = harness.collect(Odometry, f"human/{body}", qos.SENSOR)
@@ -39,7 +35,7 @@ def exchange(harness, messages, count, body="wrist"):
 
 
 def test_odometry_follows_the_contract(harness):
-    start(harness)
+    harness.node(MocapIngest)
     received = exchange(harness, [pose(i, (0.01 * i, 0.5, 1.0)) for i in range(5)], 5)
     last = received[-1]
     assert stamp_ns(last) == T0 + 4 * STEP
@@ -57,7 +53,7 @@ def test_odometry_follows_the_contract(harness):
 
 def test_extrinsics_are_applied(harness):
     half = 0.5**0.5
-    start(harness, world_frame="cell", extrinsics=[f"optitrack 1 0 2 0 0 {half} {half}"])
+    harness.node(MocapIngest, world_frame="cell", extrinsics=[f"optitrack 1 0 2 0 0 {half} {half}"])
     (odometry,) = exchange(harness, [pose(0, (0.5, 0.0, 0.0), "optitrack")], 1)
     position = odometry.pose.pose.position
     np.testing.assert_allclose((position.x, position.y, position.z), (1.0, 0.5, 2.0), atol=1e-12)
@@ -65,7 +61,7 @@ def test_extrinsics_are_applied(harness):
 
 
 def test_bad_input_is_counted_and_harms_nothing(harness):
-    node = start(harness)
+    node = harness.node(MocapIngest)
     good = [pose(i, (0.01 * i, 0.5, 1.0)) for i in range(20)]
     unstamped = pose(0, (0.0, 0.5, 1.0))
     unstamped.header.stamp.sec = unstamped.header.stamp.nanosec = 0
@@ -84,7 +80,7 @@ def test_bad_input_is_counted_and_harms_nothing(harness):
 
 
 def test_when_the_clock_goes_back_the_first_pose_counts(harness):
-    node = start(harness, use_sim_time=True)
+    node = harness.node(MocapIngest, use_sim_time=True)
     received = []
     unstamped = PoseStamped()
     for first, left_over in ((1000, []), (0, [pose(1003, (0.03, 0.5, 1.0))])):
@@ -96,7 +92,7 @@ def test_when_the_clock_goes_back_the_first_pose_counts(harness):
 
 
 def test_what_is_left_over_is_known_by_the_trackers_label(harness):
-    node = start(harness, use_sim_time=True, persons=["*"])
+    node = harness.node(MocapIngest, use_sim_time=True, persons=["*"])
     poses = {k: harness.publisher(PoseStamped, f"mocap/{k}/wrist/pose", 10) for k in ("a", "b")}
     harness.spin_until(lambda: {"a/wrist", "b/wrist"} <= node._waiting.keys(), what="both met")
     harness.connect(*poses.values())
@@ -118,7 +114,7 @@ def test_what_is_left_over_is_known_by_the_trackers_label(harness):
 
 def test_people_who_are_named_have_topics_before_they_are_seen(harness):
     """So that nobody who listens misses the first poses: simulated time waits for each."""
-    node = start(harness, persons=["anna", "ben", "*"])
+    node = harness.node(MocapIngest, persons=["anna", "ben", "*"])
     topics = [f"human/{person}/wrist" for person in ("anna", "ben")]
     harness.spin_until(lambda: all(map(harness.probe.count_publishers, topics)), what="the topics")
     received = harness.collect(Odometry, topics[0], qos.SENSOR)
@@ -130,13 +126,13 @@ def test_people_who_are_named_have_topics_before_they_are_seen(harness):
 
 
 def test_a_body_in_millimetres_is_named_once_and_sent_on(harness):
-    node = start(harness)
+    node = harness.node(MocapIngest)
     exchange(harness, [pose(i, (800.0 + i * 0.001, -400.0, 300.0)) for i in range(4)], 4)
     assert node._diagnostics.rejected("unit_doubtful") == 1
 
 
 def test_it_warns_of_each_body_that_is_not_tracked(harness, monkeypatch):
-    diagnostics = start(harness, bodies=["wrist", "cup"])._diagnostics
+    diagnostics = harness.node(MocapIngest, bodies=["wrist", "cup"])._diagnostics
     now_s = diagnostics._clock() + 4.0
     monkeypatch.setattr(diagnostics, "_clock", lambda: now_s)
     diagnostics.tick("mocap/wrist/pose")

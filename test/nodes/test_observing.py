@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever of the observed agent is measured, whenever: the nodes give what replay gives."""
 
+import copy
 from collections import Counter
 from dataclasses import replace
 
@@ -140,8 +141,23 @@ def bodies(tmp_path):
     return Subject(tmp_path, make_dofs(FLAT, ELBOW))
 
 
+FAULTS = {
+    "not_finite": lambda fields: fields["pose"]["position"].update(x=float("nan")),
+    "zero_stamp": lambda fields: fields["header"].update(stamp=0),
+    "jump": lambda fields: fields.update(
+        pose={"position": {"z": 9.0}, "orientation": {"w": 1.0}},
+        header=fields["header"] | {"stamp": fields["header"]["stamp"] + MS},
+    ),
+    "unknown_frame": lambda fields: fields["header"].update(frame_id="elsewhere"),
+    "stamp_not_increasing": lambda fields: None,  # it comes a second time
+}
+
+
 @pytest.mark.slow
-def test_some_fields_of_two_bodies_one_of_them_slow_and_silent_for_a_while(harness, bodies):
+def test_some_fields_of_two_bodies_one_slow_and_silent_for_a_while_and_spoiled_ones(
+    harness, bodies
+):
+    """What is spoiled is dropped alike and counted alike."""
     seen = shifted(bodies.observations(), 1, 3 * MS)
     begin = seen[0].stamp_ns
     seen = [
@@ -149,8 +165,17 @@ def test_some_fields_of_two_bodies_one_of_them_slow_and_silent_for_a_while(harne
         for k, o in enumerate(seen)
         if o.group == 0 or (k % 3 and not 1.2 < (o.stamp_ns - begin) * 1e-9 < 1.9)
     ]
-    rows, nodes = run(harness, bodies, plain(bodies, seen), bodies=("wrist", "elbow"))
+    messages, faults = list(plain(bodies, seen)), Counter()
+    wrist = [one for one in messages if one[1] is bodies.dofs.observed[0]]
+    for k, (log_ns, entry, fields) in enumerate(wrist[5::6]):
+        fault = [*FAULTS][k % len(FAULTS)]
+        spoiled = copy.deepcopy(fields)
+        FAULTS[fault](spoiled)
+        messages.append((log_ns + 1, entry, spoiled))
+        faults[fault] += 1
+    rows, nodes = run(harness, bodies, messages, bodies=("wrist", "elbow"))
     assert len(rows) == len(seen) and winner(rows) == "task_1"
+    assert nodes.rejected() == faults and min(faults.values()) >= 4
     assert nodes.heard() >= {"human/wrist", "human/elbow"}
     totals = nodes.estimator._diagnostics._totals
     assert totals["human/wrist"] + totals["human/elbow"] == len(seen)

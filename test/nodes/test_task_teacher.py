@@ -39,7 +39,7 @@ from intent_recognition.nodes.conversions import (
     to_pose,
     to_stamp,
 )
-from intent_recognition.nodes.diagnostics import values_of
+from intent_recognition.nodes.diagnostics import MODEL, key_values, values_of
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.task_teacher import TaskTeacher
 from intent_recognition.share import share_path
@@ -144,34 +144,6 @@ def test_a_task_taught_while_the_graph_runs_is_recognised_and_taken_back(harness
     assert "a change to take back" in cell.call("undo").message
 
 
-@pytest.mark.slow
-def test_an_estimator_that_was_started_again_gets_the_taught_model(harness, tmp_path, model):
-    cell = Cell(harness, tmp_path / "mine", model)
-    assert cell.call("start").success
-    cell.show(50)
-    assert cell.call("stop").success
-    cell.wait_said("in use")
-    cell.said.clear()
-    harness.remove(cell.estimator)
-    cell.estimator = harness.node(IntentEstimatorNode, model=str(model))
-    assert cell.estimator.active and tuple(cell.estimator._model.labels) == OLD
-    cell.wait_said("started again; in use")
-    assert tuple(cell.estimator._model.labels) == (*OLD, NEW)
-
-
-@pytest.mark.slow
-def test_a_model_is_sent_again_where_the_answer_was_lost(harness, tmp_path, model, monkeypatch):
-    monkeypatch.setattr(task_teacher, "ANSWER_S", 0.0)
-    cell = Cell(harness, tmp_path / "mine", model)
-    with monkeypatch.context() as lost:
-        lost.setattr(cell.teacher._reload, "call_async", lambda _: Future())
-        assert cell.call("start").success
-        cell.show(50)
-        assert cell.call("stop").success
-        harness.spin_until(lambda: cell.teacher.sending_model)
-    cell.wait_said(f"{NEW} 1; in use")
-
-
 REFUSED = SetParametersResult(reason="it is read-only")
 NAMED = SetParametersResult(successful=True)
 NOT_READ = Trigger.Response(message="it is damaged")
@@ -182,19 +154,40 @@ ANSWERS = [
 ]
 
 
+@pytest.mark.parametrize("lost", [False, True])
 @pytest.mark.parametrize(("named", "loaded", "said"), ANSWERS)
 def test_a_model_is_in_use_only_once_it_was_named_and_loaded(
-    harness, tmp_path, model, named, loaded, said
+    harness, tmp_path, model, monkeypatch, named, loaded, said, lost
 ):
+    """Where no answer comes, or the estimator was started again, it is sent again."""
+    monkeypatch.setattr(task_teacher, "ANSWER_S", 0.0)
     teacher = harness.node(TaskTeacher, library=str(tmp_path / "mine"), model=str(model))
-    set_model = SetParameters.Response(results=[named])
-    for client, answer in ((teacher._set_model, set_model), (teacher._reload, loaded)):
-        future = Future()
-        future.set_result(answer)
-        client.service_is_ready = lambda: True
-        client.call_async = lambda _, future=future: future
-    teacher.send_model("learned a")
+
+    def answer(*given):
+        for client, found in zip((teacher._set_model, teacher._reload), given, strict=True):
+            future = Future()
+            if found is not None:
+                future.set_result(found)
+            client.service_is_ready = lambda: True
+            client.call_async = lambda _, future=future: future
+
+    if lost:
+        answer(None, None)
+        teacher.send_model("learned a")
+        assert teacher.sending_model and "learned" not in teacher.last_status
+    answer(SetParameters.Response(results=[named]), loaded)
+
+    def report(model):
+        status = DiagnosticStatus(name="intent_estimator", values=key_values({MODEL: model}))
+        teacher._on_reports(DiagnosticArray(status=[status]))
+
+    report("") if lost else teacher.send_model("learned a")
     assert teacher.last_status == f"learned a; {said}"
+    report(str(teacher.folder.model_path))
+    assert teacher.last_status == f"learned a; {said}"
+    report("that of its start.npz")
+    again = "the estimator was started again; in use by intent_estimator"
+    assert (teacher.last_status == again) == ("in use" in said)
 
 
 def test_executions_are_ended_while_nobody_writes_them(harness, tmp_path, model):
