@@ -13,18 +13,9 @@ from websockets.asyncio.client import connect
 from intent_recognition.dashboard.admission import Admission, Operator
 from intent_recognition.dashboard.server import serve_page
 
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": [1.0, 0.0, 0.0, 0.0],
-    "position": [1.0, 0.0, 0.0],
-    "fov": 1.0,
-    "near": 0.1,
-    "far": 10.0,
-    "image_height": 10,
-    "image_width": 10,
-    "look_at": [0.0, 0.0, 0.0],
-    "up_direction": [0.0, 0.0, 1.0],
-}
+CAMERA = {"type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [1.0, 0.0, 0.0]}
+CAMERA |= {"fov": 1.0, "near": 0.1, "far": 10.0, "image_height": 10, "image_width": 10}
+CAMERA |= {"look_at": [0.0, 0.0, 0.0], "up_direction": [0.0, 0.0, 1.0]}
 
 
 def update(control, value, **changed):

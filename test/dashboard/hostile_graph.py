@@ -163,13 +163,8 @@ def grab(name, **changed):
 
 
 def drag(name, place=(0.3, 0.2, 0.1), **changed):
-    wxyz = [1.0, 0.0, 0.0, 0.0]
-    return {
-        "type": browser_messages.DRAG,
-        "name": name,
-        "wxyz": wxyz,
-        "position": list(place),
-    } | changed
+    at = {"wxyz": [1.0, 0.0, 0.0, 0.0], "position": list(place)}
+    return {"type": browser_messages.DRAG, "name": name} | at | changed
 
 
 def leave(name, **changed):

@@ -12,8 +12,8 @@ OURS = f"intent_page_8080={TOKEN}"
 FOREIGN = st.text(st.characters(blacklist_characters=";", max_codepoint=255), max_size=30)
 
 
-def refusal(path="/", host="127.0.0.1:8080", cookies=(), upgrade=False):
-    headers = {"host": [host], "cookie": list(cookies)}
+def refusal(path="/", host="127.0.0.1:8080", cookies=(), upgrade=False, **more):
+    headers = {"host": [host], "cookie": list(cookies)} | more
     return Admission("127.0.0.1", 8080, TOKEN).refusal(path, headers, upgrade)
 
 
@@ -31,15 +31,8 @@ def test_foreign_cookies_never_admit(foreign):
 
 @pytest.mark.parametrize(
     "cookie",
-    [
-        f"x{OURS}",
-        f"x-{OURS}",
-        OURS[:-1],
-        f"{OURS}A",
-        f"intent_page_8081={TOKEN}",
-        "intent_page_8080=",
-        "intent_page_8080=\udcff",
-    ],
+    [f"x{OURS}", f"x-{OURS}", OURS[:-1], f"{OURS}A", f"intent_page_8081={TOKEN}"]
+    + ["intent_page_8080=", "intent_page_8080=\udcff", "=;;=, intent"],
 )
 def test_what_only_resembles_our_cookie_is_refused(cookie):
     assert refusal(cookies=[cookie])
@@ -54,23 +47,18 @@ def test_the_tokens_address_lets_in(path):
     assert refusal(path) == ""
 
 
-@pytest.mark.parametrize("token", ["\udcff\udcfe", "%ff%fe", "", "A" * 31, "é" * 32, "\x00"])
+@pytest.mark.parametrize(
+    "token", ["\udcff\udcfe", "%ff%fe", "", "A" * 31, "é" * 32, "\x00", f"{TOKEN}&token=x"]
+)
 def test_a_token_of_raw_bytes_is_refused(token):
     assert refusal(f"/?token={token}")
 
 
 @pytest.mark.parametrize(
     "host",
-    [
-        "127.0.0.1 :8080",
-        " 127.0.0.1:8080",
-        "localhost:8080 x",
-        "localhost;x",
-        "local host",
-        "",
-        "[::1",
-    ]
-    + ["localhost:8080:1", "user@localhost:8080", "\udcff", "localhost/", "localhost:٣"],
+    ["127.0.0.1 :8080", " 127.0.0.1:8080", "localhost:8080 x", "localhost;x", "local host", ""]
+    + ["localhost:8080:1", "user@localhost:8080", "\udcff", "localhost/", "localhost:٣", "[::1"]
+    + ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "localhost@evil.example"],
 )
 def test_a_host_that_is_none_is_refused(host):
     assert "another name" in refusal(f"/?token={TOKEN}", host)
@@ -79,3 +67,11 @@ def test_a_host_that_is_none_is_refused(host):
 @pytest.mark.parametrize("host", ["localhost", "LOCALHOST:8080", "[::1]:8080", "192.168.0.7:80"])
 def test_names_and_numbers_of_this_server_are_its_own(host):
     assert refusal(f"/?token={TOKEN}", host) == ""
+
+
+@pytest.mark.parametrize("upgrade", [False, True])
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
+def test_another_page_is_refused(origin, upgrade):
+    assert "Another page" in refusal(cookies=[OURS], upgrade=upgrade, origin=[origin])
+    sites = {"sec-fetch-site": ["cross-site"]}
+    assert bool(refusal(cookies=[OURS], upgrade=upgrade, **sites)) == upgrade

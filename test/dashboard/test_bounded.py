@@ -36,20 +36,10 @@ class Watched:
         commands = Commands(harness.probe, lambda ok, text: self.page.show_message(ok, text))
         teleoperation = Teleoperation(harness.probe, state)
         session = TeachingSession(teleoperation, commands, self.rng)
-        self.page = DashboardPage(
-            "127.0.0.1",
-            free_port(),
-            state,
-            commands,
-            teleoperation,
-            session,
-            bags=(),
-            models=lambda: (),
-            play=None,
-            stop=None,
-            scene=load_scene("toolbox"),
-            clock=lambda: self.now_s,
-        )
+        parts = state, commands, teleoperation, session
+        given = {"bags": (), "models": tuple, "play": None, "stop": None}
+        given |= {"scene": load_scene("toolbox"), "clock": lambda: self.now_s}
+        self.page = DashboardPage("127.0.0.1", free_port(), *parts, **given)
 
     def observe(self, count: int) -> None:
         """So many observations, each followed by an update of the page."""
@@ -60,6 +50,7 @@ class Watched:
             chances = rng.dirichlet(np.ones(len(labels)))
             state.take_joints(JOINT_NAMES, rng.normal(size=7), self.now_s)
             state.person.take_wrist(rng.normal(size=3), self.now_s)
+            state.transfer.take_sensor(1.0, self.now_s)
             state.person.take_posterior(Posterior(labels, chances, chances), self.now_s)
             path = rng.normal(size=(2 + k % 30, 3))
             state.person.drawn = PathMarkers(path, path, rng.normal(size=(30 * (1 + k % 7), 3)))
@@ -80,6 +71,7 @@ class Watched:
         return {
             "wrist path": len(state.person._wrist_past),
             "past posteriors": len(state.person.past),
+            "forces": len(state.transfer.forces),
             "things in the scene": len(server.scene._handle_from_node_name),
             "controls": len(server.gui._gui_input_handle_from_uuid),
             "containers": len(server.gui._container_handle_from_uuid),

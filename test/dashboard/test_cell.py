@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the page remembers is the newest and a bounded past."""
+"""What the page remembers, and the pieces of text that it makes of it."""
 
 import numpy as np
 
+from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import (
+    ASKED,
     FORCES,
     PLOTTED_S,
     PLOTTED_STEP_S,
@@ -13,27 +15,18 @@ from intent_recognition.dashboard.cell import (
     NodeHealth,
     PersonState,
     Posterior,
+    SkillRow,
     TransferState,
 )
+from intent_recognition.dashboard.skills_tab import skills_table
+from intent_recognition.plans import WorkPlan
+from intent_recognition.plans.work_plan import WorkStep
 
 
 def posterior(*labels, best=0):
     probabilities = np.full(len(labels), 0.1)
     probabilities[best] = 1.0 - 0.1 * (len(labels) - 1)
     return Posterior(labels, probabilities, np.zeros(len(labels)))
-
-
-def test_an_hour_of_messages_takes_no_more_room_than_a_minute():
-    def sizes(seconds):
-        state = CellState()
-        person, transfer = state.person, state.transfer
-        for k in range(int(seconds * 100)):
-            person.take_wrist(np.zeros(3), k * 0.01)
-            person.take_posterior(posterior("a", "none"), k * 0.01)
-            transfer.take_sensor(1.0, k * 0.01)
-        return len(person._wrist_past), len(person.past), len(transfer.forces)
-
-    assert sizes(60) == sizes(600)
 
 
 def test_the_past_is_that_of_the_last_seconds_and_ends_now():
@@ -109,3 +102,112 @@ def test_somebody_is_asked_once_a_question_has_stood_for_a_while():
     assert state.question(10.4) == () and state.question(10.5) == ("plate", "screw")
     state.take_question((), 10.6)
     assert state.question(20.0) == ()
+
+
+EVIL = "<script>alert(1)</script>"
+
+
+def state_with(label):
+    state = CellState(active=label, truth=label)
+    chances = np.array([0.93, 0.07])
+    state.person.take_posterior(Posterior((label, "none"), chances, np.array([0.4, 0.0])), 1.0)
+    return state
+
+
+def bars(state, colours, fresh=True, head=""):
+    return markup.bars(state.person, state.active, colours, fresh, head)
+
+
+def test_bars_show_probability_and_phase_and_old_ones_lose_their_colour():
+    text = bars(state_with("give_cup"), {"give_cup": "#0072b2"})
+    assert all(said in text for said in ("give cup", "93%", "0.40", "#0072b2"))
+    assert "#0072b2" not in bars(state_with("a"), {"a": "#0072b2"}, fresh=False)
+
+
+def test_the_plan_lists_what_became_of_each_step_and_what_it_waits_for():
+    order = {("bolt", EVIL): 0.9, (EVIL, "lid_2"): 0.9}
+    plan = WorkPlan(
+        (WorkStep("bolt", "a"), WorkStep(EVIL, "b", 0.5), WorkStep("lid_2", "c")), order
+    )
+    text = markup.plan(plan, {"bolt": "done", EVIL: "forgotten", "lid_2": "may come"})
+    bolt, evil, lid = text.split("display:grid")[1:]
+    assert markup.GOOD in bolt and "after" not in bolt
+    assert markup.BAD in evil and "forgotten; after bolt; in 50%" in evil
+    assert "after &lt;script&gt;" in lid and "bolt" not in lid, "only what it waits for directly"
+    assert EVIL not in text
+    assert markup.plan(None, {}) == ""
+
+
+def test_who_is_helped_is_named_with_who_asked():
+    state = CellState(active="give_cup", helped=EVIL)
+    asked = {ASKED: f"{EVIL} in 0.4 s (97%)"}
+    state.nodes["cell/primitive_activation"] = NodeHealth(0, "", asked, 0.0)
+    text = markup.now_line(state, {}, {EVIL: "#8c3b57"})
+    assert "#8c3b57" in text and "in 0.4 s (97%)" in text and EVIL not in text
+    state.helped = ""
+    assert "0.4 s" not in markup.now_line(state, {}, {})
+
+
+def test_a_transfer_is_told_with_its_forces():
+    transfer = TransferState()
+    assert markup.transfer(transfer, True) == ""
+    felt = {"load": 4.0, "weight": 3.9, "grip_force": 12.0, "load_share": 0.5, "slip": 1.0}
+    transfer.take(EVIL, felt, 0.0)
+    text = markup.transfer(transfer, True)
+    for said in ("slips", "load 4.0 N", "weight 3.9 N", "grip force 12.0 N"):
+        assert said in text
+    assert "sensor" not in text and EVIL not in text
+    transfer.take_sensor(4.2, 0.0)
+    assert "sensor 4.2 N" in markup.transfer(transfer, True)
+    transfer.holding = "offering"
+    assert "carries 50%" in markup.transfer(transfer, True) and "carries" not in text
+    assert markup.FORCE_COLOURS["load"] not in markup.transfer(transfer, False)
+
+
+def test_what_the_robot_did_not_finish_is_told_until_it_begins_again():
+    state = CellState()
+    state.take_active("give_cup")
+    state.take_active("")
+    state.take_outcome("give_cup", "stopped: limits")
+    assert "stopped: limits" in markup.now_line(state, {}, {})
+    state.take_active("give_cup")
+    assert "stopped" not in markup.now_line(state, {}, {})
+    state.take_active("")
+    state.take_outcome("give_cup", "arrived")
+    assert "arrived" not in markup.now_line(state, {}, {})
+
+
+def test_labels_and_messages_are_escaped():
+    state = state_with(EVIL)
+    nodes = {EVIL: NodeHealth(2, EVIL, {f"rejected {EVIL}": "3"}, 0.0)}
+    for text in (
+        bars(state, {}, head=markup.chip(EVIL, "#0072b2")),
+        markup.now_line(state, {}, {}),
+        markup.nodes_table(nodes, 1.0),
+        markup.banner(EVIL),
+        markup.remark(EVIL),
+        markup.steps([EVIL]),
+        markup.ways(EVIL, [EVIL]),
+        markup.table([EVIL], [[EVIL]]),
+        skills_table({EVIL: [SkillRow(EVIL, {"since": EVIL, "arrived": EVIL})]}),
+    ):
+        assert "<script" not in text
+
+
+def test_a_silent_node_stands_out_unless_its_work_is_done():
+    nodes = {name: NodeHealth(0, "running", {}, 0.0) for name in ("arm", "cell/bag_player")}
+    nodes["ear"] = NodeHealth(0, "running", {}, 9.0)
+    assert markup.silent_nodes(nodes, 10.0) == ["arm"]
+    assert "silent for 10 s" in markup.nodes_table(nodes, 10.0)
+    assert markup.BAD not in markup.nodes_table({"bag_player": nodes["cell/bag_player"]}, 10.0)
+    nodes = {"coworker_sim": NodeHealth(0, "session over", {}, 0.0, ended=True)}
+    assert "ended: session over" in markup.nodes_table(nodes, 10.0)
+    assert "silent" not in markup.nodes_table(nodes, 10.0)
+    assert "ended" not in markup.nodes_table(nodes, 1.0), "it still reports"
+
+
+def test_details_have_rates_latency_and_what_was_rejected():
+    values = {"rate human/wrist [Hz]": "99.7", "latency p99 [ms]": "1.92", "rejected jump": "4"}
+    text = markup.nodes_table({"n": NodeHealth(0, "moving", values, 0.0)}, 1.0)
+    for said in ("human/wrist 100 Hz", "latency p99 1.9 ms", "rejected jump 4"):
+        assert said in text

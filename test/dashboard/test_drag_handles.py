@@ -8,16 +8,16 @@ from geometry_msgs.msg import PoseStamped
 from ros_harness import NodeProcess
 from sensor_msgs.msg import JointState
 
+from intent_recognition.dashboard.teach_tab import BY_HAND
 from intent_recognition.kinematics.lwr import JOINT_NAMES, hand_position
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import joint_values, position_array
 
 WRIST, HAND = "/direct/wrist", "/direct/hand"
 SHAFT_M = 0.08
 """So far along an axis of the control its shaft is pressed."""
-FAR_PIXELS = 60.0
-LOST_S = 15.0
-"""After so long a drag was lost [s]."""
-BY_HAND = "drag both myself"
+MOVED_M, LOST_S = 0.03, 15.0
+"""So far it must go [m]; after so long a drag was lost [s]."""
 
 
 @pytest.fixture
@@ -25,42 +25,58 @@ def cell():
     """An arm and the page in processes of their own; the page's port."""
     chromium()
     port = free_port()
-    start = {"sim_bridge.nodes.lwr_sim": [], "intent_recognition.dashboard.node": []}
-    start["intent_recognition.dashboard.node"] = ["-p", f"port:={port}", "-p", "rate:=10.0"]
-    processes = []
-    try:
-        for module, parameters in start.items():
-            processes.append(NodeProcess(module, "--ros-args", *parameters))
+    words = ("--ros-args", "-p", f"port:={port}", "-p", "rate:=10.0")
+    arm = NodeProcess("sim_bridge.nodes.lwr_sim")
+    with arm, NodeProcess("intent_recognition.dashboard.node", *words):
         yield port
-    finally:
-        for process in processes:
-            process.stop()
 
 
 @pytest.mark.slow
 def test_what_is_dragged_on_the_page_moves_in_the_graph(cell, harness):
-    wrist, hand = Wrist(harness), Hand(harness)
+    """Far along one axis, and not along others; the simulated arm is soft."""
+    poses = harness.collect(PoseStamped, "mocap/wrist/pose", qos.SENSOR)
+    states = harness.collect(JointState, "joint_states", qos.STATE)
+
+    def wrist():
+        return position_array(poses[-1].pose)
+
+    def hand():
+        return hand_position(joint_values(states[-1], JOINT_NAMES))
+
+    def rests(where):
+        before = where()
+        for _ in range(200):
+            harness.executor.spin_once(timeout_sec=0.0025)
+        return np.linalg.norm(where() - before) < 1e-3
+
     with visitor() as person:
         person.open(cell)
         person.wait_for("robot: waits")
         person.tab("Teach")
         person.page.get_by_label("Take the wrist").check()
         person.choose("Show by", BY_HAND)
-        for node, follower in ((WRIST, wrist), (HAND, hand)):
+        for node, where, tolerance_m in ((WRIST, wrist, 0.005), (HAND, hand, 0.012)):
             person.wait_until(lambda n=node: person.pixel(n) is not None, f"{node} is drawn")
-            follower.wait_for_rest()
-            before = follower.position
+            harness.spin_until(lambda: poses and states, what="positions")
+            harness.spin_until(lambda w=where: rests(w), what="rest")
+            before = where()
+
+            def way(where=where, before=before):
+                return np.abs(where() - before)
+
             for further in (True, True, False):
                 along = drag(person, node)
                 try:
-                    follower.wait_until_moved(before, along)
+                    harness.spin_until(lambda w=way, a=along: w()[a] > MOVED_M, LOST_S)
                     break
                 except TimeoutError:  # a browser that draws few frames may lose where it is pressed
                     if not further:
                         raise
+            harness.spin_until(lambda w=where: rests(w), what="rest")
+            assert way()[along] > MOVED_M and np.all(np.delete(way(), along) < tolerance_m)
 
 
-def drag(person: Visitor, node: str, far_pixels: float = FAR_PIXELS) -> int:
+def drag(person: Visitor, node: str, far_pixels: float = 60.0) -> int:
     """Drag a control along that of its axes which is seen longest; returns which."""
     person.wait_until(lambda: steady(person, node), f"{node} is where it will be")
     origin = person.pixel(node)
@@ -77,64 +93,3 @@ def steady(person: Visitor, node: str) -> bool:
     before = person.pixel(node)
     person.page.wait_for_timeout(300)
     return np.allclose(person.pixel(node), before, atol=0.5)
-
-
-class Follower:
-    """Something of the graph that has a position."""
-
-    TOLERANCE_M = 0.005
-    MOVED_M = 0.03
-
-    def __init__(self, harness):
-        self._harness = harness
-        self.position: np.ndarray | None = None
-
-    def wait_for_rest(self) -> None:
-        """Spin until it is where it was half a second ago."""
-        self._harness.spin_until(lambda: self.position is not None, what="its position")
-        self._harness.spin_until(self._rests, what="rest")
-
-    def _rests(self) -> bool:
-        before = self.position
-        for _ in range(200):
-            self._harness.executor.spin_once(timeout_sec=0.0025)
-        return bool(np.linalg.norm(self.position - before) < 1e-3)
-
-    def wait_until_moved(self, before: np.ndarray, along: int) -> None:
-        """Spin until it is elsewhere and rests there: far along one axis, not along others."""
-
-        def moved() -> bool:
-            return abs(self.position[along] - before[along]) > self.MOVED_M
-
-        self._harness.spin_until(moved, LOST_S, what="a movement")
-        self.wait_for_rest()
-        across = np.delete(self.position - before, along)
-        assert moved()
-        assert np.all(np.abs(across) < self.TOLERANCE_M), across
-
-
-class Wrist(Follower):
-    """What the tracker says."""
-
-    def __init__(self, harness):
-        super().__init__(harness)
-        harness.probe.create_subscription(PoseStamped, "mocap/wrist/pose", self._hear, qos.SENSOR)
-
-    def _hear(self, message: PoseStamped) -> None:
-        place = message.pose.position
-        self.position = np.array([place.x, place.y, place.z])
-
-
-class Hand(Follower):
-    """Where the arm's hand is, by its joint states."""
-
-    TOLERANCE_M = 0.012
-    """The simulated arm is soft."""
-
-    def __init__(self, harness):
-        super().__init__(harness)
-        harness.probe.create_subscription(JointState, "joint_states", self._hear, qos.STATE)
-
-    def _hear(self, message: JointState) -> None:
-        angle = dict(zip(message.name, message.position, strict=True))
-        self.position = hand_position(np.array([angle[name] for name in JOINT_NAMES]))

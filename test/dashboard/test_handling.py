@@ -38,21 +38,13 @@ class Told:
         self.places = {b.name: [] for b in bodies}
 
     def goes(self, hand=None, wrist=None, seconds=1.0, **said):
-        hand, wrist = (
-            (self.hand if hand is None else hand),
-            (self.wrist if wrist is None else wrist),
-        )
+        hand = self.hand if hand is None else hand
+        wrist = self.wrist if wrist is None else wrist
         for share in np.linspace(0.0, 1.0, int(seconds / STEP_S)):
-            hand_now = pose_at(self.hand + share * (hand - self.hand))
-            wrist_now = self.wrist + share * (wrist - self.wrist)
-            now_s, others = self.now.now_s + STEP_S, dict(self.now.wrists)
-            self.now = replace(
-                self.now,
-                now_s=now_s,
-                hand=hand_now,
-                wrists=others | {self.now.helped: wrist_now},
-                **said,
-            )
+            said["hand"] = pose_at(self.hand + share * (hand - self.hand))
+            at = {self.now.helped: self.wrist + share * (wrist - self.wrist)}
+            said |= {"now_s": self.now.now_s + STEP_S, "wrists": {**self.now.wrists} | at}
+            self.now = replace(self.now, **said)
             self.handling.update(self.now)
             for name, places in self.places.items():
                 places.append(self.handling.pose(name)[:3, 3])

@@ -3,13 +3,14 @@
 
 import pytest
 from dashboard.guarded import eventually, send, update
-from dashboard.hostile_graph import TASK, Graph, Visit, drag, grab, leave
+from dashboard.hostile_graph import SAVE, TASK, Graph, Visit, drag, grab, leave
 
 from intent_recognition.dashboard import admission
 from intent_recognition.dashboard.cell import SkillRow
 from intent_recognition.dashboard.teach_tab import BY_HAND
 from intent_recognition.kinematics import LWR_LIMITS
 from intent_recognition.nodes.conversions import trajectory_arrays
+from intent_recognition.plans import read_plan
 from sim_bridge.arm.trajectory_command import TrajectoryCommand
 
 pytestmark = pytest.mark.slow
@@ -222,6 +223,26 @@ def test_a_wrist_that_is_taken_again_is_taken_once_and_held_while_it_is_in_use(v
         assert teach._take.value and graph.node.count_publishers("mocap/wrist/pose") == 1
 
     visit.run(story)
+
+
+def test_the_plan_is_changed_undone_and_saved_by_who_operates(visit):
+    visit, graph = visit()
+    plan, told = graph.page._watch._plan, []
+
+    async def story(operator):
+        for control, value, what in (
+            (plan._change, "Forget", "plan"),
+            (plan._undo, True, "plan"),
+            (plan._save, True, SAVE),
+        ):
+            await visit.until(lambda c=control: not c.disabled)
+            await visit.say(operator, update(control, value))
+            await visit.until(lambda w=what: w in dict(graph.heard), what)
+            told.append(dict(graph.heard)[what])
+            graph.heard.clear()
+
+    visit.run(story)
+    assert [text and read_plan(text).names for text in told] == [("base",), ("base", "lid"), None]
 
 
 def test_the_arm_is_asked_for_nothing_that_it_cannot_do(visit):

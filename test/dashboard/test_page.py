@@ -32,12 +32,8 @@ NODES = {
     "intent_recognition.nodes.intent_estimator": {"model": "{model}"},
     "intent_recognition.nodes.primitive_activation": {"model": "{model}"},
     "intent_recognition.nodes.task_teacher": {"model": "{model}", "library": "{library}"},
-    "intent_recognition.dashboard.node": {
-        "port": "{port}",
-        "rate": "10.0",
-        "bags": "{bags}",
-        "scene": "toolbox",
-    },
+    "intent_recognition.dashboard.node": {"port": "{port}", "rate": "10.0"}
+    | {"bags": "{bags}", "scene": "toolbox"},
 }
 
 
@@ -56,12 +52,8 @@ def model(tmp_path, repository):
 def cell(tmp_path, model, repository):
     """The whole graph in processes of their own, and the page's port."""
     chromium()
-    values = {
-        "model": model,
-        "library": tmp_path / "tasks",
-        "port": free_port(),
-        "bags": repository / "bags/toolbox/test",
-    }
+    values = {"model": model, "library": tmp_path / "tasks", "port": free_port()}
+    values |= {"bags": repository / "bags/toolbox/test"}
     processes = {}
     try:
         for module, parameters in NODES.items():

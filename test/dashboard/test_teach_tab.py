@@ -1,16 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The steps of the tab Teach: what is done is ticked, and they name the buttons there are."""
+"""The tab Teach, via points and the plan: steps, buttons, and what they ask for."""
 
+import asyncio
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from intent_recognition.composing import ViaPoint, read_via_points
 from intent_recognition.dashboard.cell import CellState, NodeHealth
+from intent_recognition.dashboard.plan_panel import MUST, NEED_NOT, SAVE, PlanPanel
 from intent_recognition.dashboard.teach_tab import BY_GOALS, BY_HAND, BY_POINTER, TeachTab
 from intent_recognition.dashboard.teaching_session import TeachingSession
+from intent_recognition.dashboard.via_controls import ViaPointControls
 from intent_recognition.dashboard.widgets import PageAccess
+from intent_recognition.errors import ArgumentError
 from intent_recognition.model import WAITING
+from intent_recognition.plans import WorkPlan, read_plan
+from intent_recognition.plans.work_plan import WorkStep
 
 TICK = "&#10003;"
 
@@ -141,3 +148,161 @@ def test_the_steps_name_the_buttons(tab):
     labels.append("Stop")
     named = {name for line in (*BY_GOALS, *BY_POINTER) for name in line.split("`")[1::2]}
     assert named == set(labels)
+
+
+PATH = ("plate", np.outer(np.linspace(0.0, 1.0, 5), [0.4, 0.2, 0.1]))
+
+
+class Estimator:
+    """Takes the parameter, as the node does, and tells what is in force."""
+
+    def __init__(self):
+        self.points: tuple[ViaPoint, ...] = ()
+
+    def set_parameter(self, node, name, value):
+        assert (node, name) == ("intent_estimator", "via_points")
+        self.points = read_via_points(value)
+
+
+@pytest.fixture
+def controls(server, monkeypatch):
+    estimator = Estimator()
+    monkeypatch.setattr(server, "get_clients", lambda: {0: None})
+    made = ViaPointControls(PageAccess(server, estimator, lambda action: action()))
+    return SimpleNamespace(made=made, estimator=estimator, handle=made._handle)
+
+
+def drag(controls, place, phase):
+    event = SimpleNamespace(phase=phase, target=SimpleNamespace(position=place), client_id=0)
+    asyncio.run(controls.made._dragged._update(event))
+
+
+def test_what_is_dropped_passes_there_until_it_is_removed(controls):
+    made, estimator = controls.made, controls.estimator
+    made.update((), PATH)
+    assert not controls.handle.visible, "it is shown on demand"
+    made._drag.value = True
+    made.update((), PATH)
+    np.testing.assert_allclose(controls.handle.position, [0.2, 0.1, 0.05])
+    drag(controls, (0.25, 0.1, 0.05), "start")
+    made.update((), (PATH[0], PATH[1] + 1.0))
+    np.testing.assert_allclose(controls.handle.position, [0.2, 0.1, 0.05], err_msg="it is held")
+    assert estimator.points == ()
+    drag(controls, (0.25, 0.1, 0.05), "end")
+    expected = ViaPoint("page 1", {"hand": (0.25, 0.1, 0.05)}, (0.01,) * 3, 0.5, None, "plate")
+    assert estimator.points == (expected,)
+    made.update(estimator.points, PATH)
+    np.testing.assert_allclose(controls.handle.position, [0.2, 0.1, 0.05])
+    drag(controls, (0.3, 0.0, 0.0), "end")
+    made.update(estimator.points, PATH)
+    assert made._chosen.options == ("page 1", "page 2") and made._chosen.value == "page 2"
+    made._chosen.value = "page 1"
+    made.remove()
+    made.update(estimator.points, PATH)
+    assert [point.name for point in estimator.points] == ["page 2"]
+    made.remove()
+    made.update(estimator.points, PATH)
+    assert made._remove.disabled and estimator.points == ()
+
+
+def test_before_a_prediction_there_is_nothing_to_drag(controls):
+    controls.made._drag.value = True
+    controls.made.update((), None)
+    drag(controls, (0.3, 0.0, 0.0), "end")
+    assert not controls.handle.visible and controls.estimator.points == ()
+
+
+CHAIN = WorkPlan(tuple(WorkStep(n, n, 0.9) for n in "abc"), {("a", "b"): 0.9, ("b", "c"): 0.9})
+
+
+class PlanHolder:
+    """Takes the parameter as the node does, or refuses."""
+
+    def __init__(self):
+        self.state, self.refusal, self.called, self.told = CellState(plan=CHAIN), "", [], []
+
+    def set_parameter(self, node, name, value, done):
+        assert (node, name) == ("intent_estimator", "plan")
+        if not self.refusal:
+            self.state.plan = read_plan(value)
+        done(not self.refusal, self.refusal)
+
+    def notify(self, ok, text):
+        self.told.append((ok, text))
+
+    def trigger(self, service):
+        self.called.append(service)
+
+    def offers(self, service):
+        return service == SAVE
+
+
+@pytest.fixture
+def shown(server):
+    estimator = PlanHolder()
+    panel = PlanPanel(PageAccess(server, estimator, lambda action: None))
+
+    def press(step, change="", wait="", other=""):
+        panel.update(estimator.state)
+        panel._step.value = step
+        if change:
+            panel._change.value = change
+            panel._press_change()
+        else:
+            panel._other.value, panel._wait.value = other, wait
+            panel._press_wait()
+        panel.update(estimator.state)
+        panel.update_controls()
+        return estimator.state.plan
+
+    return SimpleNamespace(panel=panel, estimator=estimator, press=press)
+
+
+def test_steps_are_moved_required_forgotten_and_made_to_wait(shown):
+    assert shown.press("c", "Earlier").names == ("a", "c", "b")
+    assert shown.press("c", "Later").names == ("a", "b", "c")
+    assert shown.press("b", "Require").steps[1].share == 1.0
+    assert shown.press("c", wait=NEED_NOT, other="b").before[1, 2] == 0.0
+    assert shown.press("c", wait=MUST, other="b").before[1, 2] > 0.99
+    assert shown.press("a", "Forget").names == ("b", "c")
+    assert shown.panel._step.options == ("b", "c")
+    assert shown.panel._step.value == "c"  # the last one, since what was chosen is gone
+    assert [ok for ok, _ in shown.estimator.told] == [True] * 6
+
+
+def test_each_change_can_be_taken_back_and_a_refused_one_is_none(shown):
+    panel, estimator = shown.panel, shown.estimator
+    estimator.refusal = "no step of these tasks"
+    shown.press("a", "Forget")
+    assert estimator.told == [(False, estimator.refusal)] and panel._undo.disabled
+    estimator.refusal = ""
+    shown.press("a", "Forget")
+    shown.press("c", "Require")
+    estimator.refusal = "it has not answered the last call yet"
+    panel._press_undo()
+    estimator.refusal = ""
+    for names in (("b", "c"), CHAIN.names, CHAIN.names):
+        panel._press_undo()
+        assert estimator.state.plan.names == names
+    panel.update(estimator.state)
+    panel.update_controls()
+    assert panel._undo.disabled
+    np.testing.assert_allclose(estimator.state.plan.before, CHAIN.before)
+
+
+def test_what_cannot_be_is_said_and_nothing_is_sent(shown):
+    with pytest.raises(ArgumentError, match="another step"):
+        shown.press("a", wait=MUST, other="a")
+    with pytest.raises(ArgumentError, match="circle"):
+        shown.press("a", wait=MUST, other="c")
+    shown.panel._step.value = "no step any more"
+    with pytest.raises(ArgumentError, match="it has changed"):
+        shown.panel._press_change()
+    assert not shown.estimator.told
+
+
+def test_without_a_plan_there_is_no_folder_and_nothing_is_done(shown):
+    shown.estimator.state.plan = None
+    shown.press("a", "Forget")
+    shown.press("a", wait=MUST, other="b")
+    assert not shown.panel._folder.visible and not shown.estimator.told

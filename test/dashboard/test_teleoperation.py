@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is shown from the page: the arm goes along as long as it is the arm that was asked."""
+"""What the page asks of the graph: motions of arm and wrist, and services."""
 
 import time
 from unittest.mock import Mock
@@ -7,33 +7,32 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from rclpy.node import Node
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.dashboard.cell import CellState, PersonState
-from intent_recognition.dashboard.synthetic_demonstration import SyntheticDemonstration
+from intent_recognition.dashboard.commands import Commands
+from intent_recognition.dashboard.synthetic_demonstration import (
+    SyntheticDemonstration,
+    arm_motion,
+    sample_demonstration,
+    shortest_s,
+)
 from intent_recognition.dashboard.teleoperation import SILENT_ARM, Teleoperation
 from intent_recognition.errors import KinematicsError
-from intent_recognition.kinematics import JOINT_NAMES
+from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, RATE_TOLERANCE
+from intent_recognition.motion import Offset
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from sim_bridge.arm import find_robot
+from sim_bridge.arm.trajectory_command import TrajectoryCommand
 
 SHOWN = SyntheticDemonstration(np.zeros(3), np.full(3, 0.1), np.zeros(3), 0.1, rest_s=0.05)
 PANDA = find_robot("panda")
-
-
-def stays(state):
-    """Nothing happens."""
-
-
-def another_comes(state):
-    """Another arm with as many joints is there."""
-    state.take_joints(JOINT_NAMES, np.zeros(7), np.inf)
-
-
-def goes(state):
-    """No joint states and no description any more."""
-    state.joints.clear()
-    state.description = ""
 
 
 def dies(state):
@@ -41,10 +40,16 @@ def dies(state):
     state.take_joints(PANDA.joint_names, PANDA.ready, time.monotonic() - 1.1)
 
 
-CASES = [(stays, 1), (another_comes, 0), (goes, 0), (dies, 0)]
+CASES = {
+    "it stays": (lambda state: None, 1),
+    "another comes": (lambda state: state.take_joints(JOINT_NAMES, np.zeros(7), np.inf), 0),
+    "it goes": (lambda state: (state.joints.clear(), setattr(state, "description", "")), 0),
+    "it dies": (dies, 0),
+}
+"""What becomes of the arm, and how many commands are sent."""
 
 
-@pytest.mark.parametrize(("happens", "commands"), CASES)
+@pytest.mark.parametrize(("happens", "commands"), CASES.values(), ids=CASES)
 def test_a_demonstration_ends_whatever_becomes_of_the_arm(harness, happens, commands):
     state = CellState(description=PANDA.description)
     state.take_joints(PANDA.joint_names, PANDA.ready, np.inf)
@@ -103,3 +108,121 @@ def test_an_arm_whose_driver_died_is_not_moved_and_the_reason_is_told(harness):
     teleoperation.drag_hand(teleoperation.hand() + 0.01)
     harness.spin_until(lambda: sent, what="a command")
     assert len(sent) == 1
+
+
+@pytest.fixture
+def told():
+    return []
+
+
+@pytest.fixture
+def commands(harness, told):
+    return Commands(harness.probe, lambda ok, text: told.append((ok, text)))
+
+
+def test_page_knows_whether_the_robot_helps_whoever_switched_it(harness, commands, told):
+    node = harness.add(PrimitiveActivation())
+    harness.spin_until(commands.can_switch_help)
+    for helps in (False, True):
+        commands.robot_helps(helps)
+        harness.spin_until(lambda wanted=helps: node.active is wanted)
+        commands.ask_for_help()
+        harness.spin_until(lambda wanted=helps: commands.helping is wanted)
+    harness.spin_until(lambda: len(told) == 2)
+    assert [ok for ok, _ in told] == [True, True]
+
+
+def test_what_is_switched_already_is_not_switched_again(harness, commands, told):
+    harness.add(PrimitiveActivation())
+    harness.spin_until(commands.can_switch_help)
+    commands.robot_helps(True)
+    harness.spin_until(lambda: told)
+    assert told == [(True, "")]
+
+
+def test_a_service_that_does_not_answer_is_called_once(harness, commands, told, monkeypatch):
+    silent = Node("silent")
+    try:
+        silent.create_service(Trigger, "silent/undo", lambda _, answer: answer)
+        harness.spin_until(lambda: commands.offers("silent/undo"))
+        for _ in range(100):
+            commands.trigger("silent/undo")
+        assert told == [(False, "silent/undo has not answered the last call yet")] * 99
+        monkeypatch.setattr("intent_recognition.dashboard.commands.ANSWER_S", 0.0)
+        for _ in range(5):
+            commands.trigger("silent/undo")
+        assert told[99:] == [(False, "silent/undo did not answer")] * 5
+        assert len(commands._clients["silent/undo"]._pending_requests) == 1
+        monkeypatch.undo()
+        harness.executor.add_node(silent)
+        harness.spin_until(lambda: len(told) > 104)
+        assert told[-1][1] == "silent/undo"
+    finally:
+        harness.executor.remove_node(silent)
+        silent.destroy_node()
+
+
+def test_no_answer_is_awaited_of_a_node_that_is_gone(harness, commands, told):
+    dying = Node("dying")
+    dying.create_service(Trigger, "dying/stop", lambda _, answer: answer)
+    harness.spin_until(lambda: commands.offers("dying/stop"))
+    commands.trigger("dying/stop")
+    commands.give_up_lost()
+    assert not told
+    dying.destroy_node()
+    harness.spin_until(lambda: not commands.offers("dying/stop"))
+    commands.give_up_lost()
+    assert told == [(False, "dying/stop did not answer")]
+
+
+def test_nobody_there_is_told_at_once(commands, told):
+    commands.trigger("nobody/start")
+    assert told == [(False, "no node offers nobody/start")]
+
+
+POINTS = arrays(float, 3, elements=st.floats(-1.0, 1.0))
+
+
+@pytest.mark.slow
+@given(POINTS, POINTS, st.floats(0.8, 4.0))
+def test_wrist_rests_at_its_start_and_at_its_goal(start, goal, duration):
+    show = SyntheticDemonstration(start, goal, np.array([0.0, 0.0, 0.05]), duration)
+    for at in (0.0, show.rest_s):
+        assert np.allclose(show.wrist(at), start)
+    for at in (show.rest_s + duration, show.length_s):
+        assert np.allclose(show.wrist(at), goal)
+
+
+@given(POINTS, POINTS, st.integers(0, 1000))
+def test_goals_of_wrist_and_hand_shift_together(start, goal, seed):
+    drawn, shift = sample_demonstration(np.random.default_rng(seed), start, goal, 2.0, 0.03)
+    assert np.allclose(drawn.goal_m, goal + shift)
+    assert abs(drawn.bow_m @ (drawn.goal_m - start)) < 1e-9
+    assert 1.4 <= drawn.duration_s <= 2.6
+
+
+def test_the_arm_moves_from_rest_to_rest_within_its_time():
+    start, goal = np.zeros(7), np.linspace(-1.0, 1.0, 7)
+    times, q, qd = arm_motion(start, goal, 1.7)
+    assert times[0] == 0.0
+    assert times[-1] == 1.7
+    assert np.allclose(q[[0, -1]], [start, goal])
+    assert np.allclose(qd[[0, -1]], 0.0)
+    slopes = (q[2:] - q[:-2]) / (times[2:] - times[:-2])[:, None]
+    assert np.max(np.abs(slopes - qd[1:-1])) < 0.02
+
+
+@given(st.integers(0, 1000))
+def test_the_shortest_motion_keeps_the_limits_and_reaches_one(seed):
+    start, goal = np.random.default_rng(seed).uniform(LWR_LIMITS.lower, LWR_LIMITS.upper, (2, 7))
+    duration = shortest_s(goal - start, LWR_LIMITS)
+    motion = Offset(start - goal, np.zeros(7), np.zeros(7), duration).largest()
+    shares = np.array(motion) / (LWR_LIMITS.velocity, LWR_LIMITS.acceleration)
+    assert 0.98 < shares.max() <= 1.0 + RATE_TOLERANCE
+    TrajectoryCommand.validated(JOINT_NAMES, *arm_motion(start, goal, duration))
+
+
+def test_the_arm_follows_the_human():
+    show = SyntheticDemonstration(np.zeros(3), np.ones(3), np.zeros(3), 2.0)
+    assert show.arm_start_s > show.rest_s
+    assert show.arm_start_s + show.arm_duration_s > show.rest_s + show.duration_s
