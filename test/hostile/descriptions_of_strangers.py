@@ -15,35 +15,11 @@ NUMBERS = (
     *("nan", "inf", "-inf", "1e400", "1e300", "-1e300", "1e-300", "-1", "0", "", "x", "1 2 3 4"),
     *("0 0 0", "1e300 1e300 1e300", "nan nan nan", "9" * 5000, "0x10", "\u0661", "1,5"),
 )
-NAMES = (
-    "",
-    "world",
-    "link0",
-    "joint1",
-    "\x9b31m",
-    "x" * 5000,
-    "../..",
-    "universe",
-    "a b",
-    "\u202e",
-)
+NAMES = ("", "world", "link0", "joint1", "\x9b31m", "x" * 5000, "../..", "universe", "a b")
 MESHES = (
-    *(
-        "",
-        "/dev/zero",
-        "fifo.stl",
-        "../../../../etc/passwd",
-        "file:///etc/passwd",
-        "x" * 5000 + ".stl",
-    ),
-    *(
-        "http://localhost/x.stl",
-        "package://../../etc/passwd",
-        "broken.stl",
-        "broken.obj",
-        "broken.dae",
-    ),
-    *(".", "loop.stl", "package://", "%2e%2e/x.stl", "box.stl"),
+    *("", ".", "/dev/zero", "fifo.stl", "../../../../etc/passwd", "file:///etc/passwd", "loop.stl"),
+    *("x" * 5000 + ".stl", "http://localhost/x.stl", "package://../../etc/passwd", "%2e%2e/x.stl"),
+    *("broken.stl", "broken.obj", "broken.dae", "package://", "box.stl"),
 )
 LAUGHS = "<!DOCTYPE r [<!ENTITY a0 'ha'>{}]>".format(
     "".join(f"<!ENTITY a{k + 1} '{f'&a{k};' * 10}'>" for k in range(12))
@@ -58,9 +34,8 @@ def arm(n=4):
         inertial = ET.SubElement(link, "inertial")
         ET.SubElement(inertial, "origin", xyz="0 0 0.1", rpy="0 0 0")
         ET.SubElement(inertial, "mass", value="1.0")
-        ET.SubElement(
-            inertial, "inertia", ixx="0.1", iyy="0.1", izz="0.1", ixy="0", ixz="0", iyz="0"
-        )
+        inertia = {"ixx": "0.1", "iyy": "0.1", "izz": "0.1", "ixy": "0", "ixz": "0", "iyz": "0"}
+        ET.SubElement(inertial, "inertia", inertia)
         shape = ET.SubElement(link, "collision")
         ET.SubElement(shape, "origin", xyz="0 0 0.1", rpy="0 0 0")
         geometry = ET.SubElement(shape, "geometry")
@@ -87,10 +62,9 @@ def arms(rng):
     yield LAUGHS + whole.replace("<mass", "&a12;<mass", 1)
     yield '<!DOCTYPE r [<!ENTITY a "' + "x" * 100_000 + '">]>' + f"<robot>{'&a;' * 100_000}</robot>"
     for outside in ("file:///etc/passwd", "/dev/zero", "fifo.stl", "http://localhost/x"):
-        yield f'<!DOCTYPE r [<!ENTITY a SYSTEM "{outside}">]>' + whole.replace("arm", "&a;", 1)
-        yield f'<!DOCTYPE r [<!ENTITY a SYSTEM "{outside}">]>' + whole.replace(
-            "<mass", "&a;<mass", 1
-        )
+        entity = f'<!DOCTYPE r [<!ENTITY a SYSTEM "{outside}">]>'
+        yield entity + whole.replace("arm", "&a;", 1)
+        yield entity + whole.replace("<mass", "&a;<mass", 1)
         yield f'<!DOCTYPE robot SYSTEM "{outside}">' + whole
         yield f'<!DOCTYPE r [<!ENTITY % a SYSTEM "{outside}"> %a;]>' + whole
         included = f'<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" href="{outside}"/>'
@@ -98,16 +72,8 @@ def arms(rng):
     for encoding in ("utf-16", "utf-7", "x-none", "latin-1", "utf-32", "\x9b"):
         yield f'<?xml version="1.0" encoding="{encoding}"?>' + whole
     yield "\ufeff" + whole
-    yield from (
-        "",
-        "<",
-        "<robot>",
-        "<robot/>",
-        "<robot><link/></robot>",
-        "<a/>",
-        "\0",
-        "<robot>" * 99,
-    )
+    yield from ("", "<", "<robot>", "<robot/>", "<robot><link/></robot>", "<a/>", "\0")
+    yield "<robot>" * 99
     yield "<robot>" + "<link>" * 200_000 + "</link>" * 200_000 + "</robot>"
     yield "<robot>" + "<link name='a'>" + "<visual>" * 3000 + "</visual>" * 3000 + "</link></robot>"
     yield "<robot>" + "<link name='a'/>" * 300_000 + "</robot>"
@@ -153,13 +119,11 @@ def _spoil(rng, root):
         del parent.attrib[str(rng.choice(keys))]
     elif keys:
         key = str(rng.choice(keys))
-        values = NUMBERS
-        if key in ("name", "link", "joint"):
-            values = NAMES
-        elif key == "type":
+        values = {"filename": MESHES, "name": NAMES, "link": NAMES, "joint": NAMES}.get(
+            key, NUMBERS
+        )
+        if key == "type":
             values = ("continuous", "prismatic", "fixed", "floating", "planar", "", "x")
-        elif key == "filename":
-            values = MESHES
         parent.set(key, values[int(rng.integers(len(values)))])
 
 
@@ -174,12 +138,7 @@ def cup(n=24):
     k, following = np.arange(n), (np.arange(n) + 1) % n
     faces = []
     for ring in range(3):
-        a, b, c, d = (
-            ring * n + k,
-            ring * n + following,
-            (ring + 1) * n + k,
-            (ring + 1) * n + following,
-        )
+        a, b, c, d = (row * n + at for row in (ring, ring + 1) for at in (k, following))
         faces += [np.column_stack([a, b, d]), np.column_stack([a, d, c])]
     faces += [np.column_stack([np.full(n, 4 * n), following, k])]
     faces += [np.column_stack([np.full(n, 4 * n + 1), 3 * n + k, 3 * n + following])]
@@ -232,15 +191,11 @@ def targets(rng):
     yield ".off", b"OFF " + b"9" * 5000
     yield ".off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n" + b"999999999 0 1 2\n"
     yield ".obj", b"f " + b"1 " * 2_000_000
-    yield (
-        ".obj",
-        b"v 0 0 0\n" * 300 + b"f 1/1/1 2//2 3\n" * 9 + b"vt\nvn\ng\no\nusemtl\nl 1 2\ncurv 1",
-    )
+    odd = b"f 1/1/1 2//2 3\n" * 9 + b"vt\nvn\ng\no\nusemtl\nl 1 2\ncurv 1"
+    yield ".obj", b"v 0 0 0\n" * 300 + odd
     yield ".stl", b"solid\n" + b"vertex 1e400 nan 0\n" * 300
-    yield (
-        ".ply",
-        b"ply\nformat ascii 1.0\n" + b"element a 1\nproperty float b\n" * 30_000 + b"end_header\n",
-    )
+    elements = b"element a 1\nproperty float b\n" * 30_000
+    yield ".ply", b"ply\nformat ascii 1.0\n" + elements + b"end_header\n"
     listed = b"element vertex 3\nproperty list uint uint x\nend_header\n" + b"\xff" * 90
     yield ".ply", b"ply\nformat binary_big_endian 1.0\n" + listed
     for value in (np.nan, np.inf, 1e300, -1e300, 1e-300, 1e150, 0.0):
@@ -280,9 +235,7 @@ def objects(rng, mug):
         lambda a: a * 1e12 if a.dtype.kind == "f" else np.array("\x1b[2J" * 99),
         lambda a: np.repeat(a[:1], len(a), 0) if a.ndim else np.array(True),
         lambda a: a[:, :2] if a.ndim > 1 else a,
-        lambda a: a.astype(
-            ">f8" if a.dtype.kind == "f" else object if a.dtype.kind == "O" else a.dtype
-        ),
+        lambda a: a.astype(">f8" if a.dtype.kind == "f" else a.dtype),
     )
     for change in changes:
         for name in names:

@@ -121,20 +121,14 @@ def definitions(rng):
     yield "uint8[4000000000] a"
     yield "uint8[99999999999999999999999999] a"
     yield "string[999999999] a"
-    yield (
-        "x/A[1000] a\n"
-        + "".join(
-            f"{'=' * 80}\nMSG: x/{a}\nx/{b}[1000] a\n"
-            for a, b in zip("ABCDEF", "BCDEFG", strict=True)
-        )
-        + "=" * 80
-        + "\nMSG: x/G\nuint8 a"
-    )
-    yield "x/A[] a\n" + "=" * 80 + "\nMSG: x/A\n"
-    yield "x/A[] a\n" + "=" * 80 + "\nMSG: x/A\nx/B b\n" + "=" * 80 + "\nMSG: x/B\n"
-    yield "x/A[] a\n" + "=" * 80 + "\nMSG: x/A\nuint8[0] b\n"
-    yield "x/A a\n" + "=" * 80 + "\nMSG: x/A\nx/A a"
-    yield "x/A a\n" + "=" * 80 + "\nMSG: x/A\nx/B a\n" + "=" * 80 + "\nMSG: x/B\nx/A a"
+    of = "=" * 80 + "\nMSG: x/"
+    nested = (f"{of}{a}\nx/{b}[1000] a\n" for a, b in zip("ABCDEF", "BCDEFG", strict=True))
+    yield "x/A[1000] a\n" + "".join(nested) + f"{of}G\nuint8 a"
+    yield f"x/A[] a\n{of}A\n"
+    yield f"x/A[] a\n{of}A\nx/B b\n{of}B\n"
+    yield f"x/A[] a\n{of}A\nuint8[0] b\n"
+    yield f"x/A a\n{of}A\nx/A a"
+    yield f"x/A a\n{of}A\nx/B a\n{of}B\nx/A a"
     yield "geometry_msgs/msg/PoseStamped a"
     yield "float64"
     yield "no/such[] a"

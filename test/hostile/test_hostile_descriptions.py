@@ -16,13 +16,7 @@ DETECTOR = "config/deviation/lwr.yaml"
 SEQUENCES = "config/examples/toolbox_sequence.yaml"
 BOXES = ["crate 0.4 0.4 0.1 0.2 0.3 0.2", "box 0 0 1 1 1 1 0 0 0.6 0.8", "", " "]
 VIA_POINTS = [
-    {
-        "name": "a",
-        "task": "plate_handover",
-        "phase": 0.6,
-        "dofs": {"lwr_a4_joint": 1.2},
-        "std": 0.5,
-    },
+    {"name": "a", "task": "plate_handover", "phase": 0.6, "dofs": {"lwr_a4_joint": 1.2}, "std": 1},
     {"name": "b", "time": 0.5, "hand": [0.4, 0.1, 0.3], "std": [0.1, 0.1, 0.2]},
 ]
 

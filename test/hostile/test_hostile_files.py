@@ -142,17 +142,9 @@ def test_what_is_no_file(worker, whole, tmp_path):
     os.mkfifo(fifo)
     loop = tmp_path / "loop"
     loop.symlink_to(loop)
+    odd = (Path(name) for name in ("/dev/zero", "/dev/full", "/proc/self/mem", "/"))
     for number, place in enumerate(
-        (
-            fifo,
-            Path("/dev/zero"),
-            Path("/dev/full"),
-            loop,
-            tmp_path / ("n" * 200),
-            Path("/proc/self/mem"),
-            Path("/"),
-            tmp_path / "\x1b[2J",
-        )
+        (fifo, loop, *odd, tmp_path / ("n" * 200), tmp_path / "\x1b[2J")
     ):
         link = tmp_path / f"link{number}"
         for suffix in ("", ".npz", ".mcap", ".yaml", ".stl"):

@@ -59,19 +59,9 @@ def test_headers_of_models(worker, model, tmp_path):
     rng = np.random.default_rng(SEED + 2)
     header = json.loads(str(model["header"]))
     odd = ["[" * 100_000, '{"a":' * 50_000, "", "null", "[]", "1" * 10_000, "\x1b", "NaN"]
-    odd += [
-        json.dumps(header | {"labels": labels})
-        for labels in (
-            [],
-            "ab",
-            [1],
-            ["none"],
-            ["a"] * 3,
-            [["a"]],
-            ["\x1b[2J", "b", "c"],
-            ["x" * 500, "b", "c"],
-        )
-    ]
+    labels = ([], "ab", [1], ["none"], ["a"] * 3, [["a"]], ["\x1b[2J", "b", "c"])
+    labels += (["x" * 500, "b", "c"],)
+    odd += [json.dumps(header | {"labels": one}) for one in labels]
     odd += [
         json.dumps(header | {"basis": basis})
         for basis in (None, {}, {"n_basis": 10**9}, {"n_basis": -1}, {"n_basis": "7"})
@@ -92,21 +82,14 @@ def test_arrays_of_models(worker, model, tmp_path):
     for k in range(EACH):
         name = names[k % len(names)]
         array, kind = model[name], k % 6
-        if kind == 0:
-            changed = np.full(array.shape, rng.choice(NUMBERS))
-        elif kind == 1:
-            changed = array.astype(float).copy()
-            changed.flat[int(rng.integers(changed.size)) if changed.size else 0 :][:1] = rng.choice(
-                NUMBERS
-            )
-        elif kind == 2:
-            changed = np.zeros((0,) if array.ndim else (2, 2))
-        elif kind == 3:
-            changed = np.array(["a"] * 3)
-        elif kind == 4:
-            changed = np.broadcast_to(array, (3, *array.shape))
-        else:
-            changed = array.astype(complex)
+        one_odd = array.astype(float).copy()
+        if one_odd.size:
+            one_odd.flat[int(rng.integers(one_odd.size))] = rng.choice(NUMBERS)
+        changed = (
+            np.full(array.shape, rng.choice(NUMBERS)), one_odd, np.array(["a"] * 3),
+            np.zeros((0,) if array.ndim else (2, 2)), np.broadcast_to(array, (3, *array.shape)),
+            array.astype(complex),
+        )[kind]  # fmt: skip
         path = save(tmp_path / f"{k}.npz", model | {name: changed})
         answer = check(worker, "inspect", path)
         assert kind in (0, 1) or name not in ("weight_mean", "noise_variance") or answer["code"]

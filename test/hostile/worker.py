@@ -7,6 +7,7 @@ Forked, because a new interpreter for each of some 400 files would take five min
 import gc
 import json
 import os
+import pkgutil
 import resource
 import signal
 import sys
@@ -20,23 +21,11 @@ WAITS = 10 * SECONDS
 """One that does not even compute is ended then [s]; a busy machine needs some of it."""
 
 
-def load_all_of_a_model(path):
-    from intent_recognition.model.file import load_trained
-
-    load_trained(path)
-
-
 def open_tasks(path):
     from intent_recognition.demonstrations import load_dofs
     from intent_recognition.model.task_folder import TaskFolder
 
     TaskFolder(path, load_dofs()).history()
-
-
-def load_skill(path):
-    from intent_recognition.model import load_pouring_skill
-
-    load_pouring_skill(path)
 
 
 def find_arm(path):
@@ -86,28 +75,15 @@ def read_boxes(path):
         parse_boxes([str(box) for box in boxes])
 
 
-def read_detector(path):
-    from intent_recognition.nodes.activation_inputs import load_detector
-
-    load_detector(path)
-
-
-def read_scene(path):
-    from intent_recognition.dashboard.scene_file import load_scene
-
-    load_scene(path)
-
-
-def read_task_list(path):
-    from sim_bridge.coworker import parse_task_list
-
-    parse_task_list(path, 1, 3)
-
-
-CALLS = {"load_trained": load_all_of_a_model, "tasks": open_tasks, "load_pouring_skill": load_skill}
-CALLS |= {call.__name__: call for call in (find_arm, keep_clear, simulate, read_sequences)}
-CALLS |= {call.__name__: call for call in (read_via_points, read_boxes, read_detector, read_scene)}
-CALLS |= {"read_task_list": read_task_list}
+CALLS = {
+    "load_trained": "intent_recognition.model.file:load_trained",
+    "load_pouring_skill": "intent_recognition.model:load_pouring_skill",
+    "read_detector": "intent_recognition.nodes.activation_inputs:load_detector",
+    "read_scene": "intent_recognition.dashboard.scene_file:load_scene",
+}
+"""Functions that take a path, imported when they are called."""
+CALLS |= {"tasks": open_tasks, "find_arm": find_arm, "keep_clear": keep_clear, "simulate": simulate}
+CALLS |= {call.__name__: call for call in (read_sequences, read_via_points, read_boxes)}
 
 
 def run(words):
@@ -119,7 +95,8 @@ def run(words):
     if words[0] not in CALLS:
         return main(words)
     try:
-        CALLS[words[0]](*words[1:])
+        call = CALLS[words[0]]
+        (pkgutil.resolve_name(call) if isinstance(call, str) else call)(*words[1:])
     except (IntentError, UntrustedError) as error:
         sys.stderr.write(f"{one_line(error)}\n")
         return 1
