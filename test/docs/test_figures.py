@@ -4,6 +4,7 @@
 import json
 import re
 import sys
+from contextlib import suppress
 
 import pytest
 from docs.shown import ROOT
@@ -37,36 +38,32 @@ def test_a_figure_that_is_missing_or_old_is_marked():
 
 def test_only_what_is_not_current_is_measured_and_each_is_kept(monkeypatch, tmp_path, capsys):
     """Figures a (of today), b (of another command), c (stopped there) and d."""
-    kept = tmp_path / "figures.json"
+    kept, run = tmp_path / "figures.json", figures.measured
     sources = {
         name: figures.Source(f"python -c 'print({k})'", None, figures._last_line)
         for k, name in enumerate("abcd")
     }
     today = {"version": figures.__version__, "code": figures.code(), "text": "old"}
-    kept.write_text(
-        json.dumps({"a": today | {"command": sources["a"].command}, "b": today | {"command": "-"}})
-    )
+    of = {"a": sources["a"].command, "b": "-"}
+    kept.write_text(json.dumps({name: today | {"command": of[name]} for name in of}))
     for name, value in (("SOURCES", sources), ("FILE", kept), ("PAGES", ())):
         monkeypatch.setattr(figures, name, value)
-    run = figures.measured
 
     def stopped(name):
         if name == "c":
             raise KeyboardInterrupt
         return run(name)
 
-    monkeypatch.setattr(sys, "argv", ["figures.py"])
+    def shown(*words):
+        monkeypatch.setattr(sys, "argv", ["figures.py", *words])
+        with suppress(KeyboardInterrupt):
+            figures.main()
+        texts = "".join(one["text"] for one in figures.load().values())
+        return texts, capsys.readouterr().out
+
     monkeypatch.setattr(figures, "measured", stopped)
-    with pytest.raises(KeyboardInterrupt):
-        figures.main()
-    assert "to measure: 3, about 6 min" in capsys.readouterr().out
-    assert {name: one["text"] for name, one in figures.load().items()} == {"a": "old", "b": "1"}
+    texts, said = shown()
+    assert texts == "old1" and "to measure: 3, about 6 min" in said
     monkeypatch.setattr(figures, "measured", run)
-    figures.main()
-    assert {name: one["text"] for name, one in figures.load().items()} == {
-        "a": "old", "b": "1", "c": "2", "d": "3",
-    }  # fmt: skip
-    capsys.readouterr()
-    monkeypatch.setattr(sys, "argv", ["figures.py", "--list"])
-    figures.main()
-    assert "to measure: 0, about 0 min" in capsys.readouterr().out
+    assert shown()[0] == "old123"
+    assert "to measure: 0, about 0 min" in shown("--list")[1]

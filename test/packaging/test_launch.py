@@ -1,11 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the launch files start, against stand-ins of `launch` and `launch_ros`."""
+"""What the launch files start, and refuse, against stand-ins of `launch`."""
+
+import sys
+import types
 
 import pytest
 import yaml
-from stand_in_launch import Call, declared, on, start, values
+from ament_index_python.packages import PackageNotFoundError
+from stand_in_launch import Call, Context, declared, on, start, values
 
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.kinematics import parse_xml
+from intent_recognition.nodes import launch_checks
 from intent_recognition.nodes.processes import PROFILES, RANGE
 from intent_recognition.promp import USUAL_END_STD
 from intent_recognition.registry import NODES as REGISTERED
@@ -59,16 +65,22 @@ def test_both_warpers_take_the_section_of_their_executable(describe, tmp_path, s
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
-def test_every_node_takes_the_namespace_and_the_clock(describe, name):
+def test_every_node_takes_the_namespace_and_the_clock_and_starts_again_unless_it_ends(
+    describe, name
+):
     entities = describe(name)
     nodes = start(entities, namespace="/cell1/", use_sim_time="true", **on(entities))
     publishers = 0
     for node, options in nodes.items():
+        ends = node in ("bag_player", "bag_recorder", "rviz2")
+        assert options["respawn"] is not ends and options["respawn_delay"] > 0.0, node
         assert options["namespace"] == "cell1"
         publishes = values(options).get("publish_clock") or values(options).get("clock")
         publishers += bool(publishes)
         assert bool(publishes) != (values(options).get("use_sim_time") is True), node
     assert publishers == (name in ("demo", "assembly", "pouring", "replay"))
+    never = start(entities, respawn="false", **on(entities))
+    assert not any(options["respawn"] for options in never.values())
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
@@ -169,17 +181,6 @@ def test_the_arms_topics_reach_every_node_that_uses_them(describe, name):
         assert (remapped.get("joint_trajectory") == "/arm/go") >= commands, node
 
 
-def test_nodes_that_die_start_again_but_those_that_end(describe):
-    for name in EXECUTABLES:
-        entities = describe(name)
-        for node, options in start(entities, **on(entities)).items():
-            ends = node in ("bag_player", "bag_recorder", "rviz2")
-            assert options["respawn"] is not ends, node
-            assert options["respawn_delay"] > 0.0
-        nodes = start(entities, respawn="false", **on(entities))
-        assert not any(options["respawn"] for options in nodes.values())
-
-
 def test_what_begins_something_waits_for_its_graph(describe):
     recognition = ["mocap_ingest", "intent_estimator"]
     player = start(describe("replay"))["bag_player"]
@@ -226,3 +227,114 @@ def test_a_file_of_ones_own_is_taken(describe, tmp_path):
         for node in start(describe(name), params_file=str(own)).values():
             first, second, _ = node["parameters"]
             assert first.endswith(shipped) and second == str(own)
+
+
+def test_a_published_clock_is_followed_or_refused(describe):
+    nodes = start(describe("sim"), publish_clock="true")
+    assert values(nodes["coworker_sim"])["use_sim_time"] is True
+    assert "use_sim_time" not in values(nodes["lwr_sim"])
+    assert "use_sim_time" not in values(start(describe("sim"))["coworker_sim"])
+    with pytest.raises(ArgumentError, match="use_sim_time"):
+        start(describe("sim"), publish_clock="true", use_sim_time="false")
+    with pytest.raises(ArgumentError, match="use_sim_time"):
+        start(describe("replay"), use_sim_time="false")
+
+
+@pytest.mark.parametrize(("code", "ends"), [(0, False), (1, True), (-9, False), (-11, False)])
+def test_a_node_that_cannot_start_ends_the_launch_and_one_that_dies_does_not(describe, code, ends):
+    node = start(describe("real"))["primitive_activation"]
+    exited = types.SimpleNamespace(returncode=code, process_name="primitive_activation-3")
+    if not ends:
+        assert node["on_exit"](exited, Context()) is None
+        return
+    with pytest.raises(IntentError, match="primitive_activation-3 cannot run"):
+        node["on_exit"](exited, Context())
+
+
+def test_what_is_optional_is_there_before_the_first_node_starts(describe, monkeypatch, tmp_path):
+    entities = describe("replay")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ArgumentError, match="bag: expected a file or folder"):
+        start(entities, bag="missing")
+    with pytest.raises(ArgumentError, match="model: expected a file or folder"):
+        start(entities, model="missing.npz")
+    monkeypatch.setattr(launch_checks, "get_package_prefix", no_package)
+    with pytest.raises(ArgumentError, match="rviz: expected the package robot_state_publisher"):
+        start(entities, rviz="true")
+
+
+def test_ros2_control_looks_first_and_starts_its_own_nodes_last(describe, monkeypatch):
+    _, check, graph, controllers = describe("ros2_control")
+    assert graph.kind == "IncludeLaunchDescription"
+    check, controllers = check.options["function"], controllers.options["function"]
+    context = Context(arm="lwr", namespace="/cell1/")
+    assert check(context) == []
+    for node in controllers(context):
+        assert node.options["namespace"] == "cell1"
+        with pytest.raises(IntentError, match="spawner-2 cannot run"):
+            exited = types.SimpleNamespace(returncode=1, process_name="spawner-2")
+            node.options["on_exit"](exited, context)
+    command = ["ros2", "launch", "intent_recognition", "ros2_control.launch.py", "modle:=m.npz"]
+    monkeypatch.setattr(sys, "argv", command)
+    with pytest.raises(ArgumentError, match="Did you mean model"):
+        check(context)
+    monkeypatch.setattr(sys, "argv", [*command[:-1], "activate:=true", "arm:=lwr"])
+    check(context)
+    monkeypatch.setattr(launch_checks, "get_package_prefix", no_package)
+    with pytest.raises(ArgumentError, match="Install ros-jazzy-controller-manager"):
+        check(context)
+
+
+def no_package(name):
+    raise PackageNotFoundError(name)
+
+
+def test_an_argument_that_nobody_takes_is_refused(describe, monkeypatch):
+    entities = describe("demo")
+    command = ["ros2", "launch", "intent_recognition", "demo.launch.py", "modle:=m.npz"]
+    monkeypatch.setattr(sys, "argv", command)
+    with pytest.raises(ArgumentError, match="Did you mean model"):
+        start(entities)
+    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "mine.launch.py", "other:=1"])
+    assert start(entities)
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "said"),
+    [
+        ("/**/mocap_ingst", "use_sim_time", "mocap_ingst"),
+        ("/cell1/nobody", "use_sim_time", "nobody"),
+        *((name, "use_sim_time", "") for name in ("/**", "/cell1/*", "object_warper")),
+        ("/cell2/mocap_ingest", "use_sim_time", ""),
+        ("/**/mocap_ingest", "max_sped", "max_sped. Did you mean"),
+        ("cup_warper", "neighbors", "neighbors. Did you mean"),
+        ("primitive_activation", "threshold", ""),
+        ("primitive_activation", "qos_overrides", ""),
+        ("somebody/**", "anything", ""),
+        ("/**", "anything", ""),
+    ],
+)
+def test_a_section_that_no_node_takes_or_a_parameter_that_it_has_not_is_refused(
+    describe, tmp_path, section, name, said
+):
+    (own := tmp_path / "mine.yaml").write_text(f"{section}:\n  ros__parameters: {{{name}: 1.0}}\n")
+    namespace = "somebody" if name == "anything" else "cell1"
+    given = {"params_file": str(own), "namespace": namespace}
+    if not said:
+        assert start(describe("intent"), **given)
+        return
+    with pytest.raises(ArgumentError, match=said):
+        start(describe("intent"), **given)
+
+
+KINDS = [
+    ("rate", "fast", "expected a number, got 'fast'. Give rate:=1.0."),
+    ("headless", "perhaps", "expected true or false, got 'perhaps'. Give headless:=true."),
+    ("seed", "1.5", "expected a whole number, got '1.5'. Give seed:=1."),
+]
+
+
+@pytest.mark.parametrize(("name", "value", "message"), KINDS)
+def test_a_value_of_another_kind_is_named(describe, name, value, message):
+    with pytest.raises(ArgumentError, match=f"{name}: {message}"):
+        start(describe("demo"), **{name: value})

@@ -19,23 +19,9 @@ importlib.util.find_spec = lambda name, *of: None if name == "pybullet" else fin
 """A plug-in of pytest that hides pybullet from `conftest.py`."""
 
 
-def pytest_says(repository, path, *words):
-    """What pytest says in a process of its own, with modules of a folder."""
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *words]
-    modules = ":".join([str(path), *filter(None, sys.path)])
-    run = subprocess.run(
-        command,
-        cwd=repository,
-        env={"PYTHONPATH": modules, "PATH": "/usr/bin:/bin", "HOME": str(path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 0, run.stdout + run.stderr
-    return run.stdout
-
-
-def test_plugins_of_ros_do_not_stop_pytest(repository, tmp_path):
+def test_plugins_of_ros_do_not_stop_pytest_and_what_needs_pybullet_is_skipped_without_it(
+    repository, tmp_path
+):
     """Theirs have arguments that pytest 9 has no more, and hooks of one another."""
     hook = "def pytest_pycollect_makemodule(path, parent): pass\n"
     for distribution, plugin in PLUGINS.items():
@@ -46,12 +32,12 @@ def test_plugins_of_ros_do_not_stop_pytest(repository, tmp_path):
         (metadata / "METADATA").write_text(of_it, encoding="utf-8")
         entry = f"[pytest11]\n{plugin} = {plugin}\n"
         (metadata / "entry_points.txt").write_text(entry, encoding="utf-8")
-    said = pytest_says(repository, tmp_path, "--collect-only", "test/gaussian/test_tube.py")
-    assert "test_tube.py::" in said
-
-
-def test_what_needs_pybullet_is_skipped_without_it(repository, tmp_path):
     (tmp_path / "without_pybullet.py").write_text(WITHOUT_PYBULLET, encoding="utf-8")
     files = "test/kinematics/test_bodies.py", "test/gaussian/test_tube.py"
-    said = pytest_says(repository, tmp_path, "-p", "without_pybullet", *files)
-    assert "pybullet is not installed" in said and "passed" in said
+    options = ("-q", "-p", "no:cacheprovider", "-p", "without_pybullet")
+    modules = ":".join([str(tmp_path), *filter(None, sys.path)])
+    environment = {"PYTHONPATH": modules, "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
+    command = [sys.executable, "-m", "pytest", *options, *files]
+    run = subprocess.run(command, cwd=repository, env=environment, capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert "pybullet is not installed" in run.stdout and "passed" in run.stdout
