@@ -33,28 +33,6 @@ def completed(script, cwd, *words):
     return set(done.stdout.split())
 
 
-def test_commands_are_offered(scripts, tmp_path):
-    assert set(cli.COMMANDS) <= completed(scripts / "bash", tmp_path, "")
-    assert completed(scripts / "bash", tmp_path, "re") == {
-        "record",
-        "recover",
-        "rehearse",
-        "replay",
-    }
-
-
-def test_options_and_choices_are_offered(scripts, tmp_path):
-    assert {"--model", "--json"} <= completed(scripts / "bash", tmp_path, "replay", "--")
-    offered = completed(scripts / "bash", tmp_path, "train", "--segment", "")
-    assert {"movement", "recording"} <= offered
-
-
-def test_every_recording_and_every_name_is_offered(scripts, tmp_path):
-    (tmp_path / "give_bracket_00").mkdir()
-    assert "give_bracket_00" in completed(scripts / "bash", tmp_path, "train", "demos", "give")
-    assert completed(scripts / "bash", tmp_path, "experiments", "pole", "al") == {"alignment"}
-
-
 def shell(name):
     """The shell; without it the test is skipped, but not where CI runs."""
     if shutil.which(name) is None:
@@ -101,19 +79,26 @@ def test_zsh_completes(scripts, tmp_path, typed, becomes):
     assert becomes == typed_in_zsh(scripts / "zsh", tmp_path, typed)
 
 
+@pytest.mark.parametrize("name", ["bash", "fish"])
 @pytest.mark.parametrize(
     ("typed", "offered"),
     [
+        ("intent ", {*cli.COMMANDS}),
         ("intent re", {"record", "recover", "rehearse", "replay"}),
         ("intent replay --mo", {"--model"}),
         ("intent train --segment ", {"movement", "recording"}),
-        ("intent train demos give", {"give_bracket_00/"}),
+        ("intent train demos give", {"give_bracket_00"}),
         ("intent experiments pole al", {"alignment"}),
     ],
 )
-def test_fish_completes(scripts, tmp_path, typed, offered):
+def test_bash_and_fish_complete(scripts, tmp_path, name, typed, offered):
     (tmp_path / "give_bracket_00").mkdir()
-    program = f"source {scripts / 'fish'}; complete -C '{typed}'"
-    command = [shell("fish"), "--no-config", "-c", program]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
-    assert {line.partition("\t")[0] for line in done.stdout.splitlines()} == offered
+    if name == "bash":
+        _, *words = typed.split(" ")
+        found = completed(scripts / "bash", tmp_path, *words)
+    else:
+        program = f"source {scripts / 'fish'}; complete -C '{typed}'"
+        command = [shell("fish"), "--no-config", "-c", program]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
+        found = {line.partition("\t")[0].removesuffix("/") for line in done.stdout.splitlines()}
+    assert found - {"-h", "--help"} == offered

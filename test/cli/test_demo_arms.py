@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several arms in the demo: what is run with each, and the one report of all."""
+"""Several arms in the demo, sessions of a cell, and pours."""
 
 import json
 from itertools import product
@@ -36,8 +36,8 @@ def run(monkeypatch, tmp_path):
 
     monkeypatch.setattr(demo, "_run_one", session)
 
-    def start(*arguments):
-        given = ("--headless", "--task-list", "plate_handover", "--output", str(tmp_path / "out"))
+    def start(*arguments, tasks=("--task-list", "plate_handover")):
+        given = ("--headless", *(tasks or ()), "--output", str(tmp_path / "out"))
         return main(["demo", *given, *arguments]), asked
 
     return start
@@ -60,11 +60,6 @@ def test_each_arm_has_its_session_and_all_have_one_report(run, tmp_path, capsys)
     page = (tmp_path / "out/report.html").read_text(encoding="utf-8")
     for cell in (">lwr<", ">1/1<", ">0/1<", ">1.0<", ">3.0<"):
         assert cell in page, cell
-
-
-def test_arms_that_would_write_into_the_same_folder_are_refused(run, capsys):
-    assert run("--arm", "a/robot.urdf,b/robot.urdf") == (1, [])
-    assert "--arm: expected arms of different names, got a/robot" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("arm", ["panda", "lwr"])
@@ -102,7 +97,9 @@ def test_an_arm_of_a_file_stands_where_it_reaches(
     assert 'name="head_pan_joint" type="fixed"' in (output / "arm.urdf").read_text() or not options
 
 
-def test_the_hand_must_be_named_where_there_are_two_arms(run, tmp_path, capsys):
+def test_arms_of_one_name_and_a_robot_of_two_arms_are_refused(run, tmp_path, capsys):
+    assert run("--arm", "a/robot.urdf,b/robot.urdf") == (1, [])
+    assert "--arm: expected arms of different names, got a/robot" in capsys.readouterr().err
     path = tmp_path / "robot.urdf"
     path.write_text(urdf(TREES["baxter"].branches))
     assert run("--arm", str(path))[0] == 1
@@ -110,19 +107,9 @@ def test_the_hand_must_be_named_where_there_are_two_arms(run, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("arm", "node"), [("lwr", "lwr_sim"), ("panda", "arm_sim")])
-def test_nodes_know_the_plan_the_boxes_and_the_fingers(monkeypatch, tmp_path, arm, node):
-    asked = []
-
-    def session(args, scene, console):
-        asked.append(scene)
-        return [
-            InteractionRecord(1, "plate_handover", "plate_handover", 40, 0.4, 0.2, 0.0, None, 2.0)
-        ], {}
-
-    monkeypatch.setattr(demo, "_run_one", session)
-    words = ("--headless", "--scenario", "cell", "--arm", arm, "--output", str(tmp_path))
-    assert main(["demo", *words]) == 0
-    (scene,) = asked
+def test_nodes_know_the_plan_the_boxes_and_the_fingers(run, arm, node):
+    code, ((*_, scene),) = run("--scenario", "cell", "--arm", arm, tasks=None)
+    assert code == 0
     assert [len(plan.interactions) for plan in scene.plans.values()] == [10, 10]
     assert list(scene.plans) == list(scene.scorings) == ["anna", "ben"]
     for name in (node, "coworker_sim", "object_transfer", *RECOGNITION):
@@ -157,7 +144,7 @@ def test_the_boxes_are_clear_of_where_the_lwr_hands_over():
 def test_it_recognises_and_helps_and_a_step_is_done_when_its_object_has_changed_hands(
     tmp_path, toolbox_model, capfd
 ):
-    """Of the toolbox: `make demo` and test_toolbox.py; of two people: test_people.py."""
+    """Of the toolbox: `make demo`."""
     files = ("--json", str(tmp_path / "numbers.json"), "--record", str(tmp_path / "bag"))
     session = ("--scenario", "cell", "--interactions", "1", "--model", str(toolbox_model))
     words = ("demo", "--headless", "--output", str(tmp_path / "out"), *session, *files)
@@ -180,3 +167,36 @@ def test_it_recognises_and_helps_and_a_step_is_done_when_its_object_has_changed_
     first, last = (dict(zip(m.name, m.position, strict=True)) for m in (told[0], told[-1]))
     assert first["plate_handover"] > 0.8  # nothing else may be first
     assert last["screw_handover"] > 0.3 > first["screw_handover"]  # what anna has done counts
+
+
+@pytest.mark.slow
+@pytest.mark.long
+def test_one_pour_is_told(tmp_path, capfd):
+    numbers = tmp_path / "numbers.json"
+    asked = ["demo", "--scenario", "pouring", "--interactions", "1", "--headless"]
+    assert main([*asked, "--output", str(tmp_path), "--json", str(numbers)]) == 0
+    told = capfd.readouterr().out
+    assert "espresso cup into big bowl" in told
+    assert "balls spilled" in told.splitlines()[-1]
+    (one,) = json.loads(numbers.read_text(encoding="utf-8"))
+    assert one["caught"] + one["kept"] + one["spilled"] == one["balls"] == 40
+    assert one["second_parameters"]["opening_radius_m"] > 0.09
+    assert one["kept"] <= 8  # a tenth of the cup's volume
+    assert one["spilled"] <= 2
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        (["--record", "bag"], "--record"),
+        (["--arm", "panda"], "--arm"),
+        (["--pair", "mug"], "--pair"),
+        (["--pour", "much"], "pour"),
+        (["--model", "no.npz"], "no.npz"),
+    ],
+)
+def test_what_it_cannot_do_is_said_before_anything_starts(asked, told, tmp_path, capfd):
+    base = ["demo", "--scenario", "pouring", "--headless", "--output", str(tmp_path)]
+    assert main([*base, *asked]) == 1
+    assert told in capfd.readouterr().err
+    assert not list(tmp_path.iterdir())

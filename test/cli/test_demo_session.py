@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a session of the demo minds before it begins, and says when it has failed."""
+"""What a demo minds before its session, its model and nodes that hang."""
 
 import io
 from types import SimpleNamespace
@@ -7,8 +7,11 @@ from types import SimpleNamespace
 import pytest
 from rich.console import Console
 
+from intent_recognition.cli import demo_model as demo
 from intent_recognition.cli import demo_session
+from intent_recognition.cli import train as training
 from intent_recognition.cli.demo_session import begin_library
+from intent_recognition.cli.session_watch import HUNG_S, Heartbeats
 from intent_recognition.errors import IntentError, ResourceBusyError
 from sim_bridge.scenarios import toolbox
 
@@ -74,3 +77,78 @@ def test_poses_of_strangers_are_not_called_none(n, got, monkeypatch):
 def test_an_empty_domain_is_none_chosen(monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", "")
     assert demo_session._domain() in range(1, 102)
+
+
+class Watched:
+    """Heartbeats looked at every tenth of a second."""
+
+    def __init__(self):
+        self.now_s = 100.0
+        self.heartbeats = Heartbeats(lambda: self.now_s)
+
+    def run(self, seconds, speaking, running, step_s=0.1):
+        for _ in range(round(seconds / step_s)):
+            self.now_s += step_s
+            for name in speaking:
+                self.heartbeats.hear(name)
+            self.heartbeats.check(running)
+
+
+def test_a_node_that_falls_silent_is_named():
+    watched = Watched()
+    watched.run(60.0, ["arm", "ingest"], ["arm", "ingest", "starting"])
+    watched.run(HUNG_S - 1.0, ["ingest"], ["arm", "ingest", "starting"])
+    with pytest.raises(IntentError, match=r"node arm: expected reports on /diagnostics"):
+        watched.run(2.0, ["ingest"], ["arm", "ingest", "starting"])
+
+
+def test_a_node_that_has_ended_is_not_missed_and_none_while_the_demo_was_stopped():
+    watched = Watched()
+    watched.run(1.0, ["coworker", "arm"], ["coworker", "arm"])
+    watched.run(60.0, ["arm"], ["arm"])
+    watched.run(3600.0, [], ["arm"], step_s=3600.0)
+    watched.run(10.0, [], ["arm"])
+
+
+def test_who_was_not_waited_for_is_remembered():
+    heartbeats = Heartbeats()
+    heartbeats.hear("lwr_sim", "intent_estimator")
+    heartbeats.hear("mocap_ingest")
+    assert heartbeats.unanswered == "intent_estimator"
+
+
+def test_a_second_demo_of_the_same_recordings_does_not_train(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(demo, "save_model", lambda path, model, trained: path.write_text(model))
+    monkeypatch.setattr(training, "print_library", lambda *_: None)
+    monkeypatch.setattr(demo, "share_path", lambda name: tmp_path / name)
+    scene = SimpleNamespace(dofs="", bags="bags", sessions="")
+    (tmp_path / "bags").mkdir()
+    trained = []
+
+    def train(bags, *_):
+        trained.append((tmp_path / "bags" / "one").read_text())
+        return Model(trained[-1]), SimpleNamespace(trained=None)
+
+    class Model(str):
+        library = None
+
+    monkeypatch.setattr(training, "train", train)
+    for content in ("a", "a", "b", "a"):
+        (tmp_path / "bags" / "one").write_text(content)
+        assert (
+            demo.trained_model(tmp_path / "model.npz", Console(quiet=True), scene).read_text()
+            == content
+        )
+    assert trained == ["a", "b"]
+
+
+@pytest.mark.parametrize("change", ["content", "name"])
+def test_the_key_is_of_names_and_contents(tmp_path, change):
+    (tmp_path / "one").write_text("a")
+    before = demo.content_key([tmp_path])
+    if change == "content":
+        (tmp_path / "one").write_text("b")
+    else:
+        (tmp_path / "one").rename(tmp_path / "two")
+    assert demo.content_key([tmp_path]) != before

@@ -24,12 +24,12 @@ from sim_bridge.containers.generate import make_container
 
 TRAIN = ("train", "bags", "--dofs", "dofs.yaml", "--basis", "8")
 COMMANDS = {
-    "demo": (),  # as long as the demo: test_demo, test_demo_pouring
+    "demo": (),  # as long as the demo: test_demo_arms
     "train": (*TRAIN, "--output", "NEW.npz"),
     "evaluate": ("evaluate", "bags", "--dofs", "dofs.yaml", "--protocol", "kfold:2"),
     "replay": ("replay", "bag", "--model", "model.npz"),
     "explain": ("explain", "bag", "--model", "model.npz"),
-    "rehearse": (),  # times of computation differ from run to run: test_rehearse
+    "rehearse": (),  # times of computation differ from run to run: test_replay
     "inspect": ("inspect", "bag"),
     "recover": ("recover", "bag", "--output", "NEW"),
     "segment": ("segment", "bag", "--model", "model.npz", "--output", "NEW"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bars are shown on a terminal, leave nothing behind, and are not there without one."""
+"""Bars and texts on a terminal, and without one."""
 
 import io
 from contextlib import contextmanager
@@ -10,7 +10,14 @@ from rich.console import Console
 
 from intent_recognition.cli import console as consoles
 from intent_recognition.cli import output, recordings
-from intent_recognition.cli.console import busy, progress_bar
+from intent_recognition.cli.console import (
+    boxed_table,
+    busy,
+    make_console,
+    print_facts,
+    progress_bar,
+    say,
+)
 from intent_recognition.cli.recordings import read_all
 from intent_recognition.cli.session_watch import ProgressLine
 from intent_recognition.demonstrations import load_dofs
@@ -127,3 +134,30 @@ def test_the_rest_is_told_by_the_pace_so_far():
     assert consoles._state(task) == "scoring: 10 of 40, 30 s, about 90 s more"
     task.completed = 0
     assert consoles._state(task) == "scoring: 0 of 40, 30 s"
+
+
+TEXT = "out/[/a]/[red]:warning:\x1b[2J"
+
+
+def in_table(console, text):
+    table = boxed_table(text, text)
+    table.add_row(text)
+    console.print(table)
+
+
+@pytest.mark.parametrize("stderr", [False, True])
+@pytest.mark.parametrize(
+    "show", [say, in_table, lambda console, text: print_facts(console, {text: text})]
+)
+def test_nothing_is_taken_for_markup_or_goes_to_the_terminal(show, stderr, capsys):
+    show(make_console(stderr), f"{TEXT}\n")
+    printed = capsys.readouterr()[stderr]
+    assert {say: 1, in_table: 3}.get(show, 2) == printed.count(repr(TEXT)[1:-1])
+
+
+def test_no_description_of_a_bar_is_taken_for_markup(monkeypatch, capsys):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")
+    with busy(make_console(), TEXT):
+        pass
+    assert "out/[/a]/[red]" in capsys.readouterr().out

@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent replay`: the posterior over time, as JSON and as a table."""
+"""`intent replay` and `intent rehearse`: numbers, text and page of a recording."""
 
 import json
 
 import numpy as np
 import pytest
+import yaml
 from bag_builder import START_NS, TEXT
 from cli.recorded import DOFS, TRUTH
-from model_builder import perform, write_recording
+from model_builder import learned_model, perform, write_recording
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations.observations import iter_observations
-from intent_recognition.errors import BagError, ModelError, ResourceBusyError
+from intent_recognition.errors import BagError, ModelError
+from intent_recognition.model import save_model
 from intent_recognition.model.file import load_model
 from intent_recognition.recognition.decision import DecisionSettings, decision_settings
 from intent_recognition.recognition.estimator import IntentEstimator
@@ -35,38 +37,40 @@ def replay(run_command, model, tmp_path):
 
 
 @pytest.mark.slow
-def test_keys_are_the_contract_s_and_stamps_the_recording_s(replay, bag):
+def test_rows_are_the_contract_s_numbers_the_estimator_s_and_the_right_task_is_active(
+    replay, bag, model
+):
     code, text, rows = replay(bag)
     assert code == 0
     stamps = perform(TRUTH, 1, 50).observed[0].stamps_ns
     assert [row["stamp"] for row in rows] == stamps.tolist()
-    labels = ["task_0", "task_1", "none"]
-    for row in rows:
+    library = load_model(model).library
+    estimator = IntentEstimator(library)
+    for row, observation in zip(rows, iter_observations(BagReader(bag), DOFS), strict=True):
         assert set(row) == {"stamp", "probabilities", "phase", "active_task"}
         assert isinstance(row["stamp"], int)
-        assert list(row["probabilities"]) == list(row["phase"]) == labels
+        assert list(row["probabilities"]) == list(row["phase"]) == ["task_0", "task_1", "none"]
         assert abs(sum(row["probabilities"].values()) - 1.0) < 1e-9
         assert row["phase"]["none"] == 0.0
-    assert "task_1" in text and f"{len(rows)} observations" in text
-    assert "time [s]" in text
-    assert 15 < len([line for line in text.splitlines() if "│" in line]) < 50
-
-
-@pytest.mark.slow
-def test_the_right_task_becomes_active_and_ends(replay, bag, model):
-    rows = replay(bag)[2]
+        estimate = estimator.update(observation)
+        np.testing.assert_array_equal(list(row["probabilities"].values()), estimate.probabilities)
+        np.testing.assert_array_equal(list(row["phase"].values()), estimate.phase)
     active = [row["active_task"] for row in rows]
     assert set(active) == {"", "task_1"} and active[0] == ""
     first = active.index("task_1")
-    threshold = decision_settings(load_model(model).library).risk.threshold
+    threshold = decision_settings(library).risk.threshold
     believed = [row["probabilities"] for row in rows]
     sure = [p["task_1"] >= threshold * (1.0 - p["none"]) for p in believed]
     assert all(sure[first - 4 : first + 1])  # five on end
+    assert "time [s]" in text and "not activated" not in text
+    assert 15 < len([line for line in text.splitlines() if "│" in line]) < 50
+    words, after_s = " ".join(text.split()), (rows[first]["stamp"] - rows[0]["stamp"]) * 1e-9
+    assert f"{len(rows)} observations, one in {len(rows) // 20} of them shown" in words
+    assert f"became active: task_1 after {after_s:.2f} s" in words
 
 
 @pytest.mark.slow
 def test_why_a_recognised_task_never_was_active_is_said(replay, bag, monkeypatch):
-    assert "not activated" not in replay(bag)[1]
     strict = DecisionSettings(max_end_std_rad=1e-6, max_end_std_m=1e-6)
     monkeypatch.setattr(
         "intent_recognition.evaluation.replaying.decision_settings", lambda library: strict
@@ -75,17 +79,6 @@ def test_why_a_recognised_task_never_was_active_is_said(replay, bag, monkeypatch
     assert {row["active_task"] for row in rows} == {""}
     assert "not activated: recognised task_1, but the predicted end is uncertain" in text
     assert "no task became active" in text
-
-
-@pytest.mark.slow
-def test_numbers_are_the_estimator_s(replay, bag, model):
-    rows = replay(bag)[2]
-
-    estimator = IntentEstimator(load_model(model).library)
-    for row, observation in zip(rows, iter_observations(BagReader(bag), DOFS), strict=True):
-        estimate = estimator.update(observation)
-        np.testing.assert_array_equal(list(row["probabilities"].values()), estimate.probabilities)
-        np.testing.assert_array_equal(list(row["phase"].values()), estimate.phase)
 
 
 def test_what_is_dropped_is_said(replay, tmp_path):
@@ -125,20 +118,65 @@ def test_what_cannot_be_read_is_refused(run_command, replay, model, bag, tmp_pat
         replay(tmp_path / "missing")
     with pytest.raises(ModelError, match=r"none\.npz"):
         run_command("replay", bag, "--model", tmp_path / "none.npz")
-    with pytest.raises(ResourceBusyError, match="--json"):
-        run_command("replay", bag, "--model", model, "--json", tmp_path)
     data = (bag / "bag_0.mcap").read_bytes()
     (bag / "bag_0.mcap").write_bytes(data[: len(data) // 2])
     with pytest.raises(BagError, match="recover"):
         replay(bag)
 
 
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory):
+    """Bags to learn from, and others to rehearse, one of them with a wrong label."""
+    folder = tmp_path_factory.mktemp("bags")
+    for seed in range(16):
+        write_recording(
+            folder / "shown" / f"shown_{seed:02d}", perform(TRUTH, seed % 2, seed), DOFS
+        )
+    for seed in range(60, 63):
+        task = "task_0" if seed == 61 else None
+        recorded = perform(TRUTH, seed % 2, seed)
+        write_recording(folder / "new" / f"new_{seed}", recorded, DOFS, task=task, group="anna")
+    (folder / "dofs.yaml").write_text(yaml.safe_dump(DOFS.to_dict()))
+    return folder
+
+
 @pytest.mark.slow
-def test_a_table_says_that_it_is_a_sample_and_when_a_task_became_active(replay, bag):
-    _, text, rows = replay(bag)
-    step = len(rows) // 20
-    words = " ".join(text.split())
-    assert f"{len(rows)} observations, one in {step} of them shown" in words
-    first = next(row for row in rows if row["active_task"])
-    after_s = (first["stamp"] - rows[0]["stamp"]) * 1e-9
-    assert f"became active: task_1 after {after_s:.2f} s" in words
+def test_numbers_worst_moments_and_suggestions(run_command, bags, tmp_path):
+    model = tmp_path / "model.npz"
+    out, page = tmp_path / "rehearsal.json", tmp_path / "rehearsal.html"
+    trained = ("train", bags / "shown", "--dofs", bags / "dofs.yaml", "--basis", "10")
+    assert run_command(*trained, "--output", model)[0] == 0
+    code, text = run_command(
+        "rehearse", model, bags / "new", "--json", out, "--report", page, "--max-wrong", "0.1"
+    )
+    assert code == 0
+    content = json.loads(out.read_text())
+    assert (content["n"], content["wrong"], content["missed"]) == (3, 1, 1)
+    by_name = {run["recording"]: run for run in content["runs"]}
+    assert by_name["new_61"]["activated"] == ["task_1"]
+    assert by_name["new_61"]["decided_s"] is None
+    assert 0.0 < by_name["new_60"]["decided_s"] < 4.0
+    low, high = content["wrong_interval"]
+    assert f"1 of 3 (95 %: {low:.1%} to {high:.1%})" in text
+    assert len(content["suggestions"]) == 5
+    assert content["suggestions"][0]["task"] == "task_0"
+    assert "of anna" in text
+    html = page.read_text()
+    assert f"1 of 3 (95 %: {low:.1%} to {high:.1%})" in html
+    assert html.count("data:image/svg+xml") == 1
+    for part in (text, html):
+        assert "What to demonstrate next".lower() in part.lower()
+    printed = json.loads(run_command("rehearse", model, bags / "new", "--json")[1])
+    assert printed["suggestions"] == content["suggestions"]
+    write_recording(bags / "shown" / "nameless", perform(TRUTH, 0, 70), DOFS, task="")
+    text = run_command("rehearse", model, bags / "shown")[1]
+    assert "numbers flatter" in text and "left out nameless: it has no label" in text
+    with pytest.raises(BagError, match=r"missing topic.* Give recordings of what the") as said:
+        run_command("rehearse", model, "bags/assembly")
+    assert "--dofs" not in str(said.value)
+
+
+def test_a_model_without_statistics_cannot_be_rehearsed(run_command, tmp_path, bags):
+    save_model(tmp_path / "bare.npz", learned_model(DOFS, TRUTH))
+    with pytest.raises(ModelError, match="statistics"):
+        run_command("rehearse", tmp_path / "bare.npz", bags / "new")

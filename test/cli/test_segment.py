@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent segment`: bags, and what is said of them."""
+"""`intent segment`, `intent recover` and `intent plan`: files, and what is said of them."""
 
 import json
+import re
 
 import pytest
+from bag_builder import raw, write_bag
 
 from intent_recognition.bags import BagReader
 from intent_recognition.cli.main import main
+from intent_recognition.errors import ResourceBusyError
+from intent_recognition.plans import read_plan
 
 
 @pytest.mark.slow
@@ -28,14 +32,85 @@ def test_segments_are_written_and_told(repository, tmp_path, capsys):
 
 def test_a_table_and_a_file(repository, tmp_path, capsys):
     session, rows = repository / "bags/sessions/session_02", tmp_path / "rows.json"
-    output = tmp_path / "demos"
-    assert main(["segment", str(session), "--output", str(output), "--json", str(rows)]) == 0
+    words = ["segment", str(session), "--output", str(tmp_path / "demos"), "--json", str(rows)]
+    assert main(words) == 0
     printed = capsys.readouterr().out
     assert "session_02_000" in printed and "10 demonstrations in" in printed
     assert len(json.loads(rows.read_text())) == 10
-
-
-def test_a_dof_file_beside_a_model_is_refused_not_passed_over(tmp_path, capsys):
-    words = ["segment", "session", "--model", "m.npz", "--dofs", "d.yaml", "--output"]
-    assert main([*words, str(tmp_path / "new")]) == 1
+    assert main([*words, "--model", "m.npz", "--dofs", "d.yaml"]) == 1
     assert "--dofs: expected no --model with it, got m.npz" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_truncated_bag_is_saved_up_to_the_cut(run_command, tmp_path):
+    bag = write_bag(tmp_path / "whole", count=3000)
+    whole = raw(bag, BagReader)
+    file = next(bag.glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    code, output = run_command("recover", bag, "--output", tmp_path / "saved")
+    saved = raw(tmp_path / "saved", BagReader)
+    assert code == 0
+    assert 0 < len(saved) < len(whole)
+    assert saved == whole[: len(saved)]
+    assert BagReader(tmp_path / "saved").custom_data["task"] == "plate"
+    assert output.startswith(f"saved {len(saved)} messages over ")
+    assert "damaged at byte" in output
+
+
+def test_an_existing_output_is_not_touched_and_a_script_gets_json(run_command, tmp_path):
+    bag = write_bag(tmp_path / "whole")
+    other = write_bag(tmp_path / "other", count=3)
+    before = raw(other, BagReader)
+    with pytest.raises(ResourceBusyError, match="other"):
+        run_command("recover", bag, "--output", other)
+    assert raw(other, BagReader) == before
+    _, output = run_command("recover", bag, "--output", tmp_path / "copy", "--json")
+    content = json.loads(output)
+    assert content["message_counts"] == {"/joint_states": 50, "/mocap/wrist/pose": 50}
+    assert content["message_count"] == 100 and content["damage"] == []
+
+
+@pytest.mark.slow
+def test_the_order_of_shipped_sessions(tmp_path, repository, capsys):
+    out = tmp_path / "box.yaml"
+    sessions = str(repository / "bags" / "sessions")
+    assert main(["plan", "learn", sessions, "--first", "plate_handover", "-o", str(out)]) == 0
+    plan = read_plan(out.read_text())
+    assert plan.names == ("plate_handover", "screw_handover", "hold_screwdriver")
+    assert plan.before[0, 1] > 0.9 and plan.before[1, 2] > 0.9
+    assert all(1.0 < step.duration_s < 10.0 for step in plan.steps)
+    assert "from 31 assemblies" in capsys.readouterr().out
+
+
+def test_relations_by_hand_outlast_learning(tmp_path, capsys):
+    sessions, out = tmp_path / "sessions.yaml", tmp_path / "new" / "plan.yaml"
+    sessions.write_text("[[base, {task: lid, who: anna}], [base, lid]]")
+    words = ["plan", "learn", str(sessions), "-o", str(out)]
+    assert main(words) == 0
+    out.write_text(out.read_text().replace("by_hand: {}", "by_hand: {base < lid: 1}"))
+    assert main(words) == 0 and main(["plan", "show", str(out)]) == 0
+    assert read_plan(out.read_text()).by_hand == {("base", "lid"): 1.0}
+    shown = capsys.readouterr().out
+    assert "base (by hand)" in shown and "anna 100%" in shown
+
+
+CIRCLE = "steps: [{step: a}, {step: b}]\norder: {a < b: 1, b < a: 1}"
+
+
+@pytest.mark.parametrize(
+    ("words", "text", "said"),
+    [
+        (["show", "one.yaml"], None, "expected a file of YAML"),
+        (["show", "one.yaml"], "steps: [", "plan: expected YAML, got .* at line 2"),
+        (["show", "one.yaml"], CIRCLE, "order and by_hand: expected no circle, got one of a, b"),
+        (["learn", "one.yaml", "-o", "p.yaml"], None, "expected a file of YAML"),
+        (["learn", "one.yaml", "-o", "p.yaml"], "[{tsk: a}]", "assembly 1, task 1: expected a"),
+        (["learn", "two.yaml", "-o", "one.yaml"], "steps: [{stp: a}]", "plan, step 1: expected a"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_named(words, text, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    if text is not None:
+        (tmp_path / "one.yaml").write_text(text)
+    assert main(["plan", *words]) == 1
+    assert re.match(f"intent plan: one.yaml: {said}", capsys.readouterr().err)

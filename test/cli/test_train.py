@@ -1,23 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent train`: what it learns, what it leaves out and says so."""
+"""`intent train`: what it learns, leaves out, adds to a model, and learns from sessions."""
 
 import io
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from bag_builder import POSE, START_NS, pose, write_bag
-from cli.recorded import DOFS, PER_TASK, spoil
+from cli.recorded import DOFS, PER_TASK, TRUTH, spoil
 from model_builder import GLOVE, make_dofs, true_library
 from rich.console import Console
 
 from intent_recognition import __version__
 from intent_recognition.bags import BagWriter
+from intent_recognition.cli.main import main
 from intent_recognition.cli.train import print_library
-from intent_recognition.errors import BagError, DofError, ResourceBusyError, TrainingError
+from intent_recognition.cli.train_sessions import with_sessions
+from intent_recognition.errors import ArgumentError, BagError, DofError, ModelError, TrainingError
 from intent_recognition.learning import Hyperparameters, Trained, TrainingReport, TrainingSettings
-from intent_recognition.model.file import load_model
+from intent_recognition.learning.fitting import library_from_statistics
+from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
+from intent_recognition.model.file import Model, load_model, load_trained, save_model
+from intent_recognition.model.from_bags import accumulate_bags
 
 
 @pytest.fixture
@@ -114,8 +120,152 @@ def test_a_forgotten_dof_file_is_named(run_command, tmp_path):
         assert " ns:" not in str(caught.value)
 
 
-def test_an_output_that_cannot_be_written_is_refused_before_the_work(run_command, tmp_path):
-    (tmp_path / "file").write_text("")
-    for output in (tmp_path, tmp_path / "file" / "model.npz"):
-        with pytest.raises(ResourceBusyError, match="--output"):
-            run_command("train", "/no/bag", "--output", output)
+@pytest.fixture
+def train_more(run_command, recorded, tmp_path):
+    def run(name, numbers, *arguments):
+        bags = [recorded / "bags" / f"demo_{k:02d}" for k in numbers]
+        code, text = run_command("train", *bags, *arguments, "--output", tmp_path / name)
+        assert code == 0
+        return tmp_path / name, text
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def first(recorded):
+    bags = [str(recorded / "bags" / f"demo_{k:02d}") for k in range(5)]
+    path = recorded / "first.npz"
+    options = ["--dofs", str(recorded / "dofs.yaml"), "--basis", "8", "--output", str(path)]
+    assert main(["train", *bags, *options]) == 0
+    return path
+
+
+@pytest.mark.slow
+def test_added_bags_are_as_good_as_learned_anew(train_more, first, recorded):
+    before, trained = load_trained(first)
+    path, text = train_more("more.npz", (5, 6, 7), "--add", first)
+    more = load_model(path).library
+    assert "learned from 8 demonstrations" in text
+    parts = [recorded / "bags" / f"demo_{k:02d}" for k in range(8)]
+    every = accumulate_bags(
+        parts, before.dofs, trained.preprocessing.settings, preprocessing=trained.preprocessing
+    )
+    expected = library_from_statistics(
+        every.accumulated.tasks, trained.preprocessing, trained.chosen
+    )
+    np.testing.assert_allclose(more.weight_mean, expected.weight_mean, atol=1e-10)
+    np.testing.assert_allclose(more.weight_covariance, expected.weight_covariance, atol=1e-10)
+    np.testing.assert_allclose(more.noise_variance, expected.noise_variance, rtol=1e-10)
+    assert more.n_demonstrations.tolist() == [4, 4]
+    assert more.provenance["bags"] == [f"demo_{k:02d}" for k in range(8)]
+    assert load_model(first).library.n_demonstrations.sum() == 5
+    assert "already has" not in text and "best of" not in text and "log loss" not in text
+    assert "settings kept: " in text
+
+
+@pytest.mark.slow
+def test_a_recording_that_the_model_has_is_named(train_more, first):
+    path, text = train_more("twice.npz", (3, 4, 5), "--add", first)
+    assert "the model already has recordings of these names: demo_03, demo_04\n" in text
+    assert load_model(path).library.n_demonstrations.sum() == 8
+
+
+@pytest.mark.slow
+def test_the_regularisation_may_be_chosen_again(train_more, first, recorded):
+    kept = load_trained(first)[1].chosen
+    again, text = train_more("again.npz", (5, 6, 7), "--add", first, "--choose-again")
+    trained = load_trained(again)[1]
+    assert "best of 13 settings, by predicting demonstrations left out" in text
+    assert trained.chosen.score != kept.score
+    assert trained.library.provenance["chosen"] == trained.chosen._asdict()
+    assert trained.library.noise_scale == trained.chosen.noise_scale
+
+
+def test_a_model_without_statistics_says_what_it_lacks(train_more, first, tmp_path):
+    save_model(tmp_path / "old.npz", load_model(first))
+    with pytest.raises(ModelError, match=r"old\.npz: expected statistics to add demonstrations to"):
+        train_more("more.npz", (5,), "--add", tmp_path / "old.npz")
+
+
+def test_nothing_to_add_is_an_error(train_more, first, recorded, tmp_path, run_command):
+    nameless = tmp_path / "nameless"
+    content = recorded / "bags" / "demo_05"
+    nameless.mkdir()
+    for path in content.iterdir():
+        text = path.read_bytes()
+        if path.name == "metadata.yaml":
+            text = text.replace(b"task: task_1", b"note: task_1")
+        (nameless / path.name).write_bytes(text)
+    with pytest.raises(TrainingError, match="BAG: expected a demonstration that can be added"):
+        run_command("train", nameless, "--add", first, "--output", tmp_path / "more.npz")
+
+
+def test_options_that_contradict_the_model_are_refused(train_more, first, recorded, tmp_path):
+    with pytest.raises(ArgumentError, match=r"--basis: expected 8, as in .*first\.npz, got 12"):
+        train_more("more.npz", (5,), "--add", first, "--basis", 12)
+    with pytest.raises(ArgumentError, match="--segment: expected movement"):
+        train_more("more.npz", (5,), "--add", first, "--segment", "recording")
+    (tmp_path / "glove.yaml").write_text(yaml.safe_dump(make_dofs(GLOVE).to_dict()))
+    with pytest.raises(DofError, match="the DOFs of the model"):
+        train_more("more.npz", (5,), "--add", first, "--dofs", tmp_path / "glove.yaml")
+
+
+STRING = "std_msgs/msg/String"
+
+
+ORDERS = (("task_0", "task_1") * 5, ("task_1", "task_0", "dance", "task_1"))
+
+
+@pytest.fixture(scope="module")
+def sessions(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sessions")
+    for number, order in enumerate(ORDERS):
+        write_session(folder / f"session_{number}", order)
+    return folder
+
+
+def write_session(path, order):
+    with BagWriter(path) as writer:
+        for k, label in enumerate(order):
+            for shift, text in ((0, label), (2, "")):
+                at_ns = 10**18 + (5 * k + shift) * 10**9
+                writer.write_message("demonstration", STRING, {"data": text}, at_ns)
+
+
+def train_with(run_command, recorded, output, *more):
+    options = ("--dofs", recorded / "dofs.yaml", "--basis", 8, "--output", output, *more)
+    code, text = run_command("train", recorded / "bags", *options)
+    assert code == 0
+    return text, load_model(output).library
+
+
+@pytest.mark.slow
+def test_sessions_give_the_transition_prior_and_nothing_else(
+    run_command, recorded, sessions, tmp_path
+):
+    _, plain = train_with(run_command, recorded, tmp_path / "plain.npz")
+    np.testing.assert_array_equal(plain.transition_prior, np.full((3, 2), 0.5))
+    text, library = train_with(run_command, recorded, tmp_path / "h.npz", "--sessions", sessions)
+    counts = count_transitions(ORDERS, library.labels)
+    np.testing.assert_allclose(library.transition_prior, smoothed_transitions(counts))
+    assert library.provenance["sessions"] == ["session_0", "session_1"]
+    assert library.provenance["transition_counts"] == counts.astype(int).tolist()
+    np.testing.assert_array_equal(library.weight_mean, plain.weight_mean)
+    assert "which task follows which" in text and "dance" in text and "no task" in text
+
+
+def test_sessions_are_looked_for_before_the_work(recorded, tmp_path, capsys):
+    words = ["train", str(recorded / "no_bags"), "--output", str(tmp_path / "m.npz")]
+    assert main([*words, "--sessions", str(tmp_path / "elsewhere")]) == 1
+    assert "elsewhere" in capsys.readouterr().err
+
+
+def test_sessions_without_a_task_of_the_model_are_refused(recorded, tmp_path):
+    write_session(tmp_path / "other", ("dance", "sing"))
+    model = Model(TRUTH, DOFS)
+    with pytest.raises(BagError, match=r"--sessions.*task_0.*dance, sing"):
+        with_sessions(model, [tmp_path / "other"], Console())
+    with pytest.raises(BagError, match="without labels"):
+        with_sessions(model, [recorded / "bags"], Console())
+    with pytest.raises(BagError):
+        with_sessions(model, [tmp_path / "elsewhere"], Console())

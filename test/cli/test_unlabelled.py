@@ -1,23 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`--unlabelled` of `intent train` and `intent evaluate`."""
+"""`intent train` without labels, and where several processes read its bags."""
 
+import gc
 import json
+import os
 import shutil
+import signal
+import sys
+from functools import partial
 
 import numpy as np
 import pytest
-from cli.recorded import DOFS, TRUTH, write_all
+from cli.recorded import DOFS, TRUTH, spoil, write_all
 from model_builder import perform, write_recording
+from same_library import assert_same
 
-from intent_recognition.errors import ArgumentError
+from intent_recognition.cli.train_workers import workers
+from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.errors import (
+    ArgumentError,
+    DofError,
+    IntentError,
+    MissingPackageError,
+    ResourceBusyError,
+)
+from intent_recognition.learning.settings import TrainingSettings
+from intent_recognition.model import from_bags as accumulate
 from intent_recognition.model.file import load_model
+from intent_recognition.model.from_bags import accumulate_bags, split_evenly
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
+def recorded(recorded, tmp_path_factory):
     """Labelled recordings in `bags`, the same tasks without labels in `nameless`."""
-    folder = tmp_path_factory.mktemp("recorded")
-    write_all(folder)
+    folder = shutil.copytree(recorded, tmp_path_factory.mktemp("recorded") / "all")
     for number in range(8):
         recording = perform(TRUTH, number % 2, number, rate_hz=25.0)
         write_recording(folder / "nameless" / f"n_{number}", recording, DOFS, task="")
@@ -113,3 +129,148 @@ def test_evaluation_of_recordings_without_a_single_label(run):
     assert result["mixture"] == {"n_components": 2, "purity": None}
     assert result["n_demonstrations"] == 8 and result["tasks"] == []
     assert "no recording has a label" in text
+
+
+@pytest.fixture(autouse=True)
+def no_client_is_left():
+    """One of dask that is collected while the next one starts waits for itself, for ever."""
+    yield
+    gc.collect()
+
+
+@pytest.fixture(scope="module")
+def spoiled_too(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    write_all(folder)
+    spoil(folder / "spoiled")
+    return folder
+
+
+@pytest.fixture
+def small_parts(monkeypatch):
+    """Three bags settle the reference; the rest is read two at a time."""
+    monkeypatch.setattr(accumulate, "REFERENCE_RECORDINGS", 3)
+    monkeypatch.setattr(accumulate, "BATCH", 2)
+
+
+@pytest.fixture
+def train(run_command, spoiled_too, tmp_path):
+    def run(*arguments):
+        output = tmp_path / f"model_{len(list(tmp_path.iterdir()))}.npz"
+        options = ("--dofs", spoiled_too / "dofs.yaml", "--basis", 8, "--output", output)
+        code, text = run_command("train", spoiled_too / "bags", *arguments, *options)
+        assert code == 0
+        return load_model(output).library, text
+
+    return run
+
+
+def assert_same_bags(found, expected):
+    assert_same(found, expected, rtol=1e-12)
+    assert found.provenance["bags"] == expected.provenance["bags"]
+
+
+@pytest.mark.slow
+def test_processes_learn_the_same_model(train, spoiled_too, small_parts):
+    alone, text = train(spoiled_too / "spoiled")
+    together, text_together = train(spoiled_too / "spoiled", "--jobs", 2)
+    assert_same_bags(together, alone)
+    assert together.n_demonstrations.tolist() == [4, 4]
+    left_out = [line for line in text.splitlines() if "left out" in line]
+    assert len(left_out) >= 5
+    assert [line for line in text_together.splitlines() if "left out" in line] == left_out
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=False,
+        host="127.0.0.1",
+        protocol="tcp",
+        dashboard_address="127.0.0.1:0",
+    ) as started:
+        yield started
+
+
+@pytest.mark.slow
+def test_a_dask_scheduler_learns_the_same_model(train, small_parts, cluster):
+    assert cluster.scheduler_address.startswith("tcp://127.0.0.1:")
+    elsewhere, _ = train("--scheduler", cluster.scheduler_address)
+    assert_same_bags(elsewhere, train()[0])
+
+
+def test_without_dask_the_cure_is_named(train, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(MissingPackageError, match="pip install distributed"):
+        train("--scheduler", "tcp://127.0.0.1:1")
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_is_not_there_is_one_line(train, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("intent_recognition.cli.train_workers.CONNECT_S", 0.3)
+    with pytest.raises(ResourceBusyError, match=r"--scheduler tcp://127\.0\.0\.1:1: .*--jobs"):
+        train("--scheduler", "tcp://127.0.0.1:1")
+    with pytest.raises(ResourceBusyError, match=r"--scheduler nonsense://x"):
+        train("--scheduler", "nonsense://x")
+
+
+def test_a_scheduler_without_workers_is_refused(train):
+    distributed = pytest.importorskip("distributed")
+    options = {"host": "127.0.0.1", "protocol": "tcp", "dashboard_address": "127.0.0.1:0"}
+    with (
+        distributed.LocalCluster(n_workers=0, processes=False, **options) as empty,
+        pytest.raises(ResourceBusyError, match="at least one worker, got none"),
+    ):
+        train("--scheduler", empty.scheduler_address)
+
+
+def test_jobs_and_scheduler_exclude_each_other(refused):
+    words = ("train", "bag", "--output", "m", "--jobs")
+    assert "not allowed with" in refused(*words, 2, "--scheduler", "tcp://127.0.0.1:1")
+    assert "expected 1 or more, got 0" in refused(*words, 0)
+
+
+@pytest.mark.slow
+def test_a_worker_that_dies_is_an_error_and_one_that_refuses_says_so():
+    with pytest.raises(IntentError, match="--jobs"), workers(2) as run:
+        list(run(os._exit, [3, 3, 3]))
+    with pytest.raises(DofError, match=r"no\.yaml"), workers(2) as run:
+        list(run(load_dofs, ["/no.yaml"] * 3))
+
+
+def test_an_interrupt_is_not_for_the_workers():
+    with workers(2) as run:
+        blocked = list(run(partial(signal.pthread_sigmask, signal.SIG_BLOCK), [[]]))
+    assert blocked == [{signal.SIGINT}]
+
+
+def test_results_come_in_order_and_few_at_a_time():
+    given = []
+
+    def numbers():
+        for number in range(50):
+            given.append(number)
+            yield number
+
+    with workers(2) as run:
+        results = run(abs, numbers())
+        assert next(results) == 0
+        assert len(given) <= 6
+        assert list(results) == list(range(1, 50))
+
+
+def test_the_reference_is_settled_by_bags_spread_over_all():
+    assert split_evenly(list("abcdefghij"), 3) == (list("adg"), list("bcefhij"))
+    assert split_evenly(["a", "b"], 3) == (["a", "b"], [])
+
+
+def test_a_reference_is_found_behind_many_bags_that_cannot_be_used(spoiled_too, small_parts):
+    """Five spoiled bags come before any good one; all good ones are learned from."""
+    bad = [spoiled_too / "spoiled"] * 3
+    found = accumulate_bags([*bad, spoiled_too / "bags"], DOFS, TrainingSettings(n_basis=8))
+    assert found.accumulated.n_used == 8
+    assert found.n_rejections + found.accumulated.n_rejected == 15

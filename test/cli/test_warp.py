@@ -63,11 +63,6 @@ def test_a_number_that_cannot_be_is_refused_and_no_fault_of_the_mesh(option, ref
     assert f"argument {option.partition('=')[0]}: expected" in said
 
 
-def test_a_page_that_cannot_be_written_is_said_before_the_work(tmp_path, capsys):
-    assert main(["warp", "mug", "nosuch.stl", "--report", str(tmp_path)]) == 1
-    assert f"--report {tmp_path}: expected a file that can be written" in capsys.readouterr().err
-
-
 @pytest.mark.slow
 def test_failures_are_one_line(bowl, tmp_path, capsys):
     """Source, target, scale and a closed top."""
