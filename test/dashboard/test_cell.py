@@ -121,6 +121,7 @@ def bars(state, colours, fresh=True, head=""):
 def test_bars_show_probability_and_phase_and_old_ones_lose_their_colour():
     text = bars(state_with("give_cup"), {"give_cup": "#0072b2"})
     assert all(said in text for said in ("give cup", "93%", "0.40", "#0072b2"))
+    assert text.index("give cup</span>") < text.index("&#9679;"), "no long name hides the mark"
     assert "#0072b2" not in bars(state_with("a"), {"a": "#0072b2"}, fresh=False)
 
 

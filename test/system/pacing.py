@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is played goes on only as fast as the nodes under test take it, however busy the machine."""
 
+import time
+from collections.abc import Callable
+
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
+
+LONGEST_STEP_S = 0.02
 
 
 def n_taken(ingest: MocapIngest, estimator: IntentEstimatorNode) -> int:
@@ -37,3 +42,18 @@ class PacedPlayer(BagPlayer):
         while n_taken(*self._chain) < self._n_sent:
             if self._stopping.wait(0.001):
                 return
+
+
+class PatientClock:
+    """Real time [s], less what passes while someone is behind, and while nobody asks."""
+
+    def __init__(self, behind: Callable[[], bool]):
+        self._behind = behind
+        self._now_s = self._asked_s = time.monotonic()
+
+    def __call__(self) -> float:
+        asked_s = time.monotonic()
+        if not self._behind():
+            self._now_s += min(asked_s - self._asked_s, LONGEST_STEP_S)
+        self._asked_s = asked_s
+        return self._now_s
