@@ -15,8 +15,8 @@ from types import FrameType
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """What ends a command that has started others."""
 SAME_S = 1.0
-"""Interrupts that come within this time of another are the same [s]: a terminal sends one, and so
-does what started the command. Convention."""
+"""Interrupts that come within this time of another are the same [s]. Convention: a terminal sends
+one, and so does what started the command."""
 INTERRUPTED = 130
 """Exit code of an interrupted command; a node that was asked to end ends with 0."""
 

@@ -33,6 +33,9 @@ MOST_MESH = 200_000_000
 """Bytes of a mesh or cloud. Convention: four million triangles."""
 MOST_ARRAYS = 2**29
 """Bytes of all arrays in an `.npz`, unpacked. Convention: a model of ten tasks takes 0.02 GB."""
+LARGEST = 1e6
+"""Largest magnitude of a length, angle, mass or inertia, in SI units. Convention: beyond any arm or
+map, and single precision still draws it to 0.1."""
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """The loader in C, where PyYAML was built with it: ten times as fast."""
 

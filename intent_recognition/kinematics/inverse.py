@@ -31,8 +31,6 @@ from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, check
 
 _SHOULDER = np.array([0.0, 0.0, SHOULDER_HEIGHT_M])
 _REACH_M = UPPER_ARM_M + FOREARM_M
-_GRID_STEP_RAD = np.radians(10.0)
-"""Coarsest spacing of sampled swivels. Convention: `_MAX_STEP_RAD` refines it where needed."""
 _MAX_STEP_RAD = 0.25
 """Largest joint motion between sampled swivels [rad]. Convention: a local minimum of the distance
 to the seed spans several samples."""
@@ -237,8 +235,7 @@ def _sampled_swivels(circle: _ElbowCircle, start: float, limits: JointLimits) ->
     Every swivel at which a joint may enter or leave its limits is among them, so that no feasible
     interval is missed, however short; between them joints move by at most `_MAX_STEP_RAD`.
     """
-    n_grid = round(np.pi / _GRID_STEP_RAD)
-    grid = np.linspace(-np.pi, np.pi, 2 * n_grid + 1)
+    grid = np.linspace(-np.pi, np.pi, 37)  # every 10 degrees
     crossings = (_limit_crossings(circle, limits) - start + np.pi) % (2.0 * np.pi) - np.pi
     edges = np.sort(np.concatenate([grid, crossings]))
     edges = edges[np.diff(edges, prepend=-np.inf) > 1e-12]  # not rounding

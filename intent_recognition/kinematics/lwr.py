@@ -14,9 +14,8 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics.limits import JointLimits
 
-N_JOINTS = 7
-"""Joints of the arm."""
-JOINT_NAMES: tuple[str, ...] = tuple(f"lwr_a{i}_joint" for i in range(1, N_JOINTS + 1))
+JOINT_NAMES: tuple[str, ...] = tuple(f"lwr_a{i}_joint" for i in range(1, 8))
+N_JOINTS = len(JOINT_NAMES)
 DEFAULT_ACCELERATION_RAD_S2 = 8.0
 """Acceleration limit of every joint [rad/s^2]. Convention: KUKA publishes none."""
 

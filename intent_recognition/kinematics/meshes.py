@@ -11,8 +11,7 @@ import numpy as np
 
 from intent_recognition.errors import ArgumentError, optional
 from intent_recognition.kinematics.packages import package_shares
-from intent_recognition.kinematics.urdf_tree import LARGEST
-from intent_recognition.untrusted import MOST_MESH, UntrustedError, check_regular
+from intent_recognition.untrusted import LARGEST, MOST_MESH, UntrustedError, check_regular
 
 
 def check_meshes(meshes: Iterable[ET.Element]) -> None:

@@ -10,8 +10,6 @@ from tempfile import TemporaryDirectory
 
 from intent_recognition.untrusted import UntrustedError, load_xml, read_text
 
-_ABOVE = 3
-"""Folders above a file in which its packages are looked for: `urdf`, its package, what holds it."""
 _PREFIXES = "AMENT_PREFIX_PATH"
 _NAME = re.compile(r"\w[\w-]*")
 """The name of a package. Others may be paths, of which no link is made."""
@@ -25,7 +23,7 @@ def package_shares() -> list[str]:
 def packages_around(folder: Path) -> dict[str, Path]:
     """Packages by name whose folders are above a folder, or stand beside those: a clone's."""
     found: dict[str, Path] = {}
-    for above in (folder, *folder.parents[:_ABOVE]):
+    for above in (folder, *folder.parents[:3]):  # `urdf`, its package, what holds it
         with suppress(OSError):
             for place in (above, *sorted(above.iterdir())):
                 with suppress(OSError, UntrustedError):

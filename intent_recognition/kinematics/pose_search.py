@@ -21,27 +21,16 @@ from scipy.spatial import KDTree
 from intent_recognition.array_types import Flags, Floats
 from intent_recognition.errors import ShapeError
 
-REACHED = 1e-6
-"""A pose is reached with an error of at most this (m, and rad of the orientation)."""
-CONVERGED = 1e-9
-"""Error (m, rad) at which a search ends: a thousandth of what counts as reached."""
-_LARGEST_STEP_RAD = 0.4
-"""Largest change of a joint in one step [rad]. Convention: the Jacobian holds about so far."""
+REACHED, CONVERGED = 1e-6, 1e-9
+"""A pose is reached with an error of at most this (m, and rad of the orientation); a search ends at
+a thousandth of it."""
 _STALLED, _UNPROMISING = 0.95, 0.4
 """A start is given up when four steps together leave more than this share of the squared error:
 the second while there are other starts to try; it counts steps that were of no use too. Convention.
 """
-_N_TABLE = 4096
-"""Postures of the table. Convention: 25 ms to make, once an arm."""
-_N_STARTS = 16
-"""Starts tried from the table. Convention: of 1000 random poses no arm of ours needs more."""
-_TURN_M = 0.25
-"""How far a turn of one radian counts as [m] when near postures are looked up. Convention."""
 _MANIPULABILITY_WEIGHT = 0.02
 """Weight of the logarithm of the manipulability beside half the squared distance to the rest
-posture [rad^2]: at a tenth of the manipulability, 0.05 rad^2. Convention."""
-_DIFFERENCE_RAD = 1e-4
-"""Step of the differences that the slope of the manipulability is taken from [rad]."""
+posture [rad^2]. Convention: at a tenth of the manipulability, 0.05 rad^2."""
 
 PoseAndJacobian = Callable[[Floats], tuple[Floats, Floats]]
 """From q (n,) to the pose (4, 4) and the geometric Jacobian (6, n), both in base axes."""
@@ -160,21 +149,22 @@ class PoseSearch:
     def starts(self, target: PoseTarget) -> Iterator[Floats]:
         """Postures of the table (n,) whose poses are near the target, nearest first."""
         postures, by_position, by_pose = self._table
+        number = 16  # of 1000 random poses no arm of ours needs more
         if target.rotation is None:
-            _, rows = by_position.query(target.position, _N_STARTS)
+            _, rows = by_position.query(target.position, number)
         else:
-            axes = _TURN_M * target.rotation.T[:2].ravel()
-            _, rows = by_pose.query(np.concatenate([target.position, axes]), _N_STARTS)
+            place = np.concatenate([target.position, _axes_m(target.rotation)])
+            _, rows = by_pose.query(place, number)
         return iter(postures[rows])
 
     @cached_property
     def _table(self) -> tuple[Floats, KDTree, KDTree]:
         rng = np.random.default_rng(0)
-        postures = rng.uniform(*self._ends, size=(_N_TABLE, len(self._lower)))
+        postures = rng.uniform(*self._ends, size=(4096, len(self._lower)))  # takes 25 ms
         poses = np.array([self._chain(q)[0] for q in postures])
-        axes = _TURN_M * np.swapaxes(poses[:, :3, :2], 1, 2).reshape(_N_TABLE, 6)
         positions = poses[:, :3, 3]
-        return postures, KDTree(positions), KDTree(np.concatenate([positions, axes], axis=1))
+        places = np.concatenate([positions, _axes_m(poses[:, :3, :3])], axis=1)
+        return postures, KDTree(positions), KDTree(places)
 
     def _step(self, q: Floats, J: Floats, gradient: Floats, damping: float) -> Floats:
         blocked = ((q <= self._lower) & (gradient < 0.0)) | ((q >= self._upper) & (gradient > 0.0))
@@ -187,8 +177,8 @@ class PoseSearch:
             gradient = np.where(blocked, 0.0, gradient)
         _, step, _ = dposv(H, gradient)
         largest = max(float(step.max()), -float(step.min()))
-        if largest > _LARGEST_STEP_RAD:
-            step *= _LARGEST_STEP_RAD / largest
+        if largest > 0.4:  # [rad]: the Jacobian holds about so far
+            step *= 0.4 / largest
         return np.minimum(np.maximum(q + step, self._lower), self._upper)
 
     def _error(self, target: PoseTarget, q: Floats) -> tuple[Floats, Floats]:
@@ -214,12 +204,17 @@ class PoseSearch:
         motions = np.zeros((len(rows) - rank, len(q)))
         motions[:, kept] = rows[rank:]
         here = _log_manipulability(J)
-        step = np.zeros(len(q))
+        step, small_rad = np.zeros(len(q)), 1e-4
         for motion in motions:
-            there = self._chain(q + _DIFFERENCE_RAD * motion)[1][: len(J)]
-            slope = (_log_manipulability(there) - here) / _DIFFERENCE_RAD
+            there = self._chain(q + small_rad * motion)[1][: len(J)]
+            slope = (_log_manipulability(there) - here) / small_rad
             step += (motion @ pull + _MANIPULABILITY_WEIGHT * slope) * motion
         return step
+
+
+def _axes_m(rotation: Floats) -> Floats:
+    """Two axes (..., 6) of rotations (..., 3, 3); a turn of one radian counts as 0.25 m."""
+    return 0.25 * np.swapaxes(rotation[..., :2], -1, -2).reshape(*rotation.shape[:-2], 6)
 
 
 def _log_manipulability(J: Floats) -> float:

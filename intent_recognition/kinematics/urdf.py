@@ -18,9 +18,10 @@ from intent_recognition.kinematics.limits import JointLimits
 from intent_recognition.kinematics.urdf_tip import MOVING, default_tip
 from intent_recognition.kinematics.urdf_tree import ASSUMED, end_of, parse_urdf, separate_names
 from intent_recognition.signals import OFTEN_TAKEN, length_misfit, taken_for
+from intent_recognition.untrusted import LARGEST
 
-UNLIMITED_RAD = 1e6
-"""Position limit of a continuous joint [rad], which has none. Convention."""
+UNLIMITED_RAD = LARGEST
+"""Position limit of a continuous joint [rad], which has none."""
 LIKELY_DEGREES = 12.0 * np.pi, 720.0
 """A limit of a revolute joint between these [rad] is in degrees. Convention: cables do not bear six
 turns, and two turns are usual."""

@@ -15,13 +15,11 @@ import numpy as np
 
 from intent_recognition.errors import ArgumentError, as_path, optional, printable
 from intent_recognition.kinematics.packages import as_installed, packages_around
-from intent_recognition.untrusted import MOST_TEXT, UntrustedError, load_xml, read_text
+from intent_recognition.untrusted import LARGEST, MOST_TEXT, UntrustedError, load_xml, read_text
 
 MOST_JOINTS = 150
 """Joints of a URDF that are not fixed. Measured: pinocchio takes 3 MB for 30, 70 MB for 100 and
 1.7 GB for 300. A humanoid with two hands has 80."""
-LARGEST = 1e6
-"""Largest number of a length, angle, mass or inertia, in SI units. Convention: beyond any arm."""
 ASSUMED = "assumed"
 """Attribute that `parse_urdf` gives to joints for which it assumes a limit."""
 LINK = "link "

@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, IntentError, optional
-from intent_recognition.untrusted import MOST_MESH, check_regular
-from intent_recognition.warping import ObjectCloud, with_estimated_normals
+from intent_recognition.untrusted import LARGEST, MOST_MESH, check_regular
+from intent_recognition.warping import LEAST_M, ObjectCloud, with_estimated_normals
 
 if TYPE_CHECKING:
     import trimesh
 
-LARGEST_M, LEAST_M = 1e6, 1e-6
-"""Largest coordinate, and smallest extent of an object [m]. Convention: far beyond any."""
 N_POINTS = 4000
 """Points of a cloud that is warped. Convention: a few millimetres apart on a cup."""
 N_SURFACE_POINTS = 100_000
@@ -192,9 +190,9 @@ def _wall_m(solid: "trimesh.Trimesh", points: NDArray, faces: NDArray) -> float:
 
 
 def _check_size(argument: str, points: Floats) -> None:
-    bad = ~np.all(np.abs(points) <= LARGEST_M, axis=1)
+    bad = ~np.all(np.abs(points) <= LARGEST, axis=1)
     if bad.any():
-        got = f"{np.count_nonzero(bad)} with NaN or infinity, or beyond {LARGEST_M:g} m"
+        got = f"{np.count_nonzero(bad)} with NaN or infinity, or beyond {LARGEST:g} m"
         raise ArgumentError.about(argument, "finite ones", got, "Repair the file.")
     extent_m = float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
     if extent_m < LEAST_M:

@@ -14,7 +14,13 @@ from intent_recognition.warping.object_model import (
     Part,
     with_estimated_normals,
 )
-from intent_recognition.warping.object_warp import Mapping, ObjectModel, WarpedObject, warp_object
+from intent_recognition.warping.object_warp import (
+    LEAST_M,
+    Mapping,
+    ObjectModel,
+    WarpedObject,
+    warp_object,
+)
 from intent_recognition.warping.parameters import (
     PouringParameters,
     References,

@@ -13,14 +13,12 @@ import numpy as np
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.clipping import closed_tube_faces, surface_volume
+from intent_recognition.warping.frame import N_LEVELS
 from intent_recognition.warping.rim import Rim
 
-N_BINS = 24
-"""Angles, seen from the axis at half depth, at which the profile is averaged."""
-MIN_IN_BIN = 3
-"""Points a bin must have to count."""
-N_LEVELS = 12
-"""Depths at which the outer wall is averaged."""
+N_BINS, MIN_IN_BIN = 24, 3
+"""Angles, seen from the axis at half depth, at which the profile is averaged, and points that one
+must have to count."""
 FLOOR_TO_WALL = 1.7
 """Thickness of a floor in thicknesses of the wall, where the floor was seen from one side only."""
 MIN_DEPTH = 0.08

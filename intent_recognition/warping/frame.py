@@ -9,7 +9,7 @@ from intent_recognition.array_types import Flags, Floats
 from intent_recognition.warping.opening import OpeningPlane, across
 
 N_LEVELS = 12
-"""Heights at which the outer wall's distance is taken."""
+"""Heights at which the outer wall is averaged."""
 
 
 @dataclass(frozen=True, eq=False)

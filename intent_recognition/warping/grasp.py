@@ -9,9 +9,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats, settle
 from intent_recognition.errors import ArgumentError, ShapeError
-
-LARGEST_M = 1e6
-"""Largest coordinate of a point or a pose [m]. Convention: beyond any map."""
+from intent_recognition.untrusted import LARGEST
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +36,7 @@ class Grasp:
         if pose.shape != (4, 4):
             raise ShapeError.about("pose", "shape (4, 4)", pose.shape, "Give a 4x4 matrix.")
         turn = pose[:3, :3]
-        rigid = np.all(np.abs(pose) <= LARGEST_M) and np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0])
+        rigid = np.all(np.abs(pose) <= LARGEST) and np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0])
         if not rigid or np.abs(turn.T @ turn - np.eye(3)).max() > 1e-4:  # files keep 32 bits
             cure = "Give orthonormal axes as columns, and the last row 0, 0, 0, 1."
             raise ArgumentError.about("pose", "a rigid motion", pose.tolist(), cure)

@@ -10,10 +10,6 @@ from scipy.special import expit
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrainingError
 
-MOST_STEPS, CONVERGED = 100, 1e-9
-"""Newton steps at most, and the change of a weight, in parts of the largest one, at which they end.
-Convention."""
-
 
 @dataclass(frozen=True)
 class LogisticModel:
@@ -72,7 +68,8 @@ def fit_logistic(features: Floats, labels: Floats, ridge: float = 1e-2) -> Logis
         return float(misfit + 0.5 * penalty @ candidate**2)
 
     current = loss(beta)
-    for _ in range(MOST_STEPS):
+    most_steps = 100
+    for _ in range(most_steps):
         probability = expit(design @ beta)
         gradient = design.T @ (probability - labels) + penalty * beta
         curvature = probability * (1.0 - probability)
@@ -85,8 +82,8 @@ def fit_logistic(features: Floats, labels: Floats, ridge: float = 1e-2) -> Logis
             length *= 0.5
         beta = beta - length * step
         current = loss(beta)
-        if np.abs(length * step).max() < CONVERGED * (1.0 + np.abs(beta).max()):
+        if np.abs(length * step).max() < 1e-9 * (1.0 + np.abs(beta).max()):
             return LogisticModel(float(beta[0]), beta[1:], offset, scale)
-    got = f"a step of {np.abs(step).max():.3g} after {MOST_STEPS}"
+    got = f"a step of {np.abs(step).max():.3g} after {most_steps}"
     cure = "Raise ridge."
     raise TrainingError.about("labels", "converging weights", got, cure)

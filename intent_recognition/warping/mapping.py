@@ -8,9 +8,6 @@ from scipy.spatial import cKDTree
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 
-CHUNK = 64
-"""Rows whose distances to all candidates are held at once."""
-
 
 def agreeing_neighbours(
     points: Floats, normals: Floats, candidates: Floats, candidate_normals: Floats, k: int = 1
@@ -42,7 +39,8 @@ def agreeing_neighbours(
         order = np.argsort(~agree, axis=1, kind="stable")[:, :k]
         found[missing] = np.take_along_axis(near, order, 1)
         missing = missing[agree.sum(1) < k]
-    for rows in (missing[at : at + CHUNK] for at in range(0, len(missing), CHUNK)):
+    n = 64  # rows whose distances to all candidates are held at once
+    for rows in (missing[at : at + n] for at in range(0, len(missing), n)):
         found[rows] = _among_all(points[rows], normals[rows], candidates, candidate_normals, k)
     return found
 

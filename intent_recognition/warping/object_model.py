@@ -12,7 +12,8 @@ from scipy.spatial import cKDTree
 
 from intent_recognition.array_types import Floats, brief, settle
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.warping.grasp import LARGEST_M, Grasp
+from intent_recognition.untrusted import LARGEST
+from intent_recognition.warping.grasp import Grasp
 
 NEIGHBOURS = 10
 """Points that a plane is fitted to for a normal. Convention."""
@@ -104,10 +105,10 @@ def checked_points(points: Floats) -> Floats:
     if len(points) < 100:
         cure = "Scan the object closer or from more sides."
         raise ArgumentError.about("points", "at least 100", len(points), cure)
-    bad = ~np.all(np.abs(points) <= LARGEST_M, axis=1)
+    bad = ~np.all(np.abs(points) <= LARGEST, axis=1)
     if bad.any():
         cure = "Leave pixels without depth out."
-        got = f"{np.sum(bad)} of {len(points)} with NaN or beyond {LARGEST_M:g} m"
+        got = f"{np.sum(bad)} of {len(points)} with NaN or beyond {LARGEST:g} m"
         raise ArgumentError.about("points", "finite coordinates", got, cure)
     return points
 

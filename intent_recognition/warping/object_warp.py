@@ -25,8 +25,9 @@ from intent_recognition.warping.part_labels import fit_rim_classifier, local_fea
 from intent_recognition.warping.rim import Rim, fit_rim
 
 Mapping = Literal["label", "point"]
-LEAST_APART_M = 1e-6
-"""Least distance of the middles of a source's wall and rim [m]. Convention: below any object."""
+LEAST_M = 1e-6
+"""Least extent of an object, and distance of the middles of its wall and rim [m]. Convention: below
+any object."""
 
 
 @brief
@@ -59,9 +60,9 @@ class ObjectModel:
             raise TrainingError.about("labels", "points of CONTAINER and RIM", got, cure)
         container, rim = (annotated.points[annotated.labels == part].mean(0) for part in parts)
         apart_m = float(np.linalg.norm(rim - container))
-        if apart_m < LEAST_APART_M:
+        if apart_m < LEAST_M:
             cure = "Annotate the rim around the opening as RIM, in metres."
-            expected = f"at least {LEAST_APART_M:g} m from the wall's middle to the rim's"
+            expected = f"at least {LEAST_M:g} m from the wall's middle to the rim's"
             raise TrainingError.about("points", expected, f"{apart_m:g} m", cure)
         up = (rim - container) / apart_m
         classifier = fit_rim_classifier(annotated, up)
@@ -208,11 +209,6 @@ def aligned_source(source: ObjectModel, target: ObjectFrame) -> tuple[Floats, Fl
     return points, normals, ~handle
 
 
-N_LOOKED_AT = (500, 4000)
-"""A thin rim may be all that joins two walls in one view, and be lost among few points: what looks
-like two pieces is looked at closely."""
-
-
 def check_scan(points: Floats) -> None:
     """Refuse points (n, 3) that cannot be one cup or bowl in metres."""
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
@@ -226,7 +222,8 @@ def check_scan(points: Floats) -> None:
         cure = "Cut out the object, not the table, and scan it from more sides."
         got = f"one of {1e3 * spread[0]:.2g} by {1e3 * spread[2]:.2g} mm (standard deviations)"
         raise ArgumentError.about("points", "a body with a depth", got, cure)
-    for n_looked_at in N_LOOKED_AT:
+    # A thin rim may be all that joins two walls in one view, and be lost among few points.
+    for n_looked_at in (500, 4000):
         sizes = _pieces(points, n_looked_at)
         if len(sizes) == 1 or sizes[1] <= 0.25 * sizes[0]:
             break

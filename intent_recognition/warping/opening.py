@@ -7,10 +7,8 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 
-N_SECTORS = 24
-"""Directions around the centre in which the rim is looked for."""
 MIN_RIM_POINTS = 8
-"""Fewer points in a plane are no rim."""
+"""Fewer points are no rim."""
 LIKELY_SHARE = 0.15
 """Share of the points, the most rim-like ones, that hypotheses are drawn from."""
 
@@ -113,7 +111,7 @@ def _directions(normals: Floats, likely: Floats) -> Floats:
 def _bearing(points: Floats, up: Floats) -> OpeningPlane | None:
     """The plane that bears on the highest points all around, and the circle through these."""
     middle = points.mean(0)
-    farthest = np.argmax(((points - middle) ** 2).sum(1))
+    farthest, n_sectors = np.argmax(((points - middle) ** 2).sum(1)), 24
     for _ in range(4):
         first, second = across(up)
         flat = (points - middle) @ np.stack([first, second], 1)
@@ -121,7 +119,7 @@ def _bearing(points: Floats, up: Floats) -> OpeningPlane | None:
         # Sectors are counted from a point of the object: they turn with it.
         angle = np.arctan2(flat[:, 1], flat[:, 0])
         angle = (angle - angle[farthest] + np.pi) % (2.0 * np.pi) - np.pi
-        sector = ((angle / (2.0 * np.pi) + 0.5) * N_SECTORS).astype(int) % N_SECTORS
+        sector = ((angle / (2.0 * np.pi) + 0.5) * n_sectors).astype(int) % n_sectors
         order = np.lexsort((-level, sector))
         first_of = np.searchsorted(sector[order], np.unique(sector))
         crest = order[first_of]

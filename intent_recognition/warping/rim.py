@@ -8,14 +8,10 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.frame import ObjectFrame
-from intent_recognition.warping.opening import fit_circle, fit_plane
+from intent_recognition.warping.opening import MIN_RIM_POINTS, fit_circle, fit_plane
 
-N_CORNERS = 48
-"""Corners of the outline."""
 N_HARMONICS = 8
 """Harmonics of its radius over the direction: enough for a rounded square."""
-MIN_RIM_POINTS = 8
-"""Fewer points determine no rim."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +91,8 @@ def fit_rim(points: Floats, normals: Floats, frame: ObjectFrame) -> Rim:
         coefficients = _fit_harmonics(np.arctan2(flat[:, 1], flat[:, 0]), radius, outward)
         # What turns once around is an offset of the centre.
         middle = middle + coefficients[[1, 1 + N_HARMONICS]]
-    angles = np.arange(N_CORNERS) * 2.0 * np.pi / N_CORNERS
+    corners = np.arange(48)
+    angles = corners * 2.0 * np.pi / len(corners)
     coefficients[[1, 1 + N_HARMONICS]] = 0.0
     radii = _harmonics(angles) @ coefficients[:-1]
     outline = radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], 1)

@@ -9,12 +9,8 @@ from intent_recognition.warping.cavity import Cavity
 from intent_recognition.warping.object_model import ObjectCloud
 from intent_recognition.warping.object_warp import WarpedObject
 
-N_AROUND = 36
-"""Cells around the axis into which the inside is divided."""
-N_DOWN = 24
-"""Cells from the rim to the floor."""
-FLOOR = 0.35
-"""Radius of the floor's middle, in radii of the rim."""
+N_AROUND, N_DOWN = 36, 24
+"""Cells into which the inside is divided: around the axis, and from the rim to the floor."""
 
 
 def check_wall(warped: WarpedObject, surface: ObjectCloud) -> None:
@@ -54,9 +50,9 @@ def check_wall(warped: WarpedObject, surface: ObjectCloud) -> None:
         level = np.clip(0.5 * floor_m + lowered, 0.0, floor_m)
         got = f"a hole about {1e3 * level:.0f} mm below the rim"
         raise ArgumentError.about("target", "a closed wall and floor", got, cure)
-    middle = (FLOOR * rim.radius_m) ** 2 * np.pi
-    expected = inside.sum() * middle / _area(cavity)
-    if (inside & (radius < FLOOR * rim.radius_m)).sum() < 0.3 * expected:
+    middle_m = 0.35 * rim.radius_m
+    expected = inside.sum() * (middle_m**2 * np.pi) / _area(cavity)
+    if (inside & (radius < middle_m)).sum() < 0.3 * expected:
         got = "a hole in the floor"
         raise ArgumentError.about("target", "a closed wall and floor", got, cure)
 
