@@ -22,7 +22,8 @@ from intent_recognition.alignment.warp import MAX_LOG_RATE
 from intent_recognition.array_types import Flags, Floats
 
 ROUNDING = 0.3
-"""Rounding of |x|: sqrt(x^2 + ROUNDING^2), x in units of the deviations' scale. Convention."""
+"""Rounding of |x|: sqrt(x^2 + ROUNDING^2), x in units of the deviations' scale (docs/alignment.md).
+"""
 
 
 class Curves(NamedTuple):

@@ -9,10 +9,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.signals import Signal
-
-MIN_SAMPLES = 4
-"""Fewest samples of a trajectory that local linear regression can smooth. Convention."""
+from intent_recognition.signals import MIN_SAMPLES, Signal
 
 
 class Template(NamedTuple):

@@ -13,10 +13,9 @@ from intent_recognition.alignment.fit import WarpProblem
 from intent_recognition.alignment.warp import midpoints
 from intent_recognition.array_types import Floats
 
-STEPS = 32
-"""Reference intervals of the lattice. Convention: bounds the time of the search."""
-FINENESS = 4
-"""Recorded intervals for each reference interval. Convention."""
+STEPS, FINENESS = 32, 4
+"""Reference intervals of the lattice, and recorded ones for each. Convention: they bound the time
+of the search."""
 MOVES = np.array([1, 2, 3, 4, 5, 6, 8, 11])
 """Recorded intervals a reference interval may take: rates from 1/4 to 11/4."""
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import zstandard
 
-from intent_recognition.bags.mcap.scan import FREE_BYTES, MAGIC, MOST_EXPANSION
+from intent_recognition.bags.mcap.chunk import MOST_CHUNK
+from intent_recognition.bags.mcap.scan import MAGIC, MOST_EXPANSION
 from intent_recognition.bags.messages import ZSTD
 from intent_recognition.bags.metadata import FILE_NAME, BagMetadata, read_metadata
 from intent_recognition.errors import BagError, one_line
@@ -85,7 +86,7 @@ def kind_of(path: Path) -> str:
 def unpack(path: Path, folder: Path) -> Path:
     """Decompress a file to another of the same name below `folder`; of a cut one what it gives."""
     target = folder / path.stem
-    most, written = FREE_BYTES + MOST_EXPANSION * path.stat().st_size, 0
+    most, written = MOST_CHUNK + MOST_EXPANSION * path.stat().st_size, 0
     why = "one that is cut off"
     unzstd = partial(zstandard.ZstdDecompressor().stream_reader, read_across_frames=True)
     unpacker: Callable[..., Any] = gzip.open if kind_of(path) == GZ else unzstd

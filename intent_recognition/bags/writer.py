@@ -19,6 +19,7 @@ from mcap.records import Channel, Schema
 from mcap.writer import Writer
 
 from intent_recognition.bags.definitions import Definition, definition, serialize
+from intent_recognition.bags.mcap.chunk import CHUNK_BYTES
 from intent_recognition.bags.messages import RawMessage
 from intent_recognition.bags.metadata import (
     RECORD_KEY,
@@ -34,8 +35,6 @@ from intent_recognition.errors import ArgumentError, BagError, ResourceBusyError
 FLUSH_PERIOD_S = 0.5
 """Longest time a message stays in memory [s]. Convention: a killed recorder loses less than 1 s."""
 Result = TypeVar("Result")
-CHUNK_BYTES = 2**20
-"""Size of a chunk before compression [bytes]. MCAP's default."""
 
 
 class DiskFullError(BagError):

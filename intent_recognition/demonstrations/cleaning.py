@@ -34,8 +34,6 @@ from intent_recognition.tracking import (
 RAW_POSE_TOPIC = re.compile(r"(.*/)?mocap/[^/]+/pose")
 MISSING_DOF = "missing_dof"
 """Reason for which a message is dropped: a joint or field of an entry is not in it."""
-FEW_LATE = 0.05
-"""Share of late messages up to which each of them is dropped, whichever came first. Convention."""
 
 
 @dataclass(frozen=True)
@@ -215,15 +213,16 @@ def _names(frame_ids: Iterable[object]) -> tuple[str, ...]:
 def _increasing(stamps_ns: Integers) -> tuple[Integers, Counter[str]]:
     """Rows whose stamp is positive and later than all before, and counts of the others.
 
-    Where that leaves out many, after one stamp in the future, as many as can be in order stay.
+    Where that leaves out more than 5 %, after one stamp in the future, as many as can be in order
+    stay.
     """
     positive = np.flatnonzero(stamps_ns > 0)
     stamps = stamps_ns[positive]
     latest_ns = np.maximum.accumulate(stamps)
     accepted = np.flatnonzero(np.diff(latest_ns, prepend=0) > 0)
-    if accepted.size < (1.0 - FEW_LATE) * stamps.size:
+    if accepted.size < 0.95 * stamps.size:
         most = _most_in_order(stamps)
-        accepted = most if accepted.size < (1.0 - FEW_LATE) * most.size else accepted
+        accepted = most if accepted.size < 0.95 * most.size else accepted
     return positive[accepted], _counter(
         {
             ZERO_STAMP: stamps_ns.size - stamps.size,

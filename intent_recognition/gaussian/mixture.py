@@ -28,7 +28,7 @@ from intent_recognition.gaussian.linalg import (
 )
 
 NUMBERS_AT_ONCE = 250_000
-"""Largest size of one array, in numbers; more fits are computed in batches. Convention."""
+"""Largest size of one array, in numbers; more fits are computed in batches. Convention: 2 MB."""
 EMPTY = 1e-8
 """Responsibility below which a component is dropped: its weight is zero from then on. Convention.
 """

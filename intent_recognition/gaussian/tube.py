@@ -5,10 +5,8 @@ import numpy as np
 
 from intent_recognition.array_types import Floats, Integers
 
-N_RINGS = 16
-"""Rings of a tube. Convention."""
-N_SIDES = 10
-"""Corners of a ring. Convention."""
+N_RINGS, N_SIDES = 16, 10
+"""Rings of a tube, and corners of each. Convention."""
 
 
 def tube_rings(

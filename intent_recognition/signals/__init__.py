@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was measured: signals, observations, demonstrations, and where movements begin and end."""
 
-from intent_recognition.signals.arrays import as_numbers, as_stamp_ns, check_times
+from intent_recognition.signals.arrays import FIRST_CLOCK_S, as_numbers, as_stamp_ns, check_times
 from intent_recognition.signals.demonstration import Demonstration, Rejection, numbered
 from intent_recognition.signals.labels import label_doubts
 from intent_recognition.signals.lags import (

@@ -13,7 +13,8 @@ from intent_recognition.errors import ArgumentError, ShapeError
 LATEST_S = 9.2e9
 """Latest time of a sample [s]: nanoseconds since then fill 64 bits."""
 FIRST_CLOCK_S = 1e9
-"""Times from here on are a computer's clock [s since 1970]: September 2001. Convention."""
+"""Times from here on are a computer's clock [s since 1970]: September 2001. Convention: no
+recording lasts 32 years."""
 OFTEN_TIMES = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
 """Units of time that are recorded in place of seconds, with how many of them make one."""
 

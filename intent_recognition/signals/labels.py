@@ -8,14 +8,6 @@ from difflib import get_close_matches
 
 from intent_recognition.signals.lags import StreamFinding
 
-RARE = 2
-"""Recordings of a task up to which its label may be misspelt. Convention."""
-OFTEN = 3
-"""How many times as many another task must have. Convention."""
-SHORTEST = 4
-"""Letters of a label from which on it is compared. Convention: most words of three have others
-beside them.
-"""
 COUNTED = re.compile(r"\d+|(?<![^\W_])[^\W_](?![^\W_])")
 """What counts labels: `reach_2` is not `reach_1`, nor `reach_b` `reach_a`."""
 
@@ -23,7 +15,8 @@ COUNTED = re.compile(r"\d+|(?<![^\W_])[^\W_](?![^\W_])")
 def label_doubts(recordings: Iterable[tuple[str, str | None]]) -> list[StreamFinding]:
     """Recordings of a rare task whose label is one letter off that of a frequent one.
 
-    Upper case, spaces and underscores do not count.
+    Upper case, spaces and underscores do not count. Rare are two recordings at most, frequent three
+    times as many.
 
     Args:
         recordings: name and label of each.
@@ -33,12 +26,12 @@ def label_doubts(recordings: Iterable[tuple[str, str | None]]) -> list[StreamFin
     found = []
     for name, label in named:
         own, count = _plain(label), counts[label]
-        if count > RARE or len(own) < SHORTEST:
+        if count > 2 or len(own) < 4:  # most words of three letters have others beside them
             continue
         others = {
             _plain(other): other
             for other, n in counts.items()
-            if n >= OFTEN * count and COUNTED.findall(other) == COUNTED.findall(label)
+            if n >= 3 * count and COUNTED.findall(other) == COUNTED.findall(label)
         }
         least = 1.0 - 1.1 / len(own)  # the ratio of two labels of which one letter differs
         for near in get_close_matches(own, others, 1, least):

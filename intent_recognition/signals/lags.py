@@ -16,12 +16,11 @@ from intent_recognition.signals.units import Size, differing_unit, median_size, 
 
 STEP_S = 0.02
 """Step of the lags of a correlation of speeds [s]. Convention: finer than motion detection."""
-LONGEST_LAG_S = 2.0
-"""Lags that are looked at, to either side [s]. Convention: longer ones shorten the overlap."""
-LEAST_CORRELATION = 0.5
-"""Correlation of speeds below which a lag says nothing. Measured: docs/bags.md."""
-LEAST_GAIN = 0.1
-"""By how much it must exceed the correlation at the others' lag. Measured: docs/bags.md."""
+LEAST_CORRELATION, LEAST_GAIN = 0.5, 0.1
+"""Correlation of speeds below which a lag says nothing, and by how much it must exceed that at the
+others' lag. Measured: docs/bags.md."""
+LAGS_S = STEP_S * np.arange(-100, 101)
+"""Lags of a `SpeedCorrelation`, (L,) [s]. Convention: longer ones than 2 s shorten the overlap."""
 USUAL_SPREAD = 4.0
 """Robust standard deviations of the others' lags that are usual. Measured: docs/bags.md."""
 LEAST_OTHERS = 5
@@ -59,10 +58,6 @@ class SpeedCorrelation(NamedTuple):
     def lag_s(self) -> float:
         """Lag of the highest correlation: by how much the controlled agent follows [s]."""
         return float(LAGS_S[np.argmax(self.values)])
-
-
-LAGS_S = STEP_S * np.arange(-round(LONGEST_LAG_S / STEP_S), round(LONGEST_LAG_S / STEP_S) + 1)
-"""Lags of a `SpeedCorrelation`, (L,) [s]."""
 
 
 def correlate_speeds(recorded: Demonstration) -> SpeedCorrelation:

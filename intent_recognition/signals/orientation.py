@@ -23,7 +23,7 @@ LARGEST_ANGLE_RAD = 0.95 * np.pi
 """Angle from the reference beyond which an orientation is not represented [rad]. At a half turn v
 jumps to -v. Convention: 9 degrees away from that, beyond what a hand turns from its mean."""
 LEAST_QUATERNION = 1e-6
-"""Norm of a quaternion below which it means "not measured", as trackers send zeros. Convention."""
+"""Norm of a quaternion below which it means "not measured". Convention: trackers send zeros."""
 SMALL_ANGLE_RAD = 1e-4
 """Angle [rad] below which series replace quotients. Numerical safeguard: both agree to 1e-9."""
 

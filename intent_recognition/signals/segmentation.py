@@ -12,23 +12,19 @@ from intent_recognition.signals.onset import (
     peak_speed,
     speed_noise,
 )
-from intent_recognition.signals.signal import Signal
+from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 from intent_recognition.signals.units import SPATIAL_UNITS
 
 END_MARGIN_S = 0.3
 """Rest after the last motion that belongs to the interaction [s]. Convention: primitives end at
 rest."""
-SAMPLES_IN_WINDOW = 4
-"""Fewest samples of a signal in the window of its speed. Convention: as many as an onset needs."""
 LONGEST_WINDOW_S = 1.2
 """Longest window of the speed [s]. Convention: an onset is found about half a window late."""
-ABOVE_NOISE = 3.0
-"""Speed that counts as moving, at least, in standard deviations of what noise gives. Convention."""
 SLOWEST = 1e-6
 """Least reference speed [m/s or rad/s]; in other units in parts of the signal's range, per second.
 Numerical safeguard: a signal that never moved has some."""
-LEAST_RATE_HZ = (SAMPLES_IN_WINDOW - 1) / LONGEST_WINDOW_S
-"""Rate of a signal below which no onset is found in it [Hz]: `SAMPLES_IN_WINDOW` in the longest
+LEAST_RATE_HZ = (MIN_SAMPLES - 1) / LONGEST_WINDOW_S
+"""Rate of a signal below which no onset is found in it [Hz]: `MIN_SAMPLES` in the longest
 window."""
 
 
@@ -36,9 +32,10 @@ def onset_settings(recordings: Sequence[Sequence[Signal]]) -> tuple[OnsetSetting
     """Thresholds for each signal from the median of its peak speeds over the recordings.
 
     Each recording has the same signals in the same order. The window in which the speed is measured
-    is as long as the signal needs it to be: for `SAMPLES_IN_WINDOW`, and for a movement so slow
-    that its noise would count as moving. Where no window is long enough, what counts as moving is
-    `ABOVE_NOISE`, in the window that shows the movement best; of noise throughout, that is short.
+    is as long as the signal needs it to be: for `MIN_SAMPLES`, and for a movement so slow
+    that its noise would count as moving: three standard deviations of it. Where no window is long
+    enough, they are what counts, in the window that shows the movement best; of noise throughout,
+    that is short.
     """
     n_signals = len(recordings[0])
     return tuple(_settings_of([signals[k] for signals in recordings]) for k in range(n_signals))
@@ -50,7 +47,7 @@ def least_reference(signals: Sequence[Signal], window_s: float) -> float:
     Of its recordings, none of them empty, in windows of `window_s`.
     """
     noise = [speed_noise(s.seconds(int(s.stamps_ns[0])), s.values, window_s) for s in signals]
-    return ABOVE_NOISE * float(np.median(noise)) / OnsetSettings.start_share
+    return 3.0 * float(np.median(noise)) / OnsetSettings.start_share
 
 
 def _settings_of(signals: Sequence[Signal]) -> OnsetSettings:
@@ -59,7 +56,7 @@ def _settings_of(signals: Sequence[Signal]) -> OnsetSettings:
     slowest = _slowest(signals)
     periods = [np.median(np.diff(s.stamps_ns)) * 1e-9 for s in signals if s.stamps_ns.size > 1]
     period_s = float(np.median(periods)) if periods else 0.0
-    shortest_s = max(OnsetSettings.window_s, (SAMPLES_IN_WINDOW - 1) * period_s)
+    shortest_s = max(OnsetSettings.window_s, (MIN_SAMPLES - 1) * period_s)
     shortest_s = window_s = min(shortest_s, LONGEST_WINDOW_S)
     best = 0.0, slowest, shortest_s
     while window_s <= LONGEST_WINDOW_S and signals:

@@ -75,7 +75,7 @@ class Signal:
 NONE = "none"
 """Label of the hypothesis that a movement is none of the known tasks; no task may have it."""
 LONGEST_LABEL = 80
-"""Characters of a label; with a number behind it a file system takes 255 bytes. Convention."""
+"""Characters of a label. Convention: with a number behind it a file system takes 255 bytes."""
 GROUP = "group"
 """Key of a recording's metadata that says whose it is."""
 FORBIDDEN = frozenset("/\\\0")

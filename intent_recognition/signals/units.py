@@ -14,6 +14,7 @@ from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.signals.arrays import OFTEN_TIMES
 from intent_recognition.signals.onset import peak_speed
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
+from intent_recognition.signals.turns import TURNS
 
 SPATIAL_UNITS = ("m", "rad")
 """Units that constants are given in. Their numbers are added, too: over the reach of an arm, a
@@ -48,9 +49,6 @@ a cell; four turns."""
 USUAL = {"m": 0.5, "rad": 1.0}
 """Extent of a reach, by unit [m, rad]: of two factors that explain too large numbers, the one that
 comes nearer to it is named. Convention."""
-FARTHEST_RAD = 2.0 * np.pi
-"""Position of a joint beyond which it is in degrees if it is fast as well [rad]. Convention: few
-joints turn farther to either side."""
 FAST = 10.0
 """Speed that is doubted [m/s, rad/s]. Convention: the fastest joints of cobots turn with 6, a hand
 reaches with 3."""
@@ -66,9 +64,6 @@ faster than 5 kHz; a movement with a sample in four seconds cannot be learned fr
 USUAL_PERIODS_S = 1e-3, 0.5
 """Steps of trackers and encoders [s]. Convention; their ratio is less than a thousand, so that one
 unit at most explains other steps."""
-FEWEST_M = 0.3
-"""Distance from the origin of its frame that a body may have [m]: where two units leave it farther,
-the larger factor is named alone. Convention."""
 FAR_SHARE = 0.1
 """How far outside what was learned numbers of another unit are, in learned extents and parts of the
 factor between the units. Convention: 100 extents for millimetres, 6 for degrees; a reach that
@@ -155,8 +150,9 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
     extent = float(np.ptp(values, axis=0).max())
     speed = peak_speed(signal.seconds(int(signal.stamps_ns[0])), values)
     farthest = float(np.abs(values).max())
-    turned = unit == "rad" and farthest > FARTHEST_RAD
-    turned = turned and max(extent / FARTHEST_RAD, speed / FAST, farthest / WIDEST[unit]) > 1.0
+    turn = TURNS["rad"]  # few joints turn farther to either side
+    turned = unit == "rad" and farthest > turn
+    turned = turned and max(extent / turn, speed / FAST, farthest / WIDEST[unit]) > 1.0
     too_wide = extent > known.widest
     never = too_wide or extent > WIDEST[unit] or speed > FASTEST[unit]
     if not (never or turned or (unit == "m" and speed > FAST)):
@@ -265,7 +261,9 @@ def length_misfit(length_m: float, said: str, do: str = "record") -> Misfit | No
         return None
     name, factor = _nearest_usual("m", length_m)
     likely = {name: factor}
-    if length_m / max(OFTEN_TAKEN["m"].values()) < FEWEST_M:  # one length says no more
+    if (
+        length_m / max(OFTEN_TAKEN["m"].values()) < 0.3
+    ):  # [m], as a body may be: one length says no more
         likely = OFTEN_TAKEN["m"]
     text = taken_for("m", likely, do)
     return Misfit(f"{said}. {text}", factor, certain=False, likely=text)

@@ -24,8 +24,6 @@ LOST_S = 0.5
 UNKNOWN_S = 0.6
 """Time for which two who cannot be told apart are nobody [s]. Convention: longer than `LOST_S`, so
 that what was believed of them is forgotten everywhere."""
-MISSED = 0.05
-"""Probability that the tracker does not see a person in a frame. Convention."""
 NOBODY = ""
 """The person of a body whose person is not known."""
 
@@ -154,7 +152,7 @@ def _assignment(tracks: list[Track], positions: list[Floats]) -> tuple[Floats, l
     n, m = len(tracks), len(positions)
     costs = np.full((n + m, m + n), np.inf)
     costs[n:, m:] = 0.0
-    np.fill_diagonal(costs[:n, m:], -math.log(MISSED))
+    np.fill_diagonal(costs[:n, m:], -math.log(0.05))  # the tracker does not see a person
     np.fill_diagonal(costs[n:, :m], -math.log(1e-3))  # some ten people a minute
     for i, track in enumerate(tracks):
         variance = track.covariance[0, 0] + POSITION_STD_M**2

@@ -29,6 +29,9 @@ from intent_recognition.bags.mcap.records import (
 CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, compression length
 PARSE_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError)
 CHECKSUM = "checksum of the chunk does not match"
+CHUNK_BYTES = 2**20
+"""Size of a written chunk before compression, and of records read together [bytes]: the
+default of MCAP."""
 MOST_CHUNK = 2**26
 """Bytes of the records of one chunk. Convention: rosbag2 writes 0.8 MB, or one larger message."""
 LATEST_NS = 2**63

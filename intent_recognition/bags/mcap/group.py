@@ -12,6 +12,7 @@ import zstandard
 from intent_recognition.array_types import Integers
 from intent_recognition.bags.mcap.chunk import (
     CHECKSUM,
+    CHUNK_BYTES,
     MOST_CHUNK,
     McapBlock,
     MessageTable,
@@ -23,8 +24,6 @@ from intent_recognition.bags.mcap.chunk import (
 )
 from intent_recognition.bags.mcap.records import MESSAGE_HEADER, gather, record_positions
 
-GROUP_BYTES = 2**20
-"""Records read together [bytes]. Convention: the default size of MCAP's chunks."""
 LARGE_BYTES = 2**18
 """From this size on [bytes] decompressing in place is faster than copying (measured)."""
 UNKNOWN, KNOWN, WANTED = range(3)
@@ -36,11 +35,11 @@ CHANNEL, LOG_NS = (
 
 
 def groups(blocks: Iterable[McapBlock]) -> Iterator[list[McapBlock]]:
-    """Blocks that follow one another, about `GROUP_BYTES` of records each; a larger one alone."""
+    """Blocks that follow one another, about `CHUNK_BYTES` of records each; a larger one alone."""
     group: list[McapBlock] = []
     total = 0
     for block in blocks:
-        if group and (total + block.size > GROUP_BYTES or block.is_cut or group[-1].is_cut):
+        if group and (total + block.size > CHUNK_BYTES or block.is_cut or group[-1].is_cut):
             yield group
             group, total = [], 0
         group.append(block)
@@ -66,7 +65,7 @@ class GroupReader:
         if max(sizes) > MOST_CHUNK:
             raise ValueError(f"a chunk that says it is {max(sizes)} bytes decompressed")
         if sum(sizes) > len(self._buffer):
-            self._buffer = bytearray(max(sum(sizes), GROUP_BYTES))
+            self._buffer = bytearray(max(sum(sizes), CHUNK_BYTES))
         data = memoryview(self._buffer)[: sum(sizes)]
         edges = np.cumsum([0, *sizes])
         for block, (start, stop) in zip(blocks, pairwise(edges.tolist()), strict=True):

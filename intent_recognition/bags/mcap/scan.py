@@ -40,9 +40,8 @@ LONGEST_METADATA = 2**20
 LONGEST_COMPRESSION = 16
 """Bytes of the name of a compression. Convention: longer than any, short enough to tell damage."""
 MOST_EXPANSION = 100
-"""Bytes of messages for one of the file. Convention: the shipped recordings have up to 5."""
-FREE_BYTES = 2**26
-"""Bytes of messages that even the smallest file may have. Convention."""
+"""Bytes of messages for one of the file, beside those of one chunk. Convention: the shipped
+recordings have up to 5."""
 CHUNK_START = re.compile(
     rb"(?=\x06.{36}(?:\x04\x00\x00\x00zstd|\x03\x00\x00\x00lz4|\x00\x00\x00\x00))", re.DOTALL
 )
@@ -121,7 +120,7 @@ def _check_expansion(path: Path, view: mmap.mmap, scan: FileScan) -> None:
     """Refuse a file whose chunks say that they are far larger than it, before one is read."""
     sizes = (block.size for block in scan.blocks if not block.is_cut)
     said = sum(size for size in sizes if size <= MOST_CHUNK)  # larger ones are not read
-    most = FREE_BYTES + MOST_EXPANSION * len(view)
+    most = MOST_CHUNK + MOST_EXPANSION * len(view)
     if said > most:
         expected = f"at most {most} bytes of messages in {len(view)}"
         cure = "No recorder writes such a file; record again."
