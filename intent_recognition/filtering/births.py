@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.filtering.grid import PriorGrid, duration_offsets, log_durations, log_pace
 from intent_recognition.filtering.observation_model import Measurement
+from intent_recognition.filtering.prediction import NEGLIGIBLE_SHARE
 from intent_recognition.filtering.rates import (
     AFRESH,
     DELAY,
@@ -83,11 +84,6 @@ MAX_FLOATS = 1_500_000
 observation."""
 MAX_TASKS = 8
 """Tasks that hypotheses are born of at a time, the most probable ones. Convention: likewise."""
-LEAST_LOG_WEIGHT = -700.0
-"""Of tasks that cannot be. Numerical safeguard: two of them may be compared."""
-NEGLIGIBLE_SHARE = 1e-4
-"""Probability, as a share of the most probable one's, below which a born hypothesis is left out of
-a prediction. Convention."""
 
 
 class Births:
@@ -139,7 +135,8 @@ class Births:
         """
         self.table.clear()
         known = np.zeros(self._library.n_tasks) if log_weight is None else log_weight
-        self._log_weight = np.append(np.maximum(known, LEAST_LOG_WEIGHT), 0.0)
+        # Two tasks that cannot be may be compared.
+        self._log_weight = np.append(np.maximum(known, -700.0), 0.0)
         self._first: list[tuple[NDArray, NDArray, NDArray]] = []  # DOFs, values and noise
         self._states: tuple[Integers, Floats, Floats] | None = None
         self._n_used, self._last_s, self._last_birth_s, self._between_s = 0, 0.0, 0.0, 0.0

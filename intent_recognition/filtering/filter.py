@@ -58,9 +58,8 @@ NEGLIGIBLE_BELOW = 40.0
 Convention: e^-40 = 4e-18 is less than the rounding of a probability.
 """
 MAX_OBSERVATIONS = 2**14
-"""Observations kept for a change of library, every second one of more. Convention."""
-UNLIKELY = 1e-3
-"""Tasks so much less probable than the most probable one are left out of a mixture. Convention."""
+"""Observations kept for a change of library, every second one of more. Convention: 160 s at 100 Hz.
+"""
 
 
 class MovementFilter:
@@ -290,7 +289,7 @@ class MovementFilter:
             start: measured posture of the controlled agent at onset, one for each task or one for
                 all.
         """
-        likely = np.flatnonzero(task_weights > UNLIKELY * task_weights.max())
+        likely = np.flatnonzero(task_weights > 1e-3 * task_weights.max())  # others hardly count
         starts = start if isinstance(start, list) else [start] * len(task_weights)
         share = task_weights[likely] / task_weights[likely].sum()
         moments = [self.prediction(int(k)).mixture_at(times_s, starts[k]) for k in likely]

@@ -8,18 +8,10 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, check_whole
 from intent_recognition.gaussian import log_sum
-from intent_recognition.promp import TaskLibrary
+from intent_recognition.promp import STUDENT_FREEDOM, TaskLibrary
 
 N_SCALES = 15
-"""Durations per task. Convention."""
-SCALE_SPAN = 2.5
-"""Reach of the durations to either side of the median, in standard deviations of the log duration.
-
-Convention.
-"""
-DURATION_FREEDOM = 4.0
-"""Degrees of freedom of the log duration's Student prior: new people are often slower or faster
-than any demonstration (docs/decisions/one_filter.md)."""
+"""Durations per task (docs/prediction.md)."""
 
 
 class PriorGrid(NamedTuple):
@@ -114,9 +106,11 @@ def log_durations(library: TaskLibrary) -> tuple[Floats, Floats]:
 
 
 def duration_offsets(n_scales: int) -> tuple[Floats, Floats]:
-    """Durations of a task, in standard deviations of their logarithm; log probabilities (S,)."""
-    offsets = np.linspace(-SCALE_SPAN, SCALE_SPAN, n_scales) if n_scales > 1 else np.zeros(1)
-    log_weight = -0.5 * (DURATION_FREEDOM + 1.0) * np.log1p(offsets**2 / DURATION_FREEDOM)
+    """Durations of a task, up to 2.5 standard deviations of their logarithm to either side of the
+    median, in these; log probabilities (S,).
+    """
+    offsets = np.linspace(-2.5, 2.5, n_scales) if n_scales > 1 else np.zeros(1)
+    log_weight = -0.5 * (STUDENT_FREEDOM + 1.0) * np.log1p(offsets**2 / STUDENT_FREEDOM)
     return offsets, log_weight - np.logaddexp.reduce(log_weight)
 
 

@@ -25,9 +25,6 @@ from intent_recognition.filtering.grid import PriorGrid
 from intent_recognition.filtering.table import HypothesisTable
 from intent_recognition.gaussian import log_sum
 
-ANSWER_TRUST = 0.99
-"""Probability with which somebody who is asked names the right task. Convention."""
-
 
 class CourseTimes(NamedTuple):
     """When n hypotheses say that the course of their tasks began, and how long it takes.
@@ -129,17 +126,16 @@ def task_posterior(
     return TaskPosterior(probabilities, counted, phase, expected_s, scale_weights, timing)
 
 
-def answered(posterior: TaskPosterior, task: int) -> TaskPosterior:
+def answered(posterior: TaskPosterior, task: int, trust: float = 0.99) -> TaskPosterior:
     """The posterior after a person has said which task it is.
 
-    An answer names the right task with probability `ANSWER_TRUST`, and any other thing as often as
-    any.
+    An answer names the right task with probability `trust`, and any other thing as often as any.
     """
     log_likelihood = np.full(
         len(posterior.probabilities),
-        np.log((1.0 - ANSWER_TRUST) / (len(posterior.probabilities) - 1)),
+        np.log((1.0 - trust) / (len(posterior.probabilities) - 1)),
     )
-    log_likelihood[task] = np.log(ANSWER_TRUST)
+    log_likelihood[task] = np.log(trust)
     p = posterior.probabilities * np.exp(log_likelihood)
     return posterior._replace(
         probabilities=p / p.sum(), log_evidence=posterior.log_evidence + log_likelihood

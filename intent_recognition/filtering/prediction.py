@@ -23,9 +23,11 @@ from intent_recognition.promp import (
 )
 
 N_PHASES = 201
-"""Reference phases at which a mixture's trajectories are tabulated. Convention."""
-NEGLIGIBLE_DURATION = 1e-4
-"""Posterior probability below which a duration is left out of a mixture. Convention."""
+"""Reference phases at which a mixture's trajectories are tabulated. Convention: half a percent of a
+movement apart."""
+NEGLIGIBLE_SHARE = 1e-4
+"""Posterior probability of a duration, or share of the most probable hypothesis' that a born one
+has, below which it is left out of a prediction. Convention: a hundred of them are one percent."""
 
 
 class TaskPrediction:
@@ -61,7 +63,7 @@ class TaskPrediction:
         self.durations_s, self.duration_weights = durations_s, duration_weights
         self._deviations = deviations
         self._relative = durations_s[:, None] / library.usual_s[task]
-        self._likely = np.flatnonzero(duration_weights > NEGLIGIBLE_DURATION)
+        self._likely = np.flatnonzero(duration_weights > NEGLIGIBLE_SHARE)
         self._share = duration_weights[self._likely] / duration_weights[self._likely].sum()
 
     @property

@@ -6,10 +6,6 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.promp import TaskLibrary
 
-WAY_DONE, LEAST_JERK_PHASE = 0.99, 0.894
-"""Part of its way after which a course is at rest, and the phase at which least jerk has done it.
-Convention."""
-
 
 def moving_parts(library: TaskLibrary, scale: Floats) -> Floats:
     """Part of each task's duration in which its mean course moves, as by least jerk, (K,).
@@ -22,8 +18,8 @@ def moving_parts(library: TaskLibrary, scale: Floats) -> Floats:
     mean = library.observed_mean.reshape(len(library.observed_mean), len(scale), -1)[:-1]
     course = np.einsum("tn,kpn->ktp", library.basis.design_matrix(phase), mean) / scale
     way = np.linalg.norm(np.diff(course, axis=1), axis=2).cumsum(axis=1)
-    done = np.argmax(way >= WAY_DONE * way[:, -1:], axis=1)
-    return np.asarray(np.minimum(phase[1:][done] / LEAST_JERK_PHASE, 1.0))
+    done = np.argmax(way >= 0.99 * way[:, -1:], axis=1)
+    return np.asarray(np.minimum(phase[1:][done] / 0.894, 1.0))  # least jerk has done so much there
 
 
 def end_tells(library: TaskLibrary) -> Floats:

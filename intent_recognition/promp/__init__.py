@@ -23,6 +23,7 @@ from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import (
     STEADY,
+    STUDENT_FREEDOM,
     PhaseDeviation,
     deviation_prior,
     deviation_transition,

@@ -16,12 +16,12 @@ import numpy as np
 
 from intent_recognition.array_types import Floats, read_only
 
-N_DEVIATIONS = 15
-"""Values of the phase deviation on its grid (docs/decisions/one_filter.md)."""
-DEVIATION_SPAN = 3.5
-"""Reach of that grid to either side, in scales (docs/decisions/one_filter.md)."""
-DEVIATION_FREEDOM = 4.0
-"""Degrees of freedom of the Student distribution that the phase deviation has
+N_DEVIATIONS, DEVIATION_SPAN = 15, 3.5
+"""Values of the phase deviation on its grid, and the reach of that to either side, in scales
+(docs/decisions/one_filter.md)."""
+STUDENT_FREEDOM = 4.0
+"""Degrees of freedom of the Student distributions of the phase deviation, of the log duration, as
+new people are often slower or faster than any demonstration, and of evidence
 (docs/decisions/one_filter.md)."""
 
 
@@ -141,7 +141,7 @@ def reference_phase(
 
 def _student(grid: Floats) -> Floats:
     """Probabilities of deviations under their prior, (E,)."""
-    weight = (1.0 + grid**2 / DEVIATION_FREEDOM) ** (-0.5 * (DEVIATION_FREEDOM + 1.0))
+    weight = (1.0 + grid**2 / STUDENT_FREEDOM) ** (-0.5 * (STUDENT_FREEDOM + 1.0))
     return weight / weight.sum()
 
 

@@ -13,8 +13,8 @@ from intent_recognition.promp.trajectory import dof_variance
 from intent_recognition.signals import SPATIAL_UNITS, TURNS
 
 USUAL_END_STD = {"rad": 0.35, "m": 0.1}
-"""Largest standard deviation of a predicted end that is acted on, by unit, in [rad] and [m].
-Convention."""
+"""Largest standard deviation of a predicted end that is acted on, by unit, in [rad] and [m]
+(docs/decisions/end_certainty.md)."""
 CERTAIN_END = 1.5
 """Where a whole movement leaves more than that, its standard deviation may be this many times as
 large (docs/decisions/end_certainty.md)."""

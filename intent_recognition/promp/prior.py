@@ -47,15 +47,11 @@ PHASE_WIDTH, OWN_PHASE_WIDTH = 0.15, 0.03
 from other tasks. Convention; validation on held-out demonstrations chooses between the two
 (docs/decisions/covariance_target.md)."""
 LAGS = np.arange(0.0, 0.26, 0.01)
-"""Lags of the controlled agent behind the observed one that are compared, in phase. Convention."""
-FEW = 3.5
-"""Equivalent sample size below which the scatter is much inflated (`structured_target`).
-Convention."""
-SMOOTH_WIDTH = 0.1
-"""Width in phase of the correlation that it is then mixed with. Convention."""
-LEVEL_SAMPLE_SIZE = 4.0
-"""Demonstrations that say, beside the real ones, that a DOF varies alike at all phases. Convention.
-"""
+"""Lags of the controlled agent behind the observed one that are compared, in phase. Convention: up
+to a quarter of a movement."""
+FEW, SMOOTH_WIDTH = 3.5, 0.1
+"""Equivalent sample size below which the scatter is much inflated, and width in phase of the
+correlation that it is then mixed with (`structured_target`). Convention."""
 
 OBSERVED_INDEPENDENT = 0.03
 """Independent part of the variance of the observed weights, in the covariance that all tasks share
@@ -169,7 +165,8 @@ def structured_target(
     The task's own demonstrations count fully; all others together as many as are borrowed, or
     `OTHERS_SAMPLE_SIZE` if there are fewer than `FEW` of the task's own. With n demonstrations in
     all, amplitudes are inflated by sqrt(1 + i) and the correlation along the phase is mixed with i
-    parts of a smooth one, i = (FEW / n)^6: next to nothing from n = 2 `FEW` on.
+    parts of a smooth one, i = (FEW / n)^6: next to nothing from n = 2 `FEW` on. Four
+    demonstrations, beside the real ones, say that a DOF varies alike at all phases.
 
     Args:
         own: scatter of the task the target is for.
@@ -181,7 +178,7 @@ def structured_target(
     scatter, demonstrations = _borrow(own, pooled, borrowed)
     inflation = (FEW / max(demonstrations, 2.0)) ** 6
     variance = np.diag(scatter).reshape(len(floor), -1)
-    weight = demonstrations / (demonstrations + LEVEL_SAMPLE_SIZE)
+    weight = demonstrations / (demonstrations + 4.0)
     level = variance.mean(axis=1, keepdims=True)
     amplitude = np.sqrt(weight * variance + (1 - weight) * level + floor[:, None])
     scaled = scatter / np.outer(amplitude.ravel(), amplitude.ravel())

@@ -10,7 +10,7 @@ from scipy.stats import t
 from simulation import make_library
 
 from intent_recognition.errors import ShapeError
-from intent_recognition.filtering.grid import DURATION_FREEDOM, fixed_prior_grid, make_prior_grid
+from intent_recognition.filtering.grid import STUDENT_FREEDOM, fixed_prior_grid, make_prior_grid
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -68,7 +68,7 @@ def test_grid_of_durations_covers_the_timing_prior(seed, n_scales):
     prior = np.r_[library.task_prior * (1 - library.none_prior), library.none_prior]
     np.testing.assert_allclose(weight.sum(axis=1), prior, atol=1e-12)
     spread = library.log_duration_mean[0], library.log_duration_std[0]
-    density = t(DURATION_FREEDOM, *spread).pdf(logs[0])
+    density = t(STUDENT_FREEDOM, *spread).pdf(logs[0])
     np.testing.assert_allclose(weight[0] / weight[0].sum(), density / density.sum(), atol=1e-12)
     mean = (weight * logs).sum(axis=1) / prior
     np.testing.assert_allclose(mean[:-1], library.log_duration_mean, atol=1e-12)

@@ -92,7 +92,7 @@ def test_two_transitions_are_that_of_their_sum(first, second, correlation):
 
 
 def test_the_prior_is_student_s_on_the_grid():
-    density = t(module.DEVIATION_FREEDOM).pdf(a_progress().grid)
+    density = t(module.STUDENT_FREEDOM).pdf(a_progress().grid)
     np.testing.assert_allclose(deviation_prior(a_progress()), density / density.sum(), rtol=1e-12)
 
 
