@@ -82,7 +82,7 @@ settings.load_profile("untimed")
 BOUNDS = {
     "intent_recognition.learning.selection:NOISE_SCALES": (4.0,),
     "intent_recognition.learning.left_out_odds:MAX_FOLLOWED": 2,
-    "intent_recognition.learning.unknown_task:MAX_CALIBRATED": 12,
+    "intent_recognition.learning.unknown_task:MAX_VALIDATED": 12,
     "intent_recognition.learning.held_out_examples:MAX_VALIDATED": 12,
 }
 """In tests so few hyperparameters are tried and so few demonstrations left out while learning."""
@@ -175,7 +175,7 @@ def usually_left_out(usual) -> Iterator[None]:
 @pytest.fixture(scope="module")
 def usually_calibrated(usual) -> Iterator[None]:
     """Calibrate the margin of none as outside of tests, from here to the end of the file."""
-    (name,) = (name for name in usual if name.endswith(":MAX_CALIBRATED"))
+    (name,) = (name for name in usual if name.endswith("unknown_task:MAX_VALIDATED"))
     with bounded({name: usual[name]}):
         yield
 

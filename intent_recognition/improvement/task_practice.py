@@ -46,7 +46,7 @@ from intent_recognition.promp import NormalizedRBFBasis
 from intent_recognition.tables import EntrySamples, ImportedDemonstration
 
 N_PHASES = 50
-"""Phases at which paths are compared. Convention."""
+"""Phases at which paths are compared. Convention: 2 % of a movement apart."""
 DECIDED_SHARE = 0.2
 """Share of the movement after which the arm sets out. Measurement: the median of `make demo`
 (README)."""

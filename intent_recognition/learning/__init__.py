@@ -58,6 +58,7 @@ from intent_recognition.learning.preprocessing import (
     examples_together,
     in_turns,
 )
+from intent_recognition.learning.selection import FRACTIONS
 from intent_recognition.learning.settings import SEGMENTATIONS, TrainingSettings
 from intent_recognition.learning.statistics import TaskStatistics, summarize
 from intent_recognition.learning.timing import PACES, Timing

@@ -47,12 +47,9 @@ OFFSET_VARIANCE = 20.0
 """Variance of the rule's offset before the first correction, in parts of that of one correction.
 Convention: a person corrects what is off by several times what corrections differ among
 themselves."""
-SLOPE_VARIANCE = 1.0
-"""The same of how the offset depends on where the person reaches. Measurement:
-docs/correcting.md."""
-DRIFT = 0.5
-"""Variance by which the offset drifts from one correction to the next, in the same parts.
-Measurement: docs/correcting.md."""
+SLOPE_VARIANCE, DRIFT = 1.0, 0.5
+"""The same of how the offset depends on where the person reaches, and variance by which it drifts
+from one correction to the next. Measurement: docs/correcting.md."""
 
 
 class RuleChange(NamedTuple):

@@ -35,7 +35,7 @@ from intent_recognition.promp import ResidualCoupling, TaskLibrary
 N_DURATIONS = 7
 """Durations under which a demonstration is filtered. Convention: it bounds the time."""
 POWERS = np.linspace(0.1, 1.0, 10)
-"""Shares that are tried, evenly spaced, all of the evidence last. Convention."""
+"""Shares that are tried, evenly spaced, all of the evidence last (docs/decisions/new_people.md)."""
 
 
 def follow(

@@ -23,7 +23,8 @@ from intent_recognition.signals import (
 )
 
 SAMPLES_PER_MOVEMENT = 30
-"""Samples of one movement that count as independent evidence; denser ones share it. Convention."""
+"""Samples of one movement that count as independent evidence; denser ones share it
+(docs/alignment.md)."""
 SAMPLES_USED = 2 * SAMPLES_PER_MOVEMENT
 """Samples of one movement that the filter uses (`filtering.SPACING`)."""
 

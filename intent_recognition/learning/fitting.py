@@ -24,6 +24,7 @@ from intent_recognition.learning.statistics import (
     variance_scales,
 )
 from intent_recognition.promp import (
+    STUDENT_FREEDOM,
     USUAL,
     ContextModel,
     TargetSettings,
@@ -31,13 +32,6 @@ from intent_recognition.promp import (
     observed_block,
     predictive_covariance,
 )
-
-DURATION_SAMPLE_SIZE = 4.0
-"""Equivalent sample size, in demonstrations, of the prior that the log durations of all tasks have
-the same variance. Convention."""
-EVIDENCE_FREEDOM = 4.0
-"""Degrees of freedom of the Student density that evidence is computed with
-(docs/decisions/one_filter.md)."""
 
 
 class LearnedFields(TypedDict):
@@ -91,7 +85,7 @@ def library_from_statistics(
         task_evidence=chosen.task_evidence,
         regression_variance=chosen.regression_variance,
         phase_deviation=preprocessing.timing.phase_deviation(chosen.pace),
-        evidence_freedom=EVIDENCE_FREEDOM,
+        evidence_freedom=STUDENT_FREEDOM,
         onset=preprocessing.onset,
         provenance={**(provenance or {}), "settings": asdict(settings), "chosen": chosen._asdict()},
     )
@@ -188,9 +182,7 @@ def _durations(tasks: Sequence[TaskStatistics]) -> tuple[Floats, Floats]:
     scatter = np.array([task.log_duration_scatter for task in tasks])
     n = np.array([task.n for task in tasks])
     pooled = scatter.sum() / max(n.sum() - len(n), 1)
-    variance = (
-        (scatter + DURATION_SAMPLE_SIZE * pooled) / (n - 1 + DURATION_SAMPLE_SIZE) * (1 + 1 / n)
-    )
+    variance = (scatter + STRENGTH * pooled) / (n - 1 + STRENGTH) * (1 + 1 / n)
     of_strangers = log_duration_variance_of_strangers([task.examples for task in tasks])
     if of_strangers is not None:
         variance = np.full(len(tasks), of_strangers)

@@ -32,6 +32,9 @@ MAX_RIVALS = 8
 bounds the time; tasks farther away have no evidence to speak of."""
 MAX_VALIDATED = 60
 """Demonstrations left out, evenly drawn from all tasks. Convention: it bounds the time."""
+N_SCALES = 5
+"""Durations per task where margins are learned. Convention: it bounds the time; with 15 that of a
+change of mind is alike."""
 T = TypeVar("T")
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.filtering import NEGLIGIBLE, MovementFilter, make_prior_grid
 from intent_recognition.learning.examples import TrainingExample, sample_phases
-from intent_recognition.learning.held_out_examples import paired_examples
+from intent_recognition.learning.held_out_examples import N_SCALES, paired_examples
 from intent_recognition.learning.left_out import LeavingOut
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import NO_ODDS, LeftOutOdds, TaskLibrary, conformal_bound
@@ -26,8 +26,6 @@ from intent_recognition.signals import observations_of
 MAX_FOLLOWED = 40
 """Demonstrations that are followed at most. Convention: it bounds the time; 19 suffice for a share
 of one in twenty."""
-N_FOLLOWED_SCALES = 5
-"""Durations per task meanwhile. Convention: likewise; with 15 the margin is alike."""
 
 
 def learn_left_out_odds(
@@ -102,7 +100,7 @@ def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> 
 
 def follow(library: TaskLibrary, recorded: TrainingExample) -> Iterator[MovementFilter]:
     """The filter after each sample of a movement."""
-    grid = make_prior_grid(library, n_scales=N_FOLLOWED_SCALES)
+    grid = make_prior_grid(library, n_scales=N_SCALES)
     run = MovementFilter(library, grid, 0, switching=True)
     stamps_ns = np.round(sample_phases() * recorded.duration_s * 1e9).astype(np.int64)
     for observation in observations_of(library.observed_groups, stamps_ns, recorded.observed):

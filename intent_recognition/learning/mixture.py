@@ -32,15 +32,9 @@ RIDGE = 1e-3
 """Relative curvature penalty of their regression, weaker than in `learn` for the same reason."""
 SAMPLED_PHASES = 40
 """Phases at which trajectories are compared (docs/mixture.md)."""
-FLOOR = 1e-2
-"""Variance floor, as a share of the mean variance of a coordinate over all demonstrations.
-Convention."""
-STRENGTH = 24.0
-"""Equivalent sample size of the diagonal target of a component's covariance, in demonstrations
-(docs/mixture.md)."""
-SHARED = 5.0
-"""Equivalent sample size of the components' pooled variance in this target, in demonstrations
-(docs/mixture.md)."""
+STRENGTH, SHARED = 24.0, 5.0
+"""Equivalent sample sizes, in demonstrations, of the diagonal target of a component's covariance,
+and of the components' pooled variance in this target (docs/mixture.md)."""
 MIN_MEMBERS = 3
 """Fewest demonstrations of a component: with one left out, two remain to estimate a variance."""
 MAX_FOLDS = 100
@@ -69,9 +63,9 @@ class Features(NamedTuple):
 
     @property
     def prior(self) -> CovariancePrior:
-        """The default prior of the components' covariances."""
+        """The default prior of the components' covariances, with a floor of 1 % of their mean."""
         variance = float(np.mean(self.coordinates**2)) if self.coordinates.size else 1.0
-        return CovariancePrior(FLOOR * (variance or 1.0), STRENGTH, SHARED)
+        return CovariancePrior(1e-2 * (variance or 1.0), STRENGTH, SHARED)
 
 
 def mixture_features(weights: Floats, n_observed: int, basis: NormalizedRBFBasis) -> Features:

@@ -50,9 +50,9 @@ from intent_recognition.promp import LAGS, ResidualCoupling, TaskLibrary, explai
 from intent_recognition.signals import is_spatial
 
 NOISE_SCALES = (1.0, 4.0, 16.0)
-"""Factors of the observed DOFs' noise variance that are tried. Convention."""
+"""Factors of the observed DOFs' noise variance that are tried (docs/decisions/one_filter.md)."""
 FRACTIONS = (0.25, 0.5, 0.75, 1.0)
-"""Shares of the movement after which the rest is predicted. Convention: those of `intent evaluate`.
+"""Shares of the movement after which the rest is predicted, in `intent evaluate`, too. Convention.
 """
 LEAST_ERROR = 1e-3
 """Relative squared error, the square of 3 % of the standard deviation, below which predictions are

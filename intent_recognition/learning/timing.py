@@ -18,16 +18,11 @@ from intent_recognition.learning.persons import compares_people
 from intent_recognition.promp import STEADY, PhaseDeviation, steady_phase
 from intent_recognition.signals import GROUP, Demonstration
 
-N_DEVIATION_PHASES = 51
-"""Evenly spaced phases at which the standard deviation of the phase deviation is kept. Convention.
-"""
-MIN_DEVIATION_STD = 0.004
-"""Smallest standard deviation of the phase deviation, a share of the duration. Convention."""
-DEFAULT_DEVIATION_STD = 0.03
-"""The largest along the movement where no task has two recordings, a share of the duration.
-Convention."""
-BRIDGE = np.linspace(0.0, 1.0, N_DEVIATION_PHASES) * np.linspace(1.0, 0.0, N_DEVIATION_PHASES)
-"""u (1 - u) at these phases: deviations are zero at both ends."""
+BRIDGE = np.linspace(0.0, 1.0, 51) * np.linspace(1.0, 0.0, 51)
+"""u (1 - u) at the even phases of a phase deviation, which is zero at both ends. Convention."""
+MIN_DEVIATION_STD, DEFAULT_DEVIATION_STD = 0.004, 0.03
+"""Smallest standard deviation of the phase deviation, and the largest along the movement where no
+task has two recordings, shares of the duration. Convention."""
 DEVIATION_CORRELATION = 0.4
 """Correlation length of the phase deviation, in phase (docs/prediction.md)."""
 DEVIATION_EVIDENCE = 0.15
@@ -35,12 +30,9 @@ DEVIATION_EVIDENCE = 0.15
 ALIGNED_FLOOR = 0.04
 """Smallest scale of the phase deviation of aligned primitives, a share of the duration
 (docs/decisions/one_filter.md)."""
-STEADY_SHARE = 0.5
+STEADY_SHARE, STEADY_FLOOR = 0.5, 0.01
 """Share of the phase deviation that primitives at steady progress do not hold in their covariance
-(docs/decisions/one_filter.md)."""
-STEADY_FLOOR = 0.01
-"""Smallest scale of the phase deviation of primitives at steady progress, a share of the duration.
-Convention."""
+(docs/decisions/one_filter.md), and its smallest scale, a share of the duration (convention)."""
 
 PhaseMap = Callable[[Floats], Floats]
 PACES = ("steady", "own", "shared", "aligned")
@@ -168,7 +160,7 @@ def estimate_duration_exponent(
 
 def _deviations(warps: Iterable[Warp]) -> Floats:
     """Reference phase less recorded phase of each warp at even recorded phases, (n, U)."""
-    recorded = np.linspace(0.0, 1.0, N_DEVIATION_PHASES)
+    recorded = np.linspace(0.0, 1.0, len(BRIDGE))
     return np.array([np.clip(warp.inverse(recorded), 0.0, 1.0) for warp in warps]) - recorded
 
 

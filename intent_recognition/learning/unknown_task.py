@@ -17,7 +17,12 @@ from intent_recognition.filtering import duration_offsets
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.examples import TrainingExample, sample_phases
 from intent_recognition.learning.held_out import MAX_FLOATS, filter_samples
-from intent_recognition.learning.held_out_examples import nearest_tasks, paired_examples
+from intent_recognition.learning.held_out_examples import (
+    MAX_VALIDATED,
+    N_SCALES,
+    nearest_tasks,
+    paired_examples,
+)
 from intent_recognition.learning.left_out import LeavingOut, LeftOut
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import TaskLibrary, conformal_bound
@@ -25,16 +30,9 @@ from intent_recognition.signals import is_spatial
 
 UNKNOWN_ACCEPTED = 0.05
 """Share of unknown movements that may count as known (docs/recognition.md). Convention."""
-MIN_DEMONSTRATIONS = 5
-"""Demonstrations from which on a task is used for the margin, where two tasks have as many
-(docs/recognition.md)."""
-MAX_RECALIBRATED = 10
-"""Demonstrations of a task beyond which one more does not ask for a new margin
-(docs/recognition.md)."""
-MAX_CALIBRATED = 60
-"""Demonstrations used for the margin at most. Convention: it bounds the time."""
-N_CALIBRATED_SCALES = 5
-"""Durations per task in learning it. Convention: it bounds the time."""
+MIN_DEMONSTRATIONS, MAX_RECALIBRATED = 5, 10
+"""Demonstrations from which on a task is used for the margin, where two tasks have as many, and
+beyond which one more does not ask for a new margin (docs/recognition.md)."""
 N_SIMULATED = 40
 """Unknown movements simulated where there is one task only; the seed of their generator, too.
 Convention."""
@@ -56,7 +54,7 @@ def learn_none_margin(
     followed = {label: task for k, (label, task) in enumerate(tasks.items()) if k in calibrating}
     without: dict[int, LeftOut] = {}
     comparisons, is_known = list[Comparison](), list[bool]()
-    for k, example, as_recorded in paired_examples(followed, recorded, MAX_CALIBRATED):
+    for k, example, as_recorded in paired_examples(followed, recorded, MAX_VALIDATED):
         rivals = np.setdiff1d(calibrating, [k])
         if len(rivals):
             if k not in without:
@@ -115,7 +113,7 @@ class Comparison(NamedTuple):
     @property
     def n_hypotheses(self) -> int:
         """How many are filtered: durations of the tasks, and of none."""
-        return (len(self.compared) + 1) * N_CALIBRATED_SCALES
+        return (len(self.compared) + 1) * N_SCALES
 
 
 def log_factors(comparisons: Sequence[Comparison]) -> list[Floats]:
@@ -136,7 +134,7 @@ def log_factors(comparisons: Sequence[Comparison]) -> list[Floats]:
 
 def _log_factors_together(comparisons: Sequence[Comparison]) -> list[Floats]:
     """`log_factors` of comparisons that are filtered in one batch."""
-    log_weight = duration_offsets(N_CALIBRATED_SCALES)[1]
+    log_weight = duration_offsets(N_SCALES)[1]
     priors, *timing = zip(*map(_hypotheses, comparisons), strict=True)
     paces, relative = map(np.concatenate, timing)
     prior = Gaussian(*(np.concatenate(parts) for parts in zip(*priors, strict=True)))
@@ -157,7 +155,7 @@ def _log_factors_together(comparisons: Sequence[Comparison]) -> list[Floats]:
 def _hypotheses(comparison: Comparison) -> tuple[Gaussian, Floats, Floats]:
     """Weights, pace and relative duration of the tasks and of none; those of none come last."""
     without, compared, _, recorded = comparison
-    library, offsets = without.library, duration_offsets(N_CALIBRATED_SCALES)[0]
+    library, offsets = without.library, duration_offsets(N_SCALES)[0]
     inflation = 1.0 + 1.0 / without.n[compared]
     mean = np.vstack([without.mean[compared], without.none.mean])
     covariance = np.concatenate(

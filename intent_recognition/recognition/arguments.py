@@ -12,7 +12,7 @@ from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Misfit, Observation, SignalPast, as_numbers, as_stamp_ns
 
 LARGEST_VALUE = 1e12
-"""Values from this on count as infinite: their squares leave no digits. Convention."""
+"""Values from this on count as infinite. Convention: their squares leave no digits."""
 LIBRARY_CURE = "Pass what `learn` returns, or `load_model(path).library`."
 
 

@@ -40,11 +40,9 @@ from intent_recognition.recognition.arguments import LIBRARY_CURE
 EVEN = 1e-6
 """Log Bayes factor that counts as zero. Convention: rounding, and what the margin leaves of it.
 """
-MAX_NONE = 0.1
-"""Probability of none up to which a task is acted on: what a threshold of 0.9 leaves to it.
-"""
-USUAL_THRESHOLD = 0.9
-"""Probability from which a task is acted on where the risk of it is not known. Convention."""
+USUAL_THRESHOLD, MAX_NONE = 0.9, 0.1
+"""Probability from which a task is acted on where the risk of it is not known, and that of none up
+to which one is. Convention: the threshold leaves so much to none."""
 MAX_WRONG = 0.05
 """Share of interactions that may be acted on wrongly. Convention."""
 

@@ -24,9 +24,8 @@ Convention: half a second at 100 Hz. A hand that rests at the origin says nothin
 N_STEPS = 5
 """Samples that times are judged by. Convention: one lost sample among them changes nothing."""
 STD_LEARNED = 3.0
-"""Standard deviations about the mean movements that count as learned. Convention."""
-LEARNED_PHASES = np.linspace(0.0, 1.0, 21)
-"""Phases at which learned movements are looked at."""
+"""Standard deviations about the mean movements that count as learned. Convention: 99.7 % of a
+normal distribution."""
 
 
 def context_misfit(model: ContextModel, values: Floats) -> Misfit | None:
@@ -114,10 +113,10 @@ class _OfSignal:
 
 def _learned(library: TaskLibrary, dofs: Integers) -> Known:
     """Where some observed DOFs were in the demonstrations."""
-    lower, upper = [], []
+    lower, upper, phases = [], [], np.linspace(0.0, 1.0, 21)
     for mean, covariance in zip(library.weight_mean, library.weight_covariance, strict=True):
         course = rollout(
-            library.basis, Gaussian(mean, covariance), LEARNED_PHASES, 1.0, library.noise_variance
+            library.basis, Gaussian(mean, covariance), phases, 1.0, library.noise_variance
         )
         positions, std = course.positions[:, dofs], course.std[:, dofs]
         lower.append((positions - STD_LEARNED * std).min(axis=0))

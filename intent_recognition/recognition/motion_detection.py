@@ -28,10 +28,9 @@ More is kept where the window of a signal's speed is longer than the usual one: 
 """
 FINISHED_PHASE = 0.99
 """Expected phase of the most probable task from which a movement at rest is over. Convention."""
-PAUSE_S = 1.5
-"""Shortest rest in mid-movement that ends it [s]. Convention: a hesitation is shorter."""
-PAUSE_SHARE = 0.3
-"""The same in parts of the expected duration, for long tasks. Convention."""
+PAUSE_S, PAUSE_SHARE = 1.5, 0.3
+"""Shortest rest in mid-movement that ends it [s], and for long tasks in parts of the expected
+duration. Convention: a hesitation is shorter."""
 OVERTIME_S = 0.5
 """Time after its expected end for which a movement that goes on is still the same one [s].
 

@@ -16,6 +16,7 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.filtering import MovementFilter, PriorGrid, TaskPosterior
 from intent_recognition.promp import TaskLibrary
+from intent_recognition.recognition.decision import USUAL_THRESHOLD
 from intent_recognition.recognition.motion_detection import MotionDetector, is_overdue
 from intent_recognition.signals import Observation
 
@@ -23,9 +24,6 @@ STOP_LEADS = (0.035, 0.06, 0.085)
 """A reach after a stop began one of these earlier than the stop, per usual duration of the tasks:
 it first had to halt the hand (docs/decisions/change_of_mind.md). Until then the hand was on another
 way, of which nothing counts."""
-RECOGNISED = 0.9
-"""Probability of the known tasks together from which a movement after a stop takes over.
-Convention: what the decision asks for; it also says which task."""
 DONE_PHASE = 0.85
 """Expected phase of the movement under way from which another may have begun. Convention."""
 
@@ -87,7 +85,7 @@ class Movements:
         posteriors = [each.posterior(stamp_ns) for each in after]
         odds = odds_over_none(posteriors)
         known = odds.mean(axis=0).sum()
-        if not done or known < RECOGNISED * (1.0 + known):
+        if not done or known < USUAL_THRESHOLD * (1.0 + known):  # the decision asks for as much
             elapsed_s = (stamp_ns - after[0].onset_ns) * 1e-9
             self._stopped = not is_overdue(elapsed_s, posteriors[0])
             return None

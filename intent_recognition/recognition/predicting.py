@@ -9,11 +9,6 @@ from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition.estimate import Prediction
 from intent_recognition.recognition.start_posture import OnsetPosture, rest_posture
 
-HALF_STEP_S = 0.005
-"""Half of the time over which the velocity of a predicted pose is taken [s]. Convention."""
-SMALLEST_SHARE = 1e-12
-"""Probability of a task while `none` is certain. Numerical safeguard."""
-
 
 class Predictor:
     """Predicts the movement under way; remembers the last prediction while nothing changes.
@@ -59,13 +54,14 @@ class Predictor:
             known: probabilities of the known tasks, (K,).
             times_s: on the clock of the observations, (T,).
         """
-        known = np.maximum(known, SMALLEST_SHARE)
+        known = np.maximum(known, 1e-12)  # above zero also where `none` is certain
         given = [self._posture.at_onset(taught, task, run.onset_ns) for task in range(len(known))]
         since_s = np.maximum(times_s - run.onset_ns * 1e-9, 0.0)
-        around_s = np.concatenate([since_s, since_s + HALF_STEP_S, since_s - HALF_STEP_S])
+        half_s = 0.005  # velocities are taken from both sides
+        around_s = np.concatenate([since_s, since_s + half_s, since_s - half_s])
         mean, std = run.mixture_at(around_s, known, [start for start, _, _ in given])
         mean, after, before = np.split(mean, 3)
-        velocities = (after - before) / (2.0 * HALF_STEP_S)
+        velocities = (after - before) / (2.0 * half_s)
         turns = given[int(np.argmax(known))][2]
         return Trajectory(times_s, mean + turns, velocities, std[: len(times_s)])
 

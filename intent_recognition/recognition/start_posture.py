@@ -29,24 +29,20 @@ from intent_recognition.signals import (
 
 POSTURE_USED, POSTURE_OUTSIDE, POSTURE_UNKNOWN = "used", "outside", "unknown"
 MAX_AGE_S = 0.25
-"""Greatest age of the posture taken for that at onset [s]. Convention."""
+"""Greatest age of the posture taken for that at onset [s] (docs/anticipation.md)."""
 SPAN_S = 4.0
 """Length of the past that is kept [s]: twice the time by which an onset can be found late."""
-START_STD_RAD = 0.02
-"""Standard deviation of a joint about the posture it was sent to [rad]: sag and calibration.
+START_STD = {"m": 0.02, "rad": 0.02}
+"""Standard deviation of a controlled DOF about the posture that it was sent to, by unit: sag and
+calibration of a joint [rad], a wrist that returns to its place [m].
 
 Convention. Where all demonstrations began in one posture, the learned variance there is that of
 noise alone; conditioned on it, a milliradian at the start becomes centimetres at the end.
 """
-START_STD_M = 0.02
-"""The same for a controlled DOF in metres, such as a wrist that returns to its place [m].
-
-Convention.
-"""
 START_SHARE = 0.05
 """The same in other units, in parts of the demonstrations' own spread in them
 (`promp.controlled_spread`): the bias of a wrench or of a camera. Convention: of a joint that moves
-by 1 rad it is about `START_STD_RAD`.
+by 1 rad it is about as much.
 """
 OUTSIDE_QUANTILE = 0.999
 """Share of the trained starts that count as inside. Convention: one start in a thousand is refused.
@@ -178,9 +174,8 @@ def _turns_of_start(library: TaskLibrary, task: int, position: Floats) -> Floats
 def start_variance(library: TaskLibrary) -> Floats:
     """Variance of a posture about the one that an arm was sent to, per controlled DOF, (Q,)."""
     std = START_SHARE * controlled_spread(library)
-    fixed = {"m": START_STD_M, "rad": START_STD_RAD}
     units = library.controlled_units
-    return np.array([fixed.get(unit, own) for unit, own in zip(units, std, strict=True)]) ** 2
+    return np.array([START_STD.get(unit, own) for unit, own in zip(units, std, strict=True)]) ** 2
 
 
 def start_distance(library: TaskLibrary, task: int, position: Floats) -> float:

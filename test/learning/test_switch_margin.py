@@ -14,7 +14,7 @@ from intent_recognition.learning.examples import sample_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
 from intent_recognition.learning.left_out import LeavingOut
 from intent_recognition.learning.left_out_odds import (
-    N_FOLLOWED_SCALES,
+    N_SCALES,
     largest_odds,
     largest_odds_against,
     learn_switch_margin,
@@ -105,7 +105,7 @@ def test_odds_against_a_task_are_those_of_the_posterior(trained, tasks):
     """Beside a filter that is asked for its posterior at every sample."""
     example = tasks["task_1"].examples[0]
     library = replace(trained.library, none_margin=0.0, switch_margin=1.0)
-    hypotheses = make_prior_grid(library, n_scales=N_FOLLOWED_SCALES)
+    hypotheses = make_prior_grid(library, n_scales=N_SCALES)
     run, largest = MovementFilter(library, hypotheses, 0, switching=True), 0.0
     stamps_ns = np.round(sample_phases() * example.duration_s * 1e9).astype(np.int64)
     for observation in observations_of(library.observed_groups, stamps_ns, example.observed):

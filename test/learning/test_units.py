@@ -19,8 +19,7 @@ from intent_recognition.promp import controlled_spread, end_std_limits, weight_f
 from intent_recognition.recognition import IntentEstimator, decide, decision_settings
 from intent_recognition.recognition.decision import DecisionState
 from intent_recognition.recognition.start_posture import (
-    START_STD_M,
-    START_STD_RAD,
+    START_STD,
     start_mean,
     start_variance,
     within_trained_starts,
@@ -191,8 +190,8 @@ def test_metres_and_radians_keep_their_constants(trained):
     library = trained[1.0].library
     in_metres = replace(library, controlled_units=("rad", "m", "N", "N"))
     std = np.sqrt(start_variance(in_metres))
-    assert tuple(std[:2]) == (START_STD_RAD, START_STD_M)
-    assert std[2] == std[3] > START_STD_M
+    assert tuple(std[:2]) == (START_STD["rad"], START_STD["m"])
+    assert std[2] == std[3] > START_STD["m"]
     limits = end_std_limits(library)
     spread = controlled_spread(library)[2]
     assert all(0.5 * spread <= limit["N"] < 3.0 * spread for limit in limits.values())

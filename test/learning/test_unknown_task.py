@@ -148,7 +148,7 @@ def test_factors_are_those_of_the_filter_that_runs_online(report):
     whole = LeavingOut(library, tasks).nothing()
     asked = Comparison(whole, np.arange(library.n_tasks), library.n_tasks, recorded)
     (found,) = log_factors([asked])
-    hypotheses = make_prior_grid(library, n_scales=unknown_task.N_CALIBRATED_SCALES)
+    hypotheses = make_prior_grid(library, n_scales=unknown_task.N_SCALES)
     run, expected = MovementFilter(library, hypotheses, 0), []
     for k, (phase, values) in enumerate(zip(sample_phases(), recorded.observed, strict=True)):
         also = None if k else library.noise_covariance(np.arange(library.n_observed), np.inf)
