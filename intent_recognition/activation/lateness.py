@@ -23,14 +23,14 @@ _N_LOOKS, _N_BEFORE, _N_AGAIN = 180, 30, 10
 """Looks that are kept, the first of them that only explain the others, and after how many it is
 compared again. Convention: 3.6 s, 0.6 s and 0.2 s at 100 Hz."""
 _DELAYS = np.arange(0, 26, 2)
-_LAGS = np.array([2.5, 5.0, 10.0, 20.0])
-"""An arm's lag is a mixture of these: pure delays, and lags of first order [looks]. Convention: up
-to 0.5 s at 100 Hz."""
+"""An arm's lag is a mixture of these pure delays [looks] and `_LAGGED`. Convention: up to 0.5 s at
+100 Hz."""
 _AGES = np.subtract.outer(np.arange(_N_LOOKS), np.arange(_N_LOOKS))
 _LAGGED = np.array(
-    [(1.0 - keeps) * np.tril(keeps ** np.abs(_AGES)) for keeps in np.exp(-1.0 / _LAGS)]
+    [(1.0 - k) * np.tril(k ** np.abs(_AGES)) for k in np.exp(-1.0 / np.array([2.5, 5, 10, 20]))]
 )
-"""First-order lags of all looks, as matrices (4, looks, looks); those of fewer are its corners."""
+"""First-order lags of 2.5 to 20 looks, as matrices (4, looks, looks); those of fewer are their
+corners."""
 _TOP_SPEED, _N_AT_TOP, _N_LEFT = 0.99, 12, 20
 """Share of its largest speed from which on a joint turns as fast as it may, for how many looks, and
 how many samples of such a joint must be left. Convention: motions of minimum jerk of up to 2 s are

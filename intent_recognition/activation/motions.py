@@ -35,13 +35,10 @@ _HEADROOM = 0.93
 """Share of the permitted speed that a further plan aims at: its grid and its blending add to it.
 Convention: the first or second further plan mostly keeps it."""
 
-_MAX_REPLANS = 6
-"""Further plans. Convention."""
-
-_STRETCHES = (1.0, 2.0, 4.0)
-"""How many times longer the start's offset takes in the first ones, and the last of them in all
-others. Convention: four times slower is no faster than people permit nearby; slower than that,
-it would still be there when the arm comes near somebody else."""
+_STRETCHES = (1.0, 2.0, 4.0, 4.0, 4.0, 4.0)
+"""How many times longer the start's offset takes in each further plan. Convention: four times
+slower is no faster than people permit nearby; slower than that, it would still be there when the
+arm comes near somebody else."""
 
 _Planner = Callable[[Floats | None, float], JointPlan | None]
 """From ceilings of the phase rate (G + 1,) [1/s], or none, and how many times longer an offset
@@ -150,18 +147,18 @@ class Motions:
         separation, people, ceiling = self._common.settings.separation, self.people, None
         if separation is None or not people:
             return plan
-        for k in range(_MAX_REPLANS + 1):
+        for k, stretch in enumerate((*_STRETCHES, None)):
             if plan is None or separation.worst_excess(plan, start_ns, people) <= 1.0:
                 self._counts["slowed by person"] += k > 0 and plan is not None
                 return plan
-            if k == _MAX_REPLANS:
+            if stretch is None:
                 break
             times_ns = phase_times_ns(plan, start_ns)
             there, _, _ = plan.sampled((times_ns - start_ns) * 1e-9)
             ceilings = [separation.rate_ceiling(path, times_ns, who, there) for who in people]
             newer = _HEADROOM * np.min(ceilings, axis=0)
             ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
-            plan = again(ceiling, _STRETCHES[min(k, len(_STRETCHES) - 1)])
+            plan = again(ceiling, stretch)
         return None
 
     def _clear_of_things(

@@ -18,9 +18,6 @@ from intent_recognition.untrusted import YamlChecks
 RECOGNISED = "recognised"
 IN_REGION = "_in"
 """What follows the name of a body in the key of a region: `wrist_in`."""
-WITHIN_S = 60.0
-"""Time after which a step is not waited for any more, where none is given [s]. Convention: as
-`recognition.FORGET_AFTER_S`, after which a habit tells nothing."""
 CHECKS = YamlChecks("docs/combining.md describes sequences.")
 
 
@@ -59,12 +56,13 @@ class Step:
 
     Attributes:
         when: what begins it, besides being recognised.
-        within_s: time after the step before for which it is waited for.
+        within_s: time after the step before for which it is waited for, as long as a habit tells
+            something (`recognition.FORGET_AFTER_S`).
     """
 
     task: str
     when: Condition = Condition()
-    within_s: float = WITHIN_S
+    within_s: float = 60.0
 
 
 Sequences = Mapping[str, tuple[Step, ...]]
@@ -212,7 +210,7 @@ def _step(place: str, content: Any) -> Step:
     if not isinstance(content, Mapping) or not isinstance(content.get("task"), str):
         CHECKS.refuse(place, "a task", content)
     CHECKS.keys(place, content, ("task", "when", "within"))
-    within_s = CHECKS.number(place, content.get("within", WITHIN_S), 0.0)
+    within_s = CHECKS.number(place, content.get("within", Step.within_s), 0.0)
     return Step(content["task"], _condition(place, content.get("when", RECOGNISED)), within_s)
 
 

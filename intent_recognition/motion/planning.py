@@ -41,10 +41,6 @@ from intent_recognition.motion.retiming import (
     speed_limits,
 )
 
-_LEAST_SHARE = 0.1
-"""Share of the limits the path keeps, however much the offset takes. Convention: it never stands
-still for good."""
-
 
 def plan_interaction(
     path: JointPath,
@@ -190,10 +186,11 @@ def _path_bounds(
 ) -> SpeedLimits:
     """Bounds along the path with what the offset leaves of the limits."""
     speed, acceleration = offset.largest()
+    least = 0.1  # however much the offset takes: the path never stands still for good
     return speed_limits(
         path,
-        np.maximum(limits.velocity - speed, _LEAST_SHARE * limits.velocity),
-        np.maximum(limits.acceleration - acceleration, _LEAST_SHARE * limits.acceleration),
+        np.maximum(limits.velocity - speed, least * limits.velocity),
+        np.maximum(limits.acceleration - acceleration, least * limits.acceleration),
         share,
         rate_ceiling,
     )

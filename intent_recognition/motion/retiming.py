@@ -17,13 +17,6 @@ from intent_recognition.motion.path import JointPath
 
 N_GRID = 100
 """Intervals of the grid over the phase. Convention: 1 % of an interaction each."""
-_RATE_RATIO_PER_S = 15.0
-"""That multiple changes by at most this per second; bounds s'' where no joint moves. Convention."""
-_CATCH_UP_GAIN = 6.0
-"""Phase rate per lag [1/s] when the lag is small. Convention."""
-_MOST_STEPS = 1500
-"""Steps after which a run is given up: 150 s where limits of 8 rad/s^2 let a step be 0.1 s long
-(`plan.plan_step`). Convention."""
 
 
 class NominalTiming(NamedTuple):
@@ -74,8 +67,10 @@ def speed_limits(
     slope = np.maximum(np.abs(first), 1e-6)
     a = max_acceleration / slope
     b = second * np.where(first < 0.0, -1.0, 1.0) / slope
-    own = np.full((N_GRID, 1), _RATE_RATIO_PER_S / path.duration_s)
-    room = _largest_with_room(a, b, _RATE_RATIO_PER_S / path.duration_s)
+    # the multiple of the predicted rate changes by 15 per second: bounds s'' where no joint moves
+    largest = 15.0 / path.duration_s
+    own = np.full((N_GRID, 1), largest)
+    room = _largest_with_room(a, b, largest)
     a = np.hstack([a[:-1], a[1:], own]) * share[:, None]
     b = np.hstack([b[:-1], b[1:], np.zeros_like(own)])
     # at most six times as fast as predicted: bounds s' where no joint moves
@@ -145,12 +140,13 @@ def run(
     time 0; from a stand it moves on after `hold_s`.
 
     Returns:
-        The progress until it stands (at phase 1 unless braking), or None after `_MOST_STEPS`.
+        The progress until it stands (at phase 1 unless braking), or None after 1500
+        steps: 150 s where limits of 8 rad/s^2 let one be 0.1 s long (`plan.plan_step`).
     """
     bounds = [list(zip(*one, strict=True)) for one in zip(limits.a.tolist(), limits.b.tolist())]
     times, phases, rates = [0.0], [phase], [rate]
     t, s, v = 0.0, phase, rate
-    for _ in range(_MOST_STEPS):
+    for _ in range(1500):
         left = 1.0 - s
         if left <= 1e-9 or (nominal is None and v <= 0.0):
             break
@@ -232,8 +228,9 @@ def _phase_acceleration(
 
 def _approach(lag: float, deceleration: float) -> float:
     """Rate warranted by a lag: linear when small, such that braking keeps to deceleration."""
-    linear = deceleration / _CATCH_UP_GAIN**2
+    gain = 6.0  # [1/s], of a small lag
+    linear = deceleration / gain**2
     size = abs(lag)
     if size <= linear:
-        return _CATCH_UP_GAIN * lag
+        return gain * lag
     return (2.0 * deceleration * (size - linear / 2.0)) ** 0.5 * (1.0 if lag > 0.0 else -1.0)

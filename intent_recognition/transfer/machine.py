@@ -23,19 +23,16 @@ from intent_recognition.transfer.sharing import (
 )
 
 SETTLED_M_S, SETTLED_S = 0.05, 0.1
-"""Speed of the hand, and how long below it, from which on an object is offered [m/s], [s]: the
-simulated arm's overshoot is over. Convention."""
+"""Speed of the hand, and how long below it, from which on an object is offered [m/s], [s].
+Convention: the simulated arm's overshoot is over."""
 SHARE_PER_S = 5.0
 """Fastest change of the share that counts [1/s]. People take 0.2 s and more to take over a load
 (Chan et al. 2012, Fig. 4); a bump of 0.1 s, and what the filter adds to it, ends before."""
-LONGEST_STEP_S = 0.02
-"""Time that a step counts for at most [s], so that the share does not jump after a gap. Convention.
-"""
 TAKEN_SHARE, LEFT_SHARE = 0.9, 0.3
 """Share at which the hand opens, and below which an offer may end. Convention: nearly all, and
 less than a hand that rests on the object."""
 PATIENCE_S = 4.0
-"""Time after which what nobody takes is brought back [s]. Convention."""
+"""Time after which what nobody takes is brought back [s] (docs/transfer.md)."""
 SLIP_SHARE, SLIP_NS, SLIP_S = 0.2, 0.015, 0.02
 """Share of the weight that may be missing while the arm moves: what its model and the acceleration
 leave unexplained; the impulse beyond it that is a slip [N s] (a cumulative sum: Page 1954), and how
@@ -49,10 +46,9 @@ PRESENT_S = 0.6
 """Time that the person's tracked hand must rest near before open fingers close [s]: it may be the
 wrist that is tracked, while the fingers still bring the object. A reaction to the arm that has come
 (0.23 s: Woods et al. 2015) and half a reach."""
-GRIPPED_S = 0.15
-"""Time that the fingers must have stood still on something [s]. Convention."""
-EMPTY_M = 0.0015
-"""Half opening below which there is nothing between the fingers [m]. Convention."""
+GRIPPED_S, EMPTY_M = 0.15, 0.0015
+"""Time that the fingers must have stood still on something [s], and half opening below which there
+is nothing between them [m]. Convention."""
 STEADY_S, STEADY_N = 0.8, 0.3
 """The person has let go when the mean load of the first and of the second half of such a time [s]
 differ by less than this [N]: four standard deviations of that difference. Single loads have a noise
@@ -61,8 +57,8 @@ of 1 N, as they come from differences of velocities with 5 mrad/s, and so it can
 longest in which people give up a load (0.4 s: Chan et al. 2012): who has lowered an object may
 pause, as the simulated giver does, before the hand opens."""
 WEIGHED, REMEMBERED = 20, 400
-"""Loads from which, and of which at most, an object is weighed: at 100 Hz 0.2 s, and the longest
-way of an arm. Convention."""
+"""Loads from which, and of which at most, an object is weighed. Convention: at 100 Hz 0.2 s, and
+the longest way of an arm."""
 
 
 class Request(Enum):
@@ -175,7 +171,7 @@ class TransferMachine:
         if step_s < -CLOCK_BACK_S:
             self._enter(self.holding, now.time_s)
             self._opened_s = now.time_s
-        step_s = min(max(step_s, 0.0), LONGEST_STEP_S)
+        step_s = min(max(step_s, 0.0), 0.02)  # the share does not jump after a gap
         self._time_s = now.time_s
         reach = SHARE_PER_S * step_s
         self._share += float(np.clip(self._felt_share(now) - self._share, -reach, reach))

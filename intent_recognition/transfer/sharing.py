@@ -20,8 +20,6 @@ fingers hold 14 N, the largest force that a transfer may have."""
 GRIP_PER_LOAD = 1.5
 """Grip force by load that the fingers must hold. People have 1 to 2 (Chan et al. 2012, Section IV);
 with friction 0.6 it takes 0.83 to hold at all."""
-LEAST_N = 2.0
-"""Grip while the person carries all, before the hand opens [N]. Convention: the fingers stay on."""
 MOST_N = 70.0
 """Strongest grip [N]: what the Franka Hand holds continuously."""
 
@@ -46,7 +44,8 @@ def carrying_grip(load_n: float) -> float:
 
 def offering_grip(share: float, weight_n: float) -> float:
     """Grip force [N] while the person has taken over a share of the weight [N]: linear in it."""
-    return LEAST_N + (carrying_grip(weight_n) - LEAST_N) * (1.0 - share)
+    least_n = 2.0  # while the person carries all: the fingers stay on
+    return least_n + (carrying_grip(weight_n) - least_n) * (1.0 - share)
 
 
 def away_from_base(person_m: Floats) -> Floats | None:
