@@ -11,11 +11,16 @@ import numpy as np
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.promp import NONE
 
-LEVELS = (0.5, 0.6827, 0.8, 0.9, 0.9545, 0.99)
-"""Shares of the truth that central intervals of the normal distribution should contain. Convention.
-"""
-QUANTILES = (0.67449, 1.0, 1.28155, 1.64485, 2.0, 2.57583)
-"""Half widths of these intervals in standard deviations: quantiles of the normal distribution."""
+QUANTILES = {
+    0.5: 0.67449,
+    0.6827: 1.0,
+    0.8: 1.28155,
+    0.9: 1.64485,
+    0.9545: 2.0,
+    0.99: 2.57583,
+}
+"""Half widths in standard deviations of the central intervals of the normal distribution that
+should contain these shares of the truth."""
 
 
 class RecognitionRecords:
@@ -102,12 +107,12 @@ class NormalisedErrors:
     def add(self, phase: str, normalised_error: Floats) -> None:
         """Add one prediction: errors over their standard deviations, any shape."""
         size = np.abs(normalised_error).ravel()
-        self._inside[phase].append(np.mean(size[:, None] < np.array(QUANTILES), axis=0))
+        self._inside[phase].append(np.mean(size[:, None] < np.array([*QUANTILES.values()]), axis=0))
 
     def table(self) -> dict[str, dict[str, list[float]]]:
         """Per phase: nominal and actual coverage of each interval, mean over predictions."""
         return {
-            phase: {"should": list(LEVELS), "does": np.mean(rows, axis=0).tolist()}
+            phase: {"should": list(QUANTILES), "does": np.mean(rows, axis=0).tolist()}
             for phase, rows in self._inside.items()
         }
 

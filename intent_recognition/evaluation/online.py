@@ -21,9 +21,6 @@ from intent_recognition.recognition import (
 )
 from intent_recognition.signals import Demonstration, common_span, merge
 
-SURE_LOG_STD = 1e-6
-"""Standard deviation of the logarithm of a duration that is known. Numerical safeguard."""
-
 
 class OnlineOutcome(NamedTuple):
     """The decisions during one recording.
@@ -148,14 +145,15 @@ def where_both_were_recorded(recorded: Demonstration) -> Demonstration:
 def _told(library: TaskLibrary, recorded: Demonstration) -> IntentEstimator:
     """An estimator that knows when the movement begins and how long it lasts."""
     log_duration = np.log(recorded.duration_s)
-    sure = np.full(library.n_tasks, SURE_LOG_STD)
+    sure_std = 1e-6
+    sure = np.full(library.n_tasks, sure_std)
     # so that nothing rests
     told = replace(
         library,
         log_duration_mean=np.full(library.n_tasks, log_duration),
         log_duration_std=sure,
         usual_log_duration=np.log(library.usual_s),
-        none_log_duration=np.array([log_duration, SURE_LOG_STD]),
+        none_log_duration=np.array([log_duration, sure_std]),
         onset=tuple(replace(own, reference_speed=1e-9) for own in library.onset),
     )
     return IntentEstimator(told, n_scales=1)

@@ -19,13 +19,12 @@ from intent_recognition.promp import StartPosture
 from intent_recognition.signals import Demonstration, Signal
 
 HORIZONS_S = (0.0, 0.25, 0.5, 1.0)
-"""How far ahead the controlled agent is predicted [s]. Convention."""
+"""How far ahead the controlled agent is predicted [s] (docs/recognition.md)."""
 MOMENTS = tuple(k / 20 for k in range(1, 21))
 """Shares of a recording after which it is. Convention: so many bound the time."""
-WINDOW = 5
-"""Consecutive samples of the observed agent in a window. Convention."""
-N_NEAREST = 20
-"""Windows whose mean is the baseline. Convention."""
+WINDOW, N_NEAREST = 5, 20
+"""Consecutive samples of the observed agent in a window, and windows whose mean is the baseline.
+Convention."""
 REACTIVE_NAMES = ("mse", "mse_nearest_windows", "mse_last_pose")
 
 

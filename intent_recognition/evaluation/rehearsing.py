@@ -24,9 +24,6 @@ from intent_recognition.recognition import (
 )
 from intent_recognition.signals import Demonstration
 
-SMALLEST_P = 1e-12
-"""Least probability that odds are taken of. Numerical safeguard."""
-
 
 class Rehearsed(NamedTuple):
     """What a model would have done during one recording.
@@ -149,6 +146,6 @@ def _follow(library: TaskLibrary, recorded: Demonstration, settings: DecisionSet
         np.array([(one.stamp_ns - recorded.start_ns) * 1e-9 for one, _ in moving]),
         p,
         tuple(active for _, active in moving),
-        np.log((1.0 - p[:, true] + SMALLEST_P) / (p[:, true] + SMALLEST_P)),
+        np.log((1.0 - p[:, true] + 1e-12) / (p[:, true] + 1e-12)),  # odds of 0 and 1, too
         np.array(computed_s),
     )

@@ -25,14 +25,13 @@ from intent_recognition.filtering import (
     make_prior_grid,
     task_posterior,
 )
+from intent_recognition.learning import FRACTIONS as PREDICTION_FRACTIONS
 from intent_recognition.learning import in_turns
 from intent_recognition.promp import StartPosture, TaskLibrary, angle_starts
 from intent_recognition.signals import Demonstration, merge
 
 RECOGNITION_FRACTIONS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 """Shares of the movement, or of the recording, after which recognition is scored. Convention."""
-PREDICTION_FRACTIONS = (0.25, 0.5, 0.75, 1.0)
-"""Shares of the movement, or of the recording, after which prediction is scored. Convention."""
 TRUTH_PHASES = np.linspace(0.0, 1.0, 100)
 PHASES = ("known_phase", "unknown_phase")
 PREDICTION_NAMES = (

@@ -22,13 +22,7 @@ from intent_recognition.evaluation.replaying import follow, samples_of
 from intent_recognition.model import Model
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import Estimate, IntentEstimator
-from intent_recognition.signals import Span, propose_spans
-
-AT_REST_NS = 300_000_000
-"""A movement that the estimator found so near a boundary is the one that begins there [ns].
-
-Convention: the rest after which `OnsetSettings` lets another movement begin.
-"""
+from intent_recognition.signals import OnsetSettings, Span, propose_spans
 
 
 class Segment(NamedTuple):
@@ -72,7 +66,11 @@ def recognise_segments(path: Path, model: Model) -> list[Segment]:
 
 
 def label_spans(spans: Sequence[Span], seen: Iterable[Estimate]) -> list[Segment]:
-    """Divide spans at the onsets that an estimator found within them, and label each part."""
+    """Divide spans at the onsets that an estimator found within them, and label each part.
+
+    An onset that is nearer to a boundary than movements rest is that of what begins there.
+    """
+    rest_ns = round(OnsetSettings.rest_s * 1e9)
     moving = [one for one in seen if one.moving]
     stamps = np.array([one.stamp_ns for one in moving], dtype=np.int64)
     onsets = np.array([one.onset_ns for one in moving], dtype=np.int64)
@@ -80,7 +78,7 @@ def label_spans(spans: Sequence[Span], seen: Iterable[Estimate]) -> list[Segment
     for span in spans:
         within = np.unique(onsets[(stamps > span.start_ns) & (stamps <= span.end_ns)])
         inner = within[
-            (within > span.start_ns + AT_REST_NS) & (within < span.end_ns - AT_REST_NS)
+            (within > span.start_ns + rest_ns) & (within < span.end_ns - rest_ns)
         ].tolist()
         bounds = [span.start_ns, *inner, span.end_ns]
         for start_ns, end_ns in pairwise(bounds):

@@ -23,8 +23,6 @@ from intent_recognition.report.figures_interaction import thin
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PANELS = 5
-"""Small plots side by side. Convention."""
 EXPLANATION = (
     "Every recording is fed to the estimator and the decision that the nodes run. Missed: its task"
     " never became active. The interval is that of Clopper and Pearson and takes recordings for"
@@ -91,9 +89,10 @@ def write_rehearsal_report(path: str | Path, tables: Tables, worst: Sequence[Reh
 @styled
 def worst_figure(runs: Sequence[Rehearsed]) -> "Figure":
     """A small plot for each run: probabilities over time, and what was active."""
-    rows = -(-len(runs) // PANELS)
+    columns = 5
+    rows = -(-len(runs) // columns)
     figure = new_figure(11.2, 0.6 + 2.2 * rows)
-    grid = figure.subplots(rows, PANELS, sharey=True, squeeze=False).ravel()
+    grid = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
     colours = task_colours(runs[0].labels)
     for axes, run in zip(grid, runs, strict=False):
         times_s, p = thin(run.times_s), thin(run.probabilities)

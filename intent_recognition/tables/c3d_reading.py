@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MOST_STATED = 2**16 - 1
-"""Frames that a header can state."""
-MOST_LABELS = 255
-"""Texts that a parameter holds."""
+MOST_STATED, MOST_LABELS = 2**16 - 1, 255
+"""Frames that a header can state, and texts that a parameter holds."""
 NAMED = re.compile(r"LABELS\d*")
 INTEL, SGI = b"\x54", b"\x56"
 """Processors by the fourth byte of the parameters; of others, VAX, the words of a float change

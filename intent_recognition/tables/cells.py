@@ -31,8 +31,11 @@ MAYBE_THOUSANDS = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}([.,])\d{3}(?:\1\d{3})*")
 """A number that may have thousands, or decimals."""
 MARK = re.compile(r"[.,](?=\d)")
 """A mark of thousands, or of decimals."""
-LONGEST_CELL = 60
-"""Characters of a cell that a message repeats. Convention."""
+
+
+def cell_at(text: str, row: int) -> str:
+    """A cell, at most 60 characters of it, and its row as a message has them."""
+    return f"{text[:60]!r} in row {row + 1}"
 
 
 def numbers(values: Values, source: Path, name: str) -> Floats:
@@ -46,7 +49,7 @@ def numbers(values: Values, source: Path, name: str) -> Floats:
             found[row] = np.nan if text.lower() in MISSING else float(with_point(text))
         except ValueError as error:
             cure = "Name a column of numbers in the map; leave empty what was not measured."
-            got = f"{text[:LONGEST_CELL]!r} in row {row + 1}"
+            got = cell_at(text, row)
             raise BagError.about(f"{source}: {name}", "numbers", got, cure) from error
     _check_marks(cells, source, name)
     return found

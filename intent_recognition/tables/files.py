@@ -12,8 +12,8 @@ from intent_recognition.tables.c3d import open_c3d
 from intent_recognition.tables.landmarks import FRAMES, open_frames, open_landmarks
 from intent_recognition.tables.parquet import open_lerobot, open_parquet
 from intent_recognition.tables.skeletons import open_bvh, open_mvnx
-from intent_recognition.tables.table import Table, unusable
-from intent_recognition.tables.text import MOST_CSV, TEXTS, open_text
+from intent_recognition.tables.table import MOST_TEXT, Table, unusable
+from intent_recognition.tables.text import TEXTS, open_text
 from intent_recognition.untrusted import UntrustedError, check_regular
 
 LEROBOT = "meta/info.json"
@@ -42,7 +42,7 @@ def open_table(path: Path, skip_rows: int = 0) -> Table:
         raise unusable(path, "an unpacked file", path.suffix, "Unpack it first.")
     is_text = path.suffix.lower() in TEXTS
     try:
-        check_regular(path, MOST_CSV if is_text else None)
+        check_regular(path, MOST_TEXT if is_text else None)
     except (OSError, UntrustedError) as error:
         raise unusable(path, "a file that can be read", error, "Check the path.") from error
     return open_text(path, skip_rows) if is_text else SUFFIXES[path.suffix.lower()](path)

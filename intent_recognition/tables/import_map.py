@@ -21,8 +21,6 @@ KEYS = (*SIDES, "files", "time", "segments", "every", "task", "labels", "metadat
         "skip_rows")  # fmt: skip
 LARGEST = 1e12
 """Of seconds and rates. Convention: seconds since 1970 are 2e9."""
-SLOWEST = 1e-6
-"""Rate [Hz]. Convention: a sample in twelve days."""
 EXAMPLES = "docs/import.md has examples."
 AXIS = re.compile(r"(?i)([wxyz])[\W_]*$")
 """The axis at the end of the name of a column."""
@@ -259,8 +257,8 @@ def _time(value: object, place: str) -> TimeSource:
     if unit != SAMPLES and ("column" in items) == ("rate" in items):
         raise _error(place, "either column or rate", "both" if "rate" in items else "neither")
     rate = _number(items.get("rate", 1.0), f"{place}: rate")
-    if rate < SLOWEST:
-        raise _error(f"{place}: rate", f"samples a second, at least {SLOWEST:g}", rate)
+    if rate < 1e-6:  # a sample in twelve days
+        raise _error(f"{place}: rate", "samples a second, at least 1e-06", rate)
     since = items.get("since")
     since_ns = None
     if since is not None:

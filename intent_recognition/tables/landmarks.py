@@ -15,15 +15,12 @@ from intent_recognition.array_types import Integers
 from intent_recognition.errors import one_line
 from intent_recognition.tables.cells import flat, text_of
 from intent_recognition.tables.hdf5_reading import RATES, UNIT
-from intent_recognition.tables.table import MOST_COLUMNS, Table, table_of, unusable
+from intent_recognition.tables.table import MOST_COLUMNS, MOST_TEXT, Table, table_of, unusable
 from intent_recognition.tables.times import usual_unit
 from intent_recognition.untrusted import UntrustedError, check_regular
 
 FRAMES = "_keypoints.json"
 """How OpenPose's files end."""
-MOST_JSON = 2**28
-"""Bytes of a file, or of the files of a folder. Convention: an hour of MediaPipe at 30 Hz takes
-0.3 GB."""
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -329,7 +326,7 @@ def _points(listed: Sequence[Any]) -> Points:
 
 def _load(path: Path) -> Any:
     try:
-        check_regular(path, MOST_JSON)
+        check_regular(path, MOST_TEXT)
         content = path.read_bytes()
         try:
             return json.loads(content)

@@ -40,14 +40,11 @@ from intent_recognition.tables.suggested_names import (
 from intent_recognition.tables.table import Table
 from intent_recognition.tables.times import PER_UNIT, TIME_NAME, stamps_ns, usual_unit
 
-STILL = 1e-9
-"""Extent of a column, as a share of its size, below which it is constant. Convention: rounding."""
 MOST_LISTED = 12
 """Columns of a kind that a comment lists. Convention."""
-MOST_JOINTS = 16
-"""Joints that a suggestion has. Convention: two arms with a hand."""
-MOST_BODIES = 8
-"""Bodies that a suggestion has. Convention: a person is asked to delete the others."""
+MOST_JOINTS, MOST_BODIES = 16, 8
+"""Joints and bodies that a suggestion has. Convention: two arms with a hand; a person is asked to
+delete the others."""
 NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
 """What the nanoseconds beside a column of whole seconds are called."""
 LATER = re.compile(r"(?i)next(_obs)?[./]")
@@ -229,7 +226,7 @@ def _columns(table: Table) -> tuple[dict[str, SeenColumn], dict[str, list[str]],
             seen = values[np.isfinite(values)]
             if seen.size:
                 farthest = float(np.abs(seen).max())
-                moves = bool(np.ptp(seen) > STILL * max(1.0, farthest))
+                moves = bool(np.ptp(seen) > 1e-9 * max(1.0, farthest))  # not by rounding
                 found[name] = SeenColumn(name, values, moves, seen.size / values.size, farthest)
     return found, labels, why
 

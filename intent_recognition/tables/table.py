@@ -13,10 +13,11 @@ from intent_recognition.signals import UNITS, spelled
 from intent_recognition.tables.cells import Values, scale_between
 from intent_recognition.tables.times import unit_of_times
 
+MOST_TEXT = 2**28
+"""Bytes of a file of numbers in text, or of those of a folder. Convention: an hour of fifty columns
+at 100 Hz takes 0.2 GB as a CSV, one of MediaPipe at 30 Hz 0.3 GB."""
 MOST_COLUMNS = 10_000
 """Columns of a table. Convention: a motion capture suit takes some hundreds."""
-MOST_NAMED = 40
-"""Columns that a message lists. Convention: some lines of a terminal."""
 UNIT_IN_NAME = re.compile(
     r"(?i)(?:[\[(]|[_ ./-](?=(?:[mcdk\u00b5]m|px|deg(?:ree)?s?|rad(?:ian)?s?"
     r"|(?:milli|centi|deci)met(?:er|re)s?|inch(?:es)?)$))\s*([^\[\]()_\s]+)\s*[\])]?$"
@@ -63,7 +64,7 @@ class Table:
         found = {name: self.find(name) for name in names}
         if missing := [name for name, number in found.items() if number is None]:
             expected = f"the columns of the map, {first_of(missing, 6)} among them"
-            got = first_of([*dict.fromkeys(self.names)], MOST_NAMED) or "no columns"
+            got = first_of([*dict.fromkeys(self.names)], 40) or "no columns"
             cure = "Correct the names in the map; --suggest writes one that has them."
             raise BagError.about(str(self.source), expected, got, cure)
         values = self.read([number for number in found.values() if number is not None])

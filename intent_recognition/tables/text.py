@@ -27,13 +27,12 @@ DELIMITERS = ",;\t| "
 """What may separate the cells of a CSV, in order of preference; blanks where nothing else does."""
 LEAST_CELLS = 3
 """Cells of a table's rows beside which a row of one cell is a title. Convention."""
-MOST_CSV = 2**28
-"""Bytes of a CSV. Convention: an hour of fifty columns at 100 Hz takes 0.2 GB."""
 MOST_CELLS = 10_000_000
 """Cells that are taken from a CSV, or its rows. Convention: they take 0.7 GB while they are read;
 an hour of twenty columns at 100 Hz has 7 million."""
 LONGEST_LINE = 2**16
-"""Characters of a line that are looked at for what separates its cells. Convention."""
+"""Characters of a line that are looked at for what separates its cells. Convention: `MOST_COLUMNS`
+of six characters."""
 HEAD_ROWS = 60
 """Rows that are looked at for a header. Convention: OpenSim's have some thirty."""
 UNIT_LINE = re.compile(r"(?i)(?:length |position )?units? [\[(]?([^\s\])]+)[\])]?")

@@ -13,11 +13,16 @@ from numpy.typing import NDArray
 from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.errors import BagError
-from intent_recognition.signals import LONGEST_PERIOD_S, SHORTEST_PERIOD_S, USUAL_PERIODS_S
+from intent_recognition.signals import (
+    FIRST_CLOCK_S,
+    LONGEST_PERIOD_S,
+    SHORTEST_PERIOD_S,
+    USUAL_PERIODS_S,
+)
 from intent_recognition.tables.cells import (
-    LONGEST_CELL,
     MISSING,
     Values,
+    cell_at,
     with_point,
     without_thousands,
 )
@@ -40,8 +45,7 @@ SAMPLES = "samples"
 SINCE_NS = 946_684_800 * NANOSECONDS
 """From what times count that do not say [ns]: 2000-01-01 UTC. Convention; a stamp of zero counts as
 none."""
-FIRST_CLOCK_NS = 10**18
-"""Times from here on are a computer's clock [ns since 1970]: September 2001. Convention."""
+FIRST_CLOCK_NS = int(FIRST_CLOCK_S) * NANOSECONDS
 LAST_NS = 2**31 * NANOSECONDS
 """The first time [ns] that a stamp of ROS cannot hold: its seconds are int32."""
 DAY_NS = 86_400 * NANOSECONDS
@@ -163,7 +167,7 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
                         rounds += last - counts[row] > round_ns // 2
                         last, counts[row] = counts[row], counts[row] + rounds * round_ns
             except (ArithmeticError, ValueError) as error:
-                got = f"{text[:LONGEST_CELL]!r} in row {row + 1}"
+                got = cell_at(text, row)
                 got += f" beside {day_first!r}" * bool(day_first)
                 cure = "Name a column of numbers, 10:00:00.5 or 2024-01-31 10:00:00.5 under time."
                 raise BagError.about(place, "times", got, cure) from error
