@@ -11,7 +11,6 @@ import argparse
 import json
 import math
 import os
-import secrets
 import socket
 import sys
 import tempfile
@@ -29,7 +28,7 @@ from rclpy.node import Node
 from benchmarks.browser import PageSize, chromium, first_sight_s, open_page, resident_mb
 from benchmarks.measure import Result, at_least, at_most
 from benchmarks.offline import bags_to_model
-from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE, answers
+from intent_recognition.dashboard.admission import TOKEN_VARIABLE, answers, random_token
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.model import Model, save_model
 from intent_recognition.nodes.graph import resolve
@@ -196,7 +195,7 @@ def _graph(model: Path, seconds: float) -> Iterator[tuple]:
     domain = int(os.environ.get("ROS_DOMAIN_ID", DOMAIN))
     within = {**os.environ, RANGE: LOCALHOST}  # other benchmarks want no network
     environment = node_environment(within, domain)
-    environment.setdefault(TOKEN_VARIABLE, secrets.token_urlsafe(TOKEN_BYTES))
+    environment.setdefault(TOKEN_VARIABLE, random_token())
     os.environ.update(environment)
     port = _free_port()
     enough = math.ceil((seconds + START_S) / INTERACTION_S)

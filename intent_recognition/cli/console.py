@@ -23,8 +23,6 @@ from rich.text import Text
 
 from intent_recognition.errors import printable
 
-MOST_LISTED = 5
-"""Items of a list that are printed. Convention."""
 NEWS_S = 30.0
 """Time between two lines of progress where the output is no terminal [s]. Convention."""
 
@@ -50,10 +48,10 @@ def make_console(stderr: bool = False) -> Console:
     return _Output(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
 
 
-def brief_list(items: Sequence[object]) -> str:
+def brief_list(items: Sequence[object], most: int = 5) -> str:
     """The first items by commas, and how many more there are."""
-    more = f", and {len(items) - MOST_LISTED} more" if len(items) > MOST_LISTED else ""
-    return ", ".join(map(str, items[:MOST_LISTED])) + more
+    more = f", and {len(items) - most} more" if len(items) > most else ""
+    return ", ".join(map(str, items[:most])) + more
 
 
 def say(console: Console, text: object, style: str | None = None) -> None:

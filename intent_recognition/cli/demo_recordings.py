@@ -26,7 +26,7 @@ from intent_recognition.cli.demo_session import (
     watched_graph,
 )
 from intent_recognition.cli.output import PRINTED, write_json
-from intent_recognition.cli.session_watch import PLAYER, NodeWatch
+from intent_recognition.cli.session_watch import PLAYER, START_S, NodeWatch
 from intent_recognition.dashboard.admission import answers
 from intent_recognition.demonstrations import find_bags, is_raw_pose, read_demonstrations
 from intent_recognition.errors import ArgumentError, BagError, DofError
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
 AFTER_S = 6.0
 """Longest motion of the arm after a recording [s]. Convention: a recording ends with the person's
 movement, and the arm goes on with what it has begun."""
-START_S = 60.0
-"""Longest start of the nodes [s]. Convention."""
 
 
 class Shown(NamedTuple):

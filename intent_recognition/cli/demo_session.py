@@ -3,7 +3,6 @@
 
 import argparse
 import os
-import secrets
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -16,8 +15,14 @@ from rich.console import Console
 
 from intent_recognition.cli.console import say
 from intent_recognition.cli.demo_scene import Scene
-from intent_recognition.cli.session_watch import COWORKER, Heartbeats, NodeWatch, ProgressLine
-from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE, answers
+from intent_recognition.cli.session_watch import (
+    COWORKER,
+    START_S,
+    Heartbeats,
+    NodeWatch,
+    ProgressLine,
+)
+from intent_recognition.dashboard.admission import TOKEN_VARIABLE, answers, random_token
 from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError
 from intent_recognition.interrupts import noted_interrupts
 from intent_recognition.model import LIBRARY_MODEL
@@ -33,8 +38,6 @@ LIBRARY = "tasks"
 """Folder of what is taught on the page, below the demo's."""
 OWN_INPUTS = ("mocap/wrist/pose", "joint_states", "/clock")
 """Topics that nothing but the demo may publish."""
-GRAPH_DEADLINE_S = 60.0
-"""Longest wait until the nodes have found one another [s]. Convention."""
 PRETRIGGER_THRESHOLD = 0.7
 """Probability of the next task from which on the arm goes ahead (docs/recognition.md)."""
 DOMAINS = (1, 101)
@@ -119,7 +122,7 @@ def watched_graph(
     from intent_recognition.nodes.runtime import spinning
 
     environment = node_environment(os.environ, _domain())
-    environment.setdefault(TOKEN_VARIABLE, secrets.token_urlsafe(TOKEN_BYTES))
+    environment.setdefault(TOKEN_VARIABLE, random_token())
     os.environ.update(environment)
     heartbeats = Heartbeats()
 
@@ -160,7 +163,7 @@ def _run_graph(
         _start_nodes(args, calls, observer, watch)
         console.print("the nodes found one another; the session begins")
         if args.dashboard:
-            watch.until(lambda: answers(page_address(args)), GRAPH_DEADLINE_S, "the page")
+            watch.until(lambda: answers(page_address(args)), START_S, "the page")
             say(console, f"the page is at {page_address(args)}")
         pace = _follow(args, observer, progress, watch)
         logs = {person: observer.log(person) for person in scene.plans}
@@ -188,7 +191,7 @@ def _start_nodes(
     coworker = calls.pop(COWORKER)
     for call in calls.values():
         watch.processes.start(call.name, call.module, call.parameters, params_file=args.params)
-    watch.until(observer.graph_is_complete, GRAPH_DEADLINE_S, "the node graph")
+    watch.until(observer.graph_is_complete, START_S, "the node graph")
     n_listeners = 2 + bool(args.record) + ("object_transfer" in calls)  # the arm, too, then
     listeners = {"exit_at_end": True, "wait_for_subscribers": n_listeners}
     watch.processes.start(coworker.name, coworker.module, coworker.parameters | listeners)

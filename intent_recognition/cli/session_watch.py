@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 COWORKER, PLAYER = "coworker_sim", "bag_player"
 """Nodes that end by themselves."""
+START_S = 60.0
+"""Longest wait for nodes that start, and until they have found one another [s]. Convention."""
 HUNG_S = 30.0
 """A node that has said nothing on /diagnostics for so long hangs [s]. Convention: six times the
 longest that learning keeps one busy, since other work may slow all of them."""

@@ -17,8 +17,8 @@ from intent_recognition.interrupts import uninterrupted_children
 from intent_recognition.model import Run
 
 AHEAD = 3
-"""Pieces of work per worker that are under way, so that none waits and results do not pile up.
-Convention."""
+"""Pieces of work per worker that are under way. Convention: none waits, and results do not pile up.
+"""
 CONNECT_S = 10.0
 """Longest wait for a dask scheduler [s]. Convention."""
 

@@ -33,8 +33,6 @@ from intent_recognition.composing import USUAL_STD, ViaPoint, read_via_points, w
 from intent_recognition.errors import ArgumentError, ResourceBusyError, printable
 
 ESTIMATOR = "intent_estimator"
-ANSWER_S = 10.0
-"""Longest wait for the estimator and its answer [s]. Convention."""
 
 Points = tuple[ViaPoint, ...]
 Change = Callable[[argparse.Namespace, Points], Sequence[ViaPoint]]
@@ -121,11 +119,11 @@ def change_via_points(
     from intent_recognition.nodes.runtime import spin_until
     from intent_recognition.nodes.via_points import VIA_POINTS
 
-    def ask(kind: Any, name: str, request: Any) -> Any:
+    def ask(kind: Any, name: str, request: Any, within_s: float = 10.0) -> Any:
         client = node.create_client(kind, f"{ESTIMATOR}/{name}")
-        if spin_until(executor, client.service_is_ready, ANSWER_S):
+        if spin_until(executor, client.service_is_ready, within_s):
             future = client.call_async(request)
-            if spin_until(executor, future.done, ANSWER_S):
+            if spin_until(executor, future.done, within_s):
                 return future.result()
         cure = "Start it with the same ROS_DOMAIN_ID, or name its --namespace."
         raise ResourceBusyError.about(ESTIMATOR, "a running node", "no answer", cure)

@@ -20,22 +20,23 @@ from intent_recognition.errors import ArgumentError
 TOKEN_VARIABLE = "INTENT_PAGE_TOKEN"
 """Environment variable that sets the token; a variable is not seen by other users, unlike a
 parameter."""
-TOKEN_BYTES = 24
-"""Random bytes of a token: 192 bits cannot be guessed. Convention."""
 TOKEN_FORM = re.compile(r"[A-Za-z0-9_-]{16,128}")
 IDLE_S = 60.0
 """An operator that has done nothing for so long may be followed by another [s]. Convention."""
-ANSWER_S = 2.0
-"""Longest wait for an answer of the page [s]. Convention."""
 _HOST = re.compile(r"(?:\[(?P<number>[0-9A-Fa-f:.]+)\]|(?P<name>[\w.-]+))(?::\d{1,5})?", re.ASCII)
 """A `Host`: an address of IPv6 or a name, and a port."""
 _SCRIPT = re.compile(r"<script\b[^>]*>(.*?)</script>", re.DOTALL | re.IGNORECASE)
 
 
+def random_token() -> str:
+    """192 random bits, which cannot be guessed."""
+    return secrets.token_urlsafe(24)
+
+
 def answers(address: str) -> bool:
-    """Whether the page answers at its address."""
+    """Whether the page answers at its address within two seconds."""
     try:
-        with urlopen(address, timeout=ANSWER_S) as answer:
+        with urlopen(address, timeout=2.0) as answer:
             return bool(answer.status == 200)
     except OSError:
         return False
@@ -173,7 +174,7 @@ def new_token() -> str:
     Raises:
         ArgumentError: the variable holds something that can be guessed or does not fit an address.
     """
-    token = os.environ.get(TOKEN_VARIABLE) or secrets.token_urlsafe(TOKEN_BYTES)
+    token = os.environ.get(TOKEN_VARIABLE) or random_token()
     if not TOKEN_FORM.fullmatch(token):
         expected = "16 to 128 letters, digits, - and _"
         cure = "Unset it: a token is made at each start."

@@ -17,20 +17,19 @@ from intent_recognition.composing import ViaPoint
 from intent_recognition.model import ARRIVED, TO_UNDO, WAITING
 from intent_recognition.plans import WorkPlan
 
-PLOTTED_S = 20.0
-"""Past that is plotted [s]. Convention."""
-PLOTTED_STEP_S = 0.05
-"""Shortest time between two plotted values [s]. Convention."""
+PLOTTED_S, PLOTTED_STEP_S = 20.0, 0.05
+"""Past that is plotted, and shortest time between two of its values [s]. Convention: 400 points of
+a curve."""
 WRIST_S = 3.0
-"""Past of the wrist that is drawn [s]. Convention."""
+"""Past of the wrist that is drawn [s]. Convention: about one reach."""
 FORCES, SENSOR = ("load", "weight", "grip_force"), "sensor"
 """Forces on `intent/transfer`, and the magnitude of that on `wrench` [N]."""
 SHARE, SLIP = "load_share", "slip"
 """What else is shown of `intent/transfer`."""
 ASKED = "asked for help"
 """Key of the diagnostics of `primitive_activation`."""
-FRESH_S = 1.0
-"""What is older is shown as old [s]. Convention."""
+FRESH_S, STALE_S = 1.0, 1.5
+"""What is older is shown as old [s], and a prediction not at all. Convention."""
 
 
 @dataclass(frozen=True)

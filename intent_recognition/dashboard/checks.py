@@ -8,12 +8,13 @@ from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
+from intent_recognition.untrusted import LARGEST
 
-LONGEST_NAME = 200
-"""Characters of a name. Convention."""
-LARGEST = 1e6
-"""Largest magnitude of a number that is drawn [m or rad]: single precision draws it to 0.1.
-Convention."""
+MOST_NAMES = 100
+"""Joints or tasks of a message, nodes whose health is shown, things of a scene and parts of each.
+Convention: far more than a cell has."""
+LONGEST_NAME, LONGEST_SENTENCE = 200, 2000
+"""Characters of a name, and of a message that is shown. Convention."""
 
 
 def check(field: str, expected: str, holds: object, got: object) -> None:

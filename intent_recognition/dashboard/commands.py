@@ -19,15 +19,13 @@ from std_srvs.srv import SetBool, Trigger
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import key_values
 from intent_recognition.nodes.graph import ARMS
+from intent_recognition.nodes.runtime import ANSWER_S
 from intent_recognition.registry import LEARNING
 
 Notify = Callable[[bool, str], None]
 ESTIMATOR, ACTIVATION, TEACHER = ("intent_estimator", "primitive_activation", "task_teacher")
 GUIDING = tuple(f"{arm}/gravity_compensation" for arm in ARMS)
 """Services of simulated arms, of which at most one is there."""
-ANSWER_S = 5.0
-"""A service that has not answered for so long may be called again [s]. Convention: as the teacher
-waits for the estimator."""
 
 
 class Commands:

@@ -10,14 +10,10 @@ import viser
 
 from intent_recognition.array_types import Floats
 from intent_recognition.dashboard import admission
+from intent_recognition.dashboard.person_view import MOVED_M
 from intent_recognition.dashboard.scene import DARK, GREY
+from intent_recognition.dashboard.things_view import Colour
 
-SIZE_M = 0.14
-"""Length of the arrows [m]. Convention."""
-BALL_M = 0.018
-"""Radius of the ball at a goal [m]. Convention."""
-MOVED_M = 1e-3
-"""A handle is moved only farther than this [m]: each move is sent to all browsers. Convention."""
 WRIST, HAND = "wrist", "hand"
 GOALS, DIRECT = "goals", "direct"
 NAMES = {
@@ -31,6 +27,20 @@ ANCHORS: dict[str, Literal["top-left", "top-right"]] = {WRIST: "top-left", HAND:
 """Where names hang: seen with the robot on the left, neither covers the other."""
 
 Moved = Callable[[Floats], None]
+
+
+def add_handle(scene: viser.SceneApi, name: str, place: Floats) -> viser.TransformControlsHandle:
+    """Hidden arrows of 14 cm to drag at a position (3,) [m], seen through everything."""
+    return scene.add_transform_controls(
+        name, 0.14, disable_rotations=True, depth_test=False, position=place, visible=False
+    )
+
+
+def add_ball(
+    scene: viser.SceneApi, name: str, colour: Colour, place: Floats, opacity: float | None = None
+) -> viser.IcosphereHandle:
+    """A ball that marks a position (3,) [m] in its frame."""
+    return scene.add_icosphere(name, 0.018, colour, opacity=opacity, position=place)
 
 
 class Drag:
@@ -90,10 +100,8 @@ class DragHandles:
 
     def _make(self, kind: str, body: str, place: Floats) -> viser.TransformControlsHandle:
         scene, name = self._server.scene, f"/{kind}/{body}"
-        handle = scene.add_transform_controls(
-            name, SIZE_M, disable_rotations=True, depth_test=False, position=place, visible=False
-        )
+        handle = add_handle(scene, name, place)
         scene.add_label(f"{name}/name", NAMES[kind, body], anchor=ANCHORS[body])
         if kind == GOALS:
-            scene.add_icosphere(f"{name}/ball", BALL_M, COLOURS[body], opacity=0.8)
+            add_ball(scene, f"{name}/ball", COLOURS[body], np.zeros(3), opacity=0.8)
         return handle

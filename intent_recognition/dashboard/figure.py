@@ -21,8 +21,6 @@ HIP, SHOULDER, UPPER_ARM, FOREARM = 0.530, 0.818, 0.186, 0.146
 SHOULDER_HALF_WIDTH = 0.129
 MOST_LEAN_RAD = 0.8
 """The upper body leans this far [rad]; for what is farther away the figure is moved. Convention."""
-ELBOW_POLE = np.array([-0.35, 0.45, -1.0])
-"""Where the elbow points: backward, away from the body, down; for a left arm. Convention."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +56,8 @@ class Stance:
 
     @cached_property
     def pole(self) -> Floats:
-        """Where the elbow points (3,), world."""
-        return self.rotation @ (ELBOW_POLE * [1.0, self.side, 1.0])
+        """Where the elbow points (3,), world: backward, away from the body, and down."""
+        return self.rotation @ [-0.35, 0.45 * self.side, -1.0]
 
     @cached_property
     def rotation(self) -> Floats:

@@ -7,15 +7,11 @@ import numpy as np
 import viser
 
 from intent_recognition.array_types import Floats
-from intent_recognition.dashboard.cell import CellState
+from intent_recognition.dashboard.cell import STALE_S, CellState
 from intent_recognition.dashboard.things_view import Colour, rgb
 from intent_recognition.promp import NONE
 from intent_recognition.report import NONE_COLOUR, readable
 
-STALE_S = 1.5
-"""Age from which on a prediction is not drawn [s]. Convention."""
-PATH_WIDTH_M = 0.006
-"""Width of a drawn path [m]. Convention."""
 NOTHING = np.zeros((0, 3))
 GREY = rgb(NONE_COLOUR)
 """Of what is old."""
@@ -28,7 +24,7 @@ class Lines:
         self._scene, self._root = server.scene, root
         self._lines: dict[str, viser.LineSegmentsHandle] = {}
 
-    def draw(self, name: str, path: Floats, colour: Colour, width_m: float) -> None:
+    def draw(self, name: str, path: Floats, colour: Colour, width_m: float = 0.006) -> None:
         """Draw a path (T, 3), or hide it where it has fewer than two points."""
         handle = self._lines.get(name)
         if len(path) < 2:
@@ -72,12 +68,12 @@ class PersonMarks:
             self._wrist.visible = fresh or not self._name
             self._wrist.position = person.wrist
             self._wrist.color = self._colour if fresh else GREY
-            self._lines.draw("wrist_path", person.wrist_path(now_s), GREY, PATH_WIDTH_M / 2)
+            self._lines.draw("wrist_path", person.wrist_path(now_s), GREY, width_m=0.003)
         best = person.posterior.best if person.posterior is not None else ""
         colour = rgb(colours.get(best, NONE_COLOUR))
         shown = person.drawn if state.fresh(person.drawn_at_s, now_s, STALE_S) else None
         path = NOTHING if shown is None else shown.predicted
-        self._lines.draw("predicted", path, colour, PATH_WIDTH_M)
+        self._lines.draw("predicted", path, colour)
         self._draw_tube(NOTHING if shown is None else shown.tube, colour)
         self._label.visible = len(path) > 0 and best != NONE
         if self._label.visible:

@@ -18,7 +18,8 @@ FIGURE_GREY = (158, 160, 163)
 UPPER_ARM_FRAME = "/upper_body/upper_arm"
 FOREARM_FRAME = f"{UPPER_ARM_FRAME}/forearm"
 MOVED_M = 1e-3
-"""The figure follows a wrist that has moved farther [m]. Convention: noise of a tracker at rest."""
+"""What is drawn follows what has moved farther [m]: each move is sent to all browsers. Convention:
+noise of a tracker at rest."""
 Ball = tuple[float, float, float, float]
 """Middle and radius, as shares of the body's height."""
 

@@ -15,15 +15,15 @@ from trimesh.visual.material import PBRMaterial
 from viser.extras import ViserUrdf
 
 from intent_recognition.array_types import Floats
-from intent_recognition.dashboard.checks import LARGEST
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Chain, joint_poses, tip_pose, tip_positions
 from intent_recognition.motion import is_hand
+from intent_recognition.untrusted import LARGEST
 
 ROOT = "/robot"
 TURNING, SHIFTING = ("revolute", "continuous"), ("prismatic",)
 MOST_JOINTS = 300
-"""Joints of a description. Convention."""
+"""Joints of a description. Convention: a humanoid with two hands has 80."""
 
 
 class RobotView:

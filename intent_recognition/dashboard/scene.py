@@ -8,13 +8,11 @@ import numpy as np
 import viser
 
 from intent_recognition.array_types import Floats
-from intent_recognition.dashboard.cell import CellState
+from intent_recognition.dashboard.cell import STALE_S, CellState
 from intent_recognition.dashboard.handling import HandlingMoment
 from intent_recognition.dashboard.person_marks import (
     GREY,
     NOTHING,
-    PATH_WIDTH_M,
-    STALE_S,
     Lines,
     PersonMarks,
 )
@@ -157,7 +155,7 @@ class PageScene:
         person = state.person
         predicted = person.predicted
         if predicted is None or not state.fresh(person.predicted_at_s, now_s, STALE_S):
-            self._lines.draw("hand_path", NOTHING, DARK, PATH_WIDTH_M)
+            self._lines.draw("hand_path", NOTHING, DARK)
             return
         due, robot = now_s - self._hand_path_at_s >= 0.2, self.robot
         if robot is None or not due or len(predicted.positions) < 2:
@@ -168,7 +166,7 @@ class PageScene:
             return
         self.hand_path = predicted.task, path
         colour = rgb(colours.get(predicted.task, NONE_COLOUR))
-        self._lines.draw("hand_path", path, colour, PATH_WIDTH_M)
+        self._lines.draw("hand_path", path, colour)
 
 
 def _skeleton(joints: Mapping[str, float]) -> Floats:

@@ -4,7 +4,7 @@
 A page knows no more of a cell than this file and the topics say. docs/dashboard.md has the keys.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -16,21 +16,18 @@ from msgspec import Meta, Struct
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Floats
+from intent_recognition.dashboard.checks import MOST_NAMES
 from intent_recognition.dashboard.figure import Stance
 from intent_recognition.errors import ArgumentError, one_line
 from intent_recognition.share import share_path
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
-MOST_THINGS = 100
-"""Things of a scene, and parts of each. Convention."""
 LARGEST_M = 100.0
 """Farthest place and longest edge [m]. Convention: a mistake in the unit is farther."""
 Coordinate = Annotated[float, Meta(ge=-LARGEST_M, le=LARGEST_M)]
 Size = Annotated[float, Meta(gt=0.0, le=LARGEST_M)]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
 SHIPPED = "config/scenes"
-VIEW = ((1.72, -1.38, 1.05), (0.48, 0.0, 0.33))
-"""Where the camera is, and what it looks at, of an arm at the origin [m]. Convention."""
 GREY = "#9aa5b1"
 ROBOT, PERSON = "robot", "person"
 T = TypeVar("T")
@@ -79,7 +76,7 @@ class Thing(Placed, frozen=True):
     """
 
     name: Annotated[str, Meta(pattern=r"^\w+\Z")]
-    parts: Annotated[tuple[ScenePart, ...], Meta(min_length=1, max_length=MOST_THINGS)]
+    parts: Annotated[tuple[ScenePart, ...], Meta(min_length=1, max_length=MOST_NAMES)]
 
 
 class Body(Thing, frozen=True):
@@ -104,32 +101,6 @@ class Body(Thing, frozen=True):
             raise ValueError(f"Expected {needed}: x, y, z of what the {self.brought_by} brings")
 
 
-class _Person(Struct, forbid_unknown_fields=True):
-    stands: tuple[Coordinate, Coordinate]
-    faces: Coordinate = 0.0
-    height: Annotated[float, Meta(ge=0.5, le=2.5)] = 1.75
-    hand: Literal["left", "right"] = "right"
-
-    def stance(self, floor_m: float) -> Stance:
-        return Stance(
-            np.array([*self.stands, floor_m]), self.faces, self.height, self.hand == "left"
-        )
-
-
-class _SceneFile(Struct, forbid_unknown_fields=True):
-    floor: Coordinate = 0.0
-    person: _Person | None = None
-    people: dict[str, object] = {}  # each a `_Person`: msgspec does not name the key at fault
-    furniture: Annotated[tuple[Thing, ...], Meta(max_length=MOST_THINGS)] = ()
-    bodies: Annotated[tuple[Body, ...], Meta(max_length=MOST_THINGS)] = ()
-    view: tuple[Vector, Vector] = VIEW
-
-    def __post_init__(self) -> None:
-        names = [thing.name for thing in (*self.furniture, *self.bodies)]
-        if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise ValueError(f"Expected names that differ, got {twice[0]} twice")
-
-
 @dataclass(frozen=True)
 class CellScene:
     """All that the file says.
@@ -147,8 +118,34 @@ class CellScene:
     person: Stance | None = None
     furniture: tuple[Thing, ...] = ()
     bodies: tuple[Body, ...] = ()
-    view: Sequence[Sequence[float]] = VIEW
+    view: tuple[Vector, Vector] = ((1.72, -1.38, 1.05), (0.48, 0.0, 0.33))
     people: Mapping[str, Stance] = field(default_factory=dict)
+
+
+class _Person(Struct, forbid_unknown_fields=True):
+    stands: tuple[Coordinate, Coordinate]
+    faces: Coordinate = 0.0
+    height: Annotated[float, Meta(ge=0.5, le=2.5)] = 1.75
+    hand: Literal["left", "right"] = "right"
+
+    def stance(self, floor_m: float) -> Stance:
+        return Stance(
+            np.array([*self.stands, floor_m]), self.faces, self.height, self.hand == "left"
+        )
+
+
+class _SceneFile(Struct, forbid_unknown_fields=True):
+    floor: Coordinate = 0.0
+    person: _Person | None = None
+    people: dict[str, object] = {}  # each a `_Person`: msgspec does not name the key at fault
+    furniture: Annotated[tuple[Thing, ...], Meta(max_length=MOST_NAMES)] = ()
+    bodies: Annotated[tuple[Body, ...], Meta(max_length=MOST_NAMES)] = ()
+    view: tuple[Vector, Vector] = CellScene.view
+
+    def __post_init__(self) -> None:
+        names = [thing.name for thing in (*self.furniture, *self.bodies)]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"Expected names that differ, got {twice[0]} twice")
 
 
 def load_scene(path: str | Path) -> CellScene:

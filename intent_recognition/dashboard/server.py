@@ -40,14 +40,13 @@ from intent_recognition.dashboard.browser_messages import (
 from intent_recognition.dashboard.welcome import AUTO, LIGHT, NEVER, welcome
 from intent_recognition.errors import ResourceBusyError, one_line
 
-MOST_CLIENTS = 8
-"""Browsers that have the page open at once. Convention."""
-MOST_SOCKETS = 64
-"""Connections at once, admitted or not: a browser opens six. Convention."""
+MOST_CLIENTS, MOST_SOCKETS = 8, 64
+"""Browsers that have the page open at once, and connections, admitted or not. Convention: a browser
+opens six."""
 SEND_S = 10.0
 """A browser that takes nothing for so long is cut off [s]. Convention."""
 LARGEST_MESSAGE = 2**16
-"""Bytes of a message from a browser: it sends where a handle is. Convention."""
+"""Bytes of a message from a browser. Convention: it sends where a handle is."""
 WINDOW = 32
 """Messages that viser packs into one transmission, which is what a slow browser holds in memory.
 Convention: an update of the page has fewer."""

@@ -34,6 +34,8 @@ from intent_recognition.dashboard.cell import (
 )
 from intent_recognition.dashboard.checks import (
     LONGEST_NAME,
+    LONGEST_SENTENCE,
+    MOST_NAMES,
     check,
     check_count,
     checked_names,
@@ -47,16 +49,12 @@ from intent_recognition.nodes.conversions import position_array
 from intent_recognition.nodes.diagnostics import ENDED
 from intent_recognition.plans import read_plan
 
-MOST_NAMES = 100
-"""Joints or tasks of a message, and nodes whose health is shown. Convention."""
 MOST_POINTS = 10_000
-"""Points of a path, a tube or a trajectory. Convention."""
+"""Points of a path, a tube or a trajectory. Convention: 100 s at 100 Hz."""
 MOST_PEOPLE = 8
 """People with names who are shown at a time; who is seen no more makes room. Convention."""
-LONGEST_SENTENCE = 2000
-"""Characters of a message that is shown. Convention."""
 LONGEST_DESCRIPTION = 1_000_000
-"""Characters of a URDF: thirty times that of the simulated arm. Convention."""
+"""Characters of a URDF. Convention: thirty times that of the simulated arm."""
 
 
 class CellSubscriptions:

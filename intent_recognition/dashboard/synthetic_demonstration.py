@@ -14,8 +14,6 @@ from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion import Offset
 from intent_recognition.promp import minimum_jerk
 
-REST_S = 0.9
-"""Both rest so long before and after [s]: the onset is found from rest."""
 REACTION_SHARE = 0.15
 """The arm sets out after this share of the wrist's movement. Convention."""
 PEAK_SPEED, PEAK_ACCELERATION = 15.0 / 8.0, 10.0 / np.sqrt(3.0)
@@ -30,14 +28,14 @@ class SyntheticDemonstration:
         start_m, goal_m: of the wrist (3,).
         bow_m: how far the path bows out in its middle (3,).
         duration_s: of the wrist's movement.
-        rest_s: both rest before it, and after the arm has arrived.
+        rest_s: both rest before it, as the onset is found from rest, and after the arm has arrived.
     """
 
     start_m: Floats
     goal_m: Floats
     bow_m: Floats
     duration_s: float
-    rest_s: float = REST_S
+    rest_s: float = 0.9
 
     @property
     def arm_start_s(self) -> float:

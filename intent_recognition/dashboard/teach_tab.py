@@ -16,12 +16,6 @@ from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.dashboard.widgets import PageAccess, set_value, slider_value
 
-REST_M = np.array([1.05, 0.0, 0.25])
-"""Where the wrist rests before a demonstration [m]. Convention."""
-WRIST_GOAL_M = (0.78, 0.22, 0.42)
-"""Goal of the wrist that the page begins with [m]. Convention: within reach of both."""
-HAND_GOAL_M = (0.60, 0.20, 0.42)
-"""Goal of the robot's hand that the page begins with [m]. Convention: a handover."""
 SET_GOALS, BY_HAND = "set two goals", "drag both myself"
 FEW = 3
 """Demonstrations of a task that are recorded before learning. Convention."""
@@ -67,8 +61,8 @@ class TeachTab:
         self._how = gui.add_dropdown("Show by", (SET_GOALS, BY_HAND))
         self._task = gui.add_text("Task", "my_task", hint="label of what is recorded")
         with gui.add_folder("Goals: x, y, z [m]") as self._goals:
-            self._wrist_goal = gui.add_vector3("Human's wrist", WRIST_GOAL_M, step=0.01)
-            self._hand_goal = gui.add_vector3("Robot's hand", HAND_GOAL_M, step=0.01)
+            self._wrist_goal = gui.add_vector3("Human's wrist", (0.78, 0.22, 0.42), step=0.01)
+            self._hand_goal = gui.add_vector3("Robot's hand", (0.60, 0.20, 0.42), step=0.01)
             self._length = gui.add_slider("Duration [s]", 1.0, 4.0, 0.1, 2.0)
             self._vary = gui.add_slider("Variation [cm]", 0.0, 8.0, 0.5, 3.0)
         self._record = gui.add_button(RECORD, icon=viser.Icon.PLAYER_RECORD, color=rgb(markup.BAD))
@@ -77,8 +71,9 @@ class TeachTab:
         self._reach = gui.add_button(REACH, icon=viser.Icon.HAND_FINGER)
         self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, color="gray")
         self._status = gui.add_html("")
+        goals = {WRIST: self._wrist_goal, HAND: self._hand_goal}
         self._handles = DragHandles(
-            server, {WRIST: np.array(WRIST_GOAL_M), HAND: np.array(HAND_GOAL_M)}
+            server, {body: np.array(goal.value) for body, goal in goals.items()}
         )
         self._connect()
 
@@ -167,7 +162,7 @@ class TeachTab:
 
     def _take_or_release(self) -> None:
         if self._take.value:
-            self._teleoperation.take_wrist(REST_M)
+            self._teleoperation.take_wrist(np.array([1.05, 0.0, 0.25]))
         elif self._session.busy:
             set_value(self._take, True)
         else:

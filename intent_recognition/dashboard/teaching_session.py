@@ -12,7 +12,7 @@ from intent_recognition.dashboard.synthetic_demonstration import (
     SyntheticDemonstration,
     sample_demonstration,
 )
-from intent_recognition.dashboard.teleoperation import RETURN_S, Teleoperation
+from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.errors import KinematicsError
 
 
@@ -145,7 +145,7 @@ class TeachingSession:
     def _go_back(self, start: Floats, home: Floats | None) -> None:
         """Wrist and arm return to where they were; nothing of it is recorded."""
         way = SyntheticDemonstration(
-            self._teleoperation.position, start, np.zeros(3), RETURN_S, 0.3
+            self._teleoperation.position, start, np.zeros(3), duration_s=1.5, rest_s=0.3
         )
         self._teleoperation.play(way, home, self._rest)
 

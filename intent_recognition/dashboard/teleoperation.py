@@ -26,8 +26,6 @@ from intent_recognition.nodes.runtime import steady_timer
 
 RATE_HZ = 100.0
 """Rate of the published poses [Hz]: that of the shipped recordings."""
-RETURN_S = 1.5
-"""Duration of the way back after a demonstration [s]. Convention."""
 SILENT_ARM = "The arm's joint states have stopped."
 
 

@@ -7,14 +7,13 @@ import viser
 from intent_recognition.array_types import Floats
 from intent_recognition.composing import HAND, ViaPoint, write_via_points
 from intent_recognition.dashboard.commands import ESTIMATOR
-from intent_recognition.dashboard.drag_handles import BALL_M, MOVED_M, SIZE_M, Drag
+from intent_recognition.dashboard.drag_handles import Drag, add_ball, add_handle
+from intent_recognition.dashboard.person_view import MOVED_M
 from intent_recognition.dashboard.scene import DARK
 from intent_recognition.dashboard.widgets import PageAccess, set_value, slider_value
 
 NOTHING = "none"
 """Stands in the list while no via point is in force."""
-STDS_CM = (0.1, 10.0)
-"""How exactly the hand may be asked to pass [cm]. Convention."""
 
 
 class ViaPointControls:
@@ -29,13 +28,10 @@ class ViaPointControls:
                 "Drag the robot's path", False, hint="the hand's, as it was predicted last"
             )
             self._phase = gui.add_slider("At phase", 0.0, 1.0, 0.01, 0.5)
-            low, high = STDS_CM
-            self._std = gui.add_number("Within [cm]", 1.0, min=low, max=high, step=0.1)
+            self._std = gui.add_number("Within [cm]", 1.0, min=0.1, max=10.0, step=0.1)
             self._chosen = gui.add_dropdown("In force", (NOTHING,))
             self._remove = gui.add_button("Remove it", disabled=True)
-        self._handle = server.scene.add_transform_controls(
-            "/via/handle", SIZE_M, disable_rotations=True, depth_test=False, visible=False
-        )
+        self._handle = add_handle(server.scene, "/via/handle", np.zeros(3))
         server.scene.add_label("/via/handle/name", "pass here", anchor="top-center")
         self._drawn: list[viser.SceneNodeHandle] = []
         self._dragged = Drag(server, self._handle, self._on_moved)
@@ -63,7 +59,7 @@ class ViaPointControls:
             return
         names = {point.name for point in self._points}
         name = next(n for k in range(1, len(names) + 2) if (n := f"page {k}") not in names)
-        std = float(np.clip(self._std.value, *STDS_CM)) * 1e-2
+        std = float(np.clip(self._std.value, self._std.min, self._std.max)) * 1e-2
         x, y, z = np.round(place, 4).tolist()
         new = ViaPoint(
             name, {HAND: (x, y, z)}, (std,) * 3, slider_value(self._phase), None, self._path[0]
@@ -97,7 +93,7 @@ class ViaPointControls:
         for k, point in enumerate(self._points):
             if point.of_hand:
                 scene, place = self._page.server.scene, np.array(point.values[HAND])
-                ball = scene.add_icosphere(f"/via/point{k}", BALL_M, DARK, position=place)
+                ball = add_ball(scene, f"/via/point{k}", DARK, place)
                 text = f"{point.name}: {point.task or 'all tasks'}"
                 scene.add_label(f"/via/point{k}/name", text, anchor="bottom-center")
                 self._drawn.append(ball)

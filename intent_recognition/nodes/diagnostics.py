@@ -29,7 +29,7 @@ MODEL = "model"
 """Key under which the estimator says which model file it has loaded."""
 
 PATIENCE_S = 3.0
-"""Without /clock or input for so long [s], a node warns. Convention."""
+"""Without /clock, input or a topic's publisher for so long [s], a node warns. Convention."""
 
 UNANSWERED = "not waited for"
 """Key under which a simulation names the nodes that its clock went on without."""

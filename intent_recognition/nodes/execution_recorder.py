@@ -10,10 +10,7 @@ from intent_recognition.bags import BagWriter, DiskFullError, RawMessage
 from intent_recognition.demonstrations import CORRECTION_TOPIC, CORRECTION_TYPE
 from intent_recognition.errors import IntentError
 from intent_recognition.model import CORRECTIONS, Executions
-
-CLOCK_BACK_NS = 100_000_000
-"""A message so much earlier than the last [ns] is of another pass of simulated time. Convention:
-as `runtime.when_clock_goes_back`."""
+from intent_recognition.nodes.runtime import CLOCK_BACK_NS
 
 
 class ExecutionRecorder:

@@ -6,7 +6,7 @@ from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReli
 from intent_recognition.bags import TopicInfo, qos_policy
 
 PLAYBACK_DEPTH = 1000
-"""Messages that a publisher keeps for slow subscribers. Convention."""
+"""Messages that a publisher keeps for slow subscribers. Convention: 10 s at 100 Hz."""
 LATCHED_TOPICS = (
     "intent/active_person",
     "intent/active_task",
@@ -46,15 +46,14 @@ COMMAND = keep_last(1)
 LATCHED = keep_last(1, latched=True)
 """Reliable, transient local: the last value reaches late subscribers (`robot_description`)."""
 
+EACH = 100
+"""Messages that a taker keeps of which none may be missed: as many as tf2 keeps of /tf."""
 
-TRANSFORMS = keep_last(100)
+TRANSFORMS = keep_last(EACH)
 """Reliable, keep last 100: /tf, as tf2 has it."""
 
-FIXED_TRANSFORMS = keep_last(100, latched=True)
+FIXED_TRANSFORMS = keep_last(EACH, latched=True)
 """Reliable, transient local, keep last 100: /tf_static, as tf2 has it."""
-
-EACH = 100
-"""Messages that a taker keeps of which none may be missed. Convention."""
 
 
 def each_of(profile: QoSProfile) -> QoSProfile:

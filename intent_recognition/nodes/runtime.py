@@ -35,6 +35,12 @@ _START_ERRORS = (
     NameValidationException,
     rclpy_implementation.RCLError,
 )
+ANSWER_S = 5.0
+"""What has not answered for so long is asked again [s]. Convention: a model is loaded in less than
+one."""
+CLOCK_BACK_NS = 100_000_000
+"""Simulated time that goes back farther [ns] begins anew. Convention: more than jitter, less than a
+pass of any recording."""
 END_S = 30.0
 """A node that cannot be destroyed in this time [s] ends with its process. Convention: longer than
 closing any file takes."""
@@ -147,7 +153,7 @@ def when_clock_goes_back(node: Node, action: Callable[[], object]) -> None:
         node.get_logger().info(f"/clock went back by {-jump.delta.nanoseconds * 1e-9:.1f} s")
         action()
 
-    least = Duration(seconds=-0.1)  # more than jitter, less than a pass of any recording
+    least = Duration(nanoseconds=-CLOCK_BACK_NS)
     threshold = JumpThreshold(min_forward=None, min_backward=least, on_clock_change=False)
     handle = node.get_clock().create_jump_callback(threshold, post_callback=jumped)
     node.__dict__.setdefault("_jump_handles", []).append(handle)  # it ends with the last reference

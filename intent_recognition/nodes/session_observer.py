@@ -25,9 +25,6 @@ from intent_recognition.nodes.runtime import now_ns
 from intent_recognition.promp import NONE
 from intent_recognition.registry import ANSWERS
 
-EVERY_PATH_NS = 100_000_000
-"""Time between two predictions that are kept [ns]. Convention."""
-
 
 class _Seen:
     """What was on the topics of one person."""
@@ -54,7 +51,7 @@ class _Seen:
         self.tasks.append((stamp_ns(message), row))
 
     def take_prediction(self, now_ns: int, message: JointTrajectory) -> None:
-        if self.predictions and now_ns - self.predictions[-1][0] < EVERY_PATH_NS:
+        if not _is_due(now_ns, self.predictions):
             return
         try:
             times, positions, others = trajectory_arrays(message)
@@ -65,7 +62,7 @@ class _Seen:
         self.predictions.append((now_ns, *of, times, positions, std))
 
     def take_path(self, now_ns: int, message: Path) -> None:
-        if not self.paths or now_ns - self.paths[-1][0] >= EVERY_PATH_NS:
+        if _is_due(now_ns, self.paths):
             points = np.array([position_array(pose.pose) for pose in message.poses])
             self.paths.append((now_ns, points))
 
@@ -211,6 +208,11 @@ def _while_active(
 ) -> list[tuple[int, str, Floats]]:
     places = np.searchsorted([at_ns for at_ns, _ in active], [row[0] for row in rows], "right")
     return [row for row, k in zip(rows, places, strict=True) if k and active[k - 1][1]]
+
+
+def _is_due(now_ns: int, kept: Sequence[tuple]) -> bool:
+    """Whether a prediction may be kept: ten a second."""
+    return not kept or now_ns - kept[-1][0] >= 100_000_000
 
 
 def _columns(rows: Sequence[tuple[int, Floats]], width: int) -> tuple[Integers, Floats]:

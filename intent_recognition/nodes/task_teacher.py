@@ -39,15 +39,11 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import MODEL, Level, key_values, values_of
 from intent_recognition.nodes.execution_recorder import ExecutionRecorder
 from intent_recognition.nodes.parameters import declare
-from intent_recognition.nodes.runtime import now_ns, run, steady_timer
+from intent_recognition.nodes.runtime import ANSWER_S, now_ns, run, steady_timer
 from intent_recognition.nodes.services import answer, serve
 from intent_recognition.nodes.task_practice import TaskPracticeService
 from intent_recognition.nodes.topic_recorder import TopicRecorder, refuse_label
 from intent_recognition.registry import LEARNING
-
-ANSWER_S = 5.0
-"""An estimator that has not answered for so long is asked again [s]. Convention: a model is loaded
-in less than one."""
 
 
 class TaskTeacher(TopicRecorder):

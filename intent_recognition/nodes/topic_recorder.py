@@ -24,13 +24,11 @@ from intent_recognition.demonstrations import check_label
 from intent_recognition.errors import BagError, IntentError, ResourceBusyError, one_line
 from intent_recognition.nodes.bag_listener import BagListener
 from intent_recognition.nodes.conversions import message_class
-from intent_recognition.nodes.diagnostics import Diagnostics, Level
+from intent_recognition.nodes.diagnostics import PATIENCE_S, Diagnostics, Level
 from intent_recognition.nodes.qos import keep_last
 from intent_recognition.nodes.runtime import simulated_ns, steady_timer
 from intent_recognition.registry import ANSWERS
 
-UNPUBLISHED_S = 3.0
-"""How long after its start a recorder names the topics without a publisher [s]. Convention."""
 ABSOLUTE_TOPICS = ("/clock", "/diagnostics")
 
 
@@ -81,7 +79,7 @@ class TopicRecorder(Node):
         steady_timer(self, 0.1, self.discover)
         steady_timer(self, FLUSH_PERIOD_S, self._flush)
         self.discover()
-        self._patience = steady_timer(self, UNPUBLISHED_S, self._warn_of_silent)
+        self._patience = steady_timer(self, PATIENCE_S, self._warn_of_silent)
 
     @property
     def listening(self) -> tuple[str, ...]:

@@ -188,7 +188,7 @@ def test_simulated_time_is_what_is_logged_and_nothing_before_it_runs(harness, tm
 
 @pytest.mark.parametrize("topics", [{}, {"topics": ["late", "early"]}])
 def test_topics_that_nobody_publishes_are_named_once(harness, tmp_path, monkeypatch, topics):
-    monkeypatch.setattr(topic_recorder, "UNPUBLISHED_S", 0.5)
+    monkeypatch.setattr(topic_recorder, "PATIENCE_S", 0.5)
     early = harness.publisher(PoseStamped, "alone/early", SENSOR) if topics else None
     node = harness.add(recorder("alone", output=str(tmp_path / "new"), **topics))
     said = []
