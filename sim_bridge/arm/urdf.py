@@ -16,10 +16,9 @@ from intent_recognition.kinematics import end_of, package_shares, packages_aroun
 
 WORLD = "world"
 """Root link of a description."""
-DEFAULT_MASS_KG = 2.0
-"""Mass of a link that moves and whose URDF has none. Convention: as the middle ones of cobots."""
-DEFAULT_INERTIA = 0.01
-"""Its moments of inertia [kg m^2]: those of a ball of that mass and 11 cm."""
+DEFAULT_MASS_KG, DEFAULT_INERTIA = 2.0, 0.01
+"""Mass and moments of inertia [kg m^2] of a link that moves and whose URDF has none: those of a
+ball of 11 cm. Convention: as the middle ones of cobots."""
 JAW = 0.1, 1e-4
 """Likewise of what a gripper moves. Convention: as the Panda's finger."""
 

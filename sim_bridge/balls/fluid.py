@@ -11,10 +11,8 @@ from sim_bridge.containers import Container
 PACKING = 0.6
 """Share of the space that settled balls take up."""
 
-N_HEIGHTS = 7
-"""Heights at which the inner outline is taken. Convention."""
-N_CORNERS = 32
-"""Corners of each outline. Convention."""
+N_HEIGHTS, N_CORNERS = 7, 32
+"""Heights at which the inner outline is taken, and corners of each. Convention."""
 
 
 def hollow_of(container: Container) -> Hollow:

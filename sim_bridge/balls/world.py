@@ -17,8 +17,6 @@ STEP_S = 1.0 / 240.0
 """Physics step [s], the default of PyBullet."""
 DENSITY_KG_M3 = 1000.0
 """Of the balls: that of water [kg/m^3]."""
-FRICTION = 0.0
-"""None, so that balls flow. Convention."""
 CONTACT_BREAKING_M = 0.001
 """Distance [m] at which Bullet drops a contact; its default of 20 mm is slower."""
 SOLVER_ITERATIONS = 10
@@ -64,7 +62,7 @@ class BallWorld(AbstractContextManager["BallWorld"]):
         )
         shape = client.createCollisionShape(client.GEOM_MESH, fileName=str(self._walls))
         walls = client.createMultiBody(0.0, shape)
-        client.changeDynamics(walls, -1, lateralFriction=FRICTION, restitution=0.0)
+        client.changeDynamics(walls, -1, lateralFriction=0.0, restitution=0.0)  # balls flow
         self._sphere = client.createCollisionShape(client.GEOM_SPHERE, radius=self.ball_radius_m)
         self._balls = []
         self.set_gravity(np.array([0.0, 0.0, -1.0]))
@@ -123,6 +121,6 @@ def add_balls(
         mass = ball_mass_kg(radius_m)
         ball = client.createMultiBody(mass, sphere, basePosition=place, useMaximalCoordinates=1)
         still = {"restitution": 0.0, "linearDamping": damping, "angularDamping": 0.0}
-        client.changeDynamics(ball, -1, lateralFriction=FRICTION, **still)
+        client.changeDynamics(ball, -1, lateralFriction=0.0, **still)
         balls.append(ball)
     return balls

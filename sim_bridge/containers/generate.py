@@ -10,10 +10,8 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping import surface_volume
 from sim_bridge.containers.container import Container, Sections
-from sim_bridge.containers.surfaces import at_heights, close_rings, swept_tube
+from sim_bridge.containers.surfaces import N_CORNERS, at_heights, close_rings, swept_tube
 
-N_CORNERS = 64
-"""Corners of each outline. Convention."""
 CONTAINER_SEED = 1
 """Seed of the shapes of the ten containers in all recordings and trials. Convention."""
 

@@ -7,8 +7,8 @@ import trimesh
 from intent_recognition.array_types import Floats
 from intent_recognition.warping import closed_tube_faces
 
-TUBE_CORNERS = 16
-"""Corners of a handle's cross section. Convention."""
+N_CORNERS, TUBE_CORNERS = 64, 16
+"""Corners of each outline, and of a handle's cross section. Convention."""
 
 
 def at_heights(outlines: Floats, heights_m: Floats) -> Floats:

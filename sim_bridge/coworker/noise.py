@@ -9,14 +9,11 @@ import numpy as np
 from intent_recognition.array_types import Flags, Floats
 from intent_recognition.promp import minimum_jerk
 
-TREMOR_STD_M = 0.0004
-"""Standard deviation of physiological tremor per axis [m]: below a millimetre. Convention."""
-SWAY_STD_M = 0.0012
-"""Standard deviation of slow postural sway per axis [m]. Convention."""
-MARKER_STD_M = 0.001
-"""Noise of a tracked position per axis [m]. Convention."""
-MARKER_ANGLE_STD_RAD = 0.006
-"""Noise of a tracked orientation per axis [rad]. Convention."""
+TREMOR_STD_M, SWAY_STD_M = 0.0004, 0.0012
+"""Standard deviations of physiological tremor, below a millimetre, and of slow postural sway, per
+axis [m]. Convention."""
+MARKER_STD_M, MARKER_ANGLE_STD_RAD = 0.001, 0.006
+"""Noise of a tracked position [m] and orientation [rad] per axis. Convention."""
 
 
 def smooth_noise(rng: np.random.Generator, count: int, rate_hz: float, cutoff_hz: float) -> Floats:

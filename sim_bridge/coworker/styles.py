@@ -21,10 +21,9 @@ HOLD = "hold_screwdriver"
 TASKS = (PLATE, SCREW, HOLD)
 """The three tasks of the toolbox assembly (Ewerton et al. 2015, Fig. 5)."""
 
-REST_CENTRE_M = np.array([1.10, 0.0, 0.27])
-"""Middle of the region in which the hand rests [m], world."""
-REST_HALF_WIDTH_M = np.array([0.06, 0.115, 0.10])
-"""Half edges of that region [m]: as wide as the goals, so that the start tells no task."""
+REST_CENTRE_M, REST_HALF_WIDTH_M = np.array([1.10, 0.0, 0.27]), np.array([0.06, 0.115, 0.10])
+"""Middle and half edges of the region in which the hand rests [m], world: as wide as the goals, so
+that the start tells no task."""
 
 DURATION_RANGE_S = (1.6, 4.0)
 """Shortest and longest reach without hesitation [s]. Convention."""

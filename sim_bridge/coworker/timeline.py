@@ -20,7 +20,7 @@ from sim_bridge.coworker.noise import (
 from sim_bridge.coworker.reach import WristMovement
 
 RATE_HZ = 100.0
-"""Samples of the tracker per second [Hz]. Convention."""
+"""Samples of the tracker per second [Hz]. Convention: that of the shipped recordings."""
 # The wrist at rest: its x axis (along the hand) toward the robot, its z axis up.
 REST_QUATERNION = np.array([0.0, 0.0, 1.0, 0.0])
 

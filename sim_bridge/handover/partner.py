@@ -13,14 +13,17 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from sim_bridge.handover.grip import CompliantHand
 
-REACTION_S = (0.18, 0.30)
-"""From what is seen to the begin of a movement [s] (Woods, Wyma, Yund, Herron and Reed 2015, simple
-visual reactions: 0.23 on average)."""
-BUSY_S = (0.0, 1.0)
-"""From what is seen until the person turns to it [s]. Convention: other things end first."""
-REACH_S, LOAD_S, PULL_S = (0.6, 1.0), (0.15, 0.4), (0.9, 1.5)
-"""Time of the reach, of taking over or giving up a load (Chan et al. 2012), and of bringing the
-object to oneself [s]."""
+SPANS_S = {
+    "reaction": (0.18, 0.30),
+    "reach": (0.6, 1.0),
+    "load": (0.15, 0.4),
+    "pull": (0.9, 1.5),
+    "busy": (0.0, 1.0),
+}
+"""Least and most time [s] from what is seen to the begin of a movement (Woods, Wyma, Yund, Herron
+and Reed 2015, simple visual reactions: 0.23 on average), of the reach, of taking over or giving up
+a load (Chan et al. 2012), of bringing the object to oneself, and until the person turns to it.
+Convention: other things end first."""
 MISSED_M = 0.005
 """Standard deviation of where the hand takes hold [m]. Convention."""
 PUSHED_N, AGAIN_M = 3.0, 0.05
@@ -62,13 +65,12 @@ class Manner:
     @classmethod
     def draw(cls, rng: np.random.Generator, weight_n: float) -> "Manner":
         """Draw one for an object of a weight; the person is in the direction of x."""
-        spans = (REACTION_S, REACH_S, LOAD_S, PULL_S, BUSY_S)
-        reaction, reach, load, pull, busy = (float(rng.uniform(*span)) for span in spans)
+        times_s = {f"{name}_s": float(rng.uniform(*span)) for name, span in SPANS_S.items()}
         expected = weight_n * float(np.clip(1.0 + 0.2 * rng.standard_normal(), 0.5, 1.5))
         way = np.array([1.0, rng.uniform(-0.4, 0.4), rng.uniform(0.1, 0.6)])
         miss_m = rng.normal(0.0, MISSED_M, 3)
         toward = way / np.linalg.norm(way)
-        return cls(reaction, reach, load, pull, busy, expected, toward, miss_m)
+        return cls(**times_s, weight_n=expected, toward=toward, miss_m=miss_m)
 
     def careful(self) -> "Manner":
         """That of the same person who brings an object between fingers, and sees them.

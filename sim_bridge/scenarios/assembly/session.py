@@ -16,12 +16,6 @@ SESSIONS, PER_SESSION, PER_TASK = 3, 40, 40
 
 MARGIN_S = 0.4
 """How long before the worker's onset and after the rest of both a demonstration is marked [s]."""
-IDLE_S = (0.45, 0.6)
-"""Shortest and longest rest between two interactions [s]. Convention."""
-GAPS_PER_S = 0.08
-"""Occlusions per second, on average. Convention."""
-FACING_WORKER = np.array([0.0, 0.0, 0.0, 1.0])
-"""The assistant's wrist at rest: its x axis toward the worker, its z axis up; quaternion xyzw."""
 
 
 @dataclass(frozen=True)
@@ -50,12 +44,13 @@ def plan_session(
     index: int,
     tasks: Sequence[str] | None = None,
     *,
-    idle_s: tuple[float, float] = IDLE_S,
+    idle_s: tuple[float, float] = (0.45, 0.6),
     hold_s: float = 0.45,
 ) -> AssemblySession:
     """Plan session number `index` of a seed: a pure function of its arguments.
 
-    Without tasks they are those of `session_tasks`.
+    Without tasks they are those of `session_tasks`; `idle_s` is the shortest and the longest rest
+    between two.
 
     Raises:
         ArgumentError: an unknown task or session.
@@ -74,10 +69,11 @@ def plan_session(
             movements[body] += [*moved, (back, retract)]
             wrists[body], over = retract.goal_m, max(over, back + retract.duration_s)
         now = over + rng.uniform(*idle_s)
-    length = over + 0.6
-    worker = sample_wrist(rng, movements[WORKER], length, gaps_per_s=GAPS_PER_S)
+    length, gaps_per_s = over + 0.6, 0.08
+    worker = sample_wrist(rng, movements[WORKER], length, gaps_per_s=gaps_per_s)
+    facing_worker = np.array([0.0, 0.0, 0.0, 1.0])  # its x axis toward the worker, its z axis up
     assistant = sample_wrist(
-        rng, movements[ASSISTANT], length, gaps_per_s=GAPS_PER_S, rest=FACING_WORKER
+        rng, movements[ASSISTANT], length, gaps_per_s=gaps_per_s, rest=facing_worker
     )
     return AssemblySession(tuple(interactions), worker, assistant)
 

@@ -15,7 +15,7 @@ from intent_recognition import __version__
 from intent_recognition.array_types import Floats
 from intent_recognition.bags import JOINT_STATE, BagWriter
 from intent_recognition.errors import ArgumentError, KinematicsError
-from intent_recognition.improvement import Rollout, SearchSpace, search_space
+from intent_recognition.improvement import N_PHASES, Rollout, SearchSpace, search_space
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS
 from intent_recognition.warping import PouringSkill
 from sim_bridge.containers import CONTAINER_SEED
@@ -33,17 +33,12 @@ from sim_bridge.scenarios.pouring.novel import (
 from sim_bridge.scenarios.pouring.pairs import N_BALLS, TASK, container_named, half_full_radius_m
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, plan_joints
 
-N_PHASES = 50
-"""Phases at which paths are compared. Convention."""
-EPOCH_NS, MINUTE_NS = 1_767_765_600_000_000_000, 60_000_000_000
-"""Stamp of rollout 0, on the day of all recordings, and time to the next one [ns]. Convention."""
-LOGGED_NS = 20_000_000
-"""Time between two samples of a logged rollout [ns]. Convention."""
+EPOCH_NS, MINUTE_NS, LOGGED_NS = 1_767_765_600_000_000_000, 60_000_000_000, 20_000_000
+"""Stamp of rollout 0, on the day of all recordings, and times to the next one and between two
+logged samples [ns]. Convention."""
 SHORT_STD_RADII = 0.3
 """Standard deviation of how much too short moved demonstrations pour, in radii of the opening. It
 leaves practice some room to find the opening in."""
-OTHER_STD = np.array([0.0, 0.1, 0.08])
-"""How much they vary across and up, as ratios of the warped space. Convention."""
 
 
 class _Planned(NamedTuple):
@@ -187,7 +182,7 @@ def short_skill(shown: DemonstratedPours, short_radii: float, seed: int) -> Pour
     pours = []
     for pour in shown.pours:
         ratios = np.append(-short_radii + SHORT_STD_RADII * rng.standard_normal(), [0.0, 0.0])
-        ratios += OTHER_STD * rng.standard_normal(3)
+        ratios += [0.0, 0.1, 0.08] * rng.standard_normal(3)  # how much they vary across and up
         moved = pour.offset_m + ratios * [radius, radius, height]
         pours.append(PourPath(pour.times_s, moved, pour.tilt_rad))
     primitive = learn_pouring(pours, cup, second)

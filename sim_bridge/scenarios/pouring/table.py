@@ -26,8 +26,6 @@ from sim_bridge.physics import fix, pybullet
 from sim_bridge.scenarios.pouring.outside import shell_pieces, solid_pieces
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, SideGrasp
 
-SOLVER_ITERATIONS = 15
-"""Of the contact solver: more than for balls alone, since a cup hangs on the arm."""
 CUP_MASS_KG = 0.25
 """Mass of an empty cup [kg]. Convention."""
 OUTSIDE_LINK, OUTSIDE_GROUP = 0, 64
@@ -63,7 +61,8 @@ class PouringTable:
         self.grasp = SideGrasp(cup.lip_point, cup.height_m)
         self.cup, self.second = hollow_of(cup), hollow_of(second)
         self._client.setPhysicsEngineParameter(
-            contactBreakingThreshold=CONTACT_BREAKING_M, numSolverIterations=SOLVER_ITERATIONS
+            contactBreakingThreshold=CONTACT_BREAKING_M,
+            numSolverIterations=15,  # more than for balls alone, since a cup hangs on the arm
         )
         pose = _pose_of(*arm.hand_pose()) @ self.grasp.cup_in_hand
         self._cup_body = self._container(self.cup, solid_pieces(cup), CUP_MASS_KG, pose)

@@ -5,11 +5,8 @@ from sim_bridge.arm import Robot, find_robot
 from sim_bridge.coworker import HOLD
 from sim_bridge.handover import finger_joints, with_fingers
 from sim_bridge.scenarios.toolbox.other_arms import ToolboxArm
-from sim_bridge.scenarios.toolbox.scene import STANDS_M
+from sim_bridge.scenarios.toolbox.scene import GRASP_RADIUS_M, STANDS_M
 
-SLOW_M, SLOW_M_S = 0.03, 0.1
-"""Distance from a stand within which the hand is slow, and its speed there [m], [m/s]: the object
-is taken where both are less (`GRASP_RADIUS_M`, `GRASP_SPEED_M_S`)."""
 ONE_HOLDS_S = (5.0, 6.0)
 """How long the only worker waits where a hand was stretched out [s]: the arm is late, and both take
 their time."""
@@ -17,7 +14,8 @@ their time."""
 
 def by_force_with(robot: Robot, hold_s: tuple[float, float]) -> dict[str, dict[str, object]]:
     """Parameters by node for an arm with fingers, and how long a worker waits at least and most."""
-    slow = [f"{x} {y} {z} {SLOW_M} {SLOW_M_S}" for x, y, z in STANDS_M.values()]
+    # so slow [m/s] that it takes the object: below `GRASP_SPEED_M_S`
+    slow = [f"{x} {y} {z} {GRASP_RADIUS_M} 0.1" for x, y, z in STANDS_M.values()]
     fingers = finger_joints(robot)
     return {
         "object_transfer": {"takes": [HOLD], "fingers": fingers, "hand_link": robot.tip},

@@ -29,10 +29,9 @@ HOME_HAND_M = np.array([0.50, -0.21, 0.37])
 _HOME_YAW_ROLL_RAD = (-0.15, 0.0)
 """Yaw about the world's z and roll about its own z of the hand at home [rad]. Convention."""
 
-GRASP_RADIUS_M = 0.03
-"""Distance of the hand from a stand at which it takes the object [m]. Convention."""
-GRASP_SPEED_M_S = 0.12
-"""Speed of the hand below which it does [m/s]. Convention."""
+GRASP_RADIUS_M, GRASP_SPEED_M_S = 0.03, 0.12
+"""Distance of the hand from a stand, and its speed, below which it takes the object [m], [m/s].
+Convention."""
 LIFT_M = np.array([0.0, 0.0, 0.08])
 """How far the taken object is lifted off its stand [m]. Convention."""
 

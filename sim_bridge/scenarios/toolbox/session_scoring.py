@@ -19,11 +19,9 @@ DECIDED_WITHIN_S = 0.3
 """A change of mind must have been followed so long after the movement's end [s]."""
 EARLIEST_DECISION_S = 0.1
 """A decision cannot belong to a movement that begins later than this after it [s]."""
-REST_SPEED_RAD_S = 0.03
-"""Speed of the fastest joint below which the arm rests [rad/s]. Convention."""
-AWAY_FROM_HOME_M = 0.08
-"""Distance of the hand from home, and from stands, above which it rests at an interaction [m].
-Convention."""
+REST_SPEED_RAD_S, AWAY_FROM_HOME_M = 0.03, 0.08
+"""Speed of the fastest joint below which the arm rests [rad/s], and distance of the hand from home,
+and from stands, above which it does so at an interaction [m]. Convention."""
 
 
 def first_sample_ns(log: SessionLog, plan: SessionPlan) -> int | None:

@@ -53,9 +53,6 @@ then [m]. Convention: out of their way."""
 BETWEEN = 0.5
 """Share of an object's thickness that fingers which hold it are apart. Convention: pads yield, and
 fingers that closed in front of it touch one another."""
-BROUGHT_M, FOLLOW_S = 0.1, 0.5
-"""How far the person pulls an object toward the own wrist [m], and time constant in which the hand
-is where the wrist is again [s]. Convention."""
 
 
 class Holder(Enum):
@@ -164,9 +161,8 @@ class ToolboxTransfers:
             weight_n = THINGS[task].mass_kg * GRAVITY_M_S2
             self._n_tasks += 1  # each has a manner of its own, whatever was before
             drawn = Manner.draw(np.random.default_rng([*self._seed, self._n_tasks]), weight_n)
-            self._manner = replace(
-                drawn, brought_m=BROUGHT_M, busy_s=0.0, reach_s=0.5 * drawn.reach_s
-            )
+            # so far it is pulled toward the own wrist
+            self._manner = replace(drawn, brought_m=0.1, busy_s=0.0, reach_s=0.5 * drawn.reach_s)
             if task not in STANDS_M:
                 self._manner = self._manner.careful()
                 self._bring(self._hand)
@@ -237,7 +233,8 @@ class ToolboxTransfers:
                 _let_rest(other)
         if hand is None:
             return
-        self._offset_m += TIME_STEP_S / FOLLOW_S * (self._aside_m(hand, thing) - self._offset_m)
+        follow_s = 0.5  # time constant in which the hand is where the wrist is again
+        self._offset_m += TIME_STEP_S / follow_s * (self._aside_m(hand, thing) - self._offset_m)
         if self._person is None:
             hand.target_m = self._wrist_m + self._offset_m
             if thing is not None and not self._served:
