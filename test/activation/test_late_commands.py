@@ -15,8 +15,7 @@ from scipy.interpolate import CubicHermiteSpline
 from intent_recognition.activation.states import Mode
 from intent_recognition.kinematics import JOINT_NAMES, RATE_TOLERANCE
 from intent_recognition.motion import JointReference
-from sim_bridge.arm.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
-from sim_bridge.arm.trajectory_follower import TrajectoryFollower
+from sim_bridge.arm import RejectedTrajectoryError, TrajectoryCommand, TrajectoryFollower
 
 FINE_S = 0.002
 """Between two looks at what is executed [s]."""

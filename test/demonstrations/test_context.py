@@ -22,9 +22,7 @@ from intent_recognition.demonstrations import (
     read_demonstrations,
 )
 from intent_recognition.errors import DofError, ModelError
-from intent_recognition.evaluation import evaluate, make_folds
-from intent_recognition.evaluation.online import run_online
-from intent_recognition.evaluation.replaying import replay
+from intent_recognition.evaluation import evaluate, make_folds, replay, run_online
 from intent_recognition.learning import add_demonstration
 from intent_recognition.model import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.recognition import IntentEstimator

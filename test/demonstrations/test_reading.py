@@ -21,10 +21,9 @@ from bag_builder import (
 )
 
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.demonstrations import iter_demonstrations, read_task_sequences
+from intent_recognition.demonstrations import inspect_bag, iter_demonstrations, read_task_sequences
 from intent_recognition.demonstrations import read_demonstrations as read
 from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
-from intent_recognition.demonstrations.inspect import inspect_bag
 from intent_recognition.errors import BagError
 from intent_recognition.tables import suggest_map
 

@@ -22,9 +22,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.bags.reader import BagReader
+from intent_recognition.demonstrations import DofEntry, DofSpec, load_dofs, read_demonstrations
 from intent_recognition.demonstrations import collecting as module
-from intent_recognition.demonstrations import read_demonstrations
-from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, load_dofs
 
 DOFS = load_dofs()
 TURN = tuple(f"pose.orientation.{axis}" for axis in "wx")

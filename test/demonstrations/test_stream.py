@@ -11,11 +11,8 @@ from model_builder import GLOVE, TOOL, WRIST, make_dofs, perform, true_library, 
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 
-from intent_recognition.bags.reader import BagReader
-from intent_recognition.bags.writer import BagWriter
-from intent_recognition.demonstrations import read_demonstrations
-from intent_recognition.demonstrations.entry import DofEntry
-from intent_recognition.demonstrations.observations import iter_observations
+from intent_recognition.bags import BagReader, BagWriter
+from intent_recognition.demonstrations import DofEntry, iter_observations, read_demonstrations
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array, stamp_ns
 from intent_recognition.nodes.mocap_ingest import MocapIngest

@@ -7,8 +7,7 @@ import numpy as np
 from bag_builder import LWR, POSE, START_NS, STEP_NS, joints, pose, write_bag, write_pairs
 from model_builder import make_dofs
 
-from intent_recognition.bags.reader import BagReader
-from intent_recognition.bags.writer import BagWriter
+from intent_recognition.bags import BagReader, BagWriter
 from intent_recognition.demonstrations.observations import Source, iter_observations, iter_samples
 
 DOFS = make_dofs()

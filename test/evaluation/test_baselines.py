@@ -6,8 +6,7 @@ import pytest
 from simulation import START_NS
 
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
-from intent_recognition.signals.demonstration import Demonstration
-from intent_recognition.signals.signal import Signal
+from intent_recognition.signals import Demonstration, Signal
 
 PHASES = np.linspace(0.0, 1.0, 11)
 

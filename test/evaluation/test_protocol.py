@@ -23,8 +23,7 @@ from intent_recognition.evaluation.scoring import (
 from intent_recognition.learning import Hyperparameters, accumulate, library_from_statistics
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.promp import STEADY, TaskLibrary
-from intent_recognition.signals.demonstration import Demonstration
-from intent_recognition.signals.signal import Signal
+from intent_recognition.signals import Demonstration, Signal
 
 SETTINGS = TrainingSettings(n_basis=8, n_aligned_basis=8, segmentation="recording")
 PREDICTION_KEYS = {

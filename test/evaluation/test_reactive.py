@@ -13,8 +13,7 @@ from intent_recognition.evaluation.reactive import (
 )
 from intent_recognition.evaluation.scores import ScoreTable
 from intent_recognition.evaluation.scoring import EvaluationRecords, score_demonstration
-from intent_recognition.filtering.filter import MovementFilter
-from intent_recognition.filtering.grid import make_prior_grid
+from intent_recognition.filtering import MovementFilter, make_prior_grid
 from intent_recognition.promp.prediction import StartPosture
 
 

@@ -5,9 +5,7 @@ import numpy as np
 import pytest
 
 from experiments.change_of_mind.changes import APART_M, change_of_mind, depart, draw_elsewhere
-from sim_bridge.coworker import last_reach
-from sim_bridge.coworker.reach import Reach, draw_reach, draw_rest
-from sim_bridge.coworker.styles import STYLES, TASKS
+from sim_bridge.coworker import STYLES, TASKS, Reach, draw_reach, draw_rest, last_reach
 
 SHARES, BLENDS = (0.15, 0.25, 0.4, 0.6), (0.15, 0.25, 0.4, None)
 STEP_S = 1e-3

@@ -15,8 +15,7 @@ from experiments.teaching.hardness import (
     measure_hardness,
     nearest_mean_labels,
 )
-from intent_recognition.demonstrations import read_demonstrations
-from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.filtering import MovementFilter, fixed_prior_grid, task_posterior
 from intent_recognition.learning import TrainingSettings
 from intent_recognition.promp import TaskLibrary

@@ -11,8 +11,7 @@ from mcap.reader import make_reader
 from experiments.recording import write_recording
 from experiments.teaching.recordings import ToolboxOrder, content, orders
 from intent_recognition.bags.metadata import read_metadata
-from intent_recognition.demonstrations import read_demonstrations
-from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, TASKS
 

@@ -6,8 +6,7 @@ import pytest
 
 from experiments.left_out import FINAL, WHOLE, pairs_of, predict, rms, try_numbers
 from experiments.settings import Settings
-from intent_recognition.signals.demonstration import Demonstration
-from intent_recognition.signals.signal import Signal
+from intent_recognition.signals import Demonstration, Signal
 
 
 def demonstration(name: str, goal: np.ndarray, response: np.ndarray) -> Demonstration:

@@ -29,8 +29,7 @@ from experiments.pointing.scene import (
 from experiments.pointing.study import condition_on_end
 from experiments.recording import POSITION_STEP_M, to_counts
 from experiments.settings import Settings
-from intent_recognition.demonstrations import read_demonstrations
-from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.errors import ArgumentError
 from intent_recognition.gaussian.normal import Gaussian, marginal, regression
 from intent_recognition.kinematics.inverse import branch_of

@@ -23,8 +23,7 @@ from experiments.pole.geometry import (
 from experiments.pole.plan import CLEARANCE_M, LEAST_CLEARANCE_M, REACHED_M, can_reach, plan_way
 from experiments.pole.world import Pole, execute
 from experiments.settings import Settings
-from intent_recognition.demonstrations import read_demonstrations
-from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from intent_recognition.report.html import ReportPage, Section, render

@@ -11,13 +11,7 @@ from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics.lwr import forward_kinematics
 from intent_recognition.promp import minimum_jerk
 from sim_bridge.containers.generate import make_container
-from sim_bridge.scenarios.pouring.task_space import (
-    OPENING_M,
-    PourPath,
-    SideGrasp,
-    plan_joints,
-    seen_path,
-)
+from sim_bridge.scenarios.pouring import OPENING_M, PourPath, SideGrasp, plan_joints, seen_path
 
 LIP = np.array([0.04, 0.0, 0.09])
 

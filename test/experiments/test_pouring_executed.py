@@ -16,8 +16,7 @@ from intent_recognition.kinematics.lwr import forward_kinematics
 from intent_recognition.share import share_path
 from intent_recognition.warping import EMPTY
 from sim_bridge.containers.generate import make_container
-from sim_bridge.scenarios.pouring.novel import plan, read_pour, seen_as
-from sim_bridge.scenarios.pouring.pairs import PAIRS, container_named
+from sim_bridge.scenarios.pouring import PAIRS, container_named, plan, read_pour, seen_as
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, plan_joints
 
 SEED = 1

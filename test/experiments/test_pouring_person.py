@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.pouring.person import SAMPLE_S, draw_habit, plan_pour
-from intent_recognition.warping.parameters import References
-from intent_recognition.warping.primitives import to_warped
+from intent_recognition.warping import References, to_warped
 
 CUP = References(0.043, 4.5e-4, 0.095, 0.8)
 BOWL = References(0.069, 5.8e-4, 0.066, 0.34)

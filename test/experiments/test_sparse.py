@@ -18,9 +18,7 @@ from experiments.sketches.models import (
     squared_errors,
 )
 from experiments.sparse import experiment as sparse
-from experiments.sparse.conditioning import (
-    promp_curves,
-)
+from experiments.sparse.conditioning import promp_curves
 
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
 

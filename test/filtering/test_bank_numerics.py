@@ -9,10 +9,8 @@ from plain import bank_of
 from scipy.stats import multivariate_normal
 from simulation import START_NS, draw_weights, make_library
 
-from intent_recognition.filtering.filter import MovementFilter
-from intent_recognition.filtering.grid import PriorGrid, make_prior_grid
+from intent_recognition.filtering import MovementFilter, PriorGrid, make_prior_grid, task_posterior
 from intent_recognition.filtering.observation_model import SPACING
-from intent_recognition.filtering.posterior import task_posterior
 from intent_recognition.signals.observation import Observation
 
 seeds = st.integers(0, 2**32 - 1)

@@ -9,8 +9,7 @@ from intent_recognition.filtering.filter import MovementFilter
 from intent_recognition.filtering.grid import PriorGrid, fixed_prior_grid, make_prior_grid
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.signals.demonstration import Demonstration
-from intent_recognition.signals.observation import merge
+from intent_recognition.signals import Demonstration, merge
 
 WHOLE = TrainingSettings(n_basis=8, segmentation="recording", switching=False)
 FRACTIONS = (0.25, 0.5, 1.0)

@@ -12,11 +12,9 @@ from plain import bank_of
 from scipy.stats import multivariate_normal, multivariate_t
 from simulation import START_NS, make_library, minimum_jerk, nearly_known
 
-from intent_recognition.filtering.filter import MovementFilter
-from intent_recognition.filtering.grid import PriorGrid
+from intent_recognition.filtering import MovementFilter, PriorGrid
 from intent_recognition.filtering.observation_model import ObservationModel
-from intent_recognition.gaussian.batch import GaussianBatch, LinearMeasurement
-from intent_recognition.gaussian.normal import Gaussian, condition
+from intent_recognition.gaussian import Gaussian, GaussianBatch, LinearMeasurement, condition
 from intent_recognition.promp import phase_deviation as progress_module
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import (

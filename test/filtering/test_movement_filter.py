@@ -7,10 +7,8 @@ from plain import bank_of
 from simulation import START_NS, make_library, simulate
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.filtering.filter import MovementFilter
-from intent_recognition.filtering.grid import make_prior_grid
-from intent_recognition.signals.observation import Observation, every_second, merge
-from intent_recognition.signals.signal import Signal
+from intent_recognition.filtering import MovementFilter, make_prior_grid
+from intent_recognition.signals import Observation, Signal, every_second, merge
 
 
 @pytest.fixture

@@ -7,8 +7,7 @@ from plain import bank_of
 from simulation import START_NS, make_library
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.filtering.filter import MovementFilter
-from intent_recognition.filtering.grid import make_prior_grid
+from intent_recognition.filtering import MovementFilter, make_prior_grid
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.signals.observation import Observation
 

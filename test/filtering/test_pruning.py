@@ -10,9 +10,7 @@ from hypothesis import strategies as st
 from plain import bank_of
 from simulation import START_NS, make_library, simulate
 
-from intent_recognition.filtering import births, filter
-from intent_recognition.filtering.filter import MovementFilter
-from intent_recognition.filtering.grid import make_prior_grid
+from intent_recognition.filtering import MovementFilter, births, filter, make_prior_grid
 from intent_recognition.promp.phase_deviation import PhaseDeviation
 from intent_recognition.recognition.transitions import weigh
 from intent_recognition.signals.observation import merge

@@ -8,14 +8,11 @@ import pytest
 from plain import mixture_at, run_bank
 from simulation import START_NS, make_library, simulate
 
-from intent_recognition.filtering.filter import MovementFilter
-from intent_recognition.filtering.grid import fixed_prior_grid, make_prior_grid
+from intent_recognition.filtering import MovementFilter, fixed_prior_grid, make_prior_grid
 from intent_recognition.filtering.posterior import task_posterior
 from intent_recognition.filtering.prediction import TaskPrediction
 from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.promp.control_grid import ControlGrid
-from intent_recognition.promp.coupling import ResidualCoupling, residual_weights
-from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp import ControlGrid, ResidualCoupling, TaskLibrary, residual_weights
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation, reference_phase
 from intent_recognition.promp.prediction import StartPosture, controlled_weights
 from intent_recognition.promp.trajectory import rollout

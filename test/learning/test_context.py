@@ -10,8 +10,7 @@ from same_library import assert_same
 from simulation import gathered
 
 from intent_recognition.errors import ArgumentError, ShapeError, TrainingError
-from intent_recognition.learning import accumulate, add_demonstration, learn
-from intent_recognition.learning.preprocessing import example_of
+from intent_recognition.learning import accumulate, add_demonstration, example_of, learn
 from intent_recognition.promp import CONTEXT_STRENGTH
 from intent_recognition.signals import Demonstration
 

@@ -8,14 +8,13 @@ import pytest
 from model_builder import make_dofs, perform, true_library
 from simulation import gathered
 
-from intent_recognition.learning import TrainingSettings, keep_correction
+from intent_recognition.learning import TrainingSettings, keep_correction, summarize
 from intent_recognition.learning.correcting import (
     DRIFT,
     OFFSET_VARIANCE,
     SLOPE_VARIANCE,
     correction_gain,
 )
-from intent_recognition.learning.statistics import summarize
 
 TRUTH = true_library(make_dofs())
 

@@ -8,8 +8,7 @@ import pytest
 from plain import bank_of
 from simulation import make_library
 
-from intent_recognition.filtering.filter import MovementFilter
-from intent_recognition.filtering.grid import PriorGrid
+from intent_recognition.filtering import MovementFilter, PriorGrid
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.learning.examples import (
     SAMPLES_PER_MOVEMENT,

@@ -8,10 +8,8 @@ import pytest
 from simulation import make_library, minimum_jerk, simulate
 
 from intent_recognition.errors import ArgumentError, TrainingError
-from intent_recognition.learning.accumulation import accumulate
-from intent_recognition.learning.fitting import library_from_statistics
+from intent_recognition.learning import accumulate, fit_interaction_promp, library_from_statistics
 from intent_recognition.learning.hyperparameters import REGRESSION_STRENGTHS, Hyperparameters
-from intent_recognition.learning.interaction_promp import fit_interaction_promp
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.signals.demonstration import Demonstration

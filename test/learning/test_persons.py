@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from intent_recognition.learning.examples import TrainingExample
+from intent_recognition.learning import TrainingExample, summarize
 from intent_recognition.learning.persons import (
     between_people,
     covariance_of_strangers,
@@ -13,7 +13,6 @@ from intent_recognition.learning.persons import (
     people,
     without_group,
 )
-from intent_recognition.learning.statistics import summarize
 from intent_recognition.promp import Scatter
 
 N_OBSERVED, N_BASIS = 2, 4

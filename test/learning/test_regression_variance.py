@@ -8,11 +8,8 @@ import pytest
 from simulation import minimum_jerk
 
 from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.learning.preprocessing import example_of
-from intent_recognition.learning.settings import TrainingSettings
-from intent_recognition.learning.training import Trained, learn_with_report
-from intent_recognition.promp.prediction import controlled_weights
-from intent_recognition.promp.trajectory import dof_variance
+from intent_recognition.learning import Trained, TrainingSettings, example_of, learn_with_report
+from intent_recognition.promp import controlled_weights, dof_variance
 from intent_recognition.signals.demonstration import Demonstration
 
 SETTINGS = TrainingSettings(n_basis=8, n_aligned_basis=8, segmentation="recording", switching=False)

@@ -11,8 +11,7 @@ from scipy.interpolate import make_interp_spline
 from simulation import START_NS, minimum_jerk
 
 from intent_recognition.gaussian.normal import Gaussian, condition
-from intent_recognition.learning import held_out_examples, selection
-from intent_recognition.learning.accumulation import Accumulated, accumulate
+from intent_recognition.learning import PACES, Accumulated, accumulate, held_out_examples, selection
 from intent_recognition.learning.evidence_exponents import POWERS
 from intent_recognition.learning.examples import TrainingExample, sample_phases, scored_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
@@ -26,7 +25,6 @@ from intent_recognition.learning.hyperparameters import (
 from intent_recognition.learning.selection import FRACTIONS, NOISE_SCALES, choose, validate
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import summarize
-from intent_recognition.learning.timing import PACES
 from intent_recognition.learning.training import choose_hyperparameters
 from intent_recognition.promp.phase_deviation import STEADY
 from intent_recognition.promp.prior import (
@@ -36,8 +34,7 @@ from intent_recognition.promp.prior import (
     structured_target,
     weight_floor,
 )
-from intent_recognition.signals.demonstration import Demonstration
-from intent_recognition.signals.signal import Signal
+from intent_recognition.signals import Demonstration, Signal
 
 SETTINGS = TrainingSettings(n_basis=8, n_aligned_basis=10, segmentation="recording")
 LEARNING = TrainingSettings(n_basis=20, n_aligned_basis=20, segmentation="recording")

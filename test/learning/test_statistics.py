@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from intent_recognition.errors import ShapeError
-from intent_recognition.learning import statistics
-from intent_recognition.learning.examples import TrainingExample
+from intent_recognition.learning import TrainingExample, statistics
 from intent_recognition.learning.statistics import (
     TaskStatistics,
     merge_statistics,

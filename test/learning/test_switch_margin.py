@@ -9,8 +9,7 @@ from scipy.special import expit
 from simulation import gathered, make_library, simulate
 
 from intent_recognition.filtering import MovementFilter, make_prior_grid
-from intent_recognition.learning import TrainingSettings, left_out_odds
-from intent_recognition.learning.examples import sample_phases
+from intent_recognition.learning import TrainingSettings, left_out_odds, sample_phases, summarize
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
 from intent_recognition.learning.left_out import LeavingOut
 from intent_recognition.learning.left_out_odds import (
@@ -19,7 +18,6 @@ from intent_recognition.learning.left_out_odds import (
     largest_odds_against,
     learn_switch_margin,
 )
-from intent_recognition.learning.statistics import summarize
 from intent_recognition.promp import conformal_bound
 from intent_recognition.signals import observations_of
 

@@ -8,13 +8,11 @@ import pytest
 from simulation import START_NS, draw_weights, gathered, make_library, minimum_jerk, simulate
 
 from intent_recognition.errors import ArgumentError, TrainingError
-from intent_recognition.learning import accumulate
-from intent_recognition.learning.examples import make_example
+from intent_recognition.learning import accumulate, make_example
 from intent_recognition.learning.training import TrainingSettings, learn, learn_with_report
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.signals.demonstration import Demonstration
+from intent_recognition.signals import Demonstration, Signal
 from intent_recognition.signals.segmentation import END_MARGIN_S
-from intent_recognition.signals.signal import Signal
 
 WHOLE = TrainingSettings(n_basis=8, n_aligned_basis=8, segmentation="recording")
 CUT = TrainingSettings(n_basis=8, n_aligned_basis=8)

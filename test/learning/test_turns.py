@@ -8,10 +8,8 @@ import pytest
 from simulation import minimum_jerk
 
 from intent_recognition.evaluation.protocol import evaluate
-from intent_recognition.learning.settings import TrainingSettings
-from intent_recognition.learning.training import learn
-from intent_recognition.recognition.estimator import IntentEstimator
-from intent_recognition.recognition.offline import predict_controlled, recognize_task
+from intent_recognition.learning import TrainingSettings, learn
+from intent_recognition.recognition import IntentEstimator, predict_controlled, recognize_task
 from intent_recognition.signals.demonstration import Demonstration
 
 TIMES = np.arange(0.0, 2.5, 0.02)

@@ -16,8 +16,7 @@ from intent_recognition.learning import (
 from intent_recognition.learning.correcting import keep_correction
 from intent_recognition.learning.held_out_examples import MAX_RIVALS, nearest_tasks
 from intent_recognition.promp import controlled_spread, end_std_limits, weight_floor
-from intent_recognition.recognition import IntentEstimator, decide, decision_settings
-from intent_recognition.recognition.decision import DecisionState
+from intent_recognition.recognition import DecisionState, IntentEstimator, decide, decision_settings
 from intent_recognition.recognition.start_posture import (
     START_STD,
     start_mean,

@@ -9,9 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from simulation import make_library, simulate
 
-from intent_recognition.filtering.filter import MovementFilter
-from intent_recognition.filtering.grid import make_prior_grid
-from intent_recognition.filtering.posterior import task_posterior
+from intent_recognition.filtering import MovementFilter, make_prior_grid, task_posterior
 from intent_recognition.learning import unknown_task
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT, sample_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of

@@ -8,8 +8,7 @@ import pytest
 from simulation import make_library, simulate
 
 from intent_recognition.errors import ArgumentError, TrainingError
-from intent_recognition.learning.settings import TrainingSettings
-from intent_recognition.learning.unlabelled import label_by_components, learn_components
+from intent_recognition.learning import TrainingSettings, label_by_components, learn_components
 
 SETTINGS = TrainingSettings(n_basis=10, n_aligned_basis=10, segmentation="recording")
 

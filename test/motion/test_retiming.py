@@ -9,8 +9,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics.lwr import LWR_LIMITS
+from intent_recognition.motion import NominalTiming, check_range, make_path
 from intent_recognition.motion.blending import decay
-from intent_recognition.motion.path import check_range, make_path
 from intent_recognition.motion.plan import (
     BEGINNING,
     JointPlan,
@@ -21,7 +21,6 @@ from intent_recognition.motion.plan import (
     within,
 )
 from intent_recognition.motion.planning import brake_along, plan_interaction, stop_plan
-from intent_recognition.motion.retiming import NominalTiming
 
 LIMITS = scaled_limits(LWR_LIMITS)
 HOME = np.array([-0.07, -0.58, -0.47, 1.6, -0.39, 0.94, 0.5])

@@ -6,8 +6,7 @@ import pytest
 from activation_world import LIMITS, World
 from clearance_world import PATH, ROBOT
 
-from intent_recognition.activation.pretrigger import PretriggerSettings
-from intent_recognition.activation.states import Mode
+from intent_recognition.activation import Mode, PretriggerSettings
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion import (
@@ -57,8 +56,7 @@ def test_the_permitted_speed_solves_the_formula():
 
 
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [("least_speed_m_s", 0.0), ("reaction_s", -1.0), ("human_speed_m_s", np.nan)],
+    ("name", "value"), [("least_speed_m_s", 0.0), ("reaction_s", -1.0), ("human_speed_m_s", np.nan)]
 )
 def test_settings_that_mean_no_bound_are_refused(name, value):
     with pytest.raises(ArgumentError, match=f"{name}: expected a finite number"):

@@ -10,16 +10,12 @@ from hypothesis import strategies as st
 from plain import bank_of, observed_weights, run_bank
 from simulation import START_NS, make_library, simulate
 
-from intent_recognition.filtering.filter import MovementFilter
-from intent_recognition.filtering.grid import fixed_prior_grid, make_prior_grid
+from intent_recognition.filtering import MovementFilter, fixed_prior_grid, make_prior_grid
 from intent_recognition.filtering.posterior import task_posterior
 from intent_recognition.gaussian.normal import Gaussian, condition
-from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.control_grid import ControlGrid
+from intent_recognition.promp import ControlGrid, NormalizedRBFBasis, dof_variance, rollout
 from intent_recognition.promp.prediction import StartPosture, controlled_weights, least_end_std
-from intent_recognition.promp.trajectory import dof_variance, rollout
-from intent_recognition.signals.observation import merge
-from intent_recognition.signals.onset import OnsetSettings, at_rest, end_velocity, is_slow
+from intent_recognition.signals import OnsetSettings, at_rest, end_velocity, is_slow, merge
 
 BASIS = NormalizedRBFBasis(7, 1.0)
 seeds = st.integers(0, 2**32 - 1)

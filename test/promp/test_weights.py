@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from simulation import minimum_jerk
 
 from intent_recognition.errors import ArgumentError, TrainingError
-from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.weights import fit_weights, fit_weights_together
+from intent_recognition.promp import NormalizedRBFBasis, fit_weights, fit_weights_together
 
 BASIS = NormalizedRBFBasis(12, 1.0)
 PHASE = np.linspace(0.0, 1.0, 200)

@@ -11,8 +11,7 @@ from intent_recognition.errors import ArgumentError, DofError, ShapeError
 from intent_recognition.learning import add_demonstration
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.recognition.context import CONTEXT_PERIOD_S, CONTEXT_SHARE
-from intent_recognition.signals import CLOCK_RESET_AFTER, Observation, merge
-from intent_recognition.signals.streams import recording_doubts
+from intent_recognition.signals import CLOCK_RESET_AFTER, Observation, merge, recording_doubts
 
 BOX, ELSEWHERE = np.array([0.2, -0.15]), np.array([-0.1, 0.25])
 

@@ -10,11 +10,9 @@ from plain import run_bank
 from simulation import START_NS, make_library, minimum_jerk
 
 from intent_recognition.errors import ArgumentError, DofError, IntentError
-from intent_recognition.filtering.grid import make_prior_grid
-from intent_recognition.filtering.posterior import task_posterior
+from intent_recognition.filtering import make_prior_grid, task_posterior
 from intent_recognition.plans.work_plan import WorkPlan, WorkStep
-from intent_recognition.promp.control_points import controlled_at
-from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp import TaskLibrary, controlled_at
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.signals.observation import Observation, merge
 

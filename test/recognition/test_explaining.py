@@ -13,8 +13,7 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.filtering import MovementFilter, fixed_prior_grid
 from intent_recognition.recognition import IntentEstimator, without_dofs
 from intent_recognition.recognition.explaining import explain_movement
-from intent_recognition.signals import Observation
-from intent_recognition.signals.observation import merge
+from intent_recognition.signals import Observation, merge
 
 DURATION_S = 2.0
 

@@ -6,8 +6,7 @@ import pytest
 from online_stream import feed, movement
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.recognition import first_samples
-from intent_recognition.recognition.estimator import IntentEstimator
+from intent_recognition.recognition import IntentEstimator, first_samples
 from intent_recognition.signals import Observation, merge, place_misfit
 
 AT_M = np.array([0.8, -0.4, 0.3])

@@ -8,8 +8,7 @@ import pytest
 from scipy.stats import chi2, kstest
 from simulation import START_NS, draw_weights, make_library, simulate
 
-from intent_recognition.promp.prediction import StartPosture, controlled_weights
-from intent_recognition.promp.trajectory import rollout
+from intent_recognition.promp import StartPosture, controlled_weights, rollout
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.start_posture import (
     POSTURE_OUTSIDE,
@@ -21,8 +20,7 @@ from intent_recognition.recognition.start_posture import (
     start_variance,
     within_trained_starts,
 )
-from intent_recognition.signals import CLOCK_RESET_AFTER
-from intent_recognition.signals.observation import Observation, merge
+from intent_recognition.signals import CLOCK_RESET_AFTER, Observation, merge
 
 MS = 1_000_000
 

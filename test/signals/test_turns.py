@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from intent_recognition.signals.demonstration import Demonstration
-from intent_recognition.signals.signal import Signal
+from intent_recognition.signals import Demonstration, Signal
 from intent_recognition.signals.turns import begin_near, continuous, turn_reference
 
 STAMPS = np.arange(50) * 20_000_000

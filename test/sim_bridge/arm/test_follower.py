@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis.strategies import composite, floats, integers, lists, none, one_of
 
 from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
-from sim_bridge.arm import trajectory_follower
-from sim_bridge.arm.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
+from sim_bridge.arm import RejectedTrajectoryError, TrajectoryCommand, trajectory_follower
 from sim_bridge.arm.trajectory_follower import ACCELERATION_SHARE, TrajectoryFollower
 
 REST = np.zeros(7)

@@ -9,8 +9,7 @@ import pytest
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
-from sim_bridge.arm.arm import SimulatedArm
-from sim_bridge.arm.robots import NAMES, find_robot
+from sim_bridge.arm import NAMES, SimulatedArm, find_robot
 from sim_bridge.arm.urdf import add_rotors, find_meshes
 
 ONE = """<robot name="one">

@@ -7,11 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.constraints.catching import catch, tilt
+from sim_bridge.balls import BallWorld, Hollow, WallGuard, ball_radius_m, balls_in, offset, settled
 from sim_bridge.balls.collision import HULL_MARGIN_M, WALL_M, wall_pieces, write_obj
-from sim_bridge.balls.fluid import ball_radius_m, balls_in, settled
-from sim_bridge.balls.hollow import Hollow, offset
-from sim_bridge.balls.tilting import WallGuard
-from sim_bridge.balls.world import BallWorld
 
 RADIUS_M = 0.008
 

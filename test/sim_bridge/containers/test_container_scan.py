@@ -9,8 +9,7 @@ from benchmarks.measured_mesh import measure_mesh
 from experiments.annotate import annotated
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects.file import find_object, load_object
-from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
-from sim_bridge.containers.scanning import Camera, scan
+from sim_bridge.containers import CONTAINER_NAMES, Camera, make_container, scan
 
 EXACT = Camera(depth_noise_std_m=0.0, normal_noise_std_rad=0.0)
 

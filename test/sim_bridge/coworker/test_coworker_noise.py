@@ -6,6 +6,7 @@ import pytest
 from scipy.signal import welch
 
 from intent_recognition.promp import minimum_jerk
+from sim_bridge.coworker import draw_reach, draw_rest, sample_wrist
 from sim_bridge.coworker.noise import (
     TREMOR_STD_M,
     occlusions,
@@ -13,8 +14,6 @@ from sim_bridge.coworker.noise import (
     smooth_noise,
     tremor,
 )
-from sim_bridge.coworker.reach import draw_reach, draw_rest
-from sim_bridge.coworker.timeline import sample_wrist
 
 
 def test_tremor_is_below_a_millimetre_and_peaks_between_8_and_12_hz():

@@ -9,8 +9,7 @@ import pytest
 
 from experiments.assembly.arm_stand_in import hand_joints
 from experiments.assembly.recordings import orders
-from intent_recognition.demonstrations import read_demonstrations
-from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.kinematics.limits import within_position_limits
 from intent_recognition.kinematics.lwr import LWR_LIMITS, hand_position
 from intent_recognition.share import share_path

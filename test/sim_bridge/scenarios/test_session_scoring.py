@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from intent_recognition.evaluation import summarise
-from intent_recognition.evaluation.session_log import ContactLog, SessionLog
+from intent_recognition.evaluation import ContactLog, SessionLog, summarise
 from intent_recognition.kinematics.inverse import inverse_kinematics
 from sim_bridge.coworker.session import plan_session
 from sim_bridge.scenarios.toolbox.scene import (
