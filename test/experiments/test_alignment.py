@@ -22,32 +22,18 @@ PHASE = np.linspace(0.0, 1.0, 101)
 IDENTITY = np.tile(PHASE, (3, 1))
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
-def test_the_identity_goes_forward_evenly():
+def test_measures_of_the_identity_and_of_maps_made_by_hand(rng):
     found = steps(IDENTITY)
     np.testing.assert_allclose(found, (1.0, 0.0, 0.0, 0.0), atol=1e-9)
-
-
-def test_jumps_and_stands_are_seen():
     stairs = PHASE.copy()
     stairs[40:50] = stairs[40]
     found = steps(stairs[None])
     np.testing.assert_allclose(found.largest, 10.0)
     np.testing.assert_allclose(found.flat, 9 / 100)
     np.testing.assert_allclose(found.longest_flat, 9 / 100)
-
-
-def test_what_is_left_out_at_the_ends_is_counted():
     assert left_out(IDENTITY) == 0.0
     np.testing.assert_allclose(left_out(0.1 + 0.6 * IDENTITY), 0.4)
     assert left_out(-0.1 + 1.2 * IDENTITY) == 0.0
-
-
-def test_the_identity_changes_nothing(rng):
     values = rng.normal(size=(3, 101, 2))
     np.testing.assert_allclose(warped(values, IDENTITY), values, atol=1e-9)
     np.testing.assert_allclose(variance_removed(values, IDENTITY), 0.0, atol=1e-9)
@@ -72,13 +58,9 @@ def test_free_ends_go_on_one_by_one():
     np.testing.assert_allclose(found[30:80], PHASE[30:80] - 0.2, atol=0.011)
 
 
-@pytest.fixture(scope="module")
-def outcome():
-    return alignment.run(Settings(quick=True))
-
-
-def test_local_optimisation_neither_stands_nor_jumps(outcome):
+def test_local_optimisation_neither_stands_nor_jumps():
     pytest.importorskip("dtaidistance")
+    outcome = alignment.run(Settings(quick=True))
     known = outcome.numbers["known_timing"]
     assert known[LOCAL]["flat"] == 0.0
     assert known[LOCAL]["largest"] < known[DTW]["largest"]

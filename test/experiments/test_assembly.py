@@ -34,7 +34,14 @@ def found():
     return study(Settings(quick=True))
 
 
-def test_nothing_left_out_was_learned_from(found):
+def test_outcome_is_of_demonstrations_left_out_says_why_and_can_be_written(found, monkeypatch):
+    monkeypatch.setattr(assembly, "study", lambda settings: found)
+    outcome = assembly.run(Settings(quick=True))
+    json.dumps(outcome.numbers)
+    assert all(finding.remark or finding.holds for finding in outcome.findings)
+    assert len(outcome.blocks) == 7
+    assert outcome.numbers["demonstrations"] == len(found.scored)
+    assert outcome.numbers["aligned_right_at_end"] == len(found.scored)
     learned = {d.name for d in found.first.training}
     assert learned.isdisjoint(d.name for d in found.first.left_out)
     assert set(found.first.library.provenance.get("bags", ())).isdisjoint(
@@ -89,15 +96,12 @@ def test_no_sample_is_taken_twice_across_a_gap():
     np.testing.assert_allclose(even[spread_rows(even, 15)], (np.arange(15) + 0.5) / 15, atol=0.01)
 
 
-def test_certain_means_from_then_on():
+def test_certain_means_from_then_on_and_arrived_near_the_end():
     sure, doubt = [0.995, 0.005], [0.6, 0.4]
     assert observations_to_certainty(np.array([doubt, doubt, sure, sure]), 0) == 2
     assert observations_to_certainty(np.array([doubt, sure, doubt, sure]), 0) == 3
     assert observations_to_certainty(np.array([doubt, sure, doubt]), 0) is None
     assert observations_to_certainty(np.array([sure, sure]), 0) == 0
-
-
-def test_arrival_is_when_a_path_stays_near_its_end():
     times = np.arange(200) * 0.01
     path = np.zeros((200, 3))
     path[:, 0] = np.where(times < 0.995, 0.0, 0.5)
@@ -113,13 +117,3 @@ def test_arm_follows_its_commands_and_takes_part_in_each_task(found):
         assert executed.followed_m < 0.02
         assert executed.run.largest_torque < 1.0
         assert executed.end_m < 0.1
-
-
-def test_outcome_says_why_and_can_be_written(found, monkeypatch):
-    monkeypatch.setattr(assembly, "study", lambda settings: found)
-    outcome = assembly.run(Settings(quick=True))
-    json.dumps(outcome.numbers)
-    assert all(finding.remark or finding.holds for finding in outcome.findings)
-    assert len(outcome.blocks) == 7
-    assert outcome.numbers["demonstrations"] == len(found.scored)
-    assert outcome.numbers["aligned_right_at_end"] == len(found.scored)

@@ -10,9 +10,9 @@ from experiments.constraints.trials_file import read_trials, write_trials
 from intent_recognition.errors import ModelError
 
 
-def rows(seed=0, count=6):
-    rng = np.random.default_rng(seed)
-    return {name: rng.random((count, len(columns))) for name, columns in COLUMNS.items()}
+def rows():
+    rng = np.random.default_rng(0)
+    return {name: rng.random((6, len(columns))) for name, columns in COLUMNS.items()}
 
 
 def unfinished(output, seed, done):

@@ -55,7 +55,7 @@ def said(monkeypatch):
     return say
 
 
-def test_a_change_that_is_followed(said):
+def test_a_reach_is_what_the_decision_said_of_it(said):
     one = said((0.1, "", ""), (0.2, OLD, "activated"), (0.4, OLD, ""), (0.6, NEW, "switched"),
                (1.0, NEW, ""))  # fmt: skip
     duration_s = movement().duration_s
@@ -64,21 +64,12 @@ def test_a_change_that_is_followed(said):
     assert one.delay_s == pytest.approx((0.6 - 0.25) * duration_s)
     assert one.release_s == pytest.approx((0.4 - 0.25) * duration_s)
     assert (one.switches, one.withdrawals, one.others) == (1, 0, ())
-
-
-def test_an_old_task_that_is_kept(said):
     one = said((0.2, OLD, "activated"), (1.0, OLD, ""))
     assert one.old_kept and not one.new_active
     assert one.release_s == np.inf and np.isnan(one.delay_s)
-
-
-def test_a_task_that_is_let_go_of_and_one_that_was_never_meant(said):
     one = said((0.2, OLD, "activated"), (0.3, "", "withdrawn"), (0.5, THIRD, "activated"))
     assert one.others == (THIRD,) and one.withdrawals == 1
     assert not one.new_active and not one.old_kept
-
-
-def test_a_movement_called_over_half_way_is_not_the_end(said):
     one = said((0.2, OLD, "activated"), (0.3, "", "over"), (0.6, NEW, "activated"))
     assert one.new_active and not one.old_kept
     one = said((0.2, NEW, "activated"), (0.3, "", "over"), (0.6, "", ""))

@@ -9,17 +9,12 @@ import pytest
 from experiments.feedback.experiment import run
 from experiments.settings import Settings
 
-pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
 
-
-@pytest.fixture(scope="module")
-def numbers():
+@pytest.mark.slow
+def test_the_arm_varies_as_the_primitive_and_is_softer_where_demonstrations_vary():
     outcome = run(Settings(quick=True))
     assert all(isinstance(f.holds, bool | None) for f in outcome.findings)
-    return json.loads(json.dumps(dict(outcome.numbers)))
-
-
-def test_the_arm_varies_as_the_primitive_and_low_gains_do_not(numbers):
+    numbers = json.loads(json.dumps(dict(outcome.numbers)))
     chance = 1.0 / np.sqrt(2.0 * (numbers["n_runs"] - 1))
     ratio = np.array(numbers["std_ratio_stochastic"])
     assert np.abs(ratio - 1.0).max() < 4.0 * chance
@@ -27,9 +22,6 @@ def test_the_arm_varies_as_the_primitive_and_low_gains_do_not(numbers):
     assert max(numbers["mean_deviation_in_std_stochastic"]) < 5.0 / np.sqrt(numbers["n_runs"])
     assert numbers["linear_std_error"] < 5e-3
     assert numbers["saturated_steps"] == [0, 0]
-
-
-def test_softer_where_demonstrations_vary(numbers):
     assert numbers["stiffness_std_rank_correlation"] < -0.5
     assert numbers["push_hand_std_m"][-1] > numbers["push_hand_std_m"][0]
     first, last = (pushed[0] for pushed in (numbers["push_deflection_m"][k] for k in (0, -1)))

@@ -41,7 +41,7 @@ def test_same_seed_same_bytes_and_equal_to_what_is_shipped(tmp_path, repository)
     assert all(a == b for a, b in poses)
 
 
-def test_forty_eight_and_twelve_are_shipped_each_labelled_and_called_simulated(repository):
+def test_forty_eight_and_twelve_are_shipped_and_read_without_a_rejection(repository):
     folders = sorted((repository / "bags" / "toolbox").glob("*/*"))
     made = {(order.purpose, order.name) for order in orders(1)}
     assert {(folder.parent.name, folder.name) for folder in folders} == made
@@ -56,9 +56,6 @@ def test_forty_eight_and_twelve_are_shipped_each_labelled_and_called_simulated(r
         assert float(d["teaching_error_m"]) < 0.04
     sizes = [sum(f.stat().st_size for f in folder.iterdir()) for folder in folders]
     assert max(sizes) < 200_000
-
-
-def test_shipped_bags_read_as_demonstrations_without_a_rejection(repository):
     folder = repository / "bags" / "toolbox" / "test"
     found, rejections = read_demonstrations([folder], load_dofs())
     assert len(found) == 12

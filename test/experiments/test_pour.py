@@ -31,16 +31,12 @@ def short_pour(end_deg):
 
 
 @given(st.integers(0, 1000))
-def test_path_and_poses_of_the_cup_are_two_ways_to_say_the_same(seed):
+def test_path_and_poses_say_the_same_and_the_hand_points_at_the_cup_from_the_side(seed):
     path = random_path(seed)
     poses = SideGrasp(LIP, 0.09).cup_poses(path, OPENING_M)
     back = seen_path(path.times_s, poses, LIP, OPENING_M)
     np.testing.assert_allclose(back.offset_m, path.offset_m, atol=1e-12)
     np.testing.assert_allclose(back.tilt_rad, path.tilt_rad, atol=1e-12)
-
-
-@given(st.integers(0, 1000))
-def test_the_hand_points_at_the_cup_from_the_side(seed):
     path, grasp = random_path(seed), SideGrasp(LIP, 0.09)
     hand, cup = grasp.hand_poses(path, OPENING_M), grasp.cup_poses(path, OPENING_M)
     np.testing.assert_allclose(hand @ grasp.cup_in_hand, cup, atol=1e-12)

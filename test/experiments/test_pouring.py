@@ -9,26 +9,17 @@ from experiments.pouring.study import read_recorded
 from experiments.settings import Settings
 from intent_recognition.errors import BagError
 
-pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
 
-
-@pytest.fixture(scope="module")
-def outcome():
-    return run(Settings(quick=True))
-
-
-def test_warped_pours_spill_little_and_others_more(outcome):
-    numbers = outcome.numbers
+@pytest.mark.slow
+def test_warped_pours_spill_little_and_others_more_and_levels_are_met():
+    numbers = run(Settings(quick=True)).numbers
     mean, unwarped = (np.array(numbers[f"spilled_{m}"]) for m in ("mean", "unwarped"))
     assert len(mean) == len(unwarped) == len(PAIRS)
     assert mean.mean() <= 2.0
     assert unwarped.sum() > mean.sum() + 10
     assert numbers["through_wall"] == 0
     assert numbers["carried_tilt_ratio"] < 1.0
-
-
-def test_levels_are_met(outcome):
-    levels = outcome.numbers["levels"]
+    levels = numbers["levels"]
     emptied = [one for one in levels if one["pour"] == "empty"]
     assert len(emptied) == len(PAIRS)
     assert np.mean([one["spilled"] for one in emptied]) <= 0.2

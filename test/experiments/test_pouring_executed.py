@@ -28,14 +28,11 @@ def skill():
 
 
 @pytest.mark.slow
-def test_the_demonstrated_pair_is_poured_with_as_without_warping(skill):
+def test_the_demonstrated_pair_is_poured_and_emptied_as_it_was_demonstrated(skill):
     path = plan(skill.primitive, skill.cup.references, skill.second.references)
     unwarped = planned(PourOrder(SEED, 1, UNWARPED), skill).path
     np.testing.assert_array_equal(path.offset_m, unwarped.offset_m)
     np.testing.assert_array_equal(path.tilt_rad, unwarped.tilt_rad)
-
-
-def test_the_demonstrated_pair_is_emptied_as_it_was_demonstrated(skill):
     path = plan(skill.primitive, skill.cup.references, skill.second.references)
     level = asked_level(skill.far, EMPTY, skill.cup, skill.second.references)
     to_level = plan(skill.primitive, skill.cup.references, skill.second.references, level=level)

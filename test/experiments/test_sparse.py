@@ -14,6 +14,7 @@ from experiments.sketches.models import (
     learn_dmp,
     learn_promp,
     observation,
+    predictor,
     prior,
     squared_errors,
 )
@@ -23,24 +24,9 @@ from experiments.sparse.conditioning import promp_curves
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 @pytest.fixture(scope="module")
 def pairs():
     return sketch_pairs(np.random.default_rng(6), 40)
-
-
-@pytest.fixture(scope="module")
-def sparse_outcome():
-    return sparse.run(Settings(quick=True))
-
-
-@pytest.fixture(scope="module")
-def noise_outcome():
-    return noise.run(Settings(quick=True))
 
 
 def test_white_noise_keeps_the_variances_of_the_derivatives(pairs):
@@ -60,8 +46,6 @@ def test_noise_carried_through_an_invertible_filter_loses_nothing(pairs, rng):
     rows, noise_covariance, _ = observation(learned, ModelChoice(0.1, 0.01), 30)
     seen = rows @ distribution.mean + 0.1 * rng.normal(size=30)
     mixed = rng.normal(size=(30, 30)) + 5.0 * np.eye(30)
-    from experiments.sketches.models import predictor
-
     matrix, offset = predictor(distribution, rows, noise_covariance, learned.controlled)
     other, shift = predictor(
         distribution, mixed @ rows, mixed @ noise_covariance @ mixed.T, learned.controlled
@@ -74,27 +58,23 @@ def test_errors_are_those_of_single_predictions(pairs):
     learned = learn_promp(pairs[:30])
     held = pairs[30:]
     found = squared_errors(pairs[:30], held[..., 1], held[None, ..., 0], [candidate], [40])
-    squares = [np.mean((_curves(learned, pair, 40)[1] - pair[:, 1]) ** 2) for pair in held]
+    squares = []
+    for pair in held:
+        curves, _ = promp_curves(learned, 0.03, PHASE[:40], pair[:40, 0], 0.01)
+        squares.append(np.mean((curves[1] - pair[:, 1]) ** 2))
     np.testing.assert_allclose(found[0, 0, 0], np.mean(squares), rtol=1e-6)
 
 
-def _curves(learned, pair, n_seen):
-    curves, _ = promp_curves(learned, 0.03, PHASE[:n_seen], pair[:n_seen, 0], 0.01)
-    return curves
-
-
-def test_bands_hold_about_what_they_should(sparse_outcome):
-    inside = np.array(sparse_outcome.numbers["inside_two_sigma"])
+def test_bands_hold_about_what_they_should_and_positions_say_more_than_splines():
+    numbers = sparse.run(Settings(quick=True)).numbers
+    inside, rmse = np.array(numbers["inside_two_sigma"]), numbers["rmse"]
     assert np.all((inside > 0.85) & (inside < 1.0))
-
-
-def test_positions_say_more_than_splines(sparse_outcome):
-    rmse = sparse_outcome.numbers["rmse"]
     assert rmse["ProMP"][0] < rmse["DMP, best smoothing spline"][0] < rmse["no observation"][0]
 
 
-def test_the_dmp_is_no_straw_man(noise_outcome):
-    rmse = {method: np.array(values) for method, values in noise_outcome.numbers["rmse"].items()}
+def test_the_dmp_is_no_straw_man():
+    numbers = noise.run(Settings(quick=True)).numbers
+    rmse = {method: np.array(values) for method, values in numbers["rmse"].items()}
     assert rmse[DMP][0, -1] < 1.25 * rmse[PROMP][0, -1]
     assert np.all(rmse[PROMP][1] <= 1.02 * rmse[DMP][1])
     assert np.all(rmse[DMP_CARRIED] < 1.1 * rmse[PROMP])

@@ -48,16 +48,13 @@ def test_weights_are_recovered_from_a_rollout(rng):
     np.testing.assert_allclose(MODEL.rollout_matrix(PHASE) @ fitted, curve[::8], atol=0.01)
 
 
-def test_what_is_observed_is_forcing_and_goal(rng):
+def test_what_is_observed_is_forcing_and_goal_of_what_is_differentiated(rng):
     theta = parameters(rng)
     expected = MODEL.basis.design_matrix(PHASE) @ theta[:20] + 625.0 / 4.0 * theta[20]
     np.testing.assert_allclose(MODEL.observation_matrix(PHASE) @ theta, expected)
     motion = Motion(*rng.normal(size=(3, 5)))
     difference = MODEL.drive(motion) - MODEL.forcing(motion, 0.7)
     np.testing.assert_allclose(difference, 625.0 / 4.0 * 0.7)
-
-
-def test_drive_operator_is_differentiation_and_sum(rng):
     values = rng.normal(size=(101, 1))
     smoother = SavitzkyGolay(0.2)
     operators = derivative_operators(smoother, 101, 0.01)
