@@ -13,8 +13,6 @@ from intent_recognition.gaussian.batch import GaussianBatch, LinearMeasurement
 from intent_recognition.gaussian.linalg import symmetrize
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.prediction import StartPosture, controlled_weights
-from intent_recognition.promp.trajectory import dof_variance
 from intent_recognition.signals.observation import Observation
 
 
@@ -87,46 +85,3 @@ def observed_weights(bank: Bank, scale_weights: np.ndarray, task: int) -> Gaussi
     deviation = (means - mean) * np.sqrt(weights)[:, None]
     covariance = np.tensordot(weights, bank.covariance[block], axes=1) + deviation.T @ deviation
     return Gaussian(mean, symmetrize(covariance))
-
-
-def mixture_at(
-    library: TaskLibrary,
-    bank: Bank,
-    hypotheses: PriorGrid,
-    weights: np.ndarray,
-    times_s: np.ndarray,
-    start: StartPosture | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and total standard deviation of the controlled agent at true times after onset.
-
-    Every hypothesis predicts at its own phase of that time; their mixture's moments are returned
-    (Ewerton et al. 2015, Eq. 14), noise included.
-
-    Args:
-        library: the learned tasks.
-        bank: the filtered hypotheses.
-        hypotheses: the bank's grid.
-        weights: probability of each task and duration, (K, S), summing to one.
-        times_s: (T,).
-        start: posture of the controlled agent at onset, when known.
-
-    Returns:
-        Mean (T, Q) and standard deviation (T, Q).
-    """
-    n_scales, n_controlled = hypotheses.n_scales, library.n_controlled
-    mean = np.zeros((len(times_s), n_controlled))
-    second = np.zeros_like(mean)
-    for index in np.flatnonzero(weights.ravel() > 1e-9):
-        task = index // n_scales
-        weight = weights.ravel()[index]
-        observed = Gaussian(bank.mean[index], bank.covariance[index])
-        controlled = controlled_weights(library, task, observed, start)
-        phase = np.clip(times_s / hypotheses.duration_s[index], 0.0, 1.0)
-        design = library.basis.design_matrix(phase)
-        position = design @ controlled.mean.reshape(n_controlled, -1).T
-        variance = dof_variance(design, controlled.covariance) + library.control_noise_variance()
-        mean += weight * position
-        second += weight * (variance + position**2)
-    total = weights.sum()
-    mean, second = mean / total, second / total
-    return mean, np.sqrt(np.maximum(second - mean**2, 1e-12 * np.maximum(second, 1e-300)))

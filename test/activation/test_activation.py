@@ -31,11 +31,17 @@ def test_an_interaction_from_recognition_to_home():
     assert len(world.commands) > 20
 
 
-def test_starts_within_a_tenth_of_a_second_and_catches_up():
+def test_an_interaction_starts_within_a_tenth_of_a_second_and_catches_up():
     world = executing(0.8)
     assert (world.now_ns - START_NS) * 1e-9 <= 0.1
     world.run(1.3)
     assert world.commands[-1].phase_at(world.now_ns)[0] > 0.98
+    world = World()
+    world.duration_s = 0.3
+    world.begin("plate", already_s=0.1)
+    world.run_until(Mode.HOMING)
+    world.check_continuous()
+    assert world.activation.counts["slowed"] > 0
 
 
 @pytest.mark.slow
@@ -159,11 +165,19 @@ def test_another_task_early_on_takes_over_without_a_jump():
     assert world.tasks_seen == ["", "plate", "screw", ""]
 
 
-def test_an_unknown_movement_activates_nothing():
+def test_neither_an_unknown_movement_nor_a_prediction_of_another_task_is_executed():
     world = World()
     world.begin("none")
     world.run(2.0)
     assert world.commands == [] and world.modes == [Mode.IDLE]
+    world = World()
+    world.begin("plate")
+    world.activation.take_joint_state(world.now_ns, HOME, np.zeros(7))
+    for k in range(1, 10):
+        now = world.now_ns + k * STEP_NS
+        world.activation.take_tasks(now, now, LABELS, world.probabilities())
+        world.activation.take_prediction(now, prediction("screw", world.onset_ns))
+        assert world.activation.step(now) is None
 
 
 def test_an_end_that_is_too_uncertain_is_executed_once_it_is_certain():
@@ -175,26 +189,6 @@ def test_an_end_that_is_too_uncertain_is_executed_once_it_is_certain():
     world.end_std = 0.1
     world.run_until(Mode.EXECUTING)
     assert world.activation.inbox.held_back == "" and "uncertain_end" not in world.rejected
-
-
-def test_a_prediction_too_fast_for_the_arm_is_slowed():
-    world = World()
-    world.duration_s = 0.3
-    world.begin("plate", already_s=0.1)
-    world.run_until(Mode.HOMING)
-    world.check_continuous()
-    assert world.activation.counts["slowed"] > 0
-
-
-def test_a_prediction_of_another_task_is_not_executed():
-    world = World()
-    world.begin("plate")
-    world.activation.take_joint_state(world.now_ns, HOME, np.zeros(7))
-    for k in range(1, 10):
-        now = world.now_ns + k * STEP_NS
-        world.activation.take_tasks(now, now, LABELS, world.probabilities())
-        world.activation.take_prediction(now, prediction("screw", world.onset_ns))
-        assert world.activation.step(now) is None
 
 
 def test_what_is_possible_is_in_question_while_nothing_is_acted_on():

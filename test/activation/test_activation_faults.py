@@ -10,7 +10,7 @@ from intent_recognition.errors import IntentError
 from intent_recognition.motion import JointPlan
 
 
-def test_stale_or_missing_joint_states_start_nothing():
+def test_an_arm_that_is_not_seen_or_moved_by_others_starts_nothing():
     world = World()
     world.measures = False
     world.begin("plate")
@@ -19,9 +19,6 @@ def test_stale_or_missing_joint_states_start_nothing():
     world.measures = True
     world.run(0.1)
     assert world.activation.mode is Mode.EXECUTING
-
-
-def test_an_arm_in_motion_by_others_starts_nothing():
     world = World()
     world.begin("plate")
     world.measures = False
@@ -76,16 +73,13 @@ def test_bodies_measured_at_the_same_time_all_count(n_bodies):
     assert world.activation.inbox.decision.candidate == "" and world.rejected == []
 
 
-def test_the_same_estimate_once_more_is_a_sender_that_is_stuck():
+def test_a_sender_that_is_stuck_is_silent_and_a_malformed_one_changes_nothing():
     world = World()
     world.begin("plate")
     for _ in range(8):
         world.activation.take_tasks(START_NS, START_NS, LABELS, world.probabilities())
     assert world.rejected == ["stamp_not_increasing"] * 7
     assert world.activation.inbox.decision.n_for == 1
-
-
-def test_repeated_stamps_count_as_silence():
     world = executing()
     stamp = world.now_ns
     world.speaks = False
@@ -93,9 +87,6 @@ def test_repeated_stamps_count_as_silence():
         world.activation.take_tasks(world.now_ns, stamp, LABELS, world.probabilities())
         world.step()
     assert world.activation.mode is Mode.STOPPED
-
-
-def test_malformed_probabilities_raise_and_change_nothing():
     world = World()
     before = world.activation.inbox.decision
     for p in (np.array([0.5]), np.array([np.nan, 0.5, 0.5]), np.array([])):
@@ -118,15 +109,12 @@ def test_reset_sends_the_arm_home_and_does_not_start_the_same_movement_again(tim
     assert Mode.EXECUTING not in world.modes[2:]
 
 
-def test_without_return_home_it_stays_and_is_idle():
+def test_without_return_home_it_stays_and_a_reset_stops_it():
     world = executing(0.8, return_home=False)
     world.run_until(Mode.IDLE)
     world.run(1.0)
     np.testing.assert_allclose(world.arm(), world.commands[-1].plan.end, atol=1e-9)
     assert np.abs(world.arm() - HOME).max() > 0.2
-
-
-def test_without_return_home_a_reset_stops_the_arm():
     world = executing(return_home=False)
     world.run(0.3)
     world.commands.append(world.activation.reset(world.now_ns))

@@ -10,10 +10,24 @@ from activation_world import HOME, START_NS, STEP_NS, World, executing, predicti
 from intent_recognition.activation.states import Mode
 
 
-def test_a_clock_that_goes_back_starts_over():
+def test_a_clock_that_goes_back_starts_over_and_what_is_old_is_rejected_with_the_cure():
     world = executing()
     assert world.activation.step(world.now_ns - 10_000_000_000) is None
     assert world.activation.mode is Mode.IDLE and "clock_jumped_back" in world.rejected
+    world = World()
+    long_ago_ns = START_NS - 40_000_000_000
+    world.activation.take_prediction(START_NS, prediction("plate", long_ago_ns))
+    world.activation.take_joint_state(long_ago_ns, HOME, np.zeros(7), now_ns=START_NS)
+    assert world.rejected == ["outdated", "joint_state_outdated"]
+    assert all("--restamp" in text and "use_sim_time" in text for text in world.said)
+    world = World()
+    world.run(0.1)
+    for late_ns in (0, 1, STEP_NS, 10**9):
+        world.activation.take_joint_state(world.now_ns - late_ns, HOME + 1.0, now_ns=world.now_ns)
+    assert world.rejected == ["joint_state_not_increasing"] * 4
+    world.begin("plate")
+    world.run(0.1)
+    np.testing.assert_allclose(world.commands[0].plan.positions[0], HOME, atol=1e-12)
 
 
 @pytest.mark.parametrize("ahead_s", [0.02, 0.5, 0.999, 5.0, 1e6])
@@ -30,15 +44,6 @@ def test_a_joint_state_from_the_future_blocks_nothing(ahead_s, first):
     world.run(0.1)
     assert world.activation.mode is Mode.EXECUTING
     assert world.rejected == []
-
-
-def test_what_was_recorded_long_ago_is_rejected_with_the_cure():
-    world = World()
-    long_ago_ns = START_NS - 40_000_000_000
-    world.activation.take_prediction(START_NS, prediction("plate", long_ago_ns))
-    world.activation.take_joint_state(long_ago_ns, HOME, np.zeros(7), now_ns=START_NS)
-    assert world.rejected == ["outdated", "joint_state_outdated"]
-    assert all("--restamp" in text and "use_sim_time" in text for text in world.said)
 
 
 @pytest.mark.parametrize("skew_s", [-0.9, -0.3, 0.3, 0.9])
@@ -130,14 +135,3 @@ def test_with_three_in_ten_commands_lost_the_arm_ends_at_home(seed):
     run(12.0)
     assert "command_lost" in world.rejected and world.activation.mode is Mode.IDLE
     np.testing.assert_allclose(world.arm(), HOME, atol=1e-3)
-
-
-def test_late_joint_states_are_counted_and_change_nothing():
-    world = World()
-    world.run(0.1)
-    for late_ns in (0, 1, STEP_NS, 10**9):
-        world.activation.take_joint_state(world.now_ns - late_ns, HOME + 1.0, now_ns=world.now_ns)
-    assert world.rejected == ["joint_state_not_increasing"] * 4
-    world.begin("plate")
-    world.run(0.1)
-    np.testing.assert_allclose(world.commands[0].plan.positions[0], HOME, atol=1e-12)

@@ -117,16 +117,13 @@ def test_bumps_change_nothing_that_lasts(offset, seconds):
     held.check_continuous()
 
 
-def test_an_unknown_task_yields_and_goes_on_as_before():
+def test_an_unknown_task_yields_and_goes_on_and_without_corrections_a_push_is_no_wish():
     held = world(correction=Correction(DETECTOR, {}))
     held.run(DURATION_S)
     hold(held, AWAY, 1.5)
     held.run(1.5)
     assert held.activation.counts["yielded"] == 1 and held.activation.motions.corrected is None
     np.testing.assert_allclose(held.arm(), HOME + GOALS["plate"], atol=1e-3)
-
-
-def test_without_corrections_a_push_is_no_wish():
     held = world(correction=None)
     held.run(DURATION_S)
     hold(held, AWAY, 1.0)

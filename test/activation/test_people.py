@@ -246,7 +246,7 @@ def stopped_for_want_of_anna():
     return world
 
 
-def test_another_movement_begins_an_interaction_and_resumes_none():
+def test_the_same_movement_is_resumed_and_another_begins_an_interaction():
     """The name may stand for somebody else by then."""
     world = stopped_for_want_of_anna()
     world.run(0.3)
@@ -256,9 +256,6 @@ def test_another_movement_begins_an_interaction_and_resumes_none():
     assert world.activation.counts["started"] == 2
     world.run(3.0)
     world.check_continuous()
-
-
-def test_the_same_movement_is_resumed():
     world = stopped_for_want_of_anna()
     world.silent.clear()
     world.until(lambda: world.activation.mode is Mode.EXECUTING)

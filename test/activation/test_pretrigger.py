@@ -171,7 +171,7 @@ def test_reset_and_halt(when):
         world.check_continuous()
 
 
-def test_where_the_task_begins_at_home_nothing_moves():
+def test_where_the_task_begins_at_home_nothing_moves_and_nothing_is_sent():
     world = ahead(starts={"plate": HOME, "screw": HOME + 0.01})
     n = len(world.commands)
     world.run_until(Mode.IDLE)
@@ -181,9 +181,6 @@ def test_where_the_task_begins_at_home_nothing_moves():
     assert world.activation.counts["pretrigger withdrawn: timeout"] == 1
     world.serve("screw", already_s=0.4)
     world.check_continuous()
-
-
-def test_an_arm_at_home_already_is_sent_nothing():
     world = make_world(starts={"plate": HOME, "screw": HOME + 0.01})
     world.activation.pretrigger.interaction_began()
     world.run(0.1)
@@ -234,7 +231,7 @@ def test_it_stays_home_where_it_is_off_or_nothing_is_expected(change, probabilit
     np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
 
 
-def test_it_never_moves_before_an_interaction_nor_on_an_old_expectation():
+def test_it_stays_home_before_an_interaction_while_the_human_is_not_seen_or_beyond_limits():
     world = make_world()
     world.run(0.2)
     expect(world)
@@ -246,16 +243,10 @@ def test_it_never_moves_before_an_interaction_nor_on_an_old_expectation():
     world.task = "idle"
     world.run_until(Mode.IDLE)
     assert Mode.PRETRIGGERED not in world.modes
-
-
-def test_it_does_not_start_while_the_human_moves_or_is_not_seen():
     world = after_a_plate()
     world.speaks = False
     world.run(6.0)
     assert Mode.PRETRIGGERED not in world.modes
-
-
-def test_a_start_outside_the_limits_is_refused():
     world = after_a_plate(starts={"screw": np.full(7, 9.0)})
     world.run_until(Mode.IDLE)
     assert Mode.PRETRIGGERED not in world.modes and "infeasible" in world.rejected

@@ -46,7 +46,7 @@ def bags(tmp_path):
     )
 
 
-def test_reading_gives_the_recording_in_the_world(bags):
+def test_reading_and_observing_give_the_recording_in_the_world(bags):
     in_world, raw = bags
     dofs = settle_orientations(DOFS, in_world)
     settled = settle_orientations(WITH, raw)
@@ -58,9 +58,6 @@ def test_reading_gives_the_recording_in_the_world(bags):
         for ours, theirs in zip(found.observed, expected.observed, strict=True):
             np.testing.assert_array_equal(ours.stamps_ns, theirs.stamps_ns)
             np.testing.assert_allclose(ours.values, theirs.values, atol=1e-9)
-
-
-def test_observing_gives_the_recording_in_the_world(bags):
     in_world, raw = bags
     dofs = settle_orientations(DOFS, in_world)
     expected = list(iter_observations(BagReader(in_world), dofs))
@@ -70,16 +67,13 @@ def test_observing_gives_the_recording_in_the_world(bags):
         np.testing.assert_allclose(ours.values, theirs.values, atol=1e-9)
 
 
-def test_without_extrinsics_the_frame_of_the_recording_is_told(bags):
+def test_without_extrinsics_the_frame_is_told_and_others_refuse_the_recording(bags):
     _, raw = bags
     dofs = DofSpec((WRIST,), (ROBOT,))
     (found,), _ = read_demonstrations(raw, dofs)
     assert found.frames == {WRIST.topic: (TRACKER,)}
     (nameless,), _ = read_demonstrations(raw, dofs, extrinsics={TRACKER: ([0] * 3, [0, 0, 0, 1])})
     assert nameless.frames == {WRIST.topic: ("world",)}
-
-
-def test_extrinsics_for_other_frames_refuse_the_recording(bags):
     for extrinsics in ((), ("elsewhere 0 0 0 0 0 0 1",)):
         dofs = DofSpec((WRIST,), (ROBOT,), extrinsics=extrinsics)
         found, (rejection,) = read_demonstrations(bags[1], dofs)

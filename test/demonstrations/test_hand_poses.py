@@ -115,11 +115,15 @@ def test_an_arm_in_degrees_is_refused_by_its_limits(tmp_path, known_by):
     assert "Likely degrees for radians (a factor of 57.3)" in refused.reason
 
 
-def test_for_a_hand_joints_and_description_are_recorded_too():
+def test_for_a_hand_joints_and_description_are_recorded_too_and_links_are_controlled():
     joints_of = load_dofs()
     assert topics_of(joints_of) == ("mocap/wrist/pose", "joint_states")
     needed = ("mocap/wrist/pose", "hand/pose", "joint_states", "robot_description")
     assert topics_of(HAND) == needed
+    content = HAND.to_dict()
+    content["observed"][0]["link"] = "lwr_hand"
+    with pytest.raises(DofError, match=r"observed\[0\].*link"):
+        DofSpec.from_dict(content)
 
 
 def test_the_file_is_written_back_and_found_beside_a_users_own(tmp_path):
@@ -152,13 +156,6 @@ def test_an_orientation_is_of_the_link_whose_position_is_before_it(changes):
     content = POSE_OF_A_LINK.to_dict()
     content["controlled"][1] |= changes
     with pytest.raises(DofError, match=r"controlled\[1\]: expected the position before it"):
-        DofSpec.from_dict(content)
-
-
-def test_a_link_is_of_the_controlled_agent():
-    content = HAND.to_dict()
-    content["observed"][0]["link"] = "lwr_hand"
-    with pytest.raises(DofError, match=r"observed\[0\].*link"):
         DofSpec.from_dict(content)
 
 

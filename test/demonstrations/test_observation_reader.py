@@ -46,23 +46,17 @@ def hand(position=(1.0, 2.0, 3.0), speed=4.0, covariance=FULL):
     )
 
 
-def test_fields_in_their_order_with_their_part_of_the_message_s_covariance():
+def test_fields_in_their_order_with_their_part_of_the_covariance_if_there_is_one():
     observation = ObservationReader(HAND, 1).observe(7, hand())
     assert observation[:2] == (7, 1) and observation.dofs is None and not observation.derivative
     assert observation.values.tolist() == [3.0, 1.0]
     np.testing.assert_array_equal(observation.covariance, FULL[np.ix_([2, 0], [2, 0])])
-
-
-def test_covariance_follows_the_order_of_the_fields_and_is_zero_where_there_is_none():
     full = np.array([[4.0, 1.0, 2.0], [1.0, 5.0, 3.0], [2.0, 3.0, 6.0]])
     fields = ("pose.position.z", "pose.orientation.x", "pose.position.x")
     entry = replace(WRIST, fields=fields)
     observation = ObservationReader(entry, 0).observe(1, make_message(WRIST.type, {}), full)
     expected = np.array([[6.0, 0.0, 2.0], [0.0, 0.0, 0.0], [2.0, 0.0, 4.0]])
     np.testing.assert_array_equal(observation.covariance, expected)
-
-
-def test_no_covariance_where_the_message_has_none_or_says_zero_for_unknown():
     assert ObservationReader(TOOL, 0).observe(1, make_message(TOOL.type, {})).covariance is None
     assert ObservationReader(HAND, 0).observe(1, hand(covariance=np.zeros(36))).covariance is None
 
@@ -116,10 +110,19 @@ def test_a_message_of_another_kind_is_a_message_error():
             ObservationReader(entry, 0).observe(1, message)
 
 
-def test_velocities_survive_the_file():
+def test_velocities_survive_the_file_and_are_of_one_entry():
     assert DofSpec.from_dict(DOFS.to_dict()) == DOFS
     assert "velocities" not in make_dofs().to_dict()
     assert DOFS.topics == replace(DOFS, velocities=()).topics
+    content = DOFS.to_dict()
+    two = {"fields": ["twist.linear.x", "twist.linear.y"], "of": ["thumb", HAND.names[0]]}
+    content["velocities"] = [content["velocities"][0] | two]
+    with pytest.raises(DofError, match="one observed entry"):
+        DofSpec.from_dict(content)
+    content = make_dofs(HAND).to_dict()
+    content["observed"][0]["std"] = 0.1
+    with pytest.raises(DofError, match="only the keys"):
+        DofSpec.from_dict(content)
 
 
 @pytest.mark.parametrize(
@@ -142,14 +145,6 @@ def test_what_is_wrong_with_velocities_is_named(changes, words):
     assert all(word in str(error.value) for word in ("mine.yaml", *words))
 
 
-def test_velocities_of_one_entry_cannot_be_of_two():
-    content = DOFS.to_dict()
-    two = {"fields": ["twist.linear.x", "twist.linear.y"], "of": ["thumb", HAND.names[0]]}
-    content["velocities"] = [content["velocities"][0] | two]
-    with pytest.raises(DofError, match="one observed entry"):
-        DofSpec.from_dict(content)
-
-
 @pytest.mark.parametrize("prefix", ["", "cell/"])
 def test_what_is_differentiated_from_the_poses_is_no_measurement(prefix):
     wrist = replace(WRIST, topic=prefix + WRIST.topic)
@@ -158,10 +153,3 @@ def test_what_is_differentiated_from_the_poses_is_no_measurement(prefix):
         DofSpec.from_dict(replace(make_dofs(wrist), velocities=(rate,)).to_dict())
     elsewhere = replace(make_dofs(wrist), velocities=(replace(rate, topic="human/wrist/fast"),))
     assert DofSpec.from_dict(elsewhere.to_dict()) == elsewhere
-
-
-def test_observed_positions_take_no_of_and_no_std():
-    content = make_dofs(HAND).to_dict()
-    content["observed"][0]["std"] = 0.1
-    with pytest.raises(DofError, match="only the keys"):
-        DofSpec.from_dict(content)

@@ -30,7 +30,7 @@ from intent_recognition.tables import suggest_map
 DOFS = load_dofs()
 
 
-def test_one_bag(tmp_path):
+def test_one_bag_with_or_without_a_label(tmp_path):
     (demonstration,), rejections = read(write_bag(tmp_path / "demo", 50), DOFS)
     assert not rejections
     assert demonstration.name == "demo" and demonstration.task == "plate"
@@ -39,10 +39,7 @@ def test_one_bag(tmp_path):
     assert arm.values[7].tolist() == joints(7)["position"]
     assert (demonstration.start_ns, demonstration.end_ns) == (START_NS, START_NS + 49 * STEP_NS)
     assert dict(demonstration.rejected) == {}
-
-
-def test_label_missing_is_no_error(tmp_path):
-    (demonstration,), _ = read(write_bag(tmp_path / "demo", task=None), DOFS)
+    (demonstration,), _ = read(write_bag(tmp_path / "unlabelled", task=None), DOFS)
     assert demonstration.task is None
 
 
@@ -220,18 +217,15 @@ def test_truncated_session_keeps_what_was_complete(tmp_path):
     assert "damaged" in rejections[-1].reason
 
 
-def test_iterating_gives_the_same_in_order(tmp_path):
-    for name in ("b", "a"):
-        write_bag(tmp_path / name, task=name)
-    found = list(iter_demonstrations([tmp_path / "b", tmp_path], DOFS))
-    assert [d.task for d in found] == ["b", "a", "b"]
-
-
-def test_nothing_there(tmp_path):
+def test_iterating_gives_the_same_in_order_and_nothing_is_named(tmp_path):
     with pytest.raises(BagError, match="nowhere"):
         read(tmp_path / "nowhere", DOFS)
     none, (rejection,) = read(tmp_path, DOFS)
     assert not none and "no bag" in rejection.reason
+    for name in ("b", "a"):
+        write_bag(tmp_path / name, task=name)
+    found = list(iter_demonstrations([tmp_path / "b", tmp_path], DOFS))
+    assert [d.task for d in found] == ["b", "a", "b"]
 
 
 @pytest.mark.parametrize(("folder", "count"), [("nuisi", 29), ("hri_yumi", 28), ("baton", 68)])

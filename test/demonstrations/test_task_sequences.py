@@ -30,9 +30,22 @@ def tasks(*paths, **options):
     return [sequence.tasks for sequence in sequences]
 
 
-def test_markers_give_the_order(tmp_path):
-    events = [(1, "plate"), (3, ""), (5, "screw"), (7, ""), (9, "screw"), (11, "")]
-    assert tasks(session(tmp_path / "s", events)) == [("plate", "screw", "screw")]
+@pytest.mark.parametrize(
+    ("events", "topic", "expected"),
+    [
+        ([(1, "plate"), (3, ""), (5, "screw"), (7, "")], "demonstration", [("plate", "screw")]),
+        # an end that is missing
+        ([(1, "plate"), (5, "screw"), (7, "")], "demonstration", [("plate", "screw")]),
+        # where there are no markers; a switch is one movement
+        (
+            [(0, ""), (1, "plate"), (2, "screw"), (3, ""), (5, "plate"), (6, "")],
+            "/cell1/intent/active_task",
+            [("screw", "plate")],
+        ),
+    ],
+)
+def test_markers_or_active_tasks_give_the_order(tmp_path, events, topic, expected):
+    assert tasks(session(tmp_path / "s", events, topic)) == expected
 
 
 def test_a_long_silence_ends_a_sequence(tmp_path):
@@ -41,17 +54,6 @@ def test_a_long_silence_ends_a_sequence(tmp_path):
     )
     assert tasks(path) == [("plate",), ("screw", "plate")]
     assert tasks(path, forget_after_s=100.0) == [("plate", "screw", "plate")]
-
-
-def test_an_end_that_is_missing_does_not_break_the_order(tmp_path):
-    path = session(tmp_path / "s", [(1, "plate"), (5, "screw"), (7, ""), (9, "plate")])
-    assert tasks(path) == [("plate", "screw", "plate")]
-
-
-def test_active_tasks_serve_where_there_are_no_markers(tmp_path):
-    events = [(0, ""), (1, "plate"), (2, "screw"), (3, ""), (5, "plate"), (6, "")]
-    path = session(tmp_path / "s", events, "/cell1/intent/active_task")
-    assert tasks(path) == [("screw", "plate")]  # a switch is one movement
 
 
 def test_a_folder_with_bags_that_are_no_sessions(tmp_path):

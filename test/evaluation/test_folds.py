@@ -51,15 +51,12 @@ def test_too_few_recordings_for_a_protocol(n, protocol):
         make_folds(some(n), protocol)
 
 
-def test_a_person_is_left_out_at_a_time():
+def test_a_person_is_left_out_at_a_time_by_a_key_that_all_have():
     assert make_folds(PEOPLE, "logo:person") == [
         ([1, 2, 4, 5], [0, 3]),
         ([0, 3, 4], [1, 2, 5]),
         ([0, 1, 2, 3, 5], [4]),
     ]
-
-
-def test_a_key_that_a_recording_lacks_is_named_with_those_it_has():
     with pytest.raises(ArgumentError, match=r"logo:group.*keys person in d3"):
         make_folds(PEOPLE, "logo:group")
     alone = [recorded(f"{i}", "a", person="ann") for i in range(4)]
@@ -72,9 +69,6 @@ def test_the_first_of_each_task_by_name_are_trained_on():
     assert make_folds(PEOPLE, "temporal:0.3") == [([1, 2], [0, 3, 4, 5])]
     assert make_folds(some(10), "temporal") == [(list(range(7)), [7, 8, 9])]
     assert make_folds(some(10), "temporal:0.999") == [(list(range(9)), [9])]
-
-
-def test_a_task_shown_once_is_trained_on():
     assert make_folds([*PEOPLE, recorded("d0", "c")], "temporal")[0][1] == [4, 5]
     with pytest.raises(ArgumentError, match="two recordings of a task"):
         make_folds([recorded("1", "a"), recorded("2", "b")], "temporal")

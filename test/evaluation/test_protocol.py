@@ -86,7 +86,7 @@ def test_identical_demonstrations_are_predicted_perfectly(identical):
         assert row["coverage_2_sigma"] > 0.9
 
 
-def test_the_json_is_the_contracts(identical):
+def test_the_json_is_the_contracts_with_a_number_everywhere_but_after_the_end(identical):
     again = json.loads(json.dumps(identical, allow_nan=False))
     assert again == identical
     told = "n_demonstrations tasks unit segment recognition prediction reactive left_out doubtful"
@@ -111,9 +111,6 @@ def test_the_json_is_the_contracts(identical):
         for row in table.values():
             assert set(row) == {"mse", "mse_nearest_windows", "mse_last_pose"}
             assert 0.0 <= row["mse"] < row["mse_last_pose"]
-
-
-def test_only_the_future_of_a_finished_movement_has_no_number(identical):
     for phase in ("known_phase", "unknown_phase"):
         table = identical["prediction"][phase]
         assert table["1.0"]["rmse_future"] is None
@@ -149,16 +146,13 @@ def test_several_units_give_one_number_each_in_their_own_unit():
     json.dumps(result, allow_nan=False)
 
 
-def test_per_unit_is_the_mean_over_the_dofs_of_a_unit(rng):
+def test_scores_by_hand_are_means_over_the_dofs_of_a_unit(rng):
     library = replace(
         make_library(rng, n_controlled=3, n_basis=4), controlled_units=("rad", "m", "rad")
     )
     values = np.array([[1.0, 10.0, 3.0], [3.0, 20.0, 5.0]])
     assert per_unit(library, values).tolist() == [3.0, 15.0]
     assert np.all(np.isnan(per_unit(library, values[:0])))
-
-
-def test_scores_by_hand():
     scores = ScoreTable()
     scores.add("known_phase", 0.5, rmse=np.array([1.0, 10.0]), accuracy=1.0)
     scores.add("known_phase", 0.5, rmse=np.array([3.0, 30.0]), accuracy=0.0)

@@ -87,16 +87,13 @@ def shown(task, place, n):
     return [example(task, place, 0.1 * (-1) ** k) for k in range(n)]
 
 
-def test_the_task_that_fails_is_suggested_and_of_equal_ones_the_one_seldom_shown():
+def test_suggested_is_the_task_that_fails_where_nobody_showed_it():
     rehearsed = [example("a", 0.0), example("b", 5.0)]
     often = [*shown("a", 0.0, 4), *shown("b", 5.0, 4)]
     assert suggest(often, rehearsed, [True, False], 1)[0].task == "a"
     assert suggest(often, rehearsed, [False, True], 1)[0].task == "b"
     seldom = [*shown("a", 0.0, 8), *shown("b", 5.0, 2)]
     assert suggest(seldom, rehearsed, [True, True], 1)[0].task == "b"
-
-
-def test_of_one_task_the_place_where_nobody_showed_it_is_suggested():
     known = shown("a", 0.0, 6)
     rehearsed = [example("a", 0.0), example("a", 2.0)]
     found = suggest(known, rehearsed, [True, True], 2)
@@ -104,9 +101,6 @@ def test_of_one_task_the_place_where_nobody_showed_it_is_suggested():
     # far from all that was shown, one demonstration halves the risk
     risk = 0.5 * (1.0 + 3.0 / 4.0)
     assert found[0].prevented == pytest.approx(risk / 2.0, rel=1e-6)
-
-
-def test_each_suggestion_counts_as_shown_for_the_next():
     rehearsed = [example("a", 0.0), example("b", 5.0)]
     known = [*shown("a", 0.0, 3), *shown("b", 5.0, 3)]
     tasks = [one.task for one in suggest(known, rehearsed, [True, True], 4)]

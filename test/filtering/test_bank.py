@@ -5,47 +5,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain import Bank, condition_bank, start_bank
+from plain import Bank, condition_bank
 from scipy.stats import t
 from simulation import make_library
 
 from intent_recognition.errors import ShapeError
-from intent_recognition.filtering.grid import STUDENT_FREEDOM, fixed_prior_grid, make_prior_grid
+from intent_recognition.filtering.grid import STUDENT_FREEDOM, make_prior_grid
 
 seeds = st.integers(0, 2**32 - 1)
-
-
-def test_observed_block_and_regression_equal_a_full_state_kalman_filter(rng):
-    """The reduction of Maeda et al. 2014 to P N states loses nothing of the (P + Q) N."""
-    library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=8)
-    hypotheses = fixed_prior_grid(library, 2.0)
-    bank = start_bank(library, hypotheses)
-    split, total = library.n_observed_weights, library.weight_mean.shape[1]
-    mean, covariance = library.weight_mean.copy(), library.weight_covariance.copy()
-    noise = np.diag(library.noise_variance[:2])
-    for phase in np.sort(rng.uniform(size=12)):
-        row = library.basis.design_matrix(np.array([phase]))
-        y = rng.normal(size=2) * 0.1
-        H = np.zeros((2, total))
-        H[0, :8] = H[1, 8:16] = row[0]
-        for task in range(2):
-            P = covariance[task]
-            K = P @ H.T @ np.linalg.inv(H @ P @ H.T + noise)
-            mean[task] += K @ (y - H @ mean[task])
-            # The Joseph form, another algebra than the one under test.
-            left = np.eye(total) - K @ H
-            covariance[task] = left @ P @ left.T + K @ noise @ K.T
-        bank = condition_bank(bank, np.arange(2), row[None], y, noise)
-    for task in range(2):
-        matrix, offset, rest = library.regressions[task]
-        np.testing.assert_allclose(bank.mean[task], mean[task, :split], atol=1e-8)
-        np.testing.assert_allclose(
-            bank.covariance[task], covariance[task, :split, :split], atol=1e-8
-        )
-        recovered = matrix @ bank.mean[task] + offset
-        np.testing.assert_allclose(recovered, mean[task, split:], atol=1e-8)
-        spread = rest + matrix @ bank.covariance[task] @ matrix.T
-        np.testing.assert_allclose(spread, covariance[task, split:, split:], atol=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain import bank_of
 from scipy.stats import multivariate_normal, multivariate_t
-from simulation import START_NS, make_library, minimum_jerk, nearly_known
+from simulation import START_NS, make_library
 
 from intent_recognition.filtering import MovementFilter, PriorGrid
-from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.gaussian import Gaussian, GaussianBatch, LinearMeasurement, condition
 from intent_recognition.promp import phase_deviation as progress_module
 from intent_recognition.promp.library import TaskLibrary
@@ -165,13 +164,10 @@ def test_filtering_and_smoothing_equal_the_enumeration_of_all_paths(
         assert run.log_evidence[0] == pytest.approx(np.log(total), abs=1e-6)
 
 
-def test_deviations_before_any_observation_are_the_prior(rng):
+def test_deviations_to_come_drift_back_to_the_prior(rng):
     found = start(library_with(rng, LEADING), 1.0, 2.0).prediction(0)
     found = found.deviations_at(np.array([0.0, 0.5, 9.0]))
     np.testing.assert_array_equal(found, np.broadcast_to(deviation_prior(LEADING), (2, 3, 15)))
-
-
-def test_deviations_to_come_drift_back_to_the_prior(rng):
     durations = (1.5, 2.0)
     run = start(library_with(rng, LEADING), *durations)
     for time in (0.1, 0.3, 0.35, 0.8):
@@ -196,55 +192,3 @@ def test_measurements_far_off_leave_finite_probabilities(rng, far, freedom):
     np.testing.assert_allclose(found.sum(axis=2), 1.0)
     assert np.all(np.isfinite(run.log_evidence))
     assert np.all(np.isfinite(bank_of(run).mean))
-
-
-def known_reach() -> TaskLibrary:
-    """Two DOFs that reach and swing, nearly the same in every demonstration."""
-    phase = np.linspace(0.0, 1.0, 400)
-    shape = np.stack([minimum_jerk(phase), 0.4 * np.sin(2 * np.pi * phase), phase], axis=1)
-    return nearly_known(shape, 0.005, PhaseDeviation(0.08 * BRIDGE + 0.004, 0.4, 1.0))
-
-
-def hesitation(recorded: np.ndarray) -> np.ndarray:
-    """Reference phase of a person who stands still from 0.4 to 0.55 and makes up for it."""
-    return np.interp(recorded, [0.0, 0.4, 0.55, 1.0], [0.0, 0.45, 0.45, 1.0])
-
-
-def shift(recorded: np.ndarray) -> np.ndarray:
-    """Reference phase of a person who is ahead by 0.1 amid the movement."""
-    return recorded + 0.1 * np.sin(np.pi * recorded)
-
-
-@pytest.mark.parametrize("person", [hesitation, shift])
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_persons_progress_is_followed(person, seed):
-    rng, library = np.random.default_rng(seed), known_reach()
-    run = start(library, 2.0)
-    weights = rng.multivariate_normal(library.weight_mean[0], library.weight_covariance[0])
-    times = np.arange(1, 31) / 30 * 2.0
-    for time in times:
-        row = library.basis.design_matrix(person(np.array([time / 2.0])))
-        values = (row @ weights.reshape(3, -1).T)[0, :2] + 0.005 * rng.normal(size=2)
-        run.observe(Observation(START_NS + round(time * 1e9), 0, values))
-    recorded = times / 2.0
-    phase = reference_phase(library.phase_deviation, recorded)
-    followed = np.sum(run.prediction(0).deviations_at(times)[0] * phase, axis=1)
-    truth = person(recorded)
-    error, steady = (np.sqrt(np.mean((p - truth) ** 2)) for p in (followed, recorded))
-    assert error < 0.5 * steady
-    assert error < 0.03
-
-
-def test_every_hypothesis_steps_at_its_own_phase(rng):
-    library = library_with(rng, LEADING)
-    hypotheses = PriorGrid(2, np.array([1.5, 2.0, 1.5, 2.0]), np.log(np.full(4, 0.25)))
-    model, table = ObservationModel(library, START_NS), MovementFilter(library, hypotheses, 0).table
-    rows = table.rows[[1, 0]]
-    first, second = (model.measurement(seen(time, np.zeros(3))) for time in (0.5, 0.8))
-    assert table.linear(first, rows).transition is None
-    step = table.linear(second, rows)
-    for at, duration in enumerate((2.0, 1.5)):
-        phase = reference_phase(LEADING, np.array(0.8 / duration))
-        np.testing.assert_allclose(step.rows[at], library.basis.design_matrix(phase))
-        moved = deviation_transition(LEADING, np.array(0.3 / duration))
-        np.testing.assert_allclose(step.transition[at], moved, atol=1e-12)

@@ -44,12 +44,9 @@ def test_velocities_after_the_end_are_zero_under_every_hypothesis(library):
     assert np.ptp(run.log_evidence) == 0.0
 
 
-def test_velocities_need_a_covariance(library):
+def test_velocities_without_a_covariance_and_values_that_do_not_fit_are_named(library):
     with pytest.raises(ArgumentError, match=r"a covariance with measured velocities.*sensor"):
         start(library).observe(observation(0.1, 0, [0.0, 0.0], derivative=True))
-
-
-def test_values_that_do_not_fit_are_named(library):
     with pytest.raises(ShapeError, match=r"\(2,\) and \(2, 2\)"):
         start(library).observe(observation(0.1, 0, [0.0, 0.0, 0.0]))
     with pytest.raises(ShapeError, match=r"\(1,\) and \(1, 1\)"):

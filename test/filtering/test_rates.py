@@ -21,7 +21,7 @@ def test_what_passes_on_is_what_the_rates_say(rng):
     assert delayed[4] == afresh[4] == 0.0
 
 
-def test_a_margin_makes_turning_to_another_task_rarer(rng):
+def test_nobody_turns_to_an_impossible_task_and_with_a_margin_turns_are_rarer(rng):
     total, log_prior = rng.normal(size=4), np.log([0.2, 0.3, 0.5])
     detours = np.exp(total[:-1]) * rates.DETOUR_RATE * 0.02
     turning = np.exp(birth_shares(total, log_prior, 0.02))[rates.TURN, :3] - detours
@@ -29,9 +29,6 @@ def test_a_margin_makes_turning_to_another_task_rarer(rng):
         np.exp(birth_shares(total, log_prior, 0.02, switch_margin=2.0))[rates.TURN, :3] - detours
     )
     np.testing.assert_allclose(rarer, np.exp(-2.0) * turning)
-
-
-def test_nobody_turns_to_an_impossible_task_nor_to_another_one_where_there_is_one():
     with np.errstate(divide="ignore"):
         log_prior = np.log([0.5, 0.5, 0.0])
     passed = np.exp(birth_shares(np.array([0.0, 0.0, -np.inf, 0.0]), log_prior, 0.1))

@@ -54,7 +54,7 @@ def posterior(run, elapsed_s):
     return run.posterior(START_NS + round(elapsed_s * 1e9))
 
 
-def test_an_offset_fades_as_a_critically_damped_spring():
+def test_an_offset_fades_as_a_critically_damped_spring_from_position_velocity_and_push():
     s, h = np.full(3, 0.37), 1e-4
     before, now, after = (fading(s + k * h, RATE) for k in (-1, 0, 1))
     velocity, acceleration = (after - before) / (2 * h), (after - 2 * now + before) / h**2
@@ -62,9 +62,6 @@ def test_an_offset_fades_as_a_critically_damped_spring():
     pushed = np.stack([np.zeros(3), np.zeros(3), np.exp(-RATE * s)], axis=1)
     np.testing.assert_allclose(force, pushed, atol=1e-5)
     np.testing.assert_allclose(fading(s, RATE, derivative=True), velocity, atol=1e-6)
-
-
-def test_at_birth_the_weights_are_position_velocity_and_push():
     zero = np.zeros(3)
     np.testing.assert_allclose(fading(zero, RATE), np.eye(3)[[0] * 3])
     np.testing.assert_allclose(fading(zero, RATE, derivative=True), np.eye(3)[[1] * 3])

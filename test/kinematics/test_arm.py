@@ -103,7 +103,7 @@ def test_points_and_their_speeds_are_within_what_any_posture_allows(source):
     assert np.all(speed <= most_speed * (1 + 1e-6)) and np.all(bent <= most_acceleration)
 
 
-def test_base_and_tip_by_name():
+def test_base_and_tip_by_name_and_limits_of_what_copies():
     part = Arm.from_urdf(MIXED, base="c", tip="e")
     assert part.joint_names == ("bend",)
     q = np.array([0.4, 0.1, -0.6])
@@ -112,9 +112,6 @@ def test_base_and_tip_by_name():
     np.testing.assert_allclose(
         part.forward_kinematics(q[2:]), np.linalg.inv(base) @ tip, atol=1e-12
     )
-
-
-def test_limits_are_read_and_what_copies_keeps_its_own():
     limits = Arm.from_urdf(MIXED, acceleration_rad_s2=7.0).limits
     np.testing.assert_allclose(limits.lower, [-1e6, -2.0, -0.25])  # -2 <= 0.5 - 2 bend <= 1
     np.testing.assert_allclose(limits.upper, [1e6, 1.0, 1.0])

@@ -132,7 +132,7 @@ def test_gradients_are_those_of_finite_differences(name):
         np.testing.assert_allclose(gradient, numeric, atol=1e-3)
 
 
-def test_what_cannot_part_is_left_out():
+def test_joints_are_taken_in_the_order_given_and_what_cannot_part_is_left_out():
     """Neighbours, and the first link over the table it stands on; not the hand."""
     robot = find_robot("lwr")
     near = Box("table", (0.5, 0.0, 0.05), (1.6, 1.6, 0.1))
@@ -141,9 +141,6 @@ def test_what_cannot_part_is_left_out():
     assert ("lwr_a7_link", "table") in bodies.pairs
     assert not {("lwr_a1_link", "lwr_a2_link"), ("lwr_a5_link", "lwr_a6_link")} & {*bodies.pairs}
     assert ("lwr_a2_link", "lwr_a7_link") in bodies.pairs
-
-
-def test_joints_are_taken_in_the_order_given():
     robot, bodies = bodies_of("lwr")
     other = Bodies(robot.description, robot.joint_names[::-1], (TABLE, CRATE), clearance_m=0.02)
     q = motion(robot, 2, 5)[-1]

@@ -3,10 +3,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
-from hypothesis.strategies import floats
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
@@ -20,33 +18,8 @@ from intent_recognition.kinematics.lwr import (
     jacobian,
 )
 
-angles = arrays(np.float64, 7, elements=floats(-3.1, 3.1))
 
-
-def sphere_roll_sphere_pose(q):
-    """Hand pose from the rotation form Rz Ry Rz Ry Rz Ry Rz, written without DH parameters."""
-
-    def turn(axis, angle):
-        return Rotation.from_euler(axis, angle).as_matrix()
-
-    upper = turn("z", q[0]) @ turn("y", -q[1])
-    lower = upper @ turn("z", q[2]) @ turn("y", q[3])
-    hand = lower @ turn("z", q[4]) @ turn("y", -q[5])
-    z = np.array([0.0, 0.0, 1.0])
-    position = 0.3105 * z + 0.4 * upper @ z + 0.39 * lower @ z + 0.078 * hand @ z
-    return position, hand @ turn("z", q[6])
-
-
-@settings(deadline=None)
-@given(angles)
-def test_matches_rotation_form(q):
-    position, rotation = sphere_roll_sphere_pose(q)
-    pose = forward_kinematics(q)
-    assert np.allclose(pose[:3, 3], position, atol=1e-12)
-    assert np.allclose(pose[:3, :3], rotation, atol=1e-12)
-
-
-def test_batch_equals_single():
+def test_a_batch_equals_single_postures_of_seven_joints():
     rng = np.random.default_rng(1)
     q = rng.uniform(-2.0, 2.0, (4, 3, 7))
     assert forward_kinematics(q).shape == (4, 3, 4, 4)

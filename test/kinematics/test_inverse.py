@@ -39,15 +39,12 @@ def test_swivel_and_branch_give_the_posture_back(q):
     assert np.allclose(solve(forward_kinematics(q), swivel_angle(q), branch_of(q)), q, atol=1e-6)
 
 
-def test_eight_branches_differ_and_reach_the_same_pose():
+def test_swivel_and_branches_differ_and_leave_the_hand_where_it_is():
     pose = forward_kinematics(READY)
     solutions = [solve(pose, 0.4, branch) for branch in BRANCHES]
     assert [branch_of(q) for q in solutions] == list(BRANCHES)
     for q in solutions:
         assert np.allclose(forward_kinematics(q), pose, atol=1e-12)
-
-
-def test_swivel_leaves_the_hand_where_it_is():
     pose = forward_kinematics(READY)
     q = solve(pose, np.linspace(-3, 3, 25), branch_of(READY))
     assert np.allclose(forward_kinematics(q), pose, atol=1e-12)
@@ -110,19 +107,13 @@ def test_out_of_reach_names_the_distance(position, distance):
         inverse_kinematics(pose, READY)
 
 
-def test_folded_beyond_the_elbow_limit():
+def test_what_is_out_of_reach_or_no_pose_is_named():
     pose = np.eye(4)
     pose[:3, 3] = (0.2, 0.0, 0.3105 + 0.078)
     with pytest.raises(KinematicsError, match="joint limits"):
         inverse_kinematics(pose, READY)
-
-
-def test_a_position_out_of_reach_names_the_distance():
     with pytest.raises(KinematicsError, match=r"m away"):
         reach_position(np.array([1.5, 0.0, 0.3]), READY)
-
-
-def test_bad_poses():
     with pytest.raises(ShapeError):
         inverse_kinematics(np.eye(3), READY)
     with pytest.raises(KinematicsError, match="finite"):

@@ -16,14 +16,11 @@ from intent_recognition.kinematics.limits import (
 from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
 
 
-def test_values_of_the_lwr():
+def test_values_of_the_lwr_are_frozen_copies():
     assert np.allclose(np.degrees(LWR_LIMITS.upper), [170, 120, 170, 120, 170, 120, 170])
     assert np.array_equal(LWR_LIMITS.lower, -LWR_LIMITS.upper)
     assert LWR_LIMITS.torque.tolist() == [176, 176, 100, 100, 100, 38, 38]
     assert np.allclose(np.degrees(LWR_LIMITS.velocity), [110, 110, 128, 128, 204, 184, 184])
-
-
-def test_arrays_are_frozen_copies():
     lower = -np.ones(2)
     limits = JointLimits(lower, np.ones(2), np.ones(2), np.ones(2), np.ones(2))
     lower[0] = 5.0

@@ -76,11 +76,16 @@ def test_the_number_of_tasks_is_found(n_each):
     assert [tried.n_components for tried in choice.tried] == list(range(1, len(choice.tried) + 1))
 
 
-def test_progress_is_told(rng):
+def test_progress_is_told_and_numbers_that_make_no_sense_are_refused(rng):
     told = []
     features, _ = drawn(rng, (4, 4))
     choose_components(features, np.random.default_rng(0), progress=told.append)
     assert told == [1, 2]  # 8 demonstrations: components of at least three
+    features, _ = drawn(rng, (5,))
+    for n_components in (0, 6):
+        with pytest.raises(ArgumentError, match="n_components"):
+            try_components(features, n_components, np.random.default_rng(0))
+    assert try_components(features, 5, np.random.default_rng(0)).labels.shape == (5,)
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])
@@ -99,14 +104,6 @@ def test_agents_that_never_move_are_no_obstacle(rng, frozen):
     choice = choose_components(features, np.random.default_rng(0), max_components=3)
     assert all(np.all(np.isfinite(tried.nll)) for tried in choice.tried)
     assert choice.n_components <= 3
-
-
-def test_numbers_that_make_no_sense_are_refused(rng):
-    features, _ = drawn(rng, (5,))
-    for n_components in (0, 6):
-        with pytest.raises(ArgumentError, match="n_components"):
-            try_components(features, n_components, np.random.default_rng(0))
-    assert try_components(features, 5, np.random.default_rng(0)).labels.shape == (5,)
 
 
 def test_the_smallest_within_one_paired_error():

@@ -80,13 +80,7 @@ def test_each_hypothesis_sees_its_own_values(rng):
         np.testing.assert_allclose(alone.log_evidence, together.log_evidence[[k]], rtol=1e-9)
 
 
-def test_evenly_spaced_items_keep_both_ends():
-    assert evenly(range(10), 4) == [0, 3, 6, 9]
-    assert evenly("abc", 60) == ["a", "b", "c"]
-    assert evenly([], 60) == []
-
-
-def test_rivals_are_the_tasks_with_the_nearest_means():
+def test_rivals_are_the_tasks_with_the_nearest_means_and_examples_are_evenly_taken():
     def a_task(level: float):
         nothing = np.zeros(0)
         example = TrainingExample(
@@ -101,3 +95,6 @@ def test_rivals_are_the_tasks_with_the_nearest_means():
     assert sorted(found) == list(range(2, 2 + MAX_RIVALS))
     few = nearest_tasks(tasks, tasks[0].examples[0], others[:3], ("m",))
     np.testing.assert_array_equal(few, others[:3])
+    assert evenly(range(10), 4) == [0, 3, 6, 9]
+    assert evenly("abc", 60) == ["a", "b", "c"]
+    assert evenly([], 60) == []

@@ -33,13 +33,18 @@ def same_partition(first, second):
     return len(pairs) == len(set(first)) == len(set(second))
 
 
-def test_units_and_offsets_of_the_dofs_do_not_matter(rng):
+def test_neither_units_nor_dofs_that_never_move_matter(rng):
     weights, _ = drawn(rng)
     factor = np.array([1000.0, 1.0, 1e-3, 57.3, 0.1])[:, None]
     first = mixture_features(weights, 3, BASIS)
     second = mixture_features(weights * factor + 3.0 * factor, 3, BASIS)
     gram = first.coordinates @ first.coordinates.T
     np.testing.assert_allclose(second.coordinates @ second.coordinates.T, gram, atol=1e-9)
+    weights, _ = drawn(rng)
+    still = np.insert(weights, 5, 0.3, axis=1)
+    first, second = (mixture_features(w, 3, BASIS) for w in (weights, still))
+    assert np.all(np.isfinite(second.coordinates))
+    assert first.coordinates.shape == second.coordinates.shape
 
 
 def test_each_agent_counts_alike_and_the_controlled_trajectory_is_kept(rng):
@@ -52,27 +57,23 @@ def test_each_agent_counts_alike_and_the_controlled_trajectory_is_kept(rng):
     np.testing.assert_allclose(rebuilt, features.controlled, atol=1e-12)
 
 
-def test_a_dof_that_never_moves_is_left_alone(rng):
-    weights, _ = drawn(rng)
-    still = np.insert(weights, 5, 0.3, axis=1)
-    first, second = (mixture_features(w, 3, BASIS) for w in (weights, still))
-    assert np.all(np.isfinite(second.coordinates))
-    assert first.coordinates.shape == second.coordinates.shape
-
-
 def test_none_or_too_many_demonstrations_are_refused():
     for n in (0, mixture.MAX_DEMONSTRATIONS + 1):
         with pytest.raises(TrainingError, match="demonstrations"):
             mixture_features(np.zeros((n, 4, 10)), 2, BASIS)
 
 
-def test_tasks_are_found_and_numbered_by_size(rng):
+def test_tasks_are_found_and_numbered_by_size_with_the_same_generator_alike(rng):
     weights, tasks = drawn(rng)
     order = rng.permutation(len(tasks))
     features = mixture_features(weights[order], 3, BASIS)
     found = cluster(features, 3, np.random.default_rng(0))
     assert same_partition(found.labels, tasks[order])
     assert np.bincount(found.labels).tolist() == [8, 7, 6]
+    features = mixture_features(drawn(rng)[0], 3, BASIS)
+    first, second = (cluster(features, 4, np.random.default_rng(1)) for _ in range(2))
+    np.testing.assert_array_equal(first.labels, second.labels)
+    assert first.log_likelihood == second.log_likelihood
 
 
 @pytest.mark.parametrize("seed", [5, 6, 8])
@@ -92,29 +93,16 @@ def test_each_is_assigned_by_the_mixture_without_it_while_that_is_likelier(seed,
     assert sizes.min() < mixture.MIN_MEMBERS or again.log_likelihood[0] <= found.log_likelihood
 
 
-def test_the_same_generator_gives_the_same_components(rng):
-    features = mixture_features(drawn(rng)[0], 3, BASIS)
-    first, second = (cluster(features, 4, np.random.default_rng(1)) for _ in range(2))
-    np.testing.assert_array_equal(first.labels, second.labels)
-    assert first.log_likelihood == second.log_likelihood
-
-
-def test_an_odd_demonstration_does_not_get_a_component_of_its_own(rng):
+def test_odd_few_or_identical_demonstrations_do_no_harm(rng):
     weights, tasks = drawn(rng)
     weights[0] += 4.0 * (weights[0] - weights[tasks == 0].mean(axis=0))
     features = mixture_features(weights, 3, BASIS)
     found = cluster(features, 3, np.random.default_rng(0))
     assert np.bincount(found.labels).min() >= mixture.MIN_MEMBERS
-
-
-def test_more_components_than_can_stand_alone_do_no_harm(rng):
     features = mixture_features(drawn(rng, (3, 2))[0], 3, BASIS)
     for n_components in (3, 5):
         found = cluster(features, n_components, np.random.default_rng(0))
         assert np.isfinite(found.log_likelihood) and found.labels.max() < n_components
-
-
-def test_identical_demonstrations_do_no_harm(rng):
     weights = np.repeat(drawn(rng)[0][:1], 6, axis=0)
     found = cluster(mixture_features(weights, 3, BASIS), 2, np.random.default_rng(0))
     assert np.isfinite(found.log_likelihood)

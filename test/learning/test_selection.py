@@ -261,7 +261,7 @@ def test_a_person_is_left_out_whole_where_others_have_shown_each_task():
         np.testing.assert_allclose(one.mean, mean.ravel())
 
 
-def test_it_does_not_matter_how_many_are_filtered_at_a_time(monkeypatch):
+def test_neither_batches_nor_very_many_demonstrations_matter(monkeypatch):
     data = accumulated(2, counts=(4, 2, 1))
     library = library_from_statistics(data.tasks, data.preprocessing, Hyperparameters("aligned"))
     tasks = statistics_of(data.tasks, True)
@@ -270,9 +270,6 @@ def test_it_does_not_matter_how_many_are_filtered_at_a_time(monkeypatch):
     monkeypatch.setattr(selection, "MAX_FLOATS", 1)
     for found, expected in zip(validate(library, left_out, tasks), whole, strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
-
-
-def test_of_very_many_demonstrations_a_bounded_number_is_left_out(monkeypatch):
     data = accumulated(2, counts=(5, 3, 1))
     monkeypatch.setattr(held_out_examples, "MAX_VALIDATED", 4)
     assert [one.task for one in leave_out(data.tasks, data.tasks, UNITS, Hyperparameters())] == [
@@ -297,7 +294,7 @@ def test_the_best_of_all_that_were_tried_is_chosen():
         assert one.score <= of_the_mean + 1e-12  # a mean of logarithms
 
 
-def test_where_nothing_can_be_left_out_the_defaults_are_taken():
+def test_where_nothing_can_be_left_out_or_told_apart_the_defaults_are_taken():
     data = accumulated(4, counts=(2, 1))
     library = library_from_statistics(data.tasks, data.preprocessing, Hyperparameters())
     alone = {"task_1": data.tasks["task_1"]}
@@ -305,6 +302,9 @@ def test_where_nothing_can_be_left_out_the_defaults_are_taken():
     assert coupling is None
     assert tried == (chosen,) and np.isnan(chosen.score)
     assert chosen[:2] == Hyperparameters()[:2]
+    data = accumulated(6, counts=(4,))
+    *_, tried = choose_hyperparameters(data.tasks, data.preprocessing)
+    assert all(one.log_loss == 0.0 and one.error > 0.0 for one in tried)
 
 
 def recordings_of(rng, hands, robots):
@@ -354,12 +354,6 @@ def test_a_robot_that_copies_the_hand_later_is_learned_with_its_lag(lag):
     if lag:
         without = min(one.error for one in tried if not one.lag)
         assert chosen.error < 0.5 * without
-
-
-def test_one_task_has_nothing_to_tell_apart():
-    data = accumulated(6, counts=(4,))
-    *_, tried = choose_hyperparameters(data.tasks, data.preprocessing)
-    assert all(one.log_loss == 0.0 and one.error > 0.0 for one in tried)
 
 
 @pytest.mark.slow

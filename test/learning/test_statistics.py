@@ -112,13 +112,10 @@ def test_the_examples_kept_are_a_fair_sample(monkeypatch):
     assert np.sum((counts - 50) ** 2 / 50) < 27.9  # chi-square of 9 degrees at 0.999
 
 
-def test_pooled_moments_are_about_the_means_of_the_tasks(rng):
+def test_pooled_moments_are_about_the_means_of_tasks_of_one_or_more(rng):
     tasks = [summarize(make_examples(rng, n, offset)) for n, offset in ((3, 0.0), (1, 9.0), (5, 5))]
     pooled = pooled_moments(tasks)
     assert pooled.freedom == 2 + 0 + 4
     np.testing.assert_allclose(pooled.matrix, sum(task.scatter for task in tasks))
-
-
-def test_no_example_has_no_statistics():
     with pytest.raises(ShapeError, match="one or more demonstrations"):
         summarize([])

@@ -99,7 +99,7 @@ def test_the_margin_is_what_left_out_movements_of_the_tasks_stay_below(
     assert learn_switch_margin(wary, tasks, recorded) == margin
 
 
-def test_odds_against_a_task_are_those_of_the_posterior(trained, tasks):
+def test_odds_against_a_task_are_those_of_the_posterior_and_none_of_the_only_task(trained, tasks):
     """Beside a filter that is asked for its posterior at every sample."""
     example = tasks["task_1"].examples[0]
     library = replace(trained.library, none_margin=0.0, switch_margin=1.0)
@@ -112,6 +112,9 @@ def test_odds_against_a_task_are_those_of_the_posterior(trained, tasks):
         known = known / known.sum()
         largest = max(largest, 1.0 - known[1])
     assert expit(largest_odds_against(library, 1, example)) == pytest.approx(largest, abs=1e-9)
+    only = {"task_0": tasks["task_0"]}
+    library = library_from_statistics(only, trained.preprocessing, trained.chosen)
+    assert learn_switch_margin(library, only, {"task_0": trained.tasks["task_0"]}) == 0.0
 
 
 def test_people_are_left_out_together(trained, tasks):
@@ -126,15 +129,8 @@ def test_people_are_left_out_together(trained, tasks):
     }
     anew = library_from_statistics(rest, trained.preprocessing, trained.chosen)
     np.testing.assert_allclose(found.observed_mean[:-1], anew.observed_mean[:-1], atol=1e-10)
-    only = {label: replace_groups(task, "a") for label, task in people.items()}
+    only = {
+        label: summarize([e._replace(group="a") for e in task.examples])
+        for label, task in people.items()
+    }
     assert LeavingOut(trained.library, only).group("a") is None
-
-
-def replace_groups(task, group):
-    return summarize([example._replace(group=group) for example in task.examples])
-
-
-def test_nobody_turns_from_the_only_task(trained, tasks):
-    only = {"task_0": tasks["task_0"]}
-    library = library_from_statistics(only, trained.preprocessing, trained.chosen)
-    assert learn_switch_margin(library, only, {"task_0": trained.tasks["task_0"]}) == 0.0

@@ -40,15 +40,12 @@ def test_correlated_innovations_count_as_their_share_of_independent_ones(rng, co
     assert expected_power(losses_of_movements(rng, correlation)) == pytest.approx(share, abs=0.12)
 
 
-def test_the_last_power_is_all_of_the_evidence():
+def test_the_last_power_is_all_of_the_evidence_and_without_any_it_is_the_mean():
     evidence = np.array([-1.0, -3.0, -2.0, 0.5, -np.inf])
     losses = log_losses(evidence, np.array([0, 3]))
     expected = [np.logaddexp.reduce(evidence[:3]) + 1.0, 0.0]
     np.testing.assert_allclose(losses[-1], expected, atol=1e-12)
     assert POWERS[-1] == 1.0
-
-
-def test_without_demonstrations_to_tell_it_is_the_mean_of_all():
     assert expected_power(np.zeros((len(POWERS), 5))) == pytest.approx(POWERS.mean())
 
 
@@ -61,13 +58,9 @@ def trained():
     return learn_with_report(recordings, settings).trained
 
 
-def test_what_was_chosen_is_in_the_library(trained):
+def test_what_was_chosen_is_in_the_library_and_in_the_odds_that_the_risk_is_stated_from(trained):
     assert 0.1 < trained.chosen.task_evidence < 1.0
     assert trained.library.task_evidence == trained.chosen.task_evidence
-
-
-def test_the_odds_that_the_risk_is_stated_from_count_as_much(trained):
-    """Of two tasks that are equally probable beforehand, the log odds are evidence alone."""
     tasks = statistics_of(trained.tasks, trained.chosen.aligned)
     example = tasks["task_1"].examples[0]
     without = LeavingOut(trained.library, tasks).demonstration(1, example).as_library()

@@ -66,7 +66,7 @@ def test_known_timing_is_recovered(rng):
         assert np.abs(error).max() < 0.03
 
 
-def test_the_phase_deviation_is_that_of_the_people(rng):
+def test_the_phase_deviation_is_that_of_the_people_and_shared_by_tasks(rng):
     found = estimate_timing(some(rng)).deviation_std
     assert found.shape == (51,)
     assert found[25] == pytest.approx(np.std(AHEAD, ddof=1), rel=0.2)
@@ -75,9 +75,6 @@ def test_the_phase_deviation_is_that_of_the_people(rng):
     steady = estimate_timing(some(rng, scale=0.0)).deviation_std
     assert steady.max() < 0.3 * found.max()
     assert steady.min() >= MIN_DEVIATION_STD
-
-
-def test_tasks_share_their_phase_deviation(rng):
     wide, narrow = some(rng, 0), some(rng, 1, scale=0.25)
     both = estimate_timing([*wide, *narrow]).deviation_std[25]
     apart = [estimate_timing(part).deviation_std[25] for part in (wide, narrow)]
@@ -131,14 +128,11 @@ def test_what_is_added_is_filtered_at_the_phases_it_was_fitted_at(rng):
         np.testing.assert_allclose(found, fitted(PHASE), atol=1e-9)
 
 
-def test_progress_depends_on_the_duration_only_where_people_are_compared(rng):
+def test_progress_depends_on_the_duration_only_where_people_and_durations_differ(rng):
     recordings = bent_recordings(rng, 0.8, 2.0 * np.exp(np.linspace(-0.6, 0.6, 5)))
     assert estimate_timing(recordings).duration_exponent > 0.5
     alone = [replace(one, metadata={}) for one in recordings]
     assert estimate_timing(alone).duration_exponent == 0.0
-
-
-def test_recordings_of_equal_durations_say_nothing_of_the_exponent(rng):
     recordings = bent_recordings(rng, 0.0, 2.0 + 1e-4 * rng.normal(size=6))
     assert abs(estimate_timing(recordings).duration_exponent) < 0.1
 
@@ -153,16 +147,13 @@ def test_where_no_task_has_two_recordings_nothing_is_aligned(rng):
     assert estimate_timing([]) == timing
 
 
-def test_a_recording_comes_out_the_same_alone_and_in_company(rng):
+def test_a_recording_comes_out_the_same_alone_in_company_or_later(rng):
     recordings = [*some(rng, 0), *some(rng, 1)]
     timing = estimate_timing(recordings)
     together = timing.warps(recordings[::-1])[::-1]
     for recorded, warp in zip(recordings, together, strict=True):
         (alone,) = timing.warps([recorded])
         np.testing.assert_allclose(alone.recorded, warp.recorded, atol=1e-9)
-
-
-def test_a_later_recording_is_brought_onto_the_same_template(rng):
     timing = estimate_timing(some(rng))
     later, unknown = a_recording(rng, 0.06), a_recording(rng, 0.06, task=4)
     warp, identity = timing.warps([later, unknown])

@@ -167,15 +167,12 @@ def test_nothing_to_learn_from_is_an_error_that_says_why(truth, rng):
         learn(recordings(truth, rng, 1), WHOLE)
 
 
-def test_recordings_of_other_dofs_are_left_out(truth, rng):
+def test_recordings_of_other_dofs_or_with_a_silent_signal_are_left_out(truth, rng):
     other = simulate(truth, 0, rng, name="other")
     stranger = Signal(("foot", "knee"), other.observed[0].stamps_ns, other.observed[0].values, "m")
     other = replace(other, observed=(stranger, other.observed[1]))
     ((name, reason),) = accumulate([*recordings(truth, rng, 3), other], WHOLE).rejected
     assert name == "other" and "foot" in reason
-
-
-def test_a_signal_that_stays_silent_is_a_reason_not_a_crash(truth, rng):
     good = recordings(truth, rng, 3)
     one = simulate(truth, 0, rng, name="silent")
     empty = Signal(one.observed[1].names, [], np.zeros((0, 1)), "m")

@@ -86,13 +86,9 @@ def test_adding_in_any_order_equals_training_anew(seed, random, n_added):
 
 
 @pytest.mark.slow
-def test_training_all_at_once_is_training_anew_at_its_own_reference(report):
+def test_training_all_at_once_is_training_anew_and_adding_changes_nothing_before(report):
     assert_equal(anew(recordings(1, 9), report.trained).library, report.library, 1e-12)
     assert_equal(report.trained.library, report.library, 0.0)
-
-
-@pytest.mark.slow
-def test_adding_leaves_what_it_adds_to_unchanged(report):
     before, last = report.trained, recordings(1, 10)[-1]
     mean = before.library.weight_mean.copy()
     after = add_demonstration(before, last)
@@ -186,7 +182,7 @@ def test_parts_of_different_references_do_not_merge():
         merge_accumulated(*parts)
 
 
-def test_a_long_stream_settles_its_preprocessing_by_its_first_recordings(monkeypatch):
+def test_a_long_stream_settles_its_preprocessing_by_its_first_recordings_and_names_few(monkeypatch):
     monkeypatch.setattr(accumulation, "REFERENCE_RECORDINGS", 5)
     demonstrations = recordings(11, 20)
     unlabelled = replace(demonstrations[0], task=None, name="unlabelled")
@@ -194,9 +190,6 @@ def test_a_long_stream_settles_its_preprocessing_by_its_first_recordings(monkeyp
     assert found.preprocessing == accumulate(demonstrations[:5], CUT).preprocessing
     assert found.n_used == 20 and found.used == tuple(f"demo_{i:02d}" for i in range(20))
     assert [name for name, _ in found.rejected] == ["unlabelled"]
-
-
-def test_names_in_a_report_are_bounded_and_numbers_are_not(monkeypatch):
     monkeypatch.setattr(accumulation, "NAMES_KEPT", 4)
     bad = [replace(r, task=None) for r in recordings(12, 7)]
     found = accumulate([*recordings(12, 9), *bad], CUT)

@@ -128,7 +128,7 @@ def follow(library, recorded):
 
 
 @pytest.mark.slow
-def test_another_unit_changes_no_probability_and_no_decision(trained):
+def test_another_unit_changes_nothing_learned_nor_any_probability_decision_or_correction(trained):
     library, other = trained[1.0].library, trained[OTHER].library
     assert other.none_margin == pytest.approx(library.none_margin, rel=1e-6)
     assert other.switch_margin == pytest.approx(library.switch_margin, rel=1e-6)
@@ -142,17 +142,6 @@ def test_another_unit_changes_no_probability_and_no_decision(trained):
     assert (active2, start2) == (active, start)
     assert TASKS[1] in active
     np.testing.assert_allclose(end2[-1] / by, end[-1], rtol=1e-5, atol=1e-7)
-
-
-@pytest.mark.slow
-def test_the_same_where_there_is_one_task_and_unknown_movements_are_simulated():
-    one, other = (learned(scale, TASKS[:1]).library for scale in (1.0, 1e3))
-    assert one.none_margin > 0.0
-    assert other.none_margin == pytest.approx(one.none_margin, rel=1e-6)
-
-
-@pytest.mark.slow
-def test_what_is_learned_is_the_same_in_another_unit(trained):
     library, other = trained[1.0].library, trained[OTHER].library
     by = np.repeat(factors(library, OTHER), library.basis.n_basis)
     n = library.n_observed_weights
@@ -162,15 +151,18 @@ def test_what_is_learned_is_the_same_in_another_unit(trained):
             found = getattr(other, f"{prefix}_{name}") / expected[cut]
             wanted = getattr(library, f"{prefix}_{name}")
             np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-9 * np.abs(wanted).max())
-
-
-@pytest.mark.slow
-def test_a_correction_is_the_same_in_another_unit(trained):
     corrected = perform(1, 50)
     one = keep_correction(trained[1.0], corrected).library
     other = keep_correction(trained[OTHER], in_other_units(corrected, OTHER)).library
     by = np.repeat(factors(one, OTHER), one.basis.n_basis)
     np.testing.assert_allclose(other.weight_mean / by, one.weight_mean, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.slow
+def test_the_same_where_there_is_one_task_and_unknown_movements_are_simulated():
+    one, other = (learned(scale, TASKS[:1]).library for scale in (1.0, 1e3))
+    assert one.none_margin > 0.0
+    assert other.none_margin == pytest.approx(one.none_margin, rel=1e-6)
 
 
 @pytest.mark.slow

@@ -67,16 +67,13 @@ def examples_of(report) -> list:
 
 
 @pytest.mark.slow
-def test_departure_from_statistics_is_that_of_the_demonstrations(report):
+def test_departure_is_that_of_the_demonstrations_however_they_were_merged(report):
     weights = np.array([e.weights[:3] for e in examples_of(report)])
     start = weights[:, :, :1]
     expected = np.mean((weights - start) ** 2, axis=(0, 1)) + np.mean(np.var(start, axis=0))
     assert departure(list(report.trained.tasks.values()), np.arange(3)) == pytest.approx(
         expected, rel=1e-9
     )
-
-
-def test_departure_does_not_depend_on_how_statistics_were_merged(report):
     (first, *rest) = report.trained.tasks["task_0"].examples
     merged = merge_statistics(summarize([first]), summarize(rest))
     whole = departure([summarize([first, *rest])], np.arange(3))

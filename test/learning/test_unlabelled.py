@@ -37,7 +37,7 @@ def test_each_component_is_a_task(recorded):
     assert report.trained.library is library
 
 
-def test_labels_are_not_looked_at(recorded):
+def test_labels_are_not_looked_at_and_their_number_may_be_given(recorded):
     blind = [replace(d, task=None) for d in recorded]
     first = label_by_components(recorded, SETTINGS, np.random.default_rng(0))
     second = label_by_components(blind, SETTINGS, np.random.default_rng(0))
@@ -45,9 +45,6 @@ def test_labels_are_not_looked_at(recorded):
     assert second.purity is None
     mixed = label_by_components([*recorded[:5], *blind[5:]], SETTINGS, np.random.default_rng(0))
     assert mixed.purity == 1.0
-
-
-def test_their_number_may_be_given(recorded):
     found = label_by_components(recorded, SETTINGS, np.random.default_rng(0), n_components=1)
     assert {d.task for d in found.demonstrations} == {"component_1"}
     assert found.purity == pytest.approx(0.6)

@@ -41,15 +41,12 @@ def test_one_row_is_conditioning_on_a_via_point():
     assert np.linalg.norm(z) == pytest.approx(np.sqrt(mahalanobis), rel=1e-6)
 
 
-def test_rows_that_hold_already_change_nothing():
+def test_rows_that_hold_change_nothing_and_needs_that_contradict_one_another_have_no_answer():
     rng = np.random.default_rng(1)
     rows = rng.normal(size=(3, 5))
     np.testing.assert_array_equal(least_change(rows, np.array([-1.0, -0.1, -2.0])), np.zeros(5))
     z = least_change(rows, np.array([0.5, -9.0, 0.2]))
     assert np.all(rows @ z >= [0.5 - 1e-6, -9.0, 0.2 - 1e-6])
-
-
-def test_needs_that_contradict_one_another_have_no_answer():
     row = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 0.0]])
     assert least_change(row[:2], np.array([1.0, 1.0])) is None
     assert least_change(row[2:], np.array([1.0])) is None

@@ -63,20 +63,14 @@ def test_it_passes_where_the_arm_was_left_and_begins_where_it_began():
     np.testing.assert_allclose(moved.spline(0.0), path.spline(0.0), atol=1e-6)
     assert correction.corrected(path, "b", [Via(1.0, left)], WIDE) is path
     assert correction.corrected(path, "a", [], WIDE) is path
-
-
-def test_corrections_where_the_path_passes_anyway_change_nothing():
     _, path = seen(PRIMITIVE)
     vias = [Via(z, path.spline(z)) for z in (0.5, 1.0)]
     np.testing.assert_allclose(corrected_by(SPREAD, path, vias, PHASES), 0.0, atol=1e-9)
 
 
-def test_a_later_correction_of_the_same_phase_takes_the_place_of_the_earlier():
+def test_a_correction_is_of_the_nearest_phase_ahead_and_takes_the_place_of_an_earlier_one():
     first, second, third = (Via(z, np.zeros(2)) for z in (0.5, 0.95, 1.0))
     assert with_via(with_via((first,), second), third) == (first, third)
-
-
-def test_the_phase_is_that_of_the_nearest_posture_ahead():
     _, path = seen(PRIMITIVE)
     assert abs(phase_of(path, path.spline(0.6), 0.2) - 0.6) < 0.01
     assert phase_of(path, path.spline(0.2), 0.6) == 0.6

@@ -66,7 +66,7 @@ def test_a_whole_pose_is_followed_with_its_orientation(name):
     assert (turned.inv() * turns[-1]).magnitude() > 0.1
 
 
-def test_a_place_out_of_reach_as_the_hand_is_turned_is_refused():
+def test_a_place_out_of_reach_as_the_hand_is_turned_and_a_quaternion_of_zeros_are_refused():
     """Within the LWR's reach of 0.868 m, but not with the fingers down: the wrist's is 0.79 m."""
     made = toolbox_arm("lwr")
     begin = made._arm.forward_kinematics(made.robot.ready)
@@ -77,9 +77,6 @@ def test_a_place_out_of_reach_as_the_hand_is_turned_is_refused():
     turn = np.tile(Rotation.from_matrix(begin[:3, :3]).as_quat(), (50, 1))
     with pytest.raises(TrajectoryError, match=r"m and \d\.\d\d rad too far at .* to 3\.00 s"):
         joints_along(made._arm, TIMES_S, np.hstack([place, turn]), made.robot.ready)
-
-
-def test_a_quaternion_of_zeros_is_refused():
     made = toolbox_arm("lwr")
     with pytest.raises(TrajectoryError, match="unit quaternions"):
         joints_along(made._arm, TIMES_S, np.zeros((50, 7)), made.home)
@@ -105,16 +102,13 @@ def test_fingers_come_last_in_the_measured_joints():
     np.testing.assert_array_equal(made.hand(with_fingers), made.hand(made.home))
 
 
-def test_what_is_out_of_reach_is_refused_with_where_and_when():
+def test_a_hair_out_of_reach_is_executed_and_more_is_refused_with_where_and_when():
     """The line leaves the LWR's reach of 0.868 m about its shoulder 2/3 of the way."""
     made = toolbox_arm("lwr")
     way = np.linspace(0.0, 1.0, 50)[:, None]
     path = np.array([0.668, 0.0, 0.3105]) + way * [0.3, 0.0, 0.0]
     with pytest.raises(TrajectoryError, match=r"0\.100 m too far at \[0\.968.*2\.\d\d to 3\.00 s"):
         joints_along(made._arm, TIMES_S, path, made.home)
-
-
-def test_a_hair_out_of_reach_is_executed():
     made = toolbox_arm("lwr")
     way = np.linspace(0.0, 1.0, 50)[:, None]
     path = np.array([0.5, 0.0, 0.3105]) + way * [0.37, 0.0, 0.0]

@@ -76,16 +76,10 @@ def test_a_brake_ends_near_and_is_accepted(seed):
     assert np.all(np.abs(plan.end - start.position) <= np.abs(start.velocity).max() * longest)
 
 
-def test_at_home_already_it_stays():
+def test_at_home_it_stays_and_a_home_outside_the_limits_is_clamped_or_refused():
     plan = home_plan(JointReference.at_rest(HOME), HOME, LIMITS)
     np.testing.assert_allclose(plan.positions, np.tile(HOME, (len(plan.times_s), 1)), atol=1e-12)
-
-
-def test_a_home_outside_the_limits_is_clamped_and_reported():
     plan = home_plan(JointReference.at_rest(HOME), HOME + np.eye(7)[1] * 9.0, LIMITS)
     assert plan.clamped == (1,) and plan.end[1] == pytest.approx(LIMITS.upper[1], abs=1e-5)
-
-
-def test_a_start_that_is_not_finite_is_refused():
     with pytest.raises(TrajectoryError, match="finite"):
         home_plan(JointReference.at_rest(np.full(7, np.nan)), HOME, LIMITS)

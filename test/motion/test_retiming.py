@@ -143,7 +143,7 @@ def test_updates_of_path_and_timing_never_jump(seed, duration_s, late, gaps):
     np.testing.assert_allclose(plan.positions[-1], plan.end)
 
 
-def test_catches_up_with_the_nominal_timing_and_then_follows_it():
+def test_the_timing_is_the_nominal_one_also_after_a_late_start_or_before_the_onset():
     plan = planned(samples(3, 4.0), -1.6)
     nominal = (plan.times_s + 1.6) / 4.0
     lag = nominal - plan.phase
@@ -152,29 +152,20 @@ def test_catches_up_with_the_nominal_timing_and_then_follows_it():
     assert np.all(np.abs(lag[together[0] : -10]) < 0.012)
     assert plan.times_s[plan.phase >= 1.0 - 1e-9][0] < 2.4 + 0.1
     assert not plan.slowed
-
-
-def test_is_not_early_when_it_starts_in_time():
     plan = planned(samples(4, 3.0))
     assert np.all(plan.phase <= plan.times_s / 3.0 + 0.01)
     assert plan.times_s[plan.phase >= 1.0 - 1e-9][0] == pytest.approx(3.0, abs=0.1)
-
-
-def test_waits_for_an_onset_in_the_future():
     plan = planned(samples(4, 3.0), 0.5)
     assert np.all(plan.phase[plan.times_s < 0.45] == 0.0)
     assert plan.phase[-1] == 1.0
 
 
-def test_follows_the_path_and_does_not_cut_it():
+def test_follows_the_path_from_its_start_and_does_not_cut_it():
     sampled = samples(5, 2.0, n_via=1)
     plan = planned(sampled, -1.2)
     fine = path_of(*sampled).spline(np.linspace(0.0, 1.0, 2000))
     for t in np.linspace(0.0, plan.duration_s, 200):
         assert np.min(np.abs(fine - plan.at(t).position).max(axis=1)) < 2e-3
-
-
-def test_goes_to_the_start_of_the_path_before_it_follows_it():
     plan = planned(samples(6, 2.0), -1.0, HOME - 0.8)
     far = np.abs(plan.positions - HOME).max(axis=1) > 0.05
     assert np.all(plan.phase[: np.flatnonzero(~far)[0]] == 0.0)
@@ -333,14 +324,11 @@ def test_what_is_no_trajectory_is_refused(fault):
         make_path(times, q, LIMITS, v)
 
 
-def test_two_samples_without_velocities_are_enough():
+def test_two_samples_without_velocities_are_enough_and_no_motion_is_a_plan():
     path = make_path(np.array([0.0, 2.0]), np.stack([HOME, HOME - 0.3]), LIMITS)
     plan = plan_interaction(path, NominalTiming(0.0, 2.0), JointReference.at_rest(HOME), LIMITS)
     np.testing.assert_allclose(plan.end, HOME - 0.3)
     check_by_differences(plan)
-
-
-def test_a_plan_of_no_motion_is_a_plan():
     path = make_path(np.linspace(0, 1, 10), np.tile(HOME, (10, 1)), LIMITS)
     plan = plan_interaction(path, NominalTiming(-0.4, 1.0), JointReference.at_rest(HOME), LIMITS)
     np.testing.assert_allclose(plan.positions, np.tile(HOME, (len(plan.positions), 1)))

@@ -161,15 +161,9 @@ def interact(who, **settings):
     return world
 
 
-@pytest.fixture(scope="module")
-def free():
-    """An interaction with nobody there."""
-    return interact(None)
-
-
 @pytest.mark.slow
-def test_an_interaction_slows_near_the_person_smoothly_and_arrives(free):
-    near = ARM.forward_kinematics(PATH.spline(1.0))[:3, 3]
+def test_an_interaction_slows_near_the_person_smoothly_and_arrives_and_not_far_from_one(free):
+    free, near = interact(None), ARM.forward_kinematics(PATH.spline(1.0))[:3, 3]
     separation = Separation(ARM, SETTINGS)
     slowed = interact(near, separation=separation)
     slowed.check_continuous()
@@ -179,10 +173,6 @@ def test_an_interaction_slows_near_the_person_smoothly_and_arrives(free):
     excess = [separation.excess(c.plan, 0, who) for c in slowed.commands if c.plan.kind[0] == "i"]
     unslowed = [separation.excess(c.plan, 0, who) for c in free.commands if c.plan.kind[0] == "i"]
     assert max(excess) <= 1.0 < 0.5 * max(unslowed)
-
-
-@pytest.mark.slow
-def test_far_from_the_person_commands_are_those_without(free):
     far = interact(FAR, separation=Separation(ARM, SETTINGS))
     assert len(free.commands) == len(far.commands)
     for a, b in zip(free.commands, far.commands, strict=True):

@@ -114,16 +114,13 @@ def test_what_is_no_point_of_the_movement_is_refused(primitive, arguments, error
         via_point(primitive, 0.5, [0.0], dofs=[5])
 
 
-def test_a_primitive_with_itself(primitive):
+def test_a_primitive_with_itself_or_alone_is_that_one(primitive, primitives):
     same = co_activate([primitive, primitive], [0.3, 0.7])
     np.testing.assert_allclose(same.weights.mean, primitive.weights.mean, atol=1e-9)
     np.testing.assert_allclose(same.weights.covariance, primitive.weights.covariance, atol=1e-9)
     assert same.duration_s == pytest.approx(2.0)
     both = co_activate([primitive, primitive], [1.0, 1.0])
     np.testing.assert_allclose(both.weights.covariance, primitive.weights.covariance / 2, atol=1e-9)
-
-
-def test_one_active_alone_is_that_one(primitives):
     alone = co_activate(primitives, [0.0, 1.0])
     assert alone.weights is primitives[1].weights and alone.duration_s == 2.0
 
@@ -146,16 +143,6 @@ def test_primitives_that_do_not_fit_and_activations_that_are_none(primitives, rn
             co_activate(primitives, activations)
     with pytest.raises(ShapeError):
         blend(primitives, [0.0, 1.0], [[1.0, 0.0]])
-
-
-def test_a_blend_with_one_active_is_that_primitive(primitives):
-    times = np.linspace(0.0, 1.6, 33)
-    for k in (0, 1):
-        found = blend(primitives, times, np.tile(np.eye(2)[k], (33, 1)), dofs=range(5))
-        expected = whole(primitives[k], times)
-        np.testing.assert_allclose(found.positions, expected.positions, atol=1e-9)
-        np.testing.assert_allclose(found.velocities, expected.velocities, atol=1e-8)
-        np.testing.assert_allclose(found.std, expected.std, atol=1e-10)
 
 
 def test_at_each_time_it_is_the_product_of_the_positions(primitives):

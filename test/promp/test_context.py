@@ -68,7 +68,7 @@ def test_conditioning_on_a_context_is_that_of_the_joint_gaussian(library, task, 
     )
 
 
-def test_a_context_says_nothing_about_the_task_nor_about_the_time(library):
+def test_a_context_says_nothing_about_the_task_nor_about_the_time_and_none_nothing(library):
     given = library.given([0.3, 0.2, 0.1])
     assert given.context is None and given.context_names == ()
     for name in (
@@ -82,9 +82,6 @@ def test_a_context_says_nothing_about_the_task_nor_about_the_time(library):
         "noise_variance",
     ):
         assert getattr(given, name) is getattr(library, name)
-
-
-def test_nothing_known_is_the_library_as_it_is(library):
     assert library.given([np.nan] * 3) is library
 
 

@@ -74,7 +74,7 @@ def test_conditioning_changes_no_argument_and_lowers_the_variance(promp, values)
         assert np.all(getattr(posterior, agent)(5).std <= prior_std + 1e-12)
 
 
-def test_a_controlled_dof_may_be_observed_and_noise_added(promp):
+def test_what_is_no_number_is_named_and_a_controlled_dof_may_be_observed(promp):
     start = [0.3, -0.2]
     exact, _ = promp.condition(0.0, start, dofs=[3, 4])
     vague, _ = promp.condition(0.0, start, dofs=[3, 4], covariance=1e6 * np.eye(2))
@@ -85,6 +85,14 @@ def test_a_controlled_dof_may_be_observed_and_noise_added(promp):
         np.testing.assert_allclose(
             found.predict_controlled(2).positions[0], expected, atol=tolerance
         )
+    with pytest.raises(ShapeError, match="values: expected an array of numbers"):
+        promp.condition(0.5, "abc")
+    with pytest.raises(ShapeError, match="phase: expected an array of numbers"):
+        promp.condition("x", [0.1, 0.2, 0.3])
+    with pytest.raises(ArgumentError, match=r"dofs: expected numbers from 0 to 4, got \['x'\]"):
+        promp.condition(0.5, [0.1], dofs=["x"])
+    with pytest.raises(ArgumentError, match="n_points: expected a whole number from 1 on, got 0"):
+        promp.predict_controlled(0)
 
 
 @pytest.mark.parametrize(
@@ -107,14 +115,3 @@ def test_a_controlled_dof_may_be_observed_and_noise_added(promp):
 def test_what_cannot_be_conditioned_on(promp, phase, values, options, error, says):
     with pytest.raises(error, match=says):
         promp.condition(phase, values, **options)
-
-
-def test_what_is_no_number_is_named(promp):
-    with pytest.raises(ShapeError, match="values: expected an array of numbers"):
-        promp.condition(0.5, "abc")
-    with pytest.raises(ShapeError, match="phase: expected an array of numbers"):
-        promp.condition("x", [0.1, 0.2, 0.3])
-    with pytest.raises(ArgumentError, match=r"dofs: expected numbers from 0 to 4, got \['x'\]"):
-        promp.condition(0.5, [0.1], dofs=["x"])
-    with pytest.raises(ArgumentError, match="n_points: expected a whole number from 1 on, got 0"):
-        promp.predict_controlled(0)

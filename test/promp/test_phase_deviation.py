@@ -58,12 +58,14 @@ def test_a_bend_of_one_keeps_the_pace_of_the_beginning_and_minus_one_that_of_the
     assert np.array_equal(steady_rate(bent, np.array([-0.1, 1.1]), 2.0), [0.0, 0.0])
 
 
-def test_steady_progress_has_one_deviation():
+def test_steady_progress_has_one_deviation_and_the_prior_is_student_s_on_the_grid():
     assert np.array_equal(STEADY.grid, [0.0])
     assert np.array_equal(deviation_prior(STEADY), [1.0])
     assert np.array_equal(deviation_transition(STEADY, np.array([0.0, 0.3])), np.ones((2, 1, 1)))
     phase = np.array([-0.5, 0.0, 0.25, 1.0, 1.7])
     assert np.array_equal(reference_phase(STEADY, phase)[:, 0], np.clip(phase, 0.0, 1.0))
+    density = t(module.DEVIATION_FREEDOM).pdf(a_progress().grid)
+    np.testing.assert_allclose(deviation_prior(a_progress()), density / density.sum(), rtol=1e-12)
 
 
 @given(passed, correlations)
@@ -91,11 +93,6 @@ def test_two_transitions_are_that_of_their_sum(first, second, correlation):
     )
 
 
-def test_the_prior_is_student_s_on_the_grid():
-    density = t(module.STUDENT_FREEDOM).pdf(a_progress().grid)
-    np.testing.assert_allclose(deviation_prior(a_progress()), density / density.sum(), rtol=1e-12)
-
-
 @pytest.mark.parametrize("step", [0.0, -0.01])
 def test_the_lead_stays_while_nothing_passes(step):
     np.testing.assert_allclose(
@@ -113,16 +110,13 @@ def test_the_lead_is_forgotten_like_an_ornstein_uhlenbeck_process(step):
     np.testing.assert_allclose(kept, np.exp(-step / 0.4), atol=0.006)
 
 
-def test_transitions_of_many_steps_come_at_once():
+def test_transitions_of_many_steps_come_at_once_and_modes_follow_the_grid(monkeypatch):
     steps = np.random.default_rng(1).uniform(0.0, 1.0, size=(3, 4))
     together = deviation_transition(a_progress(), steps)
     assert together.shape == (3, 4, 15, 15)
     np.testing.assert_allclose(
         together[2, 1], deviation_transition(a_progress(), steps[2, 1]), atol=1e-14
     )
-
-
-def test_modes_follow_the_grid(monkeypatch):
     monkeypatch.setattr(module, "N_DEVIATIONS", 3)
     phase_deviation = a_progress()
     moved, prior = (

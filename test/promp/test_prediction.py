@@ -69,8 +69,9 @@ def test_rollout_equals_samples_of_the_weights(rng):
     np.testing.assert_allclose(trajectory.std, values.std(axis=0), rtol=0.03)
 
 
-def test_start_posture_equals_conditioning_the_joint_gaussian(rng):
-    """Robot's start and the human's movement in one joint Gaussian, in one step."""
+@pytest.mark.parametrize("start_known", [False, True])
+def test_prediction_equals_conditioning_the_joint_gaussian(rng, start_known):
+    """Robot's start, if known, and the human's movement in one joint Gaussian, in one step."""
     library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=3, n_basis=6)
     hypotheses = fixed_prior_grid(library, 2.0)
     recording = simulate(library, 0, rng, n_samples=7, duration_s=2.0)
@@ -78,7 +79,7 @@ def test_start_posture_equals_conditioning_the_joint_gaussian(rng):
     bank = run_bank(library, hypotheses, observations, START_NS)
     start = StartPosture(rng.normal(size=3) * 0.1, np.array([1e-4, 4e-4, 9e-4]))
     human_weights = Gaussian(bank.mean[0], bank.covariance[0])
-    found = controlled_weights(library, 0, human_weights, start)
+    found = controlled_weights(library, 0, human_weights, start if start_known else None)
     human = [
         np.kron(np.eye(5)[:2], library.basis.design_matrix(np.array([k / 6]))) for k in range(7)
     ]
@@ -87,8 +88,9 @@ def test_start_posture_equals_conditioning_the_joint_gaussian(rng):
     noise = np.r_[
         np.tile(library.noise_variance[:2], 7), start.variance + library.noise_variance[2:]
     ]
+    n = None if start_known else 14
     joint, _ = condition(
-        library.primitive(0).weights, np.vstack([*human, robot]), y, np.diag(noise)
+        library.primitive(0).weights, np.vstack([*human, robot])[:n], y[:n], np.diag(noise[:n])
     )
     split = library.n_observed_weights
     np.testing.assert_allclose(found.mean, joint.mean[split:], atol=1e-8)

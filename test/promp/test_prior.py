@@ -168,14 +168,13 @@ def test_few_demonstrations_of_one_task_are_not_taken_for_all_there_is(monkeypat
     assert doubted > taken_as_they_are + 10.0
 
 
-def test_many_demonstrations_are_not_inflated(monkeypatch, rng):
+def test_many_demonstrations_are_not_inflated_and_a_dof_that_never_moved_gets_a_floor(
+    monkeypatch, rng
+):
     weights = rng.normal(size=(20, 2, 6))
     doubted = target_of(weights)
     monkeypatch.setattr(prior, "FEW", 0.0)
     np.testing.assert_allclose(doubted, target_of(weights), atol=1e-3 * np.abs(doubted).max())
-
-
-def test_a_dof_that_never_moved_gets_a_floor():
     floor = weight_floor(np.zeros((3, 2, 5)))
     assert np.all(floor > 0)
     moved = weight_floor(np.array([[[0.0, 10.0]], [[0.0, 10.0]]]))

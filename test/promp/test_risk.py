@@ -46,14 +46,11 @@ def test_too_few_say_what_holds_and_how_many_it_takes():
     assert risk_of(of_nobody(np.arange(20.0)), 0.01).n_needed == 99
 
 
-def test_a_group_counts_once():
+def test_a_group_counts_once_and_without_weights_all_count_alike(rng):
     """Ninety demonstrations of a person are no more than one of another."""
     odds = (9.0,) * 90 + tuple(np.linspace(0.0, 1.0, 19))
     groups = ("anna",) * 90 + tuple(f"p{k}" for k in range(19))
     assert risk_of(LeftOutOdds(odds, groups), 0.1).threshold < expit(1.01)
-
-
-def test_equal_weights_are_those_of_no_weights(rng):
     values = rng.standard_normal(30)
     own = np.full(30, 1.0 / 31.0)
     for accepted in (0.01, 0.05, 0.3):

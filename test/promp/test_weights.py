@@ -83,11 +83,12 @@ def test_more_ridge_means_less_curvature(rng):
     assert bends == sorted(bends, reverse=True)
 
 
-def test_bad_arguments_are_named():
+def test_bad_arguments_are_named_and_nothing_fitted_together_is_nothing():
     with pytest.raises(ArgumentError, match="ridge: expected a positive number, got 0"):
         fit_weights(BASIS, PHASE, np.zeros((200, 1)), ridge=0)
     with pytest.raises(TrainingError, match="at least 4 samples of every DOF, got 3"):
         fit_weights(BASIS, PHASE[:3], np.zeros((3, 1)))
+    assert fit_weights_together(NormalizedRBFBasis(6, 1.0), [], []) == []
 
 
 @given(st.integers(0, 2**32 - 1), st.lists(st.integers(0, 2), min_size=1, max_size=6))
@@ -105,7 +106,3 @@ def test_signals_fitted_together_are_fitted_as_alone(seed, kinds):
         np.testing.assert_allclose(found.weights, alone.weights, rtol=1e-9, atol=1e-10)
         np.testing.assert_allclose(found.residual_variance, alone.residual_variance, rtol=1e-9)
         assert found.weights.base is None
-
-
-def test_nothing_fitted_together_is_nothing():
-    assert fit_weights_together(NormalizedRBFBasis(6, 1.0), [], []) == []

@@ -98,25 +98,16 @@ def test_the_end_must_be_certain_in_every_unit(end_std, active):
     assert decide(SETTINGS, state, LABELS, np.array(SURE["plate"]), end_std)[1] == active
 
 
-def test_stays_active_while_probability_is_middling_and_end_std_grows():
+def test_an_active_task_stays_is_withdrawn_and_comes_back_or_is_over():
     state, _, _ = play([SURE["plate"]] * 5)
     _, active, events = play([(0.55, 0.3, 0.15)] * 50, state=state, end_std=2.0)
     assert set(active) == {"plate"} and events == []
-
-
-def test_is_withdrawn_when_another_is_more_probable_and_can_come_back():
     state, active, events = play([SURE["plate"]] * 5 + [(0.3, 0.6, 0.1)] * 5)
     assert active[-1] == "" and events[-1] == "withdrawn"
     assert play([SURE["plate"]] * 5, state=state)[1][-1] == "plate"
-
-
-def test_idle_ends_the_interaction_at_once_and_the_count_with_it():
     state, active, events = play([SURE["plate"]] * 6 + [IDLE])
     assert active[-1] == "" and events == ["activated", "over"] and state.idle
     assert play([SURE["plate"]] * 4, state=state)[1][-1] == ""
-
-
-def test_a_label_that_disappears_counts_against_the_active_task():
     state, _, _ = play([SURE["plate"]] * 5)
     for _ in range(5):
         state, active = decide(
@@ -235,16 +226,13 @@ def test_a_stated_risk_asks_for_a_probability_among_the_tasks():
     assert play([(0.88, 0.01, 0.11)] * 9, settings)[1][-1] == ""
 
 
-def test_the_set_of_possible_tasks_is_the_one_task_that_is_acted_on_or_several():
+def test_a_smaller_share_of_wrong_actions_asks_for_more_and_leaves_one_task_or_several():
     settings = DecisionSettings(risk=RISK)
     for share in np.linspace(0.5, 0.999, 40):
         p = np.array([0.9 * share, 0.9 * (1.0 - share), 0.1])
         possible = possible_tasks(settings, LABELS, p)
         acted = settings.is_sure(LABELS, p, 0)
         assert possible == (("plate",) if acted else ("plate", "screw"))
-
-
-def test_a_smaller_share_of_wrong_actions_asks_for_more():
     odds = LeftOutOdds(tuple(np.linspace(-1.0, 2.0, 99)), ("",) * 99)
     thresholds = [risk_of(odds, share).threshold for share in (0.2, 0.1, 0.05, 0.01)]
     assert thresholds == sorted(thresholds)

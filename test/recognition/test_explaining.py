@@ -80,8 +80,14 @@ def test_labels_that_are_none_of_the_model_or_equal_are_refused(followed, pair):
         followed[0].explain(*pair)
 
 
-def test_at_rest_there_is_nothing_to_explain(library):
+def test_at_rest_there_is_nothing_to_explain_and_a_missing_dof_has_no_row(library, gaussian):
     assert IntentEstimator(library).explain() is None
+    library = gaussian[0]
+    both = Observation(1, 0, np.array([1.0, 2.0]), np.diag([3.0, 4.0]))
+    kept = without_dofs(both, library, frozenset({0, 2}))
+    assert (kept.values.tolist(), kept.dofs, kept.covariance.tolist()) == ([2.0], (1,), [[4.0]])
+    assert without_dofs(both, library, frozenset({2})) is both
+    assert without_dofs(Observation(1, 1, np.array([5.0])), library, frozenset({2})) is None
 
 
 @pytest.fixture(scope="module")
@@ -146,12 +152,3 @@ def test_each_part_is_a_ratio_of_predictive_densities_of_the_joint_gaussian(gaus
         before, after = [list(range(dof))] * n, [list(range(dof + 1))] * n
         expected = odds(after) - odds(before)
         np.testing.assert_allclose(found.by_dof[:, dof].sum(), expected, rtol=1e-6, atol=1e-7)
-
-
-def test_a_dof_that_is_missing_has_no_row(gaussian):
-    library = gaussian[0]
-    both = Observation(1, 0, np.array([1.0, 2.0]), np.diag([3.0, 4.0]))
-    kept = without_dofs(both, library, frozenset({0, 2}))
-    assert (kept.values.tolist(), kept.dofs, kept.covariance.tolist()) == ([2.0], (1,), [[4.0]])
-    assert without_dofs(both, library, frozenset({2})) is both
-    assert without_dofs(Observation(1, 1, np.array([5.0])), library, frozenset({2})) is None

@@ -68,10 +68,12 @@ def test_stamps_in_another_unit_are_refused_with_the_factor(placed, truth, rng, 
         estimator.observe(stamps[first_samples.N_STEPS - 1], values[4])
 
 
-def test_degrees_are_refused(placed):
+def test_degrees_are_refused_and_some_dofs_judged_by_what_was_learned_of_them(placed):
     in_rad = placed.__class__(**{**vars_of(placed), "observed_units": ("rad",) * 3})
     with pytest.raises(ArgumentError, match="Likely degrees for radians"):
         IntentEstimator(in_rad).observe(0.0, np.degrees(AT_M))
+    with pytest.raises(ArgumentError, match="is at 300 m, and was learned between"):
+        IntentEstimator(placed).observe(0.0, [300.0], dofs=[2])
 
 
 def test_all_that_is_far_but_explained_by_no_unit_is_taken(placed, truth, rng):
@@ -96,18 +98,9 @@ def test_only_the_first_samples_are_judged(placed, truth, rng, monkeypatch):
     assert estimator.reason_to_reject(rate) is None
 
 
-def test_some_dofs_are_judged_by_what_was_learned_of_them(placed):
-    with pytest.raises(ArgumentError, match="is at 300 m, and was learned between"):
-        IntentEstimator(placed).observe(0.0, [300.0], dofs=[2])
-
-
 def test_a_body_far_from_the_origin_is_doubted():
     assert place_misfit(np.array([3.0, -4.0, 1.0])) is None
     assert place_misfit(1000.0 * AT_M).factor == 1000.0
     assert place_misfit(100.0 * AT_M).factor == 100.0
-
-
-def test_near_the_origin_a_place_may_be_in_either_unit():
-    """80 mm are 80 "metres"; so are 0.8 m in centimetres."""
     assert "Likely millimetres or centimetres" in place_misfit(np.array([80.0, 0.0, 0.0])).reason
     assert "Likely millimetres for" in place_misfit(np.array([800.0, 0.0, 0.0])).reason

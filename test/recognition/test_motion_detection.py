@@ -52,9 +52,13 @@ def test_a_movement_begins_once_and_is_over_where_it_stops(rate, duration_s, rng
     assert over_s == pytest.approx(end_s + 1.5, abs=0.8 + 0.15 * duration_s)
 
 
-def test_usual_windows_keep_the_usual_past():
+def test_usual_windows_keep_the_usual_past_and_one_sample_is_not_sparse():
     assert past_s(OnsetSettings(1.0)) == HISTORY_S
     assert past_s(OnsetSettings(1.0, window_s=0.6)) > HISTORY_S + 0.5
+    detector = MotionDetector([3], [OnsetSettings(1.0)])
+    assert detector.too_sparse() is None
+    detector.add(Observation(START_NS, 0, np.zeros(3)))
+    assert detector.too_sparse() is None
 
 
 @pytest.mark.parametrize("trained_hz", [4.0, 100.0])
@@ -73,10 +77,3 @@ def test_a_signal_that_has_an_onset_is_not_called_sparse(trained_hz, rng):
             assert sparse is not None and not found
             assert sparse.rate_hz == pytest.approx(rate) and sparse.least_hz > rate
             assert "wrist/pose" in sparse.warning("wrist/pose")
-
-
-def test_nothing_is_sparse_before_there_are_two_samples():
-    detector = MotionDetector([3], [OnsetSettings(1.0)])
-    assert detector.too_sparse() is None
-    detector.add(Observation(START_NS, 0, np.zeros(3)))
-    assert detector.too_sparse() is None

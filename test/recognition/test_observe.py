@@ -31,12 +31,15 @@ def test_seconds_and_arrays_give_what_observations_give(library, truth, rng):
     assert expected[0].task == "none"
 
 
-def test_some_dofs_and_a_covariance(library):
+def test_some_dofs_and_a_covariance_or_nothing_may_be_measured(library):
     estimator = IntentEstimator(library)
     estimator.observe(0.0, [0.1, 0.2], dofs=[2, 0], covariance=1e-6 * np.eye(2))
     estimator.observe(0.0, [0.1], dofs=[1])
     with pytest.raises(ArgumentError, match="later than the last"):
         estimator.observe(0.0, [0.1], dofs=[0])
+    estimator = IntentEstimator(library)
+    assert not estimator.observe(1.0, [np.nan] * 3).moving
+    estimator.observe(0.5, np.zeros(3))
 
 
 @pytest.mark.slow
@@ -63,12 +66,6 @@ def test_what_is_nan_was_not_measured(library, truth, rng):
         same(found, expected)
         moving = expected.moving
     assert partly_seen > 10
-
-
-def test_nothing_measured_begins_nothing(library):
-    estimator = IntentEstimator(library)
-    assert not estimator.observe(1.0, [np.nan] * 3).moving
-    estimator.observe(0.5, np.zeros(3))
 
 
 @pytest.mark.parametrize(
@@ -185,13 +182,6 @@ def test_no_robot_trajectory_while_none_leads(library):
     assert led > 10
 
 
-def test_rest_with_noise_is_never_a_movement(library, rng):
-    stamps = START_NS + np.arange(1500) * 10_000_000
-    values = 0.002 * rng.normal(size=(1500, 3))
-    stream = [Observation(int(s), 0, v) for s, v in zip(stamps, values, strict=True)]
-    assert not any(e.moving for e in feed(IntentEstimator(library), stream))
-
-
 def test_a_movement_that_never_ends_does_not_keep_the_estimator(library):
     """Running on past its task it is given up, and the memory with it."""
     times = np.arange(0.0, 30.0, 0.02)
@@ -236,7 +226,7 @@ def test_a_stamp_is_one_number(rng, stamp_s):
         estimator.observe(stamp_s, np.zeros(2))
 
 
-def test_stamps_must_increase_within_a_signal_but_not_between_signals(rng):
+def test_stamps_must_increase_within_a_signal_however_long_it_was_silent(rng):
     library = make_library(rng, groups=(2, 1), n_basis=4)
     estimator = IntentEstimator(library)
     estimator.update(Observation(START_NS + 100, 0, np.zeros(2)))
@@ -245,6 +235,13 @@ def test_stamps_must_increase_within_a_signal_but_not_between_signals(rng):
         assert estimator.reason_to_reject(again) == "stamp_not_increasing"
     assert estimator.reason_to_reject(Observation(START_NS + 99, 1, np.zeros(1))) is None
     assert estimator.reason_to_reject(Observation(START_NS + 101, 0, np.zeros(2))) is None
+    library = make_library(rng, groups=(2, 1), n_basis=4)
+    estimator = IntentEstimator(library)
+    silent = Observation(START_NS, 1, np.zeros(1))
+    estimator.update(silent)
+    for step in range(300):
+        estimator.update(Observation(START_NS + step * 20_000_000, 0, np.zeros(2)))
+    assert estimator.reason_to_reject(silent) == "stamp_not_increasing"
 
 
 def lost_marker(truth: TaskLibrary, rng) -> tuple[list[Observation], list[Observation]]:
@@ -268,13 +265,3 @@ def test_a_tracker_lost_in_mid_movement_does_not_block_the_next_one(rng):
     assert int(np.argmax(episode[len(episode) // 2].probabilities)) == 1
     expected = later[0].stamp_ns + round(1.5e9)
     assert abs(episode[0].onset_ns - expected) < 0.3e9
-
-
-def test_a_duplicate_stamp_of_a_tracker_long_silent_is_still_rejected(rng):
-    library = make_library(rng, groups=(2, 1), n_basis=4)
-    estimator = IntentEstimator(library)
-    silent = Observation(START_NS, 1, np.zeros(1))
-    estimator.update(silent)
-    for step in range(300):
-        estimator.update(Observation(START_NS + step * 20_000_000, 0, np.zeros(2)))
-    assert estimator.reason_to_reject(silent) == "stamp_not_increasing"

@@ -45,7 +45,7 @@ def test_the_newest_sample_not_after_the_stamp_is_taken_whatever_arrived_since()
     assert taken.passed(120 * MS) and not taken.passed(121 * MS)
 
 
-def test_signals_are_joined_in_order_and_all_needed():
+def test_signals_are_joined_in_order_and_bad_samples_refused_with_the_reason():
     taken = history((100, 1, [2.0, 3.0]))
     assert taken.at(100 * MS) is None
     assert taken.take(95 * MS, 0, np.array([1.0])) is None
@@ -53,31 +53,22 @@ def test_signals_are_joined_in_order_and_all_needed():
     assert not taken.passed(100 * MS)
     taken.clear()
     assert taken.at(100 * MS) is None
-
-
-def test_bad_samples_are_refused_with_the_reason():
     taken = history((100, 0, [1.0]))
     assert taken.take(110 * MS, 0, np.array([np.nan])) == "not_finite"
     assert taken.take(100 * MS, 0, np.array([5.0])) == "stamp_not_increasing"
     assert taken.at(110 * MS) == 1.0
-
-
-def test_one_stamp_in_the_future_is_forgotten_after_a_while():
     taken = history((100, 0, [1.0]), (3_600_000, 0, [2.0]))
     reasons = [taken.take((110 + k) * MS, 0, np.array([3.0])) for k in range(CLOCK_RESET_AFTER)]
     assert reasons == [*["stamp_not_increasing"] * (CLOCK_RESET_AFTER - 1), None]
     assert taken.at(200 * MS) == 3.0
 
 
-def test_it_is_known_however_late_somebody_asks(library, recording):
+def test_it_is_known_however_late_somebody_asks_and_a_sample_has_a_stamp(library, recording):
     """The past that is kept is over by then."""
     estimator = begun(library, recording, start_mean(library, 1))
     stamp_ns = recording.start_ns + 10_000 * MS
     assert estimator.update_controlled(Observation(stamp_ns, 0, np.ones(2))) is None
     assert estimator.predict_controlled().start == "used"
-
-
-def test_a_sample_without_a_stamp_is_refused(library):
     estimator = IntentEstimator(library)
     assert estimator.update_controlled(Observation(0, 0, np.zeros(2))) == "zero_stamp"
 

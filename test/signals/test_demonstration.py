@@ -18,7 +18,7 @@ ROBOT = np.cos(TIMES_S)[:, None]
 LONG_S = np.linspace(0.0, 2.0, 101)
 
 
-def test_arrays_become_one_signal_per_agent():
+def test_arrays_become_one_signal_per_agent_and_one_line():
     made = Demonstration.from_arrays(TIMES_S, HUMAN, ROBOT, task="reach", observed_names=("x", "y"))
     (human,), (robot,) = made.observed, made.controlled
     assert (human.names, human.unit) == (("x", "y"), "m")
@@ -26,27 +26,28 @@ def test_arrays_become_one_signal_per_agent():
     assert np.array_equal(human.values, HUMAN) and np.array_equal(robot.values, ROBOT)
     assert np.allclose(human.seconds(made.start_ns), TIMES_S, rtol=0, atol=1e-9)
     assert (made.task, made.duration_s) == ("reach", 1.0)
-
-
-def test_whose_it_is_is_learned_with_it():
     made = Demonstration.from_arrays(TIMES_S, HUMAN, ROBOT, group="anna")
     assert make_example(made, NormalizedRBFBasis(4), ridge=1e-3).group == "anna"
     assert not Demonstration.from_arrays(TIMES_S, HUMAN, ROBOT).metadata
-
-
-def test_agents_may_have_times_of_their_own():
     made = Demonstration.from_arrays(TIMES_S, HUMAN, ROBOT[::2], robot_times_s=TIMES_S[::2] + 0.01)
     assert len(made.controlled[0].stamps_ns) == 6
     assert (made.start_ns, made.end_ns) == (0, 1_000_000_000)
+    shown = repr(Demonstration.from_arrays(TIMES_S, HUMAN, ROBOT, task="reach", name="first"))
+    assert shown == (
+        "<Demonstration 'first': task 'reach', 1.00 s, 2 observed and 1 controlled DOFs>"
+    )
 
 
-def test_rows_that_were_not_measured_are_left_out_and_not_filled_in():
+def test_rows_that_were_not_measured_or_are_masked_are_left_out():
     human = HUMAN.copy()
     human[[0, 4]] = np.nan
     made = Demonstration.from_arrays(TIMES_S, human, ROBOT)
     assert np.array_equal(made.observed[0].values, np.delete(HUMAN, [0, 4], axis=0))
     assert made.start_ns == 100_000_000
     assert len(made.controlled[0].stamps_ns) == 11
+    human = np.ma.masked_array(HUMAN, mask=np.isin(TIMES_S, TIMES_S[[0, 4]])[:, None] | (HUMAN < 0))
+    made = Demonstration.from_arrays(TIMES_S, human, ROBOT)
+    assert np.array_equal(made.observed[0].values, np.delete(HUMAN, [0, 4], axis=0))
 
 
 @pytest.mark.parametrize(
@@ -152,12 +153,6 @@ def test_the_human_may_be_alone_but_not_missing():
         Demonstration.from_arrays(LONG_S, np.empty((101, 0)), reach())
 
 
-def test_what_is_masked_was_not_measured():
-    human = np.ma.masked_array(HUMAN, mask=np.isin(TIMES_S, TIMES_S[[0, 4]])[:, None] | (HUMAN < 0))
-    made = Demonstration.from_arrays(TIMES_S, human, ROBOT)
-    assert np.array_equal(made.observed[0].values, np.delete(HUMAN, [0, 4], axis=0))
-
-
 def test_a_row_that_was_measured_in_part_is_refused():
     human = HUMAN.copy()
     human[3, 1] = np.nan
@@ -215,20 +210,15 @@ def test_one_sample_far_away_is_no_other_unit():
     assert "metres for" not in str(told.value) and "for metres" not in str(told.value)
 
 
-def test_it_is_shown_on_one_line():
-    shown = repr(Demonstration.from_arrays(TIMES_S, HUMAN, ROBOT, task="reach", name="first"))
-    assert shown == (
-        "<Demonstration 'first': task 'reach', 1.00 s, 2 observed and 1 controlled DOFs>"
-    )
-
-
-def test_dates_of_python_are_times_in_utc_where_they_have_no_zone():
+def test_dates_and_durations_are_times_in_utc_where_they_have_no_zone():
     first = datetime(2024, 1, 31, 10)
     times = [first + timedelta(seconds=second) for second in TIMES_S.tolist()]
     made = Demonstration.from_arrays(times, HUMAN, ROBOT)
     assert made.start_ns == 1_706_695_200_000_000_000 and made.duration_s == 1.0
     lengths = Demonstration.from_arrays([one - first for one in times], HUMAN, ROBOT)
     assert lengths.start_ns == 0 and lengths.duration_s == 1.0
+    with pytest.raises(ArgumentError, match="use float64"):
+        Demonstration.from_arrays((TIMES_S + 1.7e9).astype(np.float32), HUMAN, ROBOT)
 
 
 @pytest.mark.parametrize("gap", [None, np.nan, np.datetime64("NaT")])
@@ -248,8 +238,3 @@ def test_dates_and_durations_are_times(kind):
     made = Demonstration.from_arrays(times, HUMAN, ROBOT)
     (signal,) = made.observed
     np.testing.assert_allclose(signal.stamps_ns, np.round(TIMES_S * 1e9), atol=1)
-
-
-def test_times_that_32_bits_cannot_tell_apart_are_named():
-    with pytest.raises(ArgumentError, match="use float64"):
-        Demonstration.from_arrays((TIMES_S + 1.7e9).astype(np.float32), HUMAN, ROBOT)

@@ -66,7 +66,7 @@ def test_in_a_turned_world_the_vectors_about_the_mean_are_the_same(seed):
     np.testing.assert_allclose(means[0], Rotation.mean(rotations).as_quat(True), atol=1e-12)
 
 
-def test_what_was_not_measured_or_is_nearly_a_half_turn_away_is_nan():
+def test_what_was_not_measured_is_nan_and_signs_of_a_path_are_continuous():
     quaternions = [[0, 0, 0, 0], [np.nan, 0, 0, 1], [0, 0, np.inf, 1], [1, 0, 0, 0], [0, 0, 0, 1]]
     found = np.isnan(to_tangent(quaternions, [0, 0, 0, 1])).all(axis=1)
     assert found.tolist() == [True, True, True, True, False]
@@ -75,9 +75,6 @@ def test_what_was_not_measured_or_is_nearly_a_half_turn_away_is_nan():
         assert np.isnan(to_tangent(far, [0, 0, 0, 1])).any() == (angle > 1.0)
     with pytest.raises(ArgumentError, match="at least one that is measured"):
         mean_orientation(np.zeros((3, 4)))
-
-
-def test_signs_of_a_path_are_continuous():
     path = from_tangent(np.linspace([0, 0, 0], [0, 0, 6.0], 50), [0.6, 0, 0, 0.8])
     assert np.all(np.sum(path[1:] * path[:-1], axis=1) > 0.99)
 

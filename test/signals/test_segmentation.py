@@ -38,6 +38,10 @@ def test_from_the_humans_onset_to_the_end_of_the_last_of_both(rng):
     assert end == pytest.approx(4.0 + END_MARGIN_S, abs=0.25)
     _, end = span([moving(1.0, 4.5)], [moving(1.5, 3.0)])
     assert end == pytest.approx(4.5 + END_MARGIN_S, abs=0.25)
+    signal = moving(1.0, 2.0, rng=rng)
+    start, _ = span([signal], [moving(1.5, 3.0)])
+    online = first_onset(OnsetSettings(0.5), signal.seconds(START_NS), signal.values)
+    assert start == pytest.approx(online, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -49,31 +53,18 @@ def test_the_earliest_observed_signal_begins_it_and_no_robot(observed, controlle
     assert start == pytest.approx(begin_s, abs=0.12)
 
 
-def test_the_start_is_what_the_online_detector_would_say(rng):
-    signal = moving(1.0, 2.0, rng=rng)
-    start, _ = span([signal], [moving(1.5, 3.0)])
-    online = first_onset(OnsetSettings(0.5), signal.seconds(START_NS), signal.values)
-    assert start == pytest.approx(online, abs=1e-9)
-
-
-def test_a_recording_without_onset_is_kept_whole():
+def test_a_recording_without_onset_is_kept_whole_and_its_end_is_never_passed():
     still = Signal(("x",), START_NS + np.arange(100) * 10_000_000, np.zeros((100, 1)), "m")
     assert span([still], [still], 0.99) == pytest.approx((0.0, 0.99))
-
-
-def test_the_end_never_lies_behind_the_recordings():
     _, end = span([moving(1.0, 2.0)], [moving(1.0, 7.0)], 5.95)
     assert end == 5.95
 
 
-def test_reference_speed_is_the_median_of_the_peaks(rng):
+def test_reference_speed_is_the_median_of_the_peaks_and_positive_without_any(rng):
     recordings = [(moving(1.0, 1.0 + d),) for d in (1.0, 2.0, 4.0)]
     settings = onset_settings(recordings)
     assert len(settings) == 1
     assert settings[0].reference_speed == pytest.approx(1.875 * 0.4 / 2.0, rel=0.02)
-
-
-def test_signals_that_never_move_or_are_empty_still_get_settings():
     empty = Signal(("x",), [], np.zeros((0, 1)), "m")
     still = Signal(("x",), [1, 2, 3, 4], np.zeros((4, 1)), "m")
     for signal in (empty, still):

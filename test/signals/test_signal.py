@@ -11,7 +11,7 @@ from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.signals.signal import Signal
 
 
-def test_a_signal_copies_and_freezes_its_arrays():
+def test_a_signal_copies_and_freezes_its_arrays_and_keeps_nanoseconds():
     stamps, values = np.array([1, 2]), np.zeros((2, 1))
     signal = Signal(("x",), stamps, values, "m")
     stamps[0] = 0
@@ -20,13 +20,12 @@ def test_a_signal_copies_and_freezes_its_arrays():
     assert signal.values.tolist() == [[0.0], [0.0]]
     with pytest.raises(ValueError, match="read-only"):
         signal.values[0] = 1.0
-
-
-def test_stamps_of_a_real_clock_keep_their_nanoseconds():
     stamps = START_NS + np.array([0, 1, 1_000_000_001])
     signal = Signal(("x",), stamps, np.zeros((3, 1)), "m")
     assert signal.stamps_ns.dtype == np.int64
     np.testing.assert_allclose(signal.seconds(START_NS), [0.0, 1e-9, 1.000000001], rtol=1e-15)
+    empty = Signal(("x", "y"), [], np.zeros((0, 2)), "m")
+    assert empty.between(0, 10).values.shape == (0, 2)
 
 
 @given(st.lists(st.integers(1, 100), unique=True), st.integers(0, 101), st.integers(0, 101))
@@ -52,8 +51,3 @@ def test_between_keeps_both_ends(stamps, start, end):
 def test_a_signal_says_what_is_wrong(stamps, values, error, words):
     with pytest.raises(error, match=words):
         Signal(("x",), stamps, values, "m")
-
-
-def test_an_empty_signal_is_a_signal():
-    empty = Signal(("x", "y"), [], np.zeros((0, 2)), "m")
-    assert empty.between(0, 10).values.shape == (0, 2)

@@ -47,10 +47,11 @@ def cut(signal: Signal, first_s: float, last_s: float) -> Signal:
     return signal.between(START_NS + round(first_s * 1e9), START_NS + round(last_s * 1e9))
 
 
-def test_a_good_recording_has_neither_defect_nor_doubt():
+def test_a_good_recording_has_neither_defect_nor_doubt_and_a_lag_that_is_the_reaction():
     good = [recording(f"{i}", reaction_s=0.3 + 0.05 * i) for i in range(6)]
     assert [stream_defect(one) for one in good] == [""] * 6
     assert stream_doubts([*map(correlate_speeds, good)]) == []
+    assert correlate_speeds(recording(reaction_s=0.4)).lag_s == pytest.approx(0.4, abs=0.021)
 
 
 @pytest.mark.parametrize(
@@ -61,12 +62,9 @@ def test_streams_that_do_not_overlap(shift_s, words):
     assert "does not overlap" in reason and words in reason and "two clocks" in reason
 
 
-def test_a_stream_that_ends_at_60_percent():
+def test_a_stream_that_ends_early_and_one_on_another_clock_are_told_apart():
     reason = stream_defect(with_robot(recording(), lambda s: cut(s, 0.0, 6.0)))
     assert "covers 60%" in reason and "ends 4.00 s before" in reason and "stopped early" in reason
-
-
-def test_a_stream_as_long_as_the_other_but_shifted_is_on_another_clock():
     reason = stream_defect(with_robot(recording(), lambda s: later(s, 4.0)))
     assert "covers 60%" in reason and "two clocks" in reason
 
@@ -126,20 +124,13 @@ def test_a_shift_whose_edges_were_cut_shows_in_the_speeds_as_a_hint(shift_s):
     assert stream_doubts([correlate_speeds(odd)]) == []  # nothing to compare it with
 
 
-def test_the_lag_is_the_robots_reaction():
-    assert correlate_speeds(recording(reaction_s=0.4)).lag_s == pytest.approx(0.4, abs=0.021)
-
-
-def test_millimetres_for_metres():
+def test_millimetres_for_metres_and_degrees_for_radians():
     in_mm = recording()
     (human,) = in_mm.observed
     in_mm = replace(in_mm, observed=(replace(human, values=1000.0 * human.values),))
     assert "millimetres for metres" in stream_defect(in_mm)
     robot = with_robot(recording(unit="m"), lambda s: replace(s, values=1000.0 * s.values))
     assert "millimetres for metres" in stream_defect(robot)
-
-
-def test_degrees_for_radians():
     in_degrees = with_robot(recording(), lambda s: replace(s, values=np.degrees(s.values)))
     assert stream_defect(in_degrees) == ""
     (doubt,) = stream_doubts([correlate_speeds(in_degrees)])

@@ -124,7 +124,7 @@ def test_taking_hold_again_does_not_jump(arm):
     assert np.abs(arm.state().q - before).max() < 0.05
 
 
-def test_two_runs_are_equal_bit_for_bit():
+def test_two_runs_are_equal_bit_for_bit_and_noise_has_its_standard_deviation():
     ends = []
     for _ in range(2):
         with SimulatedArm() as arm:
@@ -132,9 +132,6 @@ def test_two_runs_are_equal_bit_for_bit():
             arm.step(800)
             ends.append(arm.state().q)
     assert np.array_equal(*ends)
-
-
-def test_sensor_noise_has_its_standard_deviation():
     noise = SensorNoise(1e-3, 2e-2, 0.5)
     with SimulatedArm(noise=noise, rng=np.random.default_rng(5)) as arm:
         drawn = [arm.state() for _ in range(600)]
@@ -142,16 +139,13 @@ def test_sensor_noise_has_its_standard_deviation():
         assert np.std([state[k] for state in drawn], axis=0).mean() == pytest.approx(std, rel=0.1)
 
 
-def test_stiffness_scale_keeps_the_damping_ratio():
+def test_stiffness_scale_keeps_the_damping_ratio_and_bad_arguments_are_refused(arm):
     gains = ControllerGains()
     stiffer = gains.scaled(4.0)
     assert np.allclose(stiffer.stiffness, 4.0 * gains.stiffness)
     assert np.allclose(stiffer.damping, 2.0 * gains.damping)
     with pytest.raises(ArgumentError):
         gains.scaled(0.0)
-
-
-def test_bad_arguments(arm):
     with pytest.raises(ArgumentError, match="rng"):
         SimulatedArm(noise=SensorNoise())
     with pytest.raises(KinematicsError, match="lwr_a2_joint"):

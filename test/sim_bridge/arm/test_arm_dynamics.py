@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm's dynamics against an independent recursive Newton-Euler; its model and looks."""
 
-from collections import Counter
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -11,10 +10,8 @@ from hypothesis.extra.numpy import arrays
 from hypothesis.strategies import floats
 from kinematics.robots import lwr_urdf
 
-from intent_recognition.kinematics.lwr import DH, JOINT_NAMES, forward_kinematics, jacobian
-from sim_bridge.arm import describe_robot
+from intent_recognition.kinematics.lwr import DH
 from sim_bridge.arm.arm import GRAVITY_M_S2, SimulatedArm
-from sim_bridge.scenarios.toolbox.scene import HOME
 
 ROTORS_KG_M2 = (0.20, 0.20, 0.12, 0.12, 0.08, 0.04, 0.04)
 joints = arrays(np.float64, 7, elements=floats(-2.0, 2.0))
@@ -96,82 +93,6 @@ def test_a_free_step_accelerates_as_newton_euler_says(arm):
     arm.client.stepSimulation()
     velocity = [s[1] for s in arm.client.getJointStates(arm.body, arm.joint_indices)]
     assert np.allclose(velocity, 0.001 * qdd, atol=1e-7)
-
-
-def test_pybullet_took_the_masses_and_inertias(arm):
-    for i, index in enumerate(arm.joint_indices):
-        info = arm.client.getDynamicsInfo(arm.body, index)
-        mass, _, moments = BODIES[i]
-        assert info[0] == pytest.approx(mass)
-        assert np.allclose(sorted(info[2]), sorted(moments))
-    assert arm.client.getDynamicsInfo(arm.body, arm.hand_link)[0] == 0.0
-
-
-def test_jacobian_of_pybullet_is_ours(arm):
-    q = np.array([0.3, -0.7, 0.2, 1.1, -0.4, 0.8, 0.5])
-    zeros = [0.0] * 7
-    linear, angular = arm.client.calculateJacobian(
-        arm.body, arm.hand_link, zeros[:3], q.tolist(), zeros, zeros
-    )
-    assert np.allclose(np.vstack([linear, angular]), jacobian(q), atol=1e-6)
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return ET.fromstring(describe_robot())
-
-
-def transform(element):
-    """The frame of an `origin`: roll about x, then pitch about y, then yaw about z, fixed axes."""
-    frame = np.eye(4)
-    frame[:3, 3] = numbers(element.get("xyz", "0 0 0"))
-    for axis, angle in enumerate(numbers(element.get("rpy", "0 0 0"))):
-        frame[:3, :3] = turn(axis, angle) @ frame[:3, :3]
-    return frame
-
-
-def turn(axis, angle):
-    i, j = [(1, 2), (2, 0), (0, 1)][axis]
-    rotation = np.eye(3)
-    rotation[[i, i, j, j], [i, j, i, j]] = (
-        np.cos(angle),
-        -np.sin(angle),
-        np.sin(angle),
-        np.cos(angle),
-    )
-    return rotation
-
-
-def test_it_is_a_tree_from_world_whose_root_has_no_inertia(robot):
-    children = Counter(joint.find("child").get("link") for joint in robot.findall("joint"))
-    links = {link.get("name") for link in robot.findall("link")}
-    assert max(children.values()) == 1
-    assert links - set(children) == {"world"}
-    (root,) = [link for link in robot.findall("link") if link.get("name") == "world"]
-    assert len(root) == 0
-
-
-def test_moving_joints_have_limits_and_unit_axes(robot):
-    moving = [joint for joint in robot.findall("joint") if joint.get("type") == "revolute"]
-    assert [joint.get("name") for joint in moving] == list(JOINT_NAMES)
-    for joint in moving:
-        limit = {key: float(value) for key, value in joint.find("limit").attrib.items()}
-        assert limit["lower"] < limit["upper"]
-        assert limit["velocity"] > 0.0
-        assert limit["effort"] > 0.0
-        assert np.linalg.norm(numbers(joint.find("axis").get("xyz"))) == pytest.approx(1.0)
-
-
-def test_world_is_the_frame_of_the_kinematics(robot):
-    joints = {joint.find("child").get("link"): joint for joint in robot.findall("joint")}
-    angles = dict(zip(JOINT_NAMES, HOME, strict=True))
-    frame, link = np.eye(4), "lwr_hand"
-    while link in joints:
-        joint = joints[link]
-        step = transform(joint.find("origin"))
-        step[:3, :3] = step[:3, :3] @ turn(2, angles.get(joint.get("name"), 0.0))
-        frame, link = step @ frame, joint.find("parent").get("link")
-    np.testing.assert_allclose(frame, forward_kinematics(HOME), atol=1e-9)
 
 
 def test_inertias_are_those_of_real_bodies_with_their_rotors():

@@ -38,23 +38,17 @@ def samples(follower, times):
     return [*map(np.array, zip(*(follower.sample(t) for t in times), strict=True))]
 
 
-def test_quintic_points_give_the_quintic_back():
+def test_points_are_the_quintic_or_the_cubic_through_them_or_do_not_overshoot():
     times, q, qd, qdd = quintic_rows(REST, np.full(7, 0.5), 2.0, 5)
     follower = following(times, q, qd, qdd)
     fine, *expected = quintic_rows(REST, np.full(7, 0.5), 2.0, 401)
     for found, wanted in zip(samples(follower, fine), expected, strict=True):
         assert np.allclose(found, wanted, atol=1e-9)
-
-
-def test_cubic_through_points_and_velocities():
     times, q, qd, _ = quintic_rows(REST, np.full(7, 0.5), 2.0, 9)
     follower = following(times, q, qd, since_s=3.0)
     found_q, found_qd, _ = samples(follower, 3.0 + times)
     assert np.allclose(found_q, q, atol=1e-12)
     assert np.allclose(found_qd, qd, atol=1e-12)
-
-
-def test_positions_alone_do_not_overshoot():
     q = np.outer([0.0, 0.3, 0.35, 0.35, 0.1], np.ones(7))
     follower = following([0.0, 0.5, 1.0, 1.5, 2.0], q)
     found, velocities, _ = samples(follower, np.linspace(0.0, 2.0, 500))
@@ -63,7 +57,7 @@ def test_positions_alone_do_not_overshoot():
     assert np.abs(np.diff(velocities, axis=0)).max() < 0.05
 
 
-def test_single_point_is_reached_at_its_time_and_held():
+def test_a_single_point_is_reached_at_its_time_and_held_or_later_within_the_limits():
     goal = np.full(7, 0.4)
     follower = following([2.0], [goal], since_s=1.0)
     for t in (3.0, 3.5, 100.0):
@@ -71,9 +65,6 @@ def test_single_point_is_reached_at_its_time_and_held():
         assert np.allclose(reference.position, goal, atol=1e-9)
         assert np.allclose(reference.velocity, 0.0, atol=1e-9)
     assert np.all(follower.sample(2.0).position > 0.1)
-
-
-def test_a_point_too_soon_is_reached_later_within_the_limits():
     follower = following([0.001], [np.full(7, 0.8)])
     q, qd, qdd = samples(follower, np.linspace(0.0, 3.0, 3000))
     assert np.all(np.abs(qd) <= LWR_LIMITS.velocity)
@@ -102,14 +93,11 @@ def test_points_in_the_past_are_skipped():
     assert np.allclose(follower.sample(6.5).position, q[-1], atol=1e-9)
 
 
-def test_a_later_command_replaces_one_that_waits():
+def test_a_later_command_replaces_one_that_waits_and_hold_forgets_everything():
     follower = following([1.0], [np.full(7, 0.5)], start_s=5.0)
     follower.accept(command([1.0], [np.full(7, -0.3)], start_s=2.0), 0.0)
     assert np.allclose(follower.sample(20.0).position, -0.3)
     assert np.allclose(follower.sample(1.9).position, 0.0)
-
-
-def test_hold_forgets_everything():
     follower = following([1.0], [np.full(7, 0.5)])
     follower.hold(np.full(7, 0.2))
     assert np.array_equal(follower.sample(5.0).position, np.full(7, 0.2))

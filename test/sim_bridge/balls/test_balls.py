@@ -25,12 +25,6 @@ def world():
         yield made
 
 
-@given(st.floats(0.01, 0.2), st.floats(0.01, 0.2), st.integers(3, 40))
-def test_volume_of_a_prism(radius, height, corners):
-    area = 0.5 * corners * radius**2 * np.sin(2.0 * np.pi / corners)
-    assert cup(radius, height, corners).volume_m3 == pytest.approx(area * height)
-
-
 @given(st.floats(0.5, 3.0))
 def test_volume_of_a_frustum(flare):
     prism = cup().volume_m3

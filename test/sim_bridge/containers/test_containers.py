@@ -47,15 +47,23 @@ def test_sections_are_the_wall(name):
     assert container.mesh.volume - handle == pytest.approx(walls + floor, rel=0.01)
 
 
-def test_a_cylinder_has_the_tilt_of_its_diagonal():
+def test_a_cylinder_has_the_tilt_of_its_diagonal_and_a_lip_toward_the_other():
     """Half of a cylinder is left when its diagonal is level: tan(angle) = height / diameter."""
     cup = build_container("can", ContainerShape(0.1, 0.03, 0.03, 1e-5, 1e-5))
     assert np.tan(cup.tilt_reference_rad) == pytest.approx(0.1 / 0.06, rel=2e-3)
     assert cup.inner_volume_m3 == pytest.approx(np.pi * 0.03**2 * 0.1, rel=3e-3)
     assert cup.opening_radius_m == pytest.approx(0.03, rel=1e-3)
+    tumbler, square = make_container("tumbler"), make_container("square_bowl")
+    lip = tumbler.lip_toward(np.array([0.3, 0.3, -0.2]))
+    np.testing.assert_allclose(
+        lip, [*[tumbler.opening_radius_m / np.sqrt(2)] * 2, tumbler.height_m], 1e-2
+    )
+    side = square.lip_toward(np.array([0.0, -0.4, 0.0]))
+    assert abs(side[0]) < 0.002
+    assert -side[1] < square.opening_radius_m
 
 
-def test_tilt_of_the_mesh_cut_by_a_plane():
+def test_tilt_of_the_mesh_cut_by_a_plane_and_labels_of_its_parts():
     """Trimesh's own cut of the cavity at the reference tilt leaves half of it."""
     for name in CONTAINER_NAMES:
         container = make_container(name, 2)
@@ -68,9 +76,6 @@ def test_tilt_of_the_mesh_cut_by_a_plane():
             "ij,ij->i", left.triangles[:, 0], np.cross(left.triangles[:, 1], left.triangles[:, 2])
         )
         assert volume.sum() / 6.0 == pytest.approx(0.5 * container.inner_volume_m3, rel=1e-3)
-
-
-def test_labels_know_the_parts():
     for name in CONTAINER_NAMES:
         container = make_container(name, 0)
         points = trimesh.sample.sample_surface(container.mesh, 3000, seed=1)[0]
@@ -80,15 +85,6 @@ def test_labels_know_the_parts():
         assert (len(handle) > 0) == (name in HANDLED)
         if len(handle):
             assert np.linalg.norm(handle[:, :2], axis=1).min() > 0.5 * container.opening_radius_m
-
-
-def test_lip_is_where_the_other_container_is():
-    cup, square = make_container("tumbler"), make_container("square_bowl")
-    lip = cup.lip_toward(np.array([0.3, 0.3, -0.2]))
-    np.testing.assert_allclose(lip, [*[cup.opening_radius_m / np.sqrt(2)] * 2, cup.height_m], 1e-2)
-    side = square.lip_toward(np.array([0.0, -0.4, 0.0]))
-    assert abs(side[0]) < 0.002
-    assert -side[1] < square.opening_radius_m
 
 
 def _area(outline: np.ndarray) -> float:

@@ -38,11 +38,20 @@ def test_tremor_is_seen_in_the_measured_wrist_at_rest():
     assert floor == pytest.approx(3 * 2 * 0.001**2 / 100.0, rel=0.1)
 
 
-def test_smooth_noise_has_unit_variance_and_no_power_above_its_band():
+def test_noise_is_smooth_and_occlusions_are_gaps_of_the_stated_length():
     values = smooth_noise(np.random.default_rng(2), 50_000, 100.0, 1.5)
     np.testing.assert_allclose(values.std(axis=0), 1.0, rtol=0.1)
     frequency, power = welch(values, fs=100.0, nperseg=1024, axis=0)
     assert np.all(power[frequency > 15.0].max(axis=0) < 1e-3 * power.max(axis=0))
+    rng = np.random.default_rng(4)
+    lengths = []
+    for _ in range(200):
+        hidden = ~occlusions(rng, 1000, 100.0, 0.1, 0.0)
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], hidden, [0]))))
+        lengths += list(edges[1::2] - edges[::2])
+    assert 100 < len(lengths) < 300
+    assert np.median(lengths) == pytest.approx(20, abs=4)
+    assert occlusions(rng, 500, 100.0, 0.0, 0.0).all()
 
 
 @pytest.mark.slow
@@ -60,15 +69,3 @@ def test_signal_dependent_noise_grows_with_speed_and_keeps_the_ends():
     assert 0.0005 < fast < 0.01
     np.testing.assert_allclose(drawn[:, -1], 0.0, atol=1e-12)
     assert np.abs(drawn[:, 0]).max() < 1e-4
-
-
-def test_occlusions_are_gaps_of_the_stated_length():
-    rng = np.random.default_rng(4)
-    lengths = []
-    for _ in range(200):
-        hidden = ~occlusions(rng, 1000, 100.0, 0.1, 0.0)
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], hidden, [0]))))
-        lengths += list(edges[1::2] - edges[::2])
-    assert 100 < len(lengths) < 300
-    assert np.median(lengths) == pytest.approx(20, abs=4)
-    assert occlusions(rng, 500, 100.0, 0.0, 0.0).all()

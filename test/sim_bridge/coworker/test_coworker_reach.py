@@ -41,16 +41,13 @@ def test_any_reach_rests_at_both_ends_and_takes_its_time(skew, nominal_s, centre
     assert bow_profile(np.array(1.0 / (1.0 + skew)), skew) == pytest.approx(1.0)
 
 
-def test_hesitation_slows_the_hand_where_it_hesitates():
+def test_hesitation_slows_the_hand_and_quaternions_are_unit_and_continuous():
     slow = reach(2.0, (Hesitation(0.5, 0.04, 0.4),))
     times = np.linspace(0.0, slow.duration_s, 2000)
     speed = np.abs(np.gradient(slow.positions(times)[:, 0], times))
     middle = np.argmin(np.abs(normalised_time(slow, times) - 0.5))
     before = np.argmin(np.abs(normalised_time(slow, times) - 0.35))
     assert speed[middle] < 0.5 * speed[before]
-
-
-def test_quaternions_are_unit_continuous_and_turn_by_the_rotation_vector():
     turns = np.linspace(0.0, 1.0, 50)[:, None] * np.array([0.0, 0.0, 3.0])
     q = quaternions(turns)
     np.testing.assert_allclose(np.linalg.norm(q, axis=1), 1.0, atol=1e-12)

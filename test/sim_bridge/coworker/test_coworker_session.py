@@ -18,14 +18,26 @@ from sim_bridge.coworker.task_list import (
 )
 
 
-def test_forty_interactions_are_balanced_and_in_random_order():
+def test_task_lists_of_entries_that_are_labels_or_changes_in_random_order(tmp_path):
+    text = tmp_path / "list.txt"
+    text.write_text("plate_handover\nscrew_handover\n")
+    file = tmp_path / "list.yaml"
+    file.write_text("tasks: [hold_screwdriver, plate_handover]\n")
+    assert parse_task_list(str(text), 1, 0) == ("plate_handover", "screw_handover")
+    assert parse_task_list(str(file), 1, 3) == (
+        "hold_screwdriver", "plate_handover", "hold_screwdriver"
+    )  # fmt: skip
+    assert parse_task_list(" plate_handover , screw_handover", 1, 0) == TASKS[:2]
+    assert read_intention(PLATE) == Intention(PLATE)
+    assert read_intention(CHANGED) == Intention(PLATE, HOLD, 0.25)
+    assert parse_task_list(f"{PLATE}, {CHANGED}", 1, 3) == (PLATE, CHANGED, PLATE)
     tasks = parse_task_list("random", 1, 0)
     assert sorted(Counter(tasks).values()) == [13, 13, 14]
     assert tasks != parse_task_list("random", 2, 0)
     assert tuple(sorted(tasks)) != tasks
 
 
-def test_rests_holds_and_movements_follow_one_another():
+def test_rests_holds_and_movements_follow_one_another_without_a_jump():
     plan = plan_session(7, parse_task_list("random", 7, 12))
     previous_end = 0.0
     for interaction in plan.interactions:
@@ -39,14 +51,15 @@ def test_rests_holds_and_movements_follow_one_another():
         before = np.searchsorted(plan.samples.times_s, interaction.onset_s - 0.3)
         start = interaction.reach.positions(np.zeros(1))[0]
         assert np.linalg.norm(plan.samples.true_positions_m[before] - start) < 0.01
-
-
-def test_the_wrist_never_jumps_and_some_samples_are_occluded():
     plan = plan_session(2, parse_task_list("random", 2, 20))
     speed = np.linalg.norm(np.diff(plan.samples.positions_m, axis=0), axis=1) * 100.0
     assert speed.max() < 2.0
     assert 0.97 < plan.samples.visible.mean() < 1.0
     np.testing.assert_allclose(plan.samples.times_s, np.arange(len(speed) + 1) * 0.01)
+    timing = SessionTiming(0.7, (0.5, 0.5), (0.2, 0.2), 0.3, 0.0)
+    plan = plan_session(1, [TASKS[0]], timing)
+    assert plan.interactions[0].onset_s == 0.7
+    assert plan.samples.visible.mean() > 0.99
 
 
 @pytest.mark.parametrize("seed", range(1, 4))
@@ -66,25 +79,6 @@ def test_each_of_two_reaches_on_their_own_side(task):
         assert goals_m[0] > middle_m > goals_m[1]
 
 
-def test_timing_is_respected():
-    timing = SessionTiming(0.7, (0.5, 0.5), (0.2, 0.2), 0.3, 0.0)
-    plan = plan_session(1, [TASKS[0]], timing)
-    assert plan.interactions[0].onset_s == 0.7
-    assert plan.samples.visible.mean() > 0.99
-
-
-def test_task_lists(tmp_path):
-    text = tmp_path / "list.txt"
-    text.write_text("plate_handover\nscrew_handover\n")
-    file = tmp_path / "list.yaml"
-    file.write_text("tasks: [hold_screwdriver, plate_handover]\n")
-    assert parse_task_list(str(text), 1, 0) == ("plate_handover", "screw_handover")
-    assert parse_task_list(str(file), 1, 3) == (
-        "hold_screwdriver", "plate_handover", "hold_screwdriver"
-    )  # fmt: skip
-    assert parse_task_list(" plate_handover , screw_handover", 1, 0) == TASKS[:2]
-
-
 @pytest.mark.parametrize("bad", ["", "dance", "plate_handover,dance", "/no/such/file.yaml"])
 def test_bad_task_lists_are_named(bad):
     with pytest.raises(ArgumentError, match=r"task_list: .* a file of them, .*(neither|got '')"):
@@ -92,12 +86,6 @@ def test_bad_task_lists_are_named(bad):
 
 
 CHANGED = f"{PLATE}>{HOLD}@0.25"
-
-
-def test_an_entry_is_a_label_or_a_change():
-    assert read_intention(PLATE) == Intention(PLATE)
-    assert read_intention(CHANGED) == Intention(PLATE, HOLD, 0.25)
-    assert parse_task_list(f"{PLATE}, {CHANGED}", 1, 3) == (PLATE, CHANGED, PLATE)
 
 
 @pytest.mark.parametrize(

@@ -37,10 +37,16 @@ def waiting(monkeypatch):
     return answers, answer, happened
 
 
-def test_time_goes_on_with_the_answer(waiting):
+def test_time_goes_on_with_the_answer_and_soon_without_a_node_that_has_left(waiting):
     answers, answer, happened = waiting
     answer(1)
     assert answers.all_came() and not answers.wait() and not happened.rejected
+    answers, _, happened = waiting
+    happened.there = []
+    happened.now_s += LEFT_S / 2
+    assert answers.wait()
+    happened.now_s += LEFT_S
+    assert not answers.wait() and not happened.rejected
 
 
 @pytest.mark.parametrize("numbers", [(), (1, 1), (np.nan,), (np.inf,)])
@@ -61,12 +67,3 @@ def test_a_node_that_does_not_answer_is_named_and_waited_for_no_more(waiting):
     assert happened.values == {"not waited for": NAME}
     answers.note("joint_states")
     assert not answers.wait()
-
-
-def test_for_a_node_that_has_left_time_does_not_stand_still_so_long(waiting):
-    answers, _, happened = waiting
-    happened.there = []
-    happened.now_s += LEFT_S / 2
-    assert answers.wait()
-    happened.now_s += LEFT_S
-    assert not answers.wait() and not happened.rejected

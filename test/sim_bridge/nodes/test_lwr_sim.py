@@ -229,15 +229,12 @@ def test_follows_the_clock_of_another_node(harness):
     assert np.all(np.diff([stamp_ns(message) for message in states]) > 0)
 
 
-def test_a_clock_that_does_not_come_is_said_once(harness, monkeypatch):
+def test_a_clock_that_does_not_come_and_no_display_are_said(harness, monkeypatch):
     node = make(harness, use_sim_time=True)
     node._report()
     later_s = node.diagnostics._clock() + 4.0
     monkeypatch.setattr(node.diagnostics, "_clock", lambda: later_s)
     assert node.diagnostics.report().message.count("/clock") == 1
-
-
-def test_no_display_is_said(harness, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     with pytest.raises(ResourceBusyError, match="display"):
         make(harness, headless=False)

@@ -15,7 +15,7 @@ from sim_bridge.scenarios.pouring.task_space import OPENING_M, SEED_POSTURE, Pou
 
 
 @pytest.mark.parametrize("name", CONTAINER_NAMES)
-def test_pieces_are_the_container_less_the_margin(name):
+def test_pieces_are_the_container_less_the_margin_and_its_shell_a_wall_thick(name):
     container = make_container(name)
     filled = sum(ConvexHull(piece).volume for piece in solid_pieces(container))
     truth = container.inner_volume_m3 + container.mesh.volume
@@ -25,10 +25,6 @@ def test_pieces_are_the_container_less_the_margin(name):
         low, high = container.mesh.bounds
         assert np.all(corners > low + 0.5 * HULL_MARGIN_M)
         assert np.all(corners < high - 0.5 * HULL_MARGIN_M)
-
-
-@pytest.mark.parametrize("name", CONTAINER_NAMES)
-def test_the_shell_is_hollow_and_a_wall_thick(name):
     container = make_container(name)
     sections = container.sections
     for piece in shell_pieces(container)[1 : 1 + N_CORNERS]:

@@ -62,12 +62,7 @@ def score_first(log, plan, **options):
     return score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan), **options))[0][0]
 
 
-def test_first_sample_is_found_although_the_first_messages_were_lost():
-    plan, log = session()
-    assert first_sample_ns(log, plan) == FIRST_NS
-
-
-def test_numbers_of_an_interaction_are_those_of_the_topics():
+def test_numbers_of_an_interaction_are_those_of_the_topics_and_nothing_activated_is_a_miss():
     plan, log = session()
     records, traces = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))
     record, interaction = records[0], plan.interactions[0]
@@ -85,6 +80,18 @@ def test_numbers_of_an_interaction_are_those_of_the_topics():
     assert len(traces) == 2
     assert traces[0]["share"].min() >= 0.0
     assert traces[0]["share"].max() <= 1.0
+    plan, log = session()
+    assert first_sample_ns(log, plan) == FIRST_NS
+    plan, log = session()
+    records, _ = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))
+    assert records[1].recognised == "none"
+    assert records[1].hand_error_m is None
+    assert not records[1].right
+    plan, log = session(task="screw_handover")
+    record = score_first(log, plan)
+    assert record.recognised == "screw_handover"
+    assert not record.right
+    assert record.hand_error_m is None
 
 
 def test_an_arm_that_waits_at_a_stand_has_not_arrived():
@@ -139,22 +146,6 @@ def test_an_arm_that_waits_on_the_way_has_not_arrived_where_the_object_changed_h
     assert not score_first(other, plan, by_force=True).handed_over  # it was another object
     assert record.arrival_s == pytest.approx(2.2, abs=0.08)
     assert record.hand_error_m == pytest.approx(0.02, abs=1e-3)
-
-
-def test_nothing_activated_is_a_miss():
-    plan, log = session()
-    records, _ = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))
-    assert records[1].recognised == "none"
-    assert records[1].hand_error_m is None
-    assert not records[1].right
-
-
-def test_the_wrong_task_is_a_miss_without_a_hand_error():
-    plan, log = session(task="screw_handover")
-    record = score_first(log, plan)
-    assert record.recognised == "screw_handover"
-    assert not record.right
-    assert record.hand_error_m is None
 
 
 @pytest.mark.parametrize(("late_s", "wrong"), [(0.5, 0), (20.0, 1)])
