@@ -15,32 +15,14 @@ import pytest
 from hermite import cubic, hermite
 from simulation import make_library
 
-from intent_recognition.activation import (
-    Activation,
-    ActivationSettings,
-    Mode,
-    PredictedInteraction,
-    PretriggerSettings,
-)
-from intent_recognition.composing import (
-    Moment,
-    SequenceProgress,
-    Step,
-    ViaPoint,
-    advance,
-    awaited,
-    bend_all,
-)
-from intent_recognition.composing.sequences import Condition
+from intent_recognition.activation import Activation, ActivationSettings, Mode, PredictedInteraction
+from intent_recognition.activation.pretrigger import PretriggerSettings
+from intent_recognition.composing import Moment, Step, ViaPoint, advance, awaited, bend_all
+from intent_recognition.composing.sequences import Condition, SequenceProgress
 from intent_recognition.errors import IntentError
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS
-from intent_recognition.motion import (
-    Correction,
-    DeviationDetector,
-    Spread,
-    make_path,
-    scaled_limits,
-)
+from intent_recognition.motion import Correction, DeviationDetector, Spread, make_path
+from intent_recognition.motion.plan import scaled_limits
 from sim_bridge.arm import TrajectoryCommand
 
 LIMITS = scaled_limits(LWR_LIMITS)

@@ -14,13 +14,8 @@ from clearance_world import ROBOT
 
 from intent_recognition.activation import motions
 from intent_recognition.kinematics import Arm
-from intent_recognition.motion import (
-    PredictedPerson,
-    Separation,
-    SeparationSettings,
-    plan_interaction,
-)
-from intent_recognition.motion.separation import permitted_speed
+from intent_recognition.motion import Separation, SeparationSettings, plan_interaction
+from intent_recognition.motion.separation import PredictedPerson, permitted_speed
 
 ARM = Arm.from_urdf(ROBOT.description)
 SEPARATION = Separation(ARM)

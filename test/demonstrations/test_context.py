@@ -12,15 +12,8 @@ from moved_box import BOX, DOFS, SETTINGS, hand_over, learned
 from simulation import START_NS
 
 from intent_recognition.bags import BagReader, BagWriter
-from intent_recognition.demonstrations import (
-    DofEntry,
-    DofSpec,
-    Source,
-    iter_observations,
-    iter_samples,
-    load_dofs,
-    read_demonstrations,
-)
+from intent_recognition.demonstrations import DofEntry, DofSpec, load_dofs, read_demonstrations
+from intent_recognition.demonstrations.observations import Source, iter_observations, iter_samples
 from intent_recognition.errors import DofError, ModelError
 from intent_recognition.evaluation import evaluate, make_folds, replay, run_online
 from intent_recognition.learning import add_demonstration

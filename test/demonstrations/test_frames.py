@@ -10,14 +10,9 @@ from model_builder import ROBOT, WRIST
 from tracking_frames import ENTRY, TRACKER, as_tracked
 
 from intent_recognition.bags import POSE, BagReader
-from intent_recognition.demonstrations import (
-    DofEntry,
-    DofSpec,
-    iter_observations,
-    read_demonstrations,
-    read_whole,
-    settle_orientations,
-)
+from intent_recognition.demonstrations import DofSpec, iter_observations, settle_orientations
+from intent_recognition.demonstrations.entry import DofEntry
+from intent_recognition.demonstrations.reading import read_demonstrations, read_whole
 from intent_recognition.errors import DofError
 
 TURN = DofEntry(

@@ -13,16 +13,10 @@ from simulation import gathered
 
 from intent_recognition.bags import POSE, BagReader, BagWriter
 from intent_recognition.bags.definitions import make_message
-from intent_recognition.demonstrations import (
-    DofEntry,
-    DofSpec,
-    iter_observations,
-    numbers_of,
-    read_demonstrations,
-    settle_orientations,
-)
-from intent_recognition.demonstrations.fields import extract, orientation_beside
-from intent_recognition.demonstrations.observations import ObservationReader
+from intent_recognition.demonstrations import DofSpec, read_demonstrations, settle_orientations
+from intent_recognition.demonstrations.entry import DofEntry
+from intent_recognition.demonstrations.fields import extract, numbers_of, orientation_beside
+from intent_recognition.demonstrations.observations import ObservationReader, iter_observations
 from intent_recognition.errors import DofError, MessageError
 from intent_recognition.learning import TrainingSettings, fit_interaction_promp
 from intent_recognition.model import Model, check_dofs, load_model, save_model

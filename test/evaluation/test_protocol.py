@@ -12,12 +12,11 @@ from simulation import START_NS, gathered, make_library, minimum_jerk, simulate
 
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.evaluation import evaluate, make_folds
+from intent_recognition.evaluation.scores import ScoreTable, per_unit
 from intent_recognition.evaluation.scoring import (
     PREDICTION_FRACTIONS,
     RECOGNITION_FRACTIONS,
     EvaluationRecords,
-    ScoreTable,
-    per_unit,
     score_demonstration,
 )
 from intent_recognition.learning import Hyperparameters, accumulate, library_from_statistics

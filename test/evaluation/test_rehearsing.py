@@ -13,13 +13,8 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import Rehearsal, rehearse, run_online
 from intent_recognition.evaluation.online import OnlineOutcome, summarise_online
 from intent_recognition.evaluation.suggesting import suggest
-from intent_recognition.recognition import (
-    DecisionSettings,
-    DecisionState,
-    IntentEstimator,
-    decide,
-    decision_settings,
-)
+from intent_recognition.recognition import DecisionState, IntentEstimator, decide, decision_settings
+from intent_recognition.recognition.decision import DecisionSettings
 from intent_recognition.signals import merge
 
 DOFS = make_dofs()

@@ -9,13 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from intent_recognition.evaluation.session_summary import (
-    HandError,
-    InteractionRecord,
-    hand_error,
-    summarise,
-    summary_line,
-)
+from intent_recognition.evaluation import HandError, InteractionRecord
+from intent_recognition.evaluation.session_summary import hand_error, summarise, summary_line
 from intent_recognition.report.interaction_table import FIELDS, cells, table_lines
 
 RELAXED = settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])

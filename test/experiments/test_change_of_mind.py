@@ -18,14 +18,8 @@ from intent_recognition.model import load_model
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import DecisionState, Estimate
 from intent_recognition.report.html import ReportPage, Section, render
-from sim_bridge.coworker import (
-    TASKS,
-    USUAL_BLEND,
-    WITHOUT_PAUSE,
-    draw_reach,
-    draw_rest,
-    plan_session,
-)
+from sim_bridge.coworker import TASKS, USUAL_BLEND, WITHOUT_PAUSE, draw_rest, plan_session
+from sim_bridge.coworker.reach import draw_reach
 
 OLD, NEW, THIRD = TASKS
 

@@ -14,16 +14,8 @@ from intent_recognition.kinematics.inverse import branch_of
 from intent_recognition.kinematics.lwr import LWR_LIMITS, forward_kinematics, hand_position
 from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
-from sim_bridge.scenarios.toolbox.scene import (
-    ARM_BRANCH,
-    HOME,
-    arm_posture,
-    handover_point,
-    handover_rotation,
-    home_pose,
-    pose,
-    stand_pose,
-)
+from sim_bridge.scenarios.toolbox import HOME, handover_point, handover_rotation
+from sim_bridge.scenarios.toolbox.scene import ARM_BRANCH, arm_posture, home_pose, pose, stand_pose
 
 demonstrate_once = cache(demonstrate)
 

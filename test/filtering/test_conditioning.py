@@ -14,14 +14,10 @@ from simulation import START_NS, make_library
 
 from intent_recognition.filtering import MovementFilter, PriorGrid
 from intent_recognition.gaussian import Gaussian, GaussianBatch, LinearMeasurement, condition
+from intent_recognition.promp import PhaseDeviation, deviation_prior
 from intent_recognition.promp import phase_deviation as progress_module
 from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.phase_deviation import (
-    PhaseDeviation,
-    deviation_prior,
-    deviation_transition,
-    reference_phase,
-)
+from intent_recognition.promp.phase_deviation import deviation_transition, reference_phase
 from intent_recognition.signals.observation import Observation
 
 seeds = st.integers(0, 2**32 - 1)

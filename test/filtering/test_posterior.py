@@ -8,13 +8,9 @@ from hypothesis import strategies as st
 from plain import run_bank
 from simulation import START_NS, make_library, simulate
 
+from intent_recognition.filtering import task_posterior
 from intent_recognition.filtering.grid import PriorGrid, make_prior_grid
-from intent_recognition.filtering.posterior import (
-    beyond_margin,
-    counted_joint,
-    counted_none,
-    task_posterior,
-)
+from intent_recognition.filtering.posterior import beyond_margin, counted_joint, counted_none
 from intent_recognition.signals.observation import merge
 
 seeds = st.integers(0, 2**32 - 1)

@@ -18,15 +18,8 @@ from intent_recognition.errors import (
     MissingPackageError,
     ShapeError,
 )
-from intent_recognition.kinematics import (
-    JOINT_NAMES,
-    LWR_LIMITS,
-    Arm,
-    forward_kinematics,
-    jacobian,
-    solve,
-)
-from intent_recognition.kinematics.inverse import BRANCHES
+from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, forward_kinematics, jacobian
+from intent_recognition.kinematics.inverse import BRANCHES, solve
 from intent_recognition.kinematics.limits import within_position_limits
 
 LIMIT = '<limit lower="-2" upper="1" velocity="2" effort="9"/>'

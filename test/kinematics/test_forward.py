@@ -9,14 +9,9 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ShapeError
+from intent_recognition.kinematics import forward_kinematics
 from intent_recognition.kinematics.links import Chain, tip_positions
-from intent_recognition.kinematics.lwr import (
-    LWR_LIMITS,
-    forward_kinematics,
-    frame_poses,
-    hand_position,
-    jacobian,
-)
+from intent_recognition.kinematics.lwr import LWR_LIMITS, frame_poses, hand_position, jacobian
 
 
 def test_a_batch_equals_single_postures_of_seven_joints():

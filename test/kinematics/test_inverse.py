@@ -7,14 +7,8 @@ from hypothesis import example, given, settings
 from hypothesis.strategies import builds, floats, sampled_from, tuples
 
 from intent_recognition.errors import KinematicsError, ShapeError
-from intent_recognition.kinematics.inverse import (
-    BRANCHES,
-    branch_of,
-    inverse_kinematics,
-    reach_position,
-    solve,
-    swivel_angle,
-)
+from intent_recognition.kinematics import inverse_kinematics, reach_position
+from intent_recognition.kinematics.inverse import BRANCHES, branch_of, solve, swivel_angle
 from intent_recognition.kinematics.limits import within_position_limits
 from intent_recognition.kinematics.lwr import LWR_LIMITS, forward_kinematics, hand_position
 

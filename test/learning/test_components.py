@@ -10,14 +10,8 @@ from scipy.stats import t as student
 from simulation import draw_weights, make_library
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.learning.components import (
-    choose_components,
-    predict_left_out,
-    purity,
-    score,
-    smallest_within_one_error,
-    try_components,
-)
+from intent_recognition.learning import choose_components, smallest_within_one_error
+from intent_recognition.learning.components import predict_left_out, purity, score, try_components
 from intent_recognition.learning.mixture import leave_each_out, mixture_features
 from intent_recognition.promp.basis import NormalizedRBFBasis
 

@@ -10,11 +10,8 @@ from simulation import make_library
 
 from intent_recognition.filtering import MovementFilter, PriorGrid
 from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.learning.examples import (
-    SAMPLES_PER_MOVEMENT,
-    TrainingExample,
-    sample_phases,
-)
+from intent_recognition.learning import TrainingExample
+from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT, sample_phases
 from intent_recognition.learning.held_out import filter_samples
 from intent_recognition.learning.held_out_examples import MAX_RIVALS, evenly, nearest_tasks
 from intent_recognition.learning.statistics import summarize

@@ -7,14 +7,8 @@ from simulation import draw_weights, make_library
 
 from intent_recognition.errors import TrainingError
 from intent_recognition.gaussian.mixture import fit_mixture, one_hot
-from intent_recognition.learning import mixture
-from intent_recognition.learning.mixture import (
-    Features,
-    cluster,
-    leave_each_out,
-    left_out_labels,
-    mixture_features,
-)
+from intent_recognition.learning import mixture, mixture_features
+from intent_recognition.learning.mixture import Features, cluster, leave_each_out, left_out_labels
 from intent_recognition.promp.basis import NormalizedRBFBasis
 
 BASIS = NormalizedRBFBasis(10, 1.0)

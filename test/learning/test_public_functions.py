@@ -8,13 +8,8 @@ import pytest
 from simulation import make_library, simulate
 
 from intent_recognition.errors import ArgumentError, TrainingError
-from intent_recognition.learning import (
-    TrainingSettings,
-    label_by_components,
-    learn,
-    learn_components,
-    learn_mixture,
-)
+from intent_recognition.learning import TrainingSettings, learn, learn_components, learn_mixture
+from intent_recognition.learning.unlabelled import label_by_components
 from intent_recognition.signals import Demonstration
 
 SETTINGS = TrainingSettings(n_basis=6, n_aligned_basis=6)

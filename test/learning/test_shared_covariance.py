@@ -4,15 +4,8 @@
 import numpy as np
 import pytest
 
-from intent_recognition.promp.prior import (
-    OBSERVED_INDEPENDENT,
-    Scatter,
-    TargetSettings,
-    observed_block,
-    shared_covariance,
-    structured_target,
-    weight_floor,
-)
+from intent_recognition.promp import Scatter, TargetSettings, observed_block, shared_covariance
+from intent_recognition.promp.prior import OBSERVED_INDEPENDENT, structured_target, weight_floor
 
 
 def scatter_of(*tasks: np.ndarray) -> Scatter:

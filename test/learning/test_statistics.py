@@ -9,13 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from intent_recognition.errors import ShapeError
-from intent_recognition.learning import TrainingExample, statistics
-from intent_recognition.learning.statistics import (
-    TaskStatistics,
-    merge_statistics,
-    pooled_moments,
-    summarize,
-)
+from intent_recognition.learning import TaskStatistics, TrainingExample, statistics
+from intent_recognition.learning.statistics import merge_statistics, pooled_moments, summarize
 
 seeds = st.integers(0, 2**32 - 1)
 D, N = 3, 4

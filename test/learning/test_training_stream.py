@@ -14,11 +14,10 @@ from same_library import assert_same
 from simulation import make_library, signals, simulate
 
 from intent_recognition.errors import TrainingError
-from intent_recognition.learning import Hyperparameters, accumulation, statistics
+from intent_recognition.learning import Hyperparameters, Trained, accumulation, statistics
 from intent_recognition.learning.accumulation import accumulate, merge_accumulated
 from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.learning.training import (
-    Trained,
     TrainingSettings,
     add_demonstration,
     add_statistics,

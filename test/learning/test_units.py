@@ -7,14 +7,10 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import TrainingError
-from intent_recognition.learning import (
-    TrainingSettings,
-    add_demonstration,
-    learn,
-    learn_with_report,
-)
+from intent_recognition.learning import TrainingSettings, learn, learn_with_report
 from intent_recognition.learning.correcting import keep_correction
 from intent_recognition.learning.held_out_examples import MAX_RIVALS, nearest_tasks
+from intent_recognition.learning.training import add_demonstration
 from intent_recognition.promp import controlled_spread, end_std_limits, weight_floor
 from intent_recognition.recognition import DecisionState, IntentEstimator, decide, decision_settings
 from intent_recognition.recognition.start_posture import (

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from simulation import make_library, simulate
 
 from intent_recognition.filtering import MovementFilter, make_prior_grid, task_posterior
-from intent_recognition.learning import unknown_task
+from intent_recognition.learning import is_outdated, unknown_task
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT, sample_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
 from intent_recognition.learning.left_out import LeavingOut
@@ -20,7 +20,6 @@ from intent_recognition.learning.training import TrainingSettings, learn_with_re
 from intent_recognition.learning.unknown_task import (
     Comparison,
     calibrating_tasks,
-    is_outdated,
     learn_none_margin,
     log_factors,
     margin_between,

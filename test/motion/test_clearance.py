@@ -9,16 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from intent_recognition.gaussian import Gaussian, condition
 from intent_recognition.kinematics import Arm, Box, hand_position
-from intent_recognition.motion import (
-    ClearPath,
-    JointReference,
-    NominalTiming,
-    Obstruction,
-    Spread,
-    make_path,
-    plan_interaction,
-)
-from intent_recognition.motion.bending import least_change
+from intent_recognition.motion import JointReference, NominalTiming, make_path, plan_interaction
+from intent_recognition.motion.bending import Spread, least_change
+from intent_recognition.motion.clearance import ClearPath, Obstruction
 from intent_recognition.promp import via_point
 from intent_recognition.signals import to_tangent
 

@@ -6,16 +6,8 @@ from simulation import make_library
 
 from intent_recognition.gaussian import Gaussian, condition
 from intent_recognition.kinematics import JointLimits
-from intent_recognition.motion import (
-    Correction,
-    DeviationDetector,
-    Spread,
-    Via,
-    make_path,
-    phase_of,
-    with_via,
-)
-from intent_recognition.motion.correction import corrected_by
+from intent_recognition.motion import DeviationDetector, Spread, Via, make_path, phase_of, with_via
+from intent_recognition.motion.correction import Correction, corrected_by
 from intent_recognition.promp import via_point
 
 WIDE = JointLimits(np.full(2, -9.0), *(np.full(2, 9.0) for _ in range(4)))

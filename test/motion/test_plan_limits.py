@@ -8,15 +8,8 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS
-from intent_recognition.motion import (
-    JointReference,
-    NominalTiming,
-    home_plan,
-    make_path,
-    plan_interaction,
-    scaled_limits,
-)
-from intent_recognition.motion.plan import position_range, within
+from intent_recognition.motion import NominalTiming, home_plan, make_path, plan_interaction
+from intent_recognition.motion.plan import JointReference, position_range, scaled_limits, within
 from intent_recognition.motion.point_to_point import brake_plan
 from sim_bridge.arm import RejectedTrajectoryError, TrajectoryCommand
 

@@ -7,15 +7,9 @@ from activation_world import LIMITS
 from clearance_world import PATH, POSITIONS, TIMES, bodies_among, box_beside, clearance
 
 from intent_recognition.kinematics import Box, hand_position
-from intent_recognition.motion import (
-    JointReference,
-    NominalTiming,
-    Obstruction,
-    make_path,
-    plan_interaction,
-    replanning,
-)
-from intent_recognition.motion.plan import within
+from intent_recognition.motion import NominalTiming, Obstruction, make_path, replanning
+from intent_recognition.motion.plan import JointReference, within
+from intent_recognition.motion.planning import plan_interaction
 
 ENDS = np.array([0.0, 1.0])
 

@@ -9,11 +9,9 @@ from scipy.interpolate import CubicHermiteSpline
 
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics.lwr import LWR_LIMITS
-from intent_recognition.motion import NominalTiming, check_range, make_path
+from intent_recognition.motion import BEGINNING, JointPlan, NominalTiming, check_range, make_path
 from intent_recognition.motion.blending import decay
 from intent_recognition.motion.plan import (
-    BEGINNING,
-    JointPlan,
     JointReference,
     PhaseState,
     interval_use,

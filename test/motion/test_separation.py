@@ -9,17 +9,14 @@ from clearance_world import PATH, ROBOT
 from intent_recognition.activation import Mode, PretriggerSettings
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
-from intent_recognition.motion import (
-    JointReference,
-    NominalTiming,
-    PredictedPerson,
-    Separation,
-    SeparationSettings,
-    phase_times_ns,
-    plan_interaction,
-)
+from intent_recognition.motion import JointReference, NominalTiming, Separation, plan_interaction
 from intent_recognition.motion.retiming import N_GRID
-from intent_recognition.motion.separation import permitted_speed
+from intent_recognition.motion.separation import (
+    PredictedPerson,
+    SeparationSettings,
+    permitted_speed,
+    phase_times_ns,
+)
 
 ARM = Arm.from_urdf(ROBOT.description)
 SETTINGS = SeparationSettings()
@@ -162,7 +159,7 @@ def interact(who, **settings):
 
 
 @pytest.mark.slow
-def test_an_interaction_slows_near_the_person_smoothly_and_arrives_and_not_far_from_one(free):
+def test_an_interaction_slows_near_the_person_smoothly_and_arrives_and_not_far_from_one():
     free, near = interact(None), ARM.forward_kinematics(PATH.spline(1.0))[:3, 3]
     separation = Separation(ARM, SETTINGS)
     slowed = interact(near, separation=separation)

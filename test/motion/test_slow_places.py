@@ -6,15 +6,9 @@ import pytest
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import LWR_LIMITS, Arm
-from intent_recognition.motion import (
-    JointReference,
-    NominalTiming,
-    SlowPlaces,
-    make_path,
-    parse_places,
-    plan_interaction,
-    scaled_limits,
-)
+from intent_recognition.motion import NominalTiming, SlowPlaces, make_path, parse_places
+from intent_recognition.motion.plan import JointReference, scaled_limits
+from intent_recognition.motion.planning import plan_interaction
 from sim_bridge.arm import find_robot
 from sim_bridge.scenarios.toolbox import HOME, HOME_HAND_M
 

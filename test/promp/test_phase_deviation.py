@@ -9,16 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import t
 
+from intent_recognition.promp import STEADY, PhaseDeviation, deviation_prior, deviation_transition
 from intent_recognition.promp import phase_deviation as module
-from intent_recognition.promp.phase_deviation import (
-    STEADY,
-    PhaseDeviation,
-    deviation_prior,
-    deviation_transition,
-    reference_phase,
-    steady_phase,
-    steady_rate,
-)
+from intent_recognition.promp.phase_deviation import reference_phase, steady_phase, steady_rate
 
 passed = st.floats(0.0, 3.0)
 correlations = st.floats(0.02, 2.0)

@@ -7,12 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.gaussian.normal import Gaussian, log_density
-from intent_recognition.promp import prior
+from intent_recognition.promp import LAGS, Scatter, TargetSettings, explained_by_lag, prior
 from intent_recognition.promp.prior import (
-    LAGS,
-    Scatter,
-    TargetSettings,
-    explained_by_lag,
     predictive_covariance,
     structured_target,
     weight_floor,

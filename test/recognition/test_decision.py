@@ -8,14 +8,8 @@ from hypothesis import strategies as st
 
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.promp import LeftOutOdds, risk_of
-from intent_recognition.recognition.decision import (
-    DecisionSettings,
-    DecisionState,
-    decide,
-    evidence_share,
-    possible_tasks,
-    uncertain_end,
-)
+from intent_recognition.recognition import DecisionSettings, DecisionState, decide
+from intent_recognition.recognition.decision import evidence_share, possible_tasks, uncertain_end
 
 LABELS = ("plate", "screw", "none")
 SURE = {"plate": (0.95, 0.04, 0.01), "screw": (0.02, 0.97, 0.01), "none": (0.03, 0.02, 0.95)}

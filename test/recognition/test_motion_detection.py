@@ -7,13 +7,8 @@ from simulation import START_NS, minimum_jerk
 
 from intent_recognition.filtering.posterior import TaskPosterior
 from intent_recognition.recognition.motion_detection import HISTORY_S, MotionDetector, past_s
-from intent_recognition.signals import (
-    LEAST_RATE_HZ,
-    Observation,
-    OnsetSettings,
-    Signal,
-    onset_settings,
-)
+from intent_recognition.signals import Observation, OnsetSettings, Signal, onset_settings
+from intent_recognition.signals.segmentation import LEAST_RATE_HZ
 
 
 def reach(rate: float, begin_s: float, end_s: float, total_s: float, rng) -> Signal:

@@ -6,12 +6,8 @@ import pytest
 from online_stream import movement
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.filtering import (
-    MovementFilter,
-    fixed_prior_grid,
-    make_prior_grid,
-    task_posterior,
-)
+from intent_recognition.filtering import MovementFilter, make_prior_grid, task_posterior
+from intent_recognition.filtering.grid import fixed_prior_grid
 from intent_recognition.recognition import predict_controlled, recognize_task
 from intent_recognition.signals import merge
 

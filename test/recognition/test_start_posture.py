@@ -9,14 +9,12 @@ from scipy.stats import chi2, kstest
 from simulation import START_NS, draw_weights, make_library, simulate
 
 from intent_recognition.promp import StartPosture, controlled_weights, rollout
+from intent_recognition.recognition import POSTURE_OUTSIDE, POSTURE_UNKNOWN, start_mean
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.start_posture import (
-    POSTURE_OUTSIDE,
-    POSTURE_UNKNOWN,
     POSTURE_USED,
     PostureHistory,
     start_distance,
-    start_mean,
     start_variance,
     within_trained_starts,
 )

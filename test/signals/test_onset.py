@@ -8,10 +8,8 @@ from hypothesis import strategies as st
 from simulation import minimum_jerk
 
 from intent_recognition.errors import ArgumentError
+from intent_recognition.signals import OnsetSettings, at_rest, detect_onset
 from intent_recognition.signals.onset import (
-    OnsetSettings,
-    at_rest,
-    detect_onset,
     first_onset,
     last_motion,
     peak_speed,

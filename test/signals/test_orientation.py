@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.signals import from_tangent, mean_orientation, to_tangent
+from intent_recognition.signals import LARGEST_ANGLE_RAD, from_tangent, mean_orientation, to_tangent
 from intent_recognition.signals.orientation import (
-    LARGEST_ANGLE_RAD,
     quaternion_rates,
     right_jacobian,
     rotation_matrix,

@@ -7,15 +7,8 @@ import numpy as np
 import pytest
 from simulation import START_NS, minimum_jerk
 
-from intent_recognition.signals import (
-    Demonstration,
-    Known,
-    Signal,
-    common_span,
-    correlate_speeds,
-    stream_defect,
-    stream_doubts,
-)
+from intent_recognition.signals import Demonstration, Known, Signal, correlate_speeds, stream_doubts
+from intent_recognition.signals.streams import common_span, stream_defect
 
 LENGTH_S = 10.0
 

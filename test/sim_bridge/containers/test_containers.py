@@ -6,12 +6,8 @@ import pytest
 import trimesh
 
 from intent_recognition.warping.object_model import Part
-from sim_bridge.containers.generate import (
-    CONTAINER_NAMES,
-    ContainerShape,
-    build_container,
-    make_container,
-)
+from sim_bridge.containers import CONTAINER_NAMES
+from sim_bridge.containers.generate import ContainerShape, build_container, make_container
 
 SEEDS = (0, 1, 2)
 HANDLED = ("mug", "tall_mug", "espresso_cup", "tea_cup")

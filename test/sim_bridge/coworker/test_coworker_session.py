@@ -7,15 +7,10 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import ArgumentError
+from sim_bridge.coworker import change_some
 from sim_bridge.coworker.session import WITHOUT_PAUSE, SessionTiming, plan_people, plan_session
 from sim_bridge.coworker.styles import HOLD, PLATE, STYLES, TASKS
-from sim_bridge.coworker.task_list import (
-    CHANGE_SHARES,
-    Intention,
-    change_some,
-    parse_task_list,
-    read_intention,
-)
+from sim_bridge.coworker.task_list import CHANGE_SHARES, Intention, parse_task_list, read_intention
 
 
 def test_task_lists_of_entries_that_are_labels_or_changes_in_random_order(tmp_path):

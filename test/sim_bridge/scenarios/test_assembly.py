@@ -13,23 +13,19 @@ from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.kinematics.limits import within_position_limits
 from intent_recognition.kinematics.lwr import LWR_LIMITS, hand_position
 from intent_recognition.share import share_path
+from sim_bridge.scenarios.assembly import ASSISTANT, FASTENING, HAND_OVER, PERSONAL_STD_M, WORKER
 from sim_bridge.scenarios.assembly.interaction import plan_interaction
 from sim_bridge.scenarios.assembly.session import PER_TASK, SESSIONS, plan_session
 from sim_bridge.scenarios.assembly.styles import (
-    ASSISTANT,
-    FASTENING,
     FLIPPED_M,
     GIVE_M,
     GRASP_S,
-    HAND_OVER,
     HOLD_M,
-    PERSONAL_STD_M,
     PLATE_INSERTION,
     REACTION_S,
     READY_S,
     RESTS,
     TASKS,
-    WORKER,
 )
 
 OFFSETS = {HAND_OVER: GIVE_M, FASTENING: HOLD_M, PLATE_INSERTION: FLIPPED_M}

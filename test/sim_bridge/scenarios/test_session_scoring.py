@@ -9,21 +9,9 @@ import pytest
 from intent_recognition.evaluation import ContactLog, SessionLog, summarise
 from intent_recognition.kinematics.inverse import inverse_kinematics
 from sim_bridge.coworker.session import plan_session
-from sim_bridge.scenarios.toolbox.scene import (
-    HOME,
-    STANDS_M,
-    handover_point,
-    handover_rotation,
-    pose,
-    stand_pose,
-)
-from sim_bridge.scenarios.toolbox.session_scoring import (
-    Scoring,
-    first_sample_ns,
-    score_people,
-    score_session,
-    toolbox_places,
-)
+from sim_bridge.scenarios.toolbox import Scoring, first_sample_ns, handover_point
+from sim_bridge.scenarios.toolbox.scene import HOME, STANDS_M, handover_rotation, pose, stand_pose
+from sim_bridge.scenarios.toolbox.session_scoring import score_people, score_session, toolbox_places
 
 FIRST_NS = 7_000_000_000
 TASK = "plate_handover"

@@ -5,26 +5,13 @@ import numpy as np
 import pytest
 
 from intent_recognition.kinematics import Arm
-from intent_recognition.transfer import (
-    Holding,
-    LoadEstimator,
-    Request,
-    Situation,
-    TransferMachine,
-    away_from_base,
-)
+from intent_recognition.transfer import Holding, LoadEstimator, Request, Situation, away_from_base
+from intent_recognition.transfer.machine import TransferMachine
 from sim_bridge.arm import SensorNoise, SimulatedArm, find_robot
 from sim_bridge.coworker import HOLD, PLATE, SCREW
 from sim_bridge.handover import GRIP_M, with_fingers
-from sim_bridge.scenarios.toolbox import (
-    STANDS_M,
-    ToolboxTransfers,
-    arm_posture,
-    handover_point,
-    handover_rotation,
-    pose,
-    stand_pose,
-)
+from sim_bridge.scenarios.toolbox import STANDS_M, ToolboxTransfers, arm_posture, pose, stand_pose
+from sim_bridge.scenarios.toolbox.scene import handover_point, handover_rotation
 from sim_bridge.scenarios.toolbox.transfers import Holder
 
 WRIST_M = np.array([0.80, 0.0, 0.32])
