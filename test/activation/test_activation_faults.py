@@ -40,11 +40,7 @@ def test_predictions_out_of_time_are_rejected(onset_s, reason):
 
 @pytest.mark.parametrize(
     ("stamp_ns", "reason"),
-    [
-        (0, "zero_stamp"),
-        (START_NS - 1, "stamp_not_increasing"),
-        (START_NS + 5_000_000_000, "stamp_in_future"),
-    ],
+    [(0, "zero_stamp"), (START_NS - 1, "stamp_not_increasing"), (2 * START_NS, "stamp_in_future")],
 )
 def test_tasks_out_of_time_are_rejected(stamp_ns, reason):
     world = World()

@@ -171,15 +171,11 @@ def test_an_arm_that_is_held_on_its_way_is_not_taken_for_one_that_gets_late_comm
 def test_once_lateness_is_known_a_controller_that_forgets_goes_on_without_a_jump():
     """All it executes in the second interaction is what is in force, as commands lead by enough."""
     world, arm = session(0, (0.2, 0.2), 0.0, ForgetfulArm)
-    begun_ns = next(
-        c.start_ns
-        for c in world.commands[::-1]
-        if c.before is None and c.plan.kind == "interaction"
-    )
+    begun = [c for c in world.commands if c.before is None and c.plan.kind == "interaction"]
     compared = 0
     for k, executed in enumerate(arm.executed):
         time_ns = START_NS + round((k + 1) * FINE_S * 1e9)
-        if time_ns > begun_ns:
+        if time_ns > begun[-1].start_ns:
             np.testing.assert_allclose(
                 executed.position, world.reference(time_ns).position, atol=1e-5
             )

@@ -42,11 +42,8 @@ def skeleton(*xs):
 
 
 def transform(frame, x, stamp_ns=0):
-    return {
-        "header": {"stamp": stamp_ns},
-        "child_frame_id": frame,
-        "transform": {"translation": {"x": x}},
-    }
+    moved = {"translation": {"x": x}}
+    return {"header": {"stamp": stamp_ns}, "child_frame_id": frame, "transform": moved}
 
 
 def transforms(*listed):

@@ -15,25 +15,13 @@ from intent_recognition.errors import DofError, MessageError
 from intent_recognition.share import share_path
 
 ENTRY = {"topic": "/a", "type": "geometry_msgs/msg/PoseStamped", "fields": ["pose.x"], "unit": "m"}
-JOINT_ENTRY = {
-    "topic": "/j",
-    "type": "sensor_msgs/msg/JointState",
-    "joints": ["a", "b"],
-    "unit": "rad",
-}
+STATE = "sensor_msgs/msg/JointState"
+JOINT_ENTRY = {"topic": "/j", "type": STATE, "joints": ["a", "b"], "unit": "rad"}
 VALUES = {
     "geometry_msgs/msg/PoseStamped": ("pose.position.y", {"pose": {"position": {"y": 3.0}}}),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": (
-        "pose.pose.orientation.z",
-        {"pose": {"pose": {"orientation": {"z": 3.0}}}},
-    ),
     "nav_msgs/msg/Odometry": ("twist.twist.linear.x", {"twist": {"twist": {"linear": {"x": 3.0}}}}),
     "geometry_msgs/msg/PointStamped": ("point.z", {"point": {"z": 3.0}}),
     "geometry_msgs/msg/Vector3Stamped": ("vector.x", {"vector": {"x": 3.0}}),
-    "geometry_msgs/msg/TransformStamped": (
-        "transform.translation.x",
-        {"transform": {"translation": {"x": 3.0}}},
-    ),
     "sensor_msgs/msg/JointState": ("position.1", {"name": ["a", "b"], "position": [1.0, 3.0]}),
     "sensor_msgs/msg/Range": ("range", {"range": 3.0}),
     "std_msgs/msg/Float64MultiArray": ("data.2", {"data": [1.0, 2.0, 3.0]}),

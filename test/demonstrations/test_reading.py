@@ -268,12 +268,7 @@ def test_a_session_whose_streams_are_on_two_clocks_says_so(tmp_path):
     ("side", "key", "names", "says"),
     [
         ("controlled", "joints", ["lwr_a1_joint", "a2"], "no joint a2: the topic has lwr_a1_joint"),
-        (
-            "observed",
-            "fields",
-            ["pose.position.x", "pose.position.zz"],
-            "no field pose.position.zz",
-        ),
+        ("observed", "fields", ["pose.position.x", "pose.position.q"], "no field pose.position.q"),
     ],
 )
 def test_a_misspelt_joint_or_field_is_named(tmp_path, side, key, names, says):

@@ -74,22 +74,12 @@ def test_the_first_of_each_task_by_name_are_trained_on():
         make_folds([recorded("1", "a"), recorded("2", "b")], "temporal")
 
 
+WORDS = "kfold kfold: kfold:1 kfold:x kfold:-2 kfold:² holdout:x loo:3 LOO later logo logo:"
+
+
 @pytest.mark.parametrize(
     "protocol",
-    [
-        "",
-        "kfold",
-        "kfold:",
-        "kfold:1",
-        "kfold:x",
-        "kfold:-2",
-        "kfold:²",
-        "holdout:x",
-        "loo:3",
-        "LOO",
-        "later",
-    ]
-    + ["temporal:", "temporal:0", "temporal:1", "temporal:x", "logo", "logo:"],
+    ["", *WORDS.split(), "temporal:", "temporal:0", "temporal:1", "temporal:x"],
 )
 def test_other_words_name_the_protocols(protocol):
     with pytest.raises(ArgumentError, match="loo, kfold:K, logo:KEY or temporal"):

@@ -111,15 +111,10 @@ def test_the_json_is_the_contracts_with_a_number_everywhere_but_after_the_end(id
             assert set(row) == {"mse", "mse_nearest_windows", "mse_last_pose"}
             assert 0.0 <= row["mse"] < row["mse_last_pose"]
     for phase in ("known_phase", "unknown_phase"):
-        table = identical["prediction"][phase]
+        table = again["prediction"][phase]
         assert table["1.0"]["rmse_future"] is None
-        rest = [
-            v
-            for f, row in table.items()
-            for k, v in row.items()
-            if (f, k) != ("1.0", "rmse_future")
-        ]
-        assert all(np.isfinite(value) for value in rest)
+        table["1.0"]["rmse_future"] = 0.0
+        assert all(np.isfinite(value) for row in table.values() for value in row.values())
 
 
 @pytest.mark.slow

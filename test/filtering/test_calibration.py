@@ -23,14 +23,10 @@ def standardised_errors(
     hypotheses: PriorGrid = (
         fixed_prior_grid(library, duration) if known else make_prior_grid(library)
     )
-    seen = [
-        o
-        for o in merge(recording.observed)
-        if (o.stamp_ns - START_NS) * 1e-9 <= fraction * duration
-    ]
     run = MovementFilter(library, hypotheses, START_NS)
-    for observation in seen:
-        run.observe(observation)
+    for observation in merge(recording.observed):
+        if (observation.stamp_ns - START_NS) * 1e-9 <= fraction * duration:
+            run.observe(observation)
     times = np.linspace(0.0, duration, n_times)
     mean, square = run.prediction(library.labels.index(recording.task)).mixture_at(times)
     std = np.sqrt(square - mean**2)

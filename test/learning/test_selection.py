@@ -37,9 +37,7 @@ P, Q, N = 2, 1, 4
 UNITS = ("m", "m", "m", "rad", "rad")
 
 
-def a_recording(
-    rng: np.random.Generator, task: int, number: int, timing: float, space: float
-) -> Demonstration:
+def a_recording(rng, task: int, number: int, timing: float, space: float) -> Demonstration:
     """Human and robot reach and swing, displaced alike, at a pace whose logarithm varies."""
     recorded = np.linspace(0.0, 1.0, 81)
     pace = np.interp(recorded, np.linspace(0.0, 1.0, 8), rng.normal(size=8))

@@ -123,14 +123,8 @@ def test_people_are_left_out_together(trained, tasks):
         for label, task in tasks.items()
     }
     found = LeavingOut(trained.library, people).group("a").as_library()
-    rest = {
-        label: summarize([e for e in task.examples if e.group != "a"])
-        for label, task in people.items()
-    }
+    rest = {k: summarize([e for e in t.examples if e.group != "a"]) for k, t in people.items()}
     anew = library_from_statistics(rest, trained.preprocessing, trained.chosen)
     np.testing.assert_allclose(found.observed_mean[:-1], anew.observed_mean[:-1], atol=1e-10)
-    only = {
-        label: summarize([e._replace(group="a") for e in task.examples])
-        for label, task in people.items()
-    }
+    only = {k: summarize([e._replace(group="a") for e in t.examples]) for k, t in people.items()}
     assert LeavingOut(trained.library, only).group("a") is None

@@ -99,11 +99,7 @@ def test_a_velocity_is_a_point_too(primitive):
 
 @pytest.mark.parametrize(
     ("arguments", "error"),
-    [
-        ((2.1, [0.0, 0.0]), ArgumentError),
-        ((0.5, [0.0]), ShapeError),
-        ((0.5, [np.nan, 0.0]), ArgumentError),
-    ],
+    [((2.1, [0, 0]), ArgumentError), ((0.5, [0]), ShapeError), ((0.5, [np.nan, 0]), ArgumentError)],
 )
 def test_what_is_no_point_of_the_movement_is_refused(primitive, arguments, error):
     with pytest.raises(error):

@@ -30,11 +30,8 @@ def feed(estimator, recorded, at=None, then=lambda: None):
 
 def assert_same(estimates, others, atol=1e-9):
     for one, other in zip(estimates, others, strict=True):
-        assert (one.stamp_ns, one.moving, one.onset_ns) == (
-            other.stamp_ns,
-            other.moving,
-            other.onset_ns,
-        )
+        for name in ("stamp_ns", "moving", "onset_ns"):
+            assert getattr(one, name) == getattr(other, name)
         np.testing.assert_allclose(one.probabilities, other.probabilities, atol=atol)
         np.testing.assert_allclose(one.phase, other.phase, atol=atol)
 

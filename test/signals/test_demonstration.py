@@ -126,11 +126,7 @@ def test_what_no_recording_could_be_learned_from_is_refused_as_in_bags(human, ro
     [
         (0.0 * reach(), reach(), "first: the observed agent does not move"),
         (reach(), np.degrees(reach()) * 2.0, "first: robot_0: Likely deg.* as controlled_unit"),
-        (
-            reach(),
-            68.0 + np.degrees(reach()) * 0.1,
-            "first: robot_0: Likely deg.* as controlled_unit",
-        ),
+        (reach(), 68 + np.degrees(reach()) * 0.1, "first: robot_0: Likely deg.* controlled_unit"),
     ],
 )
 def test_what_gives_reason_to_doubt_in_bags_is_a_warning(human, robot, says):
