@@ -3,16 +3,7 @@
 
 import numpy as np
 import pytest
-from activation_world import (
-    GOALS,
-    HOME,
-    LABELS,
-    START_NS,
-    STEP_NS,
-    World,
-    executing,
-    prediction,
-)
+from activation_world import GOALS, HOME, LABELS, START_NS, STEP_NS, World, executing, prediction
 
 from intent_recognition.activation.states import Mode
 

@@ -85,15 +85,12 @@ def test_the_arm_goes_ahead_and_the_interaction_starts_from_there():
     assert world.tasks_seen == ["", "plate", "", "screw", ""]
 
 
-def test_the_human_beginning_while_the_arm_is_on_its_way_starts_from_the_moving_arm():
+def test_from_the_way_ahead_another_task_takes_over_or_its_own_begins():
     world = ahead(0.3)
     world.serve("screw", already_s=0.4)
     assert np.abs(world.reference().velocity).max() > 0.01
     world.run_until(Mode.HOMING)
     world.check_continuous()
-
-
-def test_another_task_takes_over_from_there_or_on_the_way_home():
     world = ahead(1.5)
     world.serve("plate", already_s=0.4)
     assert world.activation.active_task == "plate"

@@ -75,28 +75,25 @@ def test_an_element_that_is_not_there_is_not_measured(xs, expected):
     np.testing.assert_array_equal(extract_present(SKELETON, skeleton(*xs)), expected)
 
 
-def test_a_message_without_any_of_the_elements_says_which_is_missing():
+def test_elements_and_fields_that_are_missing_are_named():
     with pytest.raises(MessageError, match=r"poses\[0\].position.x: .*element 0 of 0"):
         extract_present(SKELETON, skeleton())
     with pytest.raises(MessageError, match=r"element 2 of 1"):
         extract(SKELETON, skeleton(1.0))
-
-
-def test_a_field_that_no_message_has_is_an_error_and_not_missing():
     wrong = replace(SKELETON, fields=("poses[0].position.x", "poses[0].place.x"))
     with pytest.raises(MessageError, match="Correct the field path"):
         extract_present(wrong, skeleton(1.0))
+    assert position_columns(SKELETON) is None
+    axes = [f"transforms[wrist].transform.translation.{axis}" for axis in "yzx"]
+    assert position_columns(replace(WRIST, fields=("other", *axes))) == [3, 1, 2]
 
 
-def test_a_transform_is_found_by_its_child_frame_and_has_its_own_stamp():
+def test_markers_and_transforms_are_found_and_stars_stand_for_persons():
     message = transforms(transform("elbow", 1.0, 5), transform("/wrist", 2.0, 7))
     assert extract(WRIST, message).tolist() == [2.0]
     assert stamp_of(WRIST, message, 9) == 7
     assert stamp_of(WRIST, transforms(transform("elbow", 1.0, 5)), 9) is None
     assert stamp_of(WRIST, transforms(transform("wrist", 1.0)), 9) == 9
-
-
-def test_a_marker_is_found_by_namespace_and_id_wherever_it_stands():
     fields = ("markers[body/3].pose.position.y",)
     entry = DofEntry("markers", "visualization_msgs/msg/MarkerArray", fields=fields, unit="m")
     listed = [
@@ -105,9 +102,6 @@ def test_a_marker_is_found_by_namespace_and_id_wherever_it_stands():
     ]
     for order in (listed, listed[::-1]):
         assert extract(entry, make_message(entry.type, {"markers": order})).tolist() == [3.0]
-
-
-def test_a_star_stands_for_the_identifier_of_the_person():
     for person in ("rlkas", "f9bd2"):
         names = ["elbow", f"l_knee_{person}", f"knee_{person}"]
         message = make_message(BODY.type, {"name": names, "position": [1.0, 2.0, 3.0]})
@@ -121,12 +115,6 @@ def test_paths_that_are_none(field):
     entry = {"topic": "a", "type": POSES, "fields": [field], "unit": "m"}
     with pytest.raises(DofError, match=r"paths such as pose.position.x or poses\[7\]"):
         DofSpec.from_dict({"observed": [entry]})
-
-
-def test_positions_are_found_wherever_they_are():
-    assert position_columns(SKELETON) is None
-    axes = [f"transforms[wrist].transform.translation.{axis}" for axis in "yzx"]
-    assert position_columns(replace(WRIST, fields=("other", *axes))) == [3, 1, 2]
 
 
 EXAMPLES = ("pose_array", "marker_array", "ros4hri", "tf")

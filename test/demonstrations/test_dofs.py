@@ -19,6 +19,10 @@ STATE = "sensor_msgs/msg/JointState"
 JOINT_ENTRY = {"topic": "/j", "type": STATE, "joints": ["a", "b"], "unit": "rad"}
 VALUES = {
     "geometry_msgs/msg/PoseStamped": ("pose.position.y", {"pose": {"position": {"y": 3.0}}}),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": (
+        "pose.pose.position.z",
+        {"pose": {"pose": {"position": {"z": 3.0}}}},
+    ),
     "nav_msgs/msg/Odometry": ("twist.twist.linear.x", {"twist": {"twist": {"linear": {"x": 3.0}}}}),
     "geometry_msgs/msg/PointStamped": ("point.z", {"point": {"z": 3.0}}),
     "geometry_msgs/msg/Vector3Stamped": ("vector.x", {"vector": {"x": 3.0}}),

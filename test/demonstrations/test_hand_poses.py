@@ -77,17 +77,13 @@ def test_poses_that_were_recorded_are_read_as_they_are(tmp_path):
     np.testing.assert_allclose(read_one(tmp_path / "bag").values[:, 0], 0.5 + 0.002 * np.arange(50))
 
 
-def test_a_recorded_description_goes_before_the_file(tmp_path):
+def test_a_recorded_description_and_link_go_before_the_file(tmp_path):
     """The bag's own arm stands half a metre higher than the file's."""
     text = find_robot("lwr", base_position_m=(0.0, 0.0, 0.5)).description
     raised = record(tmp_path / "with", [[0.1] * 7] * 50, description=text)
     plain = record(tmp_path / "without", [[0.1] * 7] * 50)
     shift = read_one(raised).values - read_one(plain).values
     np.testing.assert_allclose(shift, np.tile([0.0, 0.0, 0.5], (50, 1)), atol=1e-12)
-
-
-def test_the_hand_of_another_arm_is_the_link_that_the_recording_names(tmp_path):
-    """Taught with an arm whose hand has another name than the DOF file's."""
     text, still = describe_robot().replace('"lwr_hand"', '"my_tool"'), [0.1, 0.4] + [0.2] * 5
     bag = record(tmp_path / "bag", [still] * 50, description=text, **{HAND_LINK: "my_tool"})
     expected = hand_position(np.array(still))

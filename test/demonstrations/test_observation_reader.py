@@ -93,7 +93,7 @@ def test_of_joints_whatever_is_there(numbers, data):
         assert observation.values.tolist() == [numbers[k] for k in known]
 
 
-def test_a_pose_is_measured_as_a_whole_and_a_velocity_by_itself():
+def test_a_pose_is_measured_as_a_whole_and_other_messages_are_errors():
     spoiled = hand(position=(NAN, 2.0, 3.0), speed=NAN)
     assert ObservationReader(HAND, 0).observe(1, spoiled).dofs is None
     both = replace(
@@ -102,9 +102,6 @@ def test_a_pose_is_measured_as_a_whole_and_a_velocity_by_itself():
     found = ObservationReader(both, 0, (1, 0)).observe(1, spoiled)
     assert found.dofs == (0,) and found.values.tolist() == [0.0]
     np.testing.assert_array_equal(found.covariance, FULL[1:2, 1:2])
-
-
-def test_a_message_of_another_kind_is_a_message_error():
     for entry, message in ((HAND, glove(1.0, 2.0)), (GLOVE, hand()), (WRIST, hand())):
         with pytest.raises(MessageError):
             ObservationReader(entry, 0).observe(1, message)

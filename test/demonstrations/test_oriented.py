@@ -164,11 +164,15 @@ def test_a_model_keeps_the_reference_and_takes_dof_files_without_one(world, tmp_
     assert DofSpec.from_dict(dofs.to_dict()) == dofs
 
 
-def test_no_recording_with_an_orientation_is_named(tmp_path):
+def test_orientations_are_found_beside_positions_or_named_where_none_is(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         writer.write_message(HAND.topic, POSE, message_of(HAND, START_NS, np.zeros(4)), START_NS)
     with pytest.raises(DofError, match=r"tracker/hand.pose.orientation.rx: .*none in 1 of"):
         settle_orientations(DofSpec((HAND,), ()), tmp_path)
+    position = replace(WRIST, fields=POSE_FIELDS[:3], orientation="", reference=(), unit="m")
+    assert orientation_beside((HAND, position, WRIST), 1) == 2
+    assert orientation_beside((HAND, position), 1) is None
+    assert orientation_beside((HAND, position), 0) is None
 
 
 @pytest.mark.parametrize(
@@ -238,10 +242,3 @@ def extract_far(entry):
     far = make_message(POSE, {"pose": {"orientation": {"z": 0.8, "w": -0.6}}})
     assert np.isnan(extract(entry, far)).all()
     return ObservationReader(entry, 0).observe(1, far)
-
-
-def test_the_orientation_of_the_body_that_is_shown():
-    position = replace(WRIST, fields=POSE_FIELDS[:3], orientation="", reference=(), unit="m")
-    assert orientation_beside((HAND, position, WRIST), 1) == 2
-    assert orientation_beside((HAND, position), 1) is None
-    assert orientation_beside((HAND, position), 0) is None

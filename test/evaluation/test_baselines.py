@@ -27,16 +27,13 @@ def line(name: str, human_to: float, robot_to: float, duration_s: float = 1.0) -
     )
 
 
-def test_sample_interpolates_and_holds_the_ends():
+def test_samples_are_held_at_the_ends_and_means_by_phase_or_by_the_clock():
     stamps = START_NS + np.array([1, 2]) * 1_000_000_000
     one = Signal(("x", "y"), stamps, [[0.0, 10.0], [2.0, 20.0]], "m")
     other = Signal(("z",), stamps + 500_000_000, [[5.0], [7.0]], "m")
     found = sample((one, other), START_NS, np.array([0.0, 1.5, 2.0, 9.0]))
     expected = [[0.0, 10.0, 5.0], [1.0, 15.0, 5.0], [2.0, 20.0, 6.0], [2.0, 20.0, 7.0]]
     np.testing.assert_allclose(found, expected)
-
-
-def test_mean_by_phase_and_by_the_clock():
     training = [line("fast", 1.0, 1.0, 1.0), line("slow", 1.0, 3.0, 4.0)]
     test = line("test", 1.0, 9.0, 2.0)
     by_phase = mean_of_task(training, test, PHASES, known=True)

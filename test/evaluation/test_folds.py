@@ -78,8 +78,7 @@ WORDS = "kfold kfold: kfold:1 kfold:x kfold:-2 kfold:² holdout:x loo:3 LOO late
 
 
 @pytest.mark.parametrize(
-    "protocol",
-    ["", *WORDS.split(), "temporal:", "temporal:0", "temporal:1", "temporal:x"],
+    "protocol", ["", *WORDS.split(), "temporal:", "temporal:0", "temporal:1", "temporal:x"]
 )
 def test_other_words_name_the_protocols(protocol):
     with pytest.raises(ArgumentError, match="loo, kfold:K, logo:KEY or temporal"):

@@ -289,17 +289,12 @@ def test_scores_against_a_loop_written_out(rng, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_recording_under_a_wrong_label_is_named():
+def test_wrong_labels_are_named_and_movements_unlike_any_task_scored_without_none():
     wrong = replace(IDENTICAL[0], name="wrong", task="b")
     folds = [([*range(6)], [6])]
     result = evaluate([*IDENTICAL, wrong], folds, SETTINGS, unknown_tasks=False)
     (one,) = (one for one in result["mistaken"] if one["recording"] == "wrong")
     assert one == {"recording": "wrong", "true": "b", "recognised": "a"}
-
-
-@pytest.mark.slow
-def test_a_movement_unlike_any_task_is_scored_without_none():
-    """None outweighs every task by more than a float can hold; the rest still sums to one."""
     recordings = [*IDENTICAL, exact("far", "a", 0.3, shift=40.0)]
     folds = [([*range(6)], [6])]
     result = evaluate(recordings, folds, SETTINGS)

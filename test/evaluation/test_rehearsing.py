@@ -54,6 +54,12 @@ def test_a_decision_that_is_never_sure_misses_everything(library):
     assert (found.n_missed, found.n_wrong) == (1, 0)
     assert np.isnan(found.runs[0].decided_s)
     assert rehearse(library, [recorded], decision_settings(library)).n_missed == 0
+    recorded = perform(TRUTH, 1, 60)
+    outcome = run_online(library, recorded)
+    assert outcome.activated == (recorded.task,) and 0.0 < outcome.decided_share < 1.0
+    strict = run_online(library, recorded, DecisionSettings(max_end_std_rad=1e-9))
+    assert (strict.recognised, strict.activated) == (recorded.task, ())
+    assert np.isnan(strict.decided_share)
 
 
 @pytest.mark.parametrize(("n_wrong", "n"), [(0, 12), (3, 20), (5, 5)])
@@ -132,15 +138,6 @@ def test_it_equals_the_nodes_own_loop_that_predicts_the_end_every_time(library, 
         outcome = run_online(library, recorded, settings)
         assert outcome.activated == tuple(task for task in active if task)
         assert outcome.recognised == recorded.task
-
-
-def test_known_movements_are_acted_on_and_with_a_hopeless_limit_only_recognised(library):
-    recorded = perform(TRUTH, 1, 60)
-    outcome = run_online(library, recorded)
-    assert outcome.activated == (recorded.task,) and 0.0 < outcome.decided_share < 1.0
-    strict = run_online(library, recorded, DecisionSettings(max_end_std_rad=1e-9))
-    assert (strict.recognised, strict.activated) == (recorded.task, ())
-    assert np.isnan(strict.decided_share)
 
 
 def test_told_the_start_and_the_duration_it_waits_for_no_onset(library):

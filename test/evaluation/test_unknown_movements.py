@@ -12,9 +12,7 @@ from intent_recognition.recognition.decision import DecisionSettings
 
 
 @pytest.mark.parametrize(("none_evidence", "activated"), [(-3.0, "a"), (2.0, "")])
-def test_a_movement_that_speaks_for_none_activates_nothing_however_probable(
-    none_evidence, activated
-):
+def test_what_speaks_for_none_activates_nothing(none_evidence, activated):
     log_prior = np.log([0.9989, 0.0001, 0.001])
     run = SimpleNamespace(
         grid=PriorGrid(1, np.ones(3), log_prior),

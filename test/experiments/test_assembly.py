@@ -88,15 +88,12 @@ def test_aligned_evidence_is_the_density_of_all_observations_together(found):
         assert steps[-1, task] == pytest.approx(log_density(joint, signal.values[rows].ravel()))
 
 
-def test_no_sample_is_taken_twice_across_a_gap():
+def test_spread_rows_certainty_and_arrivals():
     phases = np.r_[np.linspace(0.0, 0.3, 31), np.linspace(0.7, 1.0, 31)]
     rows = spread_rows(phases, 15)
     assert np.all(np.diff(rows) > 0)
     even = np.linspace(0.0, 1.0, 301)
     np.testing.assert_allclose(even[spread_rows(even, 15)], (np.arange(15) + 0.5) / 15, atol=0.01)
-
-
-def test_certain_means_from_then_on_and_arrived_near_the_end():
     sure, doubt = [0.995, 0.005], [0.6, 0.4]
     assert observations_to_certainty(np.array([doubt, doubt, sure, sure]), 0) == 2
     assert observations_to_certainty(np.array([doubt, sure, doubt, sure]), 0) == 3

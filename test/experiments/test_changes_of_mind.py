@@ -40,11 +40,16 @@ def test_a_changed_reach_goes_from_the_first_to_the_second_goal_without_a_jump(s
         assert np.abs(acceleration[-1] - acceleration[0]).max() < 1.0  # m/s^2, of up to 10
 
 
-def test_a_blended_change_reaches_the_second_course_when_the_blend_is_over():
+def test_a_blend_reaches_the_second_course_and_turns_the_wrist_without_a_jump():
     _, changed = drawn(3, 0.25, 0.25)
     after = np.linspace(0.5 * changed.duration_s + 1e-6, changed.duration_s, 50)
     np.testing.assert_allclose(changed.positions(after), changed.second.positions(after))
     assert changed.duration_s == changed.first.duration_s
+    for blend in BLENDS:
+        _, changed = drawn(6, 0.25, blend)
+        turned = changed.rotations(np.linspace(0.0, changed.duration_s, 2000), np.zeros(3))
+        assert np.abs(np.diff(turned, axis=0)).max() < 0.01
+        np.testing.assert_allclose(turned[-1], last_reach(changed).turn_rad, atol=1e-12)
 
 
 def test_a_replanned_straight_reach_is_the_fifth_order_polynomial_of_its_ends():
@@ -69,14 +74,6 @@ def test_a_replanned_straight_reach_is_the_fifth_order_polynomial_of_its_ends():
     np.testing.assert_allclose(
         np.diff(first.positions(at), axis=0).sum(axis=0) / (2 * STEP_S), state[1], atol=1e-5
     )
-
-
-def test_the_wrist_turns_to_the_new_task_without_a_jump():
-    for blend in BLENDS:
-        _, changed = drawn(6, 0.25, blend)
-        turned = changed.rotations(np.linspace(0.0, changed.duration_s, 2000), np.zeros(3))
-        assert np.abs(np.diff(turned, axis=0)).max() < 0.01
-        np.testing.assert_allclose(turned[-1], last_reach(changed).turn_rad, atol=1e-12)
 
 
 def test_a_movement_to_no_task_ends_far_from_every_goal():

@@ -15,22 +15,15 @@ from experiments.settings import Settings
 pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
 
 
-@pytest.fixture(scope="module")
-def outcome():
-    return run(Settings(quick=True))
-
-
-def test_trials_of_every_object_and_that_no_ball_went_through_a_wall(outcome):
-    for count in outcome.numbers["n_trials"].values():
+def test_no_ball_went_through_a_wall_and_warped_features_carry_over():
+    numbers = run(Settings(quick=True)).numbers
+    for count in numbers["n_trials"].values():
         assert count >= 1000
         assert count % 10 == 0
-    assert outcome.numbers["through_wall"] == {"pouring": 0, "filling": 0}
-
-
-def test_warped_features_carry_over(outcome):
-    for areas in outcome.numbers["areas"].values():
+    assert numbers["through_wall"] == {"pouring": 0, "filling": 0}
+    for areas in numbers["areas"].values():
         assert areas[LABEL][NOVEL] > areas[STANDARD][NOVEL] + 0.05
-    assert outcome.numbers["areas"]["pouring"][LABEL][NOVEL] > 0.95
+    assert numbers["areas"]["pouring"][LABEL][NOVEL] > 0.95
 
 
 def samples(shift):

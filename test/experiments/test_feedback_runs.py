@@ -22,7 +22,7 @@ def policy(std=0.03):
     return feedback_policy(BASIS, Gaussian(mean, np.kron(np.eye(7), std**2 * smooth)), DURATION_S)
 
 
-def test_undisturbed_both_follow_the_mean():
+def test_undisturbed_both_follow_the_mean_and_the_same_generator_repeats():
     one = policy()
     start = one.mean[0]
     wanted = mean_movement(one)
@@ -31,6 +31,15 @@ def test_undisturbed_both_follow_the_mean():
         reference = np.array([wanted(t).position for t in run.times_s])
         assert np.abs(run.positions_rad - reference).max() < 0.01
         assert run.saturated_steps == 0
+    one = policy()
+    runs = [execute(one, one.mean[0], 0.5, rng=np.random.default_rng(3)) for _ in range(2)]
+    np.testing.assert_array_equal(runs[0].positions_rad, runs[1].positions_rad)
+    free = execute(one, one.mean[0], 0.5)
+    assert np.abs(free.positions_rad - runs[0].positions_rad).max() > 1e-3
+    pushed = execute(one, one.mean[0], 0.5, push=Push(0.2, 0.2, (0.0, 10.0, 0.0)))
+    away = pushed.hand_m - free.hand_m
+    assert np.abs(away[:20]).max() < 1e-9
+    assert away[-1, 1] > 0.005
 
 
 def test_a_deviating_start_goes_the_way_of_the_linear_system():
@@ -43,18 +52,6 @@ def test_a_deviating_start_goes_the_way_of_the_linear_system():
         [np.interp(run.times_s, times, column) for column in moments.mean[:, :7].T], axis=1
     )
     assert np.abs(run.positions_rad - wanted).max() < 3e-3
-
-
-def test_same_generator_same_run_and_a_push_moves_the_hand():
-    one = policy()
-    runs = [execute(one, one.mean[0], 0.5, rng=np.random.default_rng(3)) for _ in range(2)]
-    np.testing.assert_array_equal(runs[0].positions_rad, runs[1].positions_rad)
-    free = execute(one, one.mean[0], 0.5)
-    assert np.abs(free.positions_rad - runs[0].positions_rad).max() > 1e-3
-    pushed = execute(one, one.mean[0], 0.5, push=Push(0.2, 0.2, (0.0, 10.0, 0.0)))
-    away = pushed.hand_m - free.hand_m
-    assert np.abs(away[:20]).max() < 1e-9
-    assert away[-1, 1] > 0.005
 
 
 def test_the_law_gives_way_to_guiding_and_to_low_gains():

@@ -78,7 +78,7 @@ def test_the_arm_is_led_to_the_spot_without_touching_the_table():
     assert np.all(np.abs(arm.velocities_rad_s) < LWR_LIMITS.velocity)
 
 
-def test_the_arm_ends_where_a_trajectory_says():
+def test_the_arm_ends_where_a_trajectory_says_and_a_low_finger_is_noticed():
     goal = arm_posture(pointing_pose(spot("test", 7)))
     times = np.linspace(0.0, 1.5, 20)
     tau = times / times[-1]
@@ -88,9 +88,6 @@ def test_the_arm_ends_where_a_trajectory_says():
     assert np.linalg.norm(run.pointed_m - spot("test", 7)) < 0.002
     assert run.largest_lag_rad < 0.02
     assert not run.touched
-
-
-def test_a_finger_that_comes_down_on_the_table_is_noticed():
     low = pointing_pose(spot("train", 0))
     low[2, 3] -= TIP_ABOVE_TABLE_M + 0.005
     with SimulatedArm(arm_posture(low)) as arm:

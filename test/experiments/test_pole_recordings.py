@@ -41,10 +41,15 @@ def test_winding_of_an_arc_is_its_angle(angle, count):
     assert winding(arc) == pytest.approx(angle, abs=1e-9)
 
 
-def test_the_mirrored_arm_is_the_mirror_of_the_arm():
+def test_arms_are_mirrored_and_far_spots_reached_on_their_own_side_only():
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 7))
     np.testing.assert_allclose(fingertip(q * MIRROR), fingertip(q) * [1, -1, 1], atol=1e-12)
     np.testing.assert_allclose(planned_clearance(q * MIRROR), planned_clearance(q), atol=1e-12)
+    far = np.array([0.57, 0.17])
+    assert can_reach(far, LEFT) and not can_reach(far, RIGHT)
+    assert can_reach(far * [1, -1], RIGHT) and not can_reach(far * [1, -1], LEFT)
+    with pytest.raises(KinematicsError, match="by the right of the pole"):
+        plan_way(far, RIGHT)
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -56,14 +61,6 @@ def test_a_way_points_at_the_spot_on_its_side_and_stays_clear(way):
     assert planned_clearance(path).min() >= LEAST_CLEARANCE_M
     assert np.all((path > LWR_LIMITS.lower) & (path < LWR_LIMITS.upper))
     np.testing.assert_array_equal(path[0], HOME)
-
-
-def test_far_spots_are_reached_on_their_own_side_only():
-    far = np.array([0.57, 0.17])
-    assert can_reach(far, LEFT) and not can_reach(far, RIGHT)
-    assert can_reach(far * [1, -1], RIGHT) and not can_reach(far * [1, -1], LEFT)
-    with pytest.raises(KinematicsError, match="by the right of the pole"):
-        plan_way(far, RIGHT)
 
 
 def test_planned_clearance_is_a_cautious_estimate_of_that_in_physics():

@@ -54,7 +54,7 @@ def test_what_was_asked_for_was_left(skill, pair, pour):
     assert int(labels["spilled"]) == 0
 
 
-def test_a_plan_scales_with_what_was_scanned(skill):
+def test_plans_scale_with_scans_and_are_risky_beside_the_opening(skill):
     path = planned(PourOrder(SEED, 2, MEAN), skill).path
     cup, second = (seen_as(name, SEED).references for name in PAIRS[2])
     demonstrated = plan(skill.primitive, skill.cup.references, skill.second.references)
@@ -62,6 +62,13 @@ def test_a_plan_scales_with_what_was_scanned(skill):
     np.testing.assert_allclose(path.offset_m[:, :2], wide * demonstrated.offset_m[:, :2])
     steep = cup.tilt_rad / skill.cup.references.tilt_rad
     np.testing.assert_allclose(path.tilt_rad, steep * demonstrated.tilt_rad)
+    cup, second = skill.cup.references, skill.second.references
+    times = np.linspace(0.0, 2.0, 41)
+    offset = np.tile([-3.0 * second.opening_radius_m, 0.0, 0.05], (41, 1))
+    tilted = PourPath(times, offset, 2.5 * cup.tilt_rad * times / 2.0)
+    assert skill.constraints.risk(tilted, cup, second).max() > 0.9
+    upright = PourPath(times, offset, np.zeros(41))
+    assert skill.constraints.risk(upright, cup, second).max() < 0.01
 
 
 @pytest.mark.slow
@@ -70,16 +77,6 @@ def test_scans_tell_reference_values():
         true, seen = container_named(name), seen_as(name, SEED).references
         assert abs(seen.opening_radius_m / true.opening_radius_m - 1.0) < 0.02
         assert abs(seen.tilt_rad - true.tilt_reference_rad) < np.deg2rad(2.0)
-
-
-def test_risk_is_high_beside_the_opening_and_low_while_upright(skill):
-    cup, second = skill.cup.references, skill.second.references
-    times = np.linspace(0.0, 2.0, 41)
-    offset = np.tile([-3.0 * second.opening_radius_m, 0.0, 0.05], (41, 1))
-    tilted = PourPath(times, offset, 2.5 * cup.tilt_rad * times / 2.0)
-    assert skill.constraints.risk(tilted, cup, second).max() > 0.9
-    upright = PourPath(times, offset, np.zeros(41))
-    assert skill.constraints.risk(upright, cup, second).max() < 0.01
 
 
 def test_a_believed_opening_moves_the_hand_along():

@@ -117,9 +117,7 @@ def test_a_step_is_what_its_formulas_say(seed, freedom, exponent):
 @pytest.mark.parametrize("late_s", [0.0, 0.06])
 @pytest.mark.parametrize("freedom", [np.inf, 4.0])
 @pytest.mark.parametrize("exponent", [1.0, 0.4])
-def test_filtering_and_smoothing_equal_the_enumeration_of_all_paths(
-    rng, monkeypatch, exponent, freedom, late_s
-):
+def test_filtering_equals_the_enumeration_of_paths(rng, monkeypatch, exponent, freedom, late_s):
     """Of known weights, for then the deviations are a hidden Markov chain, and all is exact.
 
     A measurement that is late is taken at its own phase and at the present deviation.

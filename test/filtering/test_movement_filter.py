@@ -25,13 +25,19 @@ def start(library, n_scales: int = 3) -> MovementFilter:
     return MovementFilter(library, make_prior_grid(library, n_scales=n_scales), START_NS)
 
 
-def test_samples_come_in_the_order_of_their_stamps_ties_in_that_of_signals():
+def test_samples_come_in_the_order_of_stamps_and_are_thinned_by_signal():
     one = Signal(("a",), np.array([10, 30, 50]), np.arange(3.0)[:, None], "m")
     other = Signal(("b", "c"), np.array([20, 30]), np.arange(4.0).reshape(2, 2), "m")
     merged = list(merge([one, other]))
     assert [(o.stamp_ns, o.group) for o in merged] == [(10, 0), (20, 1), (30, 0), (30, 1), (50, 0)]
     assert merged[3].values.tolist() == [2.0, 3.0]
     assert all(o.dofs is None and not o.derivative for o in merged)
+    observations = [observation(0.01 * k, k % 2, [0.0]) for k in range(20)]
+    observations += [observation(0.5, 0, [0.0], derivative=True)]
+    kept = every_second(observations)
+    assert kept[-1] is observations[-1]
+    assert [o.group for o in kept[:-1]] == [0, 1] * 5
+    assert [o.stamp_ns for o in kept] == sorted(o.stamp_ns for o in kept)
 
 
 def test_velocities_after_the_end_are_zero_under_every_hypothesis(library):
@@ -72,12 +78,3 @@ def test_a_copy_of_one_task_is_its_part_of_the_bank(library, rng):
         whole = run.table.courses(np.arange(run.table.n)).moments()
         for a, b, c in zip(run.task(task).moments(), bank, whole, strict=False):
             assert np.array_equal(a, b[own]) and np.array_equal(a, c[own])
-
-
-def test_thinning_keeps_every_signal_and_the_last_observation():
-    observations = [observation(0.01 * k, k % 2, [0.0]) for k in range(20)]
-    observations += [observation(0.5, 0, [0.0], derivative=True)]
-    kept = every_second(observations)
-    assert kept[-1] is observations[-1]
-    assert [o.group for o in kept[:-1]] == [0, 1] * 5
-    assert [o.stamp_ns for o in kept] == sorted(o.stamp_ns for o in kept)

@@ -41,7 +41,7 @@ def dense_stream() -> list[Observation]:
     return observations
 
 
-def test_each_signal_is_used_twice_per_correlation_time(model):
+def test_each_signal_is_used_twice_per_correlation_time_at_intervals_of_any(model):
     used = [o for o in dense_stream() if model.measurement(o) is not None]
     for group, derivative, every_ms in ((0, False, 50), (0, True, 50), (1, False, 80)):
         stamps = [

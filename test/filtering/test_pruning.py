@@ -146,7 +146,11 @@ def test_hypotheses_are_born_of_the_tasks_that_are_most_probable_though_they_lag
     assert len(pruned.pruned_tasks) > library.n_tasks - 2 * births.MAX_TASKS
 
 
-def test_an_outlier_prunes_no_task_for_good():
+def test_few_hypotheses_are_all_filtered_and_an_outlier_prunes_none_for_good(rng):
+    library = make_library(rng, n_basis=4)
+    run = MovementFilter(library, make_prior_grid(library), START_NS, prune=True)
+    observe([run], merge(simulate(library, 0, rng).observed))
+    assert not len(run.pruned_tasks)
     library, hypotheses, observations = scene(7)
     pruned, whole = runs(library, hypotheses)
     observations[60] = observations[60]._replace(values=observations[60].values + 3.0)
@@ -183,13 +187,6 @@ def test_an_excluded_task_is_pruned_and_stays_impossible():
         assert probabilities(run)[3] == 0.0
     assert 3 in run.pruned_tasks
     assert np.all(np.isfinite(bank_of(run).mean))
-
-
-def test_few_hypotheses_are_all_filtered(rng):
-    library = make_library(rng, n_basis=4)
-    run = MovementFilter(library, make_prior_grid(library), START_NS, prune=True)
-    observe([run], merge(simulate(library, 0, rng).observed))
-    assert not len(run.pruned_tasks)
 
 
 def test_memory_used_again_remembers_nothing():

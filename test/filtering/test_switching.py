@@ -308,21 +308,18 @@ def test_memory_that_was_used_before_gives_the_same(library, rng):
         np.testing.assert_array_equal(one, other)
 
 
-def test_of_many_tasks_the_probable_ones_are_born(rng, monkeypatch):
+def test_of_many_tasks_the_probable_ones_are_born_in_a_bounded_number(library, rng, monkeypatch):
+    monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
+    times_s = np.arange(0.0, 2.0, 0.05)
+    run = filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s))
+    born = (4 * births.N_DURATIONS + len(births.DELAYS)) * len(births.FADINGS)
+    assert run.births.table.n <= births.MAX_HYPOTHESES + births.SETTLING * born
     monkeypatch.setattr(births, "MAX_TASKS", 2)
     library = make_library(rng, n_tasks=5, n_basis=6, correlation_time_s=0.05)
     times_s = np.arange(0.0, 1.0, 0.05)
     run = filtered(library, times_s, changed(library, rng, (3, 3), 5.0, times_s))
     born = np.isfinite(run.births.log_joint[:-1])
     assert born[3] and born.sum() < 5
-
-
-def test_the_number_of_hypotheses_is_bounded(library, rng, monkeypatch):
-    monkeypatch.setattr(births, "NEGLIGIBLE", np.inf)
-    times_s = np.arange(0.0, 2.0, 0.05)
-    run = filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s))
-    born = (4 * births.N_DURATIONS + len(births.DELAYS)) * len(births.FADINGS)
-    assert run.births.table.n <= births.MAX_HYPOTHESES + births.SETTLING * born
 
 
 def test_velocities_are_those_of_the_positions(library, rng):

@@ -278,7 +278,7 @@ def test_what_is_wrong_is_named_in_one_line(source, options, message):
     assert "\n" not in str(caught.value)
 
 
-def test_wrong_targets_and_joint_vectors():
+def test_wrong_targets_and_a_missing_package_are_named(monkeypatch):
     arm = arm_of("xarm")
     mirrored = np.diag([1.0, 1.0, -1.0, 1.0])
     for target in (np.eye(3), np.full(3, np.nan), mirrored):
@@ -288,9 +288,6 @@ def test_wrong_targets_and_joint_vectors():
         arm.inverse_kinematics(np.zeros(3), seed=np.zeros(5))
     with pytest.raises(ShapeError, match="targets"):
         arm.follow(np.zeros((0, 3)))
-
-
-def test_without_pinocchio_the_cure_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "pinocchio", None)
     with pytest.raises(MissingPackageError, match=r"pip install pin, or \.\[arms\]"):
         Arm.from_urdf(MIXED)

@@ -22,9 +22,11 @@ def test_the_hand_and_the_joints_of_an_arm_are_found(name):
     assert np.isfinite(arm.forward_kinematics(arm.rest)).all()
 
 
-def test_fingers_beyond_a_hand_that_is_named_are_no_arms():
+def test_a_link_is_meant_where_a_joint_has_its_name_and_fingers_are_no_arms():
     arm = Arm.from_urdf(urdf(TREES["five_fingers"].branches), tip="palm", beyond=True)
     assert " ".join(arm.joint_names) == TREES["five_fingers"].joints
+    arm = Arm.from_urdf(urdf(TREES["one_name"].branches, length_m=0.2), tip="hand")
+    np.testing.assert_allclose(arm.forward_kinematics(np.zeros(6))[2, 3], 6 * 0.2 + 0.02)
 
 
 @pytest.mark.parametrize("name", SEVERAL)
@@ -62,11 +64,6 @@ def test_more_links_than_the_simulation_takes_are_refused(count, tmp_path):
             arm.step(1)
 
 
-def test_a_link_is_meant_where_a_joint_has_its_name():
-    arm = Arm.from_urdf(urdf(TREES["one_name"].branches, length_m=0.2), tip="hand")
-    np.testing.assert_allclose(arm.forward_kinematics(np.zeros(6))[2, 3], 6 * 0.2 + 0.02)
-
-
 @pytest.mark.parametrize(
     "limits",
     [
@@ -86,11 +83,18 @@ def test_missing_limits_of_speed_and_effort_take_the_stated_defaults(limits, tmp
     assert Bodies(text, robot.joint_names, clearance_m=0.02).pairs == ()
 
 
-def test_limits_in_degrees_are_refused():
+def test_descriptions_with_a_mark_in_degrees_or_none():
     limits = LIMITS | {"r": '<limit lower="-170" upper="170" velocity="2" effort="60"/>'}
     said = r"j1: expected lower in radians, got -170. Likely degrees for radians .*57.3"
     with pytest.raises(ArgumentError, match=said):
         Arm.from_urdf(urdf((row("base", "", 6),), limits))
+    (tree, *_) = TREES.values()
+    text = urdf(tree.branches)
+    kept = {"tip": tree.asked or None, "base": tree.base or None}
+    found = [Arm.from_urdf(one, **kept).joint_names for one in (text, f"\ufeff{text}")]
+    assert found[0] == found[1]
+    with pytest.raises(ArgumentError, match="robot: expected a path, got one of type NoneType"):
+        Arm.from_urdf(None)
 
 
 @pytest.mark.parametrize("reach_m", [0.3, 0.85, 3.5])
@@ -142,13 +146,3 @@ def test_packages_that_a_description_speaks_of_may_stand_beside_it_as_source(tmp
     path.write_text(head + include.format("others"))
     with pytest.raises(ArgumentError, match="finds the package others, which is nowhere"):
         Arm.from_urdf(path)
-
-
-def test_a_urdf_with_a_mark_of_its_encoding_is_read_and_none_is_named():
-    (tree, *_) = TREES.values()
-    text = urdf(tree.branches)
-    kept = {"tip": tree.asked or None, "base": tree.base or None}
-    found = [Arm.from_urdf(one, **kept).joint_names for one in (text, f"\ufeff{text}")]
-    assert found[0] == found[1]
-    with pytest.raises(ArgumentError, match="robot: expected a path, got one of type NoneType"):
-        Arm.from_urdf(None)

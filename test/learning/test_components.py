@@ -111,9 +111,7 @@ def test_the_smallest_within_one_paired_error():
 
 
 @given(st.lists(st.integers(0, 3), min_size=1, max_size=20), st.integers(0, 10))
-def test_purity_is_one_for_the_labels_themselves_and_never_less_than_the_largest_share(
-    labels, seed
-):
+def test_purity_is_one_for_the_labels_and_never_less_than_the_largest_share(labels, seed):
     components = np.random.default_rng(seed).integers(0, 3, size=len(labels))
     assert purity(labels, np.array(labels)) == 1.0
     assert purity(labels, np.zeros(len(labels))) == np.bincount(labels).max() / len(labels)

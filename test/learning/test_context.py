@@ -84,17 +84,13 @@ def test_one_more_demonstration_equals_learning_all():
 
 
 @pytest.mark.slow
-def test_a_context_that_never_varied_says_nothing():
+def test_contexts_of_few_demonstrations_or_that_never_varied():
     recorded = [hand_over("give", seed, box=(0.2, 0.1)) for seed in range(4)]
     library = gathered(recorded, SETTINGS).library
     np.testing.assert_array_equal(library.context.gain, 0.0)
     given = library.given([250.0, 0.1])
     np.testing.assert_array_equal(given.weight_mean, library.weight_mean)
     np.testing.assert_allclose(given.weight_covariance, library.weight_covariance, rtol=1e-6)
-
-
-@pytest.mark.slow
-def test_few_demonstrations_give_valid_covariances():
     recorded = [*demonstrations(1), hand_over("give", 50)]
     library = gathered(recorded, SETTINGS).library
     given = library.given([0.1, -0.1])

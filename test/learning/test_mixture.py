@@ -41,7 +41,7 @@ def test_neither_units_nor_dofs_that_never_move_matter(rng):
     assert first.coordinates.shape == second.coordinates.shape
 
 
-def test_each_agent_counts_alike_and_the_controlled_trajectory_is_kept(rng):
+def test_each_agent_counts_alike_and_none_or_too_many_are_refused(rng):
     weights, _ = drawn(rng)
     features = mixture_features(weights, 3, BASIS)
     split = features.n_observed
@@ -49,9 +49,6 @@ def test_each_agent_counts_alike_and_the_controlled_trajectory_is_kept(rng):
         np.testing.assert_allclose(np.sum(part**2), len(weights), rtol=1e-9)
     rebuilt = features.coordinates[:, split:] @ features.loadings
     np.testing.assert_allclose(rebuilt, features.controlled, atol=1e-12)
-
-
-def test_none_or_too_many_demonstrations_are_refused():
     for n in (0, mixture.MAX_DEMONSTRATIONS + 1):
         with pytest.raises(TrainingError, match="demonstrations"):
             mixture_features(np.zeros((n, 4, 10)), 2, BASIS)
@@ -102,7 +99,7 @@ def test_odd_few_or_identical_demonstrations_do_no_harm(rng):
     assert np.isfinite(found.log_likelihood)
 
 
-def test_the_fits_without_each_are_fits_of_the_rest(rng):
+def test_fits_without_each_or_a_fold_are_fits_of_the_rest(rng, monkeypatch):
     weights, tasks = drawn(rng)
     features = mixture_features(weights, 3, BASIS)
     points, prior = features.coordinates, features.prior
@@ -113,9 +110,6 @@ def test_the_fits_without_each_are_fits_of_the_rest(rng):
         np.testing.assert_allclose(left_out.mean[index], alone.mean[0], atol=1e-10)
         np.testing.assert_allclose(left_out.diagonal[index], alone.diagonal[0], rtol=1e-9)
     assert same_partition(left_out_labels(points, left_out), tasks)
-
-
-def test_of_many_demonstrations_folds_are_left_out_together(rng, monkeypatch):
     weights, tasks = drawn(rng)
     features = mixture_features(weights, 3, BASIS)
     monkeypatch.setattr(mixture, "MAX_FOLDS", 4)

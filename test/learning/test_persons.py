@@ -114,7 +114,7 @@ def test_durations_of_a_stranger_vary_as_people_do(rng):
     assert log_duration_variance_of_strangers([[e._replace(group="") for e in named]]) is None
 
 
-def test_groups_that_say_nothing_of_people_change_nothing(rng):
+def test_people_are_left_out_where_groups_say_something_of_them(rng):
     two_people = [of_people(rng, np.zeros((2, SIZE)), 5, 0.2)] * 2
     one_person = [of_people(rng, np.zeros((1, SIZE)), 5, 0.2)]
     each_another = [of_people(rng, np.zeros((5, SIZE)), 1, 0.2)]
@@ -123,9 +123,6 @@ def test_groups_that_say_nothing_of_people_change_nothing(rng):
         assert group_scatter(tasks, observed_weights) is None
     assert people([summarize(one_person[0])]) == 1
     assert people([summarize(somebody_s[0])]) == 0
-
-
-def test_a_person_is_left_out_where_others_have_shown_each_task(rng):
     tasks = [summarize(of_people(rng, np.zeros((3, SIZE)), 2, 0.2)) for _ in range(2)]
     rest = without_group(tasks, "person 1")
     assert [task.n for task in rest] == [4, 4] and people(rest) == 2

@@ -24,12 +24,16 @@ def of(weights: list[np.ndarray], strength: float) -> np.ndarray:
     return shared_covariance(scatter_of(*weights), weight_floor(np.concatenate(weights)), strength)
 
 
-def test_means_order_and_tasks_of_one_demonstration_do_not_matter():
+def test_means_order_and_single_demonstrations_do_not_matter():
     weights = demonstrations(2, [4, 3])
     pooled, floor = scatter_of(*weights), weight_floor(np.concatenate(weights))
     found = shared_covariance(pooled, floor, 2.0)
     moved = scatter_of(weights[1] + 7.0, weights[0], weights[0][:1] - 3.0)
     np.testing.assert_allclose(shared_covariance(moved, floor, 2.0), found, atol=1e-12)
+    (weights,) = demonstrations(4, [5])
+    found, expected = observed_block(scatter_of(weights), 6), scatter_of(weights[:, :1])
+    np.testing.assert_allclose(found.matrix, expected.matrix)
+    assert found.freedom == expected.freedom == 4
 
 
 @pytest.mark.parametrize("strength", [1e-9, 3.0, 1e9])
@@ -41,10 +45,3 @@ def test_it_lies_between_the_sample_covariance_and_the_target(strength):
     share = strength / (strength + 4.0)  # 7 demonstrations about 3 means
     expected = (1.0 - share) * pooled.matrix / 4.0 + share * target
     np.testing.assert_allclose(of(weights, strength), expected, atol=1e-12)
-
-
-def test_the_observed_block_is_the_scatter_of_the_observed_weights():
-    (weights,) = demonstrations(4, [5])
-    found, expected = observed_block(scatter_of(weights), 6), scatter_of(weights[:, :1])
-    np.testing.assert_allclose(found.matrix, expected.matrix)
-    assert found.freedom == expected.freedom == 4

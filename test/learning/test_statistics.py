@@ -75,13 +75,19 @@ def test_merged_parts_are_the_whole(seed, sizes):
     assert_same(reduce(merge_statistics, map(summarize, groups)), whole)
 
 
-def test_one_by_one_keeps_the_digits_of_a_small_spread_about_a_large_mean(rng):
+def test_statistics_keep_digits_and_are_pooled_about_the_means(rng):
     """Sums of squares would lose them all: 1e8 squared is 1e16."""
     examples = make_examples(rng, 200, offset=1e8)
     weights = np.array([e.weights - 1e8 for e in examples]).reshape(200, -1)
     found = reduce(merge_statistics, (summarize([e]) for e in examples))
     np.testing.assert_allclose(found.scatter, 199 * np.cov(weights.T), rtol=1e-5, atol=1e-4)
     assert np.linalg.eigvalsh(found.scatter).min() > 0
+    tasks = [summarize(make_examples(rng, n, offset)) for n, offset in ((3, 0.0), (1, 9.0), (5, 5))]
+    pooled = pooled_moments(tasks)
+    assert pooled.freedom == 2 + 0 + 4
+    np.testing.assert_allclose(pooled.matrix, sum(task.scatter for task in tasks))
+    with pytest.raises(ShapeError, match="one or more demonstrations"):
+        summarize([])
 
 
 def test_the_examples_kept_do_not_depend_on_order_or_grouping(rng, monkeypatch):
@@ -105,12 +111,3 @@ def test_the_examples_kept_are_a_fair_sample(monkeypatch):
     kept = [int(e.name[5:]) for e in summarize(named).examples]
     counts, _ = np.histogram(kept, bins=10, range=(0, 5000))
     assert np.sum((counts - 50) ** 2 / 50) < 27.9  # chi-square of 9 degrees at 0.999
-
-
-def test_pooled_moments_are_about_the_means_of_tasks_of_one_or_more(rng):
-    tasks = [summarize(make_examples(rng, n, offset)) for n, offset in ((3, 0.0), (1, 9.0), (5, 5))]
-    pooled = pooled_moments(tasks)
-    assert pooled.freedom == 2 + 0 + 4
-    np.testing.assert_allclose(pooled.matrix, sum(task.scatter for task in tasks))
-    with pytest.raises(ShapeError, match="one or more demonstrations"):
-        summarize([])

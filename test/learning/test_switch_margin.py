@@ -49,9 +49,7 @@ def test_without_a_demonstration_it_observes_as_if_it_had_been_learned_so(traine
 
 
 @pytest.mark.slow
-def test_a_movement_that_becomes_another_task_has_higher_odds_than_any_that_does_not(
-    trained, tasks
-):
+def test_a_movement_that_becomes_another_task_has_higher_odds(trained, tasks):
     library = trained.library
     one, other = (tasks[label].examples[0] for label in ("task_0", "task_2"))
     done = np.linspace(-1.0, 2.0, len(one.observed)).clip(0.0, 1.0)[:, None]
@@ -78,9 +76,7 @@ def shown_by(people, tasks):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("people", ["", "abc"])
-def test_the_margin_is_what_left_out_movements_of_the_tasks_stay_below(
-    trained, tasks, people, monkeypatch
-):
+def test_the_margin_is_what_left_out_movements_stay_below(trained, tasks, people, monkeypatch):
     monkeypatch.setattr(left_out_odds, "MAX_FOLLOWED", 12)
     whose = people or [""]
     tasks, recorded = shown_by(whose, tasks), shown_by(whose, trained.tasks)

@@ -137,7 +137,7 @@ def test_progress_depends_on_the_duration_only_where_people_and_durations_differ
     assert abs(estimate_timing(recordings).duration_exponent) < 0.1
 
 
-def test_where_no_task_has_two_recordings_nothing_is_aligned(rng):
+def test_without_two_recordings_or_samples_nothing_is_aligned(rng):
     recordings = [a_recording(rng, 0.05, 0), a_recording(rng, 0.05, 1)]
     timing = estimate_timing(recordings)
     assert not timing.templates
@@ -145,6 +145,10 @@ def test_where_no_task_has_two_recordings_nothing_is_aligned(rng):
     for warp in timing.warps(recordings):
         np.testing.assert_array_equal(warp.inverse(PHASE), PHASE)
     assert estimate_timing([]) == timing
+    recordings = some(rng)
+    silent = replace(recordings[0], start_ns=0, end_ns=START_NS - 1)
+    never = replace(recordings[0], end_ns=START_NS)
+    assert estimate_timing([silent, *recordings, never]) == estimate_timing(recordings)
 
 
 def test_a_recording_comes_out_the_same_alone_in_company_or_later(rng):
@@ -160,13 +164,6 @@ def test_a_recording_comes_out_the_same_alone_in_company_or_later(rng):
     np.testing.assert_allclose(warp.inverse(PHASE), reference_of(PHASE, 0.06), atol=0.03)
     np.testing.assert_array_equal(identity.inverse(PHASE), PHASE)
     assert timing.warps([]) == []
-
-
-def test_recordings_without_samples_are_passed_over(rng):
-    recordings = some(rng)
-    silent = replace(recordings[0], start_ns=0, end_ns=START_NS - 1)
-    never = replace(recordings[0], end_ns=START_NS)
-    assert estimate_timing([silent, *recordings, never]) == estimate_timing(recordings)
 
 
 def test_timings_are_equal_where_all_of_them_is(rng):

@@ -119,7 +119,7 @@ def test_a_signal_that_never_moves_is_learned_from(level):
     assert np.isfinite(library.provenance["chosen"]["score"])
 
 
-def test_order_and_length_and_rate_of_the_recordings_do_not_matter(truth, rng):
+def test_neither_order_rate_length_nor_rest_matters(truth, rng):
     examples = [
         simulate(truth, i % 2, rng, name=f"d{i}", rate_hz=rate, duration_s=duration)
         for i, (rate, duration) in enumerate([(30, 1.0), (60, 2.0), (120, 3.0), (50, 4.0)] * 2)
@@ -128,9 +128,6 @@ def test_order_and_length_and_rate_of_the_recordings_do_not_matter(truth, rng):
     np.testing.assert_allclose(one.weight_mean, other.weight_mean, atol=1e-9)
     np.testing.assert_allclose(one.weight_covariance, other.weight_covariance, atol=1e-9)
     np.testing.assert_allclose(one.log_duration_std, other.log_duration_std)
-
-
-def test_segmentation_takes_the_rest_away(rng):
     truth = make_library(rng, n_tasks=2, n_basis=8, spread=0.02, noise_std=0.0005)
     examples = recordings(truth, rng, 8, rest_before_s=1.0, rest_after_s=1.5, duration_s=2.0)
     cut, whole = (gathered(examples, settings).library for settings in (CUT, WHOLE))
@@ -154,20 +151,6 @@ def test_unusable_recordings_are_left_out_by_name_and_reason(truth, rng):
     assert "reserved" in reasons["reserved"]
     assert len(found.used) == 6
     assert tuple(found.tasks) == truth.labels
-
-
-def test_nothing_to_learn_from_is_an_error_that_says_why(truth, rng):
-    with pytest.raises(TrainingError, match=r"demonstrations: .*none of 0.*Check where"):
-        learn([], WHOLE)
-    with pytest.raises(TrainingError, match=r"none of 1; demo: it has no label .*Check the DOFs"):
-        learn([replace(simulate(truth, 0, rng), task=None)], WHOLE)
-    with pytest.raises(TrainingError, match=r"no controlled degrees of freedom: add an entry"):
-        learn([replace(simulate(truth, 0, rng), controlled=()) for _ in range(2)], WHOLE)
-    with pytest.raises(TrainingError, match=r"one of task_0, task_1\. Record more"):
-        learn(recordings(truth, rng, 1), WHOLE)
-
-
-def test_recordings_of_other_dofs_or_with_a_silent_signal_are_left_out(truth, rng):
     other = simulate(truth, 0, rng, name="other")
     stranger = Signal(("foot", "knee"), other.observed[0].stamps_ns, other.observed[0].values, "m")
     other = replace(other, observed=(stranger, other.observed[1]))
@@ -179,6 +162,17 @@ def test_recordings_of_other_dofs_or_with_a_silent_signal_are_left_out(truth, rn
     silent = replace(one, observed=(one.observed[0], empty))
     for settings in (WHOLE, CUT):
         assert [name for name, _ in accumulate([silent, *good], settings).rejected] == ["silent"]
+
+
+def test_nothing_to_learn_from_is_an_error_that_says_why(truth, rng):
+    with pytest.raises(TrainingError, match=r"demonstrations: .*none of 0.*Check where"):
+        learn([], WHOLE)
+    with pytest.raises(TrainingError, match=r"none of 1; demo: it has no label .*Check the DOFs"):
+        learn([replace(simulate(truth, 0, rng), task=None)], WHOLE)
+    with pytest.raises(TrainingError, match=r"no controlled degrees of freedom: add an entry"):
+        learn([replace(simulate(truth, 0, rng), controlled=()) for _ in range(2)], WHOLE)
+    with pytest.raises(TrainingError, match=r"one of task_0, task_1\. Record more"):
+        learn(recordings(truth, rng, 1), WHOLE)
 
 
 @pytest.mark.parametrize(

@@ -142,7 +142,7 @@ def test_a_stream_equals_a_list(options):
 
 
 @pytest.mark.slow
-def test_parts_gathered_apart_are_the_whole():
+def test_parts_gathered_apart_with_one_preprocessing_are_the_whole():
     """As by processes that read a share of the bags each."""
     demonstrations = recordings(8, 25)
     whole = accumulate(demonstrations, CUT)
@@ -152,6 +152,10 @@ def test_parts_gathered_apart_are_the_whole():
     merged = reduce(merge_accumulated, parts)
     assert_equal(learn_accumulated(merged).library, learn_accumulated(whole).library, 1e-12)
     assert merged.used == whole.used and merged.n_used == 25
+    demonstrations = recordings(10, 12)
+    parts = [accumulate(demonstrations[:6], CUT), accumulate(demonstrations[6:], CUT)]
+    with pytest.raises(TrainingError, match="Accumulate all parts with one preprocessing"):
+        merge_accumulated(*parts)
 
 
 @pytest.mark.slow
@@ -172,13 +176,6 @@ def test_recordings_of_other_dofs_than_most_are_left_out_even_if_they_come_first
     assert [name for name, _ in found.rejected] == ["odd"]
     with pytest.raises(TrainingError, match=r"got one of .*; demo_00: DOFs: expected those of odd"):
         learn_with_report([odd, demonstrations[0]], CUT)
-
-
-def test_parts_of_different_references_do_not_merge():
-    demonstrations = recordings(10, 12)
-    parts = [accumulate(demonstrations[:6], CUT), accumulate(demonstrations[6:], CUT)]
-    with pytest.raises(TrainingError, match="Accumulate all parts with one preprocessing"):
-        merge_accumulated(*parts)
 
 
 def test_a_long_stream_settles_its_preprocessing_by_its_first_recordings_and_names_few(monkeypatch):

@@ -58,12 +58,20 @@ def libraries():
     return [learn(demonstrations(wrapped), SETTINGS) for wrapped in (False, True)]
 
 
-def test_wrapped_recordings_teach_what_unwrapped_ones_do(libraries):
+def test_wrapped_recordings_teach_and_tell_what_unwrapped_ones_do(libraries):
     plain, wrapped = libraries
     np.testing.assert_allclose(wrapped.weight_covariance, plain.weight_covariance, atol=1e-9)
     turns = (wrapped.weight_mean - plain.weight_mean) / TURN
     np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
     assert wrapped.noise_scale == plain.noise_scale
+    human, _ = movement(np.random.default_rng(8), 1)
+    found = []
+    for library, seen in zip(libraries, (human, wrap(human)), strict=True):
+        estimate = recognize_task(library, TIMES, seen, onset_s=0.5)
+        found.append([*estimate.probabilities])
+        path = predict_controlled(library, TIMES, seen, onset_s=0.5).positions
+        found[-1] += list(np.cos(path[:, 0]))
+    np.testing.assert_allclose(found[1], found[0], atol=1e-6)
 
 
 def test_angles_in_degrees_have_turns_too():
@@ -100,17 +108,6 @@ def test_whatever_turn_the_person_and_the_arm_are_in_the_prediction_is_the_arms(
             np.r_[estimator.predict_controlled().trajectory.positions[-1], pose.positions[0]]
         )
     np.testing.assert_allclose(ends[1] - TURN * turn, ends[0], atol=1e-6)
-
-
-def test_arrays_of_a_movement_are_taken_in_any_turn(libraries):
-    human, _ = movement(np.random.default_rng(8), 1)
-    found = []
-    for library, seen in zip(libraries, (human, wrap(human)), strict=True):
-        estimate = recognize_task(library, TIMES, seen, onset_s=0.5)
-        found.append([*estimate.probabilities])
-        path = predict_controlled(library, TIMES, seen, onset_s=0.5).positions
-        found[-1] += list(np.cos(path[:, 0]))
-    np.testing.assert_allclose(found[1], found[0], atol=1e-6)
 
 
 @pytest.mark.slow

@@ -173,7 +173,7 @@ def test_a_wrench_biased_as_in_training_is_not_outside(trained, scale):
 
 
 @pytest.mark.slow
-def test_metres_and_radians_keep_their_constants(trained):
+def test_metres_and_radians_keep_their_constants_and_go_together(trained):
     library = trained[1.0].library
     in_metres = replace(library, controlled_units=("rad", "m", "N", "N"))
     std = np.sqrt(start_variance(in_metres))
@@ -182,9 +182,6 @@ def test_metres_and_radians_keep_their_constants(trained):
     limits = end_std_limits(library)
     spread = controlled_spread(library)[2]
     assert all(0.5 * spread <= limit["N"] < 3.0 * spread for limit in limits.values())
-
-
-def test_metres_and_radians_go_together_and_all_else_alone():
     groups = commensurate(("m", "px", "rad", "N", "px"))
     assert sorted(map(tuple, groups)) == [(0, 2), (1, 4), (3,)]
     assert [list(group) for group in commensurate(("rad", "m"))] == [[0, 1]]
@@ -219,9 +216,7 @@ def test_the_nearest_tasks_are_the_same_in_another_unit(trained, scale):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "factor"), [("j1", np.degrees(1.0)), ("x", 100.0)])
-def test_a_recording_in_another_unit_is_named_in_learning_and_refused_afterwards(
-    trained, name, factor
-):
+def test_a_recording_in_another_unit_is_named_or_refused(trained, name, factor):
     """Joints that turn by less than what only degrees could be; a hand in centimetres."""
 
     def scaled(signals):

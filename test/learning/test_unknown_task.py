@@ -125,7 +125,7 @@ def test_few_movements_give_a_margin_above_all_of_them(highest, added):
     assert margin_between(np.array(highest[::-1]), NOTHING) == pytest.approx(margin)
 
 
-def test_a_gap_between_unknown_and_known_movements_is_shared_in_halves():
+def test_a_gap_is_shared_in_halves_by_tasks_of_five_demonstrations():
     unknown = np.arange(19.0)  # below 18
     known = np.linspace(40.0, 60.0, 21)  # 5 % of them below 41
     assert margin_between(unknown, known) == pytest.approx(0.5 * (18.0 + 41.0))
@@ -133,6 +133,9 @@ def test_a_gap_between_unknown_and_known_movements_is_shared_in_halves():
     assert margin_between(unknown, known - 40.0) == 10.0  # half of the known ones are acted on
     assert margin_between(unknown - 100.0, known - 200.0) == 0.0
     assert margin_between(unknown, known[:1]) == 18.0
+    assert calibrating_tasks([3, 13, 5, 20]).tolist() == [1, 2, 3]
+    assert calibrating_tasks([3, 4, 20]).tolist() == [0, 1, 2]
+    assert calibrating_tasks([2]).tolist() == [0]
 
 
 def test_factors_are_those_of_the_filter_that_runs_online(report):
@@ -268,26 +271,17 @@ def alone(recordings):
 
 
 @pytest.mark.slow
-def test_one_task_alone_has_a_none_too(alone):
+def test_one_task_alone_has_a_none_from_which_movements_are_drawn(alone, monkeypatch):
     library = alone.library
     assert np.linalg.eigvalsh(library.none_covariance).min() > 0
     assert library.none_margin >= 0.0
     assert with_margins(alone).library.none_margin == library.none_margin
-
-
-def test_without_another_task_unknown_movements_are_drawn_from_none(alone, monkeypatch):
     monkeypatch.setattr(unknown_task, "log_factors", watched := Watched())
     with_margins(alone)
     drawn = [movement for movement in watched.movements if not movement.task]
     assert len(drawn) == unknown_task.N_SIMULATED
     assert len({movement.duration_s for movement in drawn}) == len(drawn)
     assert len(watched.movements) - len(drawn) == 8  # the known ones
-
-
-def test_tasks_take_part_in_the_calibration_from_five_demonstrations_on():
-    assert calibrating_tasks([3, 13, 5, 20]).tolist() == [1, 2, 3]
-    assert calibrating_tasks([3, 4, 20]).tolist() == [0, 1, 2]
-    assert calibrating_tasks([2]).tolist() == [0]
 
 
 @pytest.mark.parametrize(

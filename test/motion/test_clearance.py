@@ -59,11 +59,14 @@ def test_a_spread_keeps_both_ends_and_is_that_of_via_points():
     np.testing.assert_allclose(variance, expected, atol=1e-9)
 
 
-def test_a_clear_path_is_the_path_itself():
+def test_a_clear_path_is_the_path_itself_and_what_is_past_does_not_count():
     guard = clearance(Box("far", (0.0, 0.0, 3.0), (0.1, 0.1, 0.1)))
     found = guard.clear(PATH, "plate", 0.0, LIMITS, tries=0)
     assert found == ClearPath(PATH) and found.path is PATH
     assert guard.obstruction(plan_along(PATH)) is None
+    guard = clearance(box_beside(0.02), largest=0.0, replan_budget_s=0.0)
+    assert isinstance(guard.clear(PATH, "plate", 0.0, LIMITS), Obstruction)
+    assert guard.clear(PATH, "plate", 0.9, LIMITS).path is PATH
 
 
 @pytest.mark.parametrize("depth_m", [0.0, 0.02, 0.04])
@@ -95,12 +98,6 @@ def test_what_is_beyond_the_spread_is_refused_by_name_where_nothing_is_planned_a
     assert "would touch crate at phase 0." in str(found)
     unknown = clearance(box_beside(0.04), spreads={}, replan_budget_s=0.0)
     assert unknown.clear(PATH, "plate", 0.0, LIMITS) == found
-
-
-def test_what_is_past_does_not_count():
-    guard = clearance(box_beside(0.02), largest=0.0, replan_budget_s=0.0)
-    assert isinstance(guard.clear(PATH, "plate", 0.0, LIMITS), Obstruction)
-    assert guard.clear(PATH, "plate", 0.9, LIMITS).path is PATH
 
 
 def test_a_bend_is_kept_while_it_serves():

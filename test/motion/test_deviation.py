@@ -34,10 +34,17 @@ def pushed(detector, motion):
     return False
 
 
-def test_coefficients_are_found():
+def test_coefficients_are_found_and_only_what_lasts_counts():
     rng = np.random.default_rng(0)
     detector = calibrate_detector([execution(rng, std=1e-6) for _ in range(4)], 0.4)
     np.testing.assert_allclose(detector.coefficients, COEFFICIENTS, atol=1e-5)
+    rng = np.random.default_rng(2)
+    detector = calibrate_detector([execution(rng, std=1e-4) for _ in range(4)], 0.4)
+    still = TrackedMotion(STEP_S, *np.zeros((3, 200, 2)))
+    for offset, samples, expected in ((0.03, 90, True), (0.03, 70, False), (0.006, 200, False)):
+        still.error[:] = 0.0
+        still.error[:samples, 1] = offset
+        assert pushed(detector, still) is expected
 
 
 def test_false_alarms_are_as_rare_as_stated():
@@ -50,16 +57,6 @@ def test_false_alarms_are_as_rare_as_stated():
         stated = detector.false_alarm_rate
     assert stated == 0.2
     assert 0.05 < alarms / 100 < 0.32  # of 100, 20 wanted: two standard deviations of draws in 25
-
-
-def test_only_what_lasts_and_is_large_enough_counts():
-    rng = np.random.default_rng(2)
-    detector = calibrate_detector([execution(rng, std=1e-4) for _ in range(4)], 0.4)
-    still = TrackedMotion(STEP_S, *np.zeros((3, 200, 2)))
-    for offset, samples, expected in ((0.03, 90, True), (0.03, 70, False), (0.006, 200, False)):
-        still.error[:] = 0.0
-        still.error[:samples, 1] = offset
-        assert pushed(detector, still) is expected
 
 
 def test_too_few_executions_for_a_rate_are_refused():

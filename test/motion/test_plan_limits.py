@@ -122,16 +122,13 @@ def test_a_home_at_the_limit_is_accepted_by_the_arm(beyond_rad):
     accept(home_plan(JointReference.at_rest(HOME), home, LIMITS))
 
 
-def test_plans_home_begin_inside_and_at_whole_nanoseconds_as_in_a_message():
+def test_plans_home_and_brakes_keep_inside_the_limits_or_say_so():
     """The planner's tolerance was a thousand times the arm's: it made what the arm refused."""
     pushed = np.where(np.arange(7) == 1, LIMITS.upper + 5e-7, HOME)
     plan = home_plan(JointReference.at_rest(HOME), pushed, LIMITS)
     assert outside(plan.positions) <= 1e-9
     plan = home_plan(JointReference.at_rest(HOME), HOME + 0.31, LIMITS)
     np.testing.assert_array_equal(np.round(plan.times_s * 1e9) * 1e-9, plan.times_s)
-
-
-def test_a_brake_says_which_joints_leave_their_limits():
     start = JointReference(
         np.where(np.arange(7) == 1, LIMITS.upper - 0.01, HOME), 0.5 * np.eye(7)[1], np.zeros(7)
     )

@@ -77,9 +77,7 @@ few = settings(max_examples=25, deadline=None)
 
 @few
 @given(seeds, durations, phases, st.integers(0, 2), st.floats(0.0, 0.3))
-def test_a_late_start_from_rest_keeps_the_limits_and_ends_at_the_end(
-    seed, duration_s, late, n_via, away
-):
+def test_a_late_start_keeps_the_limits_and_ends_at_the_end(seed, duration_s, late, n_via, away):
     times, q, v = samples(seed, duration_s, n_via=n_via)
     path = path_of(times, q, v)
     rng = np.random.default_rng(seed)
@@ -170,10 +168,17 @@ def test_follows_the_path_from_its_start_and_does_not_cut_it():
     check_by_differences(plan)
 
 
-def test_a_prediction_too_fast_is_slowed_and_said_to_be():
+def test_what_is_too_fast_or_outside_is_slowed_or_clamped_and_said_to_be():
     plan = planned(samples(7, 0.5, size=1.0))
     assert plan.slowed and plan.duration_s > 0.6
     check_by_differences(plan)
+    times, q, _ = samples(8, 3.0)
+    q = q + np.outer(minimum_jerk(times / 3.0), [0, 0, 0, 1.5, 0, 0, -4.0])
+    plan = planned((times, q, np.gradient(q, times, axis=0)), -1.0)
+    assert set(plan.clamped) == {3, 6}
+    check_by_differences(plan)
+    others = [0, 1, 2, 4, 5]
+    np.testing.assert_allclose(plan.end[others], q[-1, others], atol=1e-9)
 
 
 @pytest.mark.parametrize("acceleration", [1.0, 0.01])
@@ -187,16 +192,6 @@ def test_a_slow_arm_may_take_minutes(acceleration, duration_s):
     fastest = np.abs(plan.velocities / slow.velocity).max(axis=1)
     assert np.median(fastest) > 0.8  # no slower than it must be
     check_by_differences(plan, slow)
-
-
-def test_a_prediction_outside_the_position_limits_is_clamped_and_said_to_be():
-    times, q, _ = samples(8, 3.0)
-    q = q + np.outer(minimum_jerk(times / 3.0), [0, 0, 0, 1.5, 0, 0, -4.0])
-    plan = planned((times, q, np.gradient(q, times, axis=0)), -1.0)
-    assert set(plan.clamped) == {3, 6}
-    check_by_differences(plan)
-    others = [0, 1, 2, 4, 5]
-    np.testing.assert_allclose(plan.end[others], q[-1, others], atol=1e-9)
 
 
 @pytest.mark.slow

@@ -41,9 +41,13 @@ def test_an_end_that_touches_is_reached_in_another_posture(box):
     np.testing.assert_allclose(hands_m(found.path)[-1], hands_m(PATH)[-1], atol=1e-4)
 
 
-def test_where_joints_are_predicted_or_nothing_is_planned_anew_the_end_stays():
+def test_an_end_stays_where_it_is_clear_enclosed_or_nothing_is_planned_anew():
     for guard in (clearance(POSTS[0]), clearance(POSTS[0], spreads=OF_HAND, replan_budget_s=0.0)):
         assert isinstance(guard.clear(PATH, "plate", 0.0, LIMITS, tries=0), Obstruction)
+    kept = HandKept(ARM, False, LIMITS)
+    assert kept.clear_end(bodies_among(post(5, 0.6, 0.0, 0.6)), END) is None
+    cage = [post(6, *offset) for offset in 0.1 * np.vstack([np.eye(3), -np.eye(3)])]
+    assert kept.clear_end(bodies_among(*cage), END) is None
 
 
 def test_the_hand_keeps_to_the_path_while_the_arm_turns():
@@ -79,10 +83,3 @@ def test_the_next_prediction_goes_on_turned_with_its_own_hand():
     away = found.path.spline(PHASES) - newer.spline(PHASES)
     same = first.path.spline(PHASES) - PATH.spline(PHASES)
     np.testing.assert_allclose(away, same, atol=0.1)
-
-
-def test_an_end_that_is_clear_and_one_that_is_enclosed_stay():
-    kept = HandKept(ARM, False, LIMITS)
-    assert kept.clear_end(bodies_among(post(5, 0.6, 0.0, 0.6)), END) is None
-    cage = [post(6, *offset) for offset in 0.1 * np.vstack([np.eye(3), -np.eye(3)])]
-    assert kept.clear_end(bodies_among(*cage), END) is None

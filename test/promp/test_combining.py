@@ -46,7 +46,7 @@ def test_without_covariance_the_mean_passes_through_the_point(primitive, time_s)
     assert np.abs(left).max() < 1e-9 * np.abs(before).max()
 
 
-def test_with_infinite_covariance_nothing_changes(primitive):
+def test_without_limit_a_covariance_changes_nothing_else_it_is_that_of_a_measurement(primitive):
     assert via_point(primitive, 0.7, [1.0, 2.0], covariance=[np.inf, np.inf]) is primitive
     nearly = via_point(primitive, 0.7, [1.0, 2.0], covariance=[1e14, 1e14])
     np.testing.assert_allclose(nearly.weights.mean, primitive.weights.mean, atol=1e-10)
@@ -54,9 +54,6 @@ def test_with_infinite_covariance_nothing_changes(primitive):
     half = via_point(primitive, 0.7, [0.3, np.nan], covariance=[0.0, np.inf])
     alone = via_point(primitive, 0.7, [0.3], dofs=[3])
     np.testing.assert_array_equal(half.weights.mean, alone.weights.mean)
-
-
-def test_a_covariance_in_between_is_a_measurement_of_that_noise(primitive):
     noise = np.diag(primitive.noise_variance[list(HAND)])
     bent = via_point(primitive, 0.7, [0.3, 0.1], covariance=noise, keep_observed=False)
     measured, _ = primitive.condition(0.35, [0.3, 0.1], dofs=HAND)

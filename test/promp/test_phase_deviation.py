@@ -39,9 +39,7 @@ def test_relative_durations_multiply_as_what_they_do_to_the_phase(duration_expon
 
 
 @pytest.mark.parametrize(("duration_exponent", "at"), [(1.0, 0.0), (-1.0, 1.0)])
-def test_a_bend_of_one_keeps_the_pace_of_the_beginning_and_minus_one_that_of_the_end(
-    duration_exponent, at
-):
+def test_a_bend_of_one_keeps_the_pace_of_the_beginning_or_the_end(duration_exponent, at):
     bent = replace(STEADY, duration_exponent=duration_exponent)
     durations = np.array([0.5, 1.0, 3.0])
     pace = steady_rate(bent, np.full(3, at), durations) / durations

@@ -77,7 +77,11 @@ def test_other_tasks_count_where_they_are_borrowed_and_for_a_task_of_few(rng, n)
     assert np.array_equal(alone, borrowing) == (n > 4)
 
 
-def test_each_dof_may_have_a_unit_of_its_own(rng):
+def test_strength_moves_to_the_target_and_units_of_dofs_do_not_matter(rng):
+    weights = rng.normal(size=(30, 2, 5))
+    factor, sample = 1 + 1 / 30, np.cov(weights.reshape(30, -1).T)
+    np.testing.assert_allclose(shrunk(weights, 1e-9), factor * sample, rtol=1e-6)
+    np.testing.assert_allclose(shrunk(weights, 1e9), factor * target_of(weights), atol=1e-6)
     weights = rng.normal(size=(6, 2, 5))
     units = np.array([1.0, 1000.0])
     rescale = np.kron(np.outer(units, units), np.ones((5, 5)))
@@ -106,13 +110,6 @@ def test_target_keeps_a_coupling_that_changes_along_the_phase(rng):
     found = target_of(np.stack([first, second], axis=1))
     across = np.diag(found[:21, 21:])
     np.testing.assert_allclose(across[[0, 10, -1]], [1.0, 0.0, -1.0], atol=0.2)
-
-
-def test_strength_moves_from_the_sample_covariance_to_the_target(rng):
-    weights = rng.normal(size=(30, 2, 5))
-    factor, sample = 1 + 1 / 30, np.cov(weights.reshape(30, -1).T)
-    np.testing.assert_allclose(shrunk(weights, 1e-9), factor * sample, rtol=1e-6)
-    np.testing.assert_allclose(shrunk(weights, 1e9), factor * target_of(weights), atol=1e-6)
 
 
 def test_what_is_independent_is_added_to_each_variance(rng):
@@ -164,9 +161,7 @@ def test_few_demonstrations_of_one_task_are_not_taken_for_all_there_is(monkeypat
     assert doubted > taken_as_they_are + 10.0
 
 
-def test_many_demonstrations_are_not_inflated_and_a_dof_that_never_moved_gets_a_floor(
-    monkeypatch, rng
-):
+def test_many_demonstrations_are_not_inflated_and_at_rest_is_a_floor(monkeypatch, rng):
     weights = rng.normal(size=(20, 2, 6))
     doubted = target_of(weights)
     monkeypatch.setattr(prior, "FEW", 0.0)

@@ -41,13 +41,10 @@ def test_slopes_are_penalised_least_squares(seed, n, chance):
     assert spent == pytest.approx(min(np.trace(fitted) / n, MOST_SPENT))
 
 
-def test_exact_slopes_are_found_where_nothing_is_chance(rng):
+def test_slopes_are_found_exactly_and_are_those_of_the_joint_covariance(rng):
     observed, followed, truth = deviations(rng, 60)
     slopes, _ = ridge_slopes(covariance_of(observed, followed), np.full(SIZE, 1e-12), 60)
     np.testing.assert_allclose(slopes, truth, atol=1e-6)
-
-
-def test_a_joint_covariance_has_the_slopes_that_it_was_made_of(rng):
     observed, _, slopes = deviations(rng, 30)
     root = rng.normal(size=(N_BASIS, N_BASIS))
     known, left = covariance_of(observed), root @ root.T

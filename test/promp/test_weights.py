@@ -32,17 +32,13 @@ def test_residual_variance_is_the_noise_variance(rng):
     assert np.sqrt(np.mean(error**2)) < 3 * 0.1 * np.sqrt(12 / 20_000)
 
 
-def test_a_gap_in_the_data_is_bridged(rng):
+def test_gaps_are_bridged_and_a_start_continued_along_a_line(rng):
     values = np.stack([minimum_jerk(PHASE), PHASE], axis=1)
     seen = (PHASE < 0.35) | (PHASE > 0.6)
     fit = fit_weights(BASIS, PHASE[seen], values[seen], ridge=1e-4)
     error = BASIS.design_matrix(PHASE) @ fit.weights.T - values
     assert np.abs(error[:, 0]).max() < 0.03
     assert np.abs(error[:, 1]).max() < 0.01
-
-
-def test_a_movement_seen_only_at_its_start_is_continued_along_a_line():
-    """Without data the curvature penalty extrapolates; it never falls back to zero."""
     seen = PHASE < 0.5
     fit = fit_weights(BASIS, PHASE[seen], 5.0 + 2.0 * PHASE[seen, None], ridge=1e-4)
     end = float(BASIS.design_matrix(np.ones(1))[0] @ fit.weights[0])

@@ -75,28 +75,23 @@ def test_a_context_in_millimetres_is_named_in_a_recording(recorded):
     assert "Likely millimetres" in said
 
 
-def test_a_context_known_before_is_the_library_in_it(library, recorded, in_context):
+def test_a_context_known_before_or_never_is_that_of_the_library(library, recorded, in_context):
     estimator = IntentEstimator(library)
     estimator.observe_context(BOX)
     assert_same(feed(estimator, recorded), in_context[1])
     np.testing.assert_allclose(estimator.last.positions, in_context[0].last.positions, atol=1e-9)
     np.testing.assert_allclose(estimator.last.std, in_context[0].last.std, atol=1e-9)
+    without = IntentEstimator(replace(library, context=None))
+    assert_same(feed(IntentEstimator(library), recorded), feed(without, recorded), atol=0.0)
 
 
-def test_a_context_that_comes_late_counts_from_then_on_as_if_known_before(
-    library, recorded, in_context
-):
+def test_a_late_context_counts_as_if_known_before(library, recorded, in_context):
     at = 70
     estimator, never = IntentEstimator(library), IntentEstimator(library)
     found = feed(estimator, recorded, at, lambda: estimator.observe_context(BOX))
     assert_same(found[:at], feed(never, recorded)[:at], atol=0.0)
     assert_same(found[at:], in_context[1][at:])
     np.testing.assert_allclose(estimator.last.positions, in_context[0].last.positions, atol=1e-9)
-
-
-def test_a_context_that_never_comes_leaves_the_marginal_prediction(library, recorded):
-    without = IntentEstimator(replace(library, context=None))
-    assert_same(feed(IntentEstimator(library), recorded), feed(without, recorded), atol=0.0)
 
 
 def test_the_last_of_several_contexts_counts(library, recorded, in_context):
@@ -108,15 +103,12 @@ def test_the_last_of_several_contexts_counts(library, recorded, in_context):
     assert_same(found[60:], in_context[1][60:])
 
 
-def test_a_part_of_a_context_counts_as_such(library, recorded):
+def test_a_context_counts_in_part_and_stays_known_after_a_reset(library, recorded):
     estimator = IntentEstimator(library)
     assert estimator.update_context(Observation(1, 0, BOX[1:], dofs=(1,))) is None
     assert estimator.update_context(Observation(2, 0, np.array([np.nan, np.nan]))) is None
     expected = feed(IntentEstimator(library.given([np.nan, BOX[1]])), recorded)
     assert_same(feed(estimator, recorded), expected)
-
-
-def test_it_stays_known_from_one_movement_to_the_next_and_after_a_reset(library, recorded):
     estimator = IntentEstimator(library)
     estimator.observe_context(BOX)
     first = feed(estimator, recorded)

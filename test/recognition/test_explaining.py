@@ -57,13 +57,7 @@ def test_the_parts_sum_to_the_odds_that_the_estimator_reports(followed, pair):
     assert compared > 20
 
 
-def test_the_parts_sum_to_the_odds_of_a_task_that_was_expected(library, truth):
-    estimator, estimates = follow(library, truth, "task_2")
-    found, p = estimator.explain(), estimates[-1].task_probabilities
-    np.testing.assert_allclose(found.log_odds, np.log(p[found.task] / p[found.rival]), rtol=1e-9)
-
-
-def test_the_first_pair_are_the_two_most_probable_tasks_equally_expected(followed):
+def test_the_first_pair_are_the_most_probable_tasks_or_as_expected(followed, library, truth):
     estimator, estimates = followed
     found = estimator.explain()
     p = estimates[-1].task_probabilities
@@ -72,6 +66,9 @@ def test_the_first_pair_are_the_two_most_probable_tasks_equally_expected(followe
     assert [found.task, found.rival] == ranked[:2]
     np.testing.assert_allclose(found.expected, 0.0, atol=1e-8)
     assert estimator.explain("none").rival == found.task
+    estimator, estimates = follow(library, truth, "task_2")
+    found, p = estimator.explain(), estimates[-1].task_probabilities
+    np.testing.assert_allclose(found.log_odds, np.log(p[found.task] / p[found.rival]), rtol=1e-9)
 
 
 @pytest.mark.parametrize("pair", [("task_1", "task_1"), ("task_9", None), (None, "x")])

@@ -90,9 +90,7 @@ def test_what_is_nan_was_not_measured(library, truth, rng):
         (1.0, [], {"dofs": []}, ArgumentError, "dofs: expected different numbers"),
     ],
 )
-def test_what_cannot_be_used_is_refused_and_changes_nothing(
-    library, stamp_s, values, options, error, says
-):
+def test_what_cannot_be_used_changes_nothing(library, stamp_s, values, options, error, says):
     estimator = IntentEstimator(library)
     estimator.observe(0.5, np.zeros(3))
     with pytest.raises(error, match=says):

@@ -46,7 +46,7 @@ def test_a_known_duration_is_one_hypothesis_per_task(library, recording):
     assert fixed_prior_grid(library, duration_s).n_scales == found.posterior.scale_weights.shape[1]
 
 
-def test_what_was_not_measured_has_no_row(library, recording):
+def test_neither_what_was_not_measured_nor_what_came_before_onset_counts(library, recording):
     """NaN equals leaving the sample, or the DOF of a sample, out."""
     _, times_s, human = recording
     gaps = human.copy()
@@ -56,9 +56,6 @@ def test_what_was_not_measured_has_no_row(library, recording):
     np.testing.assert_array_equal(with_gaps.log_evidence, without.log_evidence)
     gaps[4:, 0] = np.nan
     assert np.all(np.isfinite(recognize_task(library, times_s, gaps).probabilities))
-
-
-def test_what_came_before_onset_tells_nothing(library, recording):
     _, times_s, human = recording
     onset_s = float(times_s[10])
     early = human.copy()

@@ -71,7 +71,7 @@ def test_it_is_known_however_late_somebody_asks_and_a_sample_has_a_stamp(library
     assert estimator.update_controlled(Observation(0, 0, np.zeros(2))) == "zero_stamp"
 
 
-def test_the_distance_of_starts_drawn_from_the_task_is_chi_square(library, rng):
+def test_the_distance_of_starts_is_chi_square_and_the_mean_start_within(library, rng):
     row = library.basis.design_matrix(np.zeros(1))[0]
     noise = np.sqrt(library.control_noise_variance() + start_variance(library))
     distances = []
@@ -81,9 +81,6 @@ def test_the_distance_of_starts_drawn_from_the_task_is_chi_square(library, rng):
         distances.append(start_distance(library, 1, start))
     assert kstest(distances, chi2(library.n_controlled).cdf).pvalue > 0.01
     assert np.mean(np.array(distances) <= chi2.ppf(0.999, 2)) > 0.996
-
-
-def test_the_mean_start_is_within_and_a_far_one_is_not(library):
     for task in range(library.n_tasks):
         start = start_mean(library, task)
         assert start_distance(library, task, start) < 1e-9
@@ -180,9 +177,7 @@ def test_it_equals_conditioning_by_hand(library, recording):
     ("away", "options", "says"),
     [(0.5, {}, POSTURE_OUTSIDE), (0.01, {"start_posture": False}, POSTURE_UNKNOWN)],
 )
-def test_outside_the_trained_starts_or_switched_off_it_changes_nothing(
-    library, recording, alone, away, options, says
-):
+def test_outside_or_switched_off_it_changes_nothing(library, recording, alone, away, options, says):
     arm = steady(library, recording, start_mean(library, 1) + away)
     _, found = run(library, recording, controlled=arm, **options)
     for p, q in zip(alone[1], found, strict=True):

@@ -30,10 +30,18 @@ LABELS = ("a", "b", "c")
 DONE = np.ones(4)
 
 
-def test_counts_by_hand():
+def test_counts_by_hand_and_how_far_they_are_believed(rng):
     counts = count_transitions([("a", "b", "a", "b"), ("c", "x", "a"), ()], LABELS)
     expected = [[0, 2, 0], [1, 0, 0], [1, 0, 0], [1, 0, 1]]
     np.testing.assert_array_equal(counts, expected)
+    np.testing.assert_allclose(smoothed_transitions(np.zeros((4, 3))), 1 / 3)
+    truth = rng.dirichlet(np.ones(3), size=4)
+    counts = np.array([rng.multinomial(20000, row) for row in truth])
+    np.testing.assert_allclose(smoothed_transitions(counts), truth, atol=0.015)
+    row = [3, 0, 0]
+    habit = smoothed_transitions([row, [0, 30, 0], [0, 0, 30], [30, 0, 0]])
+    none = smoothed_transitions([row, [10, 11, 9], [9, 10, 11], [11, 9, 10]])
+    assert habit[0, 0] > none[0, 0] + 0.2
 
 
 @given(hnp.arrays(np.int64, (4, 3), elements=st.integers(0, 200)))
@@ -47,21 +55,6 @@ def test_smoothed_rows_are_distributions_that_keep_the_order_of_the_counts(count
         share = n / n.sum() if n.sum() else np.full(3, 1 / 3)  # between data and uniform
         assert np.all(row <= np.maximum(share, 1 / 3) + 1e-12)
         assert np.all(row >= np.minimum(share, 1 / 3) - 1e-12)
-
-
-def test_without_counts_nothing_is_expected_and_many_counts_are_believed(rng):
-    np.testing.assert_allclose(smoothed_transitions(np.zeros((4, 3))), 1 / 3)
-    truth = rng.dirichlet(np.ones(3), size=4)
-    counts = np.array([rng.multinomial(20000, row) for row in truth])
-    np.testing.assert_allclose(smoothed_transitions(counts), truth, atol=0.015)
-
-
-def test_the_strength_of_the_smoothing_comes_from_the_data():
-    """The same row of counts is believed more where the other rows show strong habits."""
-    row = [3, 0, 0]
-    habit = smoothed_transitions([row, [0, 30, 0], [0, 0, 30], [30, 0, 0]])
-    none = smoothed_transitions([row, [10, 11, 9], [9, 10, 11], [11, 9, 10]])
-    assert habit[0, 0] > none[0, 0] + 0.2
 
 
 def test_smoothing_predicts_better_than_raw_counts_and_than_nothing(rng):
@@ -99,15 +92,12 @@ def test_memory_is_the_forward_recursion_over_the_last_task(rng):
     np.testing.assert_allclose(next_task_prior(transition, memory, p0).sum(), 1.0)
 
 
-def test_none_and_a_movement_broken_off_leave_the_memory():
+def test_memory_follows_its_labels_and_is_left_by_none_and_broken_off_movements():
     memory = remember(TaskMemory.empty(3), np.array([0.0, 1.0, 0.0, 0.0]), DONE, 5)
     after = remember(memory, np.array([0.0, 0.0, 0.0, 1.0]), DONE, 7)
     np.testing.assert_array_equal(after.belief, memory.belief)
     twitch = remember(memory, np.array([0.1, 0.1, 0.8, 0.0]), np.full(4, 0.3), 7)
     np.testing.assert_array_equal(twitch.belief, memory.belief)
-
-
-def test_relabelled_memory_follows_its_labels():
     memory = TaskMemory(np.array([0.5, 0.3, 0.1, 0.1]), 5)
     other = memory.relabelled(LABELS, ("c", "a", "d"))
     np.testing.assert_allclose(other.belief, [0.1, 0.5, 0.0, 0.4])

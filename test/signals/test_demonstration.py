@@ -142,14 +142,11 @@ def test_many_recordings_of_one_fault_are_one_warning():
     assert len(told) == 1
 
 
-def test_the_human_may_be_alone_but_not_missing():
+def test_the_human_may_be_alone_but_not_missing_nor_measured_in_part():
     alone = Demonstration.from_arrays(LONG_S, reach(), np.empty((101, 0)))
     assert alone.controlled == ()
     with pytest.raises(ShapeError, match=r"human: expected at least one column, got \(101, 0\)"):
         Demonstration.from_arrays(LONG_S, np.empty((101, 0)), reach())
-
-
-def test_a_row_that_was_measured_in_part_is_refused():
     human = HUMAN.copy()
     human[3, 1] = np.nan
     with pytest.raises(ArgumentError, match=r"column 1 at 0\.3 s"):
@@ -185,7 +182,7 @@ def test_arrays_of_other_libraries_are_taken_or_refused_with_their_words():
 
 
 @pytest.mark.filterwarnings("ignore:the observed movement")
-def test_zeros_that_stand_for_nothing_are_named():
+def test_zeros_for_nothing_and_samples_far_away_are_named():
     place = np.hstack([reach(), 0.3 + reach(), 0.8 - reach()])
     lost = place.copy()
     lost[60:65] = 0.0
@@ -194,9 +191,6 @@ def test_zeros_that_stand_for_nothing_are_named():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         Demonstration.from_arrays(LONG_S, place - place[0], reach())  # a rest at the origin
-
-
-def test_one_sample_far_away_is_no_other_unit():
     human = np.hstack([reach(), reach()])
     human[50] = 40.0
     with pytest.raises(

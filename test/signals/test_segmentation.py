@@ -102,15 +102,12 @@ def test_noise_is_no_movement_however_slow_the_movement_is(rate, duration_s, rng
     assert end == pytest.approx(end_s, abs=0.2 * duration_s)
 
 
-def test_a_signal_that_is_noise_throughout_neither_begins_nor_prolongs_the_movement(rng):
+def test_neither_noisy_signals_nor_units_move_the_thresholds(rng):
     times = moving(1.0, 2.0).stamps_ns
     force = Signal(("fx", "fy", "fz"), times, 0.3 * rng.normal(size=(len(times), 3)), "N")
     hand = moving(2.0, 3.0, rng=rng)
     alone = settled_span([hand], [hand], 6.0)
     assert settled_span([hand, force], [hand, force], 6.0) == alone
-
-
-def test_thresholds_do_not_depend_on_the_unit(rng):
     metres = moving(1.0, 2.0, rng=rng)
     for scale in (1e-3, 1e3):
         other = Signal(("x",), metres.stamps_ns, scale * metres.values + 1e3, "mm")

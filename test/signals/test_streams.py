@@ -71,12 +71,15 @@ def test_what_is_missing_before_the_human_moves_is_a_doubt_and_after_it_a_defect
     assert "covers 65%" in stream_defect(with_robot(recording(), lambda s: cut(s, 3.5, LENGTH_S)))
 
 
-def test_a_human_observed_in_part_is_doubtful():
+def test_a_human_observed_in_part_is_doubtful_and_one_alone_is_not():
     whole = recording()
     seen = cut(whole.observed[0], 0.0, 6.0)
     partly = replace(whole, observed=(seen,), end_ns=int(seen.stamps_ns[-1]))
     (doubt,) = stream_doubts([correlate_speeds(partly)])
     assert "end 4.00 s earlier" in doubt.reason and "lost the body" in doubt.reason
+    alone = replace(recording(), controlled=())
+    assert stream_defect(alone) == "" and stream_doubts([correlate_speeds(alone)]) == []
+    assert common_span(alone) == (alone.start_ns, alone.end_ns)
 
 
 @pytest.mark.parametrize("shift_s", [-0.5, 0.5])
@@ -171,12 +174,6 @@ def test_a_hand_that_goes_farther_than_its_arm_reaches_is_refused():
     )
 
 
-def test_a_recording_of_the_human_alone_is_none_of_this():
-    alone = replace(recording(), controlled=())
-    assert stream_defect(alone) == "" and stream_doubts([correlate_speeds(alone)]) == []
-    assert common_span(alone) == (alone.start_ns, alone.end_ns)
-
-
 def with_human(recorded: Demonstration, change) -> Demonstration:
     return replace(recorded, observed=tuple(map(change, recorded.observed)))
 
@@ -232,16 +229,13 @@ def test_a_movement_too_slow_to_be_found_is_named(length_s, late):
     assert any("found only after" in reason for reason in reasons) == late
 
 
-def test_an_arm_that_never_moves_is_named():
+def test_an_arm_that_never_moves_and_two_labels_are_named():
     """But not where one of its joints does."""
     still = with_robot(recording(), lambda s: replace(s, values=0.0 * s.values + 0.3))
     (doubt,) = stream_doubts([correlate_speeds(still)])
     assert "the controlled agent does not move (by 0 rad" in doubt.reason
     moving = replace(still, controlled=(*still.controlled, *recording().controlled))
     assert stream_doubts([correlate_speeds(moving)]) == []
-
-
-def test_one_movement_under_two_labels_is_named_for_both():
     first, second = recording("a"), replace(recording("b"), task="wave")
     found = stream_doubts([*map(correlate_speeds, [first, second])])
     assert [doubt.name for doubt in found] == ["a", "b"]

@@ -72,7 +72,7 @@ def test_a_single_point_is_reached_at_its_time_and_held_or_later_within_the_limi
     assert np.allclose(q[-1], 0.8)
 
 
-def test_future_stamp_waits_and_the_old_one_goes_on():
+def test_commands_wait_are_late_or_replace_one_that_waits():
     times, q, qd, qdd = quintic_rows(REST, np.full(7, 0.5), 2.0, 9)
     follower = following(times, q, qd, qdd)
     alone = samples(follower, np.linspace(0.0, 1.0, 100))
@@ -82,18 +82,12 @@ def test_future_stamp_waits_and_the_old_one_goes_on():
     assert np.allclose(both[0], np.interp(np.linspace(0.5, 0.9999, 50),
                        np.linspace(0.0, 1.0, 100), alone[0][:, 0])[:, None], atol=1e-4)  # fmt: skip
     assert np.allclose(follower.sample(10.0).position, -0.5)
-
-
-def test_points_in_the_past_are_skipped():
     times, q, qd, qdd = quintic_rows(REST, np.full(7, 0.5), 2.0, 9)
     follower = TrajectoryFollower(q[4])
     follower.accept(command(times, q, qd, qdd, start_s=4.0, now_s=5.0), 5.0)
     # The second half is followed once the difference in velocity has faded.
     assert np.allclose(follower.sample(5.9).position, q[-1], atol=2e-2)
     assert np.allclose(follower.sample(6.5).position, q[-1], atol=1e-9)
-
-
-def test_a_later_command_replaces_one_that_waits_and_hold_forgets_everything():
     follower = following([1.0], [np.full(7, 0.5)], start_s=5.0)
     follower.accept(command([1.0], [np.full(7, -0.3)], start_s=2.0), 0.0)
     assert np.allclose(follower.sample(20.0).position, -0.3)

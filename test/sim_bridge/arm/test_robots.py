@@ -56,7 +56,13 @@ def test_the_hand_is_where_its_urdf_says(arm):
         )
 
 
-def test_it_holds_still_and_floats_in_gravity_compensation(arm):
+def test_it_holds_still_with_its_fingers_and_floats_in_gravity_compensation(arm):
+    panda = arm.robot is robot_of("panda")
+    assert arm.others.names == ("panda_finger_joint1", "panda_finger_joint2") * panda
+    np.testing.assert_allclose(arm.others.positions(), [0.04, 0.04] * panda, atol=1e-6)
+    arm.step(500)
+    np.testing.assert_allclose(arm.others.positions(), [0.04, 0.04] * panda, atol=2e-3)
+    np.testing.assert_allclose(arm.state().q, arm.robot.ready, atol=1e-3)
     arm.step(500)
     np.testing.assert_allclose(arm.state().q, arm.robot.ready, atol=1e-9)
     arm.set_gravity_compensation(True)
@@ -92,15 +98,6 @@ def test_a_push_does_not_take_it_beyond_its_limits(arm):
     assert np.all((q > limits.lower - 0.06) & (q < limits.upper + 0.06))
 
 
-def test_fingers_are_held_open_and_the_chain_does_not_feel_it(arm):
-    panda = arm.robot is robot_of("panda")
-    assert arm.others.names == ("panda_finger_joint1", "panda_finger_joint2") * panda
-    np.testing.assert_allclose(arm.others.positions(), [0.04, 0.04] * panda, atol=1e-6)
-    arm.step(500)
-    np.testing.assert_allclose(arm.others.positions(), [0.04, 0.04] * panda, atol=2e-3)
-    np.testing.assert_allclose(arm.state().q, arm.robot.ready, atol=1e-3)
-
-
 def test_a_description_begins_at_the_world_and_finds_its_meshes(arm):
     root = ET.fromstring(arm.robot.description)
     children = {joint.find("child").get("link") for joint in root.findall("joint")}
@@ -109,17 +106,7 @@ def test_a_description_begins_at_the_world_and_finds_its_meshes(arm):
     assert all(mesh.get("filename").startswith("file:///") for mesh in root.iter("mesh"))
 
 
-def test_the_base_and_the_hand_can_be_elsewhere():
-    robot = find_robot("panda", tip="panda_link8", base_position_m=[0.1, 0.2, 0.3])
-    plain = find_robot("panda", tip="panda_link8")
-    with SimulatedArm(robot=robot) as moved, SimulatedArm(robot=plain) as arm:
-        shift = moved.hand_pose().position - arm.hand_pose().position
-    np.testing.assert_allclose(shift, [0.1, 0.2, 0.3], atol=1e-6)
-    lwr = find_robot("lwr", base_position_m=[0.0, 0.0, 0.5])
-    np.testing.assert_array_equal(lwr.ready, find_robot("lwr").ready)
-
-
-def test_a_users_urdf_by_path(tmp_path):
+def test_a_users_urdf_by_path_and_an_arm_elsewhere(tmp_path):
     path = tmp_path / "one.urdf"
     path.write_text(ONE)
     robot = find_robot(str(path))
@@ -128,6 +115,13 @@ def test_a_users_urdf_by_path(tmp_path):
     with SimulatedArm(robot=robot) as arm:
         arm.step(100)
         np.testing.assert_allclose(arm.state().q, [0.5], atol=1e-9)
+    robot = find_robot("panda", tip="panda_link8", base_position_m=[0.1, 0.2, 0.3])
+    plain = find_robot("panda", tip="panda_link8")
+    with SimulatedArm(robot=robot) as moved, SimulatedArm(robot=plain) as arm:
+        shift = moved.hand_pose().position - arm.hand_pose().position
+    np.testing.assert_allclose(shift, [0.1, 0.2, 0.3], atol=1e-6)
+    lwr = find_robot("lwr", base_position_m=[0.0, 0.0, 0.5])
+    np.testing.assert_array_equal(lwr.ready, find_robot("lwr").ready)
 
 
 def test_links_without_inertia_get_a_usual_one_and_frames_weigh_nothing(tmp_path):

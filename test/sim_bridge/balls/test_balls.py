@@ -32,7 +32,7 @@ def test_volume_of_a_frustum(flare):
     assert cup(flare=flare).volume_m3 == pytest.approx(expected)
 
 
-def test_clearance_is_the_distance_from_the_wall():
+def test_clearance_is_the_distance_from_the_wall_and_a_guard_watches_it():
     inradius = 0.035 * np.cos(np.pi / 24)
     points = np.array([[0.0, 0.0, 0.04], [0.02, 0.0, 0.04], [0.05, 0.0, 0.04]])
     found = cup().clearance_m(points)
@@ -40,6 +40,18 @@ def test_clearance_is_the_distance_from_the_wall():
     assert found[1] < found[0]
     assert found[2] < 0.0
     assert cup().holds(points).tolist() == [True, True, False]
+    inside, beside = np.array([[0.0, 0.0, 0.02]]), np.array([[0.06, 0.0, 0.02]])
+    above = np.array([[0.02, 0.0, 0.09]])
+    through = WallGuard(cup(), RADIUS_M, inside)
+    through.look(beside)
+    assert through.count == 1
+    over = WallGuard(cup(), RADIUS_M, inside)
+    over.look(above)
+    over.look(beside)
+    assert over.count == 0
+    floor = WallGuard(cup(), RADIUS_M, inside)
+    floor.look(np.array([[0.0, 0.0, -0.02]]))
+    assert floor.count == 1
 
 
 @given(st.floats(0.0, 0.05))
@@ -88,21 +100,6 @@ def test_upright_keeps_all_and_upside_down_none(world):
     assert kept.through_wall == gone.through_wall == 0
     assert np.all(gone.exit_position_m[:, 2] < -RADIUS_M)
     assert np.all(gone.exit_velocity_m_s[:, 2] < 0.0)
-
-
-def test_guard_sees_a_ball_go_through_the_wall_but_not_over_the_rim():
-    inside, beside = np.array([[0.0, 0.0, 0.02]]), np.array([[0.06, 0.0, 0.02]])
-    above = np.array([[0.02, 0.0, 0.09]])
-    through = WallGuard(cup(), RADIUS_M, inside)
-    through.look(beside)
-    assert through.count == 1
-    over = WallGuard(cup(), RADIUS_M, inside)
-    over.look(above)
-    over.look(beside)
-    assert over.count == 0
-    floor = WallGuard(cup(), RADIUS_M, inside)
-    floor.look(np.array([[0.0, 0.0, -0.02]]))
-    assert floor.count == 1
 
 
 def test_catching_depends_on_the_place(world):

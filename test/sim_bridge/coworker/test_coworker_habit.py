@@ -15,7 +15,7 @@ from intent_recognition.learning.transitions import count_transitions, smoothed_
 from sim_bridge.coworker.task_list import FIRST, FOLLOWS, TASKS, habitual_tasks
 
 
-def test_the_habit_is_the_chain_it_says(repository):
+def test_the_habit_is_the_chain_it_says_and_that_of_shipped_sessions(repository):
     np.testing.assert_allclose(np.vstack([FOLLOWS, FIRST]).sum(axis=1), 1.0)
     sequences = [habitual_tasks(seed, 60) for seed in range(100)]
     counts = count_transitions(sequences, TASKS)
@@ -23,6 +23,12 @@ def test_the_habit_is_the_chain_it_says(repository):
     np.testing.assert_allclose(shares[:3], FOLLOWS, atol=0.03)
     np.testing.assert_allclose(shares[3], FIRST, atol=0.12)
     assert min(Counter(sequences[0]).values()) >= 10
+    sequences, rejections = read_task_sequences([repository / "bags" / "sessions"], 60.0)
+    assert rejections == [] and len(sequences) == SESSIONS
+    for number, sequence in enumerate(sequences):
+        assert sequence.tasks == habitual_tasks(FIRST_SEED + number, INTERACTIONS)
+    prior = smoothed_transitions(count_transitions([s.tasks for s in sequences], TASKS))
+    np.testing.assert_allclose(prior[:3], FOLLOWS, atol=0.1)
 
 
 def messages_in(bag):
@@ -50,12 +56,3 @@ def test_shipped_sessions_can_be_made_again(repository, tmp_path):
         if path.is_file() and path.name != "SHA256SUMS"
     }
     assert files == listed
-
-
-def test_shipped_sessions_hold_the_habit(repository):
-    sequences, rejections = read_task_sequences([repository / "bags" / "sessions"], 60.0)
-    assert rejections == [] and len(sequences) == SESSIONS
-    for number, sequence in enumerate(sequences):
-        assert sequence.tasks == habitual_tasks(FIRST_SEED + number, INTERACTIONS)
-    prior = smoothed_transitions(count_transitions([s.tasks for s in sequences], TASKS))
-    np.testing.assert_allclose(prior[:3], FOLLOWS, atol=0.1)

@@ -42,14 +42,11 @@ def test_what_was_kept_or_dropped_was_not(held):
     assert not score.handed_over and score.at_ns is None
 
 
-def test_a_finger_that_bounces_has_dropped_nothing_and_it_counts_when_it_is_held_for_good():
+def test_what_is_held_for_good_within_the_interaction_counts():
     bounce = [("person", 0.1), ("both", 0.1)]
     held = contacts(("robot", 1.0), ("nobody", 0.03), *bounce, ("robot", 0.2), ("person", 1.0))
     score = score_transfer(held, 0, 10**10)
     assert score.handed_over and score.at_ns == pytest.approx(1.43e9)
-
-
-def test_only_the_interaction_counts_and_without_contacts_nothing_is_scored():
     log = contacts(("robot", 1.0), ("person", 1.0), ("person", 1.0), ("robot", 1.0))
     assert not score_transfer(log, 0, 10**10).handed_over
     assert score_transfer(log, 0, 2 * 10**9).handed_over
