@@ -312,19 +312,14 @@ def test_progress_counts_every_demonstration():
     assert seen == [1, 2, 3, 4, 5, 6]
 
 
-def with_robot_later(recording: Demonstration, shift_s: float) -> Demonstration:
-    shifted = [
-        replace(s, stamps_ns=s.stamps_ns + round(shift_s * 1e9)) for s in recording.controlled
-    ]
-    return replace(recording, controlled=tuple(shifted))
-
-
 @pytest.mark.slow
 def test_what_cannot_be_scored_is_left_out_and_named(identical):
     """The scores of the others do not change, and those left out are in no fold."""
     short = replace(IDENTICAL[0], name="short", end_ns=START_NS + 100_000_000)
     other = replace(IDENTICAL[0], name="other", controlled=IDENTICAL[0].observed)
-    off = replace(with_robot_later(IDENTICAL[0], 300.0), name="off")
+    (robot,) = IDENTICAL[0].controlled
+    later = replace(robot, stamps_ns=robot.stamps_ns + 300_000_000_000)
+    off = replace(IDENTICAL[0], controlled=(later,), name="off")
     everything = [off, *IDENTICAL[:3], short, *IDENTICAL[3:], other]
     result = evaluate(everything, "loo", SETTINGS)
     reasons = {one["recording"]: one["reason"] for one in result.pop("left_out")}

@@ -5,7 +5,7 @@ import numpy as np
 
 from experiments.left_out import FINAL, WHOLE, pairs_of, predict, rms, try_numbers
 from experiments.settings import Settings
-from intent_recognition.signals import Demonstration, Signal
+from intent_recognition.signals import Demonstration
 
 
 def demonstration(name: str, goal: np.ndarray, response: np.ndarray) -> Demonstration:
@@ -13,12 +13,7 @@ def demonstration(name: str, goal: np.ndarray, response: np.ndarray) -> Demonstr
     times = np.arange(250) * 0.01
     progress = np.clip((times - 0.5) / 1.5, 0.0, 1.0)
     progress = (progress**2 * (3 - 2 * progress))[:, None]
-    stamps = 1_000_000_000 + np.round(times * 1e9).astype(np.int64)
-    observed = Signal(("x", "y", "z"), stamps, progress * goal, "m")
-    controlled = Signal(("a", "b"), stamps, progress * response, "rad")
-    return Demonstration(
-        name, "", None, (observed,), (controlled,), int(stamps[0]), int(stamps[-1])
-    )
+    return Demonstration.from_arrays(times, progress * goal, progress * response, name=name)
 
 
 def two_rules():

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 from plain import bank_of
-from simulation import START_NS, make_library, simulate
+from simulation import START_NS, make_library
 
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.filtering import MovementFilter, make_prior_grid
@@ -66,15 +66,3 @@ def test_values_that_are_not_finite_are_refused_and_change_nothing(library, valu
         run.observe(observation(0.1, 0, [0.0, value]))
     for a, b in zip(bank_of(run), bank_of(start(library)), strict=True):
         assert np.array_equal(a, b)
-
-
-def test_a_copy_of_one_task_is_its_part_of_the_bank(library, rng):
-    run = start(library)
-    for seen in merge(simulate(library, 1, rng).observed):
-        run.observe(seen)
-    bank = bank_of(run)
-    for task in range(library.n_tasks + 1):
-        own = slice(3 * task, 3 * task + 3)
-        whole = run.table.courses(np.arange(run.table.n)).moments()
-        for a, b, c in zip(run.task(task).moments(), bank, whole, strict=False):
-            assert np.array_equal(a, b[own]) and np.array_equal(a, c[own])

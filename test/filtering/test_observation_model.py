@@ -3,11 +3,9 @@
 
 import numpy as np
 import pytest
-from plain import bank_of
 from simulation import START_NS, make_library
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.filtering import MovementFilter, make_prior_grid
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.signals.observation import Observation
 
@@ -50,18 +48,6 @@ def test_each_signal_is_used_twice_per_correlation_time_at_intervals_of_any(mode
             if (o.group, o.derivative) == (group, derivative)
         ]
         assert stamps == list(range(0, 1000, every_ms))
-
-
-def test_what_is_not_used_leaves_no_trace(library):
-    hypotheses = make_prior_grid(library, n_scales=3)
-    runs = [MovementFilter(library, hypotheses, START_NS) for _ in range(2)]
-    model = ObservationModel(library, START_NS)
-    for observation in dense_stream():
-        runs[0].observe(observation)
-        if model.measurement(observation) is not None:
-            runs[1].observe(observation)
-    for ours, theirs in zip(bank_of(runs[0]), bank_of(runs[1]), strict=True):
-        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
 
 
 def test_a_stamp_may_jitter_and_what_is_not_used_is_checked_all_the_same(model):

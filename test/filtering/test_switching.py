@@ -277,15 +277,6 @@ def test_a_change_is_followed_with_births_and_not_without(library, rng, monkeypa
     assert never.probabilities[1] < 0.5
 
 
-def test_a_movement_of_one_task_stays_one(library, rng):
-    times_s = np.arange(0.0, 2.0, 0.05)
-    run = None
-    for task in range(3):
-        values = changed(library, rng, (task, task), 5.0, times_s)
-        run = filtered(library, times_s, values, run)
-        assert np.argmax(posterior(run, 1.95).probabilities) == task
-
-
 def test_where_nothing_passes_on_the_posterior_is_that_of_the_onset(library, rng, monkeypatch):
     for name in ("SWITCH_RATE", "REACH_RATE", "DETOUR_RATE", "DELAY_RATE", "NONE_RATE"):
         monkeypatch.setattr(rates, name, 1e-30)
@@ -320,31 +311,3 @@ def test_of_many_tasks_the_probable_ones_are_born_in_a_bounded_number(library, r
     run = filtered(library, times_s, changed(library, rng, (3, 3), 5.0, times_s))
     born = np.isfinite(run.births.log_joint[:-1])
     assert born[3] and born.sum() < 5
-
-
-def test_velocities_are_those_of_the_positions(library, rng):
-    # Very sure velocities instead of positions after birth: the belief stays a distribution, and
-    # the task whose course has these velocities gains.
-    times_s = np.arange(0.0, 1.6, 0.1)
-    values = course(library, draw_weights(library, 2, rng), times_s)
-    speed = course(library, draw_weights(library, 2, rng) * 0.0, times_s)
-    run = MovementFilter(library, make_prior_grid(library), START_NS, switching=True)
-    speed[1:-1] = (values[2:] - values[:-2]) / 0.2
-    for k, elapsed_s in enumerate(times_s[:-1]):
-        stamp = START_NS + round(elapsed_s * 1e9)
-        run.observe(Observation(stamp, 0, values[k]))
-        if k:
-            run.observe(Observation(stamp, 0, speed[k], 1e-3 * np.eye(3), derivative=True))
-    assert np.argmax(posterior(run, 1.5).probabilities) == 2
-
-
-def test_two_signals_settle_each(rng):
-    library = make_library(rng, groups=(2, 1), n_basis=6, correlation_time_s=0.05)
-    times_s = np.arange(0.0, 2.0, 0.05)
-    values = changed(library, rng, (0, 1), 0.5, times_s)
-    run = MovementFilter(library, make_prior_grid(library), START_NS, switching=True)
-    for elapsed_s, row in zip(times_s, values, strict=True):
-        stamp = START_NS + round(elapsed_s * 1e9)
-        run.observe(Observation(stamp, 0, row[:2]))
-        run.observe(Observation(stamp + 1, 1, row[2:]))
-    assert posterior(run, 1.95).probabilities[1] > 0.9

@@ -4,7 +4,7 @@
 import numpy as np
 from simulation import START_NS, make_library
 
-from intent_recognition.filtering.observation_model import Measurement, ObservationModel
+from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.table import OFFSET_BASIS, HypothesisTable
 from intent_recognition.gaussian.batch import GaussianBatch, state_width
 from intent_recognition.signals.observation import Observation
@@ -59,14 +59,3 @@ def test_a_row_that_lags_catches_up_and_is_judged_once_it_has_settled(rng):
         table.condition(one, np.array([1]))
     np.testing.assert_array_equal(table.rows["seen"], 3)
     np.testing.assert_allclose(table.log_joint, other.log_joint, rtol=1e-12)
-
-
-def test_rows_of_a_velocity_are_the_slope_of_those_of_a_position(rng):
-    table, step_s = table_of(make_library(rng, n_basis=5), 4), 1e-5
-
-    def rows(elapsed_s: float, *, derivative: bool = False) -> np.ndarray:
-        seen = np.arange(3), np.zeros(3), np.eye(3)
-        return table.linear(Measurement(elapsed_s, np.inf, *seen, derivative), table.rows).rows
-
-    slope = (rows(0.7 + step_s) - rows(0.7 - step_s)) / (2.0 * step_s)
-    np.testing.assert_allclose(rows(0.7, derivative=True), slope, atol=1e-6)

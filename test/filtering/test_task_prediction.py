@@ -125,18 +125,6 @@ def test_mixture_equals_monte_carlo_over_durations_leads_weights_and_noise(rng):
     np.testing.assert_allclose(std, drawn.std(axis=0), rtol=0.02)
 
 
-def test_tabulated_phases_keep_the_probability_and_the_mean_of_the_deviations(rng):
-    run = predicted(rng, LEADING, 6, n_scales=3)
-    times = np.linspace(0.0, 5.0, 11)
-    table = run.phases_at(times)
-    assert table.shape == (3, 11, 201)
-    assert table.min() >= 0.0
-    np.testing.assert_allclose(table.sum(axis=2), 1.0)
-    phase = reference_phase(LEADING, times / run.durations_s[:, None])
-    mean = np.sum(run.deviations_at(times) * phase, axis=2)
-    np.testing.assert_allclose(table @ np.linspace(0, 1, 201), mean, atol=1e-12)
-
-
 @pytest.mark.parametrize("phase_deviation", [STEADY, LEADING])
 @pytest.mark.parametrize("n", [0, 1, 12])
 def test_the_controlled_agent_begins_and_ends_where_its_weights_say(rng, phase_deviation, n):
@@ -205,13 +193,6 @@ def test_the_start_posture_is_used(rng):
     mean, _ = run.mixture_at(np.zeros(1), start)
     np.testing.assert_allclose(mean[0], start.position, atol=1e-3)
     assert np.all(run.controlled(11, start).std[0] < 0.1 * run.controlled(11).std[0])
-
-
-def test_a_task_of_no_prior_can_be_asked_for(rng):
-    library = library_with(rng, LEADING)
-    hypotheses = make_prior_grid(library, np.array([1.0, 0.0]), 5)
-    run = run_on(library, 1, hypotheses, seen(library, rng, 4))
-    assert all(np.all(np.isfinite(part)) for part in run.controlled(5))
 
 
 def test_asking_late_equals_asking_all_the_time(rng):

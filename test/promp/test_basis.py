@@ -37,12 +37,6 @@ def test_outside_the_movement_the_value_is_held_and_the_velocity_zero(basis, bef
     assert not basis.derivative_matrix(beyond).any()
 
 
-@given(bases, phases)
-def test_the_basis_is_symmetric_in_time(basis, phase):
-    mirrored = basis.design_matrix(1.0 - phase)[:, ::-1]
-    np.testing.assert_allclose(basis.design_matrix(phase), mirrored, atol=1e-9)
-
-
 def test_leading_dimensions_are_kept():
     basis = NormalizedRBFBasis(5)
     phase = np.linspace(0, 1, 12).reshape(3, 4)

@@ -70,21 +70,6 @@ def test_a_wish_for_the_robot_says_nothing_of_the_person(primitive):
     assert not np.allclose(bent.weights.mean[18:], primitive.weights.mean[18:])
 
 
-def test_it_comes_to_the_same_before_and_after_the_person_is_observed(primitive):
-    wrist, wish = [[0.1, 0.0, 0.2], [0.2, 0.1, 0.1]], ([0.3, 0.1], {"covariance": [1e-4, 1e-5]})
-    first = via_point(primitive, 1.7, wish[0], **wish[1]).condition([0.2, 0.4], wrist)[0]
-    then = via_point(primitive.condition([0.2, 0.4], wrist)[0], 1.7, wish[0], **wish[1])
-    np.testing.assert_allclose(first.weights.mean, then.weights.mean, atol=1e-7)
-    np.testing.assert_allclose(first.weights.covariance, then.weights.covariance, atol=1e-9)
-
-
-def test_naming_an_observed_dof_is_conditioning(primitive):
-    point = via_point(primitive, 0.7, [0.2, 0.3], dofs=[0, 3])
-    noiseless = replace(primitive, noise_variance=np.full(5, 1e-14))
-    measured, _ = noiseless.condition(0.35, [0.2, 0.3], dofs=[0, 3])
-    np.testing.assert_allclose(point.weights.mean, measured.weights.mean, atol=1e-7)
-
-
 def test_a_velocity_is_a_point_too(primitive):
     bent = via_point(primitive, 0.8, [0.25], dofs=[4], velocity=True)
     times = np.array([0.8 - 1e-6, 0.8, 0.8 + 1e-6])

@@ -28,18 +28,6 @@ def random_weights(rng: np.random.Generator, n_dofs: int) -> Gaussian:
 
 
 @settings(max_examples=20)
-@given(seeds, st.integers(1, 4))
-def test_variance_of_each_dof_equals_the_dense_product(seed, n_dofs):
-    rng = np.random.default_rng(seed)
-    weights = random_weights(rng, n_dofs)
-    design = BASIS.design_matrix(rng.uniform(size=5))
-    for t in range(5):
-        H = np.kron(np.eye(n_dofs), design[t])
-        expected = np.diag(H @ weights.covariance @ H.T)
-        np.testing.assert_allclose(dof_variance(design, weights.covariance)[t], expected)
-
-
-@settings(max_examples=20)
 @given(seeds, st.floats(0.2, 20.0))
 def test_velocities_are_the_derivative_in_time_and_scale_with_duration(seed, duration):
     rng = np.random.default_rng(seed)

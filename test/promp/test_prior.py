@@ -189,12 +189,3 @@ def test_target_without_one_is_that_of_the_others(rng, n, n_others):
         rest = scatter_of(np.delete(weights, i, axis=0))
         expected = structured_target(rest, pooled_with(others, rest), floor).covariance()
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
-
-
-def test_other_tasks_count_as_a_few_demonstrations(rng):
-    own = scatter_of(rng.normal(size=(41, 2, 6)))
-    others = scatter_of(10.0 * rng.normal(size=(1001, 2, 6)))
-    floor = np.full(2, 1e-6)
-    amplitude = structured_target(own, pooled_with(others, own), floor).amplitude
-    expected = np.sqrt((40 * 1.0 + 5 * 100.0) / 45)
-    np.testing.assert_allclose(np.sqrt(np.mean(amplitude**2)), expected, rtol=0.1)

@@ -70,15 +70,6 @@ def test_coordinates_far_from_their_origin_lose_nothing():
     np.testing.assert_allclose(far.residual_variance, near.residual_variance, atol=1e-15)
 
 
-def test_more_ridge_means_less_curvature(rng):
-    values = rng.normal(size=(200, 1))
-    bends = [
-        np.abs(np.diff(fit_weights(BASIS, PHASE, values, ridge).weights, 2)).sum()
-        for ridge in (1e-4, 1e-2, 1.0, 100.0)
-    ]
-    assert bends == sorted(bends, reverse=True)
-
-
 def test_bad_arguments_are_named_and_nothing_fitted_together_is_nothing():
     with pytest.raises(ArgumentError, match="ridge: expected a positive number, got 0"):
         fit_weights(BASIS, PHASE, np.zeros((200, 1)), ridge=0)

@@ -135,26 +135,6 @@ def test_a_dof_that_flickers_hides_neither_onset_nor_end_of_the_movement():
         assert abs(whole[-1][0] - found[-1][0]) < 200 * MS < whole[-1][0] - whole[0][0]
 
 
-def test_the_order_in_which_topics_come_does_not_matter_once_all_is_known():
-    library, observations = recorded()
-    known = next(e.stamp_ns for e in map(IntentEstimator(library).update, observations) if e.moving)
-    first = [o for o in observations if o.stamp_ns <= known]
-    rest = [o for o in observations if 0 < o.stamp_ns - known < 500 * MS]
-    posteriors = []
-    for group in (None, 0, 1):
-        estimator = IntentEstimator(library, switching=False)  # births come in order of arrival
-        order = rest if group is None else sorted(rest, key=lambda o: o.group != group)
-        last = max(order, key=lambda o: (o.stamp_ns, o.group))
-        for observation in [*first, *(o for o in order if o is not last), last]:
-            estimate = estimator.update(observation)
-        posteriors.append(estimate)
-    for other in posteriors[1:]:
-        np.testing.assert_allclose(other.probabilities, posteriors[0].probabilities, atol=1e-9)
-        np.testing.assert_allclose(
-            other.log_evidence, posteriors[0].log_evidence, rtol=1e-9, atol=1e-6
-        )
-
-
 def test_velocities_without_a_covariance_are_refused():
     library, observations = recorded()
     estimator = IntentEstimator(library)

@@ -65,12 +65,6 @@ def test_movements_that_begin_and_end_at_home_are_interactions_each():
     np.testing.assert_allclose(found, wanted, atol=TOLERANCE_S)
 
 
-def test_without_a_way_back_each_movement_counts():
-    moves = [(1.0 + 4.0 * k, 1.5, (1.0 - 0.4 * (k + 1), 0.0)) for k in range(4)]
-    found = seconds(propose_spans([course(HOME, moves, 17.0)], []))
-    np.testing.assert_allclose(found, [[m[0], m[0] + 1.5] for m in moves], atol=TOLERANCE_S)
-
-
 @pytest.mark.parametrize("length_s", [0.02, 5.0])
 def test_rest_alone_proposes_nothing(length_s):
     times = np.arange(0.0, length_s, 1.0 / RATE_HZ)
