@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shortcut on the position fails, the history tells: on the shipped seed and on fresh ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from simulation import gathered
 
 from experiments.teaching.demonstration import TEST_COUNTS, TRAINING_COUNTS
 from experiments.teaching.hardness import (
@@ -12,6 +15,10 @@ from experiments.teaching.hardness import (
     measure_hardness,
     nearest_mean_labels,
 )
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
+from intent_recognition.filtering import MovementFilter, fixed_prior_grid
+from intent_recognition.learning import TrainingSettings
+from intent_recognition.signals import merge
 
 
 def measured_with(seed):
@@ -51,3 +58,22 @@ def test_classifiers_on_plain_cases():
     labels = np.tile([0, 1], 200)
     stretched[:, 1] += labels
     assert np.mean(gaussian_labels(stretched, labels, stretched) == labels) > 0.95
+
+
+@pytest.mark.slow
+def test_the_library_recognises_where_a_shortcut_on_the_position_fails(repository):
+    """After 30 % of the movement, as the metadata say when the coworker's reach began and ended."""
+    train, test = [], []
+    for demonstrations, name in ((train, "train"), (test, "test")):
+        for one in read_demonstrations(repository / "bags/toolbox" / name, load_dofs())[0]:
+            start_ns, end_ns = (int(one.metadata[f"human_{at}_ns"]) for at in ("onset", "end"))
+            demonstrations.append(replace(one, start_ns=start_ns, end_ns=end_ns))
+    library, right = gathered(train, TrainingSettings(segmentation="recording")).library, []
+    for one in test:
+        run = MovementFilter(library, fixed_prior_grid(library, one.duration_s), one.start_ns)
+        until_ns = one.start_ns + round(0.3 * one.duration_s * 1e9)
+        for observation in merge([s.between(one.start_ns, until_ns) for s in one.observed]):
+            run.observe(observation)
+        probabilities = run.posterior(until_ns).probabilities[:-1]
+        right.append(library.labels[np.argmax(probabilities)] == one.task)
+    assert np.mean(right) >= 0.95
