@@ -3,6 +3,7 @@
 
 from pathlib import Path
 
+from mcap.reader import make_reader
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -124,3 +125,11 @@ def write_ros1(path: Path) -> None:
         for topic, at_ns, data in contents():
             ros1 = STORE.cdr_to_ros1(data, TOPICS[topic][0])
             writer.write(connections[topic], at_ns, ros1)
+
+
+def messages_in(bag: Path) -> list[tuple[str, int, bytes]]:
+    """Topic, time and bytes of every message; names of files and records on them may differ."""
+    (path,) = bag.glob("*.mcap")
+    with path.open("rb") as file:
+        messages = make_reader(file).iter_messages()
+        return [(channel.topic, one.log_time, one.data) for _, channel, one in messages]

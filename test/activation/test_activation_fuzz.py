@@ -12,6 +12,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from activation_world import HOME, LABELS, LIMITS, START_NS
 from hermite import cubic, hermite
 from simulation import make_library
 
@@ -20,15 +21,10 @@ from intent_recognition.activation.pretrigger import PretriggerSettings
 from intent_recognition.composing import Moment, Step, ViaPoint, advance, awaited, bend_all
 from intent_recognition.composing.sequences import Condition, SequenceProgress
 from intent_recognition.errors import IntentError
-from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS
+from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.motion import Correction, DeviationDetector, Spread, make_path
-from intent_recognition.motion.plan import scaled_limits
 from sim_bridge.arm import TrajectoryCommand
 
-LIMITS = scaled_limits(LWR_LIMITS)
-LABELS = ("plate", "screw", "none")
-HOME = np.array([-0.07, -0.58, -0.47, 1.6, -0.39, 0.94, 0.5])
-START_NS = 1_000_000_000_000
 STEPS = 2500
 RETURN_ROOM_RAD = 1e-3
 """How much farther out a joint may go that was pushed past a limit."""

@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
+from bag_builder import messages_in
 
 from experiments.recording import write_recording
 from experiments.teaching.recordings import ToolboxOrder, content, orders
@@ -18,23 +18,15 @@ from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, TASKS
 FIRST = ToolboxOrder(1, "train", HOLD, 3)
 
 
-def messages(folder):
-    with next(folder.glob("*.mcap")).open("rb") as stream:
-        return [
-            (channel.topic, message.log_time, message.data)
-            for _, channel, message in make_reader(stream).iter_messages()
-        ]
-
-
 @pytest.mark.slow
 def test_same_seed_same_bytes_and_equal_to_what_is_shipped(tmp_path, repository):
     one, two = (
         write_recording(tmp_path / place / FIRST.name, *content(FIRST, tmp_path)) for place in "ab"
     )
-    assert messages(one) == messages(two)
+    assert messages_in(one) == messages_in(two)
     assert (one / "metadata.yaml").read_bytes() == (two / "metadata.yaml").read_bytes()
     shipped = repository / "bags" / "toolbox" / "train" / FIRST.name
-    ours, theirs = messages(one), messages(shipped)
+    ours, theirs = messages_in(one), messages_in(shipped)
     assert [(t, s) for t, s, _ in ours] == [(t, s) for t, s, _ in theirs]
     # Poses come from numpy alone; joint states went through the physics engine of the machine.
     poses = [(a, b) for (t, _, a), (_, _, b) in zip(ours, theirs, strict=True) if "mocap" in t]
@@ -69,7 +61,10 @@ def test_forty_eight_and_twelve_are_shipped_and_read_without_a_rejection(reposit
 
 @pytest.mark.parametrize(
     ("folder", "beside", "most"),
-    [("toolbox", "..", 10_000_000), ("pointing", ".", 5_000_000), ("pouring", ".", 3_000_000)],
+    [
+        *(("toolbox", "..", 10_000_000), ("pointing", ".", 5_000_000), ("pouring", ".", 3_000_000)),
+        *((folder, ".", 5_000_000) for folder in ("assembly", "pole", "sessions")),
+    ],
 )
 def test_shipped_files_are_those_of_the_checksum_list(repository, folder, beside, most):
     below = repository / "bags" / folder

@@ -68,17 +68,18 @@ def perform(task: int, seed: int) -> Demonstration:
     )
 
 
+def scaled(recorded: Demonstration, factor: float, chosen) -> Demonstration:
+    """The same with the signals that `chosen` says in another unit."""
+    sides = (
+        tuple(replace(s, values=s.values * factor) if chosen(s) else s for s in side)
+        for side in (recorded.observed, recorded.controlled)
+    )
+    return replace(recorded, **dict(zip(("observed", "controlled"), sides, strict=True)))
+
+
 def in_other_units(recorded: Demonstration, scale: float) -> Demonstration:
     """The same measured in other units than pixels and newtons."""
-
-    def scaled(signals):
-        return tuple(
-            replace(s, values=s.values * scale) if s.unit in ("px", "N") else s for s in signals
-        )
-
-    return replace(
-        recorded, observed=scaled(recorded.observed), controlled=scaled(recorded.controlled)
-    )
+    return scaled(recorded, scale, lambda signal: signal.unit in ("px", "N"))
 
 
 def learned(scale: float, tasks=TASKS):
@@ -218,14 +219,7 @@ def test_the_nearest_tasks_are_the_same_in_another_unit(trained, scale):
 @pytest.mark.parametrize(("name", "factor"), [("j1", np.degrees(1.0)), ("x", 100.0)])
 def test_a_recording_in_another_unit_is_named_or_refused(trained, name, factor):
     """Joints that turn by less than what only degrees could be; a hand in centimetres."""
-
-    def scaled(signals):
-        return tuple(
-            replace(s, values=s.values * factor) if s.names[0] == name else s for s in signals
-        )
-
-    odd = perform(0, 9)
-    odd = replace(odd, observed=scaled(odd.observed), controlled=scaled(odd.controlled))
+    odd = scaled(perform(0, 9), factor, lambda signal: signal.names[0] == name)
     with pytest.warns(UserWarning, match=f"give_9: {name} .*a factor of {factor:.4g}"):
         learn([perform(0, 0), perform(0, 1), odd, perform(0, 2)], SETTINGS)
     with pytest.raises(TrainingError, match=f"give_9: {name} .*a factor of {factor:.4g}"):

@@ -3,18 +3,17 @@
 
 import numpy as np
 import pytest
+from activation_world import HOME, LIMITS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 
-from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS
+from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.motion import NominalTiming, home_plan, make_path, plan_interaction
-from intent_recognition.motion.plan import JointReference, position_range, scaled_limits, within
+from intent_recognition.motion.plan import JointReference, position_range, within
 from intent_recognition.motion.point_to_point import brake_plan
 from sim_bridge.arm import RejectedTrajectoryError, TrajectoryCommand
 
-LIMITS = scaled_limits(LWR_LIMITS)
-HOME = np.array([-0.07, -0.58, -0.47, 1.6, -0.39, 0.94, 0.5])
 seeds = st.integers(0, 10_000)
 few = settings(max_examples=25, deadline=None)
 

@@ -3,18 +3,17 @@
 
 import numpy as np
 import pytest
+from activation_world import HOME, LIMITS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.errors import TrajectoryError
-from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
-from intent_recognition.motion.plan import JointPlan, JointReference, scaled_limits, within
+from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.motion.plan import JointPlan, JointReference, within
 from intent_recognition.motion.point_to_point import RISE_TIME_S, brake_plan, home_plan
 from sim_bridge.arm.trajectory_command import TrajectoryCommand
 
-LIMITS = scaled_limits(LWR_LIMITS)
 JERK = LIMITS.acceleration / RISE_TIME_S
-HOME = np.array([-0.07, -0.58, -0.47, 1.6, -0.39, 0.94, 0.5])
 few = settings(max_examples=30, deadline=None)
 seeds = st.integers(0, 10_000)
 

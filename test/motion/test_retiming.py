@@ -3,9 +3,11 @@
 
 import numpy as np
 import pytest
+from activation_world import HOME, LIMITS
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
+from simulation import minimum_jerk
 
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics.lwr import LWR_LIMITS
@@ -19,14 +21,6 @@ from intent_recognition.motion.plan import (
     within,
 )
 from intent_recognition.motion.planning import brake_along, plan_interaction, stop_plan
-
-LIMITS = scaled_limits(LWR_LIMITS)
-HOME = np.array([-0.07, -0.58, -0.47, 1.6, -0.39, 0.94, 0.5])
-
-
-def minimum_jerk(x):
-    x = np.clip(x, 0.0, 1.0)
-    return x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
 
 
 def samples(seed, duration_s, size=0.4, n_via=1, n=50):

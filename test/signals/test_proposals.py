@@ -3,17 +3,13 @@
 
 import numpy as np
 import pytest
+from simulation import minimum_jerk
 
 from intent_recognition.signals import Signal, propose_spans
 
 RATE_HZ = 100.0
 HOME = np.array([1.0, 0.0])
 TOLERANCE_S = 0.1
-
-
-def minimum_jerk(tau):
-    tau = np.clip(tau, 0.0, 1.0)
-    return tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
 
 
 def course(start, moves, length_s):

@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
+from bag_builder import messages_in
 
 from experiments.teaching.record_sessions import FIRST_SEED, INTERACTIONS, SESSIONS, record_session
 from intent_recognition.bags.reader import BagReader
@@ -29,16 +29,6 @@ def test_the_habit_is_the_chain_it_says_and_that_of_shipped_sessions(repository)
         assert sequence.tasks == habitual_tasks(FIRST_SEED + number, INTERACTIONS)
     prior = smoothed_transitions(count_transitions([s.tasks for s in sequences], TASKS))
     np.testing.assert_allclose(prior[:3], FOLLOWS, atol=0.1)
-
-
-def messages_in(bag):
-    """Topic, time and bytes of every message; names of files and records on them may differ."""
-    (path,) = bag.glob("*.mcap")
-    with path.open("rb") as file:
-        return [
-            (channel.topic, message.log_time, message.data)
-            for _, channel, message in make_reader(file).iter_messages()
-        ]
 
 
 @pytest.mark.slow
