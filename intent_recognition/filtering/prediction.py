@@ -63,6 +63,7 @@ class TaskPrediction:
         self.durations_s, self.duration_weights = durations_s, duration_weights
         self._deviations = deviations
         self._relative = durations_s[:, None] / library.usual_s[task]
+        self._factor = self._relative[:, 0] ** library.displacement_exponent
         self._likely = np.flatnonzero(duration_weights > NEGLIGIBLE_SHARE)
         self._share = duration_weights[self._likely] / duration_weights[self._likely].sum()
 
@@ -99,6 +100,10 @@ class TaskPrediction:
         """
         library, likely, share = self.library, self._likely, self._share
         mean, covariance = self._controlled_weights(start)
+        if library.displacement_exponent:
+            scaling = library.basis.scaling(self._factor[likely])[:, None]  # (S, 1, N, N)
+            mean = np.matmul(scaling, mean[..., None])[..., 0]
+            covariance = scaling @ covariance @ scaling.swapaxes(2, 3)
         design = library.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
         position = np.matmul(design, mean.swapaxes(1, 2))  # (S, G, Q)
         square = np.einsum("gk,sqkl,gl->sgq", design, covariance, design, optimize=True)
@@ -172,7 +177,9 @@ class TaskPrediction:
             ArgumentError: there is no point.
         """
         check_points(n_points)
-        grid = grid or ControlGrid(self.library, self.task)
+        factor = float(self.duration_weights @ self._factor)
+        factor_variance = float(self.duration_weights @ (self._factor - factor) ** 2)
+        grid = grid or ControlGrid(self.library, self.task, factor=factor)
         duration_s = self.duration_s
         along = grid.predict(self.observed_weights(), 1.0, start)
         times_s = np.linspace(1.0, 0.0, n_points)[::-1] * duration_s
@@ -181,6 +188,7 @@ class TaskPrediction:
         positions, slope = course(phase), course(phase, 1)
         std = np.stack([np.interp(phase, along.times_s, of) for of in along.std.T], axis=1)
         variance, velocities = std**2 + slope**2 * phase_variance[:, None], slope * rate[:, None]
+        variance += factor_variance * ((positions - along.positions[0]) / factor) ** 2
         if self._seen:
             shift, unexplained = self._coupled(times_s)
             shift = np.tensordot(self.duration_weights, shift, axes=1)

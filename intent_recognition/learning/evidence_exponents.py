@@ -53,7 +53,7 @@ def follow(
     log_usual = log_usual + library.log_duration_std[task][:, None] * offsets
     pace = np.array([one.duration_s for one in left_out])[:, None] / np.exp(log_usual)
     own = np.arange(pace.size).reshape(pace.shape)
-    relative = np.exp(library.log_duration_std[task][:, None] * offsets)
+    relative = np.exp(log_usual) / library.usual_s[task][:, None]
     n_others = np.maximum(library.n_demonstrations[task] - 1, 1)
     mean = np.array([one.mean[:size] for one in left_out])
     covariance = np.array([one.covariance for one in left_out])

@@ -137,10 +137,9 @@ def _priors(
 
 
 def _log_relative(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> Floats:
-    """Log of their durations in parts of the usual ones of own task (without them) and rivals."""
-    usual = [np.r_[one.log_duration, library.log_duration_mean[one.rivals]] for one in left_out]
+    """Log of their durations in parts of the usual ones of own task and rivals."""
     return np.concatenate(
-        [np.log(one.duration_s) - of_one for one, of_one in zip(left_out, usual, strict=True)]
+        [np.log(one.duration_s / library.usual_s[[one.task, *one.rivals]]) for one in left_out]
     )
 
 
@@ -186,6 +185,7 @@ def expected_rows(library: TaskLibrary, followed: Followed) -> tuple[Floats, Flo
     rows = np.einsum(
         "nse,nsek->nsk", share, basis.design_matrix(reference_phase(model, phase, relative))
     )
-    if model.controlled_follows:
-        return rows, rows
-    return rows, basis.design_matrix(steady_phase(model, phase, relative))
+    of_controlled = rows
+    if not model.controlled_follows:
+        of_controlled = basis.design_matrix(steady_phase(model, phase, relative))
+    return rows, of_controlled @ basis.scaling(relative[:, 0] ** library.displacement_exponent)

@@ -158,6 +158,7 @@ def examples_of(
     for (index, recorded), example in zip(usable, examples, strict=True):
         found[index] = example
         if isinstance(example, TrainingExample):
+            example = _usual(example, basis, preprocessing)
             fitted.append((index, example, recorded))
     cut = [recorded for _, _, recorded in fitted]
     warps = [warp.inverse for warp in timing.warps(cut)]
@@ -166,8 +167,21 @@ def examples_of(
         if isinstance(counterpart, TrainingError):
             found[index] = counterpart
         else:
+            counterpart = _usual(counterpart, preprocessing.basis_of(True), preprocessing)
             found[index] = example._replace(aligned=counterpart)
     return found
+
+
+def _usual(
+    example: TrainingExample, basis: NormalizedRBFBasis, preprocessing: Preprocessing
+) -> TrainingExample:
+    """The example with the displacement that its controlled agent has at the usual duration."""
+    timing, n = preprocessing.timing, preprocessing.n_observed
+    if not timing.displacement_exponent:
+        return example
+    scaling = basis.scaling(1.0 / timing.displacement(example.task, example.duration_s))
+    weights = np.vstack([example.weights[:n], example.weights[n:] @ scaling.T])
+    return example._replace(weights=weights)
 
 
 def examples_together(

@@ -34,6 +34,14 @@ STEADY_SHARE, STEADY_FLOOR = 0.5, 0.01
 """Share of the phase deviation that primitives at steady progress do not hold in their covariance
 (docs/decisions/one_filter.md), and its smallest scale, a share of the duration (convention)."""
 
+DISPLACEMENT_EXPONENTS = (1.0, 2.0)
+"""Exponents of the controlled agent's displacement that are tried beside zero: it integrates what
+the observed agent does once, as velocity follows a force, or twice."""
+FEWEST_COMPARED, MOST_COMPARED = 5, 60
+"""Recordings of a task that these are tried on. Convention: the latter bounds the time."""
+RIDGES_COMPARED = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
+"""Ridges that are tried, in parts of the mean eigenvalue. Convention."""
+
 PhaseMap = Callable[[Floats], Floats]
 PACES = ("steady", "own", "shared", "aligned")
 """Whose phase deviates from steady progress: nobody's, the observed agent's alone, or that of both
@@ -49,18 +57,23 @@ class Timing:
         deviation_std: standard deviation of the phase deviation at even recorded phases, (U,).
         duration_exponent: how progress depends on the duration (`promp.steady_phase`).
         usual_s: median duration of each of these labels; see `usual_of`.
+        displacement_exponent: of the relative duration in how far the controlled agent goes.
     """
 
     templates: Mapping[str, Template]
     deviation_std: Floats
     duration_exponent: float = 0.0
     usual_s: Mapping[str, float] = field(default_factory=dict)
+    displacement_exponent: float = 0.0
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Timing) or self.templates.keys() != other.templates.keys():
             return False
         pairs = [(self.deviation_std, other.deviation_std)]
-        if (self.duration_exponent, self.usual_s) != (other.duration_exponent, other.usual_s):
+        ours, theirs = (
+            (one.duration_exponent, one.displacement_exponent, one.usual_s) for one in (self, other)
+        )
+        if ours != theirs:
             return False
         for label, template in self.templates.items():
             pairs += zip(template, other.templates[label], strict=True)
@@ -84,6 +97,10 @@ class Timing:
         """What durations of a task are relative to [s]; all tasks' for one that came later."""
         known = [self.usual_s[label]] if label in self.usual_s else [*self.usual_s.values()]
         return float(np.exp(np.mean(np.log(known or [1.0]))))
+
+    def displacement(self, label: str, duration_s: float) -> float:
+        """How far the controlled agent goes in a recording, in parts of how far it usually goes."""
+        return float((duration_s / self.usual_of(label)) ** self.displacement_exponent)
 
     def steady(self, recordings: Sequence[Demonstration]) -> list[PhaseMap]:
         """From the recorded phase of each to the reference phase at steady progress."""
@@ -113,19 +130,22 @@ def estimate_timing(recordings: Sequence[Demonstration]) -> Timing:
     people are compared: durations of one person differ too little to tell.
     """
     usable = [recorded for recorded in recordings if _has_samples(recorded)]
-    templates, deviations, logs, usual_s = {}, [], [], {}
+    templates, deviations, logs, usual_s, paths = {}, [], [], {}, []
     by_task = {label: [usable[i] for i in own] for label, own in _by_task(usable).items()}
     for label, own in by_task.items():
         if len(own) < 2:
             continue
         log_s = np.log([recorded.duration_s for recorded in own])
         usual_s[label] = float(np.exp(log_s.mean()))
-        alignment = align([*map(_path, own)])
+        paths.append(np.array([*map(_path, own)]))
+        alignment = align([*paths[-1]])
         templates[label] = alignment.template
         deviations.append(_deviations(alignment.warps))
         logs.append(log_s - log_s.mean())
     groups = [[one.metadata.get(GROUP, "") for one in task] for task in by_task.values()]
     exponent = estimate_duration_exponent(deviations, logs) if compares_people(groups) else 0.0
+    n_observed = sum(len(signal.names) for signal in usable[0].observed) if usable else 0
+    of_displacement = estimate_displacement_exponent(paths, logs, n_observed)
     for rows, log_relative in zip(deviations, logs, strict=True):
         rows -= exponent * np.outer(log_relative, BRIDGE)
     return Timing(
@@ -133,6 +153,7 @@ def estimate_timing(recordings: Sequence[Demonstration]) -> Timing:
         _deviation_std(deviations),
         exponent,
         dict(sorted(usual_s.items())),
+        of_displacement,
     )
 
 
@@ -156,6 +177,64 @@ def estimate_duration_exponent(
     pace = np.concatenate(log_relative)
     variance = share @ share / (len(pace) - len(deviations))
     return float(pace @ share / max(pace @ pace + variance, 1e-300))
+
+
+def estimate_displacement_exponent(
+    paths: Sequence[Floats], log_relative: Sequence[Floats], n_observed: int
+) -> float:
+    """How far the controlled agent goes, as a power of the duration (docs/mathematics.md).
+
+    The exponent with which ridge regression on the observed agent predicts recordings that are left
+    out best, if it is better than zero by twice the standard error over the recordings.
+
+    Args:
+        paths: of each task's recordings at even phases, (n, T, D), observed DOFs first.
+        log_relative: logarithms of their durations less the mean of the task, (n,).
+        n_observed: number of observed DOFs.
+    """
+    compared = [
+        (path[::step, ::4], log_s[::step])
+        for path, log_s in zip(paths, log_relative, strict=True)
+        for step in [1 + len(path) // MOST_COMPARED]
+        if len(path) >= FEWEST_COMPARED
+    ]
+    if not compared:
+        return 0.0
+    spread = np.std(np.concatenate([path for path, _ in compared]), axis=(0, 1))
+    tried, found = (0.0, *DISPLACEMENT_EXPONENTS), []
+    for path, log_s in compared:
+        scaled = path / np.where(spread > 0.0, spread, 1.0)
+        agents = np.split(scaled, [n_observed], axis=2)
+        found.append([_left_out_errors(*agents, np.exp(b * log_s)) for b in tried])
+    errors = np.hstack(found)
+    best = int(np.argmin(errors.mean(axis=1)))
+    gained = errors[0] - errors[best]
+    return tried[best] if gained.mean() > 2.0 * gained.std() / np.sqrt(len(gained)) else 0.0
+
+
+def _left_out_errors(observed: Floats, controlled: Floats, factor: Floats) -> Floats:
+    """Mean square of what the others leave unexplained of each recording's displacement, (n,).
+
+    Ridge regression of displacements, divided by factors, on what was observed; each recording is
+    left out in closed form (Hastie et al. 2009, Eq. 7.64).
+
+    Args:
+        observed: (n, T, P).
+        controlled: (n, T, Q).
+        factor: of the displacements, (n,).
+    """
+    n = len(factor)
+    known = (observed - observed.mean(axis=0)).reshape(n, -1)
+    goal = (controlled - controlled[:, :1]).reshape(n, -1) / factor[:, None]
+    goal -= goal.mean(axis=0)
+    values, vectors = np.linalg.eigh(known @ known.T)
+    values, found = np.maximum(values, 0.0), []
+    for ridge in RIDGES_COMPARED:
+        kept = values / (values + max(ridge * values.mean(), 1e-300))
+        smoother = (vectors * kept) @ vectors.T
+        left = (goal - smoother @ goal) / (1.0 - 1.0 / n - np.diag(smoother))[:, None]
+        found.append(factor**2 * np.mean(left**2, axis=1))
+    return min(found, key=np.mean)
 
 
 def _deviations(warps: Iterable[Warp]) -> Floats:

@@ -37,8 +37,9 @@ MAX_EXPONENT = 10.0
 """Largest size of an exponent of the duration. Convention: with 1 a movement begins at one speed,
 however long it takes."""
 PLAUSIBLE = {"log_duration_mean": 20.0, "none_log_duration": 20.0, "log_duration_std": 10.0}
-"""Largest size of logarithms of durations [log s], and of their standard deviations. Convention:
-neither nanoseconds nor years; from milliseconds to days."""
+PLAUSIBLE |= {"displacement_exponent": MAX_EXPONENT}
+"""Largest size of logarithms of durations [log s], of their standard deviations, and of exponents.
+Convention: neither nanoseconds nor years; from milliseconds to days."""
 SCALARS = (
     "noise_scale",
     "correlation_time_s",
@@ -48,6 +49,7 @@ SCALARS = (
     "duration_evidence",
     "task_evidence",
     "regression_variance",
+    "displacement_exponent",
 )
 
 

@@ -57,6 +57,7 @@ ADDED: dict[str, NDArray[Any]] = {
     "switch_margin": np.array(0.0),
     "task_evidence": np.array(1.0),
     "regression_variance": np.array(0.0),
+    "displacement_exponent": np.array(0.0),
 }
 """What older models hold, which were written without these."""
 

@@ -51,6 +51,7 @@ OF_CONTEXT = "context"
 COUNT = "examples_count"
 STEADY, ALIGNED = "", "aligned_"
 """Prefixes of the arrays of the examples as they were recorded, and of the aligned ones."""
+EXPONENTS = ("duration_exponent", "displacement_exponent")
 TIMING = ("timing_values", "timing_scale", "timing_deviation_std")
 ARRAYS = (
     *(f"{kind}statistics_{name}" for kind in (STEADY, ALIGNED) for name in SUMS),
@@ -197,12 +198,14 @@ def _timing(path: str, header: Mapping, arrays: Mapping[str, NDArray[Any]], n_do
     check_arrays(path, bounded, dict(zip(TIMING, shapes, strict=True)))
     check_positive(path, bounded, "timing_scale", "timing_deviation_std")
     templates = {label: Template(values[k], scale[k]) for k, label in enumerate(labels)}
-    exponent, usual_s = header.get("duration_exponent", 0.0), header.get("usual_s", {})
-    numbers = all(isinstance(one, (int, float)) for one in (exponent, *usual_s.values()))
-    sound = numbers and abs(exponent) <= MAX_EXPONENT and all(0 < s < inf for s in usual_s.values())
-    expected = f"an exponent within +-{MAX_EXPONENT:g}, and durations above 0"
-    require(sound, f"{path}: timing", expected, f"{exponent}, {usual_s}")
-    return Timing(templates, deviation_std, exponent, usual_s)
+    exponents = [header.get(name, 0.0) for name in EXPONENTS]
+    usual_s = header.get("usual_s", {})
+    sound = all(isinstance(one, (int, float)) for one in (*exponents, *usual_s.values()))
+    sound = sound and all(abs(one) <= MAX_EXPONENT for one in exponents)
+    sound = sound and all(0 < s < inf for s in usual_s.values())
+    expected = f"exponents within +-{MAX_EXPONENT:g}, and durations above 0"
+    require(sound, f"{path}: timing", expected, f"{exponents}, {usual_s}")
+    return Timing(templates, deviation_std, exponents[0], usual_s, exponents[1])
 
 
 def _plain(preprocessing: Preprocessing) -> dict[str, object]:
@@ -215,7 +218,7 @@ def _plain(preprocessing: Preprocessing) -> dict[str, object]:
     plain["settings"] = asdict(preprocessing.settings)
     timing = preprocessing.timing
     plain |= {"templates": [*timing.templates], "usual_s": timing.usual_s}
-    return plain | {"duration_exponent": timing.duration_exponent}
+    return plain | {name: getattr(timing, name) for name in EXPONENTS}
 
 
 def _preprocessing(content: Mapping, timing: Timing) -> Preprocessing:

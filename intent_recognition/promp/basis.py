@@ -68,6 +68,15 @@ class NormalizedRBFBasis:
         inside = (phase >= 0.0) & (phase <= 1.0)
         return gradient * inside[..., None]
 
+    def scaling(self, factor: Floats | float) -> Floats:
+        """What scales displacements from the start by factors (...,), of weights: (..., N, N).
+
+        A position q(z) becomes q(0) + factor (q(z) - q(0)).
+        """
+        start = self.design_matrix(np.zeros(1))  # all weights alike make a constant
+        by = np.asarray(factor, dtype=np.float64)[..., None, None]
+        return np.asarray(by * np.eye(self.n_basis) + (1.0 - by) * start, dtype=np.float64)
+
     def second_derivative_matrix(self, phase: Floats) -> Floats:
         """d^2 basis / d phase^2 at phases (...,): (..., N); zero outside [0, 1]."""
         values = self.design_matrix(phase)

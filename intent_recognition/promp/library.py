@@ -71,6 +71,7 @@ class TaskLibrary:
             controlled ones (`Regressions.uncertainty`).
         usual_log_duration: what durations of the tasks and none are relative to in
             `promp.steady_phase`, log seconds, (K + 1,); None for the means of their timing priors.
+        displacement_exponent: of the relative duration in how far the controlled agent goes.
     """
 
     labels: tuple[str, ...]
@@ -108,6 +109,7 @@ class TaskLibrary:
     coupling: ResidualCoupling | None = None
     regression_variance: float = 0.0
     usual_log_duration: Floats | None = None
+    displacement_exponent: float = 0.0
 
     def __repr__(self) -> str:
         """Tasks and sizes; the arrays are attributes."""
