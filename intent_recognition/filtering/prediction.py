@@ -177,7 +177,7 @@ class TaskPrediction:
             ArgumentError: there is no point.
         """
         check_points(n_points)
-        factor = float(self.duration_weights @ self._factor)
+        factor = 1.0 + float(self.duration_weights @ (self._factor - 1.0))  # 1 where all are
         factor_variance = float(self.duration_weights @ (self._factor - factor) ** 2)
         grid = grid or ControlGrid(self.library, self.task, factor=factor)
         duration_s = self.duration_s

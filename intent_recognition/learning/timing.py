@@ -206,7 +206,7 @@ def estimate_displacement_exponent(
         scaled = path / np.where(spread > 0.0, spread, 1.0)
         agents = np.split(scaled, [n_observed], axis=2)
         found.append([_left_out_errors(*agents, np.exp(b * log_s)) for b in tried])
-    errors = np.hstack(found)
+    errors = np.log(np.maximum(np.hstack(found), 1e-12))
     best = int(np.argmin(errors.mean(axis=1)))
     gained = errors[0] - errors[best]
     return tried[best] if gained.mean() > 2.0 * gained.std() / np.sqrt(len(gained)) else 0.0

@@ -15,7 +15,7 @@ from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp import ControlGrid, ResidualCoupling, TaskLibrary, residual_weights
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation, reference_phase
 from intent_recognition.promp.prediction import StartPosture, controlled_weights
-from intent_recognition.promp.trajectory import rollout
+from intent_recognition.promp.trajectory import dof_variance, rollout
 from intent_recognition.signals.observation import merge
 
 BRIDGE = np.sqrt(4.0 * np.linspace(0, 1, 51) * np.linspace(1, 0, 51))
@@ -73,6 +73,23 @@ def test_one_duration_at_steady_progress_is_the_rollout_of_the_bank(rng, varianc
             np.testing.assert_allclose(ours, theirs, atol=1e-7)
 
 
+def test_with_the_duration_displacements_grow_by_its_power(rng):
+    library = replace(library_with(rng, STEADY, groups=(2, 1)), displacement_exponent=1.5)
+    observations, duration_s = seen(library, rng, 25), 1.6 * library.usual_s[1]
+    run = run_on(library, 1, fixed_prior_grid(library, duration_s), observations)
+    design = library.basis.design_matrix(np.linspace(0, 1, 5))
+    rows = 1.6**1.5 * design + (1 - 1.6**1.5) * design[0]
+    for start in (None, StartPosture(np.array([0.01, 0.02]), np.full(2, 1e-5))):
+        weights = controlled_weights(library, 1, run.observed_weights(), start)
+        mean, square = run.mixture_at(np.linspace(0, duration_s, 5), start)
+        np.testing.assert_allclose(mean, rows @ weights.mean.reshape(2, -1).T, atol=1e-9)
+        variance = dof_variance(rows, weights.covariance) + library.control_noise_variance()
+        np.testing.assert_allclose(square - mean**2, variance, atol=1e-9)
+        found = run.controlled(5, start)
+        np.testing.assert_allclose(found.positions, mean, atol=1e-7)
+        np.testing.assert_allclose(found.std**2, variance, atol=1e-7)
+
+
 @pytest.mark.parametrize("n", [0, 8])
 def test_durations_at_steady_progress_are_mixed_as_in_the_bank(rng, n):
     library = library_with(rng, STEADY)
@@ -98,8 +115,10 @@ def test_durations_at_steady_progress_are_mixed_as_in_the_bank(rng, n):
     np.testing.assert_allclose(np.sqrt(square - found**2), np.sqrt(second - mean**2), atol=1e-4)
 
 
-def test_mixture_equals_monte_carlo_over_durations_leads_weights_and_noise(rng):
+@pytest.mark.parametrize("exponent", [0.0, 2.0])
+def test_mixture_equals_monte_carlo_over_durations_leads_weights_and_noise(rng, exponent):
     library = library_with(rng, LEADING, spread=0.3, noise_std=0.02)
+    library = replace(library, displacement_exponent=exponent)
     hypotheses = make_prior_grid(library, n_scales=4)._replace(duration_evidence=0.3)
     run = run_on(library, 0, hypotheses, seen(library, rng, 5))
     times = np.array([0.1, 0.8, 1.6, 4.0])
@@ -116,7 +135,8 @@ def test_mixture_equals_monte_carlo_over_durations_leads_weights_and_noise(rng):
             at = rng.choice(
                 phases, size=count, p=phase_deviation[s, t] / phase_deviation[s, t].sum()
             )
-            row = library.basis.design_matrix(at)
+            grown = (run.durations_s[s] / library.usual_s[0]) ** exponent
+            row = library.basis.design_matrix(at) @ library.basis.scaling(grown)
             values[:, t] = np.einsum("nk,nqk->nq", row, w.reshape(count, 2, -1))
         drawn.append(values)
     drawn = np.concatenate(drawn)

@@ -5,9 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 from simulation import START_NS, minimum_jerk
 
-from intent_recognition.learning import TrainingSettings, add_demonstration, learn_with_report
+from intent_recognition.filtering import MovementFilter, fixed_prior_grid
+from intent_recognition.learning import (
+    TrainingSettings,
+    add_demonstration,
+    learn_with_report,
+)
 from intent_recognition.learning.timing import (
     ALIGNED_FLOOR,
     DEFAULT_DEVIATION_STD,
@@ -17,8 +23,10 @@ from intent_recognition.learning.timing import (
     Timing,
     estimate_timing,
 )
-from intent_recognition.promp import steady_phase
-from intent_recognition.signals import Demonstration, Signal
+from intent_recognition.promp import StartPosture, steady_phase
+from intent_recognition.signals.demonstration import Demonstration
+from intent_recognition.signals.observation import merge
+from intent_recognition.signals.signal import Signal
 
 PHASE = np.linspace(0.0, 1.0, 101)
 AHEAD = np.array([-0.08, -0.05, -0.03, 0.03, 0.05, 0.08])
@@ -111,6 +119,49 @@ def test_how_progress_depends_on_the_duration_is_recovered(rng, duration_exponen
     for of_one, share in zip(timing.steady(recordings), relative, strict=True):
         expected = steady_phase(timing.phase_deviation("steady"), PHASE, share)
         np.testing.assert_allclose(of_one(PHASE), expected, atol=1e-6)
+
+
+def pushed(rng, n_integrals: int, durations_s) -> list[Demonstration]:
+    """The robot has so often integrated a force, which takes the same course in any duration."""
+    found = []
+    for duration_s in durations_s:
+        phase = np.linspace(0.0, 1.0, 150)
+        size = [1.0, 0.4, 0.4] + 0.15 * rng.normal(size=(2, 3))
+        force = np.stack([np.sin(k * np.pi * phase) for k in (1, 2, 3)], axis=1) @ size.T
+        robot = force
+        for _ in range(n_integrals):
+            robot = cumulative_trapezoid(robot, duration_s * phase, axis=0, initial=0.0)
+        values = robot + 0.05 * rng.normal(size=2) + 1e-3 * rng.normal(size=robot.shape)
+        found.append(
+            Demonstration.from_arrays(
+                duration_s * phase, force, values, task="push", observed_unit="N"
+            )
+        )
+    return found
+
+
+WHOLE = TrainingSettings(segmentation="recording")
+
+
+@pytest.mark.parametrize("n_integrals", [0, 1, 2])
+def test_how_far_a_robot_goes_that_integrates_is_recovered(rng, n_integrals):
+    recordings = pushed(rng, n_integrals, 2.0 * np.exp(0.3 * rng.normal(size=14)))
+    assert estimate_timing(recordings).displacement_exponent == n_integrals
+
+
+def test_a_push_of_another_duration_is_predicted(rng):
+    trained = learn_with_report(pushed(rng, 1, np.linspace(1.2, 3.2, 12)), WHOLE).trained
+    for one in pushed(rng, 1, [2.8, 1.4]):
+        trained = add_demonstration(trained, one)  # the usual duration stays
+    for new in pushed(rng, 1, [1.0, 4.0]):
+        hypotheses = fixed_prior_grid(trained.library, new.duration_s)
+        run = MovementFilter(trained.library, hypotheses, new.start_ns)
+        for observation in merge(new.observed):
+            run.observe(observation)
+        start = StartPosture(new.controlled[0].values[0], np.full(2, 1e-6))
+        end = run.controlled(0, 1, start).positions[0]
+        moved = new.controlled[0].values[-1] - start.position
+        np.testing.assert_allclose(end - start.position, moved, atol=0.1 * np.abs(moved).max())
 
 
 def test_what_is_added_is_filtered_at_the_phases_it_was_fitted_at(rng):

@@ -52,6 +52,7 @@ def model() -> Model:
         provenance={"bags": ["a", "b"], "package_version": "1"},
         coupling=a_coupling(library),
         usual_log_duration=np.linspace(0.1, 0.4, library.n_tasks + 1),
+        displacement_exponent=2.0,
     )
     return Model(library, dofs)
 
@@ -242,6 +243,7 @@ def test_a_value_that_is_not_finite_is_named(written, tmp_path, name, value):
         ("coupling_decay_s", lambda a: 0.0 * a),
         ("usual_log_duration", lambda a: a[1:]),
         ("usual_log_duration", lambda a: a + 30.0),
+        ("displacement_exponent", lambda a: a + 30.0),
         ("coupling_decay_s", lambda a: None),
         (DEVIATION_STD, lambda a: None),
         (DEVIATION_STD, lambda a: a[:1]),

@@ -29,6 +29,16 @@ def test_derivative_equals_finite_differences(basis, phase):
     np.testing.assert_allclose(basis.derivative_matrix(phase), numeric, atol=1e-6 * scale)
 
 
+@given(bases, st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+def test_scaling_keeps_the_start_and_multiplies_what_leads_away_from_it(basis, factor, other):
+    design = basis.design_matrix(np.linspace(0.0, 1.0, 7))
+    weights = np.cos(np.arange(basis.n_basis))
+    course, scaled = design @ weights, design @ basis.scaling(factor) @ weights
+    np.testing.assert_allclose(scaled, course[0] + factor * (course - course[0]), atol=1e-12)
+    twice = basis.scaling(np.array([factor, 1.0])) @ basis.scaling(other)
+    np.testing.assert_allclose(twice, basis.scaling(np.array([factor * other, other])), atol=1e-12)
+
+
 @given(bases, st.floats(-5.0, 0.0), st.floats(1.0, 5.0))
 def test_outside_the_movement_the_value_is_held_and_the_velocity_zero(basis, before, after):
     ends = basis.design_matrix(np.array([0.0, 1.0]))
