@@ -63,7 +63,7 @@ class TaskPrediction:
         self.durations_s, self.duration_weights = durations_s, duration_weights
         self._deviations = deviations
         self._relative = durations_s[:, None] / library.usual_s[task]
-        self._factor = self._relative[:, 0] ** library.displacement_exponent
+        self._factor = library.displacement(task, durations_s)
         self._likely = np.flatnonzero(duration_weights > NEGLIGIBLE_SHARE)
         self._share = duration_weights[self._likely] / duration_weights[self._likely].sum()
 

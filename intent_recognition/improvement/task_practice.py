@@ -221,9 +221,11 @@ class TaskPractice:
 
     def _path(self, person: Person, weights: Floats, phases: Floats) -> Floats:
         """Joints (T, n) at phases (T,) of the person's movement."""
-        moved = (person.weights + weights[:-1] - self._mean).reshape(self._library.n_controlled, -1)
+        library, basis = self._library, self._library.basis
+        moved = (person.weights + weights[:-1] - self._mean).reshape(library.n_controlled, -1)
         ahead = np.minimum(phases * np.exp(weights[-1]), 1.0)
-        return self._library.basis.design_matrix(ahead) @ moved.T
+        scaling = basis.scaling(library.displacement(self._number, person.duration_s))
+        return basis.design_matrix(ahead) @ scaling @ moved.T
 
     def _plan(self, person: Person, weights: Floats) -> JointPlan | None:
         phases, duration_s = np.linspace(0.0, 1.0, N_PHASES), person.duration_s

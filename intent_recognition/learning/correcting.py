@@ -122,9 +122,9 @@ def change_rule(trained: Trained, label: str, change: RuleChange) -> Trained:
     """Change the rule of a known task; all else stays as it is."""
     library, task = trained.library, trained.library.labels.index(label)
     statistics, bases = trained.tasks[label], trained.preprocessing.basis_of
-    moved = _moved(statistics, change, library.basis, bases(False))
+    moved = _moved(statistics, change, library, bases(False))
     if statistics.aligned is not None:
-        aligned = _moved(statistics.aligned, change, library.basis, bases(True))
+        aligned = _moved(statistics.aligned, change, library, bases(True))
         moved = replace(moved, aligned=aligned)
     return replace(
         trained, library=_with_rule(library, task, change), tasks={**trained.tasks, label: moved}
@@ -169,7 +169,7 @@ def inferred_weights(trained: Trained, example: TrainingExample) -> Floats:
     )
     phases = sample_phases()
     if not trained.chosen.aligned or example.aligned is None:
-        relative = example.duration_s / library.durations_s[task]
+        relative = example.duration_s / library.usual_s[task]
         phases = steady_phase(library.phase_deviation, phases, relative)
     seen, _ = person.condition(phases, _chosen(trained, example).observed)
     return seen.weights.mean
@@ -199,11 +199,11 @@ def _sheared(matrix: Floats, slopes: Floats) -> Floats:
 
 
 def _moved(
-    task: TaskStatistics, change: RuleChange, basis: NormalizedRBFBasis, own: NormalizedRBFBasis
+    task: TaskStatistics, change: RuleChange, library: TaskLibrary, own: NormalizedRBFBasis
 ) -> TaskStatistics:
-    """Statistics, over the basis `own`, that follow a rule changed over another `basis`."""
-    if own != basis:
-        change = _onto(own, basis, change)
+    """Statistics, over the basis `own`, that follow a rule changed over that of a library."""
+    if own != library.basis:
+        change = _onto(own, library.basis, change)
     slopes, n_basis = change.slopes, own.n_basis
     n, design = slopes.shape[1], own.design_matrix(scored_phases())
     centre = task.mean.ravel()[:n]
@@ -211,6 +211,12 @@ def _moved(
     def follow(weights: Floats) -> Floats:
         """The change of a demonstration's controlled weights, (Q, N)."""
         return (slopes @ (weights.ravel()[:n] - centre) + change.offset).reshape(-1, n_basis)
+
+    def shift(example: TrainingExample) -> Floats:
+        """The same of what was recorded, (s, Q)."""
+        number = library.labels.index(example.task)
+        scaling = own.scaling(library.displacement(number, example.duration_s))
+        return design @ scaling @ follow(example.weights).T
 
     def raised(weights: Floats) -> Floats:
         return np.vstack([weights[: n // n_basis], weights[n // n_basis :] + follow(weights)])
@@ -220,7 +226,7 @@ def _moved(
     examples = tuple(
         one._replace(
             weights=raised(one.weights),
-            controlled=one.controlled + design @ follow(one.weights).T,
+            controlled=one.controlled + shift(one),
         )
         for one in task.examples
     )

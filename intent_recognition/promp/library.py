@@ -187,6 +187,11 @@ class TaskLibrary:
             usual = np.r_[self.log_duration_mean, self.none_log_duration[0]]
         return read_only(np.exp(usual))
 
+    def displacement(self, task: int, durations_s: Floats | float) -> Floats:
+        """How far the controlled agent goes in durations (...), in parts of how far usually."""
+        relative = np.asarray(durations_s, dtype=np.float64) / self.usual_s[task]
+        return np.asarray(relative**self.displacement_exponent, dtype=np.float64)
+
     def primitive(self, task: int) -> InteractionProMP:
         """The interaction primitive of task number `task`, at steady progress.
 
