@@ -3,15 +3,16 @@
 
 `late`: a robot hand copies, as a critically damped system does, a hand that wanders along splines.
 `people`: five people of their own height, reach, bow and tempo reach for three goals; each is left
-out. `exact`: the robot meets a hand that reaches with a bow exactly where its own rule says. The
-generators share nothing with the filter.
+out. `exact`: the robot meets a hand that reaches with a bow exactly where its own rule says.
+`pushes`: the velocity of the robot follows a force, for a longer or shorter time. The generators
+share nothing with the filter.
 """
 
 import argparse
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import CubicSpline, make_interp_spline
 
 from benchmarks.synthetic import reach
 from intent_recognition.array_types import Floats
@@ -78,6 +79,25 @@ def exact(rng: np.random.Generator, n_tasks: int = 4, n: int = 16) -> Iterator[D
         yield _recorded(rng, times_s, hand, robot, f"task_{task}", number)
 
 
+def pushes(rng: np.random.Generator, n_tasks: int = 3, n: int = 14) -> Iterator[Demonstration]:
+    """A force takes its course in 1 to 5 s, and the robot goes where it is pushed."""
+    yields, ends = np.array([[0.03, 0.006], [-0.004, 0.025]]), np.zeros((1, 2))
+    usual = [
+        6.0 * rng.normal(size=(4, 2)) + rng.choice([-4, 4], size=(1, 2)) for _ in range(n_tasks)
+    ]
+    for task, number in np.ndindex(n_tasks, n):
+        duration_s = 2.2 * np.exp(0.35 * rng.normal())
+        times_s = np.arange(0.0, duration_s + 0.8, 1e-3)
+        size, change = np.exp(0.2 * rng.normal()), 1.2 * rng.normal(size=(6, 2))
+        points = np.vstack([ends, size * usual[task] + change[1:-1], ends])
+        course = CubicSpline(np.linspace(0.0, 1.0, 6), points, bc_type="clamped")
+        force = course(np.clip((times_s - 0.4) / duration_s, 0.0, 1.0))
+        robot = np.cumsum(force @ yields.T, axis=0) * 1e-3
+        yield _recorded(
+            rng, times_s[::10], force[::10], robot[::10], f"task_{task}", number, unit="N"
+        )
+
+
 def _recorded(
     rng: np.random.Generator,
     times_s: Floats,
@@ -86,10 +106,12 @@ def _recorded(
     task: str,
     number: int,
     who: str = "",
+    unit: str = "m",
 ) -> Demonstration:
-    """With the noise of a tracker."""
-    hand, robot = (part + 0.001 * rng.normal(size=part.shape) for part in (hand, robot))
-    names = {"name": f"{task}_{who}_{number}", "group": who}
+    """With the noise of a tracker, or of a sensor of forces."""
+    hand = hand + (0.001 if unit == "m" else 0.05) * rng.normal(size=hand.shape)
+    robot = robot + 0.001 * rng.normal(size=robot.shape)
+    names = {"name": f"{task}_{who}_{number}", "group": who, "observed_unit": unit}
     return Demonstration.from_arrays(times_s, hand, robot, task=task, controlled_unit="m", **names)
 
 
@@ -102,6 +124,7 @@ def main(arguments: list[str] | None = None) -> None:
         ("late", copies, "kfold:4"),
         ("exact", exact, "kfold:4"),
         ("people", people, "logo:group"),
+        ("pushes", pushes, "kfold:4"),
     ):
         recorded = list(made(np.random.default_rng(seed)))
         result = evaluate(recorded, make_folds(recorded, protocol), unknown_tasks=False)

@@ -26,9 +26,7 @@ class ControlGrid:
         factor: of displacements from the start.
     """
 
-    def __init__(
-        self, library: TaskLibrary, task: int, n_points: int = 101, factor: float = 1.0
-    ):
+    def __init__(self, library: TaskLibrary, task: int, n_points: int = 101, factor: float = 1.0):
         self.phase = np.linspace(1.0, 0.0, n_points)[::-1]
         self._n_controlled = library.n_controlled
         self._noise = library.control_noise_variance()
