@@ -204,8 +204,8 @@ def estimate_displacement_exponent(
     tried, found = (0.0, *DISPLACEMENT_EXPONENTS), []
     for path, log_s in compared:
         scaled = path / np.where(spread > 0.0, spread, 1.0)
-        agents = np.split(scaled, [n_observed], axis=2)
-        found.append([_left_out_errors(*agents, np.exp(b * log_s)) for b in tried])
+        observed, controlled = scaled[..., :n_observed], scaled[..., n_observed:]
+        found.append([_left_out_errors(observed, controlled, np.exp(b * log_s)) for b in tried])
     errors = np.log(np.maximum(np.hstack(found), 1e-12))
     best = int(np.argmin(errors.mean(axis=1)))
     gained = errors[0] - errors[best]
@@ -234,7 +234,7 @@ def _left_out_errors(observed: Floats, controlled: Floats, factor: Floats) -> Fl
         smoother = (vectors * kept) @ vectors.T
         left = (goal - smoother @ goal) / (1.0 - 1.0 / n - np.diag(smoother))[:, None]
         found.append(factor**2 * np.mean(left**2, axis=1))
-    return min(found, key=np.mean)
+    return min(found, key=lambda one: float(one.mean()))
 
 
 def _deviations(warps: Iterable[Warp]) -> Floats:

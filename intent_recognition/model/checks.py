@@ -36,8 +36,12 @@ OF_DEVIATION = ("correlation", "evidence", "controlled_follows", "duration_expon
 MAX_EXPONENT = 10.0
 """Largest size of an exponent of the duration. Convention: with 1 a movement begins at one speed,
 however long it takes."""
-PLAUSIBLE = {"log_duration_mean": 20.0, "none_log_duration": 20.0, "log_duration_std": 10.0}
-PLAUSIBLE |= {"displacement_exponent": MAX_EXPONENT}
+PLAUSIBLE = {
+    "log_duration_mean": 20.0,
+    "none_log_duration": 20.0,
+    "log_duration_std": 10.0,
+    "displacement_exponent": MAX_EXPONENT,
+}
 """Largest size of logarithms of durations [log s], of their standard deviations, and of exponents.
 Convention: neither nanoseconds nor years; from milliseconds to days."""
 SCALARS = (
