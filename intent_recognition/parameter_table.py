@@ -35,25 +35,16 @@ PARTS: Mapping[str, tuple[str, ...]] = {
 
 
 class ParameterSpec(NamedTuple):
-    """A parameter of a node.
+    """A parameter of a node."""
 
-    Attributes:
-        default: its default, whose type it keeps.
-        description: with the unit, and what a larger value does.
-        minimum: smallest value allowed; None: any.
-        maximum: largest value allowed; None: any.
-        live: whether it may change while the node runs.
-        kind: its type, where the default is an empty list: "string_array" or "double_array".
-        one_of: values allowed; empty: any.
-    """
-
-    default: Any
-    description: str
-    minimum: float | None = None
-    maximum: float | None = None
-    live: bool = False
+    default: Any  # its default, whose type it keeps
+    description: str  # with the unit, and what a larger value does
+    minimum: float | None = None  # smallest value allowed; None: any
+    maximum: float | None = None  # largest value allowed; None: any
+    live: bool = False  # whether it may change while the node runs
+    # its type, where the default is an empty list: "string_array" or "double_array"
     kind: str = "string_array"
-    one_of: tuple[str, ...] = ()
+    one_of: tuple[str, ...] = ()  # values allowed; empty: any
 
 
 @lru_cache(maxsize=1)

@@ -41,12 +41,9 @@ class RegisteredNode(NamedTuple):
     """A node, and the names it uses beside those of every node; relative, `~/` is its own.
 
     Names that only some of its parameters make it use are among them.
-
-    Attributes:
-        module: whose `main` runs it.
     """
 
-    module: str
+    module: str  # whose `main` runs it
     does: str
     subscribes: tuple[str, ...] = ()
     publishes: tuple[str, ...] = ()

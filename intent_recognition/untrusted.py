@@ -125,13 +125,9 @@ def load_yaml(text: str) -> Any:
 
 
 class YamlChecks(NamedTuple):
-    """Checks of what people write in YAML; what fails is an ArgumentError that names the place.
+    """Checks of what people write in YAML; what fails is an ArgumentError that names the place."""
 
-    Attributes:
-        cure: last sentence of its message.
-    """
-
-    cure: str
+    cure: str  # last sentence of its message
 
     def refuse(self, place: str, expected: str, got: object) -> NoReturn:
         """Raise the error."""

@@ -20,19 +20,13 @@ from intent_recognition.recognition import DecisionSettings, DecisionState
 
 @dataclass(frozen=True, eq=False)
 class PretriggerSettings:
-    """When to go ahead.
+    """When to go ahead."""
 
-    Attributes:
-        threshold: probability the next task must have, in (0, 1]; 0 never goes ahead.
-        timeout_s: how long to wait there for the human.
-        starts: where each task begins, label to (n,) [rad].
-        near_rad: an arm nearer than this in every joint is there already.
-    """
-
-    threshold: float = 0.0
-    timeout_s: float = 10.0
+    threshold: float = 0.0  # probability the next task must have, in (0, 1]; 0 never goes ahead
+    timeout_s: float = 10.0  # how long to wait there for the human
+    # where each task begins, label to (n,) [rad]
     starts: Mapping[str, Floats] = field(default_factory=dict)
-    near_rad: float = 0.02
+    near_rad: float = 0.02  # an arm nearer than this in every joint is there already
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.threshold <= 1.0:

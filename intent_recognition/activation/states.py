@@ -69,25 +69,15 @@ class Command(NamedTuple):
 
 
 class PlannedWay(NamedTuple):
-    """A motion along a path, which can be planned again at another speed.
+    """A motion along a path, which can be planned again at another speed."""
 
-    Attributes:
-        kind: of its plan as it is sent.
-        plan: with the phases on the path.
-        path: that it keeps to at any speed.
-        onset_ns: when the motion is to begin; None: as soon as it may.
-        slowed: whether it is slower than it would be without people.
-        command: that was sent: the plan, or a brake along the path.
-        blocked: whether it brakes because of things.
-    """
-
-    kind: str
-    plan: JointPlan
-    path: JointPath
-    onset_ns: int | None = None
-    slowed: bool = False
-    command: Command | None = None
-    blocked: bool = False
+    kind: str  # of its plan as it is sent
+    plan: JointPlan  # with the phases on the path
+    path: JointPath  # that it keeps to at any speed
+    onset_ns: int | None = None  # when the motion is to begin; None: as soon as it may
+    slowed: bool = False  # whether it is slower than it would be without people
+    command: Command | None = None  # that was sent: the plan, or a brake along the path
+    blocked: bool = False  # whether it brakes because of things
 
 
 class PredictedInteraction(NamedTuple):
@@ -111,21 +101,13 @@ class PredictedInteraction(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ActiveInteraction:
-    """The interaction the arm takes part in.
+    """The interaction the arm takes part in."""
 
-    Attributes:
-        prediction: the newest one that was planned with.
-        began_ns: when the arm began to take part; tells it from another one of the same task.
-        over: whether the human has finished.
-        vias: where the arm was left when somebody moved it.
-        ordered: whether it was begun without being recognised (`Activation.order`).
-    """
-
-    prediction: PredictedInteraction
-    began_ns: int
-    over: bool = False
-    vias: tuple[Via, ...] = ()
-    ordered: bool = False
+    prediction: PredictedInteraction  # the newest one that was planned with
+    began_ns: int  # when the arm began to take part; tells it from another one of the same task
+    over: bool = False  # whether the human has finished
+    vias: tuple[Via, ...] = ()  # where the arm was left when somebody moved it
+    ordered: bool = False  # whether it was begun without being recognised (`Activation.order`)
 
     def recognised(self, prediction: PredictedInteraction) -> "ActiveInteraction":
         """The same by a prediction of its task, which is active; from then on it is not ordered.
@@ -209,16 +191,11 @@ class Transition(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What became of an interaction.
-
-    Attributes:
-        what: "arrived", "broken off" or "stopped: REASON".
-        n_corrections: places to which a person took the arm.
-    """
+    """What became of an interaction."""
 
     label: str
-    what: str
-    n_corrections: int
+    what: str  # "arrived", "broken off" or "stopped: REASON"
+    n_corrections: int  # places to which a person took the arm
 
 
 def outcome_of(before: State, after: State) -> Outcome | None:

@@ -27,13 +27,9 @@ ROUNDING = 0.3
 
 
 class Curves(NamedTuple):
-    """Piecewise cubic demonstrations on an even grid of recorded phases.
+    """Piecewise cubic demonstrations on an even grid of recorded phases."""
 
-    Attributes:
-        coefficients: of 1, f, f^2, f^3 in each interval, (4, n, T - 1, D); f runs from 0 to 1.
-    """
-
-    coefficients: Floats
+    coefficients: Floats  # of 1, f, f^2, f^3 in each interval, (4, n, T - 1, D); f runs from 0 to 1
 
     @classmethod
     def through(cls, samples: Floats) -> "Curves":
@@ -64,23 +60,14 @@ class Curves(NamedTuple):
 
 
 class WarpProblem(NamedTuple):
-    """What the warps of n demonstrations are fitted to.
+    """What the warps of n demonstrations are fitted to."""
 
-    Attributes:
-        curves: the demonstrations, each DOF in units of its typical deviation after alignment.
-        reference: (T, D) at even reference phases, in the same units.
-        basis: of the log rate between the reference phases, (T - 1, K).
-        prior_precision: of the K weights of the log rate, (K, K).
-        end_std: prior standard deviation of h(0) and of h(1) - 1.
-        n_independent: samples of a demonstration that count as independent.
-    """
-
-    curves: Curves
-    reference: Floats
-    basis: Floats
-    prior_precision: Floats
-    end_std: float
-    n_independent: float
+    curves: Curves  # the demonstrations, each DOF in units of its typical deviation after alignment
+    reference: Floats  # (T, D) at even reference phases, in the same units
+    basis: Floats  # of the log rate between the reference phases, (T - 1, K)
+    prior_precision: Floats  # of the K weights of the log rate, (K, K)
+    end_std: float  # prior standard deviation of h(0) and of h(1) - 1
+    n_independent: float  # samples of a demonstration that count as independent
 
 
 class LocalCost(NamedTuple):

@@ -17,15 +17,10 @@ from intent_recognition.errors import BagError, MessageError
 
 
 class BagPart(NamedTuple):
-    """A part of a recording, to be written as a bag of its own, in a new directory.
+    """A part of a recording, to be written as a bag of its own, in a new directory."""
 
-    Attributes:
-        start_ns: log time of its first message, or earlier.
-        end_ns: log time of its last message, or later; before the next part begins.
-    """
-
-    start_ns: int
-    end_ns: int
+    start_ns: int  # log time of its first message, or earlier
+    end_ns: int  # log time of its last message, or later; before the next part begins
     path: Path
     custom_data: Mapping[str, str]
 

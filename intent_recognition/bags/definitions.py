@@ -27,19 +27,12 @@ NUMPY_TYPES = {"bool": "bool", "byte": "uint8", "octet": "uint8", "char": "uint8
 
 @dataclass(frozen=True)
 class Definition:
-    """What a bag says about a message type.
+    """What a bag says about a message type."""
 
-    Attributes:
-        type: "package/msg/Name".
-        text: its definition and those of all types it contains.
-        type_hash: its RIHS01 hash, "" when unknown.
-        encoding: of `text`, as MCAP names it.
-    """
-
-    type: str
-    text: str
-    type_hash: str
-    encoding: str = "ros2msg"
+    type: str  # "package/msg/Name"
+    text: str  # its definition and those of all types it contains
+    type_hash: str  # its RIHS01 hash, "" when unknown
+    encoding: str = "ros2msg"  # of `text`, as MCAP names it
 
 
 @lru_cache(maxsize=1)

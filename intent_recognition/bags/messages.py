@@ -32,39 +32,25 @@ RECOVER = "Save what is left with `intent recover`."
 
 @dataclass(frozen=True)
 class RawMessage:
-    """One message as it was recorded.
+    """One message as it was recorded."""
 
-    Attributes:
-        topic: name as recorded.
-        type: "package/msg/Name".
-        data: CDR bytes with their encapsulation header.
-        sequence: number given by the publisher, 0 when unknown.
-    """
-
-    topic: str
-    type: str
+    topic: str  # name as recorded
+    type: str  # "package/msg/Name"
     log_time_ns: int
     publish_time_ns: int
-    data: bytes
-    sequence: int = 0
+    data: bytes  # CDR bytes with their encapsulation header
+    sequence: int = 0  # number given by the publisher, 0 when unknown
 
 
 @dataclass(frozen=True)
 class BagMessage:
-    """One decoded message.
+    """One decoded message."""
 
-    Attributes:
-        topic: name as recorded.
-        type: "package/msg/Name".
-        stamp_ns: stamp of its header, or the log time for a type without header.
-        message: an object with the attributes of the type.
-    """
-
-    topic: str
-    type: str
+    topic: str  # name as recorded
+    type: str  # "package/msg/Name"
     log_time_ns: int
-    stamp_ns: int
-    message: Any
+    stamp_ns: int  # stamp of its header, or the log time for a type without header
+    message: Any  # an object with the attributes of the type
 
 
 def complete_schema(said: Schema | None, type_name: str) -> Schema | None:

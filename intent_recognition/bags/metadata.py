@@ -18,40 +18,28 @@ RECORD_NAME, RECORD_KEY = "rosbag2", "serialized_metadata"
 
 @dataclass(frozen=True)
 class TopicInfo:
-    """One topic of a bag.
+    """One topic of a bag."""
 
-    Attributes:
-        name: topic name as recorded, with its leading slash.
-        type_hash: RIHS01 hash of the type.
-        offered_qos_profiles: rosbag2's list of QoS profiles, empty when unknown.
-    """
-
-    name: str
+    name: str  # topic name as recorded, with its leading slash
     type: str
     message_count: int = 0
-    type_hash: str = ""
+    type_hash: str = ""  # RIHS01 hash of the type
+    # rosbag2's list of QoS profiles, empty when unknown
     offered_qos_profiles: tuple[Mapping, ...] = ()
 
 
 @dataclass(frozen=True)
 class BagMetadata:
-    """The content of a metadata.yaml.
+    """The content of a metadata.yaml."""
 
-    Attributes:
-        files: names of the MCAP files, in order.
-        start_ns: log time of the first message; the last is `duration_ns` later.
-        custom_data: texts that the recorder stored, by key.
-        storage: identifier of the storage plugin.
-        compression: format of compressed files or messages, "" for none.
-    """
-
-    files: tuple[str, ...]
-    start_ns: int = 0
+    files: tuple[str, ...]  # names of the MCAP files, in order
+    start_ns: int = 0  # log time of the first message; the last is `duration_ns` later
     duration_ns: int = 0
     topics: tuple[TopicInfo, ...] = ()
+    # texts that the recorder stored, by key
     custom_data: Mapping[str, str] = field(default_factory=dict)
-    storage: str = "mcap"
-    compression: str = ""
+    storage: str = "mcap"  # identifier of the storage plugin
+    compression: str = ""  # format of compressed files or messages, "" for none
 
     @property
     def message_count(self) -> int:

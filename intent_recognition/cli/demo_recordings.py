@@ -46,20 +46,13 @@ movement, and the arm goes on with what it has begun."""
 
 
 class Shown(NamedTuple):
-    """What the arm did while a recording was played.
+    """What the arm did while a recording was played."""
 
-    Attributes:
-        name: of the recording.
-        label: of the recording; empty where it has none.
-        task: that the arm acted on; empty for none.
-        after_s: when, from the recording's begin [s].
-        off_cm: distance from the arm's hand to where the taught one ended; NaN if it did not act.
-    """
-
-    name: str
-    label: str
-    task: str
-    after_s: float
+    name: str  # of the recording
+    label: str  # of the recording; empty where it has none
+    task: str  # that the arm acted on; empty for none
+    after_s: float  # when, from the recording's begin [s]
+    # distance from the arm's hand to where the taught one ended; NaN if it did not act
     off_cm: float
 
 

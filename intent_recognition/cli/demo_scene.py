@@ -54,29 +54,17 @@ they are predicted to."""
 
 
 class Scene(NamedTuple):
-    """A session before it begins.
+    """A session before it begins."""
 
-    Attributes:
-        bags: shipped recordings to learn from.
-        dofs: shipped DOF file that they are read by; empty: the default.
-        sessions: shipped recordings that tell which task follows which; empty: none.
-        graph: of the nodes.
-        arguments: of the graph.
-        own: parameters that depend on the arm, by node.
-        plans: what the workers do, by name; the only one has none.
-        scorings: where the hand belongs, and where it is, for each of them.
-        note: what a user should know of the arm; empty: nothing.
-    """
-
-    bags: str
-    dofs: str
-    sessions: str
-    graph: str
-    arguments: Mapping[str, object]
-    own: Mapping[str, Mapping[str, object]]
-    plans: Mapping[str, "SessionPlan"]
-    scorings: Mapping[str, "Scoring"]
-    note: str = ""
+    bags: str  # shipped recordings to learn from
+    dofs: str  # shipped DOF file that they are read by; empty: the default
+    sessions: str  # shipped recordings that tell which task follows which; empty: none
+    graph: str  # of the nodes
+    arguments: Mapping[str, object]  # of the graph
+    own: Mapping[str, Mapping[str, object]]  # parameters that depend on the arm, by node
+    plans: Mapping[str, "SessionPlan"]  # what the workers do, by name; the only one has none
+    scorings: Mapping[str, "Scoring"]  # where the hand belongs, and where it is, for each of them
+    note: str = ""  # what a user should know of the arm; empty: nothing
 
 
 def make_scene(args: argparse.Namespace) -> Scene:

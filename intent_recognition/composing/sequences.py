@@ -88,21 +88,14 @@ class Moment(NamedTuple):
 
 
 class SequenceProgress(NamedTuple):
-    """How far a session is in a sequence.
+    """How far a session is in a sequence."""
 
-    Attributes:
-        name: of the sequence; empty outside of any.
-        step: number of the step that runs or is waited for.
-        ordered: whether its condition has held: it shall begin.
-        n_started: interactions that were taken into account.
-    """
-
-    name: str = ""
-    step: int = 0
+    name: str = ""  # of the sequence; empty outside of any
+    step: int = 0  # number of the step that runs or is waited for
     running: bool = False
     since_s: float = 0.0
-    ordered: bool = False
-    n_started: int = 0
+    ordered: bool = False  # whether its condition has held: it shall begin
+    n_started: int = 0  # interactions that were taken into account
 
 
 def advance(sequences: Sequences, progress: SequenceProgress, moment: Moment) -> SequenceProgress:

@@ -57,17 +57,11 @@ class PredictedMotion:
 
 @dataclass(frozen=True)
 class PathMarkers:
-    """The newest of `intent/markers`, as arrays.
+    """The newest of `intent/markers`, as arrays."""
 
-    Attributes:
-        observed: path so far (A, 3) [m].
-        predicted: rest of the path (B, 3) [m].
-        tube: corners of the +-2 sigma tube's triangles (C, 3) [m].
-    """
-
-    observed: Floats
-    predicted: Floats
-    tube: Floats
+    observed: Floats  # path so far (A, 3) [m]
+    predicted: Floats  # rest of the path (B, 3) [m]
+    tube: Floats  # corners of the +-2 sigma tube's triangles (C, 3) [m]
 
 
 @dataclass(frozen=True)

@@ -25,18 +25,12 @@ MOST_LEAN_RAD = 0.8
 
 @dataclass(frozen=True)
 class Stance:
-    """Where a person stands.
+    """Where a person stands."""
 
-    Attributes:
-        ground_m: between the feet (3,), world.
-        faces_rad: direction of the face, about the world's z; 0 is along x.
-        left: whether the left wrist is the given one.
-    """
-
-    ground_m: Floats
-    faces_rad: float = 0.0
+    ground_m: Floats  # between the feet (3,), world
+    faces_rad: float = 0.0  # direction of the face, about the world's z; 0 is along x
     height_m: float = 1.75
-    left: bool = False
+    left: bool = False  # whether the left wrist is the given one
 
     @property
     def arm_m(self) -> tuple[float, float]:

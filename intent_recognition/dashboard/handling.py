@@ -52,22 +52,15 @@ class Rest:
 
 @dataclass(frozen=True)
 class HandlingMoment:
-    """What the topics say now.
-
-    Attributes:
-        active: task that the robot is executing, "" if none.
-        begun: task that the person does, as far as is known, "" if none.
-        hand: pose of the robot's hand (4, 4), world; None if it is unknown.
-        wrists: of the people by name (3,) [m], world; None if it is unknown.
-        helped: name of whom the robot helps; empty for nobody, or the only person.
-    """
+    """What the topics say now."""
 
     now_s: float
-    active: str
-    begun: str
-    hand: Floats | None
+    active: str  # task that the robot is executing, "" if none
+    begun: str  # task that the person does, as far as is known, "" if none
+    hand: Floats | None  # pose of the robot's hand (4, 4), world; None if it is unknown
+    # of the people by name (3,) [m], world; None if it is unknown
     wrists: Mapping[str, Floats | None]
-    helped: str = ""
+    helped: str = ""  # name of whom the robot helps; empty for nobody, or the only person
 
     @property
     def wrist(self) -> Floats | None:

@@ -49,18 +49,12 @@ class Placed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, dict
 
 
 class ScenePart(Placed, frozen=True):
-    """A shape with a colour, placed in the frame of its thing; a cylinder lies along z.
+    """A shape with a colour, placed in the frame of its thing; a cylinder lies along z."""
 
-    Attributes:
-        box: its edges [m].
-        cylinder: its radius and length [m].
-        sphere: its radius [m]; of the three there is one.
-        colour: #rrggbb; empty: that of the thing's task.
-    """
-
-    box: tuple[Size, Size, Size] | None = None
-    cylinder: tuple[Size, Size] | None = None
-    sphere: Size | None = None
+    box: tuple[Size, Size, Size] | None = None  # its edges [m]
+    cylinder: tuple[Size, Size] | None = None  # its radius and length [m]
+    sphere: Size | None = None  # its radius [m]; of the three there is one
+    # #rrggbb; empty: that of the thing's task
     colour: Annotated[str, Meta(pattern=r"^#[0-9a-fA-F]{6}\Z")] = ""
 
     def __post_init__(self) -> None:
@@ -69,13 +63,9 @@ class ScenePart(Placed, frozen=True):
 
 
 class Thing(Placed, frozen=True):
-    """Something that stays where it is, in the world.
+    """Something that stays where it is, in the world."""
 
-    Attributes:
-        name: one word, unique in the scene.
-    """
-
-    name: Annotated[str, Meta(pattern=r"^\w+\Z")]
+    name: Annotated[str, Meta(pattern=r"^\w+\Z")]  # one word, unique in the scene
     parts: Annotated[tuple[ScenePart, ...], Meta(min_length=1, max_length=MOST_NAMES)]
 
 
@@ -103,23 +93,15 @@ class Body(Thing, frozen=True):
 
 @dataclass(frozen=True)
 class CellScene:
-    """All that the file says.
+    """All that the file says."""
 
-    Attributes:
-        floor_m: height of the floor in the world.
-        person: where the only person stands; None: no figure is drawn.
-        people: where others stand, by name.
-        furniture: what never moves.
-        bodies: what is taken and given.
-        view: where the camera is at first, and what it looks at, (3,) [m] each.
-    """
-
-    floor_m: float = 0.0
-    person: Stance | None = None
-    furniture: tuple[Thing, ...] = ()
-    bodies: tuple[Body, ...] = ()
+    floor_m: float = 0.0  # height of the floor in the world
+    person: Stance | None = None  # where the only person stands; None: no figure is drawn
+    furniture: tuple[Thing, ...] = ()  # what never moves
+    bodies: tuple[Body, ...] = ()  # what is taken and given
+    # where the camera is at first, and what it looks at, (3,) [m] each
     view: tuple[Vector, Vector] = ((1.72, -1.38, 1.05), (0.48, 0.0, 0.33))
-    people: Mapping[str, Stance] = field(default_factory=dict)
+    people: Mapping[str, Stance] = field(default_factory=dict)  # where others stand, by name
 
 
 class _Person(Struct, forbid_unknown_fields=True):

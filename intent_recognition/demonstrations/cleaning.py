@@ -38,23 +38,15 @@ MISSING_DOF = "missing_dof"
 
 @dataclass(frozen=True)
 class TopicSamples:
-    """The T accepted messages of one topic.
+    """The T accepted messages of one topic."""
 
-    Attributes:
-        stamps_ns: int64 (T,), strictly increasing.
-        log_times_ns: int64 (T,).
-        content: all messages recorded; accepted poses are in the world frame.
-        rows: which of these were accepted, int64 (T,).
-        rejected: number of the others, by reason.
-        frames: in which the content is, sorted and without those that have no name: for raw poses
-            the world, or the frame that counts as it; for others those the headers name.
-    """
-
-    stamps_ns: Integers
-    log_times_ns: Integers
-    content: Content
-    rows: Integers
-    rejected: Mapping[str, int]
+    stamps_ns: Integers  # int64 (T,), strictly increasing
+    log_times_ns: Integers  # int64 (T,)
+    content: Content  # all messages recorded; accepted poses are in the world frame
+    rows: Integers  # which of these were accepted, int64 (T,)
+    rejected: Mapping[str, int]  # number of the others, by reason
+    # in which the content is, sorted and without those that have no name: for raw poses the world,
+    # or the frame that counts as it; for others those the headers name
     frames: tuple[str, ...] = ()
 
 

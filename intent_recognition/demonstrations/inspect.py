@@ -33,50 +33,36 @@ EMPTY = "it holds no messages: nothing was published while it was recorded"
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """One topic of a recording, with all messages that can be read.
-
-    Attributes:
-        rate_hz: one over the median step of the stamps, 0 with fewer than two messages.
-        gaps: (stamp_ns before the gap, length in s) of every step longer than three medians.
-        longest_gap_s: longest step, 0 with fewer than two messages.
-        rejected: messages a node would drop, by reason (raw poses: outliers and bad stamps;
-            others: bad stamps).
-        not_finite: messages that hold NaN or infinity anywhere.
-        undecodable: messages that do not fit their type.
-    """
+    """One topic of a recording, with all messages that can be read."""
 
     name: str
     type: str
     count: int
-    rate_hz: float = 0.0
+    rate_hz: float = 0.0  # one over the median step of the stamps, 0 with fewer than two messages
+    # (stamp_ns before the gap, length in s) of every step longer than three medians
     gaps: tuple[tuple[int, float], ...] = ()
-    longest_gap_s: float = 0.0
+    longest_gap_s: float = 0.0  # longest step, 0 with fewer than two messages
+    # messages a node would drop, by reason (raw poses: outliers and bad stamps; others: bad stamps)
     rejected: Mapping[str, int] = field(default_factory=dict)
-    not_finite: int = 0
-    undecodable: int = 0
+    not_finite: int = 0  # messages that hold NaN or infinity anywhere
+    undecodable: int = 0  # messages that do not fit their type
 
 
 @dataclass(frozen=True)
 class BagSummary:
-    """A whole recording, from the log time of its first message that can be read to the last.
-
-    Attributes:
-        topics: one summary each, in the order recorded.
-        demonstrations: of a session bag, in order; empty for others.
-        unfinished: demonstrations of a session whose end is missing or whose label is none.
-        notes: other oddities, as sentences.
-    """
+    """A whole recording, from the log time of its first message that can be read to the last."""
 
     path: str
     task: str | None
     custom_data: Mapping[str, str]
     start_ns: int
     end_ns: int
-    topics: tuple[TopicSummary, ...]
-    demonstrations: tuple[SessionPart, ...] = ()
+    topics: tuple[TopicSummary, ...]  # one summary each, in the order recorded
+    demonstrations: tuple[SessionPart, ...] = ()  # of a session bag, in order; empty for others
+    # demonstrations of a session whose end is missing or whose label is none
     unfinished: tuple[Rejection, ...] = ()
     damage: tuple[Damage, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # other oddities, as sentences
 
     @property
     def duration_s(self) -> float:

@@ -66,14 +66,10 @@ class Source(Enum):
 
 
 class Sample(NamedTuple):
-    """One measurement.
-
-    Attributes:
-        observation: its `group` counts the signals of that source.
-    """
+    """One measurement."""
 
     source: Source
-    observation: Observation
+    observation: Observation  # its `group` counts the signals of that source
 
 
 class ObservationReader:

@@ -28,29 +28,20 @@ ACTIVE_TOPIC = "intent/active_task"
 
 @dataclass(frozen=True)
 class SessionPart:
-    """One demonstration of a session.
+    """One demonstration of a session."""
 
-    Attributes:
-        index: its number in the session, from 0.
-        start_ns: when it began, on the clock of the messages' stamps.
-    """
-
-    index: int
+    index: int  # its number in the session, from 0
     task: str
-    start_ns: int
+    start_ns: int  # when it began, on the clock of the messages' stamps
     end_ns: int
 
 
 class TaskSequence(NamedTuple):
-    """Tasks that followed one another without a long pause between them.
-
-    Attributes:
-        durations_s: time between each label and the empty text after it.
-    """
+    """Tasks that followed one another without a long pause between them."""
 
     source: str
     tasks: tuple[str, ...]
-    durations_s: tuple[float, ...] = ()
+    durations_s: tuple[float, ...] = ()  # time between each label and the empty text after it
 
 
 def clock_shift_ns(differences: Integers) -> int:

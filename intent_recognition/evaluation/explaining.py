@@ -29,38 +29,23 @@ from intent_recognition.recognition import (
 
 
 class Without(NamedTuple):
-    """What would have been decided without a signal.
+    """What would have been decided without a signal."""
 
-    Attributes:
-        task: the first that would have become active during the movement; empty for none.
-        after_s: when, after the onset that was found with all signals; None for never.
-    """
-
-    task: str
-    after_s: float | None
+    task: str  # the first that would have become active during the movement; empty for none
+    after_s: float | None  # when, after the onset that was found with all signals; None for never
 
 
 class Explanation(NamedTuple):
-    """A decision, or a movement during which none was taken.
+    """A decision, or a movement during which none was taken."""
 
-    Attributes:
-        task: what became active; empty where nothing did.
-        after_s: of the decision, after onset; without one, when a task was the most probable.
-        labels: of the K tasks, and none.
-        times_s: of the n estimates of the movement, after onset, (n,).
-        probabilities: theirs, (n, K + 1).
-        evidence: for the task (or the most probable one) against a rival, at that moment.
-        without: what would have been decided, by the name of what was missing.
-    """
-
-    task: str
+    task: str  # what became active; empty where nothing did
     onset_ns: int
-    after_s: float
-    labels: tuple[str, ...]
-    times_s: Floats
-    probabilities: Floats
-    evidence: Evidence
-    without: Mapping[str, Without]
+    after_s: float  # of the decision, after onset; without one, when a task was the most probable
+    labels: tuple[str, ...]  # of the K tasks, and none
+    times_s: Floats  # of the n estimates of the movement, after onset, (n,)
+    probabilities: Floats  # theirs, (n, K + 1)
+    evidence: Evidence  # for the task (or the most probable one) against a rival, at that moment
+    without: Mapping[str, Without]  # what would have been decided, by the name of what was missing
 
     def to_json(self) -> dict[str, object]:
         """As plain values; stamps in nanoseconds, evidence in nats."""

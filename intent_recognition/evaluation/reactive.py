@@ -70,15 +70,11 @@ def _scale(windows: Floats, signals: Sequence[Signal]) -> Floats:
 
 
 class ReactiveCase(NamedTuple):
-    """One recording that was left out.
-
-    Attributes:
-        start: posture of the controlled agent when it begins.
-    """
+    """One recording that was left out."""
 
     windows: NearestWindows
     test: Demonstration
-    start: StartPosture
+    start: StartPosture  # posture of the controlled agent when it begins
 
     def score(
         self, scores: ScoreTable, run: MovementFilter, task_weights: Floats, elapsed_s: float

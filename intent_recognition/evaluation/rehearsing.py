@@ -26,28 +26,17 @@ from intent_recognition.signals import Demonstration
 
 
 class Rehearsed(NamedTuple):
-    """What a model would have done during one recording.
-
-    Attributes:
-        activated: all tasks that became active, in order.
-        decided_s: when the true one did, after the movement's start; NaN if it never did.
-        labels: of the K tasks, and none.
-        times_s: of the n estimates of the movement, after its start, (n,).
-        probabilities: theirs, (n, K + 1).
-        active: what was active then, empty for nothing, n texts.
-        odds_against: log odds of all else against the true task, (n,).
-        computed_s: what each observation took to compute, (m,).
-    """
+    """What a model would have done during one recording."""
 
     recorded: Demonstration
-    activated: tuple[str, ...]
-    decided_s: float
-    labels: tuple[str, ...]
-    times_s: Floats
-    probabilities: Floats
-    active: tuple[str, ...]
-    odds_against: Floats
-    computed_s: Floats
+    activated: tuple[str, ...]  # all tasks that became active, in order
+    decided_s: float  # when the true one did, after the movement's start; NaN if it never did
+    labels: tuple[str, ...]  # of the K tasks, and none
+    times_s: Floats  # of the n estimates of the movement, after its start, (n,)
+    probabilities: Floats  # theirs, (n, K + 1)
+    active: tuple[str, ...]  # what was active then, empty for nothing, n texts
+    odds_against: Floats  # log odds of all else against the true task, (n,)
+    computed_s: Floats  # what each observation took to compute, (m,)
 
     @property
     def task(self) -> str:

@@ -22,16 +22,11 @@ from intent_recognition.tracking import IngestSettings
 
 
 class Decided(NamedTuple):
-    """An estimate, and what the decision made of it.
+    """An estimate, and what the decision made of it."""
 
-    Attributes:
-        estimate: after an observation of the human.
-        state: of the decision.
-        end_std: what was predicted of the end, by unit; None where nothing was.
-    """
-
-    estimate: Estimate
-    state: DecisionState
+    estimate: Estimate  # after an observation of the human
+    state: DecisionState  # of the decision
+    # what was predicted of the end, by unit; None where nothing was
     end_std: Mapping[str, float] | None
 
 

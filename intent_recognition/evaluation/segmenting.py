@@ -26,17 +26,11 @@ from intent_recognition.signals import OnsetSettings, Span, propose_spans
 
 
 class Segment(NamedTuple):
-    """One interaction of a session.
+    """One interaction of a session."""
 
-    Attributes:
-        start_ns: onset of the human's movement.
-        end_ns: when the last of both agents has come to rest.
-        task: its label; None where no model has said one.
-    """
-
-    start_ns: int
-    end_ns: int
-    task: str | None
+    start_ns: int  # onset of the human's movement
+    end_ns: int  # when the last of both agents has come to rest
+    task: str | None  # its label; None where no model has said one
 
 
 def propose_segments(path: Path, dofs: DofSpec) -> list[Segment]:

@@ -26,17 +26,11 @@ CONDITIONS = (
 
 @dataclass(frozen=True)
 class HandError:
-    """Distance between hand and its right place over n interactions, in cm.
+    """Distance between hand and its right place over n interactions, in cm."""
 
-    Attributes:
-        n: interactions measured.
-        mean_cm: mean, None when n is 0.
-        two_std_cm: two (sample) standard deviations, None when n is below 2.
-    """
-
-    n: int
-    mean_cm: float | None
-    two_std_cm: float | None
+    n: int  # interactions measured
+    mean_cm: float | None  # mean, None when n is 0
+    two_std_cm: float | None  # two (sample) standard deviations, None when n is below 2
 
     def __str__(self) -> str:
         """As `3.2 +- 2.6 cm`; a dash stands for what is not known."""
@@ -124,26 +118,16 @@ class InteractionRecord:
 
 @dataclass(frozen=True)
 class PersonSummary:
-    """The interactions of one of several people.
-
-    Attributes:
-        n: interactions.
-        recognised: of them those whose task was the most probable one at the end of the movement.
-        helped: of them those in which the arm did that task for this person.
-        handed_over: of them those in which the object changed hands.
-        wrong_helps: times that the arm began to help while the person neither moved nor waited.
-        median_arrival_s: after the end of the movement; None where the arm never came.
-        largest_force_n: of the person on an object; None without any.
-    """
+    """The interactions of one of several people."""
 
     person: str
-    n: int
-    recognised: int
-    helped: int
-    handed_over: int
-    wrong_helps: int
-    median_arrival_s: float | None
-    largest_force_n: float | None
+    n: int  # interactions
+    recognised: int  # of them those whose task was the most probable one at the end of the movement
+    helped: int  # of them those in which the arm did that task for this person
+    handed_over: int  # of them those in which the object changed hands
+    wrong_helps: int  # times that the arm began to help while the person neither moved nor waited
+    median_arrival_s: float | None  # after the end of the movement; None where the arm never came
+    largest_force_n: float | None  # of the person on an object; None without any
 
 
 @dataclass(frozen=True)

@@ -13,16 +13,11 @@ from intent_recognition.learning import Trained, TrainingExample, example_of
 
 
 class Suggestion(NamedTuple):
-    """A demonstration that is worth more than others.
-
-    Attributes:
-        like: number of the rehearsed movement that it should be like.
-        prevented: of the rehearsed interactions, how many fewer are expected to go wrong.
-    """
+    """A demonstration that is worth more than others."""
 
     task: str
-    like: int
-    prevented: float
+    like: int  # number of the rehearsed movement that it should be like
+    prevented: float  # of the rehearsed interactions, how many fewer are expected to go wrong
 
 
 def suggest_next(trained: Trained, rehearsal: Rehearsal, n: int) -> list[Suggestion]:

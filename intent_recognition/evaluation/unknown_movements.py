@@ -29,25 +29,18 @@ from intent_recognition.signals import Demonstration, merge
 
 
 class MovementOutcome(NamedTuple):
-    """The decision about one movement.
+    """The decision about one movement."""
 
-    Attributes:
-        task: the true one.
-        log_odds: highest log odds that one known task held against all else for as many
-            consecutive observations as the decision requires; minus infinity if there were too few.
-        above_threshold: whether they passed the decision's threshold.
-        activated: the task that became active first, empty if none did.
-        recognised: the first without the limit on the uncertainty of the predicted end.
-        end_std: standard deviation of the predicted end of what was recognised, at the end of the
-            movement, the largest over the controlled DOFs of the unit in which it is least certain;
-            NaN where nothing was recognised.
-    """
-
-    task: str
+    task: str  # the true one
+    # highest log odds that one known task held against all else for as many consecutive
+    # observations as the decision requires; minus infinity if there were too few
     log_odds: float
-    above_threshold: bool
-    activated: str
-    recognised: str = ""
+    above_threshold: bool  # whether they passed the decision's threshold
+    activated: str  # the task that became active first, empty if none did
+    recognised: str = ""  # the first without the limit on the uncertainty of the predicted end
+    # standard deviation of the predicted end of what was recognised, at the end of the movement,
+    # the largest over the controlled DOFs of the unit in which it is least certain; NaN where
+    # nothing was recognised
     end_std: float = np.nan
 
     @property

@@ -10,18 +10,12 @@ from intent_recognition.promp import PhaseDeviation, deviation_prior, deviation_
 
 
 class Deviations(NamedTuple):
-    """What was believed of some hypotheses' phase deviation, one measurement after the other.
+    """What was believed of some hypotheses' phase deviation, one measurement after the other."""
 
-    Attributes:
-        times_s: of the n measurements after onset, (n,), ascending; a late one has the time of the
-            one before.
-        filtered: probability of each deviation given the measurements so far, (n, S, E).
-        likelihood: what each measurement weighed the deviations with, (n, S, E).
-    """
-
+    # of the n measurements after onset, (n,), ascending; a late one has the time of the one before
     times_s: Floats
-    filtered: Floats
-    likelihood: Floats
+    filtered: Floats  # probability of each deviation given the measurements so far, (n, S, E)
+    likelihood: Floats  # what each measurement weighed the deviations with, (n, S, E)
 
 
 def deviations_at(

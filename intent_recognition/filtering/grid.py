@@ -15,22 +15,14 @@ N_SCALES = 15
 
 
 class PriorGrid(NamedTuple):
-    """K + 1 tasks (none last) by S durations, flattened task by task; B of them.
+    """K + 1 tasks (none last) by S durations, flattened task by task; B of them."""
 
-    Attributes:
-        n_scales: S.
-        duration_s: duration of the whole interaction under each hypothesis, (B,).
-        log_prior: log prior probability of each, (B,); sums to one as probabilities.
-        duration_evidence: exponent of the evidence in the posterior of the duration.
-        task_evidence: exponent of the evidence of the tasks against each other.
-        none_margin: evidence that a known task must have over none before it counts, in nats.
-    """
-
-    n_scales: int
-    duration_s: Floats
-    log_prior: Floats
-    duration_evidence: float = 1.0
-    task_evidence: float = 1.0
+    n_scales: int  # S
+    duration_s: Floats  # duration of the whole interaction under each hypothesis, (B,)
+    log_prior: Floats  # log prior probability of each, (B,); sums to one as probabilities
+    duration_evidence: float = 1.0  # exponent of the evidence in the posterior of the duration
+    task_evidence: float = 1.0  # exponent of the evidence of the tasks against each other
+    # evidence that a known task must have over none before it counts, in nats
     none_margin: float = 0.0
 
     @property

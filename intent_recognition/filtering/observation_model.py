@@ -17,26 +17,17 @@ half of it, and a thousandth of slack for stamps (docs/decisions/one_filter.md).
 
 
 class Measurement(NamedTuple):
-    """One observation as the filter takes it.
+    """One observation as the filter takes it."""
 
-    Attributes:
-        elapsed_s: time since onset.
-        interval_s: time since the measurement before, zero or more; infinite at the first one.
-        dofs: index of the observed DOF behind each value, (m,).
-        values: (m,).
-        noise_covariance: of the values, (m, m), positive definite.
-        derivative: whether velocities were measured.
-        freedom: degrees of freedom of the density that the evidence is computed with. Where a
-            movement begins counts in full: the heavy tails are for what people do on the way, and a
-            movement that begins elsewhere is not a known one.
-    """
-
-    elapsed_s: float
-    interval_s: float
-    dofs: Integers
-    values: Floats
-    noise_covariance: Floats
-    derivative: bool
+    elapsed_s: float  # time since onset
+    interval_s: float  # time since the measurement before, zero or more; infinite at the first one
+    dofs: Integers  # index of the observed DOF behind each value, (m,)
+    values: Floats  # (m,)
+    noise_covariance: Floats  # of the values, (m, m), positive definite
+    derivative: bool  # whether velocities were measured
+    # degrees of freedom of the density that the evidence is computed with. Where a movement begins
+    # counts in full: the heavy tails are for what people do on the way, and a movement that begins
+    # elsewhere is not a known one.
     freedom: float = inf
 
 

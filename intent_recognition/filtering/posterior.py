@@ -27,19 +27,12 @@ from intent_recognition.gaussian import log_sum
 
 
 class CourseTimes(NamedTuple):
-    """When n hypotheses say that the course of their tasks began, and how long it takes.
+    """When n hypotheses say that the course of their tasks began, and how long it takes."""
 
-    Attributes:
-        task: number of the task of each, (n,).
-        weight: their probabilities given the task, (n,).
-        begin_s: when it began, after onset, (n,).
-        course_s: how long it takes, (n,).
-    """
-
-    task: Integers
-    weight: Floats
-    begin_s: Floats
-    course_s: Floats
+    task: Integers  # number of the task of each, (n,)
+    weight: Floats  # their probabilities given the task, (n,)
+    begin_s: Floats  # when it began, after onset, (n,)
+    course_s: Floats  # how long it takes, (n,)
 
     def expected(self, values: Floats) -> Floats:
         """What is expected given the task, (K + 1,), of what each hypothesis says, (n,)."""

@@ -48,25 +48,16 @@ if KERNEL != "numpy":
 
 
 class LinearMeasurement(NamedTuple):
-    """One measurement y = H w + e, as n Gaussians over the weights take it.
+    """One measurement y = H w + e, as n Gaussians over the weights take it."""
 
-    Attributes:
-        dofs: index of the DOF behind each value, (m,), in any order; one may come twice.
-        rows: of the basis functions at each phase deviation, shared by the DOFs, (n, E, N).
-        values: (m,), or (n, m) for values of their own.
-        noise_covariance: (m, m), or (n, m, m) for noise of their own, positive definite.
-        transition: of the deviation since the measurement before, (n, E, E); None at the first one.
-        exponent: of the evidence in the posterior of the deviation.
-        degrees_of_freedom: of the Student density that the evidence is computed with.
-    """
-
-    dofs: Integers
-    rows: Floats
-    values: Floats
-    noise_covariance: Floats
+    dofs: Integers  # index of the DOF behind each value, (m,), in any order; one may come twice
+    rows: Floats  # of the basis functions at each phase deviation, shared by the DOFs, (n, E, N)
+    values: Floats  # (m,), or (n, m) for values of their own
+    noise_covariance: Floats  # (m, m), or (n, m, m) for noise of their own, positive definite
+    # of the deviation since the measurement before, (n, E, E); None at the first one
     transition: Floats | None = None
-    exponent: float = 1.0
-    degrees_of_freedom: float = inf
+    exponent: float = 1.0  # of the evidence in the posterior of the deviation
+    degrees_of_freedom: float = inf  # of the Student density that the evidence is computed with
 
 
 class GaussianBatch:

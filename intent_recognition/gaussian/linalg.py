@@ -98,16 +98,11 @@ class AffineSpan(NamedTuple):
     """n vectors of length d as coordinates in the at most n - 1 dimensions they span.
 
     `vectors = mean + coordinates @ axes`; distances and inner products of deviations are kept.
-
-    Attributes:
-        mean: of the vectors, (d,).
-        axes: orthonormal principal axes, (r, d), that of the largest variance first.
-        coordinates: (n, r), zero on average.
     """
 
-    mean: Floats
-    axes: Floats
-    coordinates: Floats
+    mean: Floats  # of the vectors, (d,)
+    axes: Floats  # orthonormal principal axes, (r, d), that of the largest variance first
+    coordinates: Floats  # (n, r), zero on average
 
 
 def affine_span(vectors: Floats) -> AffineSpan:

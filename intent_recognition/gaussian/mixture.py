@@ -35,16 +35,11 @@ EMPTY = 1e-8
 
 
 class CovariancePrior(NamedTuple):
-    """What is known of a component's covariance before its members are seen.
+    """What is known of a component's covariance before its members are seen."""
 
-    Attributes:
-        floor: variance added along every axis, positive.
-        strength: equivalent sample size of T, in points.
-        shared: equivalent sample size, within T, of the variance over all components together.
-    """
-
-    floor: float
-    strength: float = 0.0
+    floor: float  # variance added along every axis, positive
+    strength: float = 0.0  # equivalent sample size of T, in points
+    # equivalent sample size, within T, of the variance over all components together
     shared: float = 0.0
 
 
@@ -88,17 +83,11 @@ class Components(NamedTuple):
 
 
 class MixtureFit(NamedTuple):
-    """What EM converged to.
+    """What EM converged to."""
 
-    Attributes:
-        responsibilities: (B, n, K); zero for points left out.
-        log_likelihood: mean over the points that were not left out, (B,).
-        components: the mixtures, from these responsibilities.
-    """
-
-    responsibilities: Floats
-    log_likelihood: Floats
-    components: Components
+    responsibilities: Floats  # (B, n, K); zero for points left out
+    log_likelihood: Floats  # mean over the points that were not left out, (B,)
+    components: Components  # the mixtures, from these responsibilities
 
     @property
     def labels(self) -> Integers:

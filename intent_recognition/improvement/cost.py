@@ -21,22 +21,16 @@ MODULE = "cost_of_practice"
 
 @dataclass(frozen=True)
 class Rollout:
-    """One execution, as a cost sees it.
+    """One execution, as a cost sees it."""
 
-    Attributes:
-        times_s: since the start (T,); of a taught task since the person's onset.
-        joints_rad: of the arm (T, n).
-        outcome: what came of it, by name; of a pour `balls`, `caught`, `spilled`, `kept` and
-            `wanted`, each a number of balls; of a taught task `distance_m` and `late_s`.
-        hand_m: where the arm's hand was (T, 3) [m], in the frame of its base; None of a pour.
-        person_m: where the person's hand was (T, 3) [m]; None of a pour.
-    """
-
-    times_s: Floats
-    joints_rad: Floats
+    times_s: Floats  # since the start (T,); of a taught task since the person's onset
+    joints_rad: Floats  # of the arm (T, n)
+    # what came of it, by name; of a pour `balls`, `caught`, `spilled`, `kept` and `wanted`, each a
+    # number of balls; of a taught task `distance_m` and `late_s`
     outcome: Mapping[str, float]
+    # where the arm's hand was (T, 3) [m], in the frame of its base; None of a pour
     hand_m: Floats | None = None
-    person_m: Floats | None = None
+    person_m: Floats | None = None  # where the person's hand was (T, 3) [m]; None of a pour
 
 
 CostOf: TypeAlias = Callable[[Rollout], float]

@@ -33,16 +33,11 @@ class Search(Protocol):
 
 @dataclass(frozen=True)
 class CovarianceSearch:
-    """CMA-ES in whitened coordinates; the first point tried is the primitive's mean.
+    """CMA-ES in whitened coordinates; the first point tried is the primitive's mean."""
 
-    Attributes:
-        n_axes: number of coordinates k.
-        step: standard deviation of the first points; 1 is the primitive's own.
-    """
-
-    n_axes: int
+    n_axes: int  # number of coordinates k
     seed: int
-    step: float = 1.0
+    step: float = 1.0  # standard deviation of the first points; 1 is the primitive's own
 
     def ask(self, points: Floats, costs: Floats) -> Floats:
         """The next point to try (k,), given those tried (n, k) and their costs (n,).

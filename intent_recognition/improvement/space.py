@@ -22,15 +22,10 @@ NEGLIGIBLE = 1e-10
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """The weights that practice may try: mean + axes z with |z| at most `bound`.
+    """The weights that practice may try: mean + axes z with |z| at most `bound`."""
 
-    Attributes:
-        mean: weights of the primitive as it was shown, (d,).
-        axes: principal axes, each as long as its standard deviation, (d, k).
-    """
-
-    mean: Floats
-    axes: Floats
+    mean: Floats  # weights of the primitive as it was shown, (d,)
+    axes: Floats  # principal axes, each as long as its standard deviation, (d, k)
     bound: float = 2.0
 
     @property

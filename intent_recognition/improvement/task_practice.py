@@ -56,24 +56,15 @@ step."""
 
 
 class Person(NamedTuple):
-    """A person as recorded, and what the robot has to do.
-
-    Attributes:
-        duration_s: of the interaction [s].
-        observed: at `sample_phases()`, (m, P).
-        hand_m: where the person's hand was then (m, 3) [m].
-        weights: of the robot's path that the rule gives, (Q N,).
-        place_m: where the robot's hand must be (3,) [m].
-        context: of the scene (M,).
-    """
+    """A person as recorded, and what the robot has to do."""
 
     name: str
-    duration_s: float
-    observed: Floats
-    hand_m: Floats
-    weights: Floats
-    place_m: Floats
-    context: Floats
+    duration_s: float  # of the interaction [s]
+    observed: Floats  # at `sample_phases()`, (m, P)
+    hand_m: Floats  # where the person's hand was then (m, 3) [m]
+    weights: Floats  # of the robot's path that the rule gives, (Q N,)
+    place_m: Floats  # where the robot's hand must be (3,) [m]
+    context: Floats  # of the scene (M,)
 
 
 def check_task(task: str, labels: Sequence[str]) -> None:

@@ -28,18 +28,12 @@ _WIDEST_RAD = np.pi
 
 
 class Box(NamedTuple):
-    """A thing that stands in the cell.
-
-    Attributes:
-        center: (3,) [m], in the frame of the URDF's root link.
-        size: whole edge lengths (3,) [m].
-        quaternion: x, y, z, w.
-    """
+    """A thing that stands in the cell."""
 
     name: str
-    center: tuple[float, ...]
-    size: tuple[float, ...]
-    quaternion: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)
+    center: tuple[float, ...]  # (3,) [m], in the frame of the URDF's root link
+    size: tuple[float, ...]  # whole edge lengths (3,) [m]
+    quaternion: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)  # x, y, z, w
 
     @property
     def rotation(self) -> Floats:
@@ -79,17 +73,11 @@ def _parse_box(text: str) -> Box:
 
 
 class Contact(NamedTuple):
-    """Two bodies that are nearer to one another than they may be.
+    """Two bodies that are nearer to one another than they may be."""
 
-    Attributes:
-        sample: where along the motion.
-        pair: number of the pair of bodies.
-        distance_m: between them; negative where they overlap.
-    """
-
-    sample: int
-    pair: int
-    distance_m: float
+    sample: int  # where along the motion
+    pair: int  # number of the pair of bodies
+    distance_m: float  # between them; negative where they overlap
 
 
 class Bodies:

@@ -21,17 +21,11 @@ LARGEST_JUMP_RAD = 0.5
 
 
 class FollowedPath(NamedTuple):
-    """Postures along T poses, and how far from them they are.
+    """Postures along T poses, and how far from them they are."""
 
-    Attributes:
-        positions: joint vectors (T, n) [rad].
-        distance_m: from each position (T,); zero where it is reached.
-        angle_rad: from each orientation (T,), zero where it is free.
-    """
-
-    positions: Floats
-    distance_m: Floats
-    angle_rad: Floats
+    positions: Floats  # joint vectors (T, n) [rad]
+    distance_m: Floats  # from each position (T,); zero where it is reached
+    angle_rad: Floats  # from each orientation (T,), zero where it is free
 
     @property
     def reached(self) -> Flags:

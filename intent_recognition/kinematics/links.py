@@ -18,21 +18,15 @@ from intent_recognition.kinematics.urdf import Mimic
 
 
 class Links(NamedTuple):
-    """A tree of joints, and a tip on one of them.
+    """A tree of joints, and a tip on one of them."""
 
-    Attributes:
-        parents: index of the joint that each is placed in, and the tip (nv + 1,); -1 for the base.
-        placements: there (nv + 1, 4, 4).
-        axes: of each joint in its own frame (nv, 3).
-        turns: 1 where a joint turns, 0 where it slides (nv,).
-        levers: how far a joint moves any point at most per its own unit (nv,): the length of the
-            chain beyond it, whatever the posture.
-    """
-
+    # index of the joint that each is placed in, and the tip (nv + 1,); -1 for the base
     parents: tuple[int, ...]
-    placements: Floats
-    axes: Floats
-    turns: Floats
+    placements: Floats  # there (nv + 1, 4, 4)
+    axes: Floats  # of each joint in its own frame (nv, 3)
+    turns: Floats  # 1 where a joint turns, 0 where it slides (nv,)
+    # how far a joint moves any point at most per its own unit (nv,): the length of the chain beyond
+    # it, whatever the posture
     levers: Floats
 
     @classmethod
@@ -151,16 +145,11 @@ class Chain(NamedTuple):
     """n joints, from the base on; those that do not move are among them.
 
     Values of joints are in rad or m; those of fixed joints do not count.
-
-    Attributes:
-        origins: poses in the frame of the joint before, (n, 4, 4) [m].
-        turns: axes of revolute joints, unit vectors, zero for the others, (n, 3).
-        shifts: axes of prismatic joints, alike, (n, 3).
     """
 
-    origins: Floats
-    turns: Floats
-    shifts: Floats
+    origins: Floats  # poses in the frame of the joint before, (n, 4, 4) [m]
+    turns: Floats  # axes of revolute joints, unit vectors, zero for the others, (n, 3)
+    shifts: Floats  # axes of prismatic joints, alike, (n, 3)
 
 
 def tip_positions(chain: Chain, values: Floats) -> Floats:

@@ -28,19 +28,12 @@ _STANDARD = re.compile("(^|_)tool0$")
 
 
 class _Below(NamedTuple):
-    """What hangs on a link.
+    """What hangs on a link."""
 
-    Attributes:
-        arm: joints of an arm in the longest row.
-        links: links in the longest row.
-        moving: names of all joints that move.
-        tool: whether a link is named like a hand.
-    """
-
-    arm: int = 0
-    links: int = 0
-    moving: frozenset[str] = frozenset()
-    tool: bool = False
+    arm: int = 0  # joints of an arm in the longest row
+    links: int = 0  # links in the longest row
+    moving: frozenset[str] = frozenset()  # names of all joints that move
+    tool: bool = False  # whether a link is named like a hand
 
 
 def default_tip(

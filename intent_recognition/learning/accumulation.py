@@ -27,18 +27,12 @@ BATCH = 16
 
 
 class Accumulated(NamedTuple):
-    """Statistics of recordings, and what became of each.
+    """Statistics of recordings, and what became of each."""
 
-    Attributes:
-        preprocessing: how they became examples; None when none could be used.
-        tasks: statistics of each label.
-        used: names of those learned from, the first `NAMES_KEPT`.
-        rejected: (name, reason) of those left out, the first `NAMES_KEPT`.
-    """
-
-    preprocessing: Preprocessing | None
-    tasks: Mapping[str, TaskStatistics]
-    used: tuple[str, ...] = ()
+    preprocessing: Preprocessing | None  # how they became examples; None when none could be used
+    tasks: Mapping[str, TaskStatistics]  # statistics of each label
+    used: tuple[str, ...] = ()  # names of those learned from, the first `NAMES_KEPT`
+    # (name, reason) of those left out, the first `NAMES_KEPT`
     rejected: tuple[tuple[str, str], ...] = ()
     n_rejected: int = 0
 

@@ -31,19 +31,12 @@ MAX_COMPONENTS = 10
 
 
 class ComponentTrial(NamedTuple):
-    """One number of components.
+    """One number of components."""
 
-    Attributes:
-        n_components: K.
-        labels: component of each demonstration, (n,).
-        nll: left-out negative log density of the controlled agent, nats per sample, (n,).
-        rmse: left-out error of its mean, in standard deviations of the DOFs, (n,).
-    """
-
-    n_components: int
-    labels: Integers
-    nll: Floats
-    rmse: Floats
+    n_components: int  # K
+    labels: Integers  # component of each demonstration, (n,)
+    nll: Floats  # left-out negative log density of the controlled agent, nats per sample, (n,)
+    rmse: Floats  # left-out error of its mean, in standard deviations of the DOFs, (n,)
 
 
 class ComponentChoice(NamedTuple):
@@ -59,19 +52,12 @@ class ComponentChoice(NamedTuple):
 
 
 class LeftOutPrediction(NamedTuple):
-    """Left-out predictions of n demonstrations, component by component.
+    """Left-out predictions of n demonstrations, component by component."""
 
-    Attributes:
-        log_posterior: log p(k | observed trajectory), (n, K).
-        mean: of the controlled trajectory given component and observed trajectory, (n, K, s).
-        variance: squared scale of its Student t distribution, (n, K, s).
-        freedom: its degrees of freedom, (n, K).
-    """
-
-    log_posterior: Floats
-    mean: Floats
-    variance: Floats
-    freedom: Floats
+    log_posterior: Floats  # log p(k | observed trajectory), (n, K)
+    mean: Floats  # of the controlled trajectory given component and observed trajectory, (n, K, s)
+    variance: Floats  # squared scale of its Student t distribution, (n, K, s)
+    freedom: Floats  # its degrees of freedom, (n, K)
 
 
 def choose_components(

@@ -53,15 +53,10 @@ from one correction to the next. Measurement: docs/correcting.md."""
 
 
 class RuleChange(NamedTuple):
-    """The controlled weights change by `slopes` (w_o - m) + `offset`.
+    """The controlled weights change by `slopes` (w_o - m) + `offset`."""
 
-    Attributes:
-        slopes: (Q N, P N).
-        offset: (Q N,).
-    """
-
-    slopes: Floats
-    offset: Floats
+    slopes: Floats  # (Q N, P N)
+    offset: Floats  # (Q N,)
 
 
 def keep_correction(

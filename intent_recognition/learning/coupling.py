@@ -16,35 +16,21 @@ from intent_recognition.promp import ResidualCoupling, residual_weights
 
 
 class HeldOutResiduals(NamedTuple):
-    """What the filtered weights leave unexplained of n left-out demonstrations.
+    """What the filtered weights leave unexplained of n left-out demonstrations."""
 
-    Attributes:
-        task: number of the task of each, (n,).
-        phases: at which residuals are given, (s,).
-        seen: share of the movement that was seen, (f,).
-        observed: residuals of the observed agent, (f, n, s, P); what was not seen is not used.
-        controlled: of the controlled agent, (f, n, s, Q).
-    """
-
-    task: Integers
-    phases: Floats
-    seen: Floats
-    observed: Floats
-    controlled: Floats
+    task: Integers  # number of the task of each, (n,)
+    phases: Floats  # at which residuals are given, (s,)
+    seen: Floats  # share of the movement that was seen, (f,)
+    observed: Floats  # residuals of the observed agent, (f, n, s, P); what was not seen is not used
+    controlled: Floats  # of the controlled agent, (f, n, s, Q)
 
 
 class _Moments(NamedTuple):
-    """Sums over phases of each of n demonstrations after each of f shares, at one decay.
+    """Sums over phases of each of n demonstrations after each of f shares, at one decay."""
 
-    Attributes:
-        observed: outer products of the expected observed residuals, (f, n, P, P).
-        cross: of these and the controlled residuals, (f, n, P, Q).
-        controlled: squares of the controlled residuals, (f, n, Q).
-    """
-
-    observed: Floats
-    cross: Floats
-    controlled: Floats
+    observed: Floats  # outer products of the expected observed residuals, (f, n, P, P)
+    cross: Floats  # of these and the controlled residuals, (f, n, P, Q)
+    controlled: Floats  # squares of the controlled residuals, (f, n, Q)
 
     def gain(self, shrinkage: float) -> Floats:
         """Ridge regression of the controlled on the observed residuals, (P, Q)."""

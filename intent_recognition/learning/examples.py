@@ -30,28 +30,20 @@ SAMPLES_USED = 2 * SAMPLES_PER_MOVEMENT
 
 
 class TrainingExample(NamedTuple):
-    """One demonstration as weights.
-
-    Attributes:
-        weights: (D, N), observed DOFs first.
-        residual_variance: (D,).
-        observed: samples at evenly spaced phases, (m, P).
-        controlled: at the scored phases, (s, Q).
-        aligned: the example over the reference phase of its task, with another basis; None where
-            nothing was aligned.
-        context: what was known of the scene, (M,).
-        group: whose demonstration it is, such as a pair of people; "" where that is not known.
-    """
+    """One demonstration as weights."""
 
     name: str
     task: str
-    weights: Floats
-    residual_variance: Floats
+    weights: Floats  # (D, N), observed DOFs first
+    residual_variance: Floats  # (D,)
     duration_s: float
-    observed: Floats
-    controlled: Floats
+    observed: Floats  # samples at evenly spaced phases, (m, P)
+    controlled: Floats  # at the scored phases, (s, Q)
+    # the example over the reference phase of its task, with another basis; None where nothing was
+    # aligned
     aligned: TrainingExample | None = None
-    context: Floats = np.empty(0)
+    context: Floats = np.empty(0)  # what was known of the scene, (M,)
+    # whose demonstration it is, such as a pair of people; "" where that is not known
     group: str = ""
 
 

@@ -31,19 +31,13 @@ MAX_FLOATS = 2**19
 
 
 class FilteredSamples(NamedTuple):
-    """n hypotheses after some samples.
+    """n hypotheses after some samples."""
 
-    Attributes:
-        n_samples: how many.
-        log_evidence: log density of the samples, (n,).
-        weights: the filtered observed weights.
-        believed: after each sample, the probability of each phase deviation and what the sample
-            weighed them with, (n, E) each.
-    """
-
-    n_samples: int
-    log_evidence: Floats
-    weights: GaussianBatch
+    n_samples: int  # how many
+    log_evidence: Floats  # log density of the samples, (n,)
+    weights: GaussianBatch  # the filtered observed weights
+    # after each sample, the probability of each phase deviation and what the sample weighed them
+    # with, (n, E) each
     believed: Sequence[tuple[Floats, Floats]]
 
     def deviations(self, some: Integers) -> Deviations:
@@ -55,19 +49,12 @@ class FilteredSamples(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """Hypotheses of the own tasks of n demonstrations, S each, after some samples.
+    """Hypotheses of the own tasks of n demonstrations, S each, after some samples."""
 
-    Attributes:
-        progress: these and others.
-        own: where they stand among them, (n, S).
-        pace: of them, as in `filter_samples`, (n, S).
-        relative: likewise.
-    """
-
-    progress: FilteredSamples
-    own: Integers
-    pace: Floats
-    relative: Floats
+    progress: FilteredSamples  # these and others
+    own: Integers  # where they stand among them, (n, S)
+    pace: Floats  # of them, as in `filter_samples`, (n, S)
+    relative: Floats  # likewise
 
 
 def filter_samples(

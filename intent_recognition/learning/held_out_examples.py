@@ -39,34 +39,20 @@ T = TypeVar("T")
 
 
 class LeftOutExample(NamedTuple):
-    """One demonstration, and its task without it.
+    """One demonstration, and its task without it."""
 
-    Attributes:
-        task: number of its task.
-        mean: weights of its task, (D N,).
-        covariance: of the observed weights, shared by the tasks, (P N, P N).
-        joint: covariance of all its weights, (D N, D N).
-        rule: regression of the controlled weights on the observed ones, from the same.
-        rivals: numbers of the other tasks it is compared with.
-        rival_means: their observed weights, without the person who was left out, (r, P N).
-        observed: its samples, (m, P).
-        seen: the same at the scored phases, (s, P).
-        truth: of the controlled DOFs there, (s, Q).
-        log_duration: mean of the logarithms of the others' durations [log s].
-    """
-
-    task: int
-    mean: Floats
-    covariance: Floats
-    joint: Floats
-    rule: Regression
-    rivals: Integers
-    rival_means: Floats
-    observed: Floats
-    seen: Floats
-    truth: Floats
+    task: int  # number of its task
+    mean: Floats  # weights of its task, (D N,)
+    covariance: Floats  # of the observed weights, shared by the tasks, (P N, P N)
+    joint: Floats  # covariance of all its weights, (D N, D N)
+    rule: Regression  # regression of the controlled weights on the observed ones, from the same
+    rivals: Integers  # numbers of the other tasks it is compared with
+    rival_means: Floats  # their observed weights, without the person who was left out, (r, P N)
+    observed: Floats  # its samples, (m, P)
+    seen: Floats  # the same at the scored phases, (s, P)
+    truth: Floats  # of the controlled DOFs there, (s, Q)
     duration_s: float
-    log_duration: float
+    log_duration: float  # mean of the logarithms of the others' durations [log s]
 
 
 def leave_out(

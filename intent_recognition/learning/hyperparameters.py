@@ -27,38 +27,27 @@ REGRESSION_VARIANCES = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
 
 
 class Hyperparameters(NamedTuple):
-    """Hyperparameters and their score on demonstrations left out, lower wins.
+    """Hyperparameters and their score on demonstrations left out, lower wins."""
 
-    Attributes:
-        pace: one of `PACES`.
-        noise_scale: factor of the observed DOFs' noise variance.
-        duration_evidence: exponent of the evidence in the posterior of the duration.
-        borrowed: equivalent sample size of the other tasks in the target of each task's own
-            covariance, in demonstrations.
-        strength: equivalent sample size of this target, in demonstrations.
-        independent: part of a weight's variance in it that no other weight shares.
-        lag: how much later in phase the controlled agent follows, in it.
-        ridge: as in `TargetSettings`.
-        regression_variance: of the coefficients of each task's regression.
-        task_evidence: exponent of the evidence of the tasks against each other.
-        log_loss: of the task, mean over the movement, in nats.
-        error: mean squared error of the controlled agent, each DOF in parts of its variance.
-        score: both together, in nats; NaN where nothing could be left out.
-    """
-
-    pace: str = "own"
-    noise_scale: float = 4.0
+    pace: str = "own"  # one of `PACES`
+    noise_scale: float = 4.0  # factor of the observed DOFs' noise variance
+    # exponent of the evidence in the posterior of the duration
     duration_evidence: float = EXPONENTS[0]
+    # equivalent sample size of the other tasks in the target of each task's own covariance, in
+    # demonstrations
     borrowed: float = OTHERS_SAMPLE_SIZE
+    # equivalent sample size of this target, in demonstrations
     strength: float = REGRESSION_STRENGTHS[0]
+    # part of a weight's variance in it that no other weight shares
     independent: float = INDEPENDENT[0]
-    lag: float = 0.0
-    ridge: float = 0.0
-    regression_variance: float = 0.0
-    task_evidence: float = 1.0
-    log_loss: float = float("nan")
+    lag: float = 0.0  # how much later in phase the controlled agent follows, in it
+    ridge: float = 0.0  # as in `TargetSettings`
+    regression_variance: float = 0.0  # of the coefficients of each task's regression
+    task_evidence: float = 1.0  # exponent of the evidence of the tasks against each other
+    log_loss: float = float("nan")  # of the task, mean over the movement, in nats
+    # mean squared error of the controlled agent, each DOF in parts of its variance
     error: float = float("nan")
-    score: float = float("nan")
+    score: float = float("nan")  # both together, in nats; NaN where nothing could be left out
 
     def target(self, n_observed: int) -> TargetSettings:
         """What the target of a task's own covariance assumes."""

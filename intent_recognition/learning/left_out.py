@@ -34,23 +34,14 @@ from intent_recognition.promp import (
 
 
 class LeftOut(NamedTuple):
-    """What a library without some demonstrations believes of the observed weights.
+    """What a library without some demonstrations believes of the observed weights."""
 
-    Attributes:
-        library: of all demonstrations.
-        mean: of each task, (K, P N).
-        covariance: under each task, its mean known, (P N, P N).
-        n: demonstrations of each task, (K,).
-        none: its none.
-        timing: mean and standard deviation of the log duration of none, (2,).
-    """
-
-    library: TaskLibrary
-    mean: Floats
-    covariance: Floats
-    n: Integers
-    none: Gaussian
-    timing: Floats
+    library: TaskLibrary  # of all demonstrations
+    mean: Floats  # of each task, (K, P N)
+    covariance: Floats  # under each task, its mean known, (P N, P N)
+    n: Integers  # demonstrations of each task, (K,)
+    none: Gaussian  # its none
+    timing: Floats  # mean and standard deviation of the log duration of none, (2,)
 
     def as_library(self) -> TaskLibrary:
         """A library that observes with these beliefs, and controls with those of the whole one."""

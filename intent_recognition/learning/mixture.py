@@ -47,19 +47,12 @@ REASSIGNMENTS = 10
 
 
 class Features(NamedTuple):
-    """n demonstrations in the coordinates the mixture is fitted in.
+    """n demonstrations in the coordinates the mixture is fitted in."""
 
-    Attributes:
-        coordinates: observed agent's first, (n, r).
-        n_observed: how many of them are the observed agent's.
-        controlled: scaled trajectories of the controlled agent less their mean, (n, s).
-        loadings: `controlled = coordinates[:, n_observed:] @ loadings`, (r - n_observed, s).
-    """
-
-    coordinates: Floats
-    n_observed: int
-    controlled: Floats
-    loadings: Floats
+    coordinates: Floats  # observed agent's first, (n, r)
+    n_observed: int  # how many of them are the observed agent's
+    controlled: Floats  # scaled trajectories of the controlled agent less their mean, (n, s)
+    loadings: Floats  # `controlled = coordinates[:, n_observed:] @ loadings`, (r - n_observed, s)
 
     @property
     def prior(self) -> CovariancePrior:
@@ -107,17 +100,11 @@ def mixture_features(weights: Floats, n_observed: int, basis: NormalizedRBFBasis
 
 
 class Clustering(NamedTuple):
-    """The best of many fits with K components.
+    """The best of many fits with K components."""
 
-    Attributes:
-        labels: component of each demonstration, (n,).
-        log_likelihood: mean log likelihood of a demonstration.
-        left_out: for each demonstration, the mixture fitted without it, a batch of n.
-    """
-
-    labels: Integers
-    log_likelihood: float
-    left_out: Components
+    labels: Integers  # component of each demonstration, (n,)
+    log_likelihood: float  # mean log likelihood of a demonstration
+    left_out: Components  # for each demonstration, the mixture fitted without it, a batch of n
 
 
 def cluster(features: Features, n_components: int, rng: np.random.Generator) -> Clustering:

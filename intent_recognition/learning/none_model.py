@@ -22,15 +22,10 @@ their starts (docs/recognition.md)."""
 
 
 class Departure(NamedTuple):
-    """How far movements depart from their starts in some observed DOFs.
+    """How far movements depart from their starts in some observed DOFs."""
 
-    Attributes:
-        dofs: which, (p,).
-        square: mean square distance per basis function, (N,).
-    """
-
-    dofs: Integers
-    square: Floats
+    dofs: Integers  # which, (p,)
+    square: Floats  # mean square distance per basis function, (N,)
 
 
 def departures(tasks: Sequence[TaskStatistics], units: Sequence[str]) -> list[Departure]:

@@ -25,19 +25,12 @@ from intent_recognition.promp import Scatter, shared_covariance
 
 
 class Grouped(NamedTuple):
-    """Scatter of demonstrations by whose they are.
+    """Scatter of demonstrations by whose they are."""
 
-    Attributes:
-        within: about the mean of each person's demonstrations of a task.
-        between: of these means about the mean of the task.
-        share: mean of 1 / n over the numbers of demonstrations behind the means.
-        n_groups: people.
-    """
-
-    within: Scatter
-    between: Scatter
-    share: float
-    n_groups: int
+    within: Scatter  # about the mean of each person's demonstrations of a task
+    between: Scatter  # of these means about the mean of the task
+    share: float  # mean of 1 / n over the numbers of demonstrations behind the means
+    n_groups: int  # people
 
 
 def compares_people(groups: Sequence[Sequence[str]]) -> bool:

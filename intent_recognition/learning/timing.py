@@ -50,20 +50,14 @@ together; and both together over a reference phase, with demonstrations aligned 
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """Templates of tasks, and how far the phase of recordings deviates from steady progress.
+    """Templates of tasks, and how far the phase of recordings deviates from steady progress."""
 
-    Attributes:
-        templates: of each label that had two recordings.
-        deviation_std: standard deviation of the phase deviation at even recorded phases, (U,).
-        duration_exponent: how progress depends on the duration (`promp.steady_phase`).
-        usual_s: median duration of each of these labels; see `usual_of`.
-        displacement_exponent: of the relative duration in how far the controlled agent goes.
-    """
-
-    templates: Mapping[str, Template]
-    deviation_std: Floats
-    duration_exponent: float = 0.0
+    templates: Mapping[str, Template]  # of each label that had two recordings
+    deviation_std: Floats  # standard deviation of the phase deviation at even recorded phases, (U,)
+    duration_exponent: float = 0.0  # how progress depends on the duration (`promp.steady_phase`)
+    # median duration of each of these labels; see `usual_of`
     usual_s: Mapping[str, float] = field(default_factory=dict)
+    # of the relative duration in how far the controlled agent goes
     displacement_exponent: float = 0.0
 
     def __eq__(self, other: object) -> bool:

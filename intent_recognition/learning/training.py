@@ -35,16 +35,11 @@ from intent_recognition.signals import Demonstration, StreamFinding, label_doubt
 @brief
 @dataclass(frozen=True)
 class Trained:
-    """A library with the statistics that are needed to add demonstrations to it.
-
-    Attributes:
-        preprocessing: how a recording becomes an example.
-        tasks: statistics of each label, in the library's order.
-    """
+    """A library with the statistics that are needed to add demonstrations to it."""
 
     library: TaskLibrary
-    preprocessing: Preprocessing
-    tasks: Mapping[str, TaskStatistics]
+    preprocessing: Preprocessing  # how a recording becomes an example
+    tasks: Mapping[str, TaskStatistics]  # statistics of each label, in the library's order
     chosen: Hyperparameters
 
 

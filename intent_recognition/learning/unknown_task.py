@@ -97,17 +97,11 @@ def margin_between(unknown: Floats, known: Floats) -> float:
 
 
 class Comparison(NamedTuple):
-    """A movement along which some tasks are compared with none.
+    """A movement along which some tasks are compared with none."""
 
-    Attributes:
-        without: a library without some demonstrations.
-        compared: numbers of the tasks.
-        n_tasks: how many share the prior; those not compared are too far away to count.
-    """
-
-    without: LeftOut
-    compared: Integers
-    n_tasks: int
+    without: LeftOut  # a library without some demonstrations
+    compared: Integers  # numbers of the tasks
+    n_tasks: int  # how many share the prior; those not compared are too far away to count
     recorded: TrainingExample
 
     @property

@@ -15,23 +15,15 @@ ACTIONS = (START, LEARN, WAIT, UNDO, KEEP, IMPROVE)
 
 @dataclass(frozen=True)
 class Change:
-    """One line of the history.
+    """One line of the history."""
 
-    Attributes:
-        time: ISO 8601, local time with its offset.
-        action: "start" (a model to begin with), "learn", "wait" (recorded, too few yet to learn
-            from), "keep" (a correction, which moved its task), "improve" (what practice came to) or
-            "undo".
-        task: label of the recording; empty for none, as the paths, relative to the folder, are.
-        bag: the recording, or the folder of practice.
-        model: the model since then, with demonstrations per task in `tasks`.
-    """
-
-    time: str
+    time: str  # ISO 8601, local time with its offset
+    # "start" (a model to begin with), "learn", "wait" (recorded, too few yet to learn from), "keep"
+    # (a correction, which moved its task), "improve" (what practice came to) or "undo"
     action: str
-    task: str
-    bag: str
-    model: str
+    task: str  # label of the recording; empty for none, as the paths, relative to the folder, are
+    bag: str  # the recording, or the folder of practice
+    model: str  # the model since then, with demonstrations per task in `tasks`
     tasks: Mapping[str, int]
 
 

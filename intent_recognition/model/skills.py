@@ -24,27 +24,19 @@ WAITING = "recordings that wait"
 
 
 class SkillPeriod(NamedTuple):
-    """A task between two of its changes.
-
-    Attributes:
-        since: when it began, ISO 8601; empty: with the first execution.
-        what: the change, in words.
-        model: the model since then, relative to the folder.
-        n_corrected: executions that a person corrected by hand; n_up and n_down liked or not.
-        spilled: mean of those of which that is known; None: of none.
-    """
+    """A task between two of its changes."""
 
     task: str
-    since: str
-    what: str
-    model: str
+    since: str  # when it began, ISO 8601; empty: with the first execution
+    what: str  # the change, in words
+    model: str  # the model since then, relative to the folder
     n_demonstrations: int
     n_executions: int = 0
     n_arrived: int = 0
-    n_corrected: int = 0
+    n_corrected: int = 0  # executions that a person corrected by hand; n_up and n_down liked or not
     n_up: int = 0
     n_down: int = 0
-    spilled: float | None = None
+    spilled: float | None = None  # mean of those of which that is known; None: of none
 
     def texts(self) -> tuple[str, ...]:
         """The numbers of `SKILL_COLUMNS`, for people."""

@@ -135,19 +135,13 @@ def least_change(rows: Floats, needs: Floats) -> Floats | None:
 
 
 class TouchingPath(NamedTuple):
-    """A path that comes too near to something, and how it may move.
-
-    Attributes:
-        positions: samples of the path (T, n) [rad].
-        moves: joints by z at the samples (T, n, m).
-        limits: of positions, which the path is to keep.
-    """
+    """A path that comes too near to something, and how it may move."""
 
     bodies: Bodies
-    positions: Floats
-    moves: Floats
+    positions: Floats  # samples of the path (T, n) [rad]
+    moves: Floats  # joints by z at the samples (T, n, m)
     contacts: Sequence[Contact]
-    limits: JointLimits
+    limits: JointLimits  # of positions, which the path is to keep
 
 
 def bend(path: TouchingPath, largest: float = np.inf, start: Floats | None = None) -> Floats | None:

@@ -28,15 +28,10 @@ next; of a plan, nothing is left out."""
 
 
 class Obstruction(NamedTuple):
-    """What a motion would come too near to first.
+    """What a motion would come too near to first."""
 
-    Attributes:
-        bodies: names of the two.
-        where: of the motion, for people.
-    """
-
-    bodies: tuple[str, str]
-    where: str
+    bodies: tuple[str, str]  # names of the two
+    where: str  # of the motion, for people
 
     def __str__(self) -> str:
         return f"{self.bodies[0]} would touch {self.bodies[1]} {self.where}"

@@ -33,19 +33,12 @@ simulated LWR (docs/correcting.md)."""
 
 
 class TrackedMotion(NamedTuple):
-    """An execution, sampled evenly, each (T, n).
+    """An execution, sampled evenly, each (T, n)."""
 
-    Attributes:
-        step_s: time between two samples [s].
-        error: measured positions less those of the reference [rad].
-        velocity: of the reference [rad/s].
-        acceleration: of the reference [rad/s^2].
-    """
-
-    step_s: float
-    error: Floats
-    velocity: Floats
-    acceleration: Floats
+    step_s: float  # time between two samples [s]
+    error: Floats  # measured positions less those of the reference [rad]
+    velocity: Floats  # of the reference [rad/s]
+    acceleration: Floats  # of the reference [rad/s^2]
 
     def explaining(self, joint: int) -> Floats:
         """One, velocity and acceleration of a joint's reference, (T, 3)."""
@@ -55,21 +48,13 @@ class TrackedMotion(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DeviationDetector:
-    """What the controller explains of the n joints' errors, and what it does not.
+    """What the controller explains of the n joints' errors, and what it does not."""
 
-    Attributes:
-        coefficients: b0, b1, b2, (3, n) [rad, s, s^2].
-        explained: residuals that undisturbed executions keep up, (n,) [rad].
-        sustained_s: how long a deviation must last [s].
-        false_alarm_rate: at most so many undisturbed executions of one are taken for pushed.
-        least_rad: no smaller deviation counts [rad].
-    """
-
-    coefficients: Floats
-    explained: Floats
-    sustained_s: float
-    false_alarm_rate: float
-    least_rad: float = LEAST_DEVIATION_RAD
+    coefficients: Floats  # b0, b1, b2, (3, n) [rad, s, s^2]
+    explained: Floats  # residuals that undisturbed executions keep up, (n,) [rad]
+    sustained_s: float  # how long a deviation must last [s]
+    false_alarm_rate: float  # at most so many undisturbed executions of one are taken for pushed
+    least_rad: float = LEAST_DEVIATION_RAD  # no smaller deviation counts [rad]
 
     @property
     def bound(self) -> Floats:

@@ -15,19 +15,12 @@ from intent_recognition.motion.plan import POSITION_MARGIN_RAD
 
 @dataclass(frozen=True, eq=False)
 class JointPath:
-    """Joint positions over phase [0, 1] as a twice differentiable spline.
+    """Joint positions over phase [0, 1] as a twice differentiable spline."""
 
-    Attributes:
-        spline: phase -> (n,) [rad].
-        derivative: its first derivative.
-        duration_s: seconds the whole path takes at its own (nominal) speed.
-        clamped: joints that left the position limits and were bent back inside.
-    """
-
-    spline: CubicSpline
-    derivative: CubicSpline
-    duration_s: float
-    clamped: tuple[int, ...]
+    spline: CubicSpline  # phase -> (n,) [rad]
+    derivative: CubicSpline  # its first derivative
+    duration_s: float  # seconds the whole path takes at its own (nominal) speed
+    clamped: tuple[int, ...]  # joints that left the position limits and were bent back inside
 
     def at(self, phase: Floats) -> tuple[Floats, Floats]:
         """Positions and derivatives with respect to phase, each (..., n)."""

@@ -29,15 +29,10 @@ from intent_recognition.promp import minimum_jerk
 
 
 class Turn(NamedTuple):
-    """How the arm turns about its hand along a path.
+    """How the arm turns about its hand along a path."""
 
-    Attributes:
-        since: phase from which on it does.
-        shift: of the joints at the end (n,) [rad].
-    """
-
-    since: float
-    shift: Floats
+    since: float  # phase from which on it does
+    shift: Floats  # of the joints at the end (n,) [rad]
 
 
 class HandKept:

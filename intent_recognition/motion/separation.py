@@ -59,17 +59,11 @@ class SeparationSettings:
 
 
 class PredictedPerson(NamedTuple):
-    """The tube of a point of the person, in the frame of the arm's base.
+    """The tube of a point of the person, in the frame of the arm's base."""
 
-    Attributes:
-        times_ns: when (T,), increasing; the person rests before and after.
-        positions: mean (T, 3) [m].
-        std: standard deviation in the least certain direction (T,) [m].
-    """
-
-    times_ns: Integers
-    positions: Floats
-    std: Floats
+    times_ns: Integers  # when (T,), increasing; the person rests before and after
+    positions: Floats  # mean (T, 3) [m]
+    std: Floats  # standard deviation in the least certain direction (T,) [m]
 
     def at(self, times_ns: NDArray) -> tuple[Floats, Floats]:
         """Mean (S, 3) and standard deviation (S,) at some times (S,)."""

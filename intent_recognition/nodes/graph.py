@@ -195,19 +195,14 @@ GRAPHS = {
 
 @dataclass(frozen=True)
 class NodeCall:
-    """A node of a graph with all values that it starts with, see `NodeSpec`.
-
-    Attributes:
-        module: module whose `main` runs it; empty for a node of another package.
-        remappings: pairs of names, from and to.
-    """
+    """A node of a graph with all values that it starts with, see `NodeSpec`."""
 
     name: str
     package: str
-    module: str
+    module: str  # module whose `main` runs it; empty for a node of another package
     namespace: str
     parameters: dict[str, object]
-    remappings: tuple[tuple[str, str], ...]
+    remappings: tuple[tuple[str, str], ...]  # pairs of names, from and to
     executable: str
     respawns: bool = False
 

@@ -27,19 +27,13 @@ from intent_recognition.plans.work_plan import USUAL_SLIP, WorkPlan
 
 
 class StepState(NamedTuple):
-    """What is believed of a step.
-
-    Attributes:
-        done: probability that it is done.
-        next: probability that the next movement does it.
-        forgotten: probability that it was left out, though a step was done that needs it.
-    """
+    """What is believed of a step."""
 
     name: str
     task: str
-    done: float
-    next: float
-    forgotten: float
+    done: float  # probability that it is done
+    next: float  # probability that the next movement does it
+    forgotten: float  # probability that it was left out, though a step was done that needs it
 
     def __str__(self) -> str:
         if self.done >= 0.5:

@@ -31,39 +31,24 @@ context: one standard deviation of it moves them by about three of what it leave
 
 
 class Given(NamedTuple):
-    """How known contexts change the weights of K tasks.
+    """How known contexts change the weights of K tasks."""
 
-    Attributes:
-        shift: of the means, (K, d).
-        reduction: of the covariances, (K, d, d).
-        scale: factor of what remains of the covariances, (K,).
-    """
-
-    shift: Floats
-    reduction: Floats
-    scale: Floats
+    shift: Floats  # of the means, (K, d)
+    reduction: Floats  # of the covariances, (K, d, d)
+    scale: Floats  # factor of what remains of the covariances, (K,)
 
 
 @dataclass(frozen=True)
 class ContextModel:
-    """Context of K tasks, M numbers.
+    """Context of K tasks, M numbers."""
 
-    Attributes:
-        names: of the M numbers.
-        mean: m, (K, M).
-        covariance: S, (K, M, M).
-        gain: G, (K, D N, M).
-        freedom: nu, (K,).
-        groups: number of DOFs of each context signal, in order; they sum to M.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the M numbers
     units: tuple[str, ...]
-    mean: Floats
-    covariance: Floats
-    gain: Floats
-    freedom: Floats
-    groups: tuple[int, ...]
+    mean: Floats  # m, (K, M)
+    covariance: Floats  # S, (K, M, M)
+    gain: Floats  # G, (K, D N, M)
+    freedom: Floats  # nu, (K,)
+    groups: tuple[int, ...]  # number of DOFs of each context signal, in order; they sum to M
 
     @property
     def tolerance(self) -> Floats:

@@ -27,19 +27,12 @@ from intent_recognition.promp.library import TaskLibrary
 
 
 class ControlPoint(NamedTuple):
-    """Where the controlled agent shall be at a phase: M q = y, as exactly as R says.
+    """Where the controlled agent shall be at a phase: M q = y, as exactly as R says."""
 
-    Attributes:
-        phase: of the task, in [0, 1].
-        matrix: M, (m, Q): rows of the identity for DOFs, a Jacobian for a hand.
-        values: y, (m,).
-        covariance: R, (m, m), positive definite.
-    """
-
-    phase: float
-    matrix: Floats
-    values: Floats
-    covariance: Floats
+    phase: float  # of the task, in [0, 1]
+    matrix: Floats  # M, (m, Q): rows of the identity for DOFs, a Jacobian for a hand
+    values: Floats  # y, (m,)
+    covariance: Floats  # R, (m, m), positive definite
 
 
 def condition_controlled(

@@ -86,34 +86,22 @@ USUAL = TargetSettings()
 
 
 class Scatter(NamedTuple):
-    """Sum of outer products of weights' deviations from the mean of their task.
+    """Sum of outer products of weights' deviations from the mean of their task."""
 
-    Attributes:
-        matrix: (D N, D N), weights grouped by DOF.
-        freedom: demonstrations less means, and whatever else, taken from them.
-    """
-
-    matrix: Floats
-    freedom: float
+    matrix: Floats  # (D N, D N), weights grouped by DOF
+    freedom: float  # demonstrations less means, and whatever else, taken from them
 
 
 class StructuredTarget(NamedTuple):
-    """The factors of the target covariance and its floor.
+    """The factors of the target covariance and its floor."""
 
-    Attributes:
-        amplitude: standard deviation of each weight, a, (D, N).
-        dofs: correlation over DOFs at each basis function, R, (N, D, D), the controlled ones a lag
-            later.
-        basis: correlation along the basis functions, C, (N, N).
-        floor: variance added to every weight of a DOF, (D,).
-        earlier: takes all weights to their phases, those of controlled DOFs a lag back,
-            (D N, D N); None without a lag.
-    """
-
-    amplitude: Floats
+    amplitude: Floats  # standard deviation of each weight, a, (D, N)
+    # correlation over DOFs at each basis function, R, (N, D, D), the controlled ones a lag later
     dofs: Floats
-    basis: Floats
-    floor: Floats
+    basis: Floats  # correlation along the basis functions, C, (N, N)
+    floor: Floats  # variance added to every weight of a DOF, (D,)
+    # takes all weights to their phases, those of controlled DOFs a lag back, (D N, D N); None
+    # without a lag
     earlier: Floats | None = None
 
     def covariance(self) -> Floats:

@@ -51,22 +51,15 @@ NO_ODDS = LeftOutOdds()
 
 
 class Risk(NamedTuple):
-    """When to act, and how often that is wrong.
+    """When to act, and how often that is wrong."""
 
-    Attributes:
-        threshold: probability that a task must have among the tasks.
-        max_wrong: the share of interactions that was asked for.
-        bound: largest share that is acted on wrongly, of interactions with new people where
-            people are known, else of those like the recorded ones.
-        n_groups: people, or demonstrations where these have no groups, that the bound rests on.
-        grouped: whether these are people.
-    """
-
-    threshold: float
-    max_wrong: float
+    threshold: float  # probability that a task must have among the tasks
+    max_wrong: float  # the share of interactions that was asked for
+    # largest share that is acted on wrongly, of interactions with new people where people are
+    # known, else of those like the recorded ones
     bound: float
-    n_groups: int
-    grouped: bool
+    n_groups: int  # people, or demonstrations where these have no groups, that the bound rests on
+    grouped: bool  # whether these are people
 
     @property
     def n_needed(self) -> int:

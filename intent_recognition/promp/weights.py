@@ -14,15 +14,10 @@ from intent_recognition.signals import MIN_SAMPLES
 
 
 class WeightFit(NamedTuple):
-    """Weights of d DOFs and their residuals.
+    """Weights of d DOFs and their residuals."""
 
-    Attributes:
-        weights: (d, N).
-        residual_variance: mean squared residual per DOF, (d,), squared units of the DOF.
-    """
-
-    weights: Floats
-    residual_variance: Floats
+    weights: Floats  # (d, N)
+    residual_variance: Floats  # mean squared residual per DOF, (d,), squared units of the DOF
 
 
 def fit_weights(

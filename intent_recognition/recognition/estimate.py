@@ -97,21 +97,15 @@ class Estimate(NamedTuple):
 
 @brief
 class Prediction(NamedTuple):
-    """Trajectory of one agent under the most probable task.
-
-    Attributes:
-        onset_ns: the stamp from which the trajectory's times count.
-        trajectory: means and standard deviations.
-        start: what became of the controlled agent's posture at onset: POSTURE_USED,
-            POSTURE_OUTSIDE, POSTURE_UNKNOWN, or empty for the observed agent.
-        names: of the d DOFs of the trajectory.
-    """
+    """Trajectory of one agent under the most probable task."""
 
     task: str
-    onset_ns: int
-    trajectory: Trajectory
+    onset_ns: int  # the stamp from which the trajectory's times count
+    trajectory: Trajectory  # means and standard deviations
+    # what became of the controlled agent's posture at onset: POSTURE_USED, POSTURE_OUTSIDE,
+    # POSTURE_UNKNOWN, or empty for the observed agent
     start: str = ""
-    names: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()  # of the d DOFs of the trajectory
     units: tuple[str, ...] = ()
 
     def plot(self) -> Figure:

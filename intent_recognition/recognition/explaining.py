@@ -25,23 +25,16 @@ from intent_recognition.signals import Observation
 
 @brief
 class Evidence(NamedTuple):
-    """What speaks for a task, and against a rival.
-
-    Attributes:
-        rival: that of the other one.
-        names: of the P observed DOFs.
-        times_s: of the n observations after onset, (n,).
-        by_dof: what each observation adds to the log odds, by DOF, in nats, (n, P); an observation
-            that the filter leaves out, since it follows too closely on another, adds nothing.
-        expected: log odds before the movement, and what a person answered since.
-    """
+    """What speaks for a task, and against a rival."""
 
     task: str
-    rival: str
-    names: tuple[str, ...]
-    times_s: Floats
+    rival: str  # that of the other one
+    names: tuple[str, ...]  # of the P observed DOFs
+    times_s: Floats  # of the n observations after onset, (n,)
+    # what each observation adds to the log odds, by DOF, in nats, (n, P); an observation that the
+    # filter leaves out, since it follows too closely on another, adds nothing
     by_dof: Floats
-    expected: float
+    expected: float  # log odds before the movement, and what a person answered since
 
     @property
     def log_odds(self) -> float:

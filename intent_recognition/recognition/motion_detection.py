@@ -39,17 +39,11 @@ Convention.
 
 
 class SparseSignal(NamedTuple):
-    """A signal with too few samples for its speed to be known, so that it has no onset.
+    """A signal with too few samples for its speed to be known, so that it has no onset."""
 
-    Attributes:
-        group: which observed signal it is.
-        rate_hz: how often it is sampled.
-        least_hz: how often it would have to be.
-    """
-
-    group: int
-    rate_hz: float
-    least_hz: float
+    group: int  # which observed signal it is
+    rate_hz: float  # how often it is sampled
+    least_hz: float  # how often it would have to be
 
     def warning(self, topic: str) -> str:
         """What is wrong with the signal on a topic, and the cure."""

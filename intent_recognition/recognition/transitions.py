@@ -41,15 +41,10 @@ COMPLETED_PHASE = 0.9
 
 
 class TaskMemory(NamedTuple):
-    """What is remembered of the movements before.
+    """What is remembered of the movements before."""
 
-    Attributes:
-        belief: probability that each task was the last, "no last task" at the end, (K + 1,).
-        ended_ns: when the last movement ended, 0 when there was none.
-    """
-
-    belief: Floats
-    ended_ns: int = 0
+    belief: Floats  # probability that each task was the last, "no last task" at the end, (K + 1,)
+    ended_ns: int = 0  # when the last movement ended, 0 when there was none
 
     @classmethod
     def empty(cls, n_tasks: int) -> "TaskMemory":

@@ -29,39 +29,27 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Column:
-    """Heading of a table's column.
-
-    Attributes:
-        unit: of its numbers.
-        align: of heading and cells.
-        form: of its numbers, as `format` takes it.
-    """
+    """Heading of a table's column."""
 
     title: str
-    unit: str = ""
-    align: Literal["left", "right", "center"] = "right"
-    form: str = ""
+    unit: str = ""  # of its numbers
+    align: Literal["left", "right", "center"] = "right"  # of heading and cells
+    form: str = ""  # of its numbers, as `format` takes it
 
 
 @dataclass(frozen=True)
 class TableBlock:
     """Rows of cells: texts, numbers, which are written as their column says, and None, a dash.
 
-    Attributes:
-        columns: C headings.
-        rows: each of C cells.
-        marked: indices of rows to be set off (misses, say).
-        strong: indices of rows in bold (totals, say).
-
     Raises:
         ShapeError: a row has more or fewer cells than there are columns.
     """
 
-    columns: Sequence[Column]
-    rows: Iterable[Sequence[object]]
+    columns: Sequence[Column]  # C headings
+    rows: Iterable[Sequence[object]]  # each of C cells
     caption: str = ""
-    marked: Collection[int] = ()
-    strong: Collection[int] = ()
+    marked: Collection[int] = ()  # indices of rows to be set off (misses, say)
+    strong: Collection[int] = ()  # indices of rows in bold (totals, say)
 
     def __post_init__(self) -> None:
         rows = []
@@ -100,20 +88,13 @@ class Row:
 
 @dataclass(frozen=True)
 class KeyNumber:
-    """One number that matters, with the paper's beside it.
-
-    Attributes:
-        ours: value with unit, as text.
-        paper: the paper's value, empty without one.
-        good: True or False colours it, None does not.
-        note: a short remark.
-    """
+    """One number that matters, with the paper's beside it."""
 
     label: str
-    ours: str
-    paper: str = ""
-    good: bool | None = None
-    note: str = ""
+    ours: str  # value with unit, as text
+    paper: str = ""  # the paper's value, empty without one
+    good: bool | None = None  # True or False colours it, None does not
+    note: str = ""  # a short remark
 
 
 @dataclass(frozen=True)

@@ -279,21 +279,13 @@ def _check(argument: str, times_name: str, times_s: Floats, samples: Floats) -> 
 
 @dataclass(frozen=True)
 class Rejection:
-    """Why a recording, or a part of a session, is left out.
+    """Why a recording, or a part of a session, is left out."""
 
-    Attributes:
-        path: the bag.
-        topic: the topic at fault, "" when it is the whole bag.
-        stamp_ns: when in the recording, 0 when unknown.
-        reason: one sentence.
-        cure: what helps against it, a sentence; empty where the reason says enough.
-    """
-
-    path: str
-    topic: str
-    stamp_ns: int
-    reason: str
-    cure: str = ""
+    path: str  # the bag
+    topic: str  # the topic at fault, "" when it is the whole bag
+    stamp_ns: int  # when in the recording, 0 when unknown
+    reason: str  # one sentence
+    cure: str = ""  # what helps against it, a sentence; empty where the reason says enough
 
     @classmethod
     def of(cls, path: str, error: IntentError, kind: str = "", stamp_ns: int = 0) -> Rejection:

@@ -25,26 +25,17 @@ leave an error of 5 % in a speed at 100 Hz."""
 class OnsetSettings:
     """How onset and rest are told apart.
 
-    Attributes:
-        reference_speed: typical peak speed of the observed DOFs' norm, per second.
-        start_share: share of it that counts as moving.
-        rest_share: share of it below which a signal rests.
-        window_s: length of the line fitted for the speed.
-        persistence_s: how long the speed must stay above (below) the threshold.
-        rest_s: how long a finished movement must rest before the next one may begin.
-        max_backdate_s: earliest onset before its detection.
-
     Raises:
         ArgumentError: a setting is not positive.
     """
 
-    reference_speed: float
-    start_share: float = 0.15
-    rest_share: float = 0.1
-    window_s: float = 0.15
-    persistence_s: float = 0.08
-    rest_s: float = 0.3
-    max_backdate_s: float = 0.7
+    reference_speed: float  # typical peak speed of the observed DOFs' norm, per second
+    start_share: float = 0.15  # share of it that counts as moving
+    rest_share: float = 0.1  # share of it below which a signal rests
+    window_s: float = 0.15  # length of the line fitted for the speed
+    persistence_s: float = 0.08  # how long the speed must stay above (below) the threshold
+    rest_s: float = 0.3  # how long a finished movement must rest before the next one may begin
+    max_backdate_s: float = 0.7  # earliest onset before its detection
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

@@ -30,15 +30,10 @@ STEP_S = 0.01
 
 
 class Span(NamedTuple):
-    """A proposed part of a session.
+    """A proposed part of a session."""
 
-    Attributes:
-        start_ns: onset of the observed agent's movement.
-        end_ns: when the last of both agents has come to rest.
-    """
-
-    start_ns: int
-    end_ns: int
+    start_ns: int  # onset of the observed agent's movement
+    end_ns: int  # when the last of both agents has come to rest
 
 
 def propose_spans(observed: Sequence[Signal], controlled: Sequence[Signal]) -> list[Span]:

@@ -71,32 +71,21 @@ begins within a tenth of its extent from the origin is judged once it has left t
 
 
 class Known(NamedTuple):
-    """What the description of an arm says of a signal.
+    """What the description of an arm says of a signal."""
 
-    Attributes:
-        lower: smallest positions of the DOFs (d,); empty where that is not known.
-        upper: largest positions (d,).
-        widest: extent that no DOF can have; infinite where that is not known.
-    """
-
+    # smallest positions of the DOFs (d,); empty where that is not known
     lower: Floats = np.empty(0)
-    upper: Floats = np.empty(0)
-    widest: float = np.inf
+    upper: Floats = np.empty(0)  # largest positions (d,)
+    widest: float = np.inf  # extent that no DOF can have; infinite where that is not known
 
 
 class Misfit(NamedTuple):
-    """Why numbers are hardly in their unit.
+    """Why numbers are hardly in their unit."""
 
-    Attributes:
-        reason: a sentence with the names of the DOFs, and the likely unit.
-        factor: by which the numbers are too large; NaN where no usual unit explains them.
-        certain: whether no movement can look like this.
-        likely: the last sentence of the reason, which is the same for all recordings of a kind.
-    """
-
-    reason: str
-    factor: float
-    certain: bool
+    reason: str  # a sentence with the names of the DOFs, and the likely unit
+    factor: float  # by which the numbers are too large; NaN where no usual unit explains them
+    certain: bool  # whether no movement can look like this
+    # the last sentence of the reason, which is the same for all recordings of a kind
     likely: str = ""
 
 

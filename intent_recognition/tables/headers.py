@@ -26,18 +26,12 @@ Rows = Sequence[Sequence[str]]
 
 @dataclass(frozen=True)
 class Header:
-    """What is above the numbers.
-
-    Attributes:
-        skip: rows before the numbers.
-        about: further attributes of the `Table`.
-        ends_blank: whether a blank line ends the table.
-    """
+    """What is above the numbers."""
 
     names: tuple[str, ...]
-    skip: int
-    about: Mapping[str, Any] = field(default_factory=dict)
-    ends_blank: bool = False
+    skip: int  # rows before the numbers
+    about: Mapping[str, Any] = field(default_factory=dict)  # further attributes of the `Table`
+    ends_blank: bool = False  # whether a blank line ends the table
 
 
 def known_header(rows: Rows) -> Header | None:

@@ -28,20 +28,13 @@ PLACEHOLDER = re.compile(r"\{(\w+)\}")
 
 
 class TimeSource(NamedTuple):
-    """Where the times of samples come from.
+    """Where the times of samples come from."""
 
-    Attributes:
-        column: of times; None where samples come at a rate.
-        unit: of the column, a key of `PER_UNIT`, or "" for what the file says, or else seconds.
-        since_ns: what zero is [ns since 1970]; None where the map does not say.
-        nanoseconds: column of what is added to `column` [ns], "" for none.
-    """
-
-    column: str | None
-    unit: str
+    column: str | None  # of times; None where samples come at a rate
+    unit: str  # of the column, a key of `PER_UNIT`, or "" for what the file says, or else seconds
     rate_hz: float
-    since_ns: int | None
-    nanoseconds: str = ""
+    since_ns: int | None  # what zero is [ns since 1970]; None where the map does not say
+    nanoseconds: str = ""  # column of what is added to `column` [ns], "" for none
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -51,77 +44,48 @@ class TimeSource(NamedTuple):
 
 @dataclass(frozen=True)
 class ColumnsOf:
-    """Where the values of one entry of the DOF file come from.
-
-    Attributes:
-        columns: one for each DOF, in its order; none where bags are imported.
-        unit: of the columns, "" for what the file says, or else that of the entry.
-        file: which file of a recording, "" where it has one.
-        time: of its own, None for the map's.
-    """
+    """Where the values of one entry of the DOF file come from."""
 
     entry: DofEntry
-    columns: tuple[str, ...]
-    unit: str
-    file: str
-    time: TimeSource | None
+    columns: tuple[str, ...]  # one for each DOF, in its order; none where bags are imported
+    unit: str  # of the columns, "" for what the file says, or else that of the entry
+    file: str  # which file of a recording, "" where it has one
+    time: TimeSource | None  # of its own, None for the map's
 
 
 class Cut(NamedTuple):
-    """One segment of a list, in seconds of the file's own clock, both ends included.
-
-    Attributes:
-        task: its label, "" for that of the map.
-        file: the recording that it is of, by its name, "" for every one.
-    """
+    """One segment of a list, in seconds of the file's own clock, both ends included."""
 
     start_s: float
     end_s: float
-    task: str
-    file: str
+    task: str  # its label, "" for that of the map
+    file: str  # the recording that it is of, by its name, "" for every one
 
 
 class Text(NamedTuple):
-    """A text of every demonstration: the same for all, or that of a column.
+    """A text of every demonstration: the same for all, or that of a column."""
 
-    Attributes:
-        column: whose first value is taken, "" for none.
-        fixed: the text without a column.
-    """
-
-    column: str
-    fixed: str
+    column: str  # whose first value is taken, "" for none
+    fixed: str  # the text without a column
 
 
 @dataclass(frozen=True)
 class ImportMap:
-    """What `intent import` is told about files.
+    """What `intent import` is told about files."""
 
-    Attributes:
-        dofs: what the demonstrations hold.
-        columns: where each entry comes from, in the order of `dofs`.
-        files: pattern of each file of a recording by its name; empty where each file is one.
-        time: where times come from, None for what the file says.
-        segments: a column whose value changes with the demonstration, or a list of cuts.
-        every: of the rows of a demonstration, one in so many is taken.
-        task: label; None for what the file, or its name, says.
-        labels: other labels for those that the file has.
-        metadata: further texts of each demonstration.
-        frame: frame of poses.
-        skip_rows: lines of a CSV before its header.
-    """
-
-    dofs: DofSpec
-    columns: tuple[ColumnsOf, ...]
+    dofs: DofSpec  # what the demonstrations hold
+    columns: tuple[ColumnsOf, ...]  # where each entry comes from, in the order of `dofs`
+    # pattern of each file of a recording by its name; empty where each file is one
     files: Mapping[str, str]
-    time: TimeSource | None
+    time: TimeSource | None  # where times come from, None for what the file says
+    # a column whose value changes with the demonstration, or a list of cuts
     segments: str | tuple[Cut, ...] | None
-    every: int
-    task: Text | None
-    labels: Mapping[str, str]
-    metadata: Mapping[str, Text]
-    frame: str
-    skip_rows: int
+    every: int  # of the rows of a demonstration, one in so many is taken
+    task: Text | None  # label; None for what the file, or its name, says
+    labels: Mapping[str, str]  # other labels for those that the file has
+    metadata: Mapping[str, Text]  # further texts of each demonstration
+    frame: str  # frame of poses
+    skip_rows: int  # lines of a CSV before its header
 
     @classmethod
     def from_dict(cls, content: object, source: str = "map") -> "ImportMap":

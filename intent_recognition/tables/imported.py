@@ -41,20 +41,13 @@ class EntrySamples(NamedTuple):
 
 @dataclass(frozen=True)
 class ImportedDemonstration:
-    """One demonstration of a table, as it is written to a bag.
-
-    Attributes:
-        custom_data: its label `task`, where it has one, and further texts.
-        samples: for each entry of the DOF file.
-        frame: of poses.
-        n_dropped: samples whose time was missing, or not later than the one before.
-    """
+    """One demonstration of a table, as it is written to a bag."""
 
     name: str
-    custom_data: Mapping[str, str]
-    samples: tuple[EntrySamples, ...]
-    frame: str = "world"
-    n_dropped: int = 0
+    custom_data: Mapping[str, str]  # its label `task`, where it has one, and further texts
+    samples: tuple[EntrySamples, ...]  # for each entry of the DOF file
+    frame: str = "world"  # of poses
+    n_dropped: int = 0  # samples whose time was missing, or not later than the one before
 
     def write(self, folder: Path) -> dict[str, int]:
         """Write it as a bag below `folder`; gaps stay gaps. Returns the messages by topic.
@@ -162,19 +155,13 @@ def _with_header(content: dict[str, Any], kind: str, stamp_ns: int, frame: str) 
 
 @dataclass(frozen=True)
 class ImportedBag:
-    """A recording, or a part of one, to be written as a bag.
-
-    Attributes:
-        custom_data: its label `task`, where it has one, and further texts.
-        start_ns: log time of its first message, or earlier.
-        end_ns: log time of its last message, or later.
-    """
+    """A recording, or a part of one, to be written as a bag."""
 
     name: str
-    custom_data: Mapping[str, str]
+    custom_data: Mapping[str, str]  # its label `task`, where it has one, and further texts
     source: Path
-    start_ns: int
-    end_ns: int
+    start_ns: int  # log time of its first message, or earlier
+    end_ns: int  # log time of its last message, or later
 
     def write(self, folder: Path) -> dict[str, int]:
         """Write it below a folder; returns the messages by topic, none where there is no message.

@@ -32,31 +32,22 @@ ELEMENT = re.compile(r"(?:\.\d+)+$")
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of one file, read when they are asked for.
+    """The columns of one file, read when they are asked for."""
 
-    Attributes:
-        source: the file, or the folder of a data set.
-        names: of all columns, as messages list them; one may occur twice, but not be asked for.
-        read: columns by their numbers, each (T,) or (1,).
-        counts: which rows of the file those that are read are, from 0 on, where some are empty.
-        aliases: numbers of columns by further names.
-        unit: of all columns, "" where the file does not say.
-        units: of single columns, by number; of others, one that ends their name counts.
-        must_say: whether the map must give the unit where the file does not.
-        defaults: what the file says of itself, under the keys of a map: time, segments, task.
-        notes: what is odd about the file, as sentences.
-    """
-
-    source: Path
+    source: Path  # the file, or the folder of a data set
+    # of all columns, as messages list them; one may occur twice, but not be asked for
     names: tuple[str, ...]
-    read: Callable[[Sequence[int]], Sequence[Values]]
+    read: Callable[[Sequence[int]], Sequence[Values]]  # columns by their numbers, each (T,) or (1,)
+    # which rows of the file those that are read are, from 0 on, where some are empty
     counts: Callable[[], Floats] | None = None
-    aliases: Mapping[str, int] = field(default_factory=dict)
-    unit: str = ""
+    aliases: Mapping[str, int] = field(default_factory=dict)  # numbers of columns by further names
+    unit: str = ""  # of all columns, "" where the file does not say
+    # of single columns, by number; of others, one that ends their name counts
     units: Mapping[int, str] = field(default_factory=dict)
-    must_say: bool = False
+    must_say: bool = False  # whether the map must give the unit where the file does not
+    # what the file says of itself, under the keys of a map: time, segments, task
     defaults: Mapping[str, object] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what is odd about the file, as sentences
 
     def columns(self, wanted: Sequence[str]) -> dict[str, Values]:
         """Some columns by name, or by number from 0 on."""

@@ -87,17 +87,11 @@ PER_WORD = {"sec": NANOSECONDS, "min": 60 * NANOSECONDS, "hr": HOUR_NS}
 
 
 class Stamps(NamedTuple):
-    """Times of rows.
+    """Times of rows."""
 
-    Attributes:
-        ns: stamps (T,).
-        known: where there is one (T,).
-        zero_ns: the stamp of the file's own time zero; of dates that of the first row.
-    """
-
-    ns: Integers
-    known: Flags
-    zero_ns: int
+    ns: Integers  # stamps (T,)
+    known: Flags  # where there is one (T,)
+    zero_ns: int  # the stamp of the file's own time zero; of dates that of the first row
 
 
 def unit_of_times(name: str) -> str:

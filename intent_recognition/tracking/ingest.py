@@ -39,26 +39,18 @@ class Velocity(NamedTuple):
 
 @dataclass(frozen=True)
 class TrackedPose:
-    """An accepted pose in the world frame.
-
-    Attributes:
-        position: (3,) [m].
-        orientation: unit quaternion (4,) xyzw.
-        orientation_measured: False if the tracker gave none (an all-zero quaternion);
-            `orientation` is then the identity.
-        position_covariance: of the measurement, (3, 3) [m^2], world axes.
-        velocity: world axes, or None with fewer than three recent samples. Fitted to the same
-            positions, so it is not an observation of its own.
-        reanchored: whether a new track begins with this sample.
-    """
+    """An accepted pose in the world frame."""
 
     stamp_ns: int
-    position: Floats
-    orientation: Floats
+    position: Floats  # (3,) [m]
+    orientation: Floats  # unit quaternion (4,) xyzw
+    # False if the tracker gave none (an all-zero quaternion); `orientation` is then the identity
     orientation_measured: bool
-    position_covariance: Floats
+    position_covariance: Floats  # of the measurement, (3, 3) [m^2], world axes
+    # world axes, or None with fewer than three recent samples. Fitted to the same positions, so it
+    # is not an observation of its own.
     velocity: Velocity | None = None
-    reanchored: bool = False
+    reanchored: bool = False  # whether a new track begins with this sample
 
 
 @dataclass(frozen=True)

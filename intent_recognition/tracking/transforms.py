@@ -38,17 +38,13 @@ def multiply_quaternions(left: Floats, right: Floats) -> Floats:
 class RigidTransform:
     """Pose of a frame in its parent: x_parent = R x_child + t.
 
-    Attributes:
-        translation: origin of the child in the parent (3,) [m].
-        quaternion: orientation of the child in the parent (4,) xyzw; normalised here.
-
     Raises:
         ShapeError: an array has the wrong length.
         ArgumentError: a value is not finite, or the quaternion is zero.
     """
 
-    translation: Floats
-    quaternion: Floats
+    translation: Floats  # origin of the child in the parent (3,) [m]
+    quaternion: Floats  # orientation of the child in the parent (4,) xyzw; normalised here
 
     def __post_init__(self) -> None:
         translation = np.array(self.translation, dtype=np.float64)

@@ -91,29 +91,19 @@ EXCHANGES = frozenset(
 
 
 class Situation(NamedTuple):
-    """What is felt at one moment.
-
-    Attributes:
-        force_n: on the hand (3,), world.
-        moving: whether the arm is under way to where it was told to go.
-        half_opening_m: distance of a finger from the middle; NaN if it is not measured.
-        near: whether the person's hand is at the object; None if nobody tracks it.
-        person_m_s: speed of the person's hand; 0 if nobody tracks it.
-        toward: horizontal unit vector to the person (3,); None if unknown.
-        rise_m_s2: acceleration of the hand upward, as late as the force.
-        doubt_n: how wrong the vertical force may be, as late.
-    """
+    """What is felt at one moment."""
 
     time_s: float
-    force_n: Floats
-    moving: bool
+    force_n: Floats  # on the hand (3,), world
+    moving: bool  # whether the arm is under way to where it was told to go
     speed_m_s: float
+    # distance of a finger from the middle; NaN if it is not measured
     half_opening_m: float = np.nan
-    near: bool | None = None
-    person_m_s: float = 0.0
-    toward: Floats | None = None
-    rise_m_s2: float = 0.0
-    doubt_n: float = 0.0
+    near: bool | None = None  # whether the person's hand is at the object; None if nobody tracks it
+    person_m_s: float = 0.0  # speed of the person's hand; 0 if nobody tracks it
+    toward: Floats | None = None  # horizontal unit vector to the person (3,); None if unknown
+    rise_m_s2: float = 0.0  # acceleration of the hand upward, as late as the force
+    doubt_n: float = 0.0  # how wrong the vertical force may be, as late
 
     @property
     def heaviness(self) -> float:

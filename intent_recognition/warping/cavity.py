@@ -27,19 +27,12 @@ MIN_DEPTH = 0.08
 
 @dataclass(frozen=True, eq=False)
 class Cavity:
-    """What a container can hold.
+    """What a container can hold."""
 
-    Attributes:
-        vertices: (n, 3) [m], in the coordinates of the points.
-        faces: (m, 3), wound outward.
-        profile: radius and depth (J, 2) [m], from the crest to the middle of the floor.
-        height_m: of the container, from the base to the crest.
-    """
-
-    vertices: Floats
-    faces: Integers
-    profile: Floats
-    height_m: float
+    vertices: Floats  # (n, 3) [m], in the coordinates of the points
+    faces: Integers  # (m, 3), wound outward
+    profile: Floats  # radius and depth (J, 2) [m], from the crest to the middle of the floor
+    height_m: float  # of the container, from the base to the crest
 
     @property
     def volume_m3(self) -> float:

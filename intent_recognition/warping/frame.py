@@ -18,22 +18,15 @@ class ObjectFrame:
 
     The paper's origin, the mean of the container's points, moves with what a camera happens to
     see; the centre of the opening does not.
-
-    Attributes:
-        origin: centre (3,) of the opening [m].
-        axes: rows (3, 3): toward the opening; toward the handle; their cross product.
-        radius_m: of the opening.
-        height_m: from the base to the opening.
-        reach_m: from the axis to the handle's far end, 0 without a handle.
-        wall: distance (N_LEVELS,) of the outer wall from the axis, from the base up, in radii of
-            the opening.
     """
 
-    origin: Floats
-    axes: Floats
-    radius_m: float
-    height_m: float
-    reach_m: float
+    origin: Floats  # centre (3,) of the opening [m]
+    axes: Floats  # rows (3, 3): toward the opening; toward the handle; their cross product
+    radius_m: float  # of the opening
+    height_m: float  # from the base to the opening
+    reach_m: float  # from the axis to the handle's far end, 0 without a handle
+    # distance (N_LEVELS,) of the outer wall from the axis, from the base up, in radii of the
+    # opening
     wall: Floats
 
     @property

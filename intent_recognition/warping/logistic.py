@@ -13,19 +13,12 @@ from intent_recognition.errors import TrainingError
 
 @dataclass(frozen=True)
 class LogisticModel:
-    """Probability `1 / (1 + exp(-(bias + weights . (features - offset) / scale)))`.
+    """Probability `1 / (1 + exp(-(bias + weights . (features - offset) / scale)))`."""
 
-    Attributes:
-        bias: log odds of the mean feature vector.
-        weights: log odds (d,) per standard deviation of each feature.
-        offset: mean (d,) of the features learned from.
-        scale: their standard deviation (d,), 1 where it was 0.
-    """
-
-    bias: float
-    weights: Floats
-    offset: Floats
-    scale: Floats
+    bias: float  # log odds of the mean feature vector
+    weights: Floats  # log odds (d,) per standard deviation of each feature
+    offset: Floats  # mean (d,) of the features learned from
+    scale: Floats  # their standard deviation (d,), 1 where it was 0
 
     def log_odds(self, features: Floats) -> Floats:
         """Log odds (n,) at features (n, d)."""

@@ -16,19 +16,12 @@ from intent_recognition.warping.object_warp import WarpedObject
 
 
 class References(NamedTuple):
-    """What the variables of one container are divided by.
+    """What the variables of one container are divided by."""
 
-    Attributes:
-        opening_radius_m: for horizontal distances from its opening.
-        volume_m3: for amounts in it.
-        height_m: for vertical distances.
-        tilt_rad: for its tilt.
-    """
-
-    opening_radius_m: float
-    volume_m3: float
-    height_m: float
-    tilt_rad: float
+    opening_radius_m: float  # for horizontal distances from its opening
+    volume_m3: float  # for amounts in it
+    height_m: float  # for vertical distances
+    tilt_rad: float  # for its tilt
 
 
 class PouringParameters(NamedTuple):

@@ -29,17 +29,11 @@ EMPTY, FULL = "empty", "full"
 
 
 class Emptying(NamedTuple):
-    """What a container holds at a tilt about its lip.
+    """What a container holds at a tilt about its lip."""
 
-    Attributes:
-        tilts_rad: ascending from 0 (n,).
-        shares: of its volume that it can hold, falling from 1 (n,).
-        empty_rad: tilt at which `LEFT_WHEN_EMPTY` of its volume is below the lip.
-    """
-
-    tilts_rad: Floats
-    shares: Floats
-    empty_rad: float
+    tilts_rad: Floats  # ascending from 0 (n,)
+    shares: Floats  # of its volume that it can hold, falling from 1 (n,)
+    empty_rad: float  # tilt at which `LEFT_WHEN_EMPTY` of its volume is below the lip
 
     def tilt_leaving(self, share: float) -> float:
         """Tilt [rad] at which it can hold a share of its volume."""
@@ -47,17 +41,11 @@ class Emptying(NamedTuple):
 
 
 class Reached(NamedTuple):
-    """How far the demonstrated pours tilt their container, which was half full.
+    """How far the demonstrated pours tilt their container, which was half full."""
 
-    Attributes:
-        begin_ratio: of the tilt at which it begins to pour to its tilt reference.
-        largest_ratio: of the largest tilt to it.
-        beyond_rad: how far the largest tilt is beyond the one that empties it.
-    """
-
-    begin_ratio: float
-    largest_ratio: float
-    beyond_rad: float
+    begin_ratio: float  # of the tilt at which it begins to pour to its tilt reference
+    largest_ratio: float  # of the largest tilt to it
+    beyond_rad: float  # how far the largest tilt is beyond the one that empties it
 
 
 def emptying(warped: WarpedObject, lip: Floats, above_m: float = 0.0) -> Emptying:

@@ -21,50 +21,31 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 class PouringSkill(NamedTuple):
-    """What was learned from demonstrated pours.
+    """What was learned from demonstrated pours."""
 
-    Attributes:
-        primitive: in the warped space.
-        far: how far they tilt the cup.
-    """
-
-    primitive: WarpedPrimitive
-    far: Reached
+    primitive: WarpedPrimitive  # in the warped space
+    far: Reached  # how far they tilt the cup
 
 
 class SeenContainer(NamedTuple):
-    """A container as it was seen.
+    """A container as it was seen."""
 
-    Attributes:
-        references: its warped parameters.
-        opening_m: centre of its opening (3,).
-        lip_m: where it pours over (3,).
-        up: unit axis (3,) out of its opening.
-        emptying: what it holds at which tilt.
-    """
-
-    references: References
-    opening_m: Floats
-    lip_m: Floats
-    up: Floats
-    emptying: Emptying
+    references: References  # its warped parameters
+    opening_m: Floats  # centre of its opening (3,)
+    lip_m: Floats  # where it pours over (3,)
+    up: Floats  # unit axis (3,) out of its opening
+    emptying: Emptying  # what it holds at which tilt
 
 
 class PourPlan(NamedTuple):
-    """A pour to execute.
+    """A pour to execute."""
 
-    Attributes:
-        times_s: from 0 (T,).
-        hand_poses: of the hand (T, 4, 4).
-        hand_std: deviations of the hand by one standard deviation of each of the primitive's four
-            numbers (T, 6, 4): translation [m] and rotation [rad].
-        left: what is left in the cup in the end, as a share of its volume.
-    """
-
-    times_s: Floats
-    hand_poses: Floats
+    times_s: Floats  # from 0 (T,)
+    hand_poses: Floats  # of the hand (T, 4, 4)
+    # deviations of the hand by one standard deviation of each of the primitive's four numbers (T,
+    # 6, 4): translation [m] and rotation [rad]
     hand_std: Floats
-    left: float
+    left: float  # what is left in the cup in the end, as a share of its volume
 
 
 def pour_axes(cup: SeenContainer) -> Floats:

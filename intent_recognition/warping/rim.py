@@ -16,19 +16,12 @@ N_HARMONICS = 8
 
 @dataclass(frozen=True, eq=False)
 class Rim:
-    """The rim's crest in the plane of the opening.
+    """The rim's crest in the plane of the opening."""
 
-    Attributes:
-        centre: (3,) [m].
-        axes: rows (3, 3): out of the opening; toward the handle; their cross product.
-        outline: crest (S, 2) [m] along the second and third axis, about the centre.
-        depth_m: lowest point of the object below the crest.
-    """
-
-    centre: Floats
-    axes: Floats
-    outline: Floats
-    depth_m: float
+    centre: Floats  # (3,) [m]
+    axes: Floats  # rows (3, 3): out of the opening; toward the handle; their cross product
+    outline: Floats  # crest (S, 2) [m] along the second and third axis, about the centre
+    depth_m: float  # lowest point of the object below the crest
 
     @property
     def up(self) -> Floats:

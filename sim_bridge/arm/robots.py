@@ -47,32 +47,22 @@ all limits are far away. Convention."""
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """An arm as the simulation needs it.
-
-    Attributes:
-        urdf: text with the paths of its meshes made absolute, as PyBullet reads it.
-        description: the same for viewers, beginning at the link `world`.
-        tip: link that is the hand.
-        ready: posture to begin in (n,) [rad].
-        base_position_m: where the base stands in the world (3,).
-        gains: of its controllers; None: from torque limits and inertia.
-        source: text of a URDF with the same joints; `find_robot` makes the same arm of it.
-        assumed: joints whose URDF has no limit of speed or effort; they have the defaults.
-        weighed: likewise links without mass or inertia.
-    """
+    """An arm as the simulation needs it."""
 
     name: str
-    urdf: str
-    description: str
-    tip: str
+    urdf: str  # text with the paths of its meshes made absolute, as PyBullet reads it
+    description: str  # the same for viewers, beginning at the link `world`
+    tip: str  # link that is the hand
     joint_names: tuple[str, ...]
     limits: JointLimits
-    ready: Floats
+    ready: Floats  # posture to begin in (n,) [rad]
+    # where the base stands in the world (3,)
     base_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    gains: ControllerGains | None = None
-    source: str = ""
+    gains: ControllerGains | None = None  # of its controllers; None: from torque limits and inertia
+    source: str = ""  # text of a URDF with the same joints; `find_robot` makes the same arm of it
+    # joints whose URDF has no limit of speed or effort; they have the defaults
     assumed: tuple[str, ...] = ()
-    weighed: tuple[str, ...] = ()
+    weighed: tuple[str, ...] = ()  # likewise links without mass or inertia
 
     @property
     def n_joints(self) -> int:

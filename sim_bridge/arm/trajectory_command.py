@@ -47,21 +47,13 @@ class RejectedTrajectoryError(TrajectoryError):
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryCommand:
-    """A valid trajectory in the arm's joint order.
+    """A valid trajectory in the arm's joint order."""
 
-    Attributes:
-        times_s: time of each point after the start (n,), increasing.
-        positions: (n, n_joints) [rad].
-        velocities: (n, n_joints) [rad/s], estimated from the positions if none were sent.
-        accelerations: (n, n_joints) [rad/s^2], or None if none were sent.
-        start_s: when it starts; None = on acceptance.
-    """
-
-    times_s: Floats
-    positions: Floats
-    velocities: Floats
-    accelerations: Floats | None
-    start_s: float | None
+    times_s: Floats  # time of each point after the start (n,), increasing
+    positions: Floats  # (n, n_joints) [rad]
+    velocities: Floats  # (n, n_joints) [rad/s], estimated from the positions if none were sent
+    accelerations: Floats | None  # (n, n_joints) [rad/s^2], or None if none were sent
+    start_s: float | None  # when it starts; None = on acceptance
 
     @classmethod
     def validated(

@@ -18,14 +18,10 @@ class Hollow:
 
     Every ring is a convex polygon at one height, counter-clockwise seen from above, and the same
     index is the same direction on all rings.
-
-    Attributes:
-        rings_m: (S, K, 2) corners of the inner wall, from the floor up.
-        heights_m: (S,) ascending; the first is the inner floor, the last the rim.
     """
 
-    rings_m: Floats
-    heights_m: Floats
+    rings_m: Floats  # (S, K, 2) corners of the inner wall, from the floor up
+    heights_m: Floats  # (S,) ascending; the first is the inner floor, the last the rim
 
     @property
     def rim_height_m(self) -> float:

@@ -17,22 +17,15 @@ from sim_bridge.balls.world import STEP_S, BallWorld
 
 @dataclass(frozen=True)
 class Tilted:
-    """What came of tilting a container.
+    """What came of tilting a container."""
 
-    Attributes:
-        left: (N,) which balls left over the rim.
-        exit_time_s: (N,) when, from the start of the turn; NaN for those that stayed.
-        exit_position_m: (N, 3) where, relative to the lip, in axes that do not turn: x in the
-            direction of pouring, z up; NaN for those that stayed.
-        exit_velocity_m_s: (N, 3) how fast, in the same axes; NaN for those that stayed.
-        through_wall: how many balls were seen in or beyond the wall without leaving over the rim.
-    """
-
-    left: Floats
-    exit_time_s: Floats
+    left: Floats  # (N,) which balls left over the rim
+    exit_time_s: Floats  # (N,) when, from the start of the turn; NaN for those that stayed
+    # (N, 3) where, relative to the lip, in axes that do not turn: x in the direction of pouring, z
+    # up; NaN for those that stayed
     exit_position_m: Floats
-    exit_velocity_m_s: Floats
-    through_wall: int
+    exit_velocity_m_s: Floats  # (N, 3) how fast, in the same axes; NaN for those that stayed
+    through_wall: int  # how many balls were seen in or beyond the wall without leaving over the rim
 
 
 def level_axes(tilt_rad: float) -> Floats:

@@ -24,43 +24,29 @@ class Sections:
     corner s and s + 1, inner and outer, are a convex piece of it. On the uppermost ring, the
     crest, inner and outer outline coincide. The floor is the convex hull of `base` at height 0
     and `outer[0]` at `heights_m[0]`, on whose upper side the cavity stands.
-
-    Attributes:
-        heights_m: (R,), rising, from the cavity's floor to the crest.
-        inner: outline of the cavity (R, S, 2) in metres, counter-clockwise from +x.
-        outer: outline of the wall (R, S, 2) in metres, at the same polar angles.
-        base: outline of the base (S, 2) in metres.
     """
 
-    heights_m: Floats
-    inner: Floats
-    outer: Floats
-    base: Floats
+    heights_m: Floats  # (R,), rising, from the cavity's floor to the crest
+    inner: Floats  # outline of the cavity (R, S, 2) in metres, counter-clockwise from +x
+    outer: Floats  # outline of the wall (R, S, 2) in metres, at the same polar angles
+    base: Floats  # outline of the base (S, 2) in metres
 
 
 @dataclass(frozen=True)
 class Container:
-    """A cup or bowl and what is true of it.
-
-    Attributes:
-        mesh: the solid. Wall and handle are closed surfaces each; the handle's ends are inside
-            the wall.
-        inner: the cavity up to the plane of the rim, a closed surface.
-        sections: the wall without its handle.
-        opening_radius_m: mean distance of the crest of the rim from its centre, over its length.
-        height_m: from the base to the crest.
-        opening_centre: centre (3,) of the opening, in the plane of the rim.
-    """
+    """A cup or bowl and what is true of it."""
 
     name: str
+    # the solid. Wall and handle are closed surfaces each; the handle's ends are inside the wall.
     mesh: trimesh.Trimesh
-    inner: trimesh.Trimesh
-    sections: Sections
+    inner: trimesh.Trimesh  # the cavity up to the plane of the rim, a closed surface
+    sections: Sections  # the wall without its handle
     handle: trimesh.Trimesh | None
+    # mean distance of the crest of the rim from its centre, over its length
     opening_radius_m: float
-    height_m: float
+    height_m: float  # from the base to the crest
     inner_volume_m3: float
-    opening_centre: Floats
+    opening_centre: Floats  # centre (3,) of the opening, in the plane of the rim
 
     @cached_property
     def lip_point(self) -> Floats:

@@ -12,21 +12,14 @@ from intent_recognition.errors import ArgumentError
 
 @dataclass(frozen=True)
 class Camera:
-    """How a depth camera looks at an object.
+    """How a depth camera looks at an object."""
 
-    Attributes:
-        distance_m: from the middle of the object.
-        elevation_rad: above the horizon, drawn for each view between these two.
-        depth_noise_std_m: of each depth, along its ray.
-        normal_noise_std_rad: of each normal about each axis across it.
-        grazing_rad: surfaces seen at a smaller angle give no depth.
-    """
-
-    distance_m: float = 0.7
+    distance_m: float = 0.7  # from the middle of the object
+    # above the horizon, drawn for each view between these two
     elevation_rad: tuple[float, float] = (0.8, 1.1)
-    depth_noise_std_m: float = 0.0007
-    normal_noise_std_rad: float = 0.08
-    grazing_rad: float = 0.17
+    depth_noise_std_m: float = 0.0007  # of each depth, along its ray
+    normal_noise_std_rad: float = 0.08  # of each normal about each axis across it
+    grazing_rad: float = 0.17  # surfaces seen at a smaller angle give no depth
 
 
 @dataclass(frozen=True)

@@ -21,39 +21,24 @@ from sim_bridge.coworker.styles import (
 
 @dataclass(frozen=True)
 class Hesitation:
-    """A slow-down within a movement.
+    """A slow-down within a movement."""
 
-    Attributes:
-        centre: progress in undisturbed time, in (0, 1), at which it is slowest.
-        width: standard deviation of the slow-down in the same unit.
-        extra_s: time it adds to the movement.
-    """
-
-    centre: float
-    width: float
-    extra_s: float
+    centre: float  # progress in undisturbed time, in (0, 1), at which it is slowest
+    width: float  # standard deviation of the slow-down in the same unit
+    extra_s: float  # time it adds to the movement
 
 
 @dataclass(frozen=True)
 class Reach:
-    """One movement of the wrist to rest, as a rule from rest.
+    """One movement of the wrist to rest, as a rule from rest."""
 
-    Attributes:
-        task: label, or "" for a movement that belongs to no task.
-        start_m: where the wrist rests before, (3,), world.
-        goal_m: where it stops, (3,), world.
-        nominal_s: duration without hesitation.
-        bow_m: deviation from the straight line where it is largest, (3,).
-        skew: exponent of the bow's decay, >= 1; the bow peaks at progress 1 / (1 + skew).
-        turn_rad: rotation vector of the wrist relative to its rest orientation at the goal, (3,).
-    """
-
-    task: str
-    start_m: Floats
-    goal_m: Floats
-    nominal_s: float
-    bow_m: Floats
-    skew: float
+    task: str  # label, or "" for a movement that belongs to no task
+    start_m: Floats  # where the wrist rests before, (3,), world
+    goal_m: Floats  # where it stops, (3,), world
+    nominal_s: float  # duration without hesitation
+    bow_m: Floats  # deviation from the straight line where it is largest, (3,)
+    skew: float  # exponent of the bow's decay, >= 1; the bow peaks at progress 1 / (1 + skew)
+    # rotation vector of the wrist relative to its rest orientation at the goal, (3,)
     turn_rad: Floats
     hesitations: tuple[Hesitation, ...] = ()
 

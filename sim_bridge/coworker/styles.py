@@ -33,21 +33,13 @@ LONGEST_MOVEMENT_S = 4.8
 
 @dataclass(frozen=True)
 class TaskStyle:
-    """What the reaches of one task have in common.
+    """What the reaches of one task have in common."""
 
-    Attributes:
-        goal_centre_m: middle of the region of goals of the wrist, (3,).
-        goal_half_width_m: half edges of that box, (3,).
-        bow_m: mean of the deviation from the straight line where it is largest, (3,).
-        bow_std_m: individual variation of the bow, (3,).
-        turn_rad: rotation vector of the wrist from its rest orientation to the goal, (3,).
-    """
-
-    goal_centre_m: Floats
-    goal_half_width_m: Floats
-    bow_m: Floats
-    bow_std_m: Floats
-    turn_rad: Floats
+    goal_centre_m: Floats  # middle of the region of goals of the wrist, (3,)
+    goal_half_width_m: Floats  # half edges of that box, (3,)
+    bow_m: Floats  # mean of the deviation from the straight line where it is largest, (3,)
+    bow_std_m: Floats  # individual variation of the bow, (3,)
+    turn_rad: Floats  # rotation vector of the wrist from its rest orientation to the goal, (3,)
 
 
 def _style(*values: tuple[float, float, float]) -> TaskStyle:

@@ -24,17 +24,11 @@ CHANGE_SHARES = (0.15, 0.25, 0.4)
 
 
 class Intention(NamedTuple):
-    """One entry of a task list.
+    """One entry of a task list."""
 
-    Attributes:
-        task: as which the reach begins.
-        then: the task it is changed to, empty if it is not.
-        share: of the movement's time at which the mind changes.
-    """
-
-    task: str
-    then: str = ""
-    share: float = 0.0
+    task: str  # as which the reach begins
+    then: str = ""  # the task it is changed to, empty if it is not
+    share: float = 0.0  # of the movement's time at which the mind changes
 
 
 def read_intention(text: str) -> Intention:

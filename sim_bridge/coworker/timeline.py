@@ -27,21 +27,14 @@ REST_QUATERNION = np.array([0.0, 0.0, 1.0, 0.0])
 
 @dataclass(frozen=True)
 class WristSamples:
-    """The wrist, sampled at 100 Hz.
+    """The wrist, sampled at 100 Hz."""
 
-    Attributes:
-        times_s: seconds since the first sample, (T,).
-        positions_m: measured positions (T, 3), world.
-        orientations: measured orientations (T, 4), quaternion xyzw, world.
-        visible: False where the tracker lost the marker, (T,): such samples are never delivered.
-        true_positions_m: where the wrist really was (T, 3): movement, sway and tremor.
-    """
-
-    times_s: Floats
-    positions_m: Floats
-    orientations: Floats
+    times_s: Floats  # seconds since the first sample, (T,)
+    positions_m: Floats  # measured positions (T, 3), world
+    orientations: Floats  # measured orientations (T, 4), quaternion xyzw, world
+    # False where the tracker lost the marker, (T,): such samples are never delivered
     visible: Flags
-    true_positions_m: Floats
+    true_positions_m: Floats  # where the wrist really was (T, 3): movement, sway and tremor
 
 
 def sample_wrist(

@@ -43,24 +43,17 @@ class SeenRobot(NamedTuple):
 
 @dataclass(frozen=True)
 class Manner:
-    """How one trial is done: times [s], the weight that is expected [N], and misses.
-
-    Attributes:
-        weight_n: that the person lifts with.
-        toward: direction in which the object is brought to the person (3,).
-        miss_m: from where the hand should hold to where it does (3,).
-        brought_m: how far a taker brings the object, and a giver goes away.
-    """
+    """How one trial is done: times [s], the weight that is expected [N], and misses."""
 
     reaction_s: float
     reach_s: float
     load_s: float
     pull_s: float
     busy_s: float
-    weight_n: float
-    toward: Floats
-    miss_m: Floats
-    brought_m: float = 0.3
+    weight_n: float  # that the person lifts with
+    toward: Floats  # direction in which the object is brought to the person (3,)
+    miss_m: Floats  # from where the hand should hold to where it does (3,)
+    brought_m: float = 0.3  # how far a taker brings the object, and a giver goes away
 
     @classmethod
     def draw(cls, rng: np.random.Generator, weight_n: float) -> "Manner":

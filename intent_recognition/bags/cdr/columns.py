@@ -23,55 +23,34 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class PoseColumns:
-    """The PoseStamped messages of a topic in the order of log time.
+    """The PoseStamped messages of a topic in the order of log time."""
 
-    Attributes:
-        log_times_ns: int64 (T,).
-        stamps_ns: of the headers, int64 (T,).
-        frame_ids: frames of the headers; one may be listed twice.
-        frames: index into `frame_ids` of each message, int64 (T,).
-        positions: (T, 3), in the unit of the recording, metres by convention.
-        orientations: (T, 4) xyzw.
-    """
-
-    log_times_ns: Integers
-    stamps_ns: Integers
-    frame_ids: tuple[str, ...]
-    frames: Integers
-    positions: Floats
-    orientations: Floats
+    log_times_ns: Integers  # int64 (T,)
+    stamps_ns: Integers  # of the headers, int64 (T,)
+    frame_ids: tuple[str, ...]  # frames of the headers; one may be listed twice
+    frames: Integers  # index into `frame_ids` of each message, int64 (T,)
+    positions: Floats  # (T, 3), in the unit of the recording, metres by convention
+    orientations: Floats  # (T, 4) xyzw
 
 
 class JointPart(NamedTuple):
-    """Those messages of a topic that name the same joints and fill the same fields.
+    """Those messages of a topic that name the same joints and fill the same fields."""
 
-    Attributes:
-        rows: which of the topic's messages these are, int64 (n,).
-        position: (n, J); J is 0 where the field is empty, and need not be the number of names.
-        velocity: (n, J).
-        effort: (n, J).
-    """
-
-    rows: Integers
+    rows: Integers  # which of the topic's messages these are, int64 (n,)
     frame_id: str
     names: tuple[str, ...]
-    position: Floats
-    velocity: Floats
-    effort: Floats
+    position: Floats  # (n, J); J is 0 where the field is empty, and need not be the number of names
+    velocity: Floats  # (n, J)
+    effort: Floats  # (n, J)
 
 
 @dataclass(frozen=True)
 class JointColumns:
-    """The JointState messages of a topic in the order of log time.
+    """The JointState messages of a topic in the order of log time."""
 
-    Attributes:
-        log_times_ns: int64 (T,).
-        stamps_ns: of the headers, int64 (T,).
-        parts: one for each layout; several where, say, arm and gripper share the topic.
-    """
-
-    log_times_ns: Integers
-    stamps_ns: Integers
+    log_times_ns: Integers  # int64 (T,)
+    stamps_ns: Integers  # of the headers, int64 (T,)
+    # one for each layout; several where, say, arm and gripper share the topic
     parts: tuple[JointPart, ...]
 
 

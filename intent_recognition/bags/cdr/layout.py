@@ -50,15 +50,10 @@ def message_fields() -> Mapping[str, tuple[object, Sequence[tuple[str, tuple[int
 
 
 class NumberRun(NamedTuple):
-    """Numbers that follow one another without padding.
+    """Numbers that follow one another without padding."""
 
-    Attributes:
-        start: offset of the first in the message [bytes].
-        dtype: of each, as `struct` and numpy name it, such as "<d".
-    """
-
-    start: int
-    dtype: str
+    start: int  # offset of the first in the message [bytes]
+    dtype: str  # of each, as `struct` and numpy name it, such as "<d"
     length: int
 
     @property
@@ -74,22 +69,16 @@ class NumberRun(NamedTuple):
 
 @dataclass(frozen=True)
 class Layout:
-    """What messages with their numbers at the same offsets have in common.
+    """What messages with their numbers at the same offsets have in common."""
 
-    Attributes:
-        template: one such message.
-        decisive: (start, stop) of the bytes that must agree: lengths, counts and texts.
-        runs: numbers by field, such as "pose.position.x", "position" or "points[2].positions";
-            for a nested message whose numbers all follow one another also "pose.position".
-        texts: strings by field; a single string is a tuple of one.
-        tail: bytes behind the last field.
-    """
-
-    template: bytes
+    template: bytes  # one such message
+    # (start, stop) of the bytes that must agree: lengths, counts and texts
     decisive: tuple[tuple[int, int], ...]
+    # numbers by field, such as "pose.position.x", "position" or "points[2].positions"; for a nested
+    # message whose numbers all follow one another also "pose.position"
     runs: Mapping[str, NumberRun]
-    texts: Mapping[str, tuple[str, ...]]
-    tail: int
+    texts: Mapping[str, tuple[str, ...]]  # strings by field; a single string is a tuple of one
+    tail: int  # bytes behind the last field
 
     def fits(self, data: bytes) -> bool:
         """Whether a message has this layout.

@@ -39,45 +39,28 @@ LATEST_NS = 2**63
 
 
 class McapBlock(NamedTuple):
-    """One chunk, or one message outside of chunks, and log times of its first and last message.
+    """One chunk, or one message outside of chunks, and log times of its first and last message."""
 
-    Attributes:
-        offset: of the record in the file.
-        length: of its content, the 9 bytes of opcode and length not counted.
-        size: bytes of its records, as a chunk says itself; it need not be true: `decompress` bounds
-            it.
-        is_cut: the file ends inside of this chunk.
-    """
-
-    offset: int
-    length: int
+    offset: int  # of the record in the file
+    length: int  # of its content, the 9 bytes of opcode and length not counted
     start_ns: int
     end_ns: int
+    # bytes of its records, as a chunk says itself; it need not be true: `decompress` bounds it
     size: int
     is_chunk: bool = True
-    is_cut: bool = False
+    is_cut: bool = False  # the file ends inside of this chunk
 
 
 class MessageTable(NamedTuple):
-    """The messages of one block in file order; n rows.
+    """The messages of one block in file order; n rows."""
 
-    Attributes:
-        data: bytes of the block, decompressed.
-        channels: channel ids, uint16 (n,).
-        sequences: uint32 (n,).
-        log_times_ns: uint64 (n,).
-        publish_times_ns: uint64 (n,).
-        starts: where in `data` each payload begins, int64 (n,).
-        lengths: of the payloads, int64 (n,).
-    """
-
-    data: bytes | memoryview
-    channels: NDArray
-    sequences: NDArray
-    log_times_ns: NDArray
-    publish_times_ns: NDArray
-    starts: NDArray
-    lengths: NDArray
+    data: bytes | memoryview  # bytes of the block, decompressed
+    channels: NDArray  # channel ids, uint16 (n,)
+    sequences: NDArray  # uint32 (n,)
+    log_times_ns: NDArray  # uint64 (n,)
+    publish_times_ns: NDArray  # uint64 (n,)
+    starts: NDArray  # where in `data` each payload begins, int64 (n,)
+    lengths: NDArray  # of the payloads, int64 (n,)
 
     @classmethod
     def empty(cls) -> "MessageTable":

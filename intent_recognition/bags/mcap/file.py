@@ -23,21 +23,15 @@ ITEM_BYTES = 400
 
 
 class Item(NamedTuple):
-    """One message; sorts by log time, then as recorded: by block, then by row.
-
-    Attributes:
-        offset: of its block in the file.
-        row: in the block.
-        channel: that it is of.
-    """
+    """One message; sorts by log time, then as recorded: by block, then by row."""
 
     log_time_ns: int
-    offset: int
-    row: int
+    offset: int  # of its block in the file
+    row: int  # in the block
     publish_time_ns: int
     sequence: int
     data: bytes
-    channel: Channel
+    channel: Channel  # that it is of
 
 
 def complete_schemas(scan: FileScan, types: Mapping[str, str]) -> dict[int, Schema | None]:

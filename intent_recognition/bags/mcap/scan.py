@@ -50,18 +50,12 @@ CHUNK_START = re.compile(
 
 @dataclass(frozen=True)
 class Damage:
-    """A part of the file that cannot be read.
+    """A part of the file that cannot be read."""
 
-    Attributes:
-        offset: where it begins [bytes].
-        start_ns: log time of the last message before it, or of its first; 0 when unknown.
-        end_ns: log time of its last message, 0 when unknown.
-    """
-
-    offset: int
+    offset: int  # where it begins [bytes]
     reason: str
-    start_ns: int = 0
-    end_ns: int = 0
+    start_ns: int = 0  # log time of the last message before it, or of its first; 0 when unknown
+    end_ns: int = 0  # log time of its last message, 0 when unknown
 
 
 @dataclass

@@ -39,20 +39,13 @@ Timed = tuple[float, Reach]
 
 @dataclass(frozen=True)
 class AssemblyInteraction:
-    """What both do, times in seconds on the session's clock.
-
-    Attributes:
-        worker: (onset, movement) of the observed wrist, in order.
-        assistant: the same of the predicted one.
-        goal_m: where the worker's wrist waits for the assistant, (3,).
-        arrival_s: when the assistant's wrist has come to where it ends.
-    """
+    """What both do, times in seconds on the session's clock."""
 
     task: str
-    worker: tuple[Timed, ...]
-    assistant: tuple[Timed, ...]
-    goal_m: Floats
-    arrival_s: float
+    worker: tuple[Timed, ...]  # (onset, movement) of the observed wrist, in order
+    assistant: tuple[Timed, ...]  # the same of the predicted one
+    goal_m: Floats  # where the worker's wrist waits for the assistant, (3,)
+    arrival_s: float  # when the assistant's wrist has come to where it ends
 
     @property
     def onset_s(self) -> float:

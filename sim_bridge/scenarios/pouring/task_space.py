@@ -30,17 +30,11 @@ SEED_POSTURE = np.array([0.76, -1.24, 2.02, -1.72, 0.11, -0.92, 0.96])
 
 @dataclass(frozen=True)
 class PourPath:
-    """A pour over time.
+    """A pour over time."""
 
-    Attributes:
-        times_s: ascending from 0 (T,).
-        offset_m: lip from the centre of the second opening (T, 3): along, across, up.
-        tilt_rad: of the held container about its lip (T,).
-    """
-
-    times_s: Floats
-    offset_m: Floats
-    tilt_rad: Floats
+    times_s: Floats  # ascending from 0 (T,)
+    offset_m: Floats  # lip from the centre of the second opening (T, 3): along, across, up
+    tilt_rad: Floats  # of the held container about its lip (T,)
 
 
 @dataclass(frozen=True)

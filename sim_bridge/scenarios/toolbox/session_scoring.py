@@ -46,20 +46,14 @@ HandOf = Callable[[Floats], Floats]
 
 
 class Scoring(NamedTuple):
-    """What the arm is measured by.
+    """What the arm is measured by."""
 
-    Attributes:
-        places_m: where the hand belongs in each interaction (n, 3), world.
-        home_m: where its hand waits (3,).
-        n_joints: of the arm, without fingers.
-        passed_m: places where the hand may rest on the way, such as stands (k, 3).
-    """
-
-    places_m: Floats
+    places_m: Floats  # where the hand belongs in each interaction (n, 3), world
     hand_of: HandOf = lwr_hand
-    home_m: Floats = HOME_HAND_M
-    n_joints: int = len(JOINT_NAMES)
+    home_m: Floats = HOME_HAND_M  # where its hand waits (3,)
+    n_joints: int = len(JOINT_NAMES)  # of the arm, without fingers
     by_force: bool = False
+    # places where the hand may rest on the way, such as stands (k, 3)
     passed_m: Floats = np.empty((0, 3))
 
 
