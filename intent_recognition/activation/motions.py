@@ -24,10 +24,10 @@ from intent_recognition.motion import (
     PredictedPerson,
     Via,
     brake_along,
-    home_plan,
     make_path,
     phase_times_ns,
     plan_interaction,
+    posture_plan,
     stop_plan,
 )
 
@@ -216,7 +216,7 @@ class Motions:
     ) -> PlannedWay | None:
         """To a posture, slowed near people; None where no plan keeps the limits."""
         settings = self._common.settings
-        plan = home_plan(start, target, settings.limits)
+        plan = posture_plan(start, target, settings.limits)
         if plan is None:
             return None
         rate = 1.0 / plan.duration_s
@@ -363,7 +363,7 @@ class Motions:
         """Take the reference to where a person leads the arm; None if no plan keeps the limits."""
         start_ns = self._arm.switch_ns(now_ns)
         start, settings = self._arm.in_force().at(start_ns), self._common.settings
-        plan = home_plan(start, target, settings.limits)
+        plan = posture_plan(start, target, settings.limits)
         if plan is None:
             return None
         done, still = np.full_like(plan.phase, phase), np.zeros_like(plan.phase)

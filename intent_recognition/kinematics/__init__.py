@@ -33,7 +33,7 @@ from intent_recognition.kinematics.urdf import read_chain, read_ranges
 from intent_recognition.kinematics.urdf_tree import (
     DEFAULT_EFFORT,
     DEFAULT_SPEED,
-    end_of,
+    link_of,
     parse_urdf,
     parse_xml,
     read_urdf,

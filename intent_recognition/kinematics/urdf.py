@@ -16,7 +16,7 @@ import numpy as np
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics.limits import JointLimits
 from intent_recognition.kinematics.urdf_tip import MOVING, default_tip
-from intent_recognition.kinematics.urdf_tree import ASSUMED, end_of, parse_urdf, separate_names
+from intent_recognition.kinematics.urdf_tree import ASSUMED, link_of, parse_urdf, separate_names
 from intent_recognition.signals import OFTEN_TAKEN, length_misfit, taken_for
 from intent_recognition.untrusted import LARGEST
 
@@ -109,7 +109,7 @@ def read_chain(
     """
     root = parse_urdf(source)
     joints = [joint for joint in root.findall("joint") if joint.get("type")]
-    above = {end_of(joint, "child"): joint for joint in joints}
+    above = {link_of(joint, "child"): joint for joint in joints}
     links = [link.get("name", "") for link in root.findall("link")]
     for argument, name in (("base", base), ("tip", tip)):
         if name is not None and name not in links:
@@ -187,7 +187,7 @@ def _way(base: str, tip: str, above: Mapping[str, ET.Element]) -> list[ET.Elemen
             cure = "Name a tip that hangs on the base."
             raise ArgumentError.about("tip", f"a link below {base}", tip, cure)
         way.insert(0, above[link])
-        link = end_of(above[link], "parent")
+        link = link_of(above[link], "parent")
     return way
 
 

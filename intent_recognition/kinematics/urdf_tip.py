@@ -13,7 +13,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics.urdf_tree import end_of
+from intent_recognition.kinematics.urdf_tree import link_of
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints with one degree of freedom."""
@@ -49,10 +49,10 @@ def default_tip(
     """
     at: dict[str, list[ET.Element]] = defaultdict(list)
     for joint in joints:
-        at[end_of(joint, "parent")].append(joint)
+        at[link_of(joint, "parent")].append(joint)
     links = [base]
     for link in links:
-        links += [end_of(joint, "child") for joint in at[link]]
+        links += [link_of(joint, "child") for joint in at[link]]
     below: dict[str, _Below] = {}
     for link in reversed(links):
         parts = [_with(joint, below, masters) for joint in at[link]]
@@ -67,7 +67,7 @@ def default_tip(
 
 def _with(joint: ET.Element, below: Mapping[str, _Below], masters: Mapping[str, str]) -> _Below:
     """A joint and what is beyond it."""
-    child, name = end_of(joint, "child"), joint.get("name", "")
+    child, name = link_of(joint, "child"), joint.get("name", "")
     beyond = below[child]
     tool, n_links = beyond.tool or bool(_TOOL.search(child)), beyond.links + 1
     if joint.get("type") not in MOVING:
@@ -97,14 +97,14 @@ def _walk(
         if most and len(ways) > 1:
             if most <= len(passed):
                 return link  # fingers
-            ends = [end_of(joints[k], "child") for k in ways]
+            ends = [link_of(joints[k], "child") for k in ways]
             inside = passed | below[link].moving
             tips = " or ".join(_walk(end, at, below, masters, inside) for end in ends)
             cure = "Name one (--tip)."
             raise ArgumentError.about("tip", f"{tips}, as there are several arms", "none", cure)
         if not most:
             ways = _at_the_end(parts)
-            named = [k for k in ways if _STANDARD.search(end_of(joints[k], "child"))]
+            named = [k for k in ways if _STANDARD.search(link_of(joints[k], "child"))]
             ways = named if len(named) == 1 else ways
             held = [joints[k].get("type") not in MOVING for k in ways]
             copies = [masters.get(joints[k].get("name", "")) in passed for k in ways]
@@ -113,7 +113,7 @@ def _walk(
         joint = joints[ways[0]]
         if joint.get("type") in MOVING:
             passed |= {joint.get("name", "")}
-        link = end_of(joint, "child")
+        link = link_of(joint, "child")
     return link
 
 

@@ -135,7 +135,7 @@ def parse_urdf(source: str | Path) -> ET.Element:
     return root
 
 
-def end_of(joint: ET.Element, end: str) -> str:
+def link_of(joint: ET.Element, end: str) -> str:
     """Name of the link at one end of a joint, `parent` or `child`."""
     element = joint.find(end)
     name = None if element is None else element.get("link")
@@ -185,7 +185,7 @@ def _check_tree(links: set[str], joints: list[ET.Element]) -> None:
     """Make sure that each joint joins two links, and that no way leads back to where it began."""
     above: dict[str, str] = {}
     for joint in joints:
-        parent, child = end_of(joint, "parent"), end_of(joint, "child")
+        parent, child = link_of(joint, "parent"), link_of(joint, "child")
         for end in (parent, child):
             if end not in links:
                 _refuse(joint.get("name", "joint"), "links of the URDF as its ends", end)

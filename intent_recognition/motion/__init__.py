@@ -16,7 +16,7 @@ from intent_recognition.motion.plan import (
     scaled_limits,
 )
 from intent_recognition.motion.planning import brake_along, plan_interaction, stop_plan
-from intent_recognition.motion.point_to_point import home_plan
+from intent_recognition.motion.point_to_point import posture_plan
 from intent_recognition.motion.retiming import NominalTiming
 from intent_recognition.motion.separation import (
     PredictedPerson,

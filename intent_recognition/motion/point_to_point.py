@@ -33,7 +33,7 @@ acceleration limit divided by it: 80 rad/s^3 at 8 rad/s^2. Measurement: docs/dec
 "Ruckig goes home and brakes"."""
 
 
-def home_plan(start: JointReference, home: Floats, limits: JointLimits) -> JointPlan | None:
+def posture_plan(start: JointReference, posture: Floats, limits: JointLimits) -> JointPlan | None:
     """Go to a posture (n,) [rad], all joints together; from rest straight in joint space.
 
     The posture is held inside the position limits (reported as clamped). A motion, in no
@@ -41,10 +41,10 @@ def home_plan(start: JointReference, home: Floats, limits: JointLimits) -> Joint
     plan keeps them.
 
     Raises:
-        TrajectoryError: start or home hold NaN or infinity.
+        TrajectoryError: start or posture hold NaN or infinity.
     """
-    target = np.clip(home, limits.lower + 1e-6, limits.upper - 1e-6)
-    clamped = tuple(int(j) for j in np.flatnonzero(target != np.asarray(home, dtype=np.float64)))
+    target = np.clip(posture, limits.lower + 1e-6, limits.upper - 1e-6)
+    clamped = tuple(int(j) for j in np.flatnonzero(target != np.asarray(posture, dtype=np.float64)))
     for share in (0.6, 1.0):
         motion = _input(start, limits, scaled_limits(limits, share, share))
         motion.target_position = target

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import end_of, package_shares, packages_around
+from intent_recognition.kinematics import link_of, package_shares, packages_around
 
 WORLD = "world"
 """Root link of a description."""
@@ -57,13 +57,13 @@ def written(root: ET.Element) -> str:
 def hold_others(root: ET.Element, joint_names: Sequence[str]) -> None:
     """Let only the joints of an arm move, and those of what its last link carries."""
     joints = root.findall("joint[@type]")
-    (carrier,) = (end_of(j, "child") for j in joints if j.get("name") == joint_names[-1])
+    (carrier,) = (link_of(j, "child") for j in joints if j.get("name") == joint_names[-1])
     carried, added = {carrier}, 1
     while added:
-        beyond = {end_of(j, "child") for j in joints if end_of(j, "parent") in carried} - carried
+        beyond = {link_of(j, "child") for j in joints if link_of(j, "parent") in carried} - carried
         carried, added = carried | beyond, len(beyond)
     for joint in joints:
-        if joint.get("name") not in joint_names and end_of(joint, "parent") not in carried:
+        if joint.get("name") not in joint_names and link_of(joint, "parent") not in carried:
             joint.set("type", "fixed")
             for mimic in joint.findall("mimic"):
                 joint.remove(mimic)
@@ -102,7 +102,7 @@ def add_missing_inertials(root: ET.Element, joint_names: Sequence[str]) -> tuple
     Files for planning alone have none, such as those of ROS-Industrial. PyBullet would take 1 kg
     and 1 kg m^2 for each, also for frames such as `tool0`, which weigh nothing.
     """
-    joints = {end_of(joint, "child"): joint for joint in root.findall("joint[@type]")}
+    joints = {link_of(joint, "child"): joint for joint in root.findall("joint[@type]")}
     weighed = []
     for link in root.findall("link"):
         name = link.get("name", "")
@@ -134,7 +134,7 @@ def add_rotors(root: ET.Element, rotors: Mapping[str, float]) -> None:
         joint = joints[name]
         if joint.get("type") == "prismatic":
             continue
-        axis, link = joint.find("axis"), links[end_of(joint, "child")]
+        axis, link = joint.find("axis"), links[link_of(joint, "child")]
         direction = _numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"))
         _add_rotor(link, direction / np.linalg.norm(direction), float(rotor))
 
@@ -154,13 +154,13 @@ def _add_rotor(link: ET.Element, axis: Floats, rotor: float) -> None:
 def add_world(root: ET.Element, base_position_m: tuple[float, float, float]) -> None:
     """Let a URDF begin at `world`, for viewers: meshes are URIs, a raised base is on a block."""
     links, joints = root.findall("link"), root.findall("joint[@type]")
-    children = {end_of(joint, "child") for joint in joints}
+    children = {link_of(joint, "child") for joint in joints}
     base = next(name for name in (link.get("name", "") for link in links) if name not in children)
     if base != WORLD:
         root.insert(0, ET.Element("link", name=WORLD))
         joints.append(add_joint(root, "world_to_base", "fixed", WORLD, base, (0.0, 0.0, 0.0)))
     for joint in joints:
-        if end_of(joint, "parent") == WORLD:
+        if link_of(joint, "parent") == WORLD:
             origin = joint.find("origin")
             origin = ET.SubElement(joint, "origin") if origin is None else origin
             moved = _numbers(origin.get("xyz", "0 0 0")) + base_position_m

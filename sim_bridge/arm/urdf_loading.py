@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import pybullet_data
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import check_meshes, end_of
+from intent_recognition.kinematics import check_meshes, link_of
 from sim_bridge.physics import BulletClient, pybullet
 
 MOST_LINKS = 128
@@ -45,7 +45,9 @@ def fixtures_of(urdf: str) -> frozenset[str]:
     except ElementTree.ParseError as error:
         cure = "Check it with check_urdf."
         raise ArgumentError.about("robot", "a URDF", error, cure) from error
-    ends = [(j.get("type"), end_of(j, "parent"), end_of(j, "child")) for j in root.findall("joint")]
+    ends = [
+        (j.get("type"), link_of(j, "parent"), link_of(j, "child")) for j in root.findall("joint")
+    ]
     moved = {child for kind, _, child in ends if kind != "fixed"}
     for _ in ends:
         moved |= {child for _, parent, child in ends if parent in moved}

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 
 from intent_recognition.kinematics import JOINT_NAMES
-from intent_recognition.motion import NominalTiming, home_plan, make_path, plan_interaction
+from intent_recognition.motion import NominalTiming, make_path, plan_interaction, posture_plan
 from intent_recognition.motion.plan import JointReference, position_range, within
 from intent_recognition.motion.point_to_point import brake_plan
 from sim_bridge.arm import RejectedTrajectoryError, TrajectoryCommand
@@ -105,7 +105,7 @@ def test_an_arm_pushed_past_a_limit_is_led_back_by_plans_it_accepts(seed, far_ra
     q = HOME + np.outer(s**3 * (10.0 - 15.0 * s + 6.0 * s**2), rng.normal(0.0, 0.2, 7))
     path = make_path(2.0 * s, q, LIMITS)
     to_interaction = plan_interaction(path, NominalTiming(0.0, 2.0), start, LIMITS)
-    for plan in (home_plan(start, HOME, LIMITS), to_interaction):
+    for plan in (posture_plan(start, HOME, LIMITS), to_interaction):
         assert plan is not None
         assert outside(plan.end) <= 0.0
         assert curve(plan)[:, joint].max() <= pushed[joint] + 1e-3
@@ -118,15 +118,15 @@ def test_an_arm_pushed_past_a_limit_is_led_back_by_plans_it_accepts(seed, far_ra
 @pytest.mark.parametrize("beyond_rad", [0.0, 5e-7, 1e-6, 9.0])
 def test_a_home_at_the_limit_is_accepted_by_the_arm(beyond_rad):
     home = np.where(np.arange(7) == 1, LIMITS.upper + beyond_rad, HOME)
-    accept(home_plan(JointReference.at_rest(HOME), home, LIMITS))
+    accept(posture_plan(JointReference.at_rest(HOME), home, LIMITS))
 
 
 def test_plans_home_and_brakes_keep_inside_the_limits_or_say_so():
     """The planner's tolerance was a thousand times the arm's: it made what the arm refused."""
     pushed = np.where(np.arange(7) == 1, LIMITS.upper + 5e-7, HOME)
-    plan = home_plan(JointReference.at_rest(HOME), pushed, LIMITS)
+    plan = posture_plan(JointReference.at_rest(HOME), pushed, LIMITS)
     assert outside(plan.positions) <= 1e-9
-    plan = home_plan(JointReference.at_rest(HOME), HOME + 0.31, LIMITS)
+    plan = posture_plan(JointReference.at_rest(HOME), HOME + 0.31, LIMITS)
     np.testing.assert_array_equal(np.round(plan.times_s * 1e9) * 1e-9, plan.times_s)
     start = JointReference(
         np.where(np.arange(7) == 1, LIMITS.upper - 0.01, HOME), 0.5 * np.eye(7)[1], np.zeros(7)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.motion.plan import JointPlan, JointReference, within
-from intent_recognition.motion.point_to_point import RISE_TIME_S, brake_plan, home_plan
+from intent_recognition.motion.point_to_point import RISE_TIME_S, brake_plan, posture_plan
 from sim_bridge.arm.trajectory_command import TrajectoryCommand
 
 JERK = LIMITS.acceleration / RISE_TIME_S
@@ -25,7 +25,7 @@ def posture(rng) -> np.ndarray:
 def on_its_way(seed: int) -> tuple[JointPlan, JointReference]:
     """A plan from rest to rest, and its reference at some time."""
     rng = np.random.default_rng(seed)
-    plan = home_plan(JointReference.at_rest(posture(rng)), posture(rng), LIMITS)
+    plan = posture_plan(JointReference.at_rest(posture(rng)), posture(rng), LIMITS)
     assert plan is not None
     return plan, plan.at(rng.uniform(0.0, plan.duration_s))
 
@@ -54,7 +54,7 @@ def test_from_rest_it_is_straight_with_limited_jerk(seed):
 @given(seeds)
 def test_a_new_way_home_goes_on_smoothly_and_is_accepted(seed):
     _, start = on_its_way(seed)
-    plan = home_plan(start, HOME, LIMITS)
+    plan = posture_plan(start, HOME, LIMITS)
     assert plan is not None
     check_accepted(plan)
     np.testing.assert_allclose(plan.positions[0], start.position, atol=1e-12)
@@ -76,9 +76,9 @@ def test_a_brake_ends_near_and_is_accepted(seed):
 
 
 def test_at_home_it_stays_and_a_home_outside_the_limits_is_clamped_or_refused():
-    plan = home_plan(JointReference.at_rest(HOME), HOME, LIMITS)
+    plan = posture_plan(JointReference.at_rest(HOME), HOME, LIMITS)
     np.testing.assert_allclose(plan.positions, np.tile(HOME, (len(plan.times_s), 1)), atol=1e-12)
-    plan = home_plan(JointReference.at_rest(HOME), HOME + np.eye(7)[1] * 9.0, LIMITS)
+    plan = posture_plan(JointReference.at_rest(HOME), HOME + np.eye(7)[1] * 9.0, LIMITS)
     assert plan.clamped == (1,) and plan.end[1] == pytest.approx(LIMITS.upper[1], abs=1e-5)
     with pytest.raises(TrajectoryError, match="finite"):
-        home_plan(JointReference.at_rest(np.full(7, np.nan)), HOME, LIMITS)
+        posture_plan(JointReference.at_rest(np.full(7, np.nan)), HOME, LIMITS)
