@@ -53,7 +53,7 @@ def test_steady_progress_has_one_deviation_and_the_prior_is_student_s_on_the_gri
     assert np.array_equal(deviation_transition(STEADY, np.array([0.0, 0.3])), np.ones((2, 1, 1)))
     phase = np.array([-0.5, 0.0, 0.25, 1.0, 1.7])
     assert np.array_equal(reference_phase(STEADY, phase)[:, 0], np.clip(phase, 0.0, 1.0))
-    density = t(module.DEVIATION_FREEDOM).pdf(a_progress().grid)
+    density = t(module.STUDENT_FREEDOM).pdf(a_progress().grid)
     np.testing.assert_allclose(deviation_prior(a_progress()), density / density.sum(), rtol=1e-12)
 
 
