@@ -183,7 +183,8 @@ def _durations(tasks: Sequence[TaskStatistics]) -> tuple[Floats, Floats]:
     scatter = np.array([task.log_duration_scatter for task in tasks])
     n = np.array([task.n for task in tasks])
     pooled = scatter.sum() / max(n.sum() - len(n), 1)
-    variance = (scatter + STRENGTH * pooled) / (n - 1 + STRENGTH) * (1 + 1 / n)
+    size = 4.0  # demonstrations that say, beside the real ones, that all tasks vary alike
+    variance = (scatter + size * pooled) / (n - 1 + size) * (1 + 1 / n)
     of_strangers = log_duration_variance_of_strangers([task.examples for task in tasks])
     if of_strangers is not None:
         variance = np.full(len(tasks), of_strangers)

@@ -6,8 +6,8 @@ from typing import NamedTuple
 from intent_recognition.promp import OTHERS_SAMPLE_SIZE, TargetSettings
 
 STRENGTH = 4.0
-"""Equivalent sample size, in demonstrations, of what all tasks share: the target of their
-covariance (docs/decisions/one_filter.md), and the variance of log durations."""
+"""Equivalent sample size of the target of the shared covariance, in demonstrations
+(docs/decisions/one_filter.md)."""
 REGRESSION_STRENGTHS = (30.0, 100.0, 10.0, 3.0, 1.0)
 """The same for each task's own covariance, from which the controlled agent's regression comes; the
 first where nothing can be left out (docs/decisions/covariance_target.md)."""
