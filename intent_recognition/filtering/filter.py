@@ -266,11 +266,11 @@ class MovementFilter:
 
     def controlled(self, task: int, n_points: int, start: StartPosture | None = None) -> Trajectory:
         """The controlled agent's whole interaction under a task, as `TaskPrediction.controlled`."""
-        if not (self.library.displacement_exponent or task in self._control_grids):
+        if task not in self._control_grids:
             self._control_grids[task] = ControlGrid(self.library, task)
         asked = task, n_points
         if asked not in self._controlled or self._controlled[asked][0] is not start:
-            grid = self._control_grids.get(task)
+            grid = self._control_grids[task]
             found = self.prediction(task).controlled(n_points, start, grid)
             self._controlled[asked] = start, read_only(found)
         return self._controlled[asked][1]

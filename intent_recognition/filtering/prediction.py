@@ -63,7 +63,6 @@ class TaskPrediction:
         self.durations_s, self.duration_weights = durations_s, duration_weights
         self._deviations = deviations
         self._relative = durations_s[:, None] / library.usual_s[task]
-        self._factor = library.displacement(task, durations_s)
         self._likely = np.flatnonzero(duration_weights > NEGLIGIBLE_SHARE)
         self._share = duration_weights[self._likely] / duration_weights[self._likely].sum()
 
@@ -100,10 +99,6 @@ class TaskPrediction:
         """
         library, likely, share = self.library, self._likely, self._share
         mean, covariance = self._controlled_weights(start)
-        if library.displacement_exponent:
-            scaling = library.basis.scaling(self._factor[likely])[:, None]  # (S, 1, N, N)
-            mean = np.matmul(scaling, mean[..., None])[..., 0]
-            covariance = scaling @ covariance @ scaling.swapaxes(2, 3)
         design = library.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
         position = np.matmul(design, mean.swapaxes(1, 2))  # (S, G, Q)
         square = np.einsum("gk,sqkl,gl->sgq", design, covariance, design, optimize=True)
@@ -117,6 +112,8 @@ class TaskPrediction:
     def _controlled_weights(self, start: StartPosture | None) -> tuple[Floats, Floats]:
         """As `promp.controlled_weights`, of k likely durations, within each controlled DOF alone.
 
+        They are as far from the start as the durations take them.
+
         Returns:
             Means (k, Q, N) and covariances (k, Q, N, N).
         """
@@ -129,7 +126,7 @@ class TaskPrediction:
         own = np.matmul(cross, by_dof.swapaxes(1, 2)) + scale * np.einsum("qnqm->qnm", rest)
         mean = (observed @ matrix.T + offset).reshape(-1, q, n)
         if start is None:
-            return mean, own
+            return self._displaced(mean, own)
         row = library.basis.design_matrix(np.zeros(1))[0]
         at = np.einsum("n,qnp->qp", row, by_dof)
         cross = np.matmul(cross, at.T) + scale * np.einsum("qnrm,m->qnr", rest, row)  # (k, Q, N, Q)
@@ -140,7 +137,37 @@ class TaskPrediction:
         cross, innovation, _ = whiten_innovation(spread, cross, innovation)
         cross = cross.reshape(-1, q, q, n)
         mean = mean + np.einsum("kr,krqn->kqn", innovation, cross)
-        return mean, own - np.einsum("krqn,krqm->kqnm", cross, cross)
+        return self._displaced(mean, own - np.einsum("krqn,krqm->kqnm", cross, cross))
+
+    def _displaced(self, mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+        """Controlled weights of k likely durations as far from the start as these take them."""
+        library = self.library
+        if not library.displacement_exponent:
+            return mean, covariance
+        factor = library.displacement(self.task, self.durations_s[self._likely])
+        scaling = library.basis.scaling(factor)[:, None]  # (k, 1, N, N)
+        mean = np.matmul(scaling, mean[..., None])[..., 0]
+        return mean, scaling @ covariance @ scaling.swapaxes(2, 3)
+
+    def _along(
+        self, phase: Floats, start: StartPosture | None, grid: ControlGrid | None
+    ) -> tuple[Floats, Floats, Floats]:
+        """Positions, their slopes over the phase, and variances of the controlled agent, (T, Q)."""
+        library, basis, share = self.library, self.library.basis, self._share
+        if not library.displacement_exponent:
+            grid = grid or ControlGrid(library, self.task)
+            along = grid.predict(self.observed_weights(), 1.0, start)
+            course = CubicHermiteSpline(along.times_s, along.positions, along.velocities)
+            std = np.stack([np.interp(phase, along.times_s, of) for of in along.std.T], axis=1)
+            return course(phase), course(phase, 1), std**2
+        means, covariance = self._controlled_weights(start)
+        mean = np.tensordot(share, means, axes=1)
+        covariance = np.tensordot(share, covariance, axes=1)
+        covariance += np.einsum("k,kqn,kqm->qnm", share, means - mean, means - mean)
+        design = basis.design_matrix(phase)
+        variance = np.einsum("tn,qnm,tm->tq", design, covariance, design, optimize=True)
+        variance += library.control_noise_variance()
+        return design @ mean.T, basis.derivative_matrix(phase) @ mean.T, variance
 
     def _coupled(self, times_s: Floats) -> tuple[Floats, Floats]:
         """What the observed residuals add to the controlled agent, and the variance they leave.
@@ -177,18 +204,11 @@ class TaskPrediction:
             ArgumentError: there is no point.
         """
         check_points(n_points)
-        factor = 1.0 + float(self.duration_weights @ (self._factor - 1.0))  # 1 where all are
-        factor_variance = float(self.duration_weights @ (self._factor - factor) ** 2)
-        grid = grid or ControlGrid(self.library, self.task, factor=factor)
         duration_s = self.duration_s
-        along = grid.predict(self.observed_weights(), 1.0, start)
         times_s = np.linspace(1.0, 0.0, n_points)[::-1] * duration_s
         phase, phase_variance, rate = self._path(times_s, controlled=True)
-        course = CubicHermiteSpline(along.times_s, along.positions, along.velocities)
-        positions, slope = course(phase), course(phase, 1)
-        std = np.stack([np.interp(phase, along.times_s, of) for of in along.std.T], axis=1)
-        variance, velocities = std**2 + slope**2 * phase_variance[:, None], slope * rate[:, None]
-        variance += factor_variance * ((positions - along.positions[0]) / factor) ** 2
+        positions, slope, variance = self._along(phase, start, grid)
+        variance, velocities = variance + slope**2 * phase_variance[:, None], slope * rate[:, None]
         if self._seen:
             shift, unexplained = self._coupled(times_s)
             shift = np.tensordot(self.duration_weights, shift, axes=1)

@@ -23,10 +23,9 @@ class ControlGrid:
         library: the learned tasks.
         task: number of the task.
         n_points: T; 1 is the end.
-        factor: of displacements from the start.
     """
 
-    def __init__(self, library: TaskLibrary, task: int, n_points: int = 101, factor: float = 1.0):
+    def __init__(self, library: TaskLibrary, task: int, n_points: int = 101):
         self.phase = np.linspace(1.0, 0.0, n_points)[::-1]
         self._n_controlled = library.n_controlled
         self._noise = library.control_noise_variance()
@@ -35,9 +34,7 @@ class ControlGrid:
         shape = (library.n_controlled, basis.n_basis)
         matrix, offset = matrix.reshape(*shape, -1), offset.reshape(shape)
         covariance = covariance.reshape(*shape, *shape)
-        scaling = basis.scaling(factor)
-        design = basis.design_matrix(self.phase) @ scaling
-        slope = basis.derivative_matrix(self.phase) @ scaling
+        design, slope = basis.design_matrix(self.phase), basis.derivative_matrix(self.phase)
         start = basis.design_matrix(np.zeros(1))[0]
 
         def rows(values: Floats) -> Floats:

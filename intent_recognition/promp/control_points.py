@@ -104,7 +104,8 @@ def through(library: TaskLibrary, points: Mapping[int, Sequence[ControlPoint]]) 
     """The library whose tasks pass through points; without any, itself.
 
     The distribution of the observed weights stays what it is, so that what is recognised does.
-    Residuals are not coupled: they would move the controlled agent away from the points.
+    Residuals are not coupled, and displacements do not grow with the duration: both would move the
+    controlled agent away from the points.
     """
     if not any(points.values()):
         return library
@@ -119,4 +120,5 @@ def through(library: TaskLibrary, points: Mapping[int, Sequence[ControlPoint]]) 
             mean[task], covariance[task, :, size:] = joint.mean, joint.covariance[:, size:]
             covariance[task, size:, :size] = joint.covariance[size:, :size]
             mean[task, :size] = library.weight_mean[task, :size]
-    return replace(library, weight_mean=mean, weight_covariance=covariance, coupling=None)
+    bent = replace(library, weight_mean=mean, weight_covariance=covariance, coupling=None)
+    return replace(bent, displacement_exponent=0.0)

@@ -12,7 +12,14 @@ from intent_recognition.filtering import MovementFilter, fixed_prior_grid, make_
 from intent_recognition.filtering.posterior import task_posterior
 from intent_recognition.filtering.prediction import TaskPrediction
 from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.promp import ControlGrid, ResidualCoupling, TaskLibrary, residual_weights
+from intent_recognition.promp import (
+    ControlGrid,
+    ControlPoint,
+    ResidualCoupling,
+    TaskLibrary,
+    residual_weights,
+    through,
+)
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation, reference_phase
 from intent_recognition.promp.prediction import StartPosture, controlled_weights
 from intent_recognition.promp.trajectory import dof_variance, rollout
@@ -88,6 +95,24 @@ def test_with_the_duration_displacements_grow_by_its_power(rng):
         found = run.controlled(5, start)
         np.testing.assert_allclose(found.positions, mean, atol=1e-7)
         np.testing.assert_allclose(found.std**2, variance, atol=1e-7)
+
+
+def test_the_end_is_that_of_the_mixture_where_displacements_depend_on_the_duration(rng):
+    library = replace(library_with(rng, STEADY, spread=0.3), displacement_exponent=2.0)
+    run = run_on(library, 0, make_prior_grid(library, n_scales=5), seen(library, rng, 3))
+    mean, square = run.mixture_at(np.array([1e3]))
+    end = run.controlled(1)
+    np.testing.assert_allclose(end.positions, mean, atol=1e-9)
+    np.testing.assert_allclose(end.std**2, square - mean**2, rtol=1e-6)
+
+
+def test_a_via_point_is_passed_whatever_the_duration(rng):
+    library = replace(library_with(rng, STEADY), displacement_exponent=1.0)
+    point = ControlPoint(0.5, np.eye(2), np.array([0.3, -0.1]), 1e-12 * np.eye(2))
+    library = through(library, {0: [point]})
+    hypotheses = fixed_prior_grid(library, 1.6 * library.usual_s[0])
+    run = run_on(library, 0, hypotheses, seen(library, rng, 5))
+    np.testing.assert_allclose(run.controlled(3).positions[1], point.values, atol=1e-6)
 
 
 @pytest.mark.parametrize("n", [0, 8])
