@@ -189,7 +189,7 @@ def estimate_displacement_exponent(
     compared = [
         (path[::step, ::4], log_s[::step])
         for path, log_s in zip(paths, log_relative, strict=True)
-        for step in [1 + len(path) // MOST_COMPARED]
+        for step in [-(-len(path) // MOST_COMPARED)]
         if len(path) >= FEWEST_COMPARED
     ]
     if not compared:
