@@ -95,15 +95,17 @@ def least_end_std(library: TaskLibrary, task: int, *, start_known: bool = True) 
     """Least uncertainty of a task's predicted end, however much is observed, by unit.
 
     Largest standard deviation over the controlled DOFs of each unit when the observed weights are
-    known exactly, and as far from their mean as those of a person usually are; with `start_known`
-    the controlled agent's start, too.
+    known exactly, and they and the duration are as far from their means as those of a person
+    usually are; with `start_known` the controlled agent's start, too.
     """
     n, size = library.n_controlled, library.n_observed_weights
     usual = np.linalg.cholesky(library.weight_covariance[task, :size, :size]).sum(axis=1)
     known = Gaussian(library.weight_mean[task, :size] + usual, np.zeros((size, size)))
     start = StartPosture(np.zeros(n), np.zeros(n)) if start_known else None
     covariance = controlled_weights(library, task, known, start).covariance
-    variance = dof_variance(library.basis.design_matrix(np.ones(1)), covariance)[0]
+    long_s = library.usual_s[task] * np.exp(library.log_duration_std[task])
+    scaling = library.basis.scaling(library.displacement(task, long_s))
+    variance = dof_variance(library.basis.design_matrix(np.ones(1)) @ scaling, covariance)[0]
     std = np.sqrt(variance + library.control_noise_variance())
     return largest_by_unit(std, library.controlled_units)
 

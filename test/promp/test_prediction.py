@@ -106,11 +106,14 @@ def test_no_end_is_surer_than_with_everything_else_known(seed):
     assert least["rad"] <= np.sqrt(prior.max())
 
 
-def test_the_least_uncertainty_of_an_end_is_that_of_people_as_they_usually_are(rng):
+@pytest.mark.parametrize("exponent", [0.0, 2.0])
+def test_the_least_uncertainty_of_an_end_is_that_of_people_as_they_usually_are(rng, exponent):
     library = make_library(rng, n_tasks=2, n_basis=7, groups=(2,), n_controlled=2)
-    library, size = replace(library, regression_variance=0.05), library.n_observed_weights
+    library = replace(library, regression_variance=0.05, displacement_exponent=exponent)
+    size, grown = library.n_observed_weights, np.exp(exponent * library.log_duration_std[0])
     human = library.weight_mean[0, :size], library.weight_covariance[0, :size, :size]
-    row, exact = library.basis.design_matrix(np.ones(1)), np.zeros((size, size))
+    row = library.basis.design_matrix(np.ones(1)) @ library.basis.scaling(grown)
+    exact = np.zeros((size, size))
     variances = [
         dof_variance(row, controlled_weights(library, 0, Gaussian(weights, exact)).covariance)
         for weights in rng.multivariate_normal(*human, size=2000)
