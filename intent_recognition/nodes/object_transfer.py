@@ -77,9 +77,10 @@ class ObjectTransfer(Node):
         hear(String, "intent/active_task", self._on_task, qos.LATCHED)
         hear(Bool, HOLDING, self._on_holding, qos.STATE)
         hear(JointTrajectory, "joint_trajectory", self._on_trajectory, qos.COMMAND)
-        self._goals = f"{values['command_action']}/_action/status"
+        topic = f"{values['command_action']}/_action/status"
+        self._goals = self.resolve_topic_name(topic)
         if values["command_action"]:
-            hear(GoalStatusArray, self._goals, self._on_goals, qos.LATCHED)
+            hear(GoalStatusArray, topic, self._on_goals, qos.LATCHED)
         if meet(self, f"human/{{}}/{values['body']}", partial(self._meet, values["body"])):
             hear(String, "intent/active_person", self._on_attended, qos.LATCHED)
         else:

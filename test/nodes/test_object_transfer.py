@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node object_transfer on its topics: joint states in, grip and state out."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus, GoalStatusArray
@@ -25,9 +27,9 @@ ROBOT = find_robot("lwr")
 class Cell:
     """The node with an arm at rest, on which forces act."""
 
-    def __init__(self, harness, **parameters):
+    def __init__(self, harness, *words, **parameters):
         self.harness = harness
-        self.node = harness.node(ObjectTransfer, **parameters)
+        self.node = harness.node(partial(ObjectTransfer, cli_args=words), **parameters)
         self.arm = arm_in_world(ROBOT.description, "")
         zero = np.zeros(7)
         self.held = self.arm.inverse_dynamics(ROBOT.ready, zero, zero)
@@ -119,18 +121,19 @@ def test_an_offer_is_released_to_who_takes_over_the_load(harness, by):
     assert told[-2]["grip_force"] < 0.5 * told[0]["grip_force"]
 
 
-def test_nothing_is_offered_while_a_goal_of_the_controller_is_under_way(harness):
-    cell = Cell(harness, command_action="controller/follow_joint_trajectory")
-    topic = "controller/follow_joint_trajectory/_action/status"
+@pytest.mark.parametrize("topic", ["goals/_action/status", "remapped"])
+def test_nothing_is_offered_while_a_goal_of_the_controller_is_under_way(harness, topic):
+    heard = "goals/_action/status"
+    cell = Cell(harness, "--ros-args", "-r", f"{heard}:={topic}", command_action="goals")
     goals = harness.publisher(GoalStatusArray, topic, qos.LATCHED)
     harness.connect(goals)
     under_way = GoalStatus(status=GoalStatus.STATUS_EXECUTING)
     replaced = GoalStatus(status=GoalStatus.STATUS_ABORTED)
-    harness.tell(cell.node, goals, GoalStatusArray(status_list=[replaced, under_way]))
+    harness.tell(cell.node, goals, GoalStatusArray(status_list=[replaced, under_way]), heard)
     cell.begin()
     assert cell.hold(60) == "carrying"
     under_way.status = GoalStatus.STATUS_SUCCEEDED
-    harness.tell(cell.node, goals, GoalStatusArray(status_list=[replaced, under_way]))
+    harness.tell(cell.node, goals, GoalStatusArray(status_list=[replaced, under_way]), heard)
     assert cell.hold(15) == "offering"
 
 
