@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.array_types import Integers
 from intent_recognition.errors import one_line
+from intent_recognition.signals import MIN_SAMPLES
 from intent_recognition.tables.cells import flat, text_of
 from intent_recognition.tables.hdf5_reading import RATES, UNIT
 from intent_recognition.tables.table import MOST_COLUMNS, MOST_TEXT, Table, table_of, unusable
@@ -210,12 +211,13 @@ def _numbered(content: Mapping[str, Any]) -> list[str]:
 def _of_lists(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     """Columns of lists by their names: numbers or texts (T,), places (T, d) as `NAME.x`, ..."""
     lists = dict(_lists(content))
-    most = max(map(len, lists.values()), default=0)
+    texts = {key for key, value in lists.items() if any(isinstance(one, str) for one in value)}
+    own = {key for key in content.keys() & lists if len(lists[key]) >= MIN_SAMPLES} - texts
+    most = max((len(lists[key]) for key in own or lists), default=0)
     columns = {}
-    for key, value in lists.items():
-        is_text = any(isinstance(one, str) for one in value)
-        array = np.array(value, object if is_text else np.float64)
-        if len(array) != most or array.ndim > 2:
+    for key in [key for key, value in lists.items() if len(value) == most]:
+        array = np.array(lists[key], object if key in texts else np.float64)
+        if array.ndim > 2:
             continue
         axes = "xyz" if array.ndim == 2 and array.shape[1] in (2, 3) else ""
         for k, column in enumerate(np.atleast_2d(array.T)):

@@ -157,6 +157,7 @@ PLACES = dict(zip("xyz", (PLACE / 1000).T.tolist(), strict=True))
 COLUMNS = {"t": TIMES_S.tolist(), **PLACES, "what": ["give"] * ROWS}
 LISTS = {
     "with texts": (COLUMNS, ""),
+    "beside settings": ({**COLUMNS, "set": {"lut": [0] * 999, "of": [{"a": 1}]}}, ""),
     "in a mapping": ({"made": {"by": "me"}, "data": COLUMNS}, "data."),
     "as pandas numbers them": ({k: dict(enumerate(v)) for k, v in COLUMNS.items()}, ""),
 }
