@@ -54,11 +54,12 @@ def read(path: str) -> dict[str, NDArray[Any]]:
     if not (h5py := importlib.import_module("h5py")).is_hdf5(path):  # MATLAB's before 7.3
         return _of_matlab(importlib.import_module("scipy.io").loadmat(path, simplify_cells=True))
     with h5py.File(path, "r") as file:
-        if any(MATLAB in item.attrs for item in file.values()):
+        if any(MATLAB in item.attrs for item in filter(None, file.values())):
             return _of_matlab(_as_before(h5py, file, file))
-        frames = [item for item in file.values() if item.attrs.get(PANDAS, b"") == b"frame_table"]
-        if frames and len(file) == 1:
-            return {**_of_pandas(frames[0]["table"]), "#rate": np.array(0.0)}
+        with suppress(KeyError, TypeError, ValueError):  # names may be of other kinds
+            (frame,) = filter(None, file.values())
+            if frame.attrs[PANDAS] == b"frame_table":
+                return {**_of_pandas(frame["table"]), "#rate": np.array(0.0)}
         top = file["data"] if isinstance(file.get("data"), h5py.Group) else file
         names = _demonstrations(h5py, top)
         rate = _stated_rate({**top.attrs, **file.attrs})

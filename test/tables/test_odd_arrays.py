@@ -406,6 +406,18 @@ def test_a_table_of_pandas_has_the_names_that_are_pickled_beside_it(people, tmp_
     check_wrist(imported(tmp_path, "a.h5", None, columns, unit="mm", time=time), atol=1e-12)
 
 
+def test_a_table_of_pandas_with_names_of_another_kind_has_columns_by_number(tmp_path):
+    rows = np.zeros(ROWS, [("index", int), ("values_block_0", float, (3,))])
+    rows["values_block_0"] = PLACE
+    with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
+        file["df/table"] = rows
+        file["df"].attrs["pandas_type"] = np.bytes_("frame_table")
+        names = np.bytes_(pickle.dumps([*map(np.str_, "xyz")], 0))
+        file["df/table"].attrs["values_block_0_kind"] = names
+    columns, time = [f"df.table.values_block_0.{k}" for k in range(3)], {"rate": 100}
+    check_wrist(imported(tmp_path, "a.h5", None, columns, unit="mm", time=time), atol=1e-12)
+
+
 def test_rows_of_json_under_any_name_are_read(tmp_path):
     rows = [{"t": t, "w": dict(zip("xyz", p, strict=True))} for t, p in zip(TIMES_S, PLACE)]
     content = json.dumps({"made": {"by": "me"}, "data": rows}, default=list)
