@@ -114,7 +114,8 @@ def _below(
             raise unusable(path, "one recording", got, cure)
         size = len(row)
         together, run = (together + size, run + 1) if size < width else (0, 0)
-        if run and not after and (size == 1 or not _ends_line(path)):
+        is_less = run > 0 and size < len(before)
+        if is_less and not after and (size == 1 or not _ends_line(path)):
             break
         is_pair = run == 2 and (not after or width <= len(after))
         # a break within a cell makes two of it

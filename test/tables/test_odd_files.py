@@ -103,6 +103,7 @@ def test_a_last_line_without_an_end_is_left_out_where_cells_are_missing(tmp_path
     content = table("t,x,y,z,a", lambda k: [f"{TIMES_S[k]}", *cells(k), "1"])
     check_wrist(imported_csv(tmp_path, content[:-4], unit="mm"), PLACE[:-1] / 1000)
     check_wrist(imported_csv(tmp_path, content[:-3] + "\nend of file\n", unit="mm"))
+    check_wrist(imported_csv(tmp_path, content.replace("a\n", "a,\n")[:-1], unit="mm"))
 
 
 def test_two_short_rows_whose_times_go_on_are_no_broken_one(tmp_path):
