@@ -155,10 +155,12 @@ def _values(column: Any, path: Path, name: str) -> Values:
         listed = [[*flat(row)] for row in there.to_pylist()]
         if _is_nested(column.type.value_type):  # what has a name may be at another place in each
             listed = [sorted(row, key=itemgetter(0)) for row in listed]
-        lengths, every = (
-            [len(row) for row in listed],
-            [number for row in listed for _, number in row],
-        )
+            named = {tuple(key for key, _ in row) for row in listed}
+            if len(named) > len({*map(len, named)}):
+                cure = "Leave that column out."
+                raise unusable(path, f"lists of the same names in {name}", "others", cure)
+        lengths = [len(row) for row in listed]
+        every = [number for row in listed for _, number in row]
     else:
         lengths = optional("pyarrow.compute").list_value_length(there).to_numpy()
         every = there.flatten().to_numpy(zero_copy_only=False)

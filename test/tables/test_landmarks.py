@@ -8,6 +8,7 @@ import pytest
 from tables.imports import check_wrist, imported
 from tables.odd_files import PLACE, ROWS, TIMES_S, parquet_file
 
+from intent_recognition.errors import BagError
 from intent_recognition.tables.files import open_table
 
 
@@ -192,6 +193,13 @@ def test_bodies_with_names_may_change_places(kind, tmp_path):
         parquet_file(tmp_path / "a.parquet", {"bodies": both})
     columns, time = [f"bodies.wrist.at.{k}" for k in range(3)], {"rate": 100}
     check_wrist(imported(tmp_path, f"a.{kind}", None, columns, time=time), atol=0.0)
+
+
+def test_another_body_at_the_place_of_one_in_parquet_is_not_taken_for_it(tmp_path):
+    lists = [[{"name": name, "x": 0.0}] for name in ("cup", "wrist")]
+    parquet_file(tmp_path / "a.parquet", {"bodies": lists})
+    with pytest.raises(BagError, match="lists of the same names in bodies"):
+        open_table(tmp_path / "a.parquet").columns(["bodies.cup.x"])
 
 
 @pytest.mark.parametrize(
