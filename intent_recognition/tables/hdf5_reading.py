@@ -294,7 +294,9 @@ def _of_structs(content: dict[str, Any], before: str) -> Iterator[tuple[str, NDA
         elif array.ndim == 1 and array.size and all(isinstance(v, str) for v in array):
             yield before + key, array.astype(str)
         elif array.dtype == object and array.ndim == 1:
-            for k, one in enumerate(array):  # of an array of structs, or of cells
+            # of an array of structs, or of cells, unless there is one for each sample
+            are_few = len(array) <= 1000 or isinstance(array[0], dict)
+            for k, one in enumerate(array if are_few else ()):
                 inside = (one, f"{before}{key}.") if isinstance(one, dict) else ({key: one}, before)
                 for name, inner in _of_structs(*inside):
                     yield f"{name}_{k}", inner

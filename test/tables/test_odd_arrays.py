@@ -114,7 +114,8 @@ def test_a_text_beside_arrays_says_their_unit(kind, version, tmp_path):
 @pytest.mark.parametrize("version", [5, 7.3])
 def test_arrays_of_mat_have_their_axes_in_matlabs_order(version, tmp_path):
     joints, places = np.repeat(PLACE, 10, axis=1), np.stack([PLACE, PLACE + 1.0], axis=1) / 1000
-    path = mat(tmp_path / "a.mat", {"q": joints, "t": TIMES_S, "w": places}, version)
+    content = {"q": joints, "t": TIMES_S, "w": places, "seen": SEEN}
+    path = mat(tmp_path / "a.mat", content, version)
     if version == 7.3:  # what another program added
         with pytest.importorskip("h5py").File(path, "a") as file:
             file["z/n"], file["z/of"] = np.arange(3), np.arange(4)
@@ -129,6 +130,8 @@ def test_arrays_of_mat_have_their_axes_in_matlabs_order(version, tmp_path):
 
 
 WHERE = [f"w.{n}.{axis}" for n in range(2) for axis in range(3)]
+SEEN = [np.ones(1 + k % 3) for k in range(1001)]
+"""Cells of what was seen at each sample: no columns."""
 
 
 @pytest.mark.parametrize("version", [5, 7.3])
