@@ -76,6 +76,7 @@ from intent_recognition.signals.units import (
     Known,
     Misfit,
     Size,
+    as_quotient,
     commensurate,
     differing_unit,
     is_spatial,

@@ -5,8 +5,10 @@ Constants in metres and radians hold for these two alone. Newtons, pixels and al
 by how far the demonstrations go in them, so that nothing depends on how large their unit is.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
+from unicodedata import digit
 
 import numpy as np
 
@@ -31,6 +33,10 @@ UNITS = {
     "rad": ("rad", "radian"),
 }
 """How people spell each unit, in lower case and but for a plural s."""
+PRODUCT = re.compile(
+    r"(?<=\w)[ .*\u00b7\u22c5]s(?:\^|\*\*)?[-\u2212\u207b]([1-3\u00b9\u00b2\u00b3])"
+)
+"""Where a unit is divided by seconds in another form: `mm s^-1`, `rad s-2`."""
 OFTEN_TAKEN = {
     "m": {"millimetres": 1000.0, "centimetres": 100.0},
     "rad": {"degrees": 180.0 / np.pi},
@@ -99,12 +105,17 @@ class Size(NamedTuple):
 
 def spelled(unit: str) -> str:
     """A unit of length or angle as it is written here, whatever others call it; else as it is."""
-    one, slash, per = unit.strip().partition("/")
+    one, slash, per = as_quotient(unit.strip()).partition("/")
     low = one.strip().lower()
     for name, known in UNITS.items():
         if low in known or low.removesuffix("s") in known:
             return f"{name}{slash}{per.strip()}"
     return unit.strip()
+
+
+def as_quotient(unit: str) -> str:
+    """A text with `mm s^-1` in it with `mm/s` instead, as units are written here."""
+    return PRODUCT.sub(lambda found: f"/s^{digit(found[1])}".removesuffix("^1"), unit)
 
 
 def commensurate(units: Sequence[str]) -> list[Integers]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import BagError, first_of
-from intent_recognition.signals import UNITS, spelled
+from intent_recognition.signals import UNITS, as_quotient, spelled
 from intent_recognition.tables.cells import Values, scale_between
 from intent_recognition.tables.times import unit_of_times
 
@@ -112,7 +112,7 @@ def is_unit(text: str) -> bool:
 
 
 def _in_name(name: str) -> str:
-    bare = ELEMENT.sub("", name)
+    bare = as_quotient(ELEMENT.sub("", name))
     found = UNIT_IN_NAME.search(bare)
     said = found is not None and (is_unit(found[1]) or OTHER_UNIT.search(bare))
     return found[1] if found is not None and said else ""

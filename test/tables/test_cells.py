@@ -9,6 +9,7 @@ import pytest
 
 from intent_recognition.errors import BagError
 from intent_recognition.tables.cells import numbers, texts
+from intent_recognition.tables.table import Table
 
 
 @pytest.mark.parametrize(
@@ -42,3 +43,11 @@ def test_the_cells_of_a_column_say_what_a_mark_means(cells, expected):
 def test_texts_of_bytes_are_texts():
     """As numpy keeps labels of type S."""
     assert texts(np.array([b"give", "gr\xf6\xdfer".encode()])) == ["give", "gr\xf6\xdfer"]
+
+
+@pytest.mark.parametrize("end", ["mm s^-1", "mm s-1", "mm.s**-1", "mm\u00b7s\u207b\u00b9", "mm/s"])
+def test_a_unit_divided_by_seconds_is_known_however_it_is_written(end):
+    table = Table(Path("a.csv"), (f"vx [{end}]",), lambda wanted: [])
+    assert table.unit_of(table.names[0], "m/s") == "mm/s"
+    with pytest.raises(BagError, match="that becomes m, got 'mm/s'"):
+        table.unit_of(table.names[0], "m")

@@ -149,7 +149,7 @@ def test_a_unit_in_a_name_is_taken(name, tmp_path):
     check_wrist(imported_csv(tmp_path, plain(head=",".join(["t", *names])), names))
 
 
-@pytest.mark.parametrize("name", ["x [%]", "x [km]", "x (px)", "x_px", "x [V]"])
+@pytest.mark.parametrize("name", ["x [%]", "x [km]", "x (px)", "x_px", "x [V]", "x [mm s^-1]"])
 def test_a_unit_of_which_nothing_is_known_is_no_metre(name, tmp_path):
     names = [name.replace("x", axis) for axis in "xyz"]
     samples, said = imported_csv(tmp_path, plain(head=",".join(["t", *names])), names)
