@@ -261,7 +261,7 @@ def length_misfit(length_m: float, said: str, do: str = "record") -> Misfit | No
         return None
     name, factor = _nearest_usual("m", length_m)
     likely = {name: factor}
-    if length_m / max(OFTEN_TAKEN["m"].values()) < 0.3:  # [m] as a body may be; one says no more
+    if length_m / max(OFTEN_TAKEN["m"].values()) < 0.3:  # [m]: so near, either may be it
         likely = OFTEN_TAKEN["m"]
     text = taken_for("m", likely, do)
     return Misfit(f"{said}. {text}", factor, certain=False, likely=text)
