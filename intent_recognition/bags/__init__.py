@@ -16,7 +16,7 @@ from intent_recognition.bags.cdr.layout import (
 )
 from intent_recognition.bags.copying import BagPart, RecoveryReport, cut_bag, recover
 from intent_recognition.bags.definitions import message_class
-from intent_recognition.bags.files import cure_of, is_bag
+from intent_recognition.bags.files import cure_of, is_bag, storage_files
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import RECOVER, BagMessage
 from intent_recognition.bags.metadata import TopicInfo, qos_policy, read_metadata, rosbag2_profile

@@ -5,7 +5,7 @@ import gzip
 import zlib
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import zstandard
@@ -33,19 +33,21 @@ def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, li
         _check_file(path)
         return None, []
     if not is_bag(path):
-        n_bags = sum(1 for _ in path.glob(f"*/{FILE_NAME}"))
+        n_bags = len([*storage_files(path), *path.glob(f"*/{FILE_NAME}")])
         cure = cure_of(path, "Check the path; recordings are MCAP (`ros2 bag record -s mcap`).")
         got = f"a folder of {n_bags} bags" if n_bags else "a folder without .mcap or .db3 files"
         raise BagError.about(str(path), "a bag", got, "Name one." if n_bags else cure)
     try:
         return read_metadata(path), []
     except BagError as error:
-        if not _storage_files(path):
+        if not storage_files(path):
             cure = "Record with MCAP storage (`ros2 bag record -s mcap`)."
             raise BagError.about(str(path), "a bag", error, cure) from error
         if (path / FILE_NAME).exists() and not tolerant:
             raise
-        return None, [f"no usable {FILE_NAME}"]
+        files = len(storage_files(path))
+        parts = f": its {files} files count as parts of one recording" if files > 1 else ""
+        return None, [f"no usable {FILE_NAME}{parts}"]
 
 
 TABLES = (".csv", ".tsv", ".npy", ".parquet", ".c3d", ".trc", ".bvh", ".mvnx", ".h5", ".hdf5",
@@ -71,8 +73,13 @@ def _check_file(path: Path) -> None:
 
 
 def is_bag(folder: Path) -> bool:
-    """Whether a folder is a bag of ROS 2."""
-    return (folder / FILE_NAME).exists() or bool(_storage_files(folder))
+    """Whether a folder is one bag of ROS 2: by its metadata.yaml, or with one file, or the parts of
+    one as rosbag2 numbers them, from 0 on.
+    """
+    stems = [_stem(path) for path in storage_files(folder)]
+    name = "".join(stems[:1]).removesuffix("_0")
+    parts = [f"{name}_{k}" for k in range(len(stems))]
+    return (folder / FILE_NAME).exists() or len(stems) == 1 or (bool(stems) and stems == parts)
 
 
 def kind_of(path: Path) -> str:
@@ -115,14 +122,14 @@ def find_files(
     if path.is_file():
         return [path], []
     if metadata is None or not metadata.files:
-        files = _storage_files(path)
+        files = storage_files(path)
     else:
-        files = [_packed_or_not(path / Path(name).name) for name in metadata.files]
+        files = [_packed_or_not(path / PureWindowsPath(name).name) for name in metadata.files]
     missing = [file.name for file in files if not file.is_file()]
     notes = []
     if tolerant and missing:
         notes.append(f"missing: {', '.join(missing)}")
-        files = [file for file in files if file.is_file()] or _storage_files(path)
+        files = [file for file in files if file.is_file()] or storage_files(path)
         missing = []
     if missing or not files:
         cure = "Copy the whole directory of the bag."
@@ -131,7 +138,7 @@ def find_files(
     return files, notes
 
 
-def _storage_files(folder: Path) -> list[Path]:
+def storage_files(folder: Path) -> list[Path]:
     """All files that may be read to their end (a FIFO never ends), by name and number."""
     found = {path for pattern in PATTERNS for path in folder.glob(pattern) if path.is_file()}
     twice = {path for path in found if path.suffix in PACKED and path.with_suffix("") in found}
@@ -145,8 +152,11 @@ def _packed_or_not(path: Path) -> Path:
     return next((other for other in others if not path.exists() and other.exists()), path)
 
 
+def _stem(path: Path) -> str:
+    return path.with_suffix("").stem if path.suffix in PACKED else path.stem
+
+
 def _name_and_number(path: Path) -> tuple[str, int]:
     """rosbag2 numbers the files of a bag: NAME_10 comes after NAME_9."""
-    stem = path.name.partition(".")[0]
-    name, _, number = stem.rpartition("_")
-    return (name, int(number)) if number.isdecimal() else (path.stem, -1)
+    name, _, number = _stem(path).rpartition("_")
+    return (name, int(number)) if number.isdecimal() else (_stem(path), -1)

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from mcap.records import Channel, Schema
 from rosbags.interfaces import Connection, MessageDefinitionFormat
-from rosbags.rosbag1 import Reader as Reader1
-from rosbags.rosbag2 import Reader as Reader2
+from rosbags.rosbag1 import Reader
 
 from intent_recognition.bags.mcap.chunk import LATEST_NS, McapBlock, MessageTable
 from intent_recognition.bags.mcap.file import Item, complete_schemas
 from intent_recognition.bags.mcap.scan import Damage, FileScan
+from intent_recognition.bags.sqlite_reader import SqliteReader, is_open
 from intent_recognition.errors import BagError, one_line
 
 CURES = {
@@ -27,7 +27,7 @@ ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL
 
 
 class RosbagsFile:
-    """A `.db3` or `.bag` that the library rosbags reads, with the methods and attributes of
+    """A `.db3`, or a `.bag` that the library rosbags reads, with the methods and attributes of
     `McapFile`.
 
     A tolerant reader notes the first damage and ends there.
@@ -35,8 +35,8 @@ class RosbagsFile:
 
     def __init__(self, path: Path, kind: str, *, tolerant: bool, damage: list[Damage]):
         self.path = path
-        self.scan = FileScan(is_finished=True)
         self._is_ros1 = kind == ".bag"
+        self.scan = FileScan(is_finished=self._is_ros1 or not is_open(path))
         self._tolerant, self._damage = tolerant, damage
         self._counts: Counter[int] = Counter()
         with self._open() as reader:
@@ -97,9 +97,9 @@ class RosbagsFile:
                 yield Item(last_ns, 0, row, last_ns, 0, bytes(data), channel)
 
     @contextmanager
-    def _open(self) -> Iterator[Reader1 | Reader2]:
+    def _open(self) -> Iterator[Reader | SqliteReader]:
         try:
-            reader = Reader1(self.path) if self._is_ros1 else Reader2(self.path)
+            reader = Reader(self.path) if self._is_ros1 else SqliteReader(self.path)
             reader.open()
         except Exception as error:  # the library raises what it meets
             raise self._error(error, 0) from error
@@ -117,11 +117,12 @@ class RosbagsFile:
         form = "ros1msg" if self._is_ros1 else ENCODINGS.get(one.msgdef.format, "")
         said = Schema(data=one.msgdef.data.encode(), encoding=form, id=number, name=one.msgtype)
         self.scan.schemas[number] = said
+        more = {"topic_type_hash": one.digest, "offered_qos_profiles": one.ext}
         self.scan.channels[number] = Channel(
             id=number,
             topic=one.topic,
             message_encoding="ros1" if self._is_ros1 else "cdr",
-            metadata={},
+            metadata={} if self._is_ros1 else more,
             schema_id=number,
         )
         self._counts[number] = one.msgcount

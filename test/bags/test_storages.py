@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What recorders and libraries write is read whole, whatever their options."""
 
+import contextlib
 import gzip
 import itertools
+import shutil
+import sqlite3
 
 import numpy as np
 import pytest
@@ -10,8 +13,11 @@ import yaml
 import zstandard
 from bag_builder import (
     COUNT,
+    JOINTS,
     NOETIC,
     POSE,
+    START_NS,
+    STEP_NS,
     STORE,
     TOPICS,
     contents,
@@ -32,6 +38,7 @@ from intent_recognition.bags import BagReader, recover
 from intent_recognition.bags.definitions import definition
 from intent_recognition.bags.messages import complete_schema, schema_decoder
 from intent_recognition.cli.main import main
+from intent_recognition.demonstrations import find_bags
 from intent_recognition.errors import BagError
 
 SWITCHES = ("repeat_channels", "repeat_schemas", "use_chunking", "use_statistics",
@@ -227,6 +234,43 @@ def test_a_bag_in_sqlite(mode, tmp_path):
         (tmp_path / "bag/bag.db3").write_bytes(data[: len(data) // 2])
         with pytest.raises(BagError, match=r"SQLite|database"):
             list(BagReader(tmp_path / "bag").raw_messages())
+
+
+def test_a_database_with_a_log_and_an_unknown_definition_is_read_whole(tmp_path):
+    """A killed recorder leaves the log; a type whose package is not there has no definition."""
+    write_db3(tmp_path / "bag")
+    with contextlib.closing(sqlite3.connect(tmp_path / "bag/bag.db3")) as file:
+        file.execute("PRAGMA journal_mode=WAL")
+        late = START_NS + COUNT * STEP_NS
+        file.execute("INSERT INTO messages SELECT NULL, topic_id, ?, data FROM messages", [late])
+        file.execute("INSERT INTO message_definitions VALUES (NULL, 'a/msg/B', 'unknown', '', '')")
+        file.commit()
+        shutil.copytree(tmp_path / "bag", tmp_path / "50% #2")
+    reader = BagReader(tmp_path / "50% #2")
+    times_ns = [m.log_time_ns for m in reader.raw_messages()]
+    assert times_ns == [*(ns for _, ns, _ in contents()), *[late] * 2 * COUNT]
+    assert reader.message_count == 4 * COUNT and not reader.is_finished
+    assert reader.topics["/joint_states"].type_hash == definition(JOINTS).type_hash
+
+
+def test_files_in_a_folder_are_recordings_unless_they_are_numbered_parts(tmp_path):
+    for name in ("give_01.mcap", "give_02.mcap", "plate.mcap.zst"):
+        path = write_mcap(tmp_path / name.removesuffix(".zst"), contents())
+        if name.endswith(".zst"):
+            path.with_name(name).write_bytes(zstandard.compress(path.read_bytes()))
+            path.unlink()
+    names = [path.name for path in find_bags(tmp_path)]
+    assert names == ["give_01.mcap", "give_02.mcap", "plate.mcap.zst"]
+    with pytest.raises(BagError, match="a folder of 3 bags"):
+        BagReader(tmp_path)
+    folder, messages = tmp_path / "parts", contents()
+    folder.mkdir()
+    for k in range(12):  # the last is the rest
+        part = messages[4 * k : 4 * k + 4] if k < 11 else messages[44:]
+        write_mcap(folder / f"20.11_{k}.mcap", part)
+    assert find_bags(folder) == [folder]
+    assert [(m.topic, m.log_time_ns, m.data) for m in BagReader(folder).raw_messages()] == messages
+    assert "its 12 files count as parts of one recording" in BagReader(folder).notes[0]
 
 
 @pytest.mark.parametrize("release", [r for r in Stores if r != Stores.EMPTY])
