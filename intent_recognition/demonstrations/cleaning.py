@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 
 from intent_recognition.array_types import Integers
-from intent_recognition.bags import POSE, BagMessage, Columns, PoseColumns
+from intent_recognition.bags import (
+    JOINT_STATE,
+    POSE,
+    BagMessage,
+    Columns,
+    JointColumns,
+    PoseColumns,
+)
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import (
@@ -40,7 +47,7 @@ MISSING_DOF = "missing_dof"
 class TopicSamples:
     """The T accepted messages of one topic."""
 
-    stamps_ns: Integers  # int64 (T,), strictly increasing
+    stamps_ns: Integers  # int64 (T,), strictly increasing among those of one publisher
     log_times_ns: Integers  # int64 (T,)
     content: Content  # all messages recorded; accepted poses are in the world frame
     rows: Integers  # which of these were accepted, int64 (T,)
@@ -82,7 +89,7 @@ def clean_topic(
             pose = poses.positions[row], poses.orientations[row]
             decoded[row] = pose_message(decoded[row].header, *pose)
         return replace(cleaned, content=decoded)
-    rows, rejected = _increasing(stamps_ns)
+    rows, rejected = _increasing_of_each(stamps_ns, publishers_of(type_name, decoded))
     frames = _names(getattr(getattr(m, "header", None), "frame_id", "") for m in decoded)
     return TopicSamples(stamps_ns[rows], log_times_ns[rows], decoded, rows, rejected, frames)
 
@@ -101,7 +108,12 @@ def clean_columns(
         if rows.size < accepted.size:
             rejected[STAMP_NOT_INCREASING] += accepted.size - rows.size
     else:
-        rows, rejected = _increasing(stamps_ns)
+        publishers = np.zeros(stamps_ns.size, np.int64)
+        if isinstance(columns, JointColumns):
+            of_parts = _publishers([part.names for part in columns.parts])
+            for part, publisher in zip(columns.parts, of_parts, strict=True):
+                publishers[part.rows] = publisher
+        rows, rejected = _increasing_of_each(stamps_ns, publishers)
     return TopicSamples(
         stamps_ns[rows], columns.log_times_ns[rows], columns, rows, rejected, frames
     )
@@ -124,8 +136,9 @@ def signal_of(
     values, found = values_of(entry, samples.content, samples.rows[inside])
     finite = found & np.all(np.isfinite(values), axis=1)
     counts = {MISSING_DOF: int(np.sum(~found)), NOT_FINITE: int(np.sum(found & ~finite))}
-    signal = Signal(entry.names, stamps_ns[finite], values[finite], entry.unit)
-    return signal, _counter(counts)
+    rows, late = _increasing(stamps_ns[finite])
+    signal = Signal(entry.names, stamps_ns[finite][rows], values[finite][rows], entry.unit)
+    return signal, _counter(counts | late)
 
 
 def context_of(
@@ -200,6 +213,42 @@ def _settings(columns: PoseColumns, extrinsics: Mapping[str, tuple] | None) -> I
 def _names(frame_ids: Iterable[object]) -> tuple[str, ...]:
     """Different frames, sorted, without those that have no name."""
     return tuple(sorted({frame_name(f) for f in frame_ids if isinstance(f, str)} - {""}))
+
+
+def publishers_of(type_name: str, messages: Sequence[Any]) -> Integers:
+    """Which publisher each message of a topic is of: JointStates that share a joint are of one."""
+    if type_name != JOINT_STATE:
+        return np.zeros(len(messages), np.int64)
+    return _publishers([message.name for message in messages])
+
+
+def _publishers(names: Sequence[Sequence[str]]) -> Integers:
+    first: dict[str, str] = {}
+
+    def root(name: str) -> str:
+        while (above := first.setdefault(name, name)) != name:
+            first[name] = name = first[above]
+        return name
+
+    for one in names:
+        for name in one[1:]:
+            first[root(name)] = root(one[0])
+    roots = [root(one[0]) if len(one) else "" for one in names]
+    numbers = {name: k for k, name in enumerate(dict.fromkeys(roots))}
+    return np.array([numbers[name] for name in roots], np.int64)
+
+
+def _increasing_of_each(
+    stamps_ns: Integers, publishers: Integers
+) -> tuple[Integers, Counter[str]]:
+    """As `_increasing` for the messages of each publisher, in the order of all."""
+    rows, rejected = [np.empty(0, np.int64)], Counter[str]()
+    for publisher in np.unique(publishers):
+        own = np.flatnonzero(publishers == publisher)
+        kept, counts = _increasing(stamps_ns[own])
+        rows.append(own[kept])
+        rejected += counts
+    return np.sort(np.concatenate(rows)), rejected
 
 
 def _increasing(stamps_ns: Integers) -> tuple[Integers, Counter[str]]:

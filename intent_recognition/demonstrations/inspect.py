@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.bags import JOINT_STATE, BagMessage, BagReader, Damage, TopicInfo, decode
-from intent_recognition.demonstrations.cleaning import clean_topic, is_raw_pose
+from intent_recognition.demonstrations.cleaning import clean_topic, is_raw_pose, publishers_of
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.reading import iter_demonstrations
 from intent_recognition.demonstrations.sessions import (
     SessionPart,
+    clock_shift_ns,
     find_marker_topic,
     split_session,
     task_of,
@@ -38,8 +39,8 @@ class TopicSummary:
     name: str
     type: str
     count: int
-    rate_hz: float = 0.0  # one over the median step of the stamps, 0 with fewer than two messages
-    # (stamp_ns before the gap, length in s) of every step longer than three medians
+    rate_hz: float = 0.0  # one over the median step of the stamps of a publisher, 0 with fewer than two
+    # (log time before the gap [ns], length [s]) of every step longer than three medians
     gaps: tuple[tuple[int, float], ...] = ()
     longest_gap_s: float = 0.0  # longest step, 0 with fewer than two messages
     # messages a node would drop, by reason (raw poses: outliers and bad stamps; others: bad stamps)
@@ -140,8 +141,8 @@ def _all_dofs(reader: BagReader) -> DofSpec | None:
             bodies.append(DofEntry(topic, info.type, fields=POSITION_FIELDS, unit="m"))
         elif info.type == JOINT_STATE and topic.split("/")[-1] == "joint_states":
             messages, _ = _decoded(reader, info)
-            if messages and messages[0].message.name:
-                names = tuple(messages[0].message.name)
+            names = max((tuple(m.message.name) for m in messages), key=len, default=())
+            if names:
                 arms.append(DofEntry(topic, info.type, joints=names, unit="rad"))
     if not arms:
         bodies, arms = bodies[:1], bodies[1:]
@@ -166,8 +167,13 @@ def _summarise(info: TopicInfo, messages: list[BagMessage], undecodable: int) ->
     rejected: Mapping[str, int] = {}
     if messages and (hasattr(messages[0].message, "header") or is_raw_pose(info.name, info.type)):
         rejected = clean_topic(info.name, info.type, messages).rejected
-    stamps = np.sort(np.array([m.stamp_ns for m in messages], dtype=np.int64))
-    steps_s = np.diff(stamps) * 1e-9
+    stamps = np.array([m.stamp_ns for m in messages], dtype=np.int64)
+    log_times = np.array([m.log_time_ns for m in messages], dtype=np.int64)
+    logged = stamps + clock_shift_ns((log_times - stamps)[stamps > 0])
+    publishers = publishers_of(info.type, [m.message for m in messages])
+    own = [np.sort(logged[(stamps > 0) & (publishers == p)]) for p in np.unique(publishers)]
+    before = np.concatenate([np.empty(0, np.int64), *(times_ns[:-1] for times_ns in own)])
+    steps_s = np.concatenate([np.empty(0), *map(np.diff, own)]) * 1e-9
     median_s = float(np.median(steps_s)) if steps_s.size else 0.0
     at = np.flatnonzero((median_s > 0) & (steps_s > 3.0 * median_s))
     return TopicSummary(
@@ -175,7 +181,7 @@ def _summarise(info: TopicInfo, messages: list[BagMessage], undecodable: int) ->
         type=info.type,
         count=len(messages) + undecodable,
         rate_hz=1.0 / median_s if median_s > 0 else 0.0,
-        gaps=tuple((int(stamps[i]), float(steps_s[i])) for i in at),
+        gaps=tuple((int(before[i]), float(steps_s[i])) for i in at),
         longest_gap_s=float(steps_s.max(initial=0.0)),
         rejected=Counter(rejected),
         not_finite=sum(not _is_finite(m.message) for m in messages),

@@ -72,6 +72,35 @@ def test_one_joint_state_from_the_future_does_not_cost_those_after_it(tmp_path):
     np.testing.assert_array_equal(demonstration.controlled[0].stamps_ns, expected)
 
 
+@pytest.mark.parametrize("is_clock_simulated", [False, True])
+@pytest.mark.parametrize("layouts", [1, 20])
+@pytest.mark.parametrize("ahead_ns", [0, 3_000_000])
+def test_a_gripper_on_the_topic_of_the_arm_costs_none_of_its_states(
+    ahead_ns, layouts, is_clock_simulated, tmp_path
+):
+    """Each publisher has a clock of its own: the stamps of the two need not be in one order."""
+    kept = [i for i in range(50) if not 20 < i < 30]
+    with BagWriter(tmp_path / "demo") as writer:
+        for i in kept:
+            log_ns = START_NS + i * STEP_NS
+            at_ns = log_ns - START_NS * is_clock_simulated + 5 * STEP_NS
+            fingers = {"names": [f"left_{i % layouts}", "right"], "positions": [0.1, 0.2]}
+            gripper = joints(i, **fingers, stamp_ns=at_ns + ahead_ns)
+            writer.write_message("mocap/wrist/pose", POSE, pose(i, stamp_ns=at_ns), log_ns)
+            writer.write_message("joint_states", JOINTS, gripper, log_ns)
+            arm = joints(i, stamp_ns=at_ns if i else 0)
+            writer.write_message("joint_states", JOINTS, arm, log_ns + 1)
+    (found,), _ = read(tmp_path / "demo", DOFS)
+    assert found.controlled[0].values.tolist() == [joints(i)["position"] for i in kept[1:]]
+    assert found.rejected == {"missing_dof": len(kept), "zero_stamp": 1}
+    topic = inspect_bag(tmp_path / "demo").topics[1]
+    assert topic.rate_hz == pytest.approx(100.0) and topic.longest_gap_s == pytest.approx(0.1)
+    shift_ns = 0 if is_clock_simulated else 5 * STEP_NS  # clocks a moment apart count as one
+    at_ns = START_NS + 20 * STEP_NS + shift_ns
+    assert [abs(ns - at_ns) <= 3_000_001 for ns, _ in topic.gaps] == [True] * 2
+    assert dict(topic.rejected) == {"zero_stamp": 1}
+
+
 def test_bad_joint_states_are_dropped_and_counted(tmp_path):
     states = [joints(i) for i in range(30)]
     states[3] = joints(3, positions=[float("nan")] * 7)
