@@ -32,7 +32,8 @@ class Definition:
     type: str  # "package/msg/Name"
     text: str  # its definition and those of all types it contains
     type_hash: str  # its RIHS01 hash, "" when unknown
-    encoding: str = "ros2msg"  # of `text`, as MCAP names it
+    encoding: str = "ros2msg"  # of `text`, as MCAP names it; "" where there is none
+    messages: str = "cdr"  # encoding of the messages, as MCAP names it
 
 
 @lru_cache(maxsize=1)

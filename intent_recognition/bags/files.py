@@ -76,10 +76,11 @@ def is_bag(folder: Path) -> bool:
     """Whether a folder is one bag of ROS 2: by its metadata.yaml, or with one file, or the parts of
     one as rosbag2 numbers them, from 0 on.
     """
-    stems = [_stem(path) for path in storage_files(folder)]
-    name = "".join(stems[:1]).removesuffix("_0")
-    parts = [f"{name}_{k}" for k in range(len(stems))]
-    return (folder / FILE_NAME).exists() or len(stems) == 1 or (bool(stems) and stems == parts)
+    files = storage_files(folder)
+    name, first = _name_and_number(files[0]) if files else ("", -1)
+    parts = [f"{name}_{_name_and_number(path)[1]}" for path in files]
+    is_whole = len(files) == 1 or (first == 0 and parts == [_stem(path) for path in files])
+    return (folder / FILE_NAME).exists() or is_whole
 
 
 def kind_of(path: Path) -> str:

@@ -25,6 +25,8 @@ Decoder = Callable[[bytes], object]
 """Function from CDR bytes to a message with the attributes of its type."""
 ZSTD = b"\x28\xb5\x2f\xfd"
 """First bytes of what zstd has compressed, a file or a message; no message of CDR begins so."""
+ROS_ENCODINGS = ("cdr", "ros1", "")
+"""Encodings of messages that are read; those in others (JSON, protobuf) are kept as they are."""
 HEADER = "std_msgs/msg/Header"
 RECOVER = "Save what is left with `intent recover`."
 """Advice in messages about damaged recordings."""
@@ -184,6 +186,8 @@ def decode(raw: RawMessage, decoder: Decoder) -> BagMessage:
         MessageError: the bytes do not fit the type; names topic and time.
     """
     try:
+        if raw.data[1:2] > b"\x01":  # of DDS's representations, ROS uses these
+            raise ValueError(f"encapsulation {raw.data[:2].hex()}, neither 0000 nor 0001")
         message = decoder(raw.data)
     except Exception as error:  # the decoder raises what struct, numpy and utf-8 raise
         place = f"topic {raw.topic} at {raw.log_time_ns} ns"

@@ -3,20 +3,22 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
+from heapq import merge
+from operator import attrgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from mcap.records import Schema
+from mcap.records import Channel, Schema
 
 from intent_recognition.bags.cdr.columns import Columns, ColumnsBuilder
 from intent_recognition.bags.definitions import Definition
 from intent_recognition.bags.files import PACKED, find_files, find_metadata, kind_of, unpack
-from intent_recognition.bags.mcap.chunk import McapBlock
 from intent_recognition.bags.mcap.file import Item, McapFile
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import (
     RECOVER,
+    ROS_ENCODINGS,
     BagMessage,
     Decoder,
     RawMessage,
@@ -40,8 +42,8 @@ class BagReader:
     """Reads a recording without ROS: of rosbag2 in MCAP or SQLite, or of ROS 1.
 
     Messages come in the order of log time, raw (`raw_messages`), decoded (`messages`) or, for
-    PoseStamped and JointState, as arrays (`columns`), which is ten times as fast as one by one.
-    No file is open between calls.
+    PoseStamped and JointState, as arrays (`columns`), which is ten times as fast as one by one;
+    files whose times do not overlap come in their own order. No file is open between calls.
 
     Args:
         path: bag directory, or a single file, also one that zstd has compressed.
@@ -69,6 +71,7 @@ class BagReader:
         self.notes.extend([*notes, *more])
         said = {t.name: t.type for t in self.metadata.topics} if self.metadata else {}
         self._files = [self._file(f, said) for f in files]
+        self._groups = _overlapping(self._files)
         self.is_finished = all(file.scan.is_finished for file in self._files)
         if not self.is_finished:
             self.notes.append("the recording was not closed; its end may be missing")
@@ -95,12 +98,12 @@ class BagReader:
     @property
     def start_ns(self) -> int:
         """Log time of the first message, 0 for an empty bag."""
-        return min((b.start_ns for b in self._blocks()), default=0)
+        return min((f.scan.span_ns[0] for f in self._files if f.scan.blocks), default=0)
 
     @property
     def end_ns(self) -> int:
         """Log time of the last message, 0 for an empty bag."""
-        return max((b.end_ns for b in self._blocks()), default=0)
+        return max((f.scan.span_ns[1] for f in self._files), default=0)
 
     @cached_property
     def topics(self) -> dict[str, TopicInfo]:
@@ -136,24 +139,30 @@ class BagReader:
                 damage is reached, after all messages before it.
         """
         wanted = None if topics is None else {topic.lstrip("/") for topic in topics}
-        for file in self._files:
-            converters = {
-                c.id: converter(c.message_encoding, file.scan.schemas.get(c.schema_id))
-                for c in file.scan.channels.values()
-            }
-            for item in file.items(wanted):
-                schema = file.schemas[item.channel.id]
-                data = self._converted(item, converters[item.channel.id])
-                if data is None:
-                    continue
-                yield RawMessage(
-                    item.channel.topic,
-                    schema.name if schema else "",
-                    item.log_time_ns,
-                    item.publish_time_ns,
-                    data,
-                    item.sequence,
-                )
+        for group in self._groups:
+            streams = [self._of_file(file, wanted) for file in group]
+            yield from merge(*streams, key=attrgetter("log_time_ns"))
+
+    def _of_file(
+        self, file: McapFile | RosbagsFile, wanted: set[str] | None
+    ) -> Iterator[RawMessage]:
+        converters = {
+            c.id: converter(c.message_encoding, file.scan.schemas.get(c.schema_id))
+            for c in file.scan.channels.values()
+        }
+        for item in file.items(wanted):
+            schema = file.schemas[item.channel.id]
+            data = self._converted(item, converters[item.channel.id])
+            if data is None:
+                continue
+            yield RawMessage(
+                item.channel.topic,
+                schema.name if schema else "",
+                item.log_time_ns,
+                item.publish_time_ns,
+                data,
+                item.sequence,
+            )
 
     def _converted(self, item: Item, convert: Callable[[bytes], bytes]) -> bytes | None:
         """A message in CDR; None of a damaged one if tolerant."""
@@ -183,7 +192,8 @@ class BagReader:
         """
         names = dict.fromkeys(topic.lstrip("/") for topic in topics)
         builders = {name: self._builder(name) for name in names}
-        for number, file in enumerate(self._files):
+        numbered = [(number, file) for number, group in enumerate(self._groups) for file in group]
+        for number, file in numbered:
             ids = {
                 name: file.scan.channel_ids(name) for name, builder in builders.items() if builder
             }
@@ -217,35 +227,45 @@ class BagReader:
         Raises:
             MessageError: the definition in the bag cannot be used.
         """
+        why, cure = "no ros2msg definition of it", RECOVER
         try:
-            for _, schema in self._defined():
-                if schema.name == type_name and (found := schema_decoder(schema)):
+            for channel, schema in self._defined():
+                if channel.topic != topic or schema.name != type_name:
+                    continue
+                if channel.message_encoding not in ROS_ENCODINGS:
+                    why, cure = f"messages in {channel.message_encoding}", "Record it from ROS."
+                elif found := schema_decoder(schema):
                     return found
         except Exception as error:  # the parser of definitions raises what it meets
             raise self._no_decoder(topic, type_name, error) from error
-        raise self._no_decoder(topic, type_name, "no ros2msg definition of it")
+        raise self._no_decoder(topic, type_name, why, cure)
 
     def definition_of(self, topic: str) -> Definition | None:
         """The definition the bag itself holds of a topic's type, None when it holds none."""
-        for name, one in self._defined():
-            if name == topic:
-                text = one.data.decode(errors="replace")
-                return Definition(one.name, text, self.topics[topic].type_hash, one.encoding)
+        for channel, one in self._defined():
+            if channel.topic == topic:
+                text = one.data.decode(errors="surrogateescape")
+                said = channel.message_encoding
+                messages = "cdr" if said in ROS_ENCODINGS else said
+                type_hash = self.topics[topic].type_hash
+                return Definition(one.name, text, type_hash, one.encoding, messages)
         return None
 
-    def _defined(self) -> Iterator[tuple[str, Schema]]:
-        """Topics, and the definitions of their types where there are any."""
+    def _defined(self) -> Iterator[tuple[Channel, Schema]]:
+        """Channels, and the definitions of their types where there are any or none is needed."""
         for file in self._files:
             for channel in file.scan.channels.values():
-                if (schema := file.schemas[channel.id]) is not None:
-                    yield channel.topic, schema
+                schema = file.schemas[channel.id]
+                if schema is None and channel.message_encoding not in ROS_ENCODINGS:
+                    schema = Schema(id=0, data=b"", encoding="", name="")
+                if schema is not None:
+                    yield channel, schema
 
-    def _no_decoder(self, topic: str, type_name: str, error: object) -> MessageError:
+    def _no_decoder(
+        self, topic: str, type_name: str, error: object, cure: str = RECOVER
+    ) -> MessageError:
         expected = f"a usable definition of {type_name or 'its type'}"
-        return MessageError.about(f"{self.path}: topic {topic}", expected, error, RECOVER)
-
-    def _blocks(self) -> Iterator[McapBlock]:
-        return (block for file in self._files for block in file.scan.blocks)
+        return MessageError.about(f"{self.path}: topic {topic}", expected, error, cure)
 
     def _builder(self, name: str) -> ColumnsBuilder | None:
         """Where the columns of a topic are collected, None if its type has none."""
@@ -256,3 +276,18 @@ class BagReader:
                 is_ros1 = file.scan.channels[number].message_encoding == "ros1"
                 types.add(schema.name if schema and is_standard(schema) and not is_ros1 else "")
         return ColumnsBuilder(types.pop()) if len(types) == 1 else None
+
+
+def _overlapping(files: Iterable[McapFile | RosbagsFile]) -> list[list[McapFile | RosbagsFile]]:
+    """Files in their order, together those that follow one another and overlap in time."""
+    groups: list[list[McapFile | RosbagsFile]] = []
+    first_ns, last_ns = 0, -1
+    for file in files:
+        start_ns, end_ns = file.scan.span_ns
+        if start_ns <= last_ns and end_ns >= first_ns:
+            groups[-1].append(file)
+            first_ns, last_ns = min(first_ns, start_ns), max(last_ns, end_ns)
+        else:
+            groups.append([file])
+            first_ns, last_ns = start_ns, end_ns
+    return groups

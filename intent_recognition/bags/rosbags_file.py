@@ -117,7 +117,7 @@ class RosbagsFile:
         form = "ros1msg" if self._is_ros1 else ENCODINGS.get(one.msgdef.format, "")
         said = Schema(data=one.msgdef.data.encode(), encoding=form, id=number, name=one.msgtype)
         self.scan.schemas[number] = said
-        more = {"topic_type_hash": one.digest, "offered_qos_profiles": one.ext}
+        more = {"topic_type_hash": one.digest, "offered_qos_profiles": str(one.ext)}
         self.scan.channels[number] = Channel(
             id=number,
             topic=one.topic,

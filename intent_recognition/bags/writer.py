@@ -74,7 +74,7 @@ class BagWriter:
         self._clock = clock
         self._disk_usage = disk_usage
         self._channels: dict[str, int] = {}
-        self._schemas: dict[str, int] = {}
+        self._schemas: dict[tuple[str, str], int] = {}
         self._topics: dict[str, TopicInfo] = {}
         self._counts: dict[str, int] = {}
         self._first_ns: int | None = None
@@ -236,20 +236,19 @@ class BagWriter:
     def _register(self, name: str, found: Definition, qos: Sequence[Mapping]) -> None:
         """Add schema and channel to the chunk in progress, and once more outside of it."""
         builder = RecordBuilder()
-        text, encoding = found.text.encode(), found.encoding
-        if found.type not in self._schemas:
-            number = self._writer.register_schema(found.type, encoding, text)
-            self._schemas[found.type] = number
-        number = self._schemas[found.type]
-        Schema(data=text, encoding=encoding, id=number, name=found.type).write(builder)
+        text, encoding = found.text.encode(errors="surrogateescape"), found.encoding
+        key, number = (found.type, encoding), 0
+        if encoding:
+            if key not in self._schemas:
+                self._schemas[key] = self._writer.register_schema(found.type, encoding, text)
+            number = self._schemas[key]
+            Schema(data=text, encoding=encoding, id=number, name=found.type).write(builder)
         metadata = {
             "offered_qos_profiles": dump_yaml([dict(p) for p in qos]).strip(),
             "topic_type_hash": self._topics[name].type_hash,
         }
-        channel = self._writer.register_channel(name, "cdr", number, metadata)
-        Channel(
-            id=channel, message_encoding="cdr", metadata=metadata, schema_id=number, topic=name
-        ).write(builder)
+        channel = self._writer.register_channel(name, found.messages, number, metadata)
+        Channel(channel, name, found.messages, metadata, number).write(builder)
         self._channels[name] = channel
         self._guard(self._writer.flush)
         self._guard(lambda: self._stream.write(builder.end()))

@@ -238,9 +238,7 @@ def _publishers(names: Sequence[Sequence[str]]) -> Integers:
     return np.array([numbers[name] for name in roots], np.int64)
 
 
-def _increasing_of_each(
-    stamps_ns: Integers, publishers: Integers
-) -> tuple[Integers, Counter[str]]:
+def _increasing_of_each(stamps_ns: Integers, publishers: Integers) -> tuple[Integers, Counter[str]]:
     """As `_increasing` for the messages of each publisher, in the order of all."""
     rows, rejected = [np.empty(0, np.int64)], Counter[str]()
     for publisher in np.unique(publishers):

@@ -39,7 +39,8 @@ class TopicSummary:
     name: str
     type: str
     count: int
-    rate_hz: float = 0.0  # one over the median step of the stamps of a publisher, 0 with fewer than two
+    # one over the median step of the stamps of a publisher, 0 with fewer than two
+    rate_hz: float = 0.0
     # (log time before the gap [ns], length [s]) of every step longer than three medians
     gaps: tuple[tuple[int, float], ...] = ()
     longest_gap_s: float = 0.0  # longest step, 0 with fewer than two messages

@@ -151,18 +151,18 @@ def test_topics_of_no_known_type_are_left_out(tmp_path):
             writer = Writer(stream)
             writer.start("ros2")
             schema = writer.register_schema(TEXT, "ros2msg", b"string data")
-            json = writer.register_channel("/json", "json", 0)
+            own = writer.register_channel("/own", "cdr", 0)
             channel = writer.register_channel("/text", "cdr", schema)
-            writer.add_message(json, 1, b"{}", 1)
+            writer.add_message(own, 1, b"{}", 1)
             for text in texts:
                 writer.add_message(channel, 2, serialize(TEXT, {"data": text}), 2)
             writer.finish()
         if not texts:
-            with pytest.raises(BagError, match=r"got none: left out /json: type: expected a"):
+            with pytest.raises(BagError, match=r"got none: left out /own: type: expected a"):
                 recover(source, tmp_path / "saved")
             assert not (tmp_path / "saved").exists()
     report = recover(source, tmp_path / "saved")
-    assert report.message_counts == {"/text": 2} and "left out /json" in report.notes[-1]
+    assert report.message_counts == {"/text": 2} and "left out /own" in report.notes[-1]
     assert [m.message.data for m in BagReader(tmp_path / "saved").messages()] == ["x", "y"]
 
 

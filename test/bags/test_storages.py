@@ -6,6 +6,7 @@ import gzip
 import itertools
 import shutil
 import sqlite3
+import struct
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from bag_builder import (
     write_ros1,
     write_session,
 )
+from mcap.reader import make_reader
 from mcap.records import Schema
 from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.rosbag1 import Writer as Ros1Writer
@@ -115,6 +117,83 @@ def test_channels_only_in_chunks_are_saved_and_a_damaged_summary_is_still_told(t
     path.write_bytes(data)
     with pytest.raises(BagError, match="summary"):
         list(BagReader(path).raw_messages())
+
+
+def test_a_summary_without_counts_is_one_that_does_not_say(tmp_path):
+    """MCAP: an empty map of counts means that the writer has none."""
+    data = write_mcap(tmp_path / "a.mcap", contents(), enable_crcs=False).read_bytes()
+    counts = struct.pack("<IHQHQ", 2 * 10, 1, COUNT, 2, COUNT)
+    at = data.rindex(counts)
+    head = data.rindex(b"\x0b", 0, at)  # the record, and the offsets after it, become shorter
+    record = b"\x0b" + struct.pack("<Q", at + 4 - head - 9) + data[head + 9 : at] + b"\0" * 4
+    footer = data.rindex(b"\x02" + struct.pack("<Q", 20))
+    start, _, _ = struct.unpack("<QQI", data[footer + 9 : footer + 29])
+    end = b"\x02" + struct.pack("<QQQI", 20, start, 0, 0) + data[-8:]
+    (tmp_path / "a.mcap").write_bytes(data[:head] + record + end)
+    check(tmp_path / "a.mcap", contents())
+
+
+@pytest.mark.parametrize(
+    ("encoding", "schema"),
+    [
+        ("json", None),
+        ("json", (POSE, "jsonschema", b"{}")),
+        ("protobuf", ("foxglove.Pose", "protobuf", bytes(range(256)))),
+    ],
+)
+def test_messages_in_other_encodings_are_kept_and_never_decoded_as_ours(
+    encoding, schema, tmp_path, capsys
+):
+    content, path = b'{"header": {"stamp": {"sec": 1}}}', tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "test")
+        text = definition(POSE).text.encode()
+        wrist = writer.register_channel("/w", "cdr", writer.register_schema(POSE, "ros2msg", text))
+        number = writer.register_schema(*schema) if schema else 0
+        other = writer.register_channel("/other", encoding, number)
+        for topic, at_ns, data in contents():
+            writer.add_message(wrist if "wrist" in topic else other, at_ns, data, at_ns)
+            writer.add_message(other, at_ns, content, at_ns)
+        writer.finish()
+    recover(path, tmp_path / "saved")
+    with (tmp_path / "saved/saved_0.mcap").open("rb") as stream:
+        found = [*make_reader(stream).iter_messages("/other")]
+    assert {channel.message_encoding for _, channel, _ in found} == {encoding}
+    kept = {s and (s.name, s.encoding, bytes(s.data)) for s, _, _ in found}
+    assert kept == {schema}
+    assert [m.data for _, _, m in found].count(content) == 2 * COUNT
+    for bag in (path, tmp_path / "saved"):
+        with pytest.raises(BagError, match=f"got messages in {encoding}. Record it from ROS"):
+            list(BagReader(bag).messages(["/other"]))
+        assert len(list(BagReader(bag).messages(["/w"]))) == COUNT
+        assert main(["inspect", str(bag)]) == 0
+        assert f"{3 * COUNT} undecodable" in capsys.readouterr().out
+
+
+def test_another_representation_of_dds_is_no_wrong_number(tmp_path):
+    """XCDR2 aligns to four bytes: read as XCDR1, a message may give other numbers."""
+    content = [(t, ns, b"\0\x07" + data[2:]) for t, ns, data in contents()]
+    path = write_mcap(tmp_path / "a.mcap", content)
+    assert set(BagReader(path).columns(TOPICS).values()) == {None}
+    with pytest.raises(BagError, match="got encapsulation 0007, neither 0000 nor 0001"):
+        list(BagReader(path).messages())
+
+
+def test_parts_that_overlap_come_in_the_order_of_time(tmp_path):
+    messages, folder = contents(), tmp_path / "bag"
+    parts = messages[10:30:2] + messages[38:], messages[:10] + messages[11:30:2], messages[30:38]
+    folder.mkdir()
+    for k, part in enumerate(parts):
+        write_mcap(folder / f"bag_{k}.mcap", part, chunk_size=500)
+    for reader in (BagReader(folder), BagReader(folder, tolerant=True)):
+        found = [(m.topic, m.log_time_ns, m.data) for m in reader.raw_messages()]
+        assert sorted(found) == sorted(messages)
+        times_ns = [at_ns for _, at_ns, _ in found]
+        assert times_ns == sorted(times_ns)
+        columns = reader.columns(TOPICS)["mocap/wrist/pose"]
+        assert np.array_equal(columns.stamps_ns, columns.log_times_ns)
+        assert np.all(np.diff(columns.stamps_ns) == STEP_NS)
 
 
 def wrist_schema(form):

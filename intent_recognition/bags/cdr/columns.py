@@ -71,7 +71,7 @@ class ColumnsBuilder:
         self._count = 0
 
     def add(self, file: int, table: MessageTable) -> bool:
-        """Take in the messages of a block of the `file`-th file, in file order.
+        """Take in the messages of a block of the `file`-th file, or group of them, in file order.
 
         Returns:
             False if one of them is not for columns; the builder is of no use then.

@@ -15,7 +15,7 @@ from mcap.records import Channel, Schema
 from intent_recognition.bags.mcap.chunk import PARSE_ERRORS, McapBlock, MessageTable, read_messages
 from intent_recognition.bags.mcap.group import GroupReader, groups
 from intent_recognition.bags.mcap.scan import Damage, FileScan, open_view, scan_file
-from intent_recognition.bags.messages import RECOVER, complete_schema
+from intent_recognition.bags.messages import RECOVER, ROS_ENCODINGS, complete_schema
 from intent_recognition.errors import BagError
 
 ITEM_BYTES = 400
@@ -35,9 +35,13 @@ class Item(NamedTuple):
 
 
 def complete_schemas(scan: FileScan, types: Mapping[str, str]) -> dict[int, Schema | None]:
-    """The definition of each channel's type, in the form ros2msg where that is known."""
+    """The definition of each channel's type, in the form ros2msg where that is known and messages
+    are those of ROS.
+    """
     return {
         c.id: complete_schema(scan.schemas.get(c.schema_id), types.get(c.topic, ""))
+        if c.message_encoding in ROS_ENCODINGS
+        else scan.schemas.get(c.schema_id)
         for c in scan.channels.values()
     }
 
@@ -67,8 +71,9 @@ class McapFile:
 
     def counts(self) -> Mapping[int, int]:
         """Messages per channel; counted when the summary does not say."""
-        if self.scan.statistics and not self.scan.damage:
-            return dict(self.scan.statistics.channel_message_counts)
+        said = self.scan.statistics.channel_message_counts if self.scan.statistics else {}
+        if said and not self.scan.damage:  # MCAP: empty where the writer did not count
+            return dict(said)
         counts: Counter[int] = Counter()
         with open_view(self.path) as view:
             for block in self.scan.blocks:

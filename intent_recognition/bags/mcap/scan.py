@@ -88,6 +88,13 @@ class FileScan:
         elif again or found.id not in self.channels:
             self.channels[found.id] = found
 
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """Log times of the first message and of the last; chunks without one say 0 and 0."""
+        blocks = [block for block in self.blocks if block.end_ns] or self.blocks
+        starts, ends = [b.start_ns for b in blocks], [b.end_ns for b in blocks]
+        return min(starts, default=0), max(ends, default=0)
+
     def channel_ids(self, topic: str) -> list[int]:
         """Channels of a topic, its name without leading slash."""
         return [c.id for c in self.channels.values() if c.topic.lstrip("/") == topic]
