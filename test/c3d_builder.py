@@ -22,6 +22,10 @@ def c3d_file(
     analog=0,
     order="<",
     more=(),
+    used=None,
+    said_rate=0.0,
+    said_frames=0,
+    scale=-1.0,
 ) -> bytes:
     """A file with float values.
 
@@ -36,13 +40,19 @@ def c3d_file(
         analog: channels, whose scales and names the file does not say.
         order: of bytes, "<" of Intel or ">" of SGI.
         more: further parameters of the points, names and texts.
+        used: how many points parameters say there are, not the header; 0 for no such parameter.
+        said_rate: that of the header, 0 for the same.
+        said_frames: how many parameters say there are, not the header.
+        scale: that of the parameters.
     """
     pytest.importorskip("ezc3d", reason="it reads them")
     frames, count = points.shape[:2]
     body = _group(order, 1, "POINT") + _group(order, 2, "ANALOG") + _group(order, 3, "TRIAL")
-    body += _parameter(order, 1, "USED", 2, [], struct.pack(f"{order}H", count))
-    body += _parameter(order, 1, "FRAMES", 2, [], struct.pack(f"{order}H", min(frames, 2**16 - 1)))
-    body += _parameter(order, 1, "SCALE", 4, [], struct.pack(f"{order}f", -1.0))
+    used = count if used is None else used
+    body += _parameter(order, 1, "USED", 2, [], struct.pack(f"{order}H", used)) if used else b""
+    stated = struct.pack(f"{order}H", said_frames or min(frames, 2**16 - 1))
+    body += _parameter(order, 1, "FRAMES", 2, [], stated)
+    body += _parameter(order, 1, "SCALE", 4, [], struct.pack(f"{order}f", scale))
     body += _parameter(order, 1, "RATE", 4, [], struct.pack(f"{order}f", rate))
     body += _parameter(order, 1, "DATA_START", 2, [], START)
     body += _parameter(order, 2, "USED", 2, [], struct.pack(f"{order}H", analog))
@@ -63,10 +73,10 @@ def c3d_file(
     body = body.replace(START + b"\0", struct.pack(f"{order}H", 2 + blocks) + b"\0", 1)
     head = struct.pack(
         f"{order}BBHHHHHfHHf", 2, 0x50, count, analog_stated or analog, 1,
-        min(frames, 2**16 - 1), 0, -1.0, 2 + blocks, int(analog > 0), rate,
+        min(frames, 2**16 - 1), 0, -1.0, 2 + blocks, int(analog > 0), said_rate or rate,
     )  # fmt: skip
     values = np.concatenate([points, np.zeros((frames, count, 1))], axis=2)
-    values = np.hstack([values.reshape(frames, -1), np.ones((frames, analog))])
+    values = np.hstack([values.reshape(frames, 4 * count), np.ones((frames, analog))])
     parameters = struct.pack("<BBBB", 1, 0x50, blocks, 84 if order == "<" else 86) + body
     return b"".join(map(_filled, (head, parameters, values.astype(f"{order}f4").tobytes())))
 

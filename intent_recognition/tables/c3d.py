@@ -11,6 +11,9 @@ from intent_recognition.tables.c3d_reading import MOST_STATED
 from intent_recognition.tables.isolated import read_isolated
 from intent_recognition.tables.table import Table, without_subjects
 
+SLOWEST_HZ, FASTEST_HZ = 0.1, 1e5
+"""Rates that a header may mean; other numbers were never written. Convention."""
+
 
 def open_c3d(path: Path) -> Table:
     """The markers as columns `LABEL.x`, `LABEL.y`, `LABEL.z`, NaN where a marker was not seen.
@@ -32,10 +35,17 @@ def open_c3d(path: Path) -> Table:
     labels = [*labels, *(f"unlabelled_{k}" for k in range(len(labels), count))][:count]
     notes = []
     if 0 < read < said:
-        why = "it states no more" if read == MOST_STATED else "the file ends after them"
+        why = (
+            "its parameters state no more"
+            if read < int(found["room"])
+            else "the file ends after them"
+        )
         notes.append(f"{read} of {said} frames: {why}")
+    header_rate = float(found["header_rate"])
+    if SLOWEST_HZ < header_rate < FASTEST_HZ and abs(header_rate - rate) > 1e-3 * rate:
+        notes.append(f"its header says {header_rate:.6g} Hz, POINT:RATE {rate:.6g}: that is taken")
     time = {"time": {"rate": rate}} if rate > 0.0 and np.isfinite(rate) else {}
-    values = points.reshape(len(points), -1)
+    values = points.reshape(len(points), 3 * count)
     names = tuple(f"{label}.{axis}" for label in labels for axis in "xyz")
     return Table(
         path,

@@ -6,7 +6,7 @@ import re
 import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,8 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def read(path: str) -> Arrays:
-    """`points` (T, N, 3), NaN where a marker was not seen, `labels`, `unit`, `rate`, `said`: how
-    many frames the file says it has.
+    """`points` (T, N, 3), NaN where a marker was not seen, `labels`, `unit`, `rate`, that of the
+    header, `said`: how many frames the file says it has, and `room`: how many it has room for.
     """
     return _first(path, {"ezc3d": _by_ezc3d, "c3d": _by_c3d})
 
@@ -54,18 +54,17 @@ def _by_ezc3d(library: Any, path: str) -> Arrays:
     point = file["parameters"]["POINT"]
     points = file["data"]["points"][:3].transpose(2, 1, 0)
     residuals = file["data"]["meta_points"]["residuals"][0].T
-    header = file["header"]["points"]
     values = file["data"]["analogs"].size / max(len(points), 1)
-    if (fitting := _fitting_values(path)) not in (None, values):
-        raise ValueError(f"{values:g} analog values a frame, where the file has room for {fitting}")
+    scale = point["SCALE"]["value"][0] if "SCALE" in point else -1.0
+    _check_frame(path, points.shape[1], values, scale)
     return {
         "points": np.where((residuals < 0.0)[:, :, None], np.nan, points),
         "labels": np.array(
             _all_labels({key: point[key].get("value", ()) for key in point}, points.shape[1])
         ),
         "unit": np.array("".join(point["UNITS"]["value"][:1]) if "UNITS" in point else ""),
-        "rate": np.array(float(header["frame_rate"]) or float(point["RATE"]["value"][0])),
-        "said": np.array(_stated(path)),
+        "rate": np.array(float(file["header"]["points"]["frame_rate"])),
+        **_stated(path),
     }
 
 
@@ -80,9 +79,9 @@ def _by_c3d(library: Any, path: str) -> Arrays:
         return {
             "points": np.where((points[:, :, 3] < 0.0)[:, :, None], np.nan, points[:, :, :3]),
             "labels": np.array(_all_labels(labels, points.shape[1])),
-            "unit": np.array(str(units.string_array.ravel()[0]) if units is not None else ""),
+            "unit": np.array("".join(units.string_array.ravel()[:1]) if units is not None else ""),
             "rate": np.array(float(reader.point_rate)),
-            "said": np.array(_stated(path)),
+            **_stated(path),
         }
 
 
@@ -99,35 +98,62 @@ def _all_labels(parts: Mapping[str, Any], count: int) -> list[str]:
     return found
 
 
-def _fitting_values(path: str) -> int | None:
-    """Analog values of a frame by the header, where its frames fill the file with them."""
-    values, frames, frame, size = _header(path)
-    return values if frames and 0 <= size - frames * frame < 512 else None
+def _check_frame(path: str, points: int, values: float, scale: float) -> None:
+    """That frames are as long as a library takes them for, where those of the header fill the file.
+
+    What the parameters say may be wrong: then all numbers but the first are others.
+    """
+    head = _header(path)
+    frame = (4 * points + values) * (4 if scale < 0.0 else 2)
+    if head.frames and 0 <= head.size - head.frames * head.frame < 512 and frame != head.frame:
+        got = f"{points} points, {values:g} analog values and a scale of {scale:g}"
+        raise ValueError(f"{got}, where the header has frames of {head.frame} bytes")
 
 
-def _stated(path: str) -> int:
-    """Frames that the header states or the file has room for, 0 where neither is known."""
-    _, stated, frame, size = _header(path)
-    if not frame or size < 0:
-        return stated
-    held = size // frame  # the last block may be filled up: by frames that nobody stated
-    return max(stated, held if (held - max(stated, MOST_STATED)) * frame >= 512 else 0)
+def _stated(path: str) -> Arrays:
+    """Frames that the header states or the file has room for, 0 where neither is known; the latter;
+    and the header's rate.
+    """
+    head = _header(path)
+    held = head.size // head.frame if head.frame and head.size >= 0 else 0
+    # The last block may be filled up: by frames that nobody stated.
+    more = held if (held - max(head.frames, MOST_STATED)) * head.frame >= 512 else 0
+    found = {"said": max(head.frames, more), "room": held, "header_rate": head.rate}
+    return {name: np.array(number) for name, number in found.items()}
 
 
-def _header(path: str) -> tuple[int, int, int, int]:
-    """Analog values of a frame, count of frames, bytes of one and of all that follow.
+class _Header(NamedTuple):
+    """What the header says of the data.
 
-    Words of the header, from 1 on: 2 points, 3 analog values of a frame, 4 and 5 first and last
-    frame, 7 and 8 scale, 9 block where the data begin.
+    Attributes:
+        frames: how many it states, 0 for none.
+        frame: bytes of one.
+        size: bytes from the first one to the end of the file.
+        rate: frames a second.
+    """
+
+    frames: int
+    frame: int
+    size: int
+    rate: float
+
+
+def _header(path: str) -> _Header:
+    """Words of the header, from 1 on: 2 points, 3 analog values of a frame, 4 and 5 first and last
+    frame, 7 and 8 scale, 9 block where the data begin, 11 and 12 rate.
     """
     with Path(path).open("rb") as stream:
-        head = stream.read(18)
+        head = stream.read(24)
         stream.seek(head[0] * 512 - 509)
         processor = stream.read(1)
         size = stream.seek(0, 2)
-    words = np.frombuffer(head, ">u2" if processor == SGI else "<u2").astype(int).tolist()
+    order = ">" if processor == SGI else "<"
+    words = np.frombuffer(head, f"{order}u2").astype(int).tolist()
     last = words[4] if words[4] < 2**16 - 1 else 0
     frames = last - words[3] + 1 if 0 < words[3] <= last else 0
     sign = words[7] if processor == INTEL else words[6]
     width = 4 if sign >= 2**15 else 2  # bytes: a scale below zero says that values are floats
-    return words[2], frames, (4 * words[1] + words[2]) * width, size - (words[8] - 1) * 512
+    is_vax = processor not in (INTEL, SGI)
+    said = head[22:24] + head[20:22] if is_vax else head[20:24]
+    rate = float(np.frombuffer(said, f"{order}f4")[0]) / (4.0 if is_vax else 1.0)
+    return _Header(frames, (4 * words[1] + words[2]) * width, size - (words[8] - 1) * 512, rate)

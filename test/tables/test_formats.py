@@ -140,6 +140,33 @@ def test_more_than_255_markers_and_lax_headers(tmp_path):
         assert np.allclose(found.samples[0].values, PLACE / 1000)
 
 
+MISFITS = {
+    "points": ({"used": 2}, "ezc3d says: 2 points, 0 analog values and a scale of -1, where the "
+               "header has frames of 16 bytes"),
+    "scale": ({"scale": 0.1}, "a scale of 0.1, where the header has frames of 16 bytes"),
+    "no marker": ({}, "got no columns"),
+    "no frame": ({}, "/mocap/wrist/pose: empty: no samples with a time of its own"),
+    "rate": ({"said_rate": 50.0}, "its header says 50 Hz, POINT:RATE 100: that is taken"),
+    "frames": ({"said_frames": 20}, "20 of 30 frames: its parameters state no more"),
+    "no count": ({"used": 0}, ""),
+}  # fmt: skip
+"""Headers and parameters that do not fit each other, and what is said."""
+
+
+@pytest.mark.parametrize("kind", MISFITS)
+def test_headers_and_parameters_that_do_not_fit_are_named(kind, tmp_path):
+    options, says = MISFITS[kind]
+    points = PLACE[:, None][: 0 if kind == "no frame" else None, : 0 if kind == "no marker" else 1]
+    labels = ["W"][: points.shape[1]]
+    found = imported(c3d_of(tmp_path, points, labels=labels, **options), three("W"))
+    said = [str(one) for one in found if isinstance(one, Rejection)]
+    assert says in "".join(said) and bool(says) == bool(said)
+    for one in found[len(said) :]:
+        values = PLACE[: options.get("said_frames")] / 1000
+        np.testing.assert_allclose(one.samples[0].values, values, rtol=1e-6)
+        assert np.all(np.diff(one.samples[0].stamps_ns) == 10_000_000)
+
+
 LABELS = {
     "other names": ({"LABELS2": ["wrist", "elbow"]}, ["W", "V", "unlabelled_2"]),
     "all again": ({"LABELS2": ["W", "V"]}, ["W", "V", "unlabelled_2"]),
