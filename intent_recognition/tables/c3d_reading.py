@@ -111,14 +111,13 @@ def _check_frame(path: str, points: int, values: float, scale: float) -> None:
 
 
 def _stated(path: str) -> Arrays:
-    """Frames that the header states or the file has room for, 0 where neither is known; the latter;
-    and the header's rate.
+    """Frames that the header states, or the file has room for where it cannot state them; the
+    latter, but for what may fill up the last block; and the header's rate.
     """
     head = _header(path)
-    held = head.size // head.frame if head.frame and head.size >= 0 else 0
-    # The last block may be filled up: by frames that nobody stated.
-    more = held if (held - max(head.frames, MOST_STATED)) * head.frame >= 512 else 0
-    found = {"said": max(head.frames, more), "room": held, "header_rate": head.rate}
+    room = max(head.size - 511, 0) // head.frame if head.frame else 0
+    more = room if room > MOST_STATED else 0
+    found = {"said": max(head.frames, more), "room": room, "header_rate": head.rate}
     return {name: np.array(number) for name, number in found.items()}
 
 

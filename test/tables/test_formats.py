@@ -142,8 +142,8 @@ def test_more_than_255_markers_and_lax_headers(tmp_path):
 
 MISFITS = {
     "points": ({"used": 2}, "ezc3d says: 2 points, 0 analog values and a scale of -1, where the "
-               "header has frames of 16 bytes"),
-    "scale": ({"scale": 0.1}, "a scale of 0.1, where the header has frames of 16 bytes"),
+               "header has frames of 144 bytes"),
+    "scale": ({"scale": 0.1}, "a scale of 0.1, where the header has frames of 144 bytes"),
     "no marker": ({}, "got no columns"),
     "no frame": ({}, "/mocap/wrist/pose: empty: no samples with a time of its own"),
     "rate": ({"said_rate": 50.0}, "its header says 50 Hz, POINT:RATE 100: that is taken"),
@@ -156,8 +156,9 @@ MISFITS = {
 @pytest.mark.parametrize("kind", MISFITS)
 def test_headers_and_parameters_that_do_not_fit_are_named(kind, tmp_path):
     options, says = MISFITS[kind]
-    points = PLACE[:, None][: 0 if kind == "no frame" else None, : 0 if kind == "no marker" else 1]
-    labels = ["W"][: points.shape[1]]
+    points = np.repeat(PLACE[:, None], 9, axis=1)
+    points = points[: 0 if kind == "no frame" else None, : 0 if kind == "no marker" else None]
+    labels = [*"WABCDEFGH"][: points.shape[1]]
     found = imported(c3d_of(tmp_path, points, labels=labels, **options), three("W"))
     said = [str(one) for one in found if isinstance(one, Rejection)]
     assert says in "".join(said) and bool(says) == bool(said)
