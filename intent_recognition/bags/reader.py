@@ -284,7 +284,7 @@ def _overlapping(files: Iterable[McapFile | RosbagsFile]) -> list[list[McapFile 
     first_ns, last_ns = 0, -1
     for file in files:
         start_ns, end_ns = file.scan.span_ns
-        if start_ns <= last_ns and end_ns >= first_ns:
+        if groups and start_ns <= last_ns and end_ns >= first_ns:
             groups[-1].append(file)
             first_ns, last_ns = min(first_ns, start_ns), max(last_ns, end_ns)
         else:

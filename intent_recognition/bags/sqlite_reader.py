@@ -43,14 +43,18 @@ class SqliteReader:
         names = [column[0] for column in topics.description]
         for row in topics:
             one = dict(zip(names, row, strict=True))
-            form, text = said.get(one["type"], ("", ""))
-            definition = MessageDefinition(FORMATS.get(form, MessageDefinitionFormat.NONE), text)
+            if not (isinstance(one["name"], str) and isinstance(one["type"], str)):
+                raise ValueError(f"topic {one['id']} without a name and a type")
+            form, text = said.get(one["type"], ("", ""))  # both may be anything
+            definition = MessageDefinition(
+                FORMATS.get(form, MessageDefinitionFormat.NONE), str(text)
+            )
             digest, count = one.get("type_description_hash", ""), counts.get(one["id"], 0)
             more = (definition, digest, count, one.get("offered_qos_profiles", ""), self)
             self.connections.append(Connection(one["id"], one["name"], one["type"], *more))
         self.message_count = sum(counts.values())
         times = self._file.execute("SELECT MIN(timestamp), MAX(timestamp) + 1 FROM messages")
-        self.start_time, self.end_time = times.fetchone()
+        self.start_time, self.end_time = (int(time_ns or 0) for time_ns in times.fetchone())
 
     def close(self) -> None:
         """Close it."""

@@ -41,6 +41,7 @@ from intent_recognition.tracking import (
 RAW_POSE_TOPIC = re.compile(r"(.*/)?mocap/[^/]+/pose")
 MISSING_DOF = "missing_dof"
 """Reason for which a message is dropped: a joint or field of an entry is not in it."""
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 
 @dataclass(frozen=True)
@@ -216,10 +217,14 @@ def _names(frame_ids: Iterable[object]) -> tuple[str, ...]:
 
 
 def publishers_of(type_name: str, messages: Sequence[Any]) -> Integers:
-    """Which publisher each message of a topic is of: JointStates that share a joint are of one."""
-    if type_name != JOINT_STATE:
-        return np.zeros(len(messages), np.int64)
-    return _publishers([message.name for message in messages])
+    """Which publisher each message of a topic is of: those that share a joint, or a frame of tf,
+    are of one.
+    """
+    if type_name == JOINT_STATE:
+        return _publishers([message.name for message in messages])
+    if type_name == TRANSFORMS:
+        return _publishers([[t.child_frame_id for t in m.transforms] for m in messages])
+    return np.zeros(len(messages), np.int64)
 
 
 def _publishers(names: Sequence[Sequence[str]]) -> Integers:

@@ -332,6 +332,28 @@ def test_a_database_with_a_log_and_an_unknown_definition_is_read_whole(tmp_path)
     assert reader.topics["/joint_states"].type_hash == definition(JOINTS).type_hash
 
 
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        ("UPDATE topics SET name = X'00'", "topic 1 without a name and a type"),
+        ("UPDATE messages SET timestamp = 'x' WHERE id = 9", "invalid literal for int"),
+        ("UPDATE messages SET timestamp = -5 WHERE id = 9", ""),
+        ("UPDATE message_definitions SET encoded_message_definition = X'00'", ""),
+        ("DROP TABLE topics", "not topics and messages"),
+    ],
+)
+def test_what_a_damaged_database_holds_is_named(damage, says, tmp_path):
+    write_db3(tmp_path / "bag")
+    with contextlib.closing(sqlite3.connect(tmp_path / "bag/bag.db3")) as file:
+        file.execute(damage)
+        file.commit()
+    if not says:
+        assert len(list(BagReader(tmp_path / "bag").raw_messages())) >= 2 * COUNT - 1
+        return
+    with pytest.raises(BagError, match=says):
+        list(BagReader(tmp_path / "bag").raw_messages())
+
+
 def test_files_in_a_folder_are_recordings_unless_they_are_numbered_parts(tmp_path):
     for name in ("give_01.mcap", "give_02.mcap", "plate.mcap.zst"):
         path = write_mcap(tmp_path / name.removesuffix(".zst"), contents())

@@ -28,6 +28,7 @@ from intent_recognition.errors import BagError
 from intent_recognition.tables import suggest_map
 
 DOFS = load_dofs()
+TF = "tf2_msgs/msg/TFMessage"
 
 
 def test_one_bag_with_or_without_a_label(tmp_path):
@@ -99,6 +100,17 @@ def test_a_gripper_on_the_topic_of_the_arm_costs_none_of_its_states(
     at_ns = START_NS + 20 * STEP_NS + shift_ns
     assert [abs(ns - at_ns) <= 3_000_001 for ns, _ in topic.gaps] == [True] * 2
     assert dict(topic.rejected) == {"zero_stamp": 1}
+
+
+def test_frames_of_tf_have_rates_of_their_own(tmp_path):
+    with BagWriter(tmp_path / "demo") as writer:
+        for i in range(50):
+            for k, frame in enumerate(("wrist", "base", "camera")):
+                at_ns = START_NS + i * STEP_NS + k * 1000
+                transforms = [{"child_frame_id": frame}, {"child_frame_id": f"{frame}_{i % 2}"}]
+                writer.write_message("tf", TF, {"transforms": transforms}, at_ns)
+    (topic,) = inspect_bag(tmp_path / "demo").topics
+    assert topic.rate_hz == pytest.approx(100.0) and not topic.gaps
 
 
 def test_bad_joint_states_are_dropped_and_counted(tmp_path):
