@@ -4,7 +4,7 @@
 import re
 from collections.abc import Callable
 from contextlib import redirect_stderr, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from io import StringIO
 from typing import Any
@@ -62,7 +62,9 @@ def complete_schema(said: Schema | None, type_name: str) -> Schema | None:
     Jazzy's by its name, or by `type_name`; else what the file says.
     """
     if said is not None and said.encoding == "ros2msg" and said.data:
-        return said
+        package, _, kind = said.name.rpartition("/")
+        name = f"{package}/msg/{kind}" if package and "/" not in package else said.name
+        return replace(said, data=_as_rosbag2(said.data), name=name)
     name = said.name if said is not None else type_name
     if said is not None and said.encoding == "ros1msg":
         name = normalize_msgtype(name)
@@ -79,10 +81,17 @@ def complete_schema(said: Schema | None, type_name: str) -> Schema | None:
     return Schema(data=text.encode(), encoding="ros2msg", id=said.id if said else 0, name=name)
 
 
+def _as_rosbag2(text: bytes) -> bytes:
+    """A definition in the form ros2msg as rosbag2 writes it, which alone all parsers read."""
+    unix = text.replace(b"\r\n", b"\n")
+    split = re.sub(rb"(?m)^==+[ \t]*$", b"=" * 80, unix)
+    return re.sub(rb"(?m)^([ \t]*(?:MSG:[ \t]*)?\w+)/msg/", rb"\1/", split)
+
+
 @lru_cache(maxsize=256)
 def _typestore(encoding: str, data: bytes, name: str) -> Typestore:
     """Types of a definition in the form ros1msg or ros2idl."""
-    text = data.decode()
+    text = data.decode().replace("\r\n", "\n")
     store = get_typestore(Stores.EMPTY)
     if encoding == "ros1msg":
         check_definition(name, text)

@@ -4,6 +4,7 @@
 import contextlib
 import gzip
 import itertools
+import re
 import shutil
 import sqlite3
 import struct
@@ -210,6 +211,31 @@ def test_known_types_without_a_definition_or_in_idl(form, tmp_path):
     (folder / "bag_0.mcap").unlink()
     write_mcap(folder / "bag_0.mcap", messages, wrist_schema(form))
     check(folder, messages)  # the type of a channel without a schema is that of metadata.yaml
+
+
+FORMS = {
+    "Windows": lambda name, text: (name, text.replace("\n", "\r\n")),
+    "whole names": lambda name, text: (name, re.sub(r"(?m)^((MSG: )?\w+)/", r"\1/msg/", text)),
+    "short lines": lambda name, text: (name, re.sub("=+\n", "===\n", text)),
+    "short name": lambda name, text: (name.replace("/msg/", "/"), text),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_definitions_as_other_writers_have_them(form, tmp_path):
+    about = {}
+    for topic, (kind, _) in TOPICS.items():
+        name, text = FORMS[form](kind, definition(kind).text)
+        assert (name, text) != (kind, definition(kind).text)
+        about[topic] = (name, "ros2msg", text)
+    path = write_mcap(tmp_path / "a.mcap", contents(), about)
+    check(path, contents())
+    reader = BagReader(path)
+    assert {t.name: t.type for t in reader.topics.values()} == {
+        t: k for t, (k, _) in TOPICS.items()
+    }
+    decoded = [m.message.pose.position.x for m in reader.messages(["/mocap/wrist/pose"])]
+    assert decoded == [pose(i)["pose"]["position"]["x"] for i in range(COUNT)]
 
 
 def packed(folder, mode):
