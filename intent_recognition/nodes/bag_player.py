@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from rclpy.duration import Duration
@@ -119,8 +120,9 @@ class BagPlayer(Node):
 
     def _load(self) -> Iterable[RawMessage]:
         """The messages in memory, so that reading costs no time later; a stream of big bags."""
-        size = sum(f.stat().st_size for f in self._reader.path.glob("*.mcap"))
-        if size > 2**26:
+        path = self._reader.path
+        files = [path] if path.is_file() else filter(Path.is_file, path.iterdir())
+        if sum(file.stat().st_size for file in files) > 2**26:
             return ()
         messages = list(self._reader.raw_messages(self._outputs))
         gc.freeze()

@@ -213,3 +213,14 @@ def test_shifting_a_stamp_changes_nothing_else(order):
     assert moved[12:] == data[12:] and moved[:8] == data[:8]
     with pytest.raises(BagError, match="expected a stamp between 1901 and 2038"):
         shift_stamp(bytes(data), lambda ns: 2**63)
+
+
+@pytest.mark.parametrize("name", ["a.mcap", "bag/a.db3", "a.bag"])
+def test_a_big_recording_of_any_storage_is_not_taken_into_memory(name, tmp_path):
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    with path.open("wb") as file:
+        file.truncate(2**26 + 1)
+    reader = Mock(path=path if name.count("/") == 0 else path.parent)
+    assert BagPlayer._load(Mock(_reader=reader)) == ()
+    reader.raw_messages.assert_not_called()
