@@ -91,7 +91,7 @@ def clean_topic(
             decoded[row] = pose_message(decoded[row].header, *pose)
         return replace(cleaned, content=decoded)
     rows, rejected = _increasing_of_each(stamps_ns, publishers_of(type_name, decoded))
-    frames = _names(getattr(getattr(m, "header", None), "frame_id", "") for m in decoded)
+    frames = frame_names(getattr(getattr(m, "header", None), "frame_id", "") for m in decoded)
     return TopicSamples(stamps_ns[rows], log_times_ns[rows], decoded, rows, rejected, frames)
 
 
@@ -100,11 +100,11 @@ def clean_columns(
 ) -> TopicSamples:
     """As `clean_topic` from columns."""
     stamps_ns = columns.stamps_ns
-    frames = _names(columns.frame_ids) if isinstance(columns, PoseColumns) else ()
+    frames = frame_names(columns.frame_ids) if isinstance(columns, PoseColumns) else ()
     if isinstance(columns, PoseColumns) and is_raw_pose(topic, POSE):
         settings = _settings(columns, extrinsics)
         columns, accepted, rejected = ingest_poses(settings, columns)
-        frames = _names([settings.world_frame])
+        frames = frame_names([settings.world_frame])
         rows = _longest_increasing(stamps_ns, accepted)
         if rows.size < accepted.size:
             rejected[STAMP_NOT_INCREASING] += accepted.size - rows.size
@@ -211,7 +211,7 @@ def _settings(columns: PoseColumns, extrinsics: Mapping[str, tuple] | None) -> I
     return IngestSettings(world_frame=frames.most_common(1)[0][0])
 
 
-def _names(frame_ids: Iterable[object]) -> tuple[str, ...]:
+def frame_names(frame_ids: Iterable[object]) -> tuple[str, ...]:
     """Different frames, sorted, without those that have no name."""
     return tuple(sorted({frame_name(f) for f in frame_ids if isinstance(f, str)} - {""}))
 

@@ -2,17 +2,23 @@
 """Samples of all topics of one recording, as far as it can be read."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from intent_recognition.bags import RECOVER, BagMessage, BagReader
 from intent_recognition.demonstrations.cleaning import (
     TopicSamples,
     clean_columns,
     clean_topic,
+    frame_names,
     restamped,
 )
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.fields import has_columns
-from intent_recognition.demonstrations.paths import element_names
+from intent_recognition.demonstrations.paths import (
+    STAMPED_ELEMENTS,
+    element_headers,
+    element_names,
+)
 from intent_recognition.errors import BagError, MessageError
 from intent_recognition.signals import Rejection
 
@@ -63,7 +69,7 @@ def collect(
         recorded = messages[entry.topic]
         about = [m for m in (restamped(entry, message) for message in recorded) if m is not None]
         if recorded and not about and damage is None:
-            has = {name for m in recorded for name in element_names(m.message, entry.fields)}
+            has = {name for m in recorded for name in element_names(m.message, entry.fields)} - {""}
             reason = (
                 f"no {', '.join(entry.fields)}: the topic has {', '.join(sorted(has)) or 'none'}"
             )
@@ -75,6 +81,10 @@ def collect(
             damage = damage or Rejection(str(reader.path), f"/{entry.topic}", 0, reason, cure)
             about = []
         samples[stream] = clean_topic(entry.topic, entry.type, about, extrinsics)
+        if entry.type in STAMPED_ELEMENTS:
+            headers = [h for m in about for h in element_headers(m.message, entry.fields)]
+            frames = frame_names(header.frame_id for header in headers)
+            samples[stream] = replace(samples[stream], frames=frames)
     return samples, messages[marker] if marker else [], damage
 
 

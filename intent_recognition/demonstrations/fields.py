@@ -24,7 +24,7 @@ from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.paths import (
     STAMPED_ELEMENTS,
     ElementAbsentError,
-    element_stamps_ns,
+    element_headers,
     follow,
     parse_path,
 )
@@ -149,10 +149,14 @@ def stamp_of(entry: DofEntry, message: Any, received_ns: int) -> int | None:
     about other elements than the entry's.
     """
     if entry.type in STAMPED_ELEMENTS:
-        stamps = element_stamps_ns(message, entry.fields)
+        stamps = [_ns(header.stamp) for header in element_headers(message, entry.fields)]
         return (max(stamps) or received_ns) if stamps else None
     stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return received_ns if stamp is None else stamp.sec * NANOSECONDS + stamp.nanosec
+    return received_ns if stamp is None else _ns(stamp)
+
+
+def _ns(stamp: Any) -> int:
+    return int(stamp.sec * NANOSECONDS + stamp.nanosec)
 
 
 @lru_cache(maxsize=256)

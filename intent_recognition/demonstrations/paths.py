@@ -3,11 +3,10 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from operator import attrgetter
 from typing import Any, NamedTuple
-
-from intent_recognition.bags import NANOSECONDS
 
 FIELD_PATH = re.compile(r"[A-Za-z_]\w*(\.\w+|\[[^\[\]]+\])*")
 """Such as pose.position.x, poses[7].position.x, data.0, transforms[wrist].transform.rotation.w,
@@ -85,7 +84,7 @@ def follow(message: Any, parts: Sequence[Part]) -> Any:
         if isinstance(part, str):
             value = getattr(value, part)
         elif isinstance(part, int):
-            if part >= len(value):
+            if part >= len(value) or is_deleted(value[part]):
                 raise ElementAbsentError(f"element {part} of {len(value)}")
             value = value[part]
         else:
@@ -93,16 +92,13 @@ def follow(message: Any, parts: Sequence[Part]) -> Any:
     return value
 
 
-def element_stamps_ns(message: Any, fields: Sequence[str]) -> list[int]:
-    """Stamps of the elements that some fields are of, as far as a message has them."""
-    stamps = []
+def element_headers(message: Any, fields: Sequence[str]) -> list[Any]:
+    """Headers of the elements that some fields are of, as far as a message has them."""
+    headers = []
     for parts in dict.fromkeys(map(element_of, fields)):
-        try:
-            stamp = follow(message, parts).header.stamp
-        except (ElementAbsentError, AttributeError, TypeError):
-            continue
-        stamps.append(stamp.sec * NANOSECONDS + stamp.nanosec)
-    return stamps
+        with suppress(ElementAbsentError, AttributeError, TypeError):
+            headers.append(follow(message, parts).header)
+    return headers
 
 
 def element_names(message: Any, fields: Sequence[str]) -> Iterator[str]:
@@ -127,4 +123,9 @@ def _name(element: Any, key: str) -> str:
     for usual in ("child_frame_id", "name"):
         if (name := getattr(element, usual, None)) is not None:
             return str(name).lstrip("/")
-    return f"{element.ns}/{element.id}"
+    return "" if is_deleted(element) else f"{element.ns}/{element.id}"
+
+
+def is_deleted(element: Any) -> bool:
+    """Whether it is a marker that says what to take away, and nothing of a place."""
+    return getattr(element, "action", 0) in (2, 3) and hasattr(element, "ns")

@@ -215,6 +215,7 @@ def _demonstration(
 def _frames(dofs: DofSpec, samples: Mapping[str, TopicSamples]) -> dict[str, tuple[str, ...]]:
     """Frames in which the observed topics are, where they say one."""
     entries = [entry for entry in (*dofs.observed, *dofs.context) if entry.fields]
+    entries.sort(key=lambda entry: len(samples[entry.stream].frames))  # the most of a topic last
     return {e.topic: frames for e in entries if (frames := samples[e.stream].frames)}
 
 
@@ -265,7 +266,7 @@ def _absent_joints(entry: DofEntry, messages: Sequence[Any]) -> str:
     there = tuple(dict.fromkeys(name for names in groups for name in names))
     places = zip(entry.joints, joint_indices(entry.joints, there), strict=True)
     if absent := [joint for joint, place in places if place is None]:
-        return f"no joint {', '.join(absent)}: the topic has {', '.join(there)}"
+        return f"no joint {', '.join(absent)}: the topic has {', '.join(there) or 'no names'}"
     if all(None in joint_indices(entry.joints, names) for names in groups):
         said = "; ".join(", ".join(names) for names in groups)
         return f"no message has all joints, they have {said}: write an entry for those of each"

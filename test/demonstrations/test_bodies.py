@@ -102,6 +102,15 @@ def test_markers_and_transforms_are_found_and_stars_stand_for_persons():
     ]
     for order in (listed, listed[::-1]):
         assert extract(entry, make_message(entry.type, {"markers": order})).tolist() == [3.0]
+    gone = [{"action": action, "ns": "body", "id": 3} for action in (2, 3)]
+    taken = make_message(entry.type, {"markers": gone})
+    by_number = replace(entry, fields=("markers[0].pose.position.y",))
+    for asked in (entry, by_number):
+        assert stamp_of(asked, taken, 9) is None  # where a marker was is not where it is
+        with pytest.raises(MessageError):
+            extract(asked, taken)
+    again = make_message(entry.type, {"markers": [*gone, *listed]})
+    assert extract(entry, again).tolist() == [3.0]
     for person in ("rlkas", "f9bd2"):
         names = ["elbow", f"l_knee_{person}", f"knee_{person}"]
         message = make_message(BODY.type, {"name": names, "position": [1.0, 2.0, 3.0]})
@@ -186,6 +195,19 @@ def test_frames_of_others_are_not_counted_and_a_wrong_name_says_which_there_are(
     wrong = replace(WRIST, fields=("transforms[rist].transform.translation.x",))
     _, (rejection,) = read_demonstrations(tmp_path / "bag", make_dofs(wrong))
     assert "the topic has camera, wrist" in str(rejection)
+
+
+def test_a_body_told_in_two_frames_names_both(tmp_path):
+    with BagWriter(tmp_path / "bag", {"task": "give"}) as writer:
+        for i in range(60):
+            at_ns = START_NS + i * STEP_NS
+            sent = transform("wrist", 0.001 * i, at_ns)
+            sent["header"]["frame_id"] = "/room" if i < 30 else "camera"
+            writer.write_message("tf", TRANSFORMS, {"transforms": [sent]}, at_ns)
+            arm = {"header": {"stamp": at_ns}, "name": list(ROBOT.joints), "position": [0.0] * 7}
+            writer.write_message(ROBOT.topic, ROBOT.type, arm, at_ns)
+    (found,), _ = read_demonstrations(tmp_path / "bag", make_dofs(WRIST))
+    assert found.frames == {"tf": ("camera", "room")}
 
 
 @pytest.mark.parametrize("first", ["head", ""])

@@ -325,11 +325,13 @@ def test_joints_that_are_never_in_one_message_and_a_missing_quantity_are_named(t
     hand = [joints(i, names=["g"], positions=[0.5]) for i in range(60)]
     both = write_pairs(tmp_path / "both", poses, [(arm, hand)[i % 2][i] for i in range(60)])
     effort = [state | {"position": [], "effort": [1.0, 2.0]} for state in arm]
+    bare = [state | {"name": []} for state in arm]
     content = DOFS.to_dict()
     (entry,) = content["controlled"]
     for bag, names, says in (
         (both, ["a", "g"], "no message has all joints, they have a, b; g: write an entry for"),
         (write_pairs(tmp_path / "effort", poses, effort), ["a"], "no position: the topic has effo"),
+        (write_pairs(tmp_path / "bare", poses, bare), ["a"], "no joint a: the topic has no names"),
     ):
         content["controlled"] = [entry | {"joints": names}]
         found, (rejection,) = read(bag, DofSpec.from_dict(content))
