@@ -4,12 +4,21 @@
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
-from intent_recognition.bags import JOINT_STATE, BagMessage, BagReader, Damage, TopicInfo, decode
+from intent_recognition.bags import (
+    JOINT_STATE,
+    POSE,
+    BagMessage,
+    BagReader,
+    Damage,
+    TopicInfo,
+    decode,
+)
 from intent_recognition.demonstrations.cleaning import clean_topic, is_raw_pose, publishers_of
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.entry import DofEntry
@@ -89,8 +98,8 @@ def inspect_bag(path: str | Path) -> BagSummary:
     times_ns: list[int] = []
     marker = find_marker_topic(reader)
     for info in reader.topics.values():
-        messages, undecodable = _decoded(reader, info)
-        topics.append(_summarise(info, messages, undecodable))
+        messages, not_finite, undecodable = _decoded(reader, info)
+        topics.append(_summarise(info, messages, not_finite, undecodable))
         times_ns += [message.log_time_ns for message in messages]
         if info.name.lstrip("/") == marker:
             markers = messages
@@ -141,7 +150,7 @@ def _all_dofs(reader: BagReader) -> DofSpec | None:
         if is_raw_pose(topic, info.type):
             bodies.append(DofEntry(topic, info.type, fields=POSITION_FIELDS, unit="m"))
         elif info.type == JOINT_STATE and topic.split("/")[-1] == "joint_states":
-            messages, _ = _decoded(reader, info)
+            messages = _decoded(reader, info)[0]
             names = max((tuple(m.message.name) for m in messages), key=len, default=())
             if names:
                 arms.append(DofEntry(topic, info.type, joints=names, unit="rad"))
@@ -150,21 +159,32 @@ def _all_dofs(reader: BagReader) -> DofSpec | None:
     return DofSpec(tuple(bodies), tuple(arms)) if bodies and arms else None
 
 
-def _decoded(reader: BagReader, info: TopicInfo) -> tuple[list[BagMessage], int]:
+def _decoded(reader: BagReader, info: TopicInfo) -> tuple[list[BagMessage], int, int]:
+    """Messages of a topic, of images and clouds their headers; how many of them are not finite, and
+    of others that cannot be decoded.
+    """
     try:
         decoder = reader.decoder(info.name, info.type)
     except BagError:
-        return [], info.message_count
-    messages, undecodable = [], 0
+        return [], 0, info.message_count
+    messages, not_finite, undecodable = [], 0, 0
     for raw in reader.raw_messages([info.name]):
         try:
-            messages.append(decode(raw, decoder))
+            found = decode(raw, decoder)
         except MessageError:
             undecodable += 1
-    return messages, undecodable
+            continue
+        not_finite += not _is_finite(found.message)
+        header = getattr(found.message, "header", None)
+        if len(raw.data) > 2**14 and header is not None and info.type not in (POSE, JOINT_STATE):
+            found = replace(found, message=SimpleNamespace(header=header))
+        messages.append(found)
+    return messages, not_finite, undecodable
 
 
-def _summarise(info: TopicInfo, messages: list[BagMessage], undecodable: int) -> TopicSummary:
+def _summarise(
+    info: TopicInfo, messages: list[BagMessage], not_finite: int, undecodable: int
+) -> TopicSummary:
     rejected: Mapping[str, int] = {}
     if messages and (hasattr(messages[0].message, "header") or is_raw_pose(info.name, info.type)):
         rejected = clean_topic(info.name, info.type, messages).rejected
@@ -185,7 +205,7 @@ def _summarise(info: TopicInfo, messages: list[BagMessage], undecodable: int) ->
         gaps=tuple((int(before[i]), float(steps_s[i])) for i in at),
         longest_gap_s=float(steps_s.max(initial=0.0)),
         rejected=Counter(rejected),
-        not_finite=sum(not _is_finite(m.message) for m in messages),
+        not_finite=not_finite,
         undecodable=undecodable,
     )
 

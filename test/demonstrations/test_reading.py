@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Demonstrations from bags, folders and sessions; what is left out is named, the rest is used."""
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -289,6 +290,18 @@ def test_inspection_reports_gaps_rates_and_outliers(tmp_path):
     assert wrist.gaps == ((START_NS + 19 * STEP_NS, pytest.approx(0.16)),)
     assert wrist.rejected == {"jump": 1, "not_finite": 1} and wrist.not_finite == 1
     assert summary.task == "plate" and summary.message_count == 90 and not summary.damage
+
+
+def test_inspection_holds_no_images(tmp_path):
+    image = {"header": {"stamp": START_NS}, "data": np.zeros(2**20, np.uint8)}
+    with BagWriter(tmp_path / "bag") as writer:
+        for i in range(40):
+            writer.write_message("camera", "sensor_msgs/msg/Image", image, START_NS + i * STEP_NS)
+    tracemalloc.start()
+    (camera,) = inspect_bag(tmp_path / "bag").topics
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert camera.rejected == {"stamp_not_increasing": 39} and peak < 20 * 2**20
 
 
 def test_a_session_whose_streams_are_on_two_clocks_says_so(tmp_path):
