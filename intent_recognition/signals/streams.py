@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether the streams of one recording belong together: overlap, one clock, likely units."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Protocol
 
 import numpy as np
@@ -43,6 +43,8 @@ class _Recorded(Protocol):
     def wrapped(self) -> tuple[str, ...]: ...
     @property
     def delays_s(self) -> tuple[float, ...]: ...
+    @property
+    def rejected(self) -> Mapping[str, int]: ...
 
 
 def stream_defect(recorded: _Recorded) -> str:
@@ -72,6 +74,7 @@ def recording_doubts(recorded: _Recorded, *, brief: bool = False) -> list[str]:
     clock = [*_shifted_clock(recorded)] or [*_shifted_edges(recorded)]
     return [
         *(clock or _in_part(recorded)),
+        *_holes(recorded),
         *(said for one in recorded.observed for said in sparse(one)),
         *(said for one in (*recorded.observed, *recorded.controlled) for said in zeros(one)),
         *_found_late(recorded),
@@ -200,6 +203,27 @@ def _in_part(recorded: _Recorded) -> Iterator[str]:
         yield (
             f"the controlled streams begin {-late_s:.2f} s later than the observed ones, before the"
             " human moves. Likely a driver that started late, or two clocks."
+        )
+
+
+def _holes(recorded: _Recorded) -> Iterator[str]:
+    """Streams without samples for much of the recording, and stamps that went back in it."""
+    signals = (*recorded.observed, *recorded.controlled)
+    length_ns = recorded.end_ns - recorded.start_ns
+    for signal in signals:
+        steps_ns = np.diff(signal.between(recorded.start_ns, recorded.end_ns).stamps_ns)
+        hole_ns = steps_ns.max(initial=0)
+        if hole_ns > LARGEST_MISSING_SHARE * length_ns and hole_ns > 3.0 * np.median(steps_ns):
+            yield (
+                f"{in_words(signal)} has no sample for {hole_ns * 1e-9:.2f} s,"
+                f" {hole_ns / length_ns:.0%} of the recording, and is interpolated there. Likely a"
+                " tracker that lost the body, a driver that stopped, or a clock that was set."
+            )
+    late = recorded.rejected.get("stamp_not_increasing", 0)
+    if late > LARGEST_MISSING_SHARE * (late + sum(len(s.stamps_ns) for s in signals)):
+        yield (
+            f"{late} messages have stamps not later than those before, and are left out. Likely a"
+            " clock that was set back, or messages that were recorded twice."
         )
 
 

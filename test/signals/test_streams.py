@@ -71,6 +71,28 @@ def test_what_is_missing_before_the_human_moves_is_a_doubt_and_after_it_a_defect
     assert "covers 65%" in stream_defect(with_robot(recording(), lambda s: cut(s, 3.5, LENGTH_S)))
 
 
+def without(signal: Signal, first_s: float, last_s: float) -> Signal:
+    inside = (signal.stamps_ns > first_s * 1e9 + START_NS) & (
+        signal.stamps_ns < last_s * 1e9 + START_NS
+    )
+    return replace(signal, stamps_ns=signal.stamps_ns[~inside], values=signal.values[~inside])
+
+
+@pytest.mark.parametrize("of", ["observed", "controlled"])
+def test_a_hole_in_the_middle_and_a_clock_that_is_set_are_named(of):
+    def doubts(recorded):
+        return [found.reason for found in stream_doubts([correlate_speeds(recorded)])]
+
+    whole = recording()
+    (stream,) = getattr(whole, of)
+    (doubt,) = doubts(replace(whole, **{of: (without(stream, 3.0, 4.5),)}))
+    assert f"{stream.names[0]} has no sample for 1.5" in doubt and "15% of the recording" in doubt
+    assert doubts(replace(whole, **{of: (without(stream, 3.0, 3.9),)})) == []
+    late = {"stamp_not_increasing": len(stream.stamps_ns)}
+    (doubt,) = doubts(replace(whole, rejected=late))
+    assert "set back" in doubt
+
+
 def test_a_human_observed_in_part_is_doubtful_and_one_alone_is_not():
     whole = recording()
     seen = cut(whole.observed[0], 0.0, 6.0)
