@@ -10,14 +10,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.serialization import deserialize_message, serialize_message
 from rosgraph_msgs.msg import Clock
 
 from intent_recognition.bags import BagReader, RawMessage, TopicInfo
+from intent_recognition.demonstrations import STAMPED_ELEMENTS, clock_shift_ns
 from intent_recognition.errors import BagError, one_line
-from intent_recognition.nodes.conversions import message_class, to_stamp
+from intent_recognition.nodes.conversions import message_class, stamp_ns, to_stamp
 from intent_recognition.nodes.diagnostics import Diagnostics, Level, Readiness
 from intent_recognition.nodes.parameters import Changes, declare, keep_live, live_parameters
 from intent_recognition.nodes.qos import recorded_profile
@@ -73,6 +76,8 @@ class BagPlayer(Node):
         self.duration_s = (self._reader.end_ns - self._start_ns) * 1e-9
         self._outputs: dict[str, Publisher] = {}
         self._stamped: set[str] = set()
+        self._arrays: dict[str, tuple[Any, str]] = {}  # type, and field, of elements with a header
+        self._apart_ns: dict[str, int] = {}  # from a topic's stamps to when they were received
         for info in self._reader.topics.values():
             self._add_publisher(info)
         clock = values["clock"]
@@ -109,7 +114,9 @@ class BagPlayer(Node):
             return
         self._outputs[info.name] = self.create_publisher(kind, name, recorded_profile(info))
         fields = list(kind.get_fields_and_field_types().items())
-        if fields and fields[0] == ("header", "std_msgs/Header"):
+        if info.type in STAMPED_ELEMENTS:
+            self._arrays[info.name] = kind, fields[0][0]
+        elif fields and fields[0] == ("header", "std_msgs/Header"):
             self._stamped.add(info.name)
 
     def _is_wanted(self, topic: str) -> bool:
@@ -192,12 +199,9 @@ class BagPlayer(Node):
 
     def _publish(self, message: RawMessage, anchor: _Anchor) -> None:
         data = message.data
-        if self._values["restamp"] and message.topic in self._stamped:
-            rate = self._values["rate"] or 1.0
+        if self._values["restamp"]:
             try:
-                data = shift_stamp(
-                    data, lambda ns: anchor.stamp_ns + round((ns - anchor.log_ns) / rate)
-                )
+                data = self._restamped(message, anchor)
             except BagError as error:
                 self._diagnostics.reject("malformed", f"{message.topic}: {error}")
                 return
@@ -207,6 +211,30 @@ class BagPlayer(Node):
         self.position_s = (message.log_time_ns - self._start_ns) * 1e-9
         self.published += 1
         self._diagnostics.tick(message.topic.lstrip("/"))
+
+    def _restamped(self, message: RawMessage, anchor: _Anchor) -> bytes:
+        """The message with its stamps, but for those of zero, as if it were sent now."""
+
+        def shift(recorded_ns: int) -> int:
+            if not recorded_ns:
+                return 0
+            apart_ns = clock_shift_ns(np.array([message.log_time_ns - recorded_ns]))
+            after_ns = recorded_ns + self._apart_ns.setdefault(message.topic, apart_ns)
+            rate = self._values["rate"] or 1.0
+            return anchor.stamp_ns + round((after_ns - anchor.log_ns) / rate)
+
+        if message.topic in self._stamped:
+            return shift_stamp(message.data, shift)
+        if message.topic not in self._arrays:
+            return message.data
+        kind, field = self._arrays[message.topic]
+        try:
+            array: Any = deserialize_message(message.data, kind)
+            for element in getattr(array, field):
+                element.header.stamp = to_stamp(shift(stamp_ns(element)))
+            return bytes(serialize_message(array))
+        except Exception as error:  # rclpy raises what it meets
+            raise _unmoved(error) from error
 
     @property
     def _interrupted(self) -> bool:
@@ -279,9 +307,12 @@ def shift_stamp(data: bytes, shift: Callable[[int], int]) -> bytes:
         stamp_ns = shift(seconds * 1_000_000_000 + nanoseconds)
         return data[:4] + layout.pack(*divmod(stamp_ns, 1_000_000_000)) + data[12:]
     except (struct.error, IndexError) as error:
-        cure = "Play it without restamp."
-        expected = "a stamp between 1901 and 2038, after the shift too"
-        raise BagError.about("header.stamp", expected, error, cure) from error
+        raise _unmoved(error) from error
+
+
+def _unmoved(error: Exception) -> BagError:
+    expected = "a stamp between 1901 and 2038, after the shift too"
+    return BagError.about("header.stamp", expected, error, "Play it without restamp.")
 
 
 main = partial(run, BagPlayer)

@@ -9,9 +9,12 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
 
+from intent_recognition.bags import RawMessage
 from intent_recognition.bags.definitions import serialize
 from intent_recognition.bags.metadata import TopicInfo, rosbag2_profile
 from intent_recognition.bags.reader import BagReader
@@ -19,6 +22,7 @@ from intent_recognition.bags.writer import BagWriter
 from intent_recognition.errors import BagError
 from intent_recognition.nodes import bag_player
 from intent_recognition.nodes.bag_player import BagPlayer, shift_stamp
+from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.diagnostics import Level
 from intent_recognition.nodes.qos import LATCHED, SENSOR, recorded_profile
 
@@ -165,6 +169,24 @@ def test_restamp_moves_stamps_to_the_present(harness, bag):
     stamps = np.array([m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in seen])
     assert stamps[0] >= begun_ns
     np.testing.assert_allclose(np.diff(stamps), STEP_NS / 2, atol=2)
+
+
+@pytest.mark.parametrize("apart_ns", [0, 3_600_000_000_000])
+@pytest.mark.parametrize("kind", [PoseStamped, MarkerArray])
+def test_restamp_moves_stamps_of_elements_and_of_another_clock(kind, apart_ns):
+    now_ns, name = 10**18, f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
+    anchor = bag_player._Anchor(START_NS, 0.0, now_ns)
+    arrays = {"/a": (kind, "markers")} if kind is MarkerArray else {}
+    node = Mock(_values={"rate": 1.0}, _apart_ns={}, _stamped={"/a"} - {*arrays}, _arrays=arrays)
+    for step in range(3):
+        header = {"stamp": START_NS + step * STEP_NS - apart_ns}
+        fields = {"markers": [{"header": header}, {}]} if arrays else {"header": header}
+        at_ns = START_NS + step * STEP_NS
+        message = RawMessage("/a", name, at_ns, at_ns, serialize(name, fields))
+        found = deserialize_message(BagPlayer._restamped(node, message, anchor), kind)
+        moved, *others = found.markers if arrays else [found]
+        assert stamp_ns(moved) == now_ns + step * STEP_NS
+        assert not any(map(stamp_ns, others))
 
 
 def test_qos_comes_from_the_bag_else_from_the_topic():
