@@ -115,9 +115,13 @@ def contents() -> list[tuple[str, int, bytes]]:
     ]
 
 
-def write_ros1(path: Path) -> None:
-    """The same messages, as ROS 1 serializes them."""
-    with Ros1Writer(path) as writer:
+def write_ros1(path: Path, compression: Ros1Writer.CompressionFormat | None = None) -> None:
+    """The same messages, as ROS 1 serializes them; compressed ones in chunks of some."""
+    writer = Ros1Writer(path)
+    if compression is not None:
+        writer.set_compression(compression)
+        writer.chunk_threshold = 1000
+    with writer:
         connections = {
             topic: writer.add_connection(topic, kind, typestore=NOETIC)
             for topic, (kind, _) in TOPICS.items()

@@ -15,12 +15,13 @@ from rosbags.rosbag1 import Reader
 from intent_recognition.bags.mcap.chunk import LATEST_NS, McapBlock, MessageTable
 from intent_recognition.bags.mcap.file import Item, complete_schemas
 from intent_recognition.bags.mcap.scan import Damage, FileScan
+from intent_recognition.bags.ros1_reader import UnindexedReader
 from intent_recognition.bags.sqlite_reader import SqliteReader, is_open
 from intent_recognition.errors import BagError, one_line
 
 CURES = {
     False: "Save what is left with sqlite3 FILE .recover, or record it again.",
-    True: "Save what is left with rosbag reindex, or record it again.",
+    True: "Record it again.",
 }
 """Against a damaged file, of SQLite and of ROS 1."""
 ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
@@ -37,6 +38,7 @@ class RosbagsFile:
         self.path = path
         self._is_ros1 = kind == ".bag"
         self.scan = FileScan(is_finished=self._is_ros1 or not is_open(path))
+        self._reader: type[Reader] | type[SqliteReader] = Reader if self._is_ros1 else SqliteReader
         self._tolerant, self._damage = tolerant, damage
         self._counts: Counter[int] = Counter()
         with self._open() as reader:
@@ -99,10 +101,17 @@ class RosbagsFile:
     @contextmanager
     def _open(self) -> Iterator[Reader | SqliteReader]:
         try:
-            reader = Reader(self.path) if self._is_ros1 else SqliteReader(self.path)
+            reader = self._reader(self.path)
             reader.open()
         except Exception as error:  # the library raises what it meets
-            raise self._error(error, 0) from error
+            if self._reader is not Reader:
+                raise self._error(error, 0) from error
+            self._reader, self.scan.is_finished = UnindexedReader, False
+            with self._open() as reader:
+                if not reader.message_count:
+                    raise self._error(error, 0) from error
+                yield reader
+            return
         try:
             yield reader
         finally:

@@ -313,6 +313,26 @@ def test_a_bag_of_ros1(tmp_path):
     check(tmp_path / "plate_01.bag", contents())
 
 
+@pytest.mark.parametrize("compression", [None, *Ros1Writer.CompressionFormat])
+def test_of_a_bag_of_ros1_that_was_not_closed_all_whole_messages_are_saved(compression, tmp_path):
+    write_ros1(tmp_path / "a.bag", compression)
+    data, counts = (tmp_path / "a.bag").read_bytes(), []
+    for size in range(5000, len(data), 500):
+        (tmp_path / "cut.bag").write_bytes(data[:size])
+        try:
+            report = recover(tmp_path / "cut.bag", tmp_path / f"{size}")
+        except BagError:
+            assert not counts  # not one message is whole
+            continue
+        assert (
+            raw(tmp_path / f"{size}", BagReader)
+            == raw(tmp_path / "a.bag", BagReader)[: report.message_count]
+        )
+        assert report.notes == ("the recording was not closed; its end may be missing",)
+        counts.append(report.message_count)
+    assert counts == sorted(counts) and counts[-1] == 2 * COUNT and len(set(counts)) > 3
+
+
 def test_messages_of_ros1_in_mcap(tmp_path):
     write_ros1(tmp_path / "a.bag")
     about = {}
