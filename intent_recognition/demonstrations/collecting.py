@@ -34,7 +34,7 @@ def missing_topic(reader: BagReader, dofs: DofSpec) -> Rejection | None:
             has = ", ".join(sorted(recorded)) or "nothing"
             reason = f"{lost}missing topic: the bag has {has}"
         elif recorded[topic].type != kind:
-            reason = f"wrong schema: expected {kind}, recorded as {recorded[topic].type}"
+            reason = f"wrong schema: expected {kind}, recorded as {recorded[topic].type or 'none'}"
         elif recorded[topic].message_count == 0:
             reason = f"{lost}empty: the bag has no message on this topic"
         else:

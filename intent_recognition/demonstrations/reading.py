@@ -45,6 +45,11 @@ LEAST_SAMPLES = 2
 """Samples of each signal, fewer of which are not a movement. Convention: one span of time."""
 FIRST_MESSAGES = 1000
 """Messages in which joints are looked for. Convention: of every publisher some."""
+CURES = {
+    "zero_stamp": "Fill in header.stamp before publishing.",
+    "unknown_frame": "Name its frame under extrinsics in the DOF file.",
+}
+"""What helps against messages that are dropped, by reason."""
 UNFINISHED = "unfinished: the recording was not closed, its end may be missing"
 
 
@@ -242,7 +247,7 @@ def _too_short(
                 reason += "; likely millimetres for metres"
             elif samples[entry.stream].stamps_ns.size >= LEAST_SAMPLES > n_inside:
                 reason += "; the topic has others, before or after: likely two clocks"
-            cure = "Fill in header.stamp before publishing." if rejected["zero_stamp"] else ""
+            cure = next((text for why, text in CURES.items() if rejected[why]), "")
             return Rejection(str(reader.path), f"/{entry.topic}", at_ns, reason, cure)
     if not np.any([s.stamps_ns[-1] > s.stamps_ns[0] for s in signals]):
         return Rejection(str(reader.path), "", at_ns, "empty: the recording has no length")

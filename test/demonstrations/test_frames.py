@@ -73,6 +73,7 @@ def test_without_extrinsics_the_frame_is_told_and_others_refuse_the_recording(ba
         dofs = DofSpec((WRIST,), (ROBOT,), extrinsics=extrinsics)
         found, (rejection,) = read_demonstrations(bags[1], dofs)
         assert not found and "60 unknown_frame" in rejection.reason
+        assert "extrinsics in the DOF file" in rejection.cure
 
 
 def test_other_poses_are_left_alone_and_tell_their_frame(tmp_path):
