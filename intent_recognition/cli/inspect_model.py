@@ -64,7 +64,7 @@ def _progress(library: TaskLibrary) -> str:
 
 
 def _in_frames(frames: Frames) -> str:
-    """In which frames the observed poses were learned."""
+    """In which frames the poses were learned."""
     if len(set(frames.values())) == 1:
         return f"frame {' and '.join(next(iter(frames.values())))}"
     return ", ".join(f"{topic} in {' and '.join(found)}" for topic, found in frames.items())
@@ -88,7 +88,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
         "noise": f"scale {library.noise_scale:.3g}, correlated over"
         f" {library.correlation_time_s:.3g} s",
         "progress": _progress(library),
-        **({"observed in": _in_frames(frames)} if frames else {}),
+        **({"recorded in": _in_frames(frames)} if frames else {}),
         **{key: _brief(value, MEANINGS.get(key, {})) for key, value in origin.items()},
     }
     print_facts(console, facts)

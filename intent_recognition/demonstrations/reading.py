@@ -218,8 +218,8 @@ def _demonstration(
 
 
 def _frames(dofs: DofSpec, samples: Mapping[str, TopicSamples]) -> dict[str, tuple[str, ...]]:
-    """Frames in which the observed topics are, where they say one."""
-    entries = [entry for entry in (*dofs.observed, *dofs.context) if entry.fields]
+    """Frames in which the topics are, where they say one."""
+    entries = [entry for entry in dofs.recorded if entry.fields]
     entries.sort(key=lambda entry: len(samples[entry.stream].frames))  # the most of a topic last
     return {e.topic: frames for e in entries if (frames := samples[e.stream].frames)}
 

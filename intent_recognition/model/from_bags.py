@@ -39,7 +39,7 @@ FRAMES = "frames"
 """Key of the provenance."""
 
 Frames = Mapping[str, tuple[str, ...]]
-"""By observed topic the frames its poses are in, sorted."""
+"""By topic the frames its poses are in, sorted."""
 
 
 def merge_frames(parts: Iterable[Frames]) -> dict[str, tuple[str, ...]]:
@@ -98,7 +98,7 @@ class FromBags(NamedTuple):
         rejections: why bags, or parts of them, are left out; of very many the first ones.
         dropped: number of messages dropped, by reason.
         correlations: of both agents' speeds, for `stream_doubts`; of very many the first ones.
-        frames: in which the observed poses are.
+        frames: in which the poses are.
     """
 
     accumulated: Accumulated

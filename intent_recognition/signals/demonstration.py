@@ -39,7 +39,7 @@ class Demonstration:
             where it was not recorded.
         context: one signal per context entry; what it says holds from its stamp on, also before
             and after the movement.
-        frames: by observed topic the frames its poses are in, where the recording names any.
+        frames: by topic the frames its poses are in, where the recording names any.
         wrapped: names of the angles that jumped by whole turns; these are taken out
             (`signals.turns`).
         known: what is known beforehand of each controlled signal, such as the limits of the arm's

@@ -84,6 +84,8 @@ def test_other_poses_are_left_alone_and_tell_their_frame(tmp_path):
     (plain,), _ = read_demonstrations(bag, DofSpec((tool,), (ROBOT,)))
     (found,), _ = read_demonstrations(bag, DofSpec((tool,), (ROBOT,), extrinsics=(ENTRY,)))
     assert found.frames == plain.frames == {tool.topic: ("camera", "lens")}
+    (led,), _ = read_demonstrations(bag, DofSpec((ROBOT,), (tool,)))
+    assert led.frames == found.frames
     np.testing.assert_array_equal(found.observed[0].values, plain.observed[0].values)
 
 
