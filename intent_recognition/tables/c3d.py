@@ -9,7 +9,7 @@ import numpy as np
 from intent_recognition.errors import MissingPackageError, optional
 from intent_recognition.tables.c3d_reading import MOST_STATED
 from intent_recognition.tables.isolated import read_isolated
-from intent_recognition.tables.table import Table, without_subjects
+from intent_recognition.tables.table import Table, unusable, without_subjects
 
 SLOWEST_HZ, FASTEST_HZ = 0.1, 1e5
 """Rates that a header may mean; other numbers were never written. Convention."""
@@ -30,6 +30,9 @@ def open_c3d(path: Path) -> Table:
     if len(points) > MOST_STATED:  # read to the end of the last block, which zeros fill up
         points = points[: 1 + int(np.flatnonzero(np.any(points != 0.0, axis=(1, 2)))[-1:].sum())]
     count, rate, said = points.shape[1], float(found["rate"]), int(found["said"])
+    if not count:
+        cure = "Export the markers; forces and angles as CSV."
+        raise unusable(path, "markers", "none: analog channels and rotations are not read", cure)
     said_labels = [label.encode("utf-8", "surrogateescape") for label in found["labels"].tolist()]
     labels = [_text(label) or f"unlabelled_{k}" for k, label in enumerate(said_labels)]
     labels = [*labels, *(f"unlabelled_{k}" for k in range(len(labels), count))][:count]

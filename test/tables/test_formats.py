@@ -144,7 +144,7 @@ MISFITS = {
     "points": ({"used": 2}, "ezc3d says: 2 points, 0 analog values and a scale of -1, where the "
                "header has frames of 144 bytes"),
     "scale": ({"scale": 0.1}, "a scale of 0.1, where the header has frames of 144 bytes"),
-    "no marker": ({}, "got no columns"),
+    "no marker": ({}, "got none: analog channels and rotations are not read"),
     "no frame": ({}, "/mocap/wrist/pose: empty: no samples with a time of its own"),
     "rate": ({"said_rate": 50.0}, "its header says 50 Hz, POINT:RATE 100: that is taken"),
     "frames": ({"said_frames": 20}, "20 of 30 frames: its parameters state no more"),
