@@ -142,10 +142,10 @@ class TaskPrediction:
     def _displaced(self, mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
         """Controlled weights of k likely durations as far from the start as these take them."""
         library = self.library
-        if not library.displacement_exponent:
+        if not (library.displacement_exponent or library.delay_s):
             return mean, covariance
-        factor = library.displacement(self.task, self.durations_s[self._likely])
-        scaling = library.basis.scaling(factor)[:, None]  # (k, 1, N, N)
+        likely_s = self.durations_s[self._likely]
+        scaling = library.in_durations(self.task, likely_s)[:, None]  # (k, 1, N, N)
         mean = np.matmul(scaling, mean[..., None])[..., 0]
         return mean, scaling @ covariance @ scaling.swapaxes(2, 3)
 
@@ -154,7 +154,7 @@ class TaskPrediction:
     ) -> tuple[Floats, Floats, Floats]:
         """Positions, their slopes over the phase, and variances of the controlled agent, (T, Q)."""
         library, basis, share = self.library, self.library.basis, self._share
-        if not library.displacement_exponent:
+        if not (library.displacement_exponent or library.delay_s):
             grid = grid or ControlGrid(library, self.task)
             along = grid.predict(self.observed_weights(), 1.0, start)
             course = CubicHermiteSpline(along.times_s, along.positions, along.velocities)

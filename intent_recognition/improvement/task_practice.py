@@ -215,7 +215,7 @@ class TaskPractice:
         library, basis = self._library, self._library.basis
         moved = (person.weights + weights[:-1] - self._mean).reshape(library.n_controlled, -1)
         ahead = np.minimum(phases * np.exp(weights[-1]), 1.0)
-        scaling = basis.scaling(library.displacement(self._number, person.duration_s))
+        scaling = library.in_durations(self._number, person.duration_s)
         return basis.design_matrix(ahead) @ scaling @ moved.T
 
     def _plan(self, person: Person, weights: Floats) -> JointPlan | None:

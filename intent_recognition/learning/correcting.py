@@ -210,7 +210,7 @@ def _moved(
     def shift(example: TrainingExample) -> Floats:
         """The same of what was recorded, (s, Q)."""
         number = library.labels.index(example.task)
-        scaling = own.scaling(library.displacement(number, example.duration_s))
+        scaling = replace(library, basis=own).in_durations(number, example.duration_s)
         return design @ scaling @ follow(example.weights).T
 
     def raised(weights: Floats) -> Floats:

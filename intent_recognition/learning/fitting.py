@@ -88,6 +88,7 @@ def library_from_statistics(
         evidence_freedom=STUDENT_FREEDOM,
         onset=preprocessing.onset,
         displacement_exponent=preprocessing.timing.displacement_exponent,
+        delay_s=preprocessing.timing.delay_s,
         provenance={**(provenance or {}), "settings": asdict(settings), "chosen": chosen._asdict()},
     )
 
@@ -109,7 +110,7 @@ def learned_from(
     none = none_primitive(means, covariance, departed)
     timing, none_duration = preprocessing.timing, none_timing(log_mean, log_std)
     usual = None
-    if timing.duration_exponent or timing.displacement_exponent:
+    if timing.duration_exponent or timing.displacement_exponent or timing.delay_s:
         usual = np.r_[np.log([timing.usual_of(label) for label in tasks]), none_duration[0]]
     mean_duration_s = float(sum(task.duration_sum_s for task in tasks.values()) / n.sum())
     context = None

@@ -151,7 +151,7 @@ def predict_agents(
     filtered = followed.progress.weights.mean[followed.own]
     change = (filtered - mean[..., :size]) @ np.swapaxes(gain, 1, 2)
     weights = np.concatenate([filtered, mean[..., size:] + change], axis=2)
-    of_observed, of_controlled = expected_rows(library, followed)
+    of_observed, of_controlled = expected_rows(library, left_out, followed)
     of_dofs = np.swapaxes(weights.reshape(followed.own.size, -1, library.basis.n_basis), 1, 2)
     observed = of_observed @ of_dofs[..., : library.n_observed]
     controlled = of_controlled @ of_dofs[..., library.n_observed :]
@@ -159,7 +159,9 @@ def predict_agents(
     return observed.reshape(shape), controlled.reshape(shape)
 
 
-def expected_rows(library: TaskLibrary, followed: Followed) -> tuple[Floats, Floats]:
+def expected_rows(
+    library: TaskLibrary, left_out: Sequence[LeftOutExample], followed: Followed
+) -> tuple[Floats, Floats]:
     """Basis functions of both agents at the scored phases, expected over phase deviations.
 
     Of the observed and the controlled DOFs, (n S, s, N) each; arguments as of `predict_agents`.
@@ -175,4 +177,7 @@ def expected_rows(library: TaskLibrary, followed: Followed) -> tuple[Floats, Flo
     of_controlled = rows
     if not model.controlled_follows:
         of_controlled = basis.design_matrix(steady_phase(model, phase, relative))
-    return rows, of_controlled @ basis.scaling(relative[:, 0] ** library.displacement_exponent)
+    duration_s = np.repeat([one.duration_s for one in left_out], followed.own.shape[1])
+    later = library.delay_s * (pace * (1.0 - relative))[:, 0] / duration_s
+    factor = relative[:, 0] ** library.displacement_exponent
+    return rows, of_controlled @ basis.shifting(later) @ basis.scaling(factor)

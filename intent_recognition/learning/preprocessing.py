@@ -177,9 +177,12 @@ def _usual(
 ) -> TrainingExample:
     """The example with the displacement that its controlled agent has at the usual duration."""
     timing, n = preprocessing.timing, preprocessing.n_observed
-    if not timing.displacement_exponent:
+    if not (timing.displacement_exponent or timing.delay_s):
         return example
-    scaling = basis.scaling(1.0 / timing.displacement(example.task, example.duration_s))
+    duration_s, usual_s = example.duration_s, timing.usual_of(example.task)
+    earlier = timing.delay_s * (1.0 / usual_s - 1.0 / duration_s)
+    factor = (duration_s / usual_s) ** -timing.displacement_exponent
+    scaling = basis.scaling(factor) @ basis.shifting(earlier)
     weights = np.vstack([example.weights[:n], example.weights[n:] @ scaling.T])
     return example._replace(weights=weights)
 

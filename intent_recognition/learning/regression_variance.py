@@ -69,7 +69,7 @@ def _losses(
         if followed.progress.n_samples not in numbers:
             continue
         _, predicted = predict_agents(library, left_out, followed)
-        _, rows = expected_rows(library, followed)
+        _, rows = expected_rows(library, left_out, followed)
         mean, covariance = followed.progress.weights.moments(followed.own[:, 0])
         response = np.einsum("nsk,nqkp->nsqp", rows, gain).reshape(n, -1, size)
         mapped = np.sum((response @ covariance) * response, axis=2).reshape(truth.shape)

@@ -15,7 +15,7 @@ import numpy as np
 from intent_recognition.alignment import Template, Warp, align, align_to, even_trajectory
 from intent_recognition.array_types import Floats
 from intent_recognition.learning.persons import compares_people
-from intent_recognition.promp import STEADY, PhaseDeviation, steady_phase
+from intent_recognition.promp import LAGS, STEADY, PhaseDeviation, steady_phase
 from intent_recognition.signals import GROUP, Demonstration
 
 BRIDGE = np.linspace(0.0, 1.0, 51) * np.linspace(1.0, 0.0, 51)
@@ -59,13 +59,15 @@ class Timing:
     usual_s: Mapping[str, float] = field(default_factory=dict)
     # of the relative duration in how far the controlled agent goes
     displacement_exponent: float = 0.0
+    delay_s: float = 0.0  # as in `promp.TaskLibrary`
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Timing) or self.templates.keys() != other.templates.keys():
             return False
         pairs = [(self.deviation_std, other.deviation_std)]
         ours, theirs = (
-            (one.duration_exponent, one.displacement_exponent, one.usual_s) for one in (self, other)
+            (one.duration_exponent, one.displacement_exponent, one.delay_s, one.usual_s)
+            for one in (self, other)
         )
         if ours != theirs:
             return False
@@ -91,10 +93,6 @@ class Timing:
         """What durations of a task are relative to [s]; all tasks' for one that came later."""
         known = [self.usual_s[label]] if label in self.usual_s else [*self.usual_s.values()]
         return float(np.exp(np.mean(np.log(known or [1.0]))))
-
-    def displacement(self, label: str, duration_s: float) -> float:
-        """How far the controlled agent goes in a recording, in parts of how far it usually goes."""
-        return float((duration_s / self.usual_of(label)) ** self.displacement_exponent)
 
     def steady(self, recordings: Sequence[Demonstration]) -> list[PhaseMap]:
         """From the recorded phase of each to the reference phase at steady progress."""
@@ -139,7 +137,7 @@ def estimate_timing(recordings: Sequence[Demonstration]) -> Timing:
     groups = [[one.metadata.get(GROUP, "") for one in task] for task in by_task.values()]
     exponent = estimate_duration_exponent(deviations, logs) if compares_people(groups) else 0.0
     n_observed = sum(len(signal.names) for signal in usable[0].observed) if usable else 0
-    of_displacement = estimate_displacement_exponent(paths, logs, n_observed)
+    following = estimate_following(paths, logs, [*usual_s.values()], n_observed)
     for rows, log_relative in zip(deviations, logs, strict=True):
         rows -= exponent * np.outer(log_relative, BRIDGE)
     return Timing(
@@ -147,7 +145,7 @@ def estimate_timing(recordings: Sequence[Demonstration]) -> Timing:
         _deviation_std(deviations),
         exponent,
         dict(sorted(usual_s.items())),
-        of_displacement,
+        *following,
     )
 
 
@@ -173,37 +171,71 @@ def estimate_duration_exponent(
     return float(pace @ share / max(pace @ pace + variance, 1e-300))
 
 
-def estimate_displacement_exponent(
-    paths: Sequence[Floats], log_relative: Sequence[Floats], n_observed: int
-) -> float:
-    """How far the controlled agent goes, as a power of the duration (docs/mathematics.md).
+def estimate_following(
+    paths: Sequence[Floats],
+    log_relative: Sequence[Floats],
+    usual_s: Sequence[float],
+    n_observed: int,
+) -> tuple[float, float]:
+    """How far the controlled agent goes, as a power of the duration, and its delay [s].
 
-    The exponent with which ridge regression on the observed agent predicts recordings that are left
-    out best, if it is better than zero by twice the standard error over the recordings.
+    The exponent is the one with which ridge regression on all that the observed agent does predicts
+    recordings that are left out best (docs/mathematics.md). With a delay, where the observed agent
+    was so much earlier tells more than that does, and more than where it was a share of the
+    duration earlier. What is not zero is better by twice the standard error over the recordings.
 
     Args:
         paths: of each task's recordings at even phases, (n, T, D), observed DOFs first.
         log_relative: logarithms of their durations less the mean of the task, (n,).
+        usual_s: usual duration of each task [s].
         n_observed: number of observed DOFs.
     """
     compared = [
-        (path[::step, ::4], log_s[::step])
-        for path, log_s in zip(paths, log_relative, strict=True)
+        (path[::step], log_s[::step], usual)
+        for path, log_s, usual in zip(paths, log_relative, usual_s, strict=True)
         for step in [-(-len(path) // MOST_COMPARED)]
         if len(path) >= FEWEST_COMPARED
     ]
     if not compared:
-        return 0.0
-    spread = np.std(np.concatenate([path for path, _ in compared]), axis=(0, 1))
-    tried, found = (0.0, *DISPLACEMENT_EXPONENTS), []
-    for path, log_s in compared:
-        scaled = path / np.where(spread > 0.0, spread, 1.0)
-        observed, controlled = scaled[..., :n_observed], scaled[..., n_observed:]
-        found.append([_left_out_errors(observed, controlled, np.exp(b * log_s)) for b in tried])
-    errors = np.log(np.maximum(np.hstack(found), 1e-12))
-    best = int(np.argmin(errors.mean(axis=1)))
-    gained = errors[0] - errors[best]
-    return tried[best] if gained.mean() > 2.0 * gained.std() / np.sqrt(len(gained)) else 0.0
+        return 0.0, 0.0
+    spread = np.std(np.concatenate([path[:, ::4] for path, *_ in compared]), axis=(0, 1))
+    delays_s = LAGS * np.exp(np.mean(np.log([usual for *_, usual in compared])))
+    tried, by_all, by_share, by_delay = (0.0, *DISPLACEMENT_EXPONENTS), [], [], []
+    for path, log_s, usual in compared:
+        scaled, pace = path / np.where(spread > 0.0, spread, 1.0), np.exp(-log_s) / usual
+        observed, controlled = np.split(scaled[:, ::4], [n_observed], axis=2)
+        by_all.append([_left_out_errors(observed, controlled, np.exp(b * log_s)) for b in tried])
+        shares = np.tile(LAGS[:, None], len(path))
+        by_share.append([_copy_errors(scaled, n_observed, share) for share in shares])
+        by_delay.append([_copy_errors(scaled, n_observed, delay * pace) for delay in delays_s])
+    usual_way, of_all, exponent = _best(by_all)
+    (_, of_share, _), (_, of_delay, delay) = _best(by_share), _best(by_delay)
+    if _clear(of_all - of_delay) and _clear(of_share - of_delay):
+        return 0.0, float(delays_s[delay])
+    return tried[exponent] if _clear(usual_way - of_all) else 0.0, 0.0
+
+
+def _best(errors: Sequence[Sequence[Floats]]) -> tuple[Floats, Floats, int]:
+    """Log errors of each task's recordings with the first and the best candidate, and which."""
+    found = np.log(np.maximum(np.hstack(errors), 1e-12))
+    best = int(np.argmin(found.mean(axis=1)))
+    return found[0], found[best], best
+
+
+def _clear(gained: Floats) -> bool:
+    """Whether a gain is more than twice its standard error."""
+    return bool(gained.mean() > 2.0 * gained.std() / np.sqrt(len(gained)))
+
+
+def _copy_errors(path: Floats, n_observed: int, lag: Floats) -> Floats:
+    """Mean square of what regression on the observed DOFs lags (n,) before leaves, (n,)."""
+    at, moved = np.arange(0, path.shape[1], 4), path - path[:, :1]
+    places = at - np.rint(lag[:, None] * (path.shape[1] - 1)).astype(np.int64)
+    before = moved[np.arange(len(path))[:, None], np.maximum(places, 0), :n_observed]
+    known, goal = (one - one.mean(axis=0) for one in (before, moved[:, at, n_observed:]))
+    rows = known.reshape(-1, n_observed)
+    slopes = np.linalg.lstsq(rows, goal.reshape(len(rows), -1), rcond=1e-3)[0]
+    return np.asarray(np.mean((goal - known @ slopes) ** 2, axis=(1, 2)))
 
 
 def _left_out_errors(observed: Floats, controlled: Floats, factor: Floats) -> Floats:

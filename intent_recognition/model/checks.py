@@ -41,9 +41,10 @@ PLAUSIBLE = {
     "none_log_duration": 20.0,
     "log_duration_std": 10.0,
     "displacement_exponent": MAX_EXPONENT,
+    "delay_s": 1e6,
 }
-"""Largest size of logarithms of durations [log s], of their standard deviations, and of exponents.
-Convention: neither nanoseconds nor years; from milliseconds to days."""
+"""Largest size of logarithms of durations [log s], of their standard deviations, of exponents, and
+of a delay. Convention: neither nanoseconds nor years; from milliseconds to days."""
 SCALARS = (
     "noise_scale",
     "correlation_time_s",
@@ -54,6 +55,7 @@ SCALARS = (
     "task_evidence",
     "regression_variance",
     "displacement_exponent",
+    "delay_s",
 )
 
 

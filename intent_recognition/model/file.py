@@ -58,6 +58,7 @@ ADDED: dict[str, NDArray[Any]] = {
     "task_evidence": np.array(1.0),
     "regression_variance": np.array(0.0),
     "displacement_exponent": np.array(0.0),
+    "delay_s": np.array(0.0),
 }
 """What older models hold, which were written without these."""
 

@@ -51,7 +51,7 @@ OF_CONTEXT = "context"
 COUNT = "examples_count"
 STEADY, ALIGNED = "", "aligned_"
 """Prefixes of the arrays of the examples as they were recorded, and of the aligned ones."""
-EXPONENTS = ("duration_exponent", "displacement_exponent")
+EXPONENTS, DELAY = ("duration_exponent", "displacement_exponent"), "delay_s"
 TIMING = ("timing_values", "timing_scale", "timing_deviation_std")
 ARRAYS = (
     *(f"{kind}statistics_{name}" for kind in (STEADY, ALIGNED) for name in SUMS),
@@ -199,13 +199,13 @@ def _timing(path: str, header: Mapping, arrays: Mapping[str, NDArray[Any]], n_do
     check_positive(path, bounded, "timing_scale", "timing_deviation_std")
     templates = {label: Template(values[k], scale[k]) for k, label in enumerate(labels)}
     exponents = [header.get(name, 0.0) for name in EXPONENTS]
-    usual_s = header.get("usual_s", {})
-    sound = all(isinstance(one, (int, float)) for one in (*exponents, *usual_s.values()))
+    usual_s, delay_s = header.get("usual_s", {}), header.get(DELAY, 0.0)
+    sound = all(isinstance(one, (int, float)) for one in (*exponents, delay_s, *usual_s.values()))
     sound = sound and all(abs(one) <= MAX_EXPONENT for one in exponents)
-    sound = sound and all(0 < s < inf for s in usual_s.values())
-    expected = f"exponents within +-{MAX_EXPONENT:g}, and durations above 0"
-    require(sound, f"{path}: timing", expected, f"{exponents}, {usual_s}")
-    return Timing(templates, deviation_std, exponents[0], usual_s, exponents[1])
+    sound = sound and 0 <= delay_s < inf and all(0 < s < inf for s in usual_s.values())
+    expected = f"exponents within +-{MAX_EXPONENT:g}, a delay of 0 or more, and durations above 0"
+    require(sound, f"{path}: timing", expected, f"{exponents}, {delay_s}, {usual_s}")
+    return Timing(templates, deviation_std, exponents[0], usual_s, exponents[1], delay_s)
 
 
 def _plain(preprocessing: Preprocessing) -> dict[str, object]:
@@ -218,7 +218,7 @@ def _plain(preprocessing: Preprocessing) -> dict[str, object]:
     plain["settings"] = asdict(preprocessing.settings)
     timing = preprocessing.timing
     plain |= {"templates": [*timing.templates], "usual_s": timing.usual_s}
-    return plain | {name: getattr(timing, name) for name in EXPONENTS}
+    return plain | {name: getattr(timing, name) for name in (*EXPONENTS, DELAY)}
 
 
 def _preprocessing(content: Mapping, timing: Timing) -> Preprocessing:

@@ -77,6 +77,18 @@ class NormalizedRBFBasis:
         by = np.asarray(factor, dtype=np.float64)[..., None, None]
         return np.asarray(by * np.eye(self.n_basis) + (1.0 - by) * start, dtype=np.float64)
 
+    def shifting(self, later: Floats | float) -> Floats:
+        """What moves trajectories later in phase by (...,), of weights: (..., N, N).
+
+        A position q(z) becomes q(z - later), by least squares over the phase.
+        """
+        by = np.asarray(later, dtype=np.float64)[..., None]
+        if not np.any(by):
+            return np.broadcast_to(np.eye(self.n_basis), (*by.shape[:-1], *2 * [self.n_basis]))
+        phases = np.linspace(0.0, 1.0, 5 * self.n_basis)
+        fit = np.linalg.pinv(self.design_matrix(phases))
+        return np.asarray(fit @ self.design_matrix(phases - by), dtype=np.float64)
+
     def second_derivative_matrix(self, phase: Floats) -> Floats:
         """d^2 basis / d phase^2 at phases (...,): (..., N); zero outside [0, 1]."""
         values = self.design_matrix(phase)

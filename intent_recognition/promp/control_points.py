@@ -121,4 +121,4 @@ def through(library: TaskLibrary, points: Mapping[int, Sequence[ControlPoint]]) 
             covariance[task, size:, :size] = joint.covariance[size:, :size]
             mean[task, :size] = library.weight_mean[task, :size]
     bent = replace(library, weight_mean=mean, weight_covariance=covariance, coupling=None)
-    return replace(bent, displacement_exponent=0.0)
+    return replace(bent, displacement_exponent=0.0, delay_s=0.0)

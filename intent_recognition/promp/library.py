@@ -72,6 +72,7 @@ class TaskLibrary:
         usual_log_duration: what durations of the tasks and none are relative to in
             `promp.steady_phase`, log seconds, (K + 1,); None for the means of their timing priors.
         displacement_exponent: of the relative duration in how far the controlled agent goes.
+        delay_s: how much later the controlled agent copies the observed one, in any duration [s].
     """
 
     labels: tuple[str, ...]
@@ -110,6 +111,7 @@ class TaskLibrary:
     regression_variance: float = 0.0
     usual_log_duration: Floats | None = None
     displacement_exponent: float = 0.0
+    delay_s: float = 0.0
 
     def __repr__(self) -> str:
         """Tasks and sizes; the arrays are attributes."""
@@ -187,10 +189,12 @@ class TaskLibrary:
             usual = np.r_[self.log_duration_mean, self.none_log_duration[0]]
         return read_only(np.exp(usual))
 
-    def displacement(self, task: int, durations_s: Floats | float) -> Floats:
-        """How far the controlled agent goes in durations (...), in parts of how far usually."""
-        relative = np.asarray(durations_s, dtype=np.float64) / self.usual_s[task]
-        return np.asarray(relative**self.displacement_exponent, dtype=np.float64)
+    def in_durations(self, task: int, durations_s: Floats | float) -> Floats:
+        """What takes controlled weights of the usual duration to durations (...): (..., N, N)."""
+        durations_s, usual_s = np.asarray(durations_s, dtype=np.float64), self.usual_s[task]
+        factor = (durations_s / usual_s) ** self.displacement_exponent
+        later = self.delay_s * (1.0 / durations_s - 1.0 / usual_s)
+        return self.basis.shifting(later) @ self.basis.scaling(factor)
 
     def primitive(self, task: int) -> InteractionProMP:
         """The interaction primitive of task number `task`, at steady progress.

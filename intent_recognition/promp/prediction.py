@@ -104,7 +104,7 @@ def least_end_std(library: TaskLibrary, task: int, *, start_known: bool = True) 
     start = StartPosture(np.zeros(n), np.zeros(n)) if start_known else None
     covariance = controlled_weights(library, task, known, start).covariance
     long_s = library.usual_s[task] * np.exp(library.log_duration_std[task])
-    scaling = library.basis.scaling(library.displacement(task, long_s))
+    scaling = library.in_durations(task, long_s)
     variance = dof_variance(library.basis.design_matrix(np.ones(1)) @ scaling, covariance)[0]
     std = np.sqrt(variance + library.control_noise_variance())
     return largest_by_unit(std, library.controlled_units)

@@ -97,8 +97,20 @@ def test_with_the_duration_displacements_grow_by_its_power(rng):
         np.testing.assert_allclose(found.std**2, variance, atol=1e-7)
 
 
-def test_the_end_is_that_of_the_mixture_where_displacements_depend_on_the_duration(rng):
-    library = replace(library_with(rng, STEADY, spread=0.3), displacement_exponent=2.0)
+def test_a_delay_is_as_long_in_any_duration(rng):
+    library = replace(library_with(rng, STEADY), delay_s=0.2)
+    usual_s = library.usual_s[0]
+    run = run_on(library, 0, fixed_prior_grid(library, 1.5 * usual_s), seen(library, rng, 25))
+    times_s = np.linspace(0.3, 1.2, 5) * usual_s
+    usual = library.basis.design_matrix(((times_s - 0.2) / 1.5 + 0.2) / usual_s)
+    weights = controlled_weights(library, 0, run.observed_weights()).mean.reshape(2, -1)
+    mean, _ = run.mixture_at(times_s)
+    np.testing.assert_allclose(mean, usual @ weights.T, atol=0.02 * np.ptp(weights))
+
+
+@pytest.mark.parametrize("how", [{"displacement_exponent": 2.0}, {"delay_s": 0.1}])
+def test_the_end_is_that_of_the_mixture_where_the_robot_depends_on_the_duration(rng, how):
+    library = replace(library_with(rng, STEADY, spread=0.3), **how)
     run = run_on(library, 0, make_prior_grid(library, n_scales=5), seen(library, rng, 3))
     mean, square = run.mixture_at(np.array([1e3]))
     end = run.controlled(1)
@@ -107,7 +119,7 @@ def test_the_end_is_that_of_the_mixture_where_displacements_depend_on_the_durati
 
 
 def test_a_via_point_is_passed_whatever_the_duration(rng):
-    library = replace(library_with(rng, STEADY), displacement_exponent=1.0)
+    library = replace(library_with(rng, STEADY), displacement_exponent=1.0, delay_s=0.1)
     point = ControlPoint(0.5, np.eye(2), np.array([0.3, -0.1]), 1e-12 * np.eye(2))
     library = through(library, {0: [point]})
     hypotheses = fixed_prior_grid(library, 1.6 * library.usual_s[0])

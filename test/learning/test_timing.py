@@ -149,6 +149,42 @@ def test_how_far_a_robot_goes_that_integrates_is_recovered(rng, n_integrals):
     assert estimate_timing(recordings).displacement_exponent == n_integrals
 
 
+def copied(rng, delay_s: float, share: float, durations_s) -> list[Demonstration]:
+    """The robot is where the hand was some time and a share of its movement earlier."""
+    found = []
+    for duration_s in durations_s:
+        times_s = np.arange(0.0, duration_s + 0.6, 0.01)
+        size = [0.4, 0.2, 0.2] + 0.08 * rng.normal(size=(2, 3))
+
+        def hand(at, duration_s=duration_s, size=size):
+            course = minimum_jerk(np.clip(at / duration_s, 0.0, 1.0))
+            return np.stack([np.sin(k * np.pi * course) for k in (1, 2, 3)], axis=1) @ size.T
+
+        robot = hand(times_s - delay_s - share * duration_s) @ [[0.9, 0.2], [-0.1, 1.1]]
+        values = [one + 1e-3 * rng.normal(size=one.shape) for one in (hand(times_s), robot)]
+        found.append(Demonstration.from_arrays(times_s, *values, task="copy"))
+    return found
+
+
+@pytest.mark.parametrize(("delay_s", "share"), [(0.25, 0.0), (0.0, 0.12), (0.0, 0.0)])
+def test_the_delay_of_a_robot_that_copies_is_recovered(rng, delay_s, share):
+    recordings = copied(rng, delay_s, share, 2.0 * np.exp(0.2 * rng.normal(size=14)))
+    timing = estimate_timing(recordings)
+    assert timing.delay_s == pytest.approx(delay_s, abs=0.02)
+    assert timing.displacement_exponent == 0.0
+
+
+def test_a_late_copy_in_another_duration_is_predicted(rng):
+    library = learn_with_report(copied(rng, 0.25, 0.0, np.linspace(1.4, 3.0, 12)), WHOLE).library
+    for new in copied(rng, 0.25, 0.0, [1.5, 2.8]):
+        run = MovementFilter(library, fixed_prior_grid(library, new.duration_s), new.start_ns)
+        for observation in merge(new.observed):
+            run.observe(observation)
+        robot = new.controlled[0]
+        mean, _ = run.mixture_at(robot.seconds(new.start_ns), np.ones(1))
+        assert np.sqrt(np.mean((mean - robot.values) ** 2)) < 0.01
+
+
 def test_a_push_of_another_duration_is_predicted(rng):
     trained = learn_with_report(pushed(rng, 1, np.linspace(1.2, 3.2, 12)), WHOLE).trained
     for one in pushed(rng, 1, [2.8, 1.4]):

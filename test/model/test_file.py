@@ -53,6 +53,7 @@ def model() -> Model:
         coupling=a_coupling(library),
         usual_log_duration=np.linspace(0.1, 0.4, library.n_tasks + 1),
         displacement_exponent=2.0,
+        delay_s=0.25,
     )
     return Model(library, dofs)
 
@@ -244,6 +245,7 @@ def test_a_value_that_is_not_finite_is_named(written, tmp_path, name, value):
         ("usual_log_duration", lambda a: a[1:]),
         ("usual_log_duration", lambda a: a + 30.0),
         ("displacement_exponent", lambda a: a + 30.0),
+        ("delay_s", lambda a: a + 1e7),
         ("coupling_decay_s", lambda a: None),
         (DEVIATION_STD, lambda a: None),
         (DEVIATION_STD, lambda a: a[:1]),

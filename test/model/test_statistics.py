@@ -30,7 +30,9 @@ def learned():
 @pytest.fixture(scope="module", params=["shared", "aligned"])
 def trained(learned, request):
     scores = {"log_loss": 0.1, "error": 0.2, "score": 0.3}
-    trained, chosen = learned, learned.chosen._replace(pace=request.param, **scores)
+    timing = replace(learned.preprocessing.timing, delay_s=0.25)
+    trained = replace(learned, preprocessing=replace(learned.preprocessing, timing=timing))
+    chosen = learned.chosen._replace(pace=request.param, **scores)
     library = library_from_statistics(trained.tasks, trained.preprocessing, chosen)
     return replace(trained, library=library, chosen=chosen)
 

@@ -39,6 +39,16 @@ def test_scaling_keeps_the_start_and_multiplies_what_leads_away_from_it(basis, f
     np.testing.assert_allclose(twice, basis.scaling(np.array([factor * other, other])), atol=1e-12)
 
 
+@pytest.mark.parametrize("n_basis", [20, 40])
+def test_shifting_moves_a_course_and_holds_its_ends(n_basis):
+    basis, phase, by = NormalizedRBFBasis(n_basis), np.linspace(0, 1, 50), np.array([0.03, -0.02])
+    weights = np.sin(4.0 * basis.centers)
+    shifted = basis.design_matrix(phase) @ basis.shifting(by) @ weights
+    expected = basis.design_matrix(phase - by[:, None]) @ weights
+    np.testing.assert_allclose(shifted, expected, atol=0.01)
+    assert np.array_equal(basis.shifting(np.zeros(2)), [np.eye(n_basis)] * 2)
+
+
 @given(bases, st.floats(-5.0, 0.0), st.floats(1.0, 5.0))
 def test_outside_the_movement_the_value_is_held_and_the_velocity_zero(basis, before, after):
     ends = basis.design_matrix(np.array([0.0, 1.0]))
