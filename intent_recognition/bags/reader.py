@@ -4,6 +4,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from heapq import merge
+from itertools import pairwise
 from operator import attrgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,7 +14,15 @@ from mcap.records import Channel, Schema
 
 from intent_recognition.bags.cdr.columns import Columns, ColumnsBuilder
 from intent_recognition.bags.definitions import Definition
-from intent_recognition.bags.files import PACKED, find_files, find_metadata, kind_of, unpack
+from intent_recognition.bags.files import (
+    PACKED,
+    find_files,
+    find_metadata,
+    is_bag,
+    kind_of,
+    storage_files,
+    unpack,
+)
 from intent_recognition.bags.mcap.file import Item, McapFile
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import (
@@ -28,6 +37,7 @@ from intent_recognition.bags.messages import (
     schema_decoder,
 )
 from intent_recognition.bags.metadata import (
+    FILE_NAME,
     RECORD_KEY,
     RECORD_NAME,
     TopicInfo,
@@ -35,7 +45,7 @@ from intent_recognition.bags.metadata import (
     parse_qos,
 )
 from intent_recognition.bags.rosbags_file import RosbagsFile
-from intent_recognition.errors import MessageError, as_path, one_line
+from intent_recognition.errors import BagError, MessageError, as_path, one_line
 
 
 class BagReader:
@@ -291,3 +301,27 @@ def _overlapping(files: Iterable[McapFile | RosbagsFile]) -> list[list[McapFile 
             groups.append([file])
             first_ns, last_ns = start_ns, end_ns
     return groups
+
+
+SPLIT_NS = (-100_000_000, 1_000_000_000)
+"""From the end of a file to the beginning of the next one of the same recording [ns]. Convention:
+rosbag2 goes on with the next message; to record anew takes longer."""
+
+
+def recordings_in(folder: Path) -> list[Path]:
+    """A folder that is one bag of ROS 2, or the files in it that are recordings of their own.
+
+    Without metadata.yaml numbered files are one bag if each follows the one before.
+    """
+    files = storage_files(folder)
+    if not is_bag(folder):
+        return files
+    if len(files) > 1 and not (folder / FILE_NAME).exists():
+        try:
+            parts = [BagReader(file, tolerant=True) for file in files]
+        except BagError:
+            return files
+        gaps = [after.start_ns - part.end_ns for part, after in pairwise(parts)]
+        if not all(SPLIT_NS[0] <= gap <= SPLIT_NS[1] for gap in gaps):
+            return files
+    return [folder]

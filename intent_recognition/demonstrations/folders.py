@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from intent_recognition.bags import cure_of, is_bag, storage_files
+from intent_recognition.bags import cure_of, recordings_in
 from intent_recognition.errors import BagError, as_path
 from intent_recognition.signals import LABEL, LONGEST_LABEL, Rejection, can_name_task
 
@@ -29,10 +29,11 @@ def find_bags(path: Path, above: frozenset[Path] = frozenset()) -> list[Path]:
     """
     if not path.exists():
         raise BagError(f"{path}: expected a bag or a folder of bags, got nothing. Check the path.")
-    if path.is_file() or is_bag(path):
-        return [path]
+    own = [path] if path.is_file() else recordings_in(path)
+    if own == [path]:
+        return own
     inside = above | {path.resolve()}
-    files = [*storage_files(path), *(file for file in path.glob("*.bag") if file.is_file())]
+    own += [file for file in path.glob("*.bag") if file.is_file()]
     folders = [
         folder
         for folder in path.iterdir()
@@ -40,7 +41,7 @@ def find_bags(path: Path, above: frozenset[Path] = frozenset()) -> list[Path]:
     ]
     return [
         bag
-        for found in sorted([*files, *folders])
+        for found in sorted([*own, *folders])
         for bag in ([found] if found.is_file() else find_bags(found, inside))
     ]
 

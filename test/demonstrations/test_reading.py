@@ -22,7 +22,12 @@ from bag_builder import (
 )
 
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.demonstrations import inspect_bag, iter_demonstrations, read_task_sequences
+from intent_recognition.demonstrations import (
+    find_bags,
+    inspect_bag,
+    iter_demonstrations,
+    read_task_sequences,
+)
 from intent_recognition.demonstrations import read_demonstrations as read
 from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
 from intent_recognition.errors import BagError
@@ -43,6 +48,24 @@ def test_one_bag_with_or_without_a_label(tmp_path):
     assert dict(demonstration.rejected) == {}
     (demonstration,), _ = read(write_bag(tmp_path / "unlabelled", task=None), DOFS)
     assert demonstration.task is None
+
+
+@pytest.mark.parametrize("later_s", [0.5, 0.0, 30.0])
+@pytest.mark.parametrize("names", [("give_0", "give_1"), ("give", "take")])
+def test_files_without_metadata_are_one_bag_where_they_follow_one_another(later_s, names, tmp_path):
+    """As rosbag2 splits a recording; other files are demonstrations of their own."""
+    (tmp_path / "all").mkdir()
+    for k, name in enumerate(names):
+        shift = round(k * later_s * 1e9)
+        with BagWriter(tmp_path / name) as writer:
+            for i in range(50):
+                content = pose(i, stamp_ns=START_NS + i * STEP_NS + shift)
+                writer.write_message("wrist", POSE, content, START_NS + i * STEP_NS + shift)
+        (file,) = (tmp_path / name).glob("*.mcap")
+        file.rename(tmp_path / "all" / f"{name}.mcap")
+    split = later_s == 0.5 and names[0] == "give_0"
+    files = [tmp_path / "all" / f"{name}.mcap" for name in names]
+    assert find_bags(tmp_path / "all") == ([tmp_path / "all"] if split else files)
 
 
 def test_bad_poses_are_dropped_and_counted_as_the_node_does(tmp_path):
