@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables with a row for each body and moment, as tables with a row for each moment."""
+"""Which body numbers are of: rows of a table for each body and moment, lists of bodies."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from intent_recognition.tables.table import Table, check_columns
 
 OF_BODY = re.compile(
     r"(?i)(?:rigid[_ ]?body|body(?:[_ ]?part)?|marker|joint|segment|landmark|key[_ ]?point|sensor"
-    r"|tracker|device|child_frame)(?:[_ ]?(?:name|id))?"
+    r"|tracker|tracking|track|tag|device|child_frame)(?:[_ ]?(?:name|type|id))?"
 )
 """The column that says which body a row is of."""
 OF_ANY = re.compile(r"(?i)name|id|object|hand|side|person|subject|agent")
@@ -115,3 +116,27 @@ def _at(values: Values, moment: Integers, rows: np.ndarray, count: int) -> Value
     made = np.full(count, missing, values.dtype)
     made[moment[rows]] = values[rows]
     return made
+
+
+def flat(content: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Numbers and texts in mappings and lists within one another, by their paths: `0`, `1.x`.
+
+    Mappings in a list that say which body each is of are called so, not by their places.
+    """
+    if isinstance(content, dict | list):
+        named = content.items() if isinstance(content, dict) else zip(_own_names(content), content)
+        for key, value in named:
+            yield from flat(value, f"{name}.{key}" if name else str(key))
+    elif name and isinstance(content, int | float | str | None):
+        yield name, content
+
+
+def _own_names(listed: Sequence[Any]) -> Sequence[object]:
+    """Different names or numbers that mappings have for themselves; of others their places."""
+    keys = listed[0] if listed and isinstance(listed[0], dict) else ()
+    for key in [k for of in (OF_BODY, OF_ANY) for k in keys if of.fullmatch(str(k))]:
+        names = [one.get(key) if isinstance(one, dict) else None for one in listed]
+        known = {str(name) for name in names if type(name) in (int, str)}
+        if len(known) == len(listed):
+            return names
+    return range(len(listed))

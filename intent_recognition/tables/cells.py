@@ -2,8 +2,7 @@
 """Cells of a table as numbers and texts."""
 
 import re
-from collections.abc import Iterator, Sequence
-from itertools import count
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -112,21 +111,6 @@ def text_of(value: object) -> str:
     if isinstance(value, float | np.floating) and float(value).is_integer():
         return str(int(value))
     return (value.decode(errors="replace") if isinstance(value, bytes) else str(value)).strip()
-
-
-def flat(content: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """Numbers and texts in mappings and lists within one another, by their paths: `0`, `1.x`.
-
-    Mappings in a list that have names of their own are called so, not by their places.
-    """
-    if isinstance(content, dict | list):
-        names = [isinstance(one, dict) and one.get("name") for one in content]
-        are_named = all(isinstance(name, str) for name in names) and len(set(names)) == len(names)
-        listed = zip(names if are_named else count(), content, strict=False)
-        for key, value in content.items() if isinstance(content, dict) else listed:
-            yield from flat(value, f"{name}.{key}" if name else str(key))
-    elif name and isinstance(content, int | float | str | None):
-        yield name, content
 
 
 def texts(values: Values) -> list[str]:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from intent_recognition.array_types import Integers
 from intent_recognition.errors import one_line
 from intent_recognition.signals import MIN_SAMPLES
-from intent_recognition.tables.cells import flat, text_of
+from intent_recognition.tables.by_body import by_body, flat
+from intent_recognition.tables.cells import text_of
 from intent_recognition.tables.hdf5_reading import RATES, UNIT
 from intent_recognition.tables.table import MOST_COLUMNS, MOST_TEXT, Table, table_of, unusable
 from intent_recognition.tables.times import usual_unit
@@ -72,7 +73,7 @@ WORLD = _names(
 )
 IMAGE = _names(
     "landmarks pose_landmarks poseLandmarks keypoints hand_landmarks handLandmarks"
-    " multi_hand_landmarks"
+    " multi_hand_landmarks instances"
 )
 """Keys of MediaPipe's landmarks: those in metres come first."""
 ONE_PERSON = "Keep one person in the files."
@@ -147,7 +148,10 @@ def open_landmarks(path: Path) -> Table:
         frames = lists[0] if len(lists) == 1 else None
     keys = _numbered(content) if isinstance(content, dict) else []
     if keys:
-        frames = [content[key] for key in keys]
+        found = [(key, content[key]) for key in keys]
+        frames = [{"index": k, **v} if isinstance(v, dict) else v for k, v in found]
+    elif isinstance(content, dict):
+        frames = _read(path, _of_pandas, content) or frames
     if isinstance(content, dict) and not isinstance(frames, list):
         return table_of(path, _read(path, _of_lists, content), **_about(path, content))
     if not isinstance(frames, list) or not frames:
@@ -162,7 +166,7 @@ def open_landmarks(path: Path) -> Table:
     key = next((k for k in (*WORLD, *IMAGE) if _has(frames, k)), "")
     people = [_read(path, partial(_people, key), frame) for frame in frames]
     if not any(people):
-        return table_of(path, _read(path, _of_records, frames), **_about(path, content))
+        return by_body(table_of(path, _read(path, _of_records, frames), **_about(path, content)))
     points = [_read(path, _points, one[0]) if one else {} for one in people]
     notes = []
     if key in IMAGE or (not key and _is_of_image(points)):
@@ -188,7 +192,8 @@ def _is_of_image(frames: Sequence[Points]) -> bool:
     seen = [point for frame in frames for point in frame.values()]
     names = {frozenset(frame) for frame in frames if frame}
     are_known = names <= {frozenset(POSE_33), frozenset(HAND_21)}
-    return are_known and all(min(point[:2]) >= 0.0 for point in seen)
+    are_inside = are_known and all(min(point[:2]) >= 0.0 for point in seen)
+    return are_inside or all(len(point) == 2 for point in seen)
 
 
 def _about(path: Path, content: Any) -> dict[str, Any]:
@@ -205,11 +210,30 @@ def _numbered(content: Mapping[str, Any]) -> list[str]:
     found = {key: re.fullmatch(r"(\D*)(\d+)", key) for key in content}
     if not all(found.values()) or len({match[1] for match in found.values() if match}) != 1:
         return []
+    first = next(iter(content.values()))
+    if isinstance(first, list) and len(first) > len(content) and isinstance(first[0], int | float):
+        return []  # columns
     return sorted(content, key=lambda key: int(found[key][2]))  # type: ignore[index]
 
 
+def _of_pandas(content: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Rows, with their `index`, of a table that pandas wrote as `split`, `columns` or `index`."""
+    if {"columns", "index", "data"} <= content.keys():
+        names = [n if isinstance(n, str) else ".".join(map(str, n)) for n in content["columns"]]
+        rows = (dict(zip(names, row, strict=True)) for row in content["data"])
+        return [{"index": at, **row} for at, row in zip(content["index"], rows, strict=True)]
+    inside = [list(one) if isinstance(one, dict) else [] for one in content.values()] or [[]]
+    if not inside[0] or any(keys != inside[0] for keys in inside):
+        return []
+    if all(key[:1].isdigit() for key in content):
+        return [{"index": at, **row} for at, row in content.items()]
+    if all(key[:1].isdigit() for key in inside[0]):
+        return [{"index": at, **{k: one[at] for k, one in content.items()}} for at in inside[0]]
+    return []
+
+
 def _of_lists(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """Columns of lists by their names: numbers or texts (T,), places (T, d) as `NAME.x`, ..."""
+    """Columns of lists by their names: numbers or texts (T,), places (..., d) as `NAME.x`, ..."""
     lists = dict(_lists(content))
     texts = {key for key, value in lists.items() if any(isinstance(one, str) for one in value)}
     own = {key for key in content.keys() & lists if len(lists[key]) >= MIN_SAMPLES} - texts
@@ -217,21 +241,21 @@ def _of_lists(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     columns = {}
     for key in [key for key, value in lists.items() if len(value) == most]:
         array = np.array(lists[key], object if key in texts else np.float64)
-        if array.ndim > 2:
+        if array.size > MOST_COLUMNS * most:
             continue
-        axes = "xyz" if array.ndim == 2 and array.shape[1] in (2, 3) else ""
-        for k, column in enumerate(np.atleast_2d(array.T)):
-            columns[key if array.ndim == 1 else f"{key}.{axes[k] if axes else k}"] = column
+        axes = "xyz" if array.ndim > 1 and array.shape[-1] in (2, 3) else ""
+        for index in np.ndindex(array.shape[1:]):
+            last = [axes[k] if axes else str(k) for k in index[-1:]]
+            place: tuple[Any, ...] = (slice(None), *index)
+            columns[".".join([key, *map(str, index[:-1]), *last])] = array[place]
     if not any(column.dtype.kind == "f" for column in columns.values()):
         raise ValueError("no lists of numbers")
     return columns
 
 
 def _lists(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, list[Any]]]:
-    """Lists in mappings within one another, by their paths; also as pandas numbers their rows."""
+    """Lists in mappings within one another, by their paths."""
     for key, value in content.items():
-        if isinstance(value, dict) and value and all(map(str.isdigit, value)):
-            value = list(value.values())
         if isinstance(value, dict):
             yield from _lists(value, f"{before}{key}.")
         elif isinstance(value, list) and value:
@@ -294,13 +318,21 @@ def _people(key: str, frame: Any) -> list[Any]:
     is_row = not isinstance(frame, dict)
     frame = frame if is_row else frame.get(key)
     is_flat = isinstance(frame, list) and frame and isinstance(frame[0], int | float)
-    if is_flat and not is_row:  # as COCO has them
+    if is_flat and (not is_row or _are_of_image(frame)):  # as COCO has them
         triples = np.array(frame, np.float64).reshape(-1, 3)
         frame = np.where(triples[:, 2:] > 0.0, triples[:, :2], np.nan).tolist()
     people = [frame]
     while people and not _is_person(people[0]):
         people = [inner for one in people for inner in _inside(one) if inner]
     return people
+
+
+def _are_of_image(row: Sequence[Any]) -> bool:
+    """Whether numbers are pixels, two of each landmark, with how sure they are."""
+    if len(row) not in [3 * count for count in NAMED] or not all(map(np.isreal, row)):
+        return False
+    *places, seen = np.array(row, np.float64).reshape(-1, 3).T
+    return bool(0.0 <= seen.min() and seen.max() <= 1.0 and np.max(places) > 10.0)
 
 
 def _is_person(content: Any) -> bool:
@@ -312,7 +344,9 @@ def _is_person(content: Any) -> bool:
 
 def _inside(content: Any) -> list[Any]:
     if isinstance(content, dict):
-        return [content.get("landmark", content.get("landmarks"))]
+        return [
+            content.get(key) for key in ("landmark", "landmarks", "keypoints") if key in content
+        ]
     return content if isinstance(content, list) else []
 
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from intent_recognition.errors import BagError, one_line, optional
-from intent_recognition.tables.by_body import by_body
-from intent_recognition.tables.cells import Values, flat, numbers
+from intent_recognition.tables.by_body import by_body, flat
+from intent_recognition.tables.cells import Values, numbers
 from intent_recognition.tables.table import Table, check_columns, unusable
 from intent_recognition.untrusted import (
     MOST_ARRAYS,

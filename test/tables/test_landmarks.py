@@ -179,11 +179,66 @@ def test_rows_without_names_are_columns_by_number(tmp_path):
     check_wrist(imported(tmp_path, "a.json", json.dumps(rows), columns, time=time), atol=0.0)
 
 
+AT = [f"{t:.2f}" for t in TIMES_S]
+ROWS_OF = [dict(zip("xyz", place, strict=True)) for place in (PLACE / 1000).tolist()]
+PANDAS = {
+    "split": {"columns": [*"xyz"], "index": AT, "data": (PLACE / 1000).tolist()},
+    "columns": {axis: dict(zip(AT, values, strict=True)) for axis, values in PLACES.items()},
+    "index": dict(zip(AT, ROWS_OF, strict=True)),
+    "index in milliseconds": {str(round(1e3 * t)): ROWS_OF[k] for k, t in enumerate(TIMES_S)},
+}
+
+
+@pytest.mark.parametrize("orient", PANDAS)
+def test_a_table_of_pandas_has_its_index(orient, tmp_path):
+    time = {"column": "index", "unit": "ms" if "milli" in orient else "s"}
+    content = json.dumps(PANDAS[orient])
+    check_wrist(imported(tmp_path, "a.json", content, time=time), atol=0.0, times_atol=1)
+
+
+def test_lists_with_numbers_in_their_names_are_columns_and_may_hold_places(tmp_path):
+    content = {f"q{k}": values for k, values in enumerate(PLACES.values())}
+    options = {"columns": ["q0", "q1", "q2"], "time": {"rate": 100}}
+    check_wrist(imported(tmp_path, "a.json", json.dumps(content), **options), atol=0.0)
+    content = {"p": [[[0.0, 0.0, 0.0], place] for place in (PLACE / 1000).tolist()]}
+    options |= {"columns": ["p.1.x", "p.1.y", "p.1.z"]}
+    check_wrist(imported(tmp_path, "a.json", json.dumps(content), **options), atol=0.0)
+
+
+def test_rows_of_bodies_are_told_apart(tmp_path):
+    rows = [
+        {"t": t, "body": body, **(ROWS_OF[k] if body == "wrist" else dict.fromkeys("xyz", 0.1 * k))}
+        for k, t in enumerate(TIMES_S.tolist())
+        for body in ("cup", "wrist")[:: 1 - 2 * (k % 2)]
+    ]
+    columns, time = ["wrist.x", "wrist.y", "wrist.z"], {"column": "t"}
+    check_wrist(imported(tmp_path, "a.json", json.dumps(rows), columns, time=time), atol=0.0)
+
+
+IN_IMAGE = {
+    "numbers alone": lambda points: [n for point in points for n in (*point, 0.9)],
+    "of MMPose": lambda points: {"frame_id": 1, "instances": [{"keypoints": points, "bbox": [1]}]},
+}
+
+
+@pytest.mark.parametrize("kind", IN_IMAGE)
+def test_landmarks_of_an_image_however_they_are_listed(kind, tmp_path):
+    pixels = [[[5.0, 5.0]] * 10 + [place[:2]] + [[5.0, 5.0]] * 6 for place in PLACE.tolist()]
+    content = [IN_IMAGE[kind](points) for points in pixels]
+    columns = ["right_wrist.x", "right_wrist.y", "right_wrist.y"]
+    options = {"time": {"rate": 100}, "unit": "mm"}
+    samples, said = imported(tmp_path, "a.json", json.dumps(content), columns, **options)
+    assert said == "the landmarks are places in the image, not in metres"
+    np.testing.assert_allclose(samples.values[:, :2], PLACE[:, :2] / 1000)
+
+
+@pytest.mark.parametrize("key", ["name", "id", "jointType"])
 @pytest.mark.parametrize("kind", ["json", "parquet"])
-def test_bodies_with_names_may_change_places(kind, tmp_path):
+def test_bodies_with_names_may_change_places(kind, key, tmp_path):
     """Trackers list what they see, in any order."""
+    cup, wrist = (7, 5) if key == "id" else ("cup", "wrist")
     both = [
-        [{"name": "cup", "at": [0.0] * 3}, {"name": "wrist", "at": place}][:: 1 - 2 * (k % 2)]
+        [{key: cup, "at": [0.0] * 3}, {key: wrist, "at": place}][:: 1 - 2 * (k % 2)]
         for k, place in enumerate((PLACE / 1000).tolist())
     ]
     if kind == "json":
@@ -191,7 +246,7 @@ def test_bodies_with_names_may_change_places(kind, tmp_path):
         (tmp_path / "a.json").write_text(json.dumps(content))
     else:
         parquet_file(tmp_path / "a.parquet", {"bodies": both})
-    columns, time = [f"bodies.wrist.at.{k}" for k in range(3)], {"rate": 100}
+    columns, time = [f"bodies.{wrist}.at.{k}" for k in range(3)], {"rate": 100}
     check_wrist(imported(tmp_path, f"a.{kind}", None, columns, time=time), atol=0.0)
 
 
