@@ -2,6 +2,7 @@
 """Arrays of NPZ, NPY, MATLAB's MAT, and HDF5 of robot learning, any with samples (T, d)."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from intent_recognition.tables.hdf5_reading import (
     goes_on_along_rows,
     on_end,
     samples_first,
+    stated_rate,
 )
 from intent_recognition.tables.isolated import read_isolated
 from intent_recognition.tables.table import Table, check_columns, table_of, unusable
@@ -29,7 +31,7 @@ def open_npz(path: Path) -> Table:
     except (UntrustedError, OSError) as error:
         cure = "Write it with numpy.savez, with arrays of numbers or texts."
         raise unusable(path, "an .npz of plain arrays", error, cure) from error
-    return table_of_arrays(path, samples_first(on_end(dict(_fields(arrays)))))
+    return table_of_arrays(path, samples_first(on_end(dict(_fields(arrays)))), stated_rate(arrays))
 
 
 def open_npy(path: Path) -> Table:
@@ -54,13 +56,18 @@ def _fields(arrays: Mapping[str, Values]) -> Iterator[tuple[str, Values]]:
             yield from _fields({".".join(filter(None, (name, field))): array[field]})
 
 
-def table_of_arrays(path: Path, arrays: Mapping[str, Values]) -> Table:
-    """The table of arrays whose samples are along their first axes."""
+def table_of_arrays(path: Path, arrays: Mapping[str, Values], rate: float = 0.0) -> Table:
+    """The table of arrays whose samples are along their first axes, at a rate, 0 for none."""
     columns = flat_columns(path, arrays)
-    defaults = {"segments": {"column": "demonstration"}} if "demonstration" in columns else {}
+    clocks = any(is_clock(key, array) for key, array in arrays.items() if array.ndim == 1)
+    # a rate that is stated may be that of a camera
+    defaults: dict[str, object] = {"time": {"rate": rate}} if rate > 0.0 and not clocks else {}
+    if "demonstration" in columns:
+        defaults["segments"] = {"column": "demonstration"}
     texts = [columns[key] for key in columns if key.lower() in UNIT]
     said = "".join(str(text[0]) for text in texts if text.dtype.kind == "U" and text.size == 1)
-    return table_of(path, columns, defaults=defaults, notes=transposed(arrays), unit=said)
+    about = {"defaults": defaults, "notes": tuple(transposed(arrays)), "unit": said}
+    return table_of(path, columns, **about)
 
 
 def flat_columns(source: Path, arrays: Mapping[str, Values]) -> dict[str, Values]:
@@ -118,22 +125,16 @@ def open_hdf5(path: Path) -> Table:
     unit = str(arrays.pop("#unit", ""))
     units = dict(arrays.pop("#units", np.empty((0, 2))).tolist())
     left_out = arrays.pop("#left_out", np.empty(0)).tolist()
-    columns = flat_columns(path, arrays)
-    if not columns:
+    table = table_of_arrays(path, arrays, rate)
+    if not table.names:
         cure = "Save arrays of numbers; of a MATLAB table table2struct(T, ToScalar=true)."
         raise unusable(path, "arrays of numbers (T, d)", "none", cure)
-    clocks = any(is_clock(key, array) for key, array in arrays.items() if array.ndim == 1)
-    # a rate that is stated may be that of a camera
-    defaults: dict[str, object] = {"time": {"rate": rate}} if rate > 0.0 and not clocks else {}
-    if "demonstration" in columns:
-        defaults["segments"] = {"column": "demonstration"}
-    notes = transposed(arrays)
-    if left_out:
-        notes.append(f"without a row for each sample, left out: {', '.join(left_out[:6])}")
+    said = f"without a row for each sample, left out: {', '.join(left_out[:6])}"
     of: dict[int, str] = {}
-    for k, name in enumerate(columns):
+    for k, name in enumerate(table.names):
         while name and name not in units:
             name = name.rpartition(".")[0]
         of[k] = units.get(name, "")
-    about = {"defaults": defaults, "notes": notes, "unit": unit, "must_say": bool(unit)}
-    return table_of(path, columns, units=of, **about)
+    table = replace(table, units=of, must_say=bool(unit))
+    notes = (*table.notes, *[said] * bool(left_out))
+    return replace(table, unit=unit or table.unit, notes=notes)

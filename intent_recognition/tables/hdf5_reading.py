@@ -27,7 +27,8 @@ DEMONSTRATION = re.compile(
 )
 """What arrays are called that are one each."""
 RATES = ("fps", "rate", "rate_hz", "hz", "frequency", "control_freq", "sampling_rate",
-         "sample_rate", "sampling_frequency", "frame_rate", "capture_rate", "fs")  # fmt: skip
+         "sample_rate", "sampling_frequency", "frame_rate", "framerate", "capture_rate", "fs",
+         "mocap_framerate", "mocap_frame_rate")  # fmt: skip
 """Attributes of a file, or numbers in it, in lower case, that say samples a second."""
 FILLS = ("_fillvalue", "missing_value")
 """Attributes of an array, in lower case, that say which number stands for one not measured."""
@@ -58,11 +59,11 @@ def read(path: str) -> dict[str, NDArray[Any]]:
             return _of_matlab(_as_before(h5py, file, file))
         with suppress(KeyError, TypeError, ValueError):  # names may be of other kinds
             (frame,) = filter(None, file.values())
-            if frame.attrs[PANDAS] == b"frame_table":
-                return {**_of_pandas(frame["table"]), "#rate": np.array(0.0)}
+            if frame.attrs[PANDAS] in (b"frame", b"frame_table"):
+                return {**_of_pandas(frame), "#rate": np.array(0.0)}
         top = file["data"] if isinstance(file.get("data"), h5py.Group) else file
         names = _demonstrations(h5py, top)
-        rate = _stated_rate({**top.attrs, **file.attrs})
+        rate = stated_rate({**top.attrs, **file.attrs})
         if not names:
             arrays = samples_first(on_end(_arrays(file)))
             ends = arrays.get(ENDS)
@@ -99,7 +100,7 @@ def _of_matlab(content: dict[str, Any]) -> dict[str, NDArray[Any]]:
     said: dict[str, set[str]] = {}
     for key in [key for key in arrays if ".#unit" in key]:
         said.setdefault(key.partition(".#unit")[0], set()).add(str(arrays.pop(key)))
-    return {**arrays, "#rate": np.array(_stated_rate(content)), "#units": _pairs(said)}
+    return {**arrays, "#rate": np.array(stated_rate(content)), "#units": _pairs(said)}
 
 
 def _as_before(h5py: Any, file: Any, item: Any) -> Any:
@@ -135,21 +136,36 @@ def _objects(values: list[Any]) -> NDArray[Any]:
     return found
 
 
-def _of_pandas(table: Any) -> dict[str, NDArray[Any]]:
+def _of_pandas(frame: Any) -> dict[str, NDArray[Any]]:
     """Columns of a DataFrame by their names, as DeepLabCut's: lines of these that are the same of
     all columns are left out, but the last two.
     """
-    found = {"index": table["index"]}
-    fields = table.dtype.names[1:]
-    names = {field: _listed(table.attrs[f"{field}_kind"]) for field in fields}
-    kinds = [*map(set, zip(*(name for own in names.values() for name in own), strict=True))]
+    columns: list[tuple[tuple[str, ...], NDArray[Any]]] = []
+    if "table" in frame:
+        table = frame["table"]
+        index = table["index"]
+        for field in table.dtype.names[1:]:
+            values = table[field].reshape(len(table), -1)
+            values = values.astype(str) if values.dtype.kind == "S" else values
+            names = _listed(table.attrs[f"{field}_kind"])
+            columns += zip(names, values.T, strict=True)
+    else:
+        index = frame["axis1"][()]
+        for k in range(int(frame.attrs["nblocks"])):
+            if frame[f"block{k}_values"].ndim == 2:  # texts are pickled
+                values = frame[f"block{k}_values"][()]
+                columns += zip(_items(frame, f"block{k}_items"), values.T, strict=True)
+    kinds = [*map(set, zip(*(name for name, _ in columns), strict=True))]
     kept = [k for k, kind in enumerate(kinds) if len(kind) > 1 or k >= len(kinds) - 2]
-    for field in fields:
-        values = table[field].reshape(len(table), -1)
-        values = values.astype(str) if values.dtype.kind == "S" else values
-        for name, column in zip(names[field], values.T, strict=True):
-            found[".".join(name[k] for k in kept)] = column
-    return found
+    return {"index": index, **{".".join(name[k] for k in kept): one for name, one in columns}}
+
+
+def _items(frame: Any, key: str) -> list[tuple[str, ...]]:
+    """Names of columns in a block of the `fixed` format, of one level or several."""
+    levels = range(int(frame.attrs.get(f"{key}_nlevels", 0)))
+    several = [frame[f"{key}_level{n}"][()][frame[f"{key}_label{n}"][()]] for n in levels]
+    parts = [part.astype(str).tolist() for part in several or [frame[key][()]]]
+    return [*zip(*parts, strict=True)]
 
 
 def _listed(pickled: bytes) -> list[tuple[str, ...]]:
@@ -170,7 +186,7 @@ def _listed(pickled: bytes) -> list[tuple[str, ...]]:
     return names
 
 
-def _stated_rate(attributes: dict[str, Any]) -> float:
+def stated_rate(attributes: dict[str, Any]) -> float:
     """Samples a second that the attributes of a file state, 0 for none."""
     for key, value in attributes.items():
         if key.lower() in RATES and np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu":

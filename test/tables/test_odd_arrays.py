@@ -199,6 +199,14 @@ def test_times_beside_a_rate_are_asked_for_and_texts_are_labels(kind, tmp_path):
     assert "time: {column: t, unit: s}" in suggest_map(path)
 
 
+@pytest.mark.parametrize("key", ["fps", "mocap_framerate"])
+def test_a_number_that_is_a_rate_is_that_of_npz(key, tmp_path):
+    np.savez(tmp_path / "a.npz", w=PLACE / 1000, **{key: 50.0})
+    found = imported(tmp_path, "a.npz", None, [f"w.{k}" for k in range(3)])
+    check_wrist(found)
+    assert set(np.diff(found[0].stamps_ns)) == {20_000_000}
+
+
 def test_a_rate_that_hdf5_states_is_used(tmp_path):
     h5(tmp_path / "a.h5", {"w": PLACE / 1000}, FPS=50, note="by me")
     assert open_table(tmp_path / "a.h5").defaults == {"time": {"rate": 50.0}}
@@ -244,7 +252,7 @@ def test_markers_and_bodies_of_qtm_in_matlab(count, bodies, tmp_path):
     pytest.importorskip("h5py")
     savemat(tmp_path / "a.mat", {"take01": qualisys(count, bodies)})
     read = open_table(tmp_path / "a.mat")
-    assert (read.unit, read.defaults, read.notes) == ("mm", {"time": {"rate": 50.0}}, [])
+    assert (read.unit, read.defaults, read.notes) == ("mm", {"time": {"rate": 50.0}}, ())
     names = [*["wrist", "elbow"][:count], *bodies]
     assert read.names == tuple(f"{name}.{axis}" for name in names for axis in "xyz")
     for k, name in enumerate(names):
@@ -407,6 +415,24 @@ def test_a_table_of_pandas_has_the_names_that_are_pickled_beside_it(people, tmp_
     assert open_table(tmp_path / "a.h5").names == ("index", *wanted)
     columns, time = wanted[3:6], {"rate": 100}
     check_wrist(imported(tmp_path, "a.h5", None, columns, unit="mm", time=time), atol=1e-12)
+
+
+@pytest.mark.parametrize("n_levels", [0, 2])
+def test_the_fixed_format_of_pandas_has_its_names_and_index(n_levels, tmp_path):
+    with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
+        file["df/axis1"], file["df/block0_values"] = TIMES_S, PLACE / 1000
+        file["df"].attrs.update({"pandas_type": np.bytes_("frame"), "nblocks": 1})
+        if n_levels:
+            file["df"].attrs["block0_items_nlevels"] = n_levels
+            for k, (level, labels) in enumerate(
+                [([b"w"], [0, 0, 0]), ([b"z", b"y", b"x"], [2, 1, 0])]
+            ):
+                file[f"df/block0_items_level{k}"] = np.array(level)
+                file[f"df/block0_items_label{k}"] = np.array(labels)
+        else:
+            file["df/block0_items"] = np.array([b"w.x", b"w.y", b"w.z"])
+    columns, time = ["w.x", "w.y", "w.z"], {"column": "index"}
+    check_wrist(imported(tmp_path, "a.h5", None, columns, time=time), atol=0.0, times_atol=1)
 
 
 def test_a_table_of_pandas_with_names_of_another_kind_has_columns_by_number(tmp_path):
