@@ -17,6 +17,10 @@ QTM_UNITS = {"x": "mm", "y": "mm", "z": "mm", "Roll": "deg", "Pitch": "deg", "Ya
 """By the ends of names."""
 OF_ALL, OF_BODY = ("scorer",), ("bodyparts",)
 """Lines of DeepLabCut that say who found the places, and which bodies they are of."""
+OF_RATES = {"Velocities": "/s", "Speeds": "/s", "Accelerations": "/s^2"}
+"""What the titles of OpenSim's files say of the units of their columns."""
+OF_LENGTHS = ("_tx", "_ty", "_tz", "_X", "_Y", "_Z")
+"""Ends of the names of its translations and places."""
 NUMBER = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?|\d[\d:.,T /-]*")
 """A number, or a time."""
 AXIS = re.compile(r"(?i)(?:.*[\W_])?([xyz])(?:\s*[\[(][^\[\]()]*[\])])?")
@@ -102,7 +106,8 @@ def trc(rows: Rows) -> Header | None:
         labels = labels[::3]
     else:
         labels = [label for label in labels if label]
-    names += _places_of(labels)
+    axes = [cell for cell in rows[at + 1] if cell.strip()]
+    names += _places_of(labels[::3] if len(labels) == len(axes) > 1 else labels)
     numbered = {cell.strip(): k for k, cell in enumerate(rows[at + 1])}  # X1, Y1, Z1, X2, ...
     skip = at + 2
     while skip < len(rows) and not any(cell.strip() for cell in rows[skip]):
@@ -160,13 +165,14 @@ def opensim(rows: Rows) -> Header | None:
     said = dict(row[0].strip().lower().split("=", 1) for row in rows[:at] if row and "=" in row[0])
     names = tuple(name.strip() for name in rows[at + 1])
     angle = "deg" if said.get("indegrees", "").strip() == "yes" else "rad"
+    per = OF_RATES.get(rows[0][0].strip(), "")
     units = {}
     for k, name in enumerate(names):
         state, slash, last = name.rpartition("/")  # /jointset/JOINT/COORDINATE/value, or speed
         coordinate = state if slash else name
         if "indegrees" in said and name != "time" and (not slash or last in ("value", "speed")):
-            unit = "m" if coordinate.endswith(("_tx", "_ty", "_tz")) else angle
-            units[k] = f"{unit}/s" if last == "speed" else unit
+            unit = "m" if coordinate.endswith(OF_LENGTHS) else angle
+            units[k] = f"{unit}/s" if last == "speed" else unit + per
     return Header(names, at + 2, {"units": units, "defaults": {"time": {"column": "time"}}})
 
 

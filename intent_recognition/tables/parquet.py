@@ -74,7 +74,8 @@ def _places(
             column, kind = field.name, field.type
             if not _is_list(kind):
                 if not _is_nested(kind):
-                    places[column] = (column, None, False)
+                    levels = re.findall(r"'([^']*)'", column) if column[:2] == "('" else [column]
+                    places[".".join(levels)] = (column, None, False)
                 continue
             _check_size([path], [column])
             elements = [name for name, _ in flat(_first_list(file, column))]

@@ -155,7 +155,8 @@ def open_mvnx(path: Path) -> Table:
                         if part.text and (key in OF_SEGMENTS or key in OF_JOINTS):
                             rows.setdefault(key, []).append(list(map(float, part.text.split())))
                 element.clear()
-        count = len(rows["time"])
+        if not (count := len(rows.get("time", ()))):
+            raise ValueError("no frame of a movement")
     except (OSError, UntrustedError, ET.ParseError, ValueError, AttributeError, KeyError) as error:
         raise unusable(path, "an MVNX file", error, "Export it again from MVN.") from error
     columns: dict[str, Values] = {"time": np.array(rows.pop("time"))[:, 0]}

@@ -101,6 +101,12 @@ def is_angle(table: Table, name: str) -> bool:
     return _said(table, name) in ("", *ANGLES)
 
 
+def is_length(table: Table, name: str) -> bool:
+    """Whether a column may be a length, by the unit that the file says."""
+    unit = _said(table, name)
+    return unit not in ANGLES and "/" not in unit
+
+
 def _said(table: Table, name: str) -> str:
     """The unit that the file says of a column, "" for none."""
     return spelled(table.said_of(name))

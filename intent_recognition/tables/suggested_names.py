@@ -33,7 +33,7 @@ TASK_NAME = re.compile(
 """What columns are called that say the task."""
 NO_TASK = re.compile(r"(?i)frame_?id|(?:^|[\W_])(?:date|time)")
 """What columns of texts are called that say no task."""
-LANDMARK = re.compile(r"(?P<body>.+\.\d+)\.(?P<element>\d)")
+LANDMARK = re.compile(r"(?P<body>(?:.+\.)?\d+)\.(?P<element>\d)")
 """Elements of arrays (T, n, d): of places, if d is 3."""
 ELEMENTS = re.compile(
     r"(?i)^(?P<body>.*(pos|position|xyz|translation|pose|wrist|hand|eef|tcp|marker)s?)"
@@ -49,9 +49,11 @@ UNIT_END = re.compile(
 )
 """A unit at the end of a name."""
 PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[wxyzWXYZ])$")
+AXIS_FIRST = re.compile(r"(?P<axis>[xyzXYZ])[._ ]?(?P<body>\d+|(?<=[._ ])\D.*)")
+"""Names such as `x1` and `x_wrist`."""
 NO_PLACE = re.compile(
     r"(?i)rotation|orientation|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)"
-    r"|(?:rot|vel|omega|ang|angle|force|moment|power|torque)s?[\W_]?$"
+    r"|(?:rot|vel|dot|std|omega|ang|angle|force|moment|power|torque)s?[\W_]?$"
 )
 NO_PLACE_BEFORE_AXIS = re.compile(r"(?i)(?:^|[\W_])[ravwfmg]$")
 """Letters right before an axis that speak of an angle, a velocity, a force, ..., as in `rx`."""
@@ -68,11 +70,13 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
         end = UNIT_END.search(name)
         if end and end["unit"] and spelled(end["unit"]) not in LENGTHS:
             continue
-        match = PLACES.match(UNIT_END.sub("", name))
-        if match and not NO_PLACE.search(match["body"]):
-            if not match["between"] and NO_PLACE_BEFORE_AXIS.search(match["body"]):
-                continue
-            found.setdefault(match["body"], {})[match["axis"].lower()] = name
+        bare = UNIT_END.sub("", name)
+        last = PLACES.match(bare)
+        if last and not last["between"] and NO_PLACE_BEFORE_AXIS.search(last["body"]):
+            continue
+        for match in filter(None, (last, AXIS_FIRST.fullmatch(bare))):
+            if not NO_PLACE.search(match["body"]):
+                found.setdefault(match["body"], {})[match["axis"].lower()] = name
     bodies = _of_matrices(columns)
     for body, axes in found.items():
         sizes = POSE_SIZES if POSE_NAME.search(body) else POSE_SIZES[:1]

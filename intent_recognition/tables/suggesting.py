@@ -23,6 +23,7 @@ from intent_recognition.tables.suggested_entries import (
     body_entry,
     flow,
     is_angle,
+    is_length,
     joints_entry,
     suggest_of_bags,
 )
@@ -143,7 +144,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     later = [name for name in columns if LATER.match(name)]
     columns = {name: one for name, one in columns.items() if name not in later}
     cut = _cut(table, columns, labels)
-    bodies = bodies_of(columns)
+    bodies = {b: names for b, names in bodies_of(columns).items() if is_length(table, names[0])}
     places = {column for body in bodies.values() for column in body}
     time, time_note = _time(table, columns, labels, cut, places)
     used = {str(time.get("column", "")), str(time.get("nanoseconds", "")), cut, *places}
@@ -210,11 +211,12 @@ def _columns(table: Table) -> tuple[dict[str, SeenColumn], dict[str, list[str]],
     found: dict[str, SeenColumn] = {}
     labels: dict[str, list[str]] = {}
     why: list[str] = []
-    alone = [k for k, name in enumerate(table.names) if name and table.names.count(name) == 1]
+    names = [name or str(k) for k, name in enumerate(table.names)]  # pandas' index has none
+    alone = [k for k, name in enumerate(names) if names.count(name) == 1]
     for start in range(0, len(alone), 50):  # of many columns not all are in memory
         part = alone[start : start + 50]
         for k, cells in zip(part, table.read(part), strict=True):
-            name = table.names[k]
+            name = names[k]
             if cells.dtype.kind == "m":
                 cells = cells / np.timedelta64(1, "s")
             try:
@@ -266,9 +268,12 @@ def _time(
             continue
         if np.all(steps < 0.0):
             return {"column": column.name}, "it decreases: reverse the rows of the file"
+        said_unit = table.time_unit_of(column.name)
+        if not said_unit and np.all(steps == 1.0):  # counts rows
+            continue
         later = steps > 0.0
         often = np.mean(later) > (MOSTLY if np.any(steps < 0.0) else REPEATED)
-        if often and (unit := usual_unit(steps[later], table.time_unit_of(column.name))):
+        if often and (unit := usual_unit(steps[later], said_unit)):
             rate_hz = NANOSECONDS / (PER_UNIT[unit] * float(np.median(steps[later])))
             odd = "" if np.all(later) else f", {np.sum(~later)} times repeat or go back"
             return {"column": column.name, "unit": unit}, f"{rate_hz:.4g} Hz then{odd}"

@@ -39,6 +39,8 @@ UNIT_LINE = re.compile(r"(?i)(?:length |position )?units? [\[(]?([^\s\])]+)[\])]
 """A line that says the unit of all columns."""
 VECTOR = re.compile(r"[\[(]([^\[\]()]+)[\])]")
 """Several numbers in one cell, as Unity, numpy and pandas print them: `(0.1, 0.2)`, `[0.1 0.2]`."""
+NUMPY = re.compile(r"np\.float\d+\(([^()]*)\)")
+"""A number in a list as numpy 2 prints it: `[np.float64(0.1), np.float64(0.2)]`."""
 COMMENTS = ("#", "% ")
 """How lines of comment begin."""
 NO_PLACES = ("Devices", "Events")
@@ -107,7 +109,7 @@ def _below(
     one that is broken over several lines. The last one is left out where it has no end, or is a
     single cell: writing stopped there, or it says something else.
     """
-    width, together, run, before = len(header.names), 0, 0, [""]
+    width, together, run, before, whole = len(header.names), 0, 0, [""], [""]
     for (number, row), (_, after) in pairwise(chain(_numbered(header, rows), [(0, [])])):
         if header.skip and _are_names(row, header.names):
             got, cure = f"its names again in row {number + 1}", "Split it there, into two files."
@@ -120,22 +122,24 @@ def _below(
         is_pair = run == 2 and (not after or width <= len(after))
         # a break within a cell makes two of it
         is_broken = is_pair and together in (width, width + 1)
-        is_broken = is_broken and not (after and _goes_on(before[0], row[0], after[0]))
+        firsts = [one[0] for one in (whole, before, row, after) if one][-3:]
+        is_broken = is_broken and not _goes_on(*firsts)
         is_broken |= run > 1 and together == width and size <= last
         if is_broken or (size == 1 <= last and bool(after)):
             cure = "Correct or remove the row, or begin it with # as a comment."
             raise unusable(path, f"{width} cells", f"{size} in row {number + 1}", cure)
-        before = row
+        before, whole = row, row if size >= width else whole
         yield number, [*row, *[""] * (last + 1 - size)] if size <= last else row
 
 
 def _goes_on(*cells: str) -> bool:
-    """Whether first cells of rows may be times: numbers that increase."""
+    """Whether first cells of rows may be times: numbers that increase by nearly even steps."""
     try:
         numbers = [float(with_point(cell)) for cell in cells]
     except ValueError:
         return False
-    return all(a < b for a, b in pairwise(numbers))
+    steps = [b - a for a, b in pairwise(numbers)]
+    return 0.0 < max(steps) < 2.0 * min(steps)
 
 
 def _numbered(header: Header, rows: Iterable[list[str]]) -> Iterator[tuple[int, list[str]]]:
@@ -237,7 +241,7 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
 
 def _elements(cell: str) -> list[str]:
     """The numbers of a `VECTOR` in a cell; none in any other."""
-    vector = VECTOR.fullmatch(cell.strip())
+    vector = VECTOR.fullmatch(NUMPY.sub(r"\1", cell.strip()))
     parts = re.split(r"[,;\s]+", vector[1].strip()) if vector else []
     return parts if all(map(_is_number, parts)) else []
 

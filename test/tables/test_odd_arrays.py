@@ -363,6 +363,13 @@ def test_structs_of_parquet(kind, tmp_path):
     check_wrist(imported(tmp_path, "a.parquet", None, columns, time={"column": "t"}), atol=0.0)
 
 
+def test_levels_of_names_of_pandas_are_parts_of_the_names(tmp_path):
+    columns = {f"('w', '{axis}')": PLACE[:, k] / 1000 for k, axis in enumerate("xyz")}
+    parquet_file(tmp_path / "a.parquet", columns)
+    found = imported(tmp_path, "a.parquet", None, ["w.x", "w.y", "w.z"], time={"rate": 100})
+    check_wrist(found, atol=0.0)
+
+
 def test_a_list_that_is_missing_was_not_measured(tmp_path):
     lists = [None if k < 3 else row for k, row in enumerate((PLACE / 1000).tolist())]
     parquet_file(tmp_path / "a.parquet", {"w": lists})

@@ -11,6 +11,8 @@ from tables.exported_files import motive, qtm, trc
 from tables.imports import check_wrist, imported
 from tables.odd_files import DEVICES, NEXUS, PLACE, ROWS, TIMES_S, cells, nexus, table
 
+from intent_recognition.tables import suggest_map
+
 
 @pytest.mark.parametrize("before", ["", DEVICES + "1,0,1,2,3\n" * 300 + "\n"])
 def test_nexus_counts_frames_wherever_its_places_are(before, tmp_path):
@@ -121,6 +123,29 @@ def test_rates_with_decimal_commas_and_none(rate, period, tmp_path):
         assert samples is None and "time: rate: expected samples a second" in said
     else:
         np.testing.assert_allclose(np.diff(samples.stamps_ns) * 1e-9, period, atol=2e-9)
+
+
+def test_a_label_above_each_axis_is_of_one_marker(tmp_path):
+    text = (
+        trc(tmp_path).read_text().replace("LWR\t\t\tRWR\t\t", "\t".join(["LWR"] * 3 + ["RWR"] * 3))
+    )
+    samples, said = imported(tmp_path, "b.trc", text, ["RWR.x", "RWR.y", "RWR.z"])
+    assert not said
+    np.testing.assert_allclose(samples.values, EXPORTED / 1000)
+
+
+@pytest.mark.parametrize("title", ["Positions", "Velocities", "Accelerations"])
+def test_places_of_bodies_of_opensim_are_metres_and_no_speeds(title, tmp_path):
+    names = "\t".join([f"hand_{axis}" for axis in (*"XYZ", "Ox", "Oy", "Oz")])
+    head = f"{title}\ninDegrees=yes\nendheader\ntime\t{names}"
+    rows = [[f"{TIMES_S[k]}", *cells(k, scale=0.001), *cells(k)] for k in range(ROWS)]
+    path, content = tmp_path / "a.sto", table(head, rows.__getitem__, "\t")
+    samples, said = imported(tmp_path, "a.sto", content, ["hand_X", "hand_Y", "hand_Z"])
+    if title == "Positions":
+        check_wrist((samples, said), atol=1e-6)
+        assert "/mocap/hand_o" not in suggest_map(path)
+    else:
+        assert samples is None and "a unit of hand_X that becomes m, got 'm/s" in said
 
 
 def test_states_of_opensim_by_their_paths(tmp_path):

@@ -339,6 +339,8 @@ def test_a_table_of_ros2_topic_echo_has_its_time(tmp_path):
         ("t,w.1.0,w.1.1,w.1.2,w.2.0,w.2.1,w.2.2,w.2.3", "w.1.0"),
         ("t,cartesian_position.0,cartesian_position.1,cartesian_position.2,a.3,a.4,a.5", "cart"),
         ("t,action.x,action.y,action.z,state.x,state.y,state.z", "state.x"),
+        ("t,x_dot,y_dot,z_dot,x_cup,y_cup,z_cup", "x_cup"),
+        ("t,x_2,y_2,z_2,v_2", "x_2"),
     ],
 )
 def test_a_place_is_told_from_a_rotation_a_speed_and_a_command(head, place, tmp_path):
@@ -349,6 +351,29 @@ def test_a_place_is_told_from_a_rotation_a_speed_and_a_command(head, place, tmp_
     entries = content["observed"] + content.get("controlled", [])
     (first,) = [entry["columns"][0] for entry in entries if "PoseStamped" in entry["type"]]
     assert first.startswith(place)
+
+
+@pytest.mark.parametrize(
+    ("head", "at", "time"),
+    [
+        (",x,y,z", "{:.2f}".format, {"column": "0", "unit": "s"}),
+        (",x,y,z", lambda t: f"2024-01-31 10:00:{t:06.3f}", {"column": "0"}),
+        (",x,y,z", lambda t: f"{100 * t:.0f}", None),
+        ("t,x,y,z", lambda t: f"{100 * t:.0f}", None),
+        ("t_ms,x,y,z", lambda t: f"{100 * t:.0f}", {"column": "t_ms", "unit": "ms"}),
+    ],
+)
+def test_the_index_of_pandas_is_the_time_unless_it_counts_rows(head, at, time, tmp_path):
+    content = table(head, lambda k: [at(TIMES_S[k]), *cells(k, scale=1e-3)])
+    (tmp_path / "a.csv").write_text(content)
+    assert yaml.safe_load(suggest_map(tmp_path / "a.csv")).get("time") == time
+
+
+def test_landmarks_of_an_array_alone_are_places(tmp_path):
+    np.save(tmp_path / "a.npy", np.stack([np.zeros_like(PLACE), PLACE], axis=1))
+    content, _, (found,) = suggested(tmp_path / "a.npy")
+    assert content["observed"][0]["columns"] == ["1.0", "1.1", "1.2"]
+    np.testing.assert_allclose(found.samples[0].values, PLACE / 1000)
 
 
 def test_the_place_in_a_matrix_of_a_pose_is_found(tmp_path):
