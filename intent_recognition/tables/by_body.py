@@ -15,7 +15,7 @@ from intent_recognition.tables.table import Table, check_columns
 
 OF_BODY = re.compile(
     r"(?i)(?:rigid[_ ]?body|body(?:[_ ]?part)?|marker|joint|segment|landmark|key[_ ]?point|sensor"
-    r"|tracker|tracking|track|tag|device|child_frame)(?:[_ ]?(?:name|type|id))?"
+    r"|tracker|tracking|track|tag|device|child_frame|topic)(?:[_ ]?(?:name|type|id))?"
 )
 """The column that says which body a row is of."""
 OF_ANY = re.compile(r"(?i)name|id|object|hand|side|person|subject|agent")

@@ -142,10 +142,11 @@ def open_landmarks(path: Path) -> Table:
     content = _load(path)
     frames = content.get("frames", content.get("results")) if isinstance(content, dict) else content
     if frames is None and isinstance(content, dict):  # rows under a name of their own
-        lists = [
-            v for v in content.values() if isinstance(v, list) and v and isinstance(v[0], dict)
-        ]
-        frames = lists[0] if len(lists) == 1 else None
+        lists = [v for v in content.values() if isinstance(v, list) and v]
+        of_rows = [v for v in lists if isinstance(v[0], dict)]
+        longer = [len(v) for v in lists if of_rows and len(v) > len(of_rows[0])]
+        are_columns = len(longer) > len(set(longer))  # beside a list of events
+        frames = of_rows[0] if len(of_rows) == 1 and not are_columns else None
     keys = _numbered(content) if isinstance(content, dict) else []
     if keys:
         found = [(key, content[key]) for key in keys]
@@ -158,7 +159,9 @@ def open_landmarks(path: Path) -> Table:
         raise unusable(path, "a list of frames with landmarks", "none", "Check the file.")
     number = next((k for k in NUMBERS if all(isinstance(f, dict) and k in f for f in frames)), "")
     rows = _rows([frame[number] for frame in frames] if number else keys or range(len(frames)))
-    if all(isinstance(frame, dict) and "people" in frame for frame in frames):
+    if all(isinstance(frame, dict) and "people" in frame for frame in frames) and any(
+        "keypoints" in key for frame in frames for one in frame["people"] or () for key in one
+    ):
         return _of_openpose(path, [(path, frame) for frame in frames], rows)
     images = [f.get("image_id") for f in frames if isinstance(f, dict)]
     if len(set(map(str, images))) < len(images) and images.count(None) < len(images):

@@ -40,6 +40,12 @@ ELEMENTS = re.compile(
     r"(?:[\s_]*[\[(]?[cdm]?m[\])]?)?"
     r"[._\[](?P<element>\d)\]?$"
 )
+ARRAY = re.compile(r"(?P<body>.*[^\W\d_].*?)(?:\.|\[)(?P<element>\d)\]?")
+"""Elements of any array, which is a place if it has three, unless its name says something else."""
+NO_PLACE_IN_ARRAY = re.compile(
+    r"(?i)joint|action|angle|(?:^|[\W_])d{0,2}q$"
+    r"|(?:^|[\W_])(?:qpos|arm|robot|state|theta|phi|rpy|ctrl|config|finger|leg)s?[\W_\d]*$"
+)
 POSE_NAME = re.compile(r"(?i)pose|cartesian")
 POSE_SIZES = (3, 6, 7)
 """Elements of a place: x, y, z, and a rotation vector or a quaternion."""
@@ -55,6 +61,7 @@ NO_PLACE = re.compile(
     r"(?i)rotation|orientation|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)"
     r"|(?:rot|vel|dot|std|omega|ang|angle|force|moment|power|torque)s?[\W_]?$"
 )
+OTHERS = (NO_JOINT, NO_PLACE, NO_PLACE_IN_ARRAY)
 NO_PLACE_BEFORE_AXIS = re.compile(r"(?i)(?:^|[\W_])[ravwfmg]$")
 """Letters right before an axis that speak of an angle, a velocity, a force, ..., as in `rx`."""
 
@@ -65,7 +72,9 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
     for name in columns:
         if COMMANDED.search(name):
             continue
-        if match := ELEMENTS.match(name) or LANDMARK.fullmatch(name):
+        match = ELEMENTS.match(name) or LANDMARK.fullmatch(name) or ARRAY.fullmatch(name)
+        is_other = match and match.re is ARRAY and any(no.search(match["body"]) for no in OTHERS)
+        if match and not is_other:
             found.setdefault(match["body"], {})[match["element"]] = name
         end = UNIT_END.search(name)
         if end and end["unit"] and spelled(end["unit"]) not in LENGTHS:

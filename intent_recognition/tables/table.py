@@ -96,7 +96,10 @@ class Table:
         """The unit of a column as the file spells it, also at the end of its name; "" for none."""
         if (number := self.find(name)) is None:
             return self.unit
-        return self.units.get(number) or self.unit or _in_name(self.names[number])
+        own = self.names[number]
+        if re.sub("(?i)px$", "py", own) in {*self.names} - {own}:  # a place, no pixels
+            own = ""
+        return self.units.get(number) or self.unit or _in_name(own)
 
     def time_unit_of(self, name: str) -> str:
         """The unit of a column of times, a key of `PER_UNIT`; "" where the file does not say."""

@@ -158,6 +158,7 @@ PLACES = dict(zip("xyz", (PLACE / 1000).T.tolist(), strict=True))
 COLUMNS = {"t": TIMES_S.tolist(), **PLACES, "what": ["give"] * ROWS}
 LISTS = {
     "with texts": (COLUMNS, ""),
+    "beside events": ({**COLUMNS, "events": [{"t": 0.5, "what": "grasp"}]}, ""),
     "beside settings": ({**COLUMNS, "set": {"lut": [0] * 999, "of": [{"a": 1}]}}, ""),
     "in a mapping": ({"made": {"by": "me"}, "data": COLUMNS}, "data."),
     "as pandas numbers them": ({k: dict(enumerate(v)) for k, v in COLUMNS.items()}, ""),
@@ -205,9 +206,10 @@ def test_lists_with_numbers_in_their_names_are_columns_and_may_hold_places(tmp_p
     check_wrist(imported(tmp_path, "a.json", json.dumps(content), **options), atol=0.0)
 
 
-def test_rows_of_bodies_are_told_apart(tmp_path):
+@pytest.mark.parametrize("key", ["body", "topic"])
+def test_rows_of_bodies_are_told_apart(key, tmp_path):
     rows = [
-        {"t": t, "body": body, **(ROWS_OF[k] if body == "wrist" else dict.fromkeys("xyz", 0.1 * k))}
+        {"t": t, key: body, **(ROWS_OF[k] if body == "wrist" else dict.fromkeys("xyz", 0.1 * k))}
         for k, t in enumerate(TIMES_S.tolist())
         for body in ("cup", "wrist")[:: 1 - 2 * (k % 2)]
     ]
@@ -230,6 +232,15 @@ def test_landmarks_of_an_image_however_they_are_listed(kind, tmp_path):
     samples, said = imported(tmp_path, "a.json", json.dumps(content), columns, **options)
     assert said == "the landmarks are places in the image, not in metres"
     np.testing.assert_allclose(samples.values[:, :2], PLACE[:, :2] / 1000)
+
+
+def test_people_of_another_program_are_told_apart_by_their_ids(tmp_path):
+    content = [
+        {"people": [{"id": 2, "w": place}, {"id": 1, "w": [0.0] * 3}][:: 1 - 2 * (k % 2)]}
+        for k, place in enumerate((PLACE / 1000).tolist())
+    ]
+    columns, time = [f"people.2.w.{k}" for k in range(3)], {"rate": 100}
+    check_wrist(imported(tmp_path, "a.json", json.dumps(content), columns, time=time), atol=0.0)
 
 
 @pytest.mark.parametrize("key", ["name", "id", "jointType"])
