@@ -100,8 +100,13 @@ def name_below(source: Path, path: Path) -> str:
     return path.name if path == source else path.relative_to(source).as_posix()
 
 
-NUMBERED = re.compile(r"(?P<task>.+?)(?P<between>[_\- ])\d+")
-"""Names such as `give_bracket_07`."""
+NUMBERED = re.compile(r"(?P<task>.+?)(?P<date>(?:[_\- ]\d{6,})?)(?P<between>[_\- ])\d+")
+"""Names such as `give_bracket_07` and `give_20240131_100000`."""
+NO_TASK = re.compile(
+    r"(?i)(?:demo|demonstration|traj|trajectory|episode|ep|trial|take|rec|recording|run|data|log"
+    r"|p|s|sub|subj|subject|participant|person|user|day|ses|session)?[\W_\d]*"
+)
+"""What recordings and people are called who are numbered or dated, beside tasks."""
 
 
 class FileKind(NamedTuple):
@@ -163,13 +168,16 @@ def name_pattern(source: Path, files: Sequence[Path]) -> str:
     inside = [path.relative_to(source) for path in files]
     above, suffix = {path.parent.as_posix() for path in inside}, files[0].suffix
     if len(above) > 1:
-        if all("/" not in folder and folder != "." for folder in above):
+        are_flat = all("/" not in folder and folder != "." for folder in above)
+        if are_flat and not all(map(NO_TASK.fullmatch, above)):
             return "{task}/{number}" + suffix
         return ""
     (folder,) = above
     before = "" if folder == "." else f"{folder}/"
     matches = [NUMBERED.fullmatch(path.stem) for path in inside]
-    betweens = {match["between"] for match in matches if match}
-    if all(matches) and len(betweens) == 1:
-        return f"{before}{{task}}{betweens.pop()}{{number}}{suffix}"
+    ends = {(match["date"][:1], match["between"]) for match in matches if match}
+    are_tasks = any(not NO_TASK.fullmatch(match["task"]) for match in matches if match)
+    if all(matches) and are_tasks and len(ends) == 1:
+        date, between = ends.pop()
+        return f"{before}{{task}}{date}{'{date}' * bool(date)}{between}{{number}}{suffix}"
     return f"{before}{{number}}{suffix}" if len(files) > 1 and before else ""

@@ -250,6 +250,10 @@ def test_a_suggestion_knows_seconds_with_nanoseconds_and_dates(tmp_path):
         (["give_cup-07.csv", "take_cup-12.csv"], "'{task}-{number}.csv'"),
         (["give_00.csv"], "'{task}_{number}.csv'"),
         (["give.csv", "take_1.csv"], ""),
+        (["give_20240131_100000.csv", "take_20240131_110000.csv"], "'{task}_{date}_{number}.csv'"),
+        (["2024-01-31_10-00-00.csv", "2024-01-31_11-00-00.csv"], ""),
+        (["episode_0.csv", "episode_1.csv"], ""),
+        (["P01/give_1.csv", "P02/give_1.csv"], ""),
         (["a/deep/x_1.csv", "b/deep/x_2.csv"], ""),
     ],
 )
