@@ -159,9 +159,9 @@ def open_landmarks(path: Path) -> Table:
         raise unusable(path, "a list of frames with landmarks", "none", "Check the file.")
     number = next((k for k in NUMBERS if all(isinstance(f, dict) and k in f for f in frames)), "")
     rows = _rows([frame[number] for frame in frames] if number else keys or range(len(frames)))
-    if all(isinstance(frame, dict) and "people" in frame for frame in frames) and any(
-        "keypoints" in key for frame in frames for one in frame["people"] or () for key in one
-    ):
+    listed = [frame.get("people") for frame in frames if isinstance(frame, dict)]
+    are_all = None not in listed and len(listed) == len(frames)
+    if are_all and any("keypoints" in str(people) for people in listed):
         return _of_openpose(path, [(path, frame) for frame in frames], rows)
     images = [f.get("image_id") for f in frames if isinstance(f, dict)]
     if len(set(map(str, images))) < len(images) and images.count(None) < len(images):
@@ -347,9 +347,8 @@ def _is_person(content: Any) -> bool:
 
 def _inside(content: Any) -> list[Any]:
     if isinstance(content, dict):
-        return [
-            content.get(key) for key in ("landmark", "landmarks", "keypoints") if key in content
-        ]
+        keys = ("landmark", "landmarks", "keypoints")
+        return [content[key] for key in keys if key in content]
     return content if isinstance(content, list) else []
 
 

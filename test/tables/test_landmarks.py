@@ -270,7 +270,14 @@ def test_another_body_at_the_place_of_one_in_parquet_is_not_taken_for_it(tmp_pat
 
 @pytest.mark.parametrize(
     "content",
-    ["null", "3", "[[]]", '{"fps": "a", "frames": [[[0, 0]]]}', json.dumps([landmarks(0, "abc")])],
+    [
+        "null",
+        "3",
+        "[[]]",
+        '[{"people": 3}]',
+        '{"fps": "a", "frames": [[[0, 0]]]}',
+        json.dumps([landmarks(0, "abc")]),
+    ],
 )
 def test_json_of_something_else_is_refused(content, tmp_path):
     assert imported(tmp_path, "a.json", content, time={"rate": 100})[0] is None
