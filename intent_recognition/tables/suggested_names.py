@@ -55,8 +55,8 @@ UNIT_END = re.compile(
 )
 """A unit at the end of a name."""
 PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[wxyzWXYZ])$")
-AXIS_FIRST = re.compile(r"(?P<axis>[xyzXYZ])[._ ]?(?P<body>\d+|(?<=[._ ])\D.*)")
-"""Names such as `x1` and `x_wrist`."""
+AXIS_FIRST = re.compile(r"(?P<axis>[xyzXYZ])[._ ]?(?P<body>\d+|[A-Z].*|(?<=[._ ])\D.*)")
+"""Names such as `x1`, `xWrist` and `x_wrist`."""
 NO_PLACE = re.compile(
     r"(?i)rotation|orientation|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)"
     r"|(?:rot|vel|dot|std|omega|ang|angle|force|moment|power|torque)s?[\W_]?$"
