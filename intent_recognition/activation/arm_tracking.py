@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.activation.arm_clock import ArmClock
 from intent_recognition.activation.inbox import LARGEST_SKEW_NS, RESTAMP
-from intent_recognition.activation.lateness import LATENESSES_NS, Lateness
+from intent_recognition.activation.lateness import LATENESSES_NS, ArmClock, Lateness
 from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import Command, MotionPoints
 from intent_recognition.array_types import Floats

@@ -34,8 +34,7 @@ def check_model(path: Path, scene: Scene) -> None:
 
 def trained_model(path: Path, console: Console, scene: Scene) -> Path:
     """Write the model of a scene, which is kept between demos of the same recordings and code."""
-    from intent_recognition.cli.train import print_library, train
-    from intent_recognition.cli.train_sessions import with_sessions
+    from intent_recognition.cli.train import print_library, train, with_sessions
 
     started = time.monotonic()
     dofs = share_path(scene.dofs) if scene.dofs else None

@@ -3,9 +3,14 @@
 
 from intent_recognition.improvement.cost import Cost, Rollout, load_cost
 from intent_recognition.improvement.practice import Practice, attempt, compare
-from intent_recognition.improvement.search import CovarianceSearch, Search, settled_point
+from intent_recognition.improvement.search import (
+    CovarianceSearch,
+    Search,
+    SearchSpace,
+    search_space,
+    settled_point,
+)
 from intent_recognition.improvement.session import STATE, PracticeSession
-from intent_recognition.improvement.space import SearchSpace, search_space
 from intent_recognition.improvement.task_practice import (
     N_PHASES,
     TaskPractice,

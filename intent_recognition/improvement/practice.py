@@ -9,8 +9,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.improvement.cost import Cost, Rollout
-from intent_recognition.improvement.search import Search, next_point
-from intent_recognition.improvement.space import SearchSpace
+from intent_recognition.improvement.search import Search, SearchSpace, next_point
 
 
 class Practice(Protocol):

@@ -25,7 +25,7 @@ from intent_recognition.array_types import Floats, Integers
 from intent_recognition.demonstrations import DofSpec, position_columns
 from intent_recognition.errors import ArgumentError, TrajectoryError
 from intent_recognition.improvement.cost import Rollout
-from intent_recognition.improvement.space import SearchSpace, search_space
+from intent_recognition.improvement.search import SearchSpace, search_space
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, hand_position
 from intent_recognition.learning import (
     RuleChange,

@@ -15,7 +15,7 @@ from rclpy.publisher import Publisher
 
 from intent_recognition.errors import ArgumentError, MessageError
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import to_odometry, to_pose
+from intent_recognition.nodes.conversions import PoseNumbers, read_pose, to_odometry, to_pose
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.frames import FrameOutput, hear_frames
 from intent_recognition.nodes.parameters import Changes, declare, keep_live
@@ -28,7 +28,6 @@ from intent_recognition.nodes.runtime import (
     steady_timer,
     when_clock_goes_back,
 )
-from intent_recognition.nodes.serialized import PoseNumbers, read_pose
 from intent_recognition.signals import place_misfit
 from intent_recognition.tracking import (
     IngestSettings,

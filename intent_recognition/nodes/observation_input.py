@@ -21,9 +21,8 @@ from intent_recognition.errors import MessageError, describe, printable
 from intent_recognition.model import Frames
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.backlog import Backlog
-from intent_recognition.nodes.conversions import message_class
+from intent_recognition.nodes.conversions import message_class, read_odometry
 from intent_recognition.nodes.diagnostics import Diagnostics
-from intent_recognition.nodes.serialized import read_odometry
 from intent_recognition.signals import Observation
 from intent_recognition.tracking import frame_name
 

@@ -10,10 +10,10 @@ from rclpy.node import Node
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
+from intent_recognition.nodes.conversions import PoseNumbers
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import steady_timer
-from intent_recognition.nodes.serialized import PoseNumbers
 from intent_recognition.tracking import NOBODY, Identities, IngestSettings, frame_name, identify
 
 ANYBODY = "*"

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plans of assemblies: which steps there are and their order, learned, written, followed online."""
 
-from intent_recognition.plans.editing import moved, ordered, required, without
 from intent_recognition.plans.file import (
     Assembly,
     DoneTask,
@@ -12,4 +11,11 @@ from intent_recognition.plans.file import (
 )
 from intent_recognition.plans.learning import learn_plan
 from intent_recognition.plans.progress import WorkProgress
-from intent_recognition.plans.work_plan import LIKELY_BEFORE, WorkPlan
+from intent_recognition.plans.work_plan import (
+    LIKELY_BEFORE,
+    WorkPlan,
+    moved,
+    ordered,
+    required,
+    without,
+)

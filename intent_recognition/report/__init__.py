@@ -4,8 +4,7 @@
 A file for each page, and for the figures on it.
 """
 
-from intent_recognition.report.arms_report import write_arms_report
-from intent_recognition.report.demo_report import write_demo_report
+from intent_recognition.report.demo_report import write_arms_report, write_demo_report
 from intent_recognition.report.drawing import (
     DASHED,
     INK,

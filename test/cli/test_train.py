@@ -16,8 +16,7 @@ from rich.console import Console
 from intent_recognition import __version__
 from intent_recognition.bags import BagWriter
 from intent_recognition.cli.main import main
-from intent_recognition.cli.train import print_library
-from intent_recognition.cli.train_sessions import with_sessions
+from intent_recognition.cli.train import print_library, with_sessions
 from intent_recognition.errors import ArgumentError, BagError, DofError, ModelError, TrainingError
 from intent_recognition.learning import Hyperparameters, Trained, TrainingReport, TrainingSettings
 from intent_recognition.learning.fitting import library_from_statistics

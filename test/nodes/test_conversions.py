@@ -23,6 +23,8 @@ from intent_recognition.nodes.conversions import (
     message_class,
     orientation_array,
     position_array,
+    read_odometry,
+    read_pose,
     stamp_ns,
     to_joint_state,
     to_odometry,
@@ -30,7 +32,6 @@ from intent_recognition.nodes.conversions import (
     to_stamp,
     trajectory_arrays,
 )
-from intent_recognition.nodes.serialized import read_odometry, read_pose
 from intent_recognition.tracking import TrackedPose
 from intent_recognition.tracking.ingest import Velocity
 

@@ -16,11 +16,10 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.filtering import TaskPosterior
 from intent_recognition.model.file import save_model
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import stamp_ns, to_pose, to_stamp
+from intent_recognition.nodes.conversions import PoseNumbers, stamp_ns, to_pose, to_stamp
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.people import IdentityInput
-from intent_recognition.nodes.serialized import PoseNumbers
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.signals import Observation
 from intent_recognition.tracking import IngestSettings, IngestState, ingest_pose
