@@ -18,10 +18,9 @@ from intent_recognition.kinematics import check_position
 from intent_recognition.motion import JointReference
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm.controllers import guiding_torque, impedance_torque, limit_torque
-from sim_bridge.arm.held_joints import HeldJoints
 from sim_bridge.arm.robots import Robot, derived_gains, find_robot
 from sim_bridge.arm.state import ArmState, HandPose, SensorNoise
-from sim_bridge.arm.urdf_loading import free_joints, load_urdf, stop_at_fixtures
+from sim_bridge.arm.urdf_loading import HeldJoints, free_joints, load_urdf, stop_at_fixtures
 from sim_bridge.physics import end_world, pybullet, start_world
 
 TIME_STEP_S = 0.001

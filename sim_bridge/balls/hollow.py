@@ -10,6 +10,10 @@ from functools import cached_property
 import numpy as np
 
 from intent_recognition.array_types import Floats
+from sim_bridge.containers import Container
+
+N_HEIGHTS, N_CORNERS = 7, 32
+"""Heights at which the inner outline is taken, and corners of each. Convention."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +78,17 @@ class Hollow:
         heights = self.heights_m.copy()
         heights[0] -= by_m
         return replace(self, rings_m=offset(self.rings_m, by_m), heights_m=heights)
+
+
+def hollow_of(container: Container) -> Hollow:
+    """The inner wall of a container in fewer rings and corners, crest included."""
+    sections = container.sections
+    body = len(sections.heights_m) - 1
+    wanted = np.linspace(sections.heights_m[0], sections.heights_m[-2], N_HEIGHTS - 1)
+    rows = {int(np.argmin(np.abs(sections.heights_m[:body] - height))) for height in wanted}
+    chosen = [*sorted(rows), body]
+    every = sections.inner.shape[1] // N_CORNERS
+    return Hollow(sections.inner[chosen][:, ::every], sections.heights_m[chosen])
 
 
 def offset(rings_m: Floats, by_m: float) -> Floats:

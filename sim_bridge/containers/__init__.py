@@ -6,8 +6,10 @@ from sim_bridge.containers.generate import (
     CONTAINER_NAMES,
     CONTAINER_SEED,
     SHAPES,
+    TUBE_CORNERS,
+    at_heights,
     build_container,
     make_container,
+    pieces_between,
 )
 from sim_bridge.containers.scanning import Camera, scan
-from sim_bridge.containers.surfaces import TUBE_CORNERS, at_heights, pieces_between

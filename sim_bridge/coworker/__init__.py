@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated coworker: wrist movements as pure functions of a random generator."""
 
-from sim_bridge.coworker.change import USUAL_BLEND, blend, joined, last_reach
 from sim_bridge.coworker.reach import (
+    USUAL_BLEND,
     JoinedMovement,
     Reach,
     WristMovement,
+    blend,
     bow_profile,
     draw_hesitations,
     draw_reach,
     draw_rest,
+    joined,
+    last_reach,
 )
 from sim_bridge.coworker.session import (
     WITHOUT_PAUSE,

@@ -12,8 +12,15 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
-from sim_bridge.coworker.change import USUAL_BLEND, blend, superposed
-from sim_bridge.coworker.reach import WristMovement, draw_reach, draw_rest, draw_retract
+from sim_bridge.coworker.reach import (
+    USUAL_BLEND,
+    WristMovement,
+    blend,
+    draw_reach,
+    draw_rest,
+    draw_retract,
+    superposed,
+)
 from sim_bridge.coworker.styles import STYLES
 from sim_bridge.coworker.task_list import Intention, read_intention
 from sim_bridge.coworker.timeline import WristSamples, sample_wrist

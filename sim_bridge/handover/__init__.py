@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a handover by force takes: fingers, an object between them, and a person's hand."""
 
-from sim_bridge.handover.fingers import GRIP_M, Fingers, finger_joints, with_fingers
-from sim_bridge.handover.following import GripFollower
+from sim_bridge.handover.fingers import GRIP_M, Fingers, GripFollower, finger_joints, with_fingers
 from sim_bridge.handover.grip import CompliantHand, Strength
 from sim_bridge.handover.partner import Giver, Manner, SeenRobot, Taker, progress
 from sim_bridge.handover.thing import (

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-from .live import REST_M as REST_M
-from .live import in_assistants_place as in_assistants_place
-from .live import plan_live as plan_live
 from .session import MARGIN_S as MARGIN_S
+from .session import REST_M as REST_M
 from .session import SESSIONS as SESSIONS
 from .session import AssemblySession as AssemblySession
+from .session import in_assistants_place as in_assistants_place
 from .session import of_worker as of_worker
+from .session import plan_live as plan_live
 from .session import plan_session as plan_session
 from .styles import ASSISTANT as ASSISTANT
 from .styles import FASTENING as FASTENING

@@ -10,8 +10,12 @@ from intent_recognition.kinematics import inverse_kinematics
 from intent_recognition.warping import ObjectCloud
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.containers import scan
-from sim_bridge.scenarios.pouring.novel import BALLS_ABOVE
-from sim_bridge.scenarios.pouring.pairs import N_BALLS, container_named, half_full_radius_m
+from sim_bridge.scenarios.pouring.novel import (
+    BALLS_ABOVE,
+    N_BALLS,
+    container_named,
+    half_full_radius_m,
+)
 from sim_bridge.scenarios.pouring.table import PouringTable
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, SEED_POSTURE, PourPath, SideGrasp
 

@@ -23,14 +23,17 @@ from sim_bridge.scenarios.pouring.ball_pour import N_FILLS, BallPours, capacity
 from sim_bridge.scenarios.pouring.novel import (
     HALF_FULL,
     JOINT_TOPIC,
+    N_BALLS,
+    TASK,
     DemonstratedPours,
     PourLevel,
+    container_named,
+    half_full_radius_m,
     learn_pouring,
     plan,
     reached_by,
     seen_as,
 )
-from sim_bridge.scenarios.pouring.pairs import N_BALLS, TASK, container_named, half_full_radius_m
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, plan_joints
 
 EPOCH_NS, MINUTE_NS, LOGGED_NS = 1_767_765_600_000_000_000, 60_000_000_000, 20_000_000

@@ -18,12 +18,13 @@ from sim_bridge.balls import (
     ball_mass_kg,
     hollow_of,
     settled,
+    shell_pieces,
+    solid_pieces,
     wall_pieces,
     write_obj,
 )
 from sim_bridge.containers import Container
 from sim_bridge.physics import fix, pybullet
-from sim_bridge.scenarios.pouring.outside import shell_pieces, solid_pieces
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, SideGrasp
 
 CUP_MASS_KG = 0.25

@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.constraints.catching import catch, tilt
-from sim_bridge.balls import BallWorld, Hollow, WallGuard, ball_radius_m, balls_in, offset, settled
+from sim_bridge.balls import BallWorld, Hollow, WallGuard, ball_radius_m, balls_in, settled
 from sim_bridge.balls.collision import HULL_MARGIN_M, WALL_M, wall_pieces, write_obj
+from sim_bridge.balls.hollow import offset
 
 RADIUS_M = 0.008
 

@@ -12,7 +12,7 @@ from intent_recognition.model import load_pouring_skill
 from intent_recognition.share import share_path
 from sim_bridge.scenarios.pouring import PouringPractice, read_demonstrated, read_pour, seen_as
 from sim_bridge.scenarios.pouring.ball_pour import BallPours
-from sim_bridge.scenarios.pouring.pairs import container_named, half_full_radius_m
+from sim_bridge.scenarios.pouring.novel import container_named, half_full_radius_m
 
 
 @pytest.fixture(scope="module")

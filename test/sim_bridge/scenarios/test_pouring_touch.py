@@ -7,9 +7,8 @@ from scipy.spatial import ConvexHull
 
 from intent_recognition.kinematics.inverse import inverse_kinematics
 from sim_bridge.arm.arm import SimulatedArm
-from sim_bridge.balls.collision import HULL_MARGIN_M
+from sim_bridge.balls.collision import HULL_MARGIN_M, N_CORNERS, shell_pieces, solid_pieces
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
-from sim_bridge.scenarios.pouring.outside import N_CORNERS, shell_pieces, solid_pieces
 from sim_bridge.scenarios.pouring.table import PouringTable
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, SEED_POSTURE, PourPath, SideGrasp
 
