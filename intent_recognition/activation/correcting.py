@@ -17,8 +17,6 @@ from intent_recognition.activation.states import (
 from intent_recognition.array_types import Floats
 from intent_recognition.motion import (
     Correction,
-    DeviationDetector,
-    JointReference,
     PhaseState,
     Via,
     phase_of,
@@ -86,7 +84,10 @@ class Correcting:
         measured, reference = compared
         if _lasts(self._rests_since_ns, now_ns, correction.release_s):
             return self._go_on(now_ns, state, measured.position, newest, correction)
-        target = _yields_to(measured.position, reference, correction.detector)
+        explained = correction.detector.explained
+        residual = correction.detector.residual(measured.position, reference)
+        # less far than the arm is led, so that it does not sink
+        target = reference.position + residual - np.clip(residual, -explained, explained)
         plan = self._arm.in_force().plan
         led = plan.kind != "yield" or not same_posture(target, plan.end)
         if not (led and self._arm.is_update_due(now_ns)):
@@ -125,13 +126,6 @@ class Correcting:
         if command is None:
             return "correction_infeasible"
         return Transition(Executing(interaction), command)
-
-
-def _yields_to(position: Floats, reference: JointReference, detector: DeviationDetector) -> Floats:
-    """Where the reference follows a led arm to (n,) [rad]: less far, so that it does not sink."""
-    residual = detector.residual(position, reference)
-    explained = np.clip(residual, -detector.explained, detector.explained)
-    return reference.position + residual - explained
 
 
 def _lasts(since_ns: int | None, now_ns: int, duration_s: float) -> bool:

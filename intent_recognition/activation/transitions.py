@@ -56,7 +56,8 @@ class Transitions:
             case Stopped():
                 return self._from_stopped(state, now_ns)
             case Homing():
-                return self._from_homing(state, now_ns)
+                begun = self.interacting.begin(now_ns) or self._waiting.go_ahead(now_ns)
+                return begun or self._waiting.step_homing(now_ns, state)
             case Pretriggered():
                 return self._from_pretriggered(state, now_ns)
             case Yielding():
@@ -126,12 +127,6 @@ class Transitions:
         served, newest = interaction.prediction, self._parts.inbox.prediction
         latest_ns = max(interaction.began_ns, served.onset_ns)
         return label == served.label and (newest is None or newest.onset_ns <= latest_ns)
-
-    def _from_homing(self, state: Homing, now_ns: int) -> Transition:
-        other = self.interacting.begin(now_ns) or self._waiting.go_ahead(now_ns)
-        if other is not None:
-            return other
-        return self._waiting.step_homing(now_ns, state)
 
     def _from_pretriggered(self, state: Pretriggered, now_ns: int) -> Transition:
         activated = self.interacting.begin(now_ns)

@@ -116,24 +116,20 @@ def _tell(args: argparse.Namespace, console: Console, what: str, said: str) -> N
 
 def _practise(session: PracticeSession, rollouts: int, console: Console) -> None:
     try:
-        _practise_until(session, rollouts, console)
+        if session.about["cost"] == THUMBS:  # the question has the terminal for itself
+            while len(session.tried) < rollouts:
+                session.step()
+            return
+        with progress_bar(console) as bar:
+            task = bar.add_task("practising", total=rollouts, completed=len(session.tried))
+            while len(session.tried) < rollouts:
+                tried = session.step()
+                bar.advance(task)
+                bar.update(task, description=f"practising, last cost {tried.cost:.3g}")
     except KeyboardInterrupt:
         done = f"stopped after {len(session.tried)} rollouts; the same command goes on from there"
         sys.stderr.write(f"{done}\n")
         raise
-
-
-def _practise_until(session: PracticeSession, rollouts: int, console: Console) -> None:
-    if session.about["cost"] == THUMBS:  # the question has the terminal for itself
-        while len(session.tried) < rollouts:
-            session.step()
-        return
-    with progress_bar(console) as bar:
-        task = bar.add_task("practising", total=rollouts, completed=len(session.tried))
-        while len(session.tried) < rollouts:
-            tried = session.step()
-            bar.advance(task)
-            bar.update(task, description=f"practising, last cost {tried.cost:.3g}")
 
 
 def _report(

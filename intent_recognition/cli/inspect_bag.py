@@ -48,7 +48,12 @@ def print_bag(console: Console, summary: BagSummary) -> None:
         )
     console.print(table)
     for topic in summary.topics:
-        _print_gaps(console, topic, summary.start_ns)
+        if topic.gaps:
+            gaps = [
+                f"{length:.3f} s at {(at_ns - summary.start_ns) * 1e-9:.2f} s"
+                for at_ns, length in topic.gaps
+            ]
+            console.print(f"gaps in {topic.name}: {brief_list(gaps)}", style="yellow")
     _print_session(console, summary)
     for damage in summary.damage:
         console.print(damage_line(damage), style="red")
@@ -112,15 +117,6 @@ def moment(stamp_ns: int) -> str:
         return f"t = {stamp_ns * 1e-9:.3f} s"
     when = datetime.fromtimestamp(stamp_ns * 1e-9, tz=timezone.utc)
     return when.strftime("%Y-%m-%d %H:%M:%S.%f")[:-3] + " UTC"
-
-
-def _print_gaps(console: Console, topic: TopicSummary, start_ns: int) -> None:
-    if not topic.gaps:
-        return
-    shown = brief_list(
-        [f"{length:.3f} s at {(at_ns - start_ns) * 1e-9:.2f} s" for at_ns, length in topic.gaps]
-    )
-    console.print(f"gaps in {topic.name}: {shown}", style="yellow")
 
 
 def _print_session(console: Console, summary: BagSummary) -> None:

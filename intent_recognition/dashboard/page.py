@@ -128,7 +128,10 @@ class DashboardPage:
         with self._asking:
             asked, self._asked = self._asked, {}
         for action in asked:
-            self._perform(action)
+            try:
+                action()
+            except (IntentError, LookupError, ValueError, TypeError, ArithmeticError) as error:
+                self.show_message(False, one_line(error))  # a browser may send what makes no sense
         with self._server.atomic():  # one transmission: each costs more than what is in it
             self._show()
 
@@ -164,13 +167,6 @@ class DashboardPage:
 
     def _lighten(self) -> None:
         self._scene.lighten()  # asked for by browsers that may come before there is a scene
-
-    def _perform(self, action: Callable[[], None]) -> None:
-        """Do what was asked for; what a browser sent that makes no sense is told, no more."""
-        try:
-            action()
-        except (IntentError, LookupError, ValueError, TypeError, ArithmeticError) as error:
-            self.show_message(False, one_line(error))
 
     def _choose_colours(self) -> None:
         """One colour per task, the same as in the reports; a task of the model keeps it."""

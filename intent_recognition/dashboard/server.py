@@ -218,7 +218,7 @@ class _Connection(ServerConnection):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Count it; too many are not even answered."""
-        self._held: set[str] = set()
+        self._held: set[str] = set()  # names of the handles that are dragged
         self._guard.sockets.add(self)
         super().connection_made(transport)
         if len(self._guard.sockets) > MOST_SOCKETS:
@@ -242,16 +242,12 @@ class _Connection(ServerConnection):
             if message is None or not guard.can_be_done(message, self._held):
                 continue
             if guard.operator.may_act(self):
-                self._follow(message)
+                if isinstance(message, GrabHandle):
+                    self._held.add(message.name)
+                elif isinstance(message, LeaveHandle):
+                    self._held.discard(message.name)
                 return data
             guard.refused(guard.operator.refusal)
-
-    def _follow(self, action: Action) -> None:
-        """Know which handles are dragged."""
-        if isinstance(action, GrabHandle):
-            self._held.add(action.name)
-        elif isinstance(action, LeaveHandle):
-            self._held.discard(action.name)
 
     async def send(self, message: Any, text: bool | None = None) -> None:
         """Send, or cut off a browser that does not read."""

@@ -25,27 +25,22 @@ class Argument:
             return None if value == "" else value
         text = value.strip()
         try:
-            read = _READ[self.kind](text) if text else None
+            read = _KINDS[self.kind][0](text) if text else None
         except (ValueError, KeyError) as error:
-            kind, example = _KINDS[self.kind]
+            _, kind, example = _KINDS[self.kind]
             cure = f"Give {self.name}:={example}."
             raise ArgumentError.about(self.name, kind, repr(text), cure) from error
         return None if read in ((), []) else read
 
 
-_READ: dict[type, Callable[[str], object]] = {
-    list: lambda text: [float(word) for word in text.split(",")],
-    bool: lambda text: {"true": True, "false": False}[text.lower()],
-    int: int,
-    float: float,
-    tuple: lambda text: tuple(word.strip() for word in text.split(",") if word.strip()),
+_KINDS: dict[type, tuple[Callable[[str], object], str, str]] = {
+    list: (lambda text: [float(word) for word in text.split(",")], "numbers", "1.0,2.0"),
+    bool: (lambda text: {"true": True, "false": False}[text.lower()], "true or false", "true"),
+    int: (int, "a whole number", "1"),
+    float: (float, "a number", "1.0"),
+    tuple: (lambda text: tuple(filter(None, map(str.strip, text.split(",")))), "texts", "a,b"),
 }
-_KINDS = {
-    list: ("numbers", "1.0,2.0"),
-    bool: ("true or false", "true"),
-    int: ("a whole number", "1"),
-    float: ("a number", "1.0"),
-}
+"""What reads a text, what it has to be, and an example."""
 
 ARGUMENTS = {
     argument.name: argument

@@ -102,7 +102,7 @@ class Diagnostics:
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._answers = node.create_publisher(JointState, ANSWERS, qos.FEEDBACK)
         self._answered = -1
-        self._timer = steady_timer(node, period_s, self.publish)
+        steady_timer(node, period_s, self.publish)
 
     def count(self, reason: str, amount: int = 1) -> None:
         """Count rejected inputs under `reason`; the total is published as `rejected <reason>`."""

@@ -95,7 +95,7 @@ class PrimitiveActivation(ManagedNode):
         keep_live(self, live_parameters("activation"), self._changed, self._change)
         self._silent, self._refused = "", False
         self._timer = self.create_timer(1.0 / self._settings.rate_hz, self._on_timer)
-        self._look = steady_timer(self, 0.1, self._look_for_silence)
+        steady_timer(self, 0.1, self._look_for_silence)
         self.start()
 
     def _meet(self, person: str) -> None:

@@ -67,7 +67,7 @@ class WarpedPrimitiveNode(Node):
         self._trajectory = self.create_publisher(
             JointTrajectory, "intent/robot_trajectory", qos.COMMAND
         )
-        self._timer = self.create_timer(0.04, self._on_timer)  # as often as the estimator
+        self.create_timer(0.04, self._on_timer)  # as often as the estimator
 
     def _keep(self, table: dict, name: str, message: Any) -> None:
         table[name] = message

@@ -187,12 +187,12 @@ def test_a_motion_under_way_slows_when_more_separation_is_asked_for():
     """Nothing new is known of the person meanwhile."""
     world = RecordingWorld(separation=SEPARATION)
     person = PredictedPerson(START_NS + TUBE_NS[:1], END[None] + [0.0, 0.0, 0.8], np.zeros(1))
-    world.activation.take_person(person)
+    world.activation.take_people((person,))
     world.begin("plate", already_s=0.3)
     world.run(0.9)
     world.speaks = False
     wider = Separation(ARM, SeparationSettings(intrusion_m=0.5))
-    world.activation.change(replace(world.activation._settings, separation=wider))
+    world.activation.change(replace(world.activation._parts.settings, separation=wider))
     world.run(0.2)
     command = world.commands[-1]
     assert world.sent[-1][0] > START_NS + 900 * MS_NS
