@@ -24,6 +24,9 @@ _SETTLING_NS = 500_000_000
 _REST_WINDOW_NS = 100_000_000
 """Without measured velocities, an arm is at rest if its positions say so for this long [ns].
 Convention: ten joint states at 100 Hz."""
+_REST_RAD_S = 0.05
+"""An arm slower than this is at rest [rad/s]; a plan that begins there may be off by `lead_s` times
+it. Convention: several times the noise of a measured velocity."""
 
 
 class Measured(NamedTuple):
@@ -147,15 +150,14 @@ class ArmTracking:
 
         Positions are too few, or too old to be of one movement: not known, so not at rest.
         """
-        speed = self._common.settings.rest_speed_rad_s
         if measured.velocity is not None:
-            return bool(np.abs(measured.velocity).max() <= speed)
+            return bool(np.abs(measured.velocity).max() <= _REST_RAD_S)
         times_ns, positions = zip(*self._recent_positions, strict=True)
         span_ns = times_ns[-1] - times_ns[0]
         gap_ns = max(np.diff(times_ns), default=span_ns)
         if span_ns < _REST_WINDOW_NS or gap_ns > self._common.settings.max_joint_state_age_s * 1e9:
             return False
-        return bool(np.ptp(np.array(positions), axis=0).max() <= speed * span_ns * 1e-9)
+        return bool(np.ptp(np.array(positions), axis=0).max() <= _REST_RAD_S * span_ns * 1e-9)
 
     def put_in_force(self, now_ns: int, command: Command) -> Command:
         """Note that a command holds from its start on; returns it as it is to be sent."""

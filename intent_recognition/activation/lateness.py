@@ -94,9 +94,6 @@ LATENESSES_NS = np.arange(0, 450_000_000, 50_000_000)
 _N_LOOKS, _N_BEFORE, _N_AGAIN = 180, 30, 10
 """Looks that are kept, the first of them that only explain the others, and after how many it is
 compared again. Convention: 3.6 s, 0.6 s and 0.2 s at 100 Hz."""
-_DELAYS = np.arange(0, 26, 2)
-"""An arm's lag is a mixture of these pure delays [looks] and `_LAGGED`. Convention: up to 0.5 s at
-100 Hz."""
 _AGES = np.subtract.outer(np.arange(_N_LOOKS), np.arange(_N_LOOKS))
 _LAGGED = np.array(
     [(1.0 - k) * np.tril(k ** np.abs(_AGES)) for k in np.exp(-1.0 / np.array([2.5, 5, 10, 20]))]
@@ -162,7 +159,8 @@ def unexplained(positions: Floats, asked: Floats, tells: NDArray[np.bool_]) -> f
     Positions (T, n) [rad] were measured and asked for at the same times; `tells` says which count.
     """
     rows = np.arange(len(asked))
-    late = [asked[np.maximum(rows - delay, 0)] for delay in _DELAYS]
+    # a lag is a mixture of pure delays, up to 0.5 s at 100 Hz, and of `_LAGGED`
+    late = [asked[np.maximum(rows - delay, 0)] for delay in range(0, 26, 2)]
     late.extend(asked[0] + _LAGGED[:, : len(asked), : len(asked)] @ (asked - asked[0]))
     tables = np.array([*late, positions])[:, _N_BEFORE::2].transpose(2, 1, 0)  # one of each joint
     counts = tells[_N_BEFORE::2].T[:, :, None]

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import DecisionSettings, DecisionState
 
@@ -26,12 +26,11 @@ class PretriggerSettings:
     timeout_s: float = 10.0  # how long to wait there for the human
     # where each task begins, label to (n,) [rad]
     starts: Mapping[str, Floats] = field(default_factory=dict)
-    near_rad: float = 0.02  # an arm nearer than this in every joint is there already
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.threshold <= 1.0:
             cure = "0 switches it off."
-            raise ArgumentError(describe("threshold", "in [0, 1]", self.threshold, cure))
+            raise ArgumentError.about("threshold", "in [0, 1]", self.threshold, cure)
 
 
 class _Expected(NamedTuple):
@@ -66,10 +65,10 @@ class Pretrigger:
         p = np.asarray(probabilities, dtype=np.float64)
         if p.shape != (len(labels),) or not len(labels):
             cure = "Give one probability per task."
-            raise ShapeError(describe("next task", f"shape ({len(labels)},)", p.shape, cure))
+            raise ShapeError.about("next task", f"shape ({len(labels)},)", p.shape, cure)
         if not np.all((p >= -1e-9) & (p <= 1.0 + 1e-9)) or abs(float(p.sum()) - 1.0) > 1e-6:
             cure = "Check the sender."
-            raise ArgumentError(describe("next task", "numbers in [0, 1] of sum 1", p, cure))
+            raise ArgumentError.about("next task", "numbers in [0, 1] of sum 1", p, cure)
         best = int(np.argmax(p))
         self._expected = _Expected(stamp_ns, labels[best], float(p[best]))
 
@@ -92,7 +91,7 @@ class Pretrigger:
 
     def is_near(self, position: Floats, label: str) -> bool:
         """Whether a posture is as good as a task's start."""
-        return bool(np.abs(position - self.start(label)).max() <= self.settings.near_rad)
+        return bool(np.abs(position - self.start(label)).max() <= 0.02)  # [rad] in every joint
 
     def begin(self, label: str, arrival_ns: int) -> None:
         """The arm goes ahead for a task, and is there at a time."""

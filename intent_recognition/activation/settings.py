@@ -35,9 +35,6 @@ class ActivationSettings:
         max_joint_state_age_s: an older joint state is stale [s]. Convention.
         max_tracking_error_rad: largest difference between the arm and its reference [rad].
             Convention: several times what a torque-controlled arm lags behind in fast motions.
-        rest_speed_rad_s: an arm slower than this is at rest [rad/s]; a plan that begins there
-            may be off by `lead_s` times it. Convention: several times the noise of a measured
-            velocity.
         max_lateness_s: a prediction whose end is longer ago than this is outdated [s]. Convention.
         clearance: keeps plans clear of things; None: joint limits alone count.
         separation: slows what is no brake near the predicted person; None: nothing does.
@@ -57,7 +54,6 @@ class ActivationSettings:
     lead_s: float = 0.05
     max_joint_state_age_s: float = 0.25
     max_tracking_error_rad: float = 0.4
-    rest_speed_rad_s: float = 0.05
     max_lateness_s: float = 3.0
     clearance: Clearance | None = None
     separation: Separation | None = None

@@ -10,8 +10,6 @@ from intent_recognition.cli.options import a_path
 
 COMPLETION = "--print-completion"
 SHELLS = ("bash", "zsh", "fish")
-ANY_NUMBER_ZSH = re.compile(r'^  "\(\*\)::?', re.MULTILINE)
-"""What shtab writes for `nargs` of + and *: zsh takes it for one argument and no more."""
 
 
 class PrintCompletion(argparse.Action):
@@ -42,7 +40,10 @@ def completion(parser: argparse.ArgumentParser, shell: str) -> str:
 
     _prepare(parser, shtab.FILE, shtab.DIRECTORY)
     script = shtab.complete(parser, shell=shell)
-    return ANY_NUMBER_ZSH.sub('  "*:', script) if shell == "zsh" else script
+    if shell != "zsh":
+        return script
+    # what shtab writes for `nargs` of + and * zsh takes for one argument and no more
+    return re.sub(r'^  "\(\*\)::?', '  "*:', script, flags=re.MULTILINE)
 
 
 def offer(parser: argparse.ArgumentParser, name: str, words: tuple[str, ...]) -> None:

@@ -48,10 +48,10 @@ def make_console(stderr: bool = False) -> Console:
     return _Output(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
 
 
-def brief_list(items: Sequence[object], most: int = 5) -> str:
-    """The first items by commas, and how many more there are."""
-    more = f", and {len(items) - most} more" if len(items) > most else ""
-    return ", ".join(map(str, items[:most])) + more
+def brief_list(items: Sequence[object]) -> str:
+    """The first five items by commas, and how many more there are."""
+    more = f", and {len(items) - 5} more" if len(items) > 5 else ""
+    return ", ".join(map(str, items[:5])) + more
 
 
 def say(console: Console, text: object, style: str | None = None) -> None:

@@ -76,7 +76,7 @@ def run_recordings(args: argparse.Namespace, console: Console) -> int:
         for call in _calls(args, model, arm, home).values():
             watch.processes.start(call.name, call.module, call.parameters, params_file=args.params)
         started = {name for name in watch.processes.names if name not in ARMS}
-        watch.until(lambda: started <= watch.reported, START_S, "the nodes' reports")
+        watch.until(lambda: started <= watch.heartbeats.names, START_S, "the nodes' reports")
         watch.until(
             lambda: bool(np.all(np.isfinite(observer.posture))), START_S, "the arm's joint states"
         )

@@ -211,7 +211,7 @@ def _arm(args: argparse.Namespace, home_m: Floats, places_m: Floats, fingers: bo
         except KinematicsError as error:
             reason = reason or error
             continue
-        reached = len(places_m) if fixed else arm.n_reached(places_m, 0.01)
+        reached = len(places_m) if fixed else arm.n_reached(places_m)
         if reached > most:
             best, most = arm, reached
         if most == len(places_m):

@@ -36,10 +36,6 @@ if TYPE_CHECKING:
 
 LIBRARY = "tasks"
 """Folder of what is taught on the page, below the demo's."""
-OWN_INPUTS = ("mocap/wrist/pose", "joint_states", "/clock")
-"""Topics that nothing but the demo may publish."""
-PRETRIGGER_THRESHOLD = 0.7
-"""Probability of the next task from which on the arm goes ahead (docs/recognition.md)."""
 DOMAINS = (1, 101)
 """ROS domains whose ports lie below the ephemeral ports of Linux (ROS 2 documentation, "The
 ROS_DOMAIN_ID")."""
@@ -173,11 +169,11 @@ def _run_graph(
             say(console, "teach a task there, or end it with Ctrl-C: the table of results follows")
             watch.until_interrupted()
         console.print(f"simulated time ran at {pace:.2f} x real time")
-        if watch.unanswered:
-            say(console, f"{watch.unanswered} did not answer for 10 s, and time went on without")
+        if unanswered := watch.heartbeats.unanswered:
+            say(console, f"{unanswered} did not answer for 10 s, and time went on without")
         return logs, {
             "simulated time per real time": round(pace, 2),
-            "did not answer for 10 s": watch.unanswered or "none",
+            "did not answer for 10 s": unanswered or "none",
         }
 
 
@@ -227,7 +223,7 @@ def _calls(args: argparse.Namespace, model: Path, scene: Scene) -> dict[str, Nod
         "rate": float(args.rate),
         "sensor_noise": True,
         "transition_prior": not args.no_anticipation,
-        "pretrigger_threshold": 0.0 if args.no_anticipation else PRETRIGGER_THRESHOLD,
+        "pretrigger_threshold": 0.0 if args.no_anticipation else 0.7,  # docs/recognition.md
         "record": str(args.record.resolve()) if args.record else "",
     }
     waits = {arm: {**waits_for_answers(), **scene.own.get(arm, {})} for arm in ARMS}
@@ -264,7 +260,8 @@ def refuse_busy_domain(observer: "Node", watch: NodeWatch) -> None:
     """Make sure that no other graph with such nodes, or publishers, is in this domain."""
     watch.for_seconds(0.5)
     taken = sorted(set(observer.get_node_names()) & set(GRAPHS["demo"].nodes))
-    published = [topic for topic in OWN_INPUTS if observer.count_publishers(topic)]
+    own = ("mocap/wrist/pose", "joint_states", "/clock")  # nothing else may publish them
+    published = [topic for topic in own if observer.count_publishers(topic)]
     taken += [f"publishers of {topic}" for topic in published]
     if taken:
         raise ResourceBusyError.about(

@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     path, lerobot = args.output.with_suffix(".map.yaml"), not args.output.suffix
     content = export_map(dofs, columns, lerobot)
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=100)
-    output.check_new("--output", path, text)
+    output.check_new(path, text)
     args.output.parent.mkdir(parents=True, exist_ok=True)
     if lerobot:
         write_lerobot(args.output, columns, dofs)

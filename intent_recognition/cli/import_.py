@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
             sys.stdout.write(text)
         else:
             output.check_output("--output", args.output)
-            output.check_new("--output", args.output, text)
+            output.check_new(args.output, text)
             args.output.parent.mkdir(parents=True, exist_ok=True)
             args.output.write_text(text, encoding="utf-8")
             say(make_console(), f"wrote {args.output}")
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     dofs = args.output / DOFS
     content = mapping.dofs.to_dict()
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=100)
-    output.check_new("--output", dofs, text)
+    output.check_new(dofs, text)
     left_out: list[Rejection] = []
     table = plain_table("bag", "task", ">messages", ">not measured", ">dropped")
     totals: Counter[str] = Counter()

@@ -151,7 +151,9 @@ def add_options(group: argparse._ActionsContainer, tables: str, /, **more: Any) 
         more: by the name of an argument its type, or other keywords of `add_argument`.
     """
     for section in filter(None, textwrap.dedent(tables).strip().split("\n\n")):
-        rows, within = _rows(section), group
+        # each row with the lines below that are indented
+        rows = [re.sub(r"\n +", "  ", row, count=1) for row in re.split(r"\n(?! )", section)]
+        within = group
         if rows[0].endswith(":"):
             within = group.add_argument_group(rows.pop(0)[:-1])
         for row in rows:
@@ -163,11 +165,6 @@ def add_options(group: argparse._ActionsContainer, tables: str, /, **more: Any) 
             within.add_argument(name, **options)
     if more:
         raise TypeError(f"expected arguments of the table, got {', '.join(more)}")
-
-
-def _rows(table: str) -> list[str]:
-    """The rows, each with the lines below that are indented."""
-    return [re.sub(r"\n +", " " * 2, row, count=1) for row in re.split(r"\n(?! )", table)]
 
 
 def _argument(row: str) -> tuple[str, dict[str, Any]]:

@@ -62,11 +62,11 @@ def check_output(option: str, path: Path | None) -> None:
         raise ResourceBusyError.about(f"{option} {path}", expected, problem, "Choose another.")
 
 
-def check_new(option: str, path: Path, text: str) -> None:
-    """Find out before anything is written whether a text would replace another one."""
+def check_new(path: Path, text: str) -> None:
+    """Find out before anything is written whether a text for `--output` would replace another."""
     if path.exists() and path.read_bytes() != text.encode():
-        got = f"{path}, which says something else"
-        raise ResourceBusyError.about(option, "a new file", got, "Choose another, or delete it.")
+        got, cure = f"{path}, which says something else", "Choose another, or delete it."
+        raise ResourceBusyError.about("--output", "a new file", got, cure)
 
 
 def write_json(path: Path | None, content: object, indent: int | None = 2) -> None:

@@ -18,15 +18,12 @@ intent segment sessions/monday --model model.npz --output demos
 import argparse
 from pathlib import Path
 
-from rich.console import Console
-
 from intent_recognition.cli import output
 from intent_recognition.cli.console import busy, plain_table, say
 from intent_recognition.cli.options import add_options
 from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import (
-    Segment,
     propose_segments,
     recognise_segments,
     write_segments,
@@ -66,16 +63,11 @@ def run(args: argparse.Namespace) -> int:
         segment._asdict() | {"bag": str(bag)} for segment, bag in zip(segments, bags, strict=True)
     ]
     output.write_json(args.json, content)
-    if args.json != output.PRINTED:
-        _print(console, segments, bags)
+    if args.json != output.PRINTED and segments:
+        table = plain_table("bag", ">from [s]", ">to [s]", "task")
+        for segment, bag in zip(segments, bags, strict=True):
+            at = [f"{(ns - segments[0].start_ns) * 1e-9:.2f}" for ns in segment[:2]]
+            table.add_row(bag.name, *at, segment.task or "-")
+        console.print(table)
     say(console, f"{len(bags)} demonstrations in {args.output}")
     return 0
-
-
-def _print(console: Console, segments: list[Segment], bags: list[Path]) -> None:
-    table = plain_table("bag", ">from [s]", ">to [s]", "task")
-    for segment, bag in zip(segments, bags, strict=True):
-        at = [f"{(ns - segments[0].start_ns) * 1e-9:.2f}" for ns in segment[:2]]
-        table.add_row(bag.name, *at, segment.task or "-")
-    if segments:
-        console.print(table)

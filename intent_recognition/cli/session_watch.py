@@ -78,19 +78,9 @@ class NodeWatch:
         interrupts: Noted,
     ) -> None:
         self.processes = processes
-        self._heartbeats = heartbeats
+        self.heartbeats = heartbeats
         self._executor = executor
         self._interrupts = interrupts
-
-    @property
-    def reported(self) -> Set[str]:
-        """Nodes that have reported on /diagnostics."""
-        return self._heartbeats.names
-
-    @property
-    def unanswered(self) -> str:
-        """Nodes that simulated time went on without, in words; empty for none."""
-        return self._heartbeats.unanswered
 
     def until(self, condition: Callable[[], bool], deadline_s: float, what: str) -> None:
         """Wait until a condition holds.
@@ -126,7 +116,7 @@ class NodeWatch:
         if self._interrupts.take():
             raise KeyboardInterrupt
         self.processes.check(may_end=(COWORKER, PLAYER))
-        self._heartbeats.check(filter(self.processes.running, self.processes.names))
+        self.heartbeats.check(filter(self.processes.running, self.processes.names))
         self._executor.spin_once(timeout_sec=0.1)
 
 

@@ -47,13 +47,13 @@ def checked_text(field: str, text: str, longest: int = LONGEST_NAME) -> str:
     return text
 
 
-def checked_names(field: str, names: Sequence[str], most: int) -> tuple[str, ...]:
-    """So many names at most, each another.
+def checked_names(field: str, names: Sequence[str]) -> tuple[str, ...]:
+    """At most `MOST_NAMES` names, each another.
 
     Raises:
         ArgumentError: they are more, too long, or two are the same.
     """
-    check_count(field, names, most, "names")
+    check_count(field, names, MOST_NAMES, "names")
     twice = [name for k, name in enumerate(names) if name in names[:k]]
     check(field, "names that differ", not twice, f"{twice[:1]} twice")
     return tuple(checked_text(field, name) for name in names)

@@ -136,7 +136,7 @@ class CellSubscriptions:
             self._reject(f"malformed {topic}", one_line(error))
 
     def _on_joints(self, message: JointState) -> None:
-        names = checked_names("name", message.name, MOST_NAMES)
+        names = checked_names("name", message.name)
         positions = checked_numbers("position", message.position, (len(names),))
         self._state.take_joints(names, positions.tolist(), self._clock())
 
@@ -147,7 +147,7 @@ class CellSubscriptions:
             self._state.people[person].take_wrist(position, self._clock())
 
     def _on_tasks(self, person: PersonState, message: JointState) -> None:
-        names = checked_names("name", message.name, MOST_NAMES)
+        names = checked_names("name", message.name)
         check("name", "at least one task", len(names) > 0, "none")
         chances = checked_numbers("position", message.position, (len(names),))
         check("position", "probabilities", np.all((chances >= 0.0) & (chances <= 1.0)), chances)
@@ -155,7 +155,7 @@ class CellSubscriptions:
         person.take_posterior(Posterior(names, chances, phase), self._clock())
 
     def _on_predicted(self, person: PersonState, message: JointTrajectory) -> None:
-        names = checked_names("joint_names", message.joint_names, MOST_NAMES)
+        names = checked_names("joint_names", message.joint_names)
         check_count("points", message.points, MOST_POINTS, "of a trajectory")
         rows = [checked_numbers("positions", p.positions, (len(names),)) for p in message.points]
         positions = np.array(rows).reshape(len(rows), len(names))
@@ -172,7 +172,7 @@ class CellSubscriptions:
             person.drawn, person.drawn_at_s = PathMarkers(*lines, *tubes), self._clock()
 
     def _on_transfer(self, message: JointState) -> None:
-        names = checked_names("name", message.name, MOST_NAMES)
+        names = checked_names("name", message.name)
         numbers = checked_numbers("position", message.position, (len(names),)).tolist()
         needed = {SHARE, SLIP, *FORCES}
         check("name", f"among them {', '.join(sorted(needed))}", needed <= {*names}, names)
@@ -193,7 +193,7 @@ class CellSubscriptions:
             self._state.take_outcome(checked_text("name", message.name), values[OUTCOME])
 
     def _on_question(self, message: JointState) -> None:
-        names = checked_names("name", message.name, MOST_NAMES)
+        names = checked_names("name", message.name)
         self._state.take_question(names, self._clock())
 
     def _on_plan(self, message: DiagnosticStatus) -> None:
@@ -201,7 +201,7 @@ class CellSubscriptions:
         texts = [pair.value for pair in message.values if pair.key == "yaml"]
         _, told = _told(DiagnosticStatus(message=message.message, values=steps))
         plan = read_plan(checked_text("yaml", texts[0], 100_000)) if texts else None
-        checked_names("step", plan.names if plan else (), MOST_NAMES)
+        checked_names("step", plan.names if plan else ())
         self._state.plan = plan
         self._state.progress = {step: what.rpartition(" ")[0] for step, what in told.items()}
 

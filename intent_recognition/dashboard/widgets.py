@@ -15,8 +15,6 @@ from intent_recognition.promp import NONE
 from intent_recognition.report import NONE_COLOUR, readable
 
 FONT = "12px sans-serif"
-GRID = "rgba(128, 140, 153, 0.22)"
-"""Seen on a light page and on a dark one."""
 PULSE = uplot.Series(scale="pulse", points={"show": False})
 """Unseen, and different at each drawing, so that uPlot lays out its axes anew. It fails to where a
 new width and new data come at once, as on a page that opens, whose times then had no numbers."""
@@ -143,7 +141,7 @@ def _axis(label: str, size: int) -> uplot.Axis:
         labelFont=FONT,
         font=FONT,
         stroke=NONE_COLOUR,
-        grid={"stroke": GRID},
+        grid={"stroke": "rgba(128, 140, 153, 0.22)"},  # seen on a light page and on a dark one
     )
 
 

@@ -15,7 +15,6 @@ from intent_recognition.evaluation.remarks import remarks_on
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.evaluation.scoring import PHASES
 from intent_recognition.evaluation.segmenting import (
-    Segment,
     propose_segments,
     recognise_segments,
     write_segments,

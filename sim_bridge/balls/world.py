@@ -51,8 +51,8 @@ class BallWorld(AbstractContextManager["BallWorld"]):
         """How many balls there are."""
         return len(self._balls)
 
-    def fill(self, positions_m: Floats, velocities_m_s: Floats | None = None) -> None:
-        """Begin a fresh world with balls at (N, 3), at rest or moving (N, 3).
+    def fill(self, positions_m: Floats) -> None:
+        """Begin a fresh world with balls at rest at (N, 3).
 
         Starting afresh makes a trial depend on its own input alone: `restoreState` is not exact.
         """
@@ -68,7 +68,7 @@ class BallWorld(AbstractContextManager["BallWorld"]):
         self._sphere = client.createCollisionShape(client.GEOM_SPHERE, radius=self.ball_radius_m)
         self._balls = []
         self.set_gravity(np.array([0.0, 0.0, -1.0]))
-        self.add(positions_m, velocities_m_s)
+        self.add(positions_m)
 
     def add(self, positions_m: Floats, velocities_m_s: Floats | None = None) -> None:
         """Add balls at (N, 3), at rest or moving (N, 3)."""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated coworker: wrist movements as pure functions of a random generator."""
 
+from sim_bridge.coworker.noise import RATE_HZ
 from sim_bridge.coworker.reach import (
     USUAL_BLEND,
     JoinedMovement,
@@ -24,4 +25,4 @@ from sim_bridge.coworker.session import (
 )
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
 from sim_bridge.coworker.task_list import change_some, parse_task_list, work_shares
-from sim_bridge.coworker.timeline import RATE_HZ, WristSamples, sample_wrist
+from sim_bridge.coworker.timeline import WristSamples, sample_wrist

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise of human movement and of the tracker: tremor, sway, measurement noise, occlusions.
 
-All processes are sampled at a fixed rate and drawn from the generator handed in.
+All processes are sampled at `RATE_HZ` and drawn from the generator handed in.
 """
 
 import numpy as np
@@ -9,6 +9,8 @@ import numpy as np
 from intent_recognition.array_types import Flags, Floats
 from intent_recognition.promp import minimum_jerk
 
+RATE_HZ = 100.0
+"""Samples of the tracker per second [Hz]. Convention: that of the shipped recordings."""
 TREMOR_STD_M, SWAY_STD_M = 0.0004, 0.0012
 """Standard deviations of physiological tremor, below a millimetre, and of slow postural sway, per
 axis [m]. Convention."""
@@ -16,23 +18,23 @@ MARKER_STD_M, MARKER_ANGLE_STD_RAD = 0.001, 0.006
 """Noise of a tracked position [m] and orientation [rad] per axis. Convention."""
 
 
-def smooth_noise(rng: np.random.Generator, count: int, rate_hz: float, cutoff_hz: float) -> Floats:
+def smooth_noise(rng: np.random.Generator, count: int, cutoff_hz: float) -> Floats:
     """Gaussian noise (count, 3) of unit variance: two equal first-order low passes in series.
 
     Stationary from the first sample on, since the filter runs before the part that is returned.
     """
-    decay = np.exp(-2.0 * np.pi * cutoff_hz / rate_hz)
+    decay = np.exp(-2.0 * np.pi * cutoff_hz / RATE_HZ)
     warm_up = int(np.ceil(8.0 / (1.0 - decay)))
     white = rng.standard_normal((count + warm_up, 3))
     return _recursive(white, 2.0 * decay, -(decay**2))[warm_up:]
 
 
-def tremor(rng: np.random.Generator, count: int, rate_hz: float) -> Floats:
+def tremor(rng: np.random.Generator, count: int) -> Floats:
     """Physiological tremor (count, 3) in metres: a narrow band around 10 Hz (8 to 12 are usual)."""
-    radius = np.exp(-np.pi * 1.0 / rate_hz)  # a band of 1 Hz
+    radius = np.exp(-np.pi * 1.0 / RATE_HZ)  # a band of 1 Hz
     warm_up = int(np.ceil(8.0 / (1.0 - radius)))
     white = rng.standard_normal((count + warm_up, 3))
-    feedback = 2.0 * radius * np.cos(2.0 * np.pi * 10.0 / rate_hz)
+    feedback = 2.0 * radius * np.cos(2.0 * np.pi * 10.0 / RATE_HZ)
     return TREMOR_STD_M * _recursive(white, feedback, -(radius**2))[warm_up:]
 
 
@@ -50,32 +52,30 @@ def _recursive(white: Floats, first: float, second: float) -> Floats:
     return out / np.sqrt(variance)
 
 
-def signal_dependent(rng: np.random.Generator, positions: Floats, rate_hz: float) -> Floats:
+def signal_dependent(rng: np.random.Generator, positions: Floats) -> Floats:
     """Deviation (T, 3) of one movement whose velocity noise grows with speed (Harris and Wolpert).
 
     The person corrects on the way: the accumulated deviation is taken back smoothly, so that the
     movement still starts and ends where `positions` (T, 3) does.
     """
     count = len(positions)
-    velocity = np.gradient(positions, 1.0 / rate_hz, axis=0)
+    velocity = np.gradient(positions, 1.0 / RATE_HZ, axis=0)
     speed = np.linalg.norm(velocity, axis=1, keepdims=True)
-    error = 0.06 * speed * smooth_noise(rng, count, rate_hz, 1.5)
-    deviation = np.cumsum(error, axis=0) / rate_hz
+    error = 0.06 * speed * smooth_noise(rng, count, 1.5)
+    deviation = np.cumsum(error, axis=0) / RATE_HZ
     taken_back = minimum_jerk(np.linspace(0.0, 1.0, count))[:, None]
     return deviation - taken_back * deviation[-1]
 
 
-def occlusions(
-    rng: np.random.Generator, count: int, rate_hz: float, gaps_per_s: float, drop_rate: float
-) -> Flags:
+def occlusions(rng: np.random.Generator, count: int, gaps_per_s: float, drop_rate: float) -> Flags:
     """Which of `count` samples the tracker sees, bool (count,).
 
     Gaps of 0.05 to 0.35 s begin at random, `gaps_per_s` on average; single samples are lost with
     probability `drop_rate`.
     """
     visible = rng.uniform(size=count) >= drop_rate
-    for _ in range(rng.poisson(gaps_per_s * count / rate_hz)):
+    for _ in range(rng.poisson(gaps_per_s * count / RATE_HZ)):
         first = int(rng.uniform(0, count))
-        length = round(rng.uniform(0.05, 0.35) * rate_hz)
+        length = round(rng.uniform(0.05, 0.35) * RATE_HZ)
         visible[first : first + length] = False
     return visible

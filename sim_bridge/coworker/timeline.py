@@ -11,6 +11,7 @@ from intent_recognition.array_types import Flags, Floats
 from sim_bridge.coworker.noise import (
     MARKER_ANGLE_STD_RAD,
     MARKER_STD_M,
+    RATE_HZ,
     SWAY_STD_M,
     occlusions,
     signal_dependent,
@@ -19,8 +20,6 @@ from sim_bridge.coworker.noise import (
 )
 from sim_bridge.coworker.reach import WristMovement
 
-RATE_HZ = 100.0
-"""Samples of the tracker per second [Hz]. Convention: that of the shipped recordings."""
 # The wrist at rest: its x axis (along the hand) toward the robot, its z axis up.
 REST_QUATERNION = np.array([0.0, 0.0, 1.0, 0.0])
 
@@ -67,12 +66,12 @@ def sample_wrist(
         rotation[first:rest_from] = movement.rotations(local, before)
         planned[rest_from:rest_until] = planned[first:rest_from][-1:]
         rotation[rest_from:rest_until] = rotation[first:rest_from][-1:]
-        planned[first:last] += signal_dependent(rng, planned[first:last], RATE_HZ)
-    sway = SWAY_STD_M * smooth_noise(rng, count, RATE_HZ, 0.25)
-    true = planned + sway + tremor(rng, count, RATE_HZ)
+        planned[first:last] += signal_dependent(rng, planned[first:last])
+    sway = SWAY_STD_M * smooth_noise(rng, count, 0.25)
+    true = planned + sway + tremor(rng, count)
     measured = true + MARKER_STD_M * rng.standard_normal((count, 3))
     rotation = rotation + MARKER_ANGLE_STD_RAD * rng.standard_normal((count, 3))
-    visible = occlusions(rng, count, RATE_HZ, gaps_per_s, 0.002)
+    visible = occlusions(rng, count, gaps_per_s, 0.002)
     return WristSamples(times, measured, quaternions(rotation, rest), visible, true)
 
 

@@ -154,10 +154,8 @@ class CoworkerSim(Node):
     def _tick(self, now_ns: int) -> None:
         self.first_stamp_ns = self.first_stamp_ns or now_ns
         go_on = [worker.tick(self.first_stamp_ns, now_ns) for worker in self.workers]
-        if not any(go_on):
-            self._finish()
-
-    def _finish(self) -> None:
+        if any(go_on):
+            return
         if self._timer is not None:
             self._timer.cancel()
         for worker in self.workers:

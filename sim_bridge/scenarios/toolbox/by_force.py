@@ -27,10 +27,10 @@ class ToolboxArm:
         """
         return self._arm.inverse_kinematics(self._home_m)
 
-    def n_reached(self, places_m: Floats, within_m: float) -> int:
-        """How many places (n, 3), world, the hand comes that near to."""
+    def n_reached(self, places_m: Floats) -> int:
+        """How many places (n, 3), world, the hand reaches to 1 cm."""
         near = (self._arm.nearest(place, self.home).distance_m for place in places_m)
-        return sum(distance_m <= within_m for distance_m in near)
+        return sum(distance_m <= 0.01 for distance_m in near)
 
     def hand(self, q: Floats) -> Floats:
         """Positions of the hand in the world (..., 3) [m] for measured joints, fingers last."""

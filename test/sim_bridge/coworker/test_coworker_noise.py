@@ -17,7 +17,7 @@ from sim_bridge.coworker.noise import (
 
 
 def test_tremor_is_below_a_millimetre_and_peaks_between_8_and_12_hz():
-    shaken = tremor(np.random.default_rng(0), 20_000, 100.0)
+    shaken = tremor(np.random.default_rng(0), 20_000)
     frequency, power = welch(shaken, fs=100.0, nperseg=1024, axis=0)
     assert np.all(frequency[np.argmax(power, axis=0)] > 8.0)
     assert np.all(frequency[np.argmax(power, axis=0)] < 12.0)
@@ -39,19 +39,19 @@ def test_tremor_is_seen_in_the_measured_wrist_at_rest():
 
 
 def test_noise_is_smooth_and_occlusions_are_gaps_of_the_stated_length():
-    values = smooth_noise(np.random.default_rng(2), 50_000, 100.0, 1.5)
+    values = smooth_noise(np.random.default_rng(2), 50_000, 1.5)
     np.testing.assert_allclose(values.std(axis=0), 1.0, rtol=0.1)
     frequency, power = welch(values, fs=100.0, nperseg=1024, axis=0)
     assert np.all(power[frequency > 15.0].max(axis=0) < 1e-3 * power.max(axis=0))
     rng = np.random.default_rng(4)
     lengths = []
     for _ in range(200):
-        hidden = ~occlusions(rng, 1000, 100.0, 0.1, 0.0)
+        hidden = ~occlusions(rng, 1000, 0.1, 0.0)
         edges = np.flatnonzero(np.diff(np.concatenate(([0], hidden, [0]))))
         lengths += list(edges[1::2] - edges[::2])
     assert 100 < len(lengths) < 300
     assert np.median(lengths) == pytest.approx(20, abs=4)
-    assert occlusions(rng, 500, 100.0, 0.0, 0.0).all()
+    assert occlusions(rng, 500, 0.0, 0.0).all()
 
 
 @pytest.mark.slow
@@ -60,7 +60,7 @@ def test_signal_dependent_noise_grows_with_speed_and_keeps_the_ends():
     path = np.outer(minimum_jerk(tau), [0.4, 0.0, 0.0])
 
     def spread(positions):
-        drawn = [signal_dependent(np.random.default_rng(k), positions, 100.0) for k in range(200)]
+        drawn = [signal_dependent(np.random.default_rng(k), positions) for k in range(200)]
         return np.std([d[150] for d in drawn]), np.array(drawn)
 
     slow, drawn = spread(0.5 * path)
