@@ -86,6 +86,10 @@ class Activation:
         self._waiting.change()
 
     @property
+    def _settings(self) -> ActivationSettings:
+        return self._parts.settings
+
+    @property
     def attended(self) -> str:
         """Whom the arm helps while a task is active; empty where people have no names."""
         return self._helped if self.active_task else ""
@@ -187,6 +191,10 @@ class Activation:
     def take_people(self, people: tuple[PredictedPerson, ...]) -> None:
         """Take where people are predicted to be, as far as that is known."""
         self.motions.people = people
+
+    def take_person(self, person: PredictedPerson | None) -> None:
+        """Take where the only person is predicted to be; None where that is not known."""
+        self.take_people(() if person is None else (person,))
 
     def take_joint_state(
         self,
