@@ -22,7 +22,7 @@ from intent_recognition.dashboard.synthetic_demonstration import (
 from intent_recognition.errors import KinematicsError
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import TrajectoryBuilder, to_pose, to_stamp
-from intent_recognition.nodes.runtime import steady_timer
+from intent_recognition.nodes.runtime import CLOCK_BACK_NS, steady_timer
 
 RATE_HZ = 100.0
 """Rate of the published poses [Hz]: that of the shipped recordings."""
@@ -208,7 +208,7 @@ class Teleoperation:
 
     def _publish(self) -> None:
         stamp_ns = self._node.get_clock().now().nanoseconds
-        if 0 <= self._last_ns - stamp_ns < 1_000_000_000:  # beyond that a clock was set back
+        if 0 <= self._last_ns - stamp_ns < CLOCK_BACK_NS:
             return
         self._last_ns = stamp_ns
         message = PoseStamped(pose=to_pose(self._position, np.array([0.0, 0.0, 0.0, 1.0])))

@@ -17,8 +17,9 @@ from intent_recognition.kinematics import Arm
 BANDWIDTH_RAD_S = 45.0
 """Of the residual's filter [rad/s]: at 63 % after 22 ms, as a slip must be noticed within 50 ms
 (docs/transfer.md), with as little noise of differenced velocities as that allows."""
-CLOCK_BACK_S = 0.5
-"""A state so much earlier than the last comes from a clock that was set back [s]. Convention."""
+CLOCK_BACK_S = 0.1
+"""A state so much earlier than the last comes from a clock that was set back [s]. Convention: as of
+nodes (`runtime.CLOCK_BACK_NS`)."""
 
 
 class LoadEstimator:
