@@ -14,7 +14,7 @@ from intent_recognition.activation import ActivationSettings, PretriggerSettings
 from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import DofEntry, numbers_of
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, JointLimits
+from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, JointLimits, check_position
 from intent_recognition.motion import Spread, is_hand, scaled_limits
 from intent_recognition.nodes.parameters import DEFAULT, Changes, declare
 from intent_recognition.nodes.prediction_input import RejectionError
@@ -168,14 +168,18 @@ class ActivationParameters:
         Raises:
             RejectionError: the limits of a joint are not known.
             ArgumentError: limits or home of another size.
+            KinematicsError: home is outside the limits.
         """
         value = self._values
         home = self.home
         if home is not None and home.shape != (len(names),):
             cure = "One per joint [rad]."
             raise ArgumentError.about("home", f"{len(names)} angles", value["home"], cure)
+        limits = self._limits_of(names)
+        if home is not None:
+            check_position(home, limits, names, "home")
         return ActivationSettings(
-            limits=self._limits_of(names),
+            limits=limits,
             decision=self._decision(),
             home=home,
             return_home=value["return_home"],

@@ -140,6 +140,17 @@ def joint_values(message: JointState, joints: Sequence[str], field: str = "posit
     return np.array([values[index[joint]] for joint in joints], dtype=np.float64)
 
 
+def measured_values(message: JointState, joints: Sequence[str], field: str) -> Floats | None:
+    """The same, or None where nothing was measured: the field is empty, or NaN for all of them.
+
+    ros2_control's joint_state_broadcaster gives NaN for what the hardware has not.
+    """
+    if not getattr(message, field):
+        return None
+    values = joint_values(message, joints, field)
+    return None if np.isnan(values).all() else values
+
+
 class TrajectoryBuilder:
     """JointTrajectory messages of a fixed number of joints, built by overwriting one message.
 

@@ -26,6 +26,7 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     duration_s,
     joint_values,
+    measured_values,
     position_array,
     stamp_ns,
 )
@@ -117,18 +118,19 @@ class ObjectTransfer(Node):
         at_ns, names = stamp_ns(message), arm.joint_names
         try:
             q, velocity = (joint_values(message, names, of) for of in ("position", "velocity"))
-            torque = joint_values(message, names, "effort") if message.effort else np.zeros(len(q))
+            effort = measured_values(message, names, "effort")
             half = joint_values(message, [name for name in self._fingers if name in message.name])
         except MessageError as error:
             self._diagnostics.reject("bad_joint_states", one_line(error))
             return None
+        torque = np.zeros(len(q)) if effort is None else effort
         if not np.all(np.isfinite([q, velocity, torque])):
             self._diagnostics.reject("not_finite", "joint_states hold NaN or infinity")
             return None
         pose = arm.forward_kinematics(q)
         force = estimator.update(at_ns * 1e-9, q, velocity, torque)
         measured = self._measured(at_ns, arm, pose)
-        if measured is None and not message.effort:
+        if measured is None and effort is None:
             self._diagnostics.reject("no_effort", "neither efforts in joint_states nor a wrench")
             return None
         near, toward, speed = self._look(at_ns, pose[:3, 3])

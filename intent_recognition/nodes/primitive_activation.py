@@ -28,7 +28,7 @@ from intent_recognition.nodes.activation_inputs import (
 from intent_recognition.nodes.activation_output import ActivationOutput
 from intent_recognition.nodes.activation_parameters import AT_REST, ActivationParameters
 from intent_recognition.nodes.command_action import CommandAction
-from intent_recognition.nodes.conversions import joint_values, stamp_ns
+from intent_recognition.nodes.conversions import joint_values, measured_values, stamp_ns
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput, no_description
 from intent_recognition.nodes.lifecycle import ManagedNode
@@ -249,8 +249,7 @@ class PrimitiveActivation(ManagedNode):
             if self.activation is None:
                 return
             position = joint_values(message, self.joint_names)
-            has_velocity = bool(message.velocity)
-            velocity = joint_values(message, self.joint_names, "velocity") if has_velocity else None
+            velocity = measured_values(message, self.joint_names, "velocity")
         except IntentError as error:
             self.diagnostics.reject(reason_of(error, "joint_states_incomplete"), str(error))
             return
@@ -305,7 +304,7 @@ class PrimitiveActivation(ManagedNode):
         if self._action is not None:
             self._action.check()
         if self.active and self.joint_names:
-            with suppress(RejectionError):  # predictions are rejected for it
+            with suppress(IntentError):  # predictions are rejected for it
                 self._keep_clear(self.joint_names)
         silent_s, senders = self.diagnostics.silent_s, SENDERS.items() if self.active else ()
         # named within 1 s, with the time between two looks

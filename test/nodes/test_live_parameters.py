@@ -84,6 +84,7 @@ def test_activation_tells_what_does_not_fit(harness, model):
     other = harness.node(PrimitiveActivation, model=model)
     harness.executor.remove_node(node)
     assert "7 angles" in change(harness, other, home=[0.0, 0.0])
+    assert " rad" in change(harness, other, home=[0.0, 90.0, *[0.0] * 5])
 
 
 def test_limits_change_only_while_the_arm_rests(harness, model):

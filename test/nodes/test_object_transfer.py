@@ -200,6 +200,7 @@ def test_messages_without_what_is_needed_are_counted(harness, capfd):
         (JointState(name=["other"], position=[0.0]), "bad_joint_states"),
         (JointState(name=names, position=[np.nan] * 7, velocity=still), "not_finite"),
         (JointState(name=names, position=still, velocity=still), "no_effort"),
+        (JointState(name=names, position=still, velocity=still, effort=[np.nan] * 7), "no_effort"),
     ):
         known = reason, counts.rejected(reason) + 1
         cell.tell(

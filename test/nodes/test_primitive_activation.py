@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import IntentError
 from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_inputs import TransferInput
@@ -238,12 +238,28 @@ def test_a_limit_that_is_given_alone_counts_beside_those_of_the_arm(harness, nam
         {"threshold": 0.2},
         {"timeout": -1.0},
         {"home": [0.0] * 6, "joint_names": list(JOINT_NAMES)},
+        {"home": np.rad2deg(HOME).tolist(), "joint_names": list(JOINT_NAMES)},
         {"n_observations": 0},
     ],
 )
 def test_wrong_parameters_are_errors_at_start(harness, wrong):
-    with pytest.raises(ArgumentError):
+    with pytest.raises(IntentError):
         harness.node(PrimitiveActivation, **wrong)
+
+
+def test_velocities_that_the_hardware_has_not_are_none(graph):
+    """ros2_control's joint_state_broadcaster fills them with NaN."""
+
+    def send():
+        nothing = np.full(7, np.nan)
+        message = to_joint_state(JOINT_NAMES, graph.arm(), nothing, time_ns=graph.now_ns)
+        graph.send(graph.joints, message, "joint_states")
+
+    graph.send_joints = send
+    graph.run(10)  # without velocities the arm must be seen to rest
+    graph.begin()
+    graph.until(lambda: graph.mode == "executing")
+    assert graph.rejected("joint_states_not_finite") == 0
 
 
 @pytest.mark.parametrize("allowed", [False, True])
