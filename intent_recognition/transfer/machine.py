@@ -157,12 +157,16 @@ class TransferMachine:
         Times should grow; after a gap, or where they go back, one step counts as short. Where the
         clock was set back, the state begins anew.
         """
-        step_s = 0.0 if np.isnan(self._time_s) else now.time_s - self._time_s
+        first = np.isnan(self._time_s)
+        step_s = 0.0 if first else now.time_s - self._time_s
         if step_s < -CLOCK_BACK_S:
             self._enter(self.holding, now.time_s)
             self._opened_s = now.time_s
         step_s = min(max(step_s, 0.0), 0.02)  # the share does not jump after a gap
         self._time_s = now.time_s
+        carries = -now.force_n[2] > 0.5 * LIGHTEST_N and now.half_opening_m >= EMPTY_M
+        if first and carries and self.holding is Holding.EMPTY:
+            self.carry()  # for a node that died; on nothing the fingers close, and open again
         reach = SHARE_PER_S * step_s
         self._share += float(np.clip(self._felt_share(now) - self._share, -reach, reach))
         slip = False

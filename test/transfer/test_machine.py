@@ -131,6 +131,17 @@ def test_a_clock_that_was_set_back_ends_no_state_late(
     assert course.run(0.2, request_after)[-1].holding is then
 
 
+def test_who_begins_with_an_object_between_the_fingers_does_not_open_them():
+    """A node that was restarted."""
+    (first,) = Course().run(STEP_S, Request.NOTHING, half_opening_m=0.02)
+    assert first.holding is Holding.CARRYING and first.grip_n > WEIGHT_N
+    (open_,) = Course().run(STEP_S, Request.NOTHING, (0.0, 0.0, 0.0), half_opening_m=0.02)
+    assert open_.holding is Holding.EMPTY and open_.grip_n == 0.0
+    course = Course()
+    assert course.run(STEP_S, Request.NOTHING, half_opening_m=0.02)[0].grip_n > 0.0
+    assert course.run(0.3, Request.NOTHING, half_opening_m=0.0)[-1].grip_n == 0.0
+
+
 def test_a_hand_that_carries_half_and_one_that_is_not_there_get_nothing():
     course = Course().offer()
     assert set(states(course.run(1.5, Request.GIVE, (0, 0, -WEIGHT_N / 2)))) == {Holding.OFFERING}
