@@ -21,7 +21,7 @@ from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.dashboard.via_controls import ViaPointControls
 from intent_recognition.dashboard.watch_tab import WatchTab
-from intent_recognition.dashboard.welcome import ALWAYS, AUTO
+from intent_recognition.dashboard.welcome import ALWAYS, AUTO, NEVER
 from intent_recognition.dashboard.widgets import PageAccess
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.report import INK, task_colours
@@ -83,9 +83,11 @@ class DashboardPage:
             Operator(read_only),
             lambda why: self._ask(lambda: self.show_message(False, why)),
             light,
-            lambda: self._ask(self._lighten),
+            lambda slow: self._ask(self._lighten if slow else self._shade),
         )
         self._scene = PageScene(self._server, scene or CellScene(), hand_link, light == ALWAYS)
+        if light == NEVER:
+            self._scene.shade()
         gui = self._server.gui
         gui.main_panel.dock_right()
         gui.main_panel.set_width(400.0)
@@ -167,6 +169,9 @@ class DashboardPage:
 
     def _lighten(self) -> None:
         self._scene.lighten()  # asked for by browsers that may come before there is a scene
+
+    def _shade(self) -> None:
+        self._scene.shade()
 
     def _choose_colours(self) -> None:
         """One colour per task, the same as in the reports; a task of the model keeps it."""

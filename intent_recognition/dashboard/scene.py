@@ -45,6 +45,7 @@ class PageScene:
         self._description = self._problem = self._helped = ""
         self._hand_path_at_s = -np.inf
         self.hand_path: tuple[str, Floats] | None = None
+        self._light = self._shaded = False
         self._prepare()
         if light:
             self.lighten()
@@ -56,10 +57,18 @@ class PageScene:
             self._figures[""] = PersonView(server, self._stances[""])
 
     def lighten(self) -> None:
-        """Draw no shadows from now on, and no light of the environment, whose shaders are slow."""
-        self._server.scene.configure_default_lights(cast_shadow=False)
+        """Draw no shadows any more, and no light of the environment, whose shaders are slow."""
+        self._light = True
+        if self._shaded:
+            self._server.scene.configure_default_lights(cast_shadow=False)
         self._server.scene.configure_environment_map(None)
         self._server.scene.add_light_ambient("/ambient", intensity=1.2)
+
+    def shade(self) -> None:
+        """Draw shadows from now on, unless the scene is light."""
+        self._shaded = not self._light
+        if self._shaded:
+            self._server.scene.configure_default_lights()
 
     def update(
         self, state: CellState, colours: Mapping[str, str], people: Mapping[str, str], now_s: float
@@ -110,6 +119,8 @@ class PageScene:
 
     def _prepare(self) -> None:
         scene = self._server.scene
+        # before all that is drawn, for which a slow browser would compile shaders with shadows
+        scene.configure_default_lights(cast_shadow=False)
         scene.set_up_direction("+z")
         scene.add_grid(
             "/floor",

@@ -37,7 +37,7 @@ from intent_recognition.dashboard.browser_messages import (
     can_become,
     read_message,
 )
-from intent_recognition.dashboard.welcome import AUTO, LIGHT, NEVER, welcome
+from intent_recognition.dashboard.welcome import AUTO, LIGHT, NEVER, PLAIN, welcome
 from intent_recognition.errors import ResourceBusyError, one_line
 
 MOST_CLIENTS, MOST_SOCKETS = 8, 64
@@ -74,19 +74,19 @@ def serve_page(
     operator: Operator,
     refused: Callable[[str], None],
     light: str = NEVER,
-    slow: Callable[[], None] = lambda: None,
+    opened: Callable[[bool], None] = lambda slow: None,
 ) -> viser.ViserServer:
     """A server on exactly this port: viser by itself would take the next free one.
 
-    In its thread it tells `refused` why an onlooker's action was not done, and calls `slow` when a
-    browser that draws slowly opens the page.
+    In its thread it tells `refused` why an onlooker's action was not done, and `opened`, when
+    a browser opens a page that depends on it, whether it draws slowly.
 
     Raises:
         ResourceBusyError: the port is taken, the address is not this machine's, or this viser
             cannot be guarded.
     """
     _check_free(host, port)
-    guard = _Guard(admission, operator, refused, welcome(light), slow if light == AUTO else None)
+    guard = _Guard(admission, operator, refused, welcome(light), opened if light == AUTO else None)
     with guard.installed(), redirect_stdout(StringIO()):
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     if not guard.in_place:
@@ -121,10 +121,10 @@ class _Guard:
         operator: Operator,
         refused: Callable[[str], None],
         entrance: str,
-        slow: Callable[[], None] | None,
+        opened: Callable[[bool], None] | None,
     ) -> None:
         self.admission, self.operator, self.refused = admission, operator, refused
-        self._entrance, self._slow = entrance, slow
+        self._entrance, self._opened = entrance, opened
         self.sockets: set[ServerConnection] = set()
         self.clients: set[ServerConnection] = set()
         self.in_place = False
@@ -178,8 +178,8 @@ class _Guard:
             response.headers["Content-Type"] = "text/html; charset=utf-8"
             response.headers["Set-Cookie"] = self.admission.cookie
             return response
-        if self._slow is not None and request.path == LIGHT:
-            self._slow()
+        if self._opened is not None and request.path in (PLAIN, LIGHT):
+            self._opened(request.path == LIGHT)
         return None
 
     def protect(

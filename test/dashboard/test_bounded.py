@@ -103,7 +103,7 @@ def test_a_slow_browser_may_open_the_page_before_it_is_made(harness, monkeypatch
 
     def opened_at_once(*arguments):
         server = serve_page(*arguments)
-        arguments[-1]()
+        arguments[-1](True)
         return server
 
     monkeypatch.setattr(page_module, "serve_page", opened_at_once)

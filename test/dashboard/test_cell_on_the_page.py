@@ -2,6 +2,7 @@
 """The cell that the page shows: bodies, furniture and the figure, as topics come in."""
 
 from pathlib import PurePosixPath
+from unittest.mock import call, patch
 
 import numpy as np
 import pytest
@@ -144,3 +145,28 @@ def test_tasks_that_no_body_has_leave_all_where_it_is(fed, topic):
     fed.hear(topic, String(data="another"))
     fed.hear("/mocap/wrist/pose", pose(WRIST))
     assert before == {name: tuple(shown(fed, f"/bodies/{name}").position) for name in before}
+
+
+def test_a_slow_browser_gets_the_lights_before_what_they_shine_on(fed):
+    """Shaders with shadows would be compiled for what comes before; who draws fast gets them."""
+    server, scene = fed.page._server, fed.page._scene
+
+    def lights():
+        kept = list(server._websock_server.get_message_buffer().message_from_id.values())
+        (at,) = (k for k, m in enumerate(kept) if type(m).__name__ == "EnableLightsMessage")
+        floor = next(k for k, m in enumerate(kept) if getattr(m, "name", "") == "/floor")
+        return kept[at].cast_shadow, at < floor
+
+    assert lights() == (False, True)
+    scene.lighten()
+    scene.shade()
+    assert lights() == (False, True)
+
+
+def test_who_draws_fast_gets_shadows_until_somebody_slow_comes(fed):
+    scene = fed.page._scene
+    with patch.object(fed.page._server.scene, "configure_default_lights") as lights:
+        scene.shade()
+        scene.lighten()
+        scene.shade()
+    assert lights.mock_calls == [call(), call(cast_shadow=False)]

@@ -277,12 +277,12 @@ def test_scripts_are_known_by_their_hashes():
 @pytest.mark.parametrize(("light", "goes_on"), [(AUTO, 1), (ALWAYS, 0), (NEVER, 0)])
 def test_the_entrance_goes_on_to_a_page_as_light_as_is_wanted(light, goes_on):
     opened = []
-    with guarded(light=light, slow=lambda: opened.append(1)) as page:
+    with guarded(light=light, opened=opened.append) as page:
         _, headers, text = page.get(f"/?token={TOKEN}", Cookie=None)
         assert (LIGHT in text) == (light != NEVER)
         policy = headers["Content-Security-Policy"]
         assert all(one in policy for one in script_sources(text))
         assert len(script_sources(text)) == goes_on
         assert page.get(LIGHT, Cookie=None)[0] == 403
-        assert page.get(PLAIN)[0] == 200 and not opened
-        assert page.get(LIGHT)[0] == 200 and len(opened) == goes_on
+        assert page.get(PLAIN)[0] == page.get(LIGHT)[0] == 200
+        assert opened == [False, True][: 2 * goes_on]
