@@ -11,6 +11,7 @@ from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import Command, PlannedWay, PredictedInteraction
 from intent_recognition.activation.things import SEARCH_EVERY_NS, Things
 from intent_recognition.array_types import Floats
+from intent_recognition.kinematics import position_violation
 from intent_recognition.motion import (
     BEGINNING,
     Clearance,
@@ -92,7 +93,9 @@ class Motions:
             "interaction", found.path, prediction.onset_ns, start_ns, start, progress
         )
         if way is None:
-            self._reject("infeasible", f"no plan for {label} keeps the limits")
+            far = position_violation(start.position, self._common.settings.limits).max()
+            cure = f" from {far:.1f} rad outside: is joint_states in radians?" if far > 0.1 else ""
+            self._reject("infeasible", f"no plan for {label} keeps the limits{cure}")
             return None
         plan, touched = way.plan, self._obstruction(way.plan)
         if touched is not None:

@@ -261,3 +261,11 @@ def test_a_plan_that_brakes_as_hard_as_it_may_before_a_limit_is_left_to_end():
     world.activation.arm.put_in_force(world.now_ns, Command(world.now_ns, plan))
     assert world.activation.halt(world.now_ns) is None
     assert world.activation.arm.in_force().plan is plan
+
+
+def test_an_arm_measured_in_degrees_is_not_moved_and_the_unit_is_doubted():
+    world = World()
+    world.arm = lambda: np.rad2deg(HOME)
+    world.begin("plate")
+    world.run(2.0)
+    assert world.commands == [] and "in radians?" in world.said[-1]
