@@ -3,11 +3,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import TypedDict
+from typing import Any
 
 import numpy as np
 
-from intent_recognition.array_types import Floats, Integers
+from intent_recognition.array_types import Floats
 from intent_recognition.learning.context import fit_context
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT
 from intent_recognition.learning.hyperparameters import STRENGTH, Hyperparameters
@@ -26,31 +26,11 @@ from intent_recognition.learning.statistics import (
 from intent_recognition.promp import (
     STUDENT_FREEDOM,
     USUAL,
-    ContextModel,
     TargetSettings,
     TaskLibrary,
     observed_block,
     predictive_covariance,
 )
-
-
-class LearnedFields(TypedDict):
-    """The fields of a `TaskLibrary` that change with every demonstration."""
-
-    weight_mean: Floats
-    weight_covariance: Floats
-    noise_variance: Floats
-    noise_scale: float
-    n_demonstrations: Integers
-    log_duration_mean: Floats
-    log_duration_std: Floats
-    correlation_time_s: float
-    observed_weight_covariance: Floats
-    none_mean: Floats
-    none_covariance: Floats
-    none_log_duration: Floats
-    usual_log_duration: Floats | None
-    context: ContextModel | None
 
 
 def library_from_statistics(
@@ -71,7 +51,6 @@ def library_from_statistics(
     observed, controlled = preprocessing.observed, preprocessing.controlled
     return TaskLibrary(
         labels=tuple(tasks),
-        basis=preprocessing.basis_of(chosen.aligned),
         observed_names=tuple(name for signal in observed for name in signal.names),
         controlled_names=tuple(name for signal in controlled for name in signal.names),
         observed_units=tuple(signal.unit for signal in observed for _ in signal.names),
@@ -81,10 +60,6 @@ def library_from_statistics(
         task_prior=np.full(n_tasks, 1.0 / n_tasks),
         transition_prior=np.full((n_tasks + 1, n_tasks), 1.0 / n_tasks),
         none_prior=settings.none_prior,
-        duration_evidence=settings.duration_evidence or chosen.duration_evidence,
-        task_evidence=chosen.task_evidence,
-        regression_variance=chosen.regression_variance,
-        phase_deviation=preprocessing.timing.phase_deviation(chosen.pace),
         evidence_freedom=STUDENT_FREEDOM,
         onset=preprocessing.onset,
         displacement_exponent=preprocessing.timing.displacement_exponent,
@@ -95,8 +70,8 @@ def library_from_statistics(
 
 def learned_from(
     tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing, chosen: Hyperparameters
-) -> LearnedFields:
-    """The fields of the library that change with every demonstration."""
+) -> dict[str, Any]:
+    """The fields of the library that demonstrations and hyperparameters change."""
     n_observed, over = preprocessing.n_observed, statistics_of(tasks, chosen.aligned)
     floor, noise = variance_scales(over, preprocessing.units)
     log_mean, log_std = _durations(list(tasks.values()))
@@ -120,7 +95,13 @@ def learned_from(
         context, weight_covariance, covariance = fit_context(
             over, preprocessing.context, n_observed, floor, chosen
         )
+    settings = preprocessing.settings
     return {
+        "basis": preprocessing.basis_of(chosen.aligned),
+        "phase_deviation": timing.phase_deviation(chosen.pace),
+        "duration_evidence": settings.duration_evidence or chosen.duration_evidence,
+        "task_evidence": chosen.task_evidence,
+        "regression_variance": chosen.regression_variance,
         "weight_mean": np.array([task.mean.ravel() for task in over.values()]),
         "weight_covariance": weight_covariance,
         "noise_variance": noise,

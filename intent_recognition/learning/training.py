@@ -6,11 +6,11 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypedDict
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from intent_recognition.array_types import Floats, brief
+from intent_recognition.array_types import brief
 from intent_recognition.errors import TrainingError, check_type
 from intent_recognition.learning.accumulation import NAMES_KEPT, Accumulated, accumulate
 from intent_recognition.learning.fitting import learned_from, library_from_statistics, statistics_of
@@ -219,16 +219,10 @@ def add_statistics(
 def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]]:
     """Choose the hyperparameters again on all demonstrations; also all that were tried."""
     chosen, coupling, tried = choose_hyperparameters(trained.tasks, trained.preprocessing)
-    preprocessing = trained.preprocessing
     library = replace(
         trained.library,
-        basis=preprocessing.basis_of(chosen.aligned),
-        phase_deviation=preprocessing.timing.phase_deviation(chosen.pace),
-        duration_evidence=preprocessing.settings.duration_evidence or chosen.duration_evidence,
-        task_evidence=chosen.task_evidence,
-        regression_variance=chosen.regression_variance,
         coupling=coupling,
-        **learned_from(trained.tasks, preprocessing, chosen),
+        **learned_from(trained.tasks, trained.preprocessing, chosen),
         provenance={**trained.library.provenance, "chosen": chosen._asdict()},
     )
     return with_margins(replace(trained, library=library, chosen=chosen)), tried
@@ -247,14 +241,7 @@ def with_margins(trained: Trained) -> Trained:
     return replace(trained, library=library)
 
 
-class _Priors(TypedDict):
-    """The priors of a `TaskLibrary`."""
-
-    task_prior: Floats
-    transition_prior: Floats
-
-
-def _priors(before: TaskLibrary, labels: tuple[str, ...]) -> _Priors:
+def _priors(before: TaskLibrary, labels: tuple[str, ...]) -> dict[str, Any]:
     """Priors over more tasks: the known ones keep their proportions."""
     known = np.array([labels.index(label) for label in before.labels])
     n = len(labels)
