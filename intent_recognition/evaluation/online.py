@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.evaluation.folds import Fold, merge_folds, of_learned_tasks
+from intent_recognition.evaluation.replaying import Decided, decisions
 from intent_recognition.evaluation.scoring import PHASES
-from intent_recognition.evaluation.unknown_movements import decide_when_ready, recognised
+from intent_recognition.evaluation.unknown_movements import recognised
 from intent_recognition.learning import TrainingSettings, cut_to_movement, learn_with_report
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import (
     DecisionSettings,
-    DecisionState,
     Estimate,
     IntentEstimator,
     decision_settings,
@@ -58,19 +58,17 @@ def run_online(
     """
     settings = settings or decision_settings(library)
     followed = [*follow_online(library, recorded, settings, phase_known=phase_known)]
-    first = next(filter(None, (recognised(settings, state) for _, state in followed)), "")
+    first = next(filter(None, (recognised(settings, one.state) for one in followed)), "")
     activated, decided_s = actions(recorded, followed)
     return OnlineOutcome(str(recorded.task), first, activated, decided_s / recorded.duration_s)
 
 
-def actions(
-    recorded: Demonstration, followed: Iterable[tuple[Estimate, DecisionState]]
-) -> tuple[tuple[str, ...], float]:
+def actions(recorded: Demonstration, followed: Iterable[Decided]) -> tuple[tuple[str, ...], float]:
     """All tasks that became active, in order; when the true one did.
 
     The time is that after the movement's start [s]; NaN if it never did.
     """
-    began = [(state.active, one.stamp_ns) for one, state in followed if state.acts]
+    began = [(one.state.active, one.estimate.stamp_ns) for one in followed if one.state.acts]
     decided_ns = (stamp_ns for task, stamp_ns in began if task == recorded.task)
     decided_s = (next(decided_ns, np.nan) - recorded.start_ns) * 1e-9
     return tuple(task for task, _ in began), decided_s
@@ -82,10 +80,16 @@ def follow_online(
     settings: DecisionSettings,
     *,
     phase_known: bool = False,
-) -> Iterator[tuple[Estimate, DecisionState]]:
+) -> Iterator[Decided]:
     """Estimate and decision after each observation; the arguments are those of `run_online`."""
     estimator = _told(library, recorded) if phase_known else IntentEstimator(library)
-    state = DecisionState()
+    return decisions(estimator, settings, _estimates(estimator, recorded, phase_known))
+
+
+def _estimates(
+    estimator: IntentEstimator, recorded: Demonstration, phase_known: bool
+) -> Iterator[Estimate]:
+    """After each observation until the movement ends, from the recording's beginning or its own."""
     n_agents = len(recorded.observed) + len(recorded.controlled)
     for observation in merge([*recorded.observed, *recorded.controlled, *recorded.context]):
         if observation.stamp_ns > recorded.end_ns:
@@ -100,10 +104,7 @@ def follow_online(
         if controlled >= 0:
             estimator.update_controlled(observation._replace(group=controlled))
             continue
-        estimate = estimator.update(observation)
-        current = estimate.labels, estimate.probabilities, estimate.log_evidence
-        state = decide_when_ready(settings, state, *current, estimator.predicted_end_std)
-        yield estimate, state
+        yield estimator.update(observation)
 
 
 def score_online(

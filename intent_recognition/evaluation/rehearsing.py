@@ -15,13 +15,9 @@ from scipy.special import betaincinv
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation.online import actions, follow_online
+from intent_recognition.evaluation.replaying import Decided
 from intent_recognition.promp import NONE, TaskLibrary
-from intent_recognition.recognition import (
-    DecisionSettings,
-    DecisionState,
-    Estimate,
-    decision_settings,
-)
+from intent_recognition.recognition import DecisionSettings, decision_settings
 from intent_recognition.signals import Demonstration
 
 
@@ -120,13 +116,13 @@ def rehearse(
 
 def _follow(library: TaskLibrary, recorded: Demonstration, settings: DecisionSettings) -> Rehearsed:
     true = library.labels.index(str(recorded.task))
-    followed, computed_s = list[tuple[Estimate, DecisionState]](), list[float]()
+    followed, computed_s = list[Decided](), list[float]()
     began_s = perf_counter()
-    for estimate, state in follow_online(library, recorded, settings):
+    for one in follow_online(library, recorded, settings):
         computed_s.append(perf_counter() - began_s)
-        followed.append((estimate, state))
+        followed.append(one)
         began_s = perf_counter()
-    moving = [(one, state.active) for one, state in followed if one.moving]
+    moving = [(one.estimate, one.state.active) for one in followed if one.estimate.moving]
     p = np.array([one.probabilities for one, _ in moving]).reshape(-1, library.n_tasks + 1)
     return Rehearsed(
         recorded,

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from intent_recognition.bags import BagReader
 from intent_recognition.demonstrations import Sample, Source, is_raw_pose, iter_samples
+from intent_recognition.evaluation.unknown_movements import decide_when_ready
 from intent_recognition.model import Model, frames_of
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import (
@@ -14,7 +15,6 @@ from intent_recognition.recognition import (
     DecisionState,
     Estimate,
     IntentEstimator,
-    decide,
     decision_settings,
     uncertain_end,
 )
@@ -26,7 +26,7 @@ class Decided(NamedTuple):
 
     estimate: Estimate  # after an observation of the human
     state: DecisionState  # of the decision
-    # what was predicted of the end, by unit; None where nothing was
+    # what was predicted of the end, by unit; None where the decision did not depend on it
     end_std: Mapping[str, float] | None
 
 
@@ -61,18 +61,12 @@ def decisions(
 ) -> Iterator[Decided]:
     """What the decision makes of each estimate, as the activation node takes it.
 
-    Args:
-        estimator: that gives the estimates; it predicts the ends.
-        settings: of the decision.
-        followed: its estimates, as it gives them.
+    The estimator that gives them predicts the ends.
     """
     state = DecisionState()
     for estimate in followed:
-        end_std = None
-        if estimate.moving and estimate.task != NONE:
-            end_std = estimator.predicted_end_std()
-        current = estimate.labels, estimate.probabilities
-        state, _ = decide(settings, state, *current, end_std, estimate.log_evidence)
+        current = estimate.labels, estimate.probabilities, estimate.log_evidence
+        state, end_std = decide_when_ready(settings, state, *current, estimator.predicted_end_std)
         yield Decided(estimate, state, end_std)
 
 

@@ -72,7 +72,7 @@ class DecisionMonitor:
             self._highest = max(self._highest, min(odds))
         current = self._labels, posterior.probabilities, posterior.log_evidence
         end_std = partial(run.end_std, best)
-        self._state = decide_when_ready(self._settings, self._state, *current, end_std)
+        self._state, _ = decide_when_ready(self._settings, self._state, *current, end_std)
         self._recognised = self._recognised or recognised(self._settings, self._state)
         self._activated = self._activated or self._state.active
         if self._recognised:
@@ -95,13 +95,15 @@ def decide_when_ready(
     labels: Sequence[str],
     probabilities: Floats,
     log_evidence: Floats | None,
-    end_std: Callable[[], Mapping[str, float] | None],
-) -> DecisionState:
-    """As `decide`; the end's uncertainty is computed only where the decision depends on it."""
-    following, _ = decide(settings, state, labels, probabilities, None, log_evidence)
+    predicted_end_std: Callable[[], Mapping[str, float] | None],
+) -> tuple[DecisionState, Mapping[str, float] | None]:
+    """As `decide`; the end's uncertainty is computed, and given, only where this depends on it."""
+    current, end_std = (settings, state, labels, probabilities), None
+    following, _ = decide(*current, end_std, log_evidence)
     if recognised(settings, following) not in ("", following.active):
-        following, _ = decide(settings, state, labels, probabilities, end_std(), log_evidence)
-    return following
+        end_std = predicted_end_std()
+        following, _ = decide(*current, end_std, log_evidence)
+    return following, end_std
 
 
 def recognised(settings: DecisionSettings, state: DecisionState) -> str:
