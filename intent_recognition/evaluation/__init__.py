@@ -4,15 +4,14 @@
 A file for each score and each way of replaying: all are of the same left-out recordings.
 """
 
-from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.calibration import reliability_bins
 from intent_recognition.evaluation.explaining import Explanation, explain
 from intent_recognition.evaluation.folds import Fold, make_folds
 from intent_recognition.evaluation.online import run_online, where_both_were_recorded
-from intent_recognition.evaluation.protocol import evaluate
+from intent_recognition.evaluation.protocol import evaluate, remarks_on
 from intent_recognition.evaluation.rehearsing import Rehearsal, Rehearsed, rehearse
-from intent_recognition.evaluation.remarks import remarks_on
 from intent_recognition.evaluation.replaying import replay
+from intent_recognition.evaluation.scores import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.scoring import PHASES
 from intent_recognition.evaluation.segmenting import (
     propose_segments,

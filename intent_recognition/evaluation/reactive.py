@@ -12,8 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from intent_recognition.array_types import Floats
-from intent_recognition.evaluation.baselines import sample
-from intent_recognition.evaluation.scores import ScoreTable, per_unit
+from intent_recognition.evaluation.scores import ScoreTable, per_unit, sample
 from intent_recognition.filtering import MovementFilter
 from intent_recognition.promp import StartPosture
 from intent_recognition.signals import Demonstration, Signal
@@ -79,13 +78,9 @@ class ReactiveCase(NamedTuple):
     def score(
         self, scores: ScoreTable, run: MovementFilter, task_weights: Floats, elapsed_s: float
     ) -> None:
-        """Add the squared errors at one moment.
+        """Add the squared errors, by task and horizon, at a moment [s after the start].
 
-        Args:
-            scores: by task and horizon.
-            run: filtered until the moment.
-            task_weights: probabilities of the K tasks, (K,).
-            elapsed_s: time of the moment after the start.
+        The filter has run until then, and the K tasks have these probabilities, (K,).
         """
         times_s = elapsed_s + np.array(HORIZONS_S)
         times_s = times_s[times_s <= self.test.duration_s + 1e-9]

@@ -8,10 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.calibration import NormalisedErrors, RecognitionRecords
 from intent_recognition.evaluation.reactive import MOMENTS, NearestWindows, ReactiveCase
-from intent_recognition.evaluation.scores import ScoreTable, per_unit
+from intent_recognition.evaluation.scores import (
+    ScoreTable,
+    mean_of_task,
+    nearest_neighbour,
+    per_unit,
+    sample,
+)
 from intent_recognition.evaluation.unknown_movements import (
     DecisionMonitor,
     MovementOutcome,

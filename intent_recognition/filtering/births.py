@@ -23,7 +23,7 @@ reach, by a fresh course or straight to the course's end:
     y(t + s) = psi(s / T) w + h(s / R) (a, b R, c R^2)    or    psi(1) w + h(s / R) (a, b R, c R^2),
 
 with the quintics h of least jerk, that end at rest with the course, after the part R of T in which
-it moves. Straight is the rarer, the more another task shares the end (`reaching`).
+it moves. Straight is the rarer, the more another task shares the end (`end_tells`).
 
 After a delay a person goes on with the same movement. Such a hypothesis is a copy of the most
 probable one, with all that the path has told of its weights, whose clock is set back; a small
@@ -43,10 +43,11 @@ from intent_recognition.filtering.rates import (
     STRAIGHT,
     TURN,
     birth_shares,
+    end_tells,
     log_stay,
     may_begin_anew,
+    moving_parts,
 )
-from intent_recognition.filtering.reaching import end_tells, moving_parts
 from intent_recognition.filtering.table import OFFSET_BASIS, HypothesisTable
 from intent_recognition.gaussian import GaussianBatch, LinearMeasurement
 from intent_recognition.promp import TaskLibrary

@@ -2,7 +2,11 @@
 """Gaussian distributions: every way to condition them (dense, batched), and mixtures."""
 
 from intent_recognition.gaussian.batch import KERNEL, GaussianBatch, LinearMeasurement, state_width
-from intent_recognition.gaussian.gaussian_mixture import GaussianMixture, fit_gaussian_mixture
+from intent_recognition.gaussian.gaussian_mixture import (
+    GaussianMixture,
+    fit_gaussian_mixture,
+    kmeans_starts,
+)
 from intent_recognition.gaussian.linalg import (
     affine_span,
     cholesky,
@@ -35,5 +39,4 @@ from intent_recognition.gaussian.normal import (
     regression,
     whiten_innovation,
 )
-from intent_recognition.gaussian.starts import kmeans_starts
 from intent_recognition.gaussian.tube import tube_faces, tube_rings

@@ -27,8 +27,7 @@ from intent_recognition.kinematics.lwr import (
     hand_position,
     jacobian,
 )
-from intent_recognition.kinematics.meshes import check_meshes
-from intent_recognition.kinematics.packages import package_shares, packages_around
+from intent_recognition.kinematics.packages import check_meshes, package_shares, packages_around
 from intent_recognition.kinematics.urdf import read_chain, read_ranges
 from intent_recognition.kinematics.urdf_tree import (
     DEFAULT_EFFORT,

@@ -18,8 +18,7 @@ from scipy.spatial.transform import Rotation
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, describe, one_line, optional
 from intent_recognition.kinematics.links import ReducedModel
-from intent_recognition.kinematics.meshes import check_meshes
-from intent_recognition.kinematics.packages import package_shares
+from intent_recognition.kinematics.packages import check_meshes, package_shares
 from intent_recognition.kinematics.urdf import read_mimics
 from intent_recognition.kinematics.urdf_tree import LINK, parse_urdf, read_urdf, separate_names
 

@@ -9,10 +9,9 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import Bodies, Contact, JointLimits
-from intent_recognition.motion.bending import Spread, TouchingPath, bend
+from intent_recognition.motion.bending import Spread, TouchingPath, bend, detours, replan
 from intent_recognition.motion.path import JointPath
 from intent_recognition.motion.plan import JointPlan
-from intent_recognition.motion.replanning import detours, replan
 from intent_recognition.motion.self_motion import HandKept, Turn
 
 LARGEST_BEND = 3.0

@@ -29,13 +29,18 @@ from intent_recognition.recognition.arguments import (
     values_defect,
 )
 from intent_recognition.recognition.context import KnownContext
-from intent_recognition.recognition.estimate import Estimate, Prediction
+from intent_recognition.recognition.estimate import (
+    Estimate,
+    Prediction,
+    Predictor,
+    expected_at_rest,
+    predict_observed,
+)
 from intent_recognition.recognition.explaining import Evidence, explain_movement
 from intent_recognition.recognition.first_samples import FirstSamples
 from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
 from intent_recognition.recognition.movement import Movements
 from intent_recognition.recognition.observed_turns import ObservedTurns
-from intent_recognition.recognition.predicting import Predictor, expected_at_rest, predict_observed
 from intent_recognition.recognition.start_posture import OnsetPosture
 from intent_recognition.recognition.transitions import FORGET_AFTER_S, Expectation
 from intent_recognition.signals import CLOCK_RESET_AFTER, Observation

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From raw tracker poses to checked poses in the world frame."""
 
-from intent_recognition.tracking.extrinsics import Extrinsics, parse_extrinsics
 from intent_recognition.tracking.identity import LOST_S, NOBODY, Identities, identify
 from intent_recognition.tracking.ingest import (
     JUMP,
@@ -14,6 +13,12 @@ from intent_recognition.tracking.ingest import (
     ingest_pose,
 )
 from intent_recognition.tracking.ingest_many import ingest_poses
-from intent_recognition.tracking.settings import UNKNOWN_VARIANCE, IngestSettings, frame_name
+from intent_recognition.tracking.settings import (
+    UNKNOWN_VARIANCE,
+    Extrinsics,
+    IngestSettings,
+    frame_name,
+    parse_extrinsics,
+)
 from intent_recognition.tracking.transform_tree import NoTransformError, TransformTree
 from intent_recognition.tracking.transforms import RigidTransform, multiply_quaternions

@@ -5,11 +5,11 @@ A file for each step from the points of an object to a grasp or a pour.
 """
 
 from intent_recognition.warping.clipping import closed_tube_faces, half_volume_angle, surface_volume
-from intent_recognition.warping.grasp import Grasp
 from intent_recognition.warping.grasp_warp import warp_grasp
 from intent_recognition.warping.logistic import LogisticModel, fit_logistic
 from intent_recognition.warping.object_model import (
     AnnotatedObject,
+    Grasp,
     ObjectCloud,
     Part,
     with_estimated_normals,

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
-from intent_recognition.warping.grasp import Grasp
 from intent_recognition.warping.mapping import agreeing_neighbours
-from intent_recognition.warping.object_model import AnnotatedObject
+from intent_recognition.warping.object_model import AnnotatedObject, Grasp
 from intent_recognition.warping.object_warp import ObjectModel, WarpedObject, aligned_source
 
 MIN_FACING = 0.5

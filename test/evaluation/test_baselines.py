@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from simulation import START_NS
 
-from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
+from intent_recognition.evaluation.scores import mean_of_task, nearest_neighbour, sample
 from intent_recognition.signals import Demonstration, Signal
 
 PHASES = np.linspace(0.0, 1.0, 11)

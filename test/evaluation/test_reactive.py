@@ -4,14 +4,13 @@
 import numpy as np
 from simulation import make_library, simulate
 
-from intent_recognition.evaluation.baselines import sample
 from intent_recognition.evaluation.reactive import (
     HORIZONS_S,
     N_NEAREST,
     NearestWindows,
     ReactiveCase,
 )
-from intent_recognition.evaluation.scores import ScoreTable
+from intent_recognition.evaluation.scores import ScoreTable, sample
 from intent_recognition.evaluation.scoring import EvaluationRecords, score_demonstration
 from intent_recognition.filtering import MovementFilter, make_prior_grid
 from intent_recognition.promp.prediction import StartPosture

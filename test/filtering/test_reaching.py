@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from simulation import make_library, minimum_jerk, nearly_known
 
-from intent_recognition.filtering.reaching import end_tells, moving_parts
+from intent_recognition.filtering.rates import end_tells, moving_parts
 from intent_recognition.promp import STEADY
 
 

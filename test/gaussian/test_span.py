@@ -5,8 +5,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from intent_recognition.gaussian.gaussian_mixture import kmeans_starts
 from intent_recognition.gaussian.linalg import affine_span
-from intent_recognition.gaussian.starts import kmeans_starts
 
 
 @given(seed=st.integers(0, 1000), n=st.integers(1, 12), d=st.integers(1, 30))

@@ -7,7 +7,7 @@ from activation_world import LIMITS
 from clearance_world import PATH, POSITIONS, TIMES, bodies_among, box_beside, clearance
 
 from intent_recognition.kinematics import Box, hand_position
-from intent_recognition.motion import NominalTiming, Obstruction, make_path, replanning
+from intent_recognition.motion import NominalTiming, Obstruction, bending, make_path
 from intent_recognition.motion.plan import JointReference, within
 from intent_recognition.motion.planning import plan_interaction
 
@@ -104,15 +104,15 @@ def test_descents_are_counted_and_end_with_the_budget(monkeypatch, n_in_time, tr
     def finds_nothing(*_args, start=None):
         starts.append(start)
 
-    monkeypatch.setattr(replanning, "bend", finds_nothing)
+    monkeypatch.setattr(bending, "bend", finds_nothing)
     bodies, phases = bodies_among(box_beside(0.03)), np.linspace(0.0, 1.0, 61)
-    q, moves = PATH.spline(phases), replanning.detours(phases, 7, 0.0)
-    path = replanning.TouchingPath(bodies, q, moves, bodies.contacts(q), LIMITS)
+    q, moves = PATH.spline(phases), bending.detours(phases, 7, 0.0)
+    path = bending.TouchingPath(bodies, q, moves, bodies.contacts(q), LIMITS)
     drawn = []
     for search in (tries, tries, 5):
         starts.clear()
         answers = iter([False] * n_in_time + [True] * 9)
-        found = replanning.replan(path, search, answers.__next__)
+        found = bending.replan(path, search, answers.__next__)
         assert found == (None, search is not None)
         assert starts[0] is None
         assert len(starts) == 1 + (0 if search is None else min(n_in_time, 4))

@@ -25,9 +25,8 @@ from intent_recognition.nodes.object_messages import LABEL, cloud_arrays, to_lab
 from intent_recognition.nodes.object_warper import ObjectWarper
 from intent_recognition.objects.file import find_object, load_object, save_object
 from intent_recognition.registry import FRAMES, NODES
-from intent_recognition.warping.grasp import Grasp
 from intent_recognition.warping.grasp_warp import warp_grasp
-from intent_recognition.warping.object_model import ObjectCloud
+from intent_recognition.warping.object_model import Grasp, ObjectCloud
 from intent_recognition.warping.object_warp import ObjectModel, warp_object
 from intent_recognition.warping.parameters import pouring_parameters
 from intent_recognition.warping.pour_level import emptying
