@@ -96,9 +96,7 @@ def recorded_phase(basis: Floats, parameters: Floats) -> tuple[Floats, Floats]:
 def local_cost(problem: WarpProblem, parameters: Floats) -> LocalCost:
     """Cost, its exact gradient, and the Gauss-Newton curvature (Eq. 16 with priors).
 
-    Args:
-        problem: data and prior.
-        parameters: shift, then weights of the log rate, (n, K + 1).
+    Of parameters (n, K + 1): shift, then weights of the log rate.
     """
     phase, rate = recorded_phase(problem.basis, parameters)
     slope, residual, distance = _deviations(problem, phase)

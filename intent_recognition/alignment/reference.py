@@ -50,12 +50,9 @@ def even_trajectory(
 
 
 def resample(trajectories: Sequence[Floats] | Floats, n_grid: int, smoothing: float) -> Floats:
-    """Checked, smoothed and at even phases, (n, n_grid, D).
+    """Checked, smoothed and at `n_grid` even phases, (n, n_grid, D).
 
-    Args:
-        trajectories: n arrays (T_i, D) at even phases from 0 to 1.
-        n_grid: phases wanted.
-        smoothing: width of the kernel, in phase.
+    Of n arrays (T_i, D) at even phases from 0 to 1, by a kernel with a width in phase.
 
     Raises:
         ShapeError: no trajectories, too short ones, or ones that do not fit each other.

@@ -23,10 +23,7 @@ MOVES = np.array([1, 2, 3, 4, 5, 6, 8, 11])
 def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> Floats:
     """Parameters (n, K + 1) of smooth warps near the best coarse paths.
 
-    Args:
-        problem: data and prior.
-        rate_std: prior standard deviation of the log rate.
-        rate_correlation: its correlation length in phase.
+    The log rate has a prior standard deviation, and a correlation length in phase.
     """
     at = np.linspace(0, len(problem.reference) - 1, STEPS + 1).round().astype(int)
     reference = (problem.reference[at] - problem.reference.mean(axis=0)).astype(np.float32)

@@ -85,15 +85,10 @@ def label_spans(spans: Sequence[Span], seen: Iterable[Estimate]) -> list[Segment
 def write_segments(
     path: Path, dofs: DofSpec, segments: Sequence[Segment], output: Path
 ) -> list[Path]:
-    """Write segments of a session as demonstrations, each a bag of its own.
+    """Write segments of a session, in order of time, as demonstrations, each a bag of its own.
 
-    All topics are copied but the session's own markers.
-
-    Args:
-        path: of the session.
-        dofs: by which it was segmented.
-        segments: in order of time.
-        output: folder of the new bags, `<name of the session>_000` and so on.
+    They are `<name of the session>_000` and so on in the output folder. All topics are copied but
+    the session's own markers. The DOFs are those by which it was segmented.
 
     Raises:
         ResourceBusyError: a directory exists already.

@@ -21,13 +21,9 @@ class Deviations(NamedTuple):
 def deviations_at(
     model: PhaseDeviation, durations_s: Floats, deviations: Deviations, times_s: Floats
 ) -> Floats:
-    """Probability of each deviation at times given all observations, (S, T, E).
+    """Probability of each deviation at times after onset (T,) given all observations, (S, T, E).
 
-    Args:
-        model: prior of the phase deviation.
-        durations_s: of the whole movement under each hypothesis, (S,).
-        deviations: what was believed after each measurement.
-        times_s: after onset, (T,).
+    Hypotheses have durations of the whole movement, (S,).
     """
     seen_s, filtered, likelihood = deviations
     prior = deviation_prior(model)

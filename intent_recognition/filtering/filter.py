@@ -106,10 +106,7 @@ class MovementFilter:
     ) -> None:
         """Begin with another movement, in the memory of the one before.
 
-        Args:
-            onset_ns: stamp from which phases count.
-            task_weight: as of the class.
-            past: what has been observed of it.
+        `past` is what has been observed of it; the others are as of the class.
         """
         grid, n_tasks = self.grid, len(self._prior.state)
         self.onset_ns, self.task_weight = onset_ns, task_weight

@@ -36,12 +36,9 @@ class PriorGrid(NamedTuple):
         return log_sum(joint)
 
     def duration_weights(self, log_evidence: Floats) -> Floats:
-        """Posterior probability of each duration given its task, (K + 1, S).
+        """Posterior probability of each duration given its task, (K + 1, S), by log evidence (B,).
 
         An impossible task has its prior's durations: it can still be asked for.
-
-        Args:
-            log_evidence: density of the observations under each hypothesis, (B,).
         """
         log_prior = self.log_prior.reshape(-1, self.n_scales)
         possible = np.isfinite(log_prior).any(axis=1, keepdims=True)

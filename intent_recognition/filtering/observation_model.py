@@ -32,14 +32,10 @@ class Measurement(NamedTuple):
 
 
 class ObservationModel:
-    """Turns the observations of one movement into measurements.
+    """Turns the observations of one movement into measurements; phases count from its onset.
 
     Observations of the same DOFs closer together than half of the library's `correlation_time_s`
     say nothing new about what a primitive leaves unexplained; of them the first is used.
-
-    Args:
-        library: the learned tasks.
-        onset_ns: stamp from which phases count.
     """
 
     def __init__(self, library: TaskLibrary, onset_ns: int):

@@ -138,10 +138,8 @@ def answered(posterior: TaskPosterior, task: int, trust: float = 0.99) -> TaskPo
 def counted_none(log_evidence: Floats, log_prior: Floats, margin: float) -> float:
     """Log evidence of none, the known tasks' factor over it counting beyond the margin only.
 
-    Args:
-        log_evidence: of the K tasks and none, (K + 1,).
-        log_prior: theirs, (K + 1,).
-        margin: in nats, zero or more.
+    Of log evidence and prior of the K tasks and none, (K + 1,) each, and a margin in nats, 0 or
+    more.
     """
     known = log_prior[:-1] - np.logaddexp.reduce(log_prior[:-1]) + log_evidence[:-1]
     total = np.logaddexp.reduce(known)
@@ -167,14 +165,10 @@ def counted_joint(log_joint: Floats, log_prior: Floats, log_total: float, power:
 
 
 def beyond_margin(log_factor: Floats, margin: float) -> Floats:
-    """What a log Bayes factor of the known tasks over none counts, (...).
+    """What a log Bayes factor L of known tasks over none counts beyond a margin b, (...) [nats].
 
     log(1 + exp(L - b)) - log(1 + exp(-L - b)): L - b far above the margin b, L + b far below -b,
     nearly zero between; L itself for a margin of zero.
-
-    Args:
-        log_factor: L, (...).
-        margin: b, in nats.
     """
     above = np.logaddexp(0.0, np.asarray(log_factor) - margin)
     return above - np.logaddexp(0.0, -np.asarray(log_factor) - margin)

@@ -193,12 +193,9 @@ class TaskPrediction:
     def controlled(
         self, n_points: int, start: StartPosture | None = None, grid: ControlGrid | None = None
     ) -> Trajectory:
-        """The controlled agent's whole interaction from onset, or its end alone for one point.
+        """The controlled agent's whole interaction at n points in time, or for one its end alone.
 
-        Args:
-            n_points: T, at least 1.
-            start: measured posture of the controlled agent at onset.
-            grid: that of this task, if there is one.
+        It is given its measured posture at onset; the grid is that of this task, if there is one.
 
         Raises:
             ArgumentError: there is no point.
@@ -218,10 +215,7 @@ class TaskPrediction:
         return Trajectory(times_s, positions, velocities, np.sqrt(variance))
 
     def observed(self, n_points: int) -> Trajectory:
-        """The rest of the observed agent's movement; its end alone when that is due, or for T = 1.
-
-        Args:
-            n_points: T, at least 1.
+        """The rest of the observed agent's movement; its end alone when that is due, or for one.
 
         Raises:
             ArgumentError: there is no point.

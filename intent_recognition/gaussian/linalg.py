@@ -68,13 +68,9 @@ def half_log_det(factor: Floats) -> Floats:
 def student_log_density(
     squares: Floats, log_scale: Floats, dimension: int, degrees_of_freedom: float = inf
 ) -> Floats:
-    """Log density of a multivariate Student distribution, (...); normal for infinite freedom.
+    """Log density of a Student distribution over m values, (...); normal for infinite freedom.
 
-    Args:
-        squares: squared Mahalanobis distances, (...).
-        log_scale: half the log determinant of the scale matrix, (...).
-        dimension: m of the values.
-        degrees_of_freedom: nu, above 0.
+    Of squared Mahalanobis distances (...), and half the log determinant of the scale matrix, (...).
     """
     nu, m = degrees_of_freedom, dimension
     if nu == inf:

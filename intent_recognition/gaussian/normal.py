@@ -143,13 +143,7 @@ def regression(joint: Gaussian, n_source: int) -> Regression:
 
 
 def expected_distance(precision: Floats, apart: Floats, covariance: Floats) -> Floats:
-    """E[x^T precision x] of x ~ N(apart, covariance), (...).
-
-    Args:
-        precision: (..., d, d).
-        apart: (..., d).
-        covariance: (..., d, d).
-    """
+    """E[x^T precision x] of x ~ N(apart, covariance), (...), for d elements."""
     turned = np.matmul(precision, apart[..., None])[..., 0]
     return np.sum(apart * turned, axis=-1) + np.sum(precision * covariance, axis=(-2, -1))
 
@@ -157,11 +151,8 @@ def expected_distance(precision: Floats, apart: Floats, covariance: Floats) -> F
 def product(factors: Sequence[Gaussian], powers: Sequence[float]) -> Gaussian:
     """The normal distribution whose density is proportional to prod_i N(x; m_i, P_i)^a_i.
 
-    Its precision is the sum of a_i P_i^-1, so that a power of zero leaves a factor out.
-
-    Args:
-        factors: over the same (d,), covariances positive definite.
-        powers: not negative, not all zero.
+    Its precision is the sum of a_i P_i^-1, so that a power of zero leaves a factor out. Powers are
+    not negative, and not all zero.
 
     Raises:
         ArgumentError: a covariance is not positive definite.

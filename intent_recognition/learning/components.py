@@ -156,9 +156,7 @@ def predict_left_out(
 def score(prediction: LeftOutPrediction, truth: Floats) -> tuple[Floats, Floats]:
     """Negative log density per sample, and error of the mixture's mean, each (n,).
 
-    Args:
-        prediction: of n demonstrations.
-        truth: their controlled trajectories, (n, s).
+    Of the true controlled trajectories (n, s).
     """
     squared = (truth[:, None] - prediction.mean) ** 2 / prediction.variance
     density = _log_student(squared, prediction.freedom[..., None], 1)

@@ -129,8 +129,7 @@ def change_rule(trained: Trained, label: str, change: RuleChange) -> Trained:
 def correction_gain(places: Sequence[Floats]) -> Floats:
     """The gain k of the last of some corrections of a task, (1 + M,), the offset's first.
 
-    Args:
-        places: where the person reached in each, the oldest first: (w_o - m) / s, (M,).
+    Of where the person reached in each, the oldest first: (w_o - m) / s, (M,).
     """
     covariance = np.diag(np.r_[OFFSET_VARIANCE, np.full(len(places[-1]), SLOPE_VARIANCE)])
     gain = np.empty(0)

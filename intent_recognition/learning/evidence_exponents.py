@@ -140,11 +140,7 @@ def log_losses(log_evidence: Floats, own: Integers) -> Floats:
 
 
 def expected_power(losses: Floats) -> float:
-    """Posterior mean of the power.
-
-    Args:
-        losses: log loss of left-out demonstrations under each of the powers, (A, n).
-    """
+    """Posterior mean of the power, by log losses of what was left out under each power, (A, n)."""
     log_likelihood = -losses.sum(axis=1)
     weight = np.exp(log_likelihood - log_likelihood.max())
     return float(weight @ POWERS / weight.sum())

@@ -29,12 +29,7 @@ class Departure(NamedTuple):
 
 
 def departures(tasks: Sequence[TaskStatistics], units: Sequence[str]) -> list[Departure]:
-    """Of the observed DOFs, by what their units have in common (`signals.commensurate`).
-
-    Args:
-        tasks: their statistics.
-        units: of the observed DOFs, (P,).
-    """
+    """Of the observed DOFs (P,), by what their units have in common (`signals.commensurate`)."""
     return [Departure(dofs, departure(tasks, dofs)) for dofs in commensurate(units)]
 
 

@@ -152,12 +152,7 @@ def pooled_moments(tasks: Iterable[TaskStatistics]) -> Scatter:
 def variance_scales(
     tasks: Mapping[str, TaskStatistics], units: Sequence[str]
 ) -> tuple[Floats, Floats]:
-    """Variance floor and noise variance of each DOF over all demonstrations, (D,) each.
-
-    Args:
-        tasks: statistics of each label.
-        units: of the DOFs, (D,).
-    """
+    """Variance floor and noise variance of each DOF over all demonstrations, (D,) each."""
     statistics = tasks.values()
     lowest = np.min([task.lowest for task in statistics], axis=0)
     highest = np.max([task.highest for task in statistics], axis=0)

@@ -241,13 +241,8 @@ def _copy_errors(path: Floats, n_observed: int, lag: Floats) -> Floats:
 def _left_out_errors(observed: Floats, controlled: Floats, factor: Floats) -> Floats:
     """Mean square of what the others leave unexplained of each recording's displacement, (n,).
 
-    Ridge regression of displacements, divided by factors, on what was observed; each recording is
-    left out in closed form (Hastie et al. 2009, Eq. 7.64).
-
-    Args:
-        observed: (n, T, P).
-        controlled: (n, T, Q).
-        factor: of the displacements, (n,).
+    Ridge regression of displacements of a path (n, T, Q), divided by factors (n,), on what was
+    observed (n, T, P); each recording is left out in closed form (Hastie et al. 2009, Eq. 7.64).
     """
     n = len(factor)
     known = (observed - observed.mean(axis=0)).reshape(n, -1)

@@ -26,13 +26,7 @@ def as_observation(
 ) -> Observation:
     """The observation of some arrays, as far as `observation_error` does not look at them.
 
-    Args:
-        sizes: number of DOFs of each signal.
-        stamp_s: see `IntentEstimator.observe`, also for what follows.
-        values: (m,).
-        signal: its number.
-        dofs: numbers of its DOFs.
-        covariance: (m, m).
+    Arguments are those of `IntentEstimator.observe`, and how many DOFs each signal has.
 
     Raises:
         ShapeError: values or covariance are no arrays of numbers.
@@ -82,11 +76,7 @@ def measured_part(observation: Observation, n_dofs: int) -> Observation | None:
 def as_posture(n_controlled: int, stamp_s: float, values: ArrayLike, signal: int) -> Observation:
     """The observation of the controlled agent, as far as `observation_error` does not look at it.
 
-    Args:
-        n_controlled: DOFs of all controlled signals, Q.
-        stamp_s: see `IntentEstimator.observe_controlled`, also for what follows.
-        values: (m,).
-        signal: its number.
+    Arguments are those of `IntentEstimator.observe_controlled`, and the number of controlled DOFs.
 
     Raises:
         ShapeError: values are not a vector of at most Q numbers.

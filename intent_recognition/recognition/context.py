@@ -19,10 +19,7 @@ filtering 100 observations anew takes some 0.1 to 0.2 s. Measured."""
 
 
 class KnownContext:
-    """The context as far as it is known; nothing until something comes.
-
-    Args:
-        library: the learned tasks, with a context or without.
+    """The context of a library, if it has one, as far as it is known: not before something comes.
 
     Attributes:
         learned: that library, whatever is known.
@@ -53,8 +50,7 @@ class KnownContext:
     def take(self, observation: Observation) -> str | None:
         """Take a sample; returns why it was not taken, as a diagnostics key, or None.
 
-        Args:
-            observation: its `group` counts the context signals, in the order of the DOF file.
+        Its `group` counts the context signals, in the order of the DOF file.
         """
         model, newest_ns = self.learned.context, self._newest_ns.get(observation.group, 0)
         if model is None or not 0 <= observation.group < len(model.groups):

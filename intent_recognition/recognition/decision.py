@@ -145,12 +145,8 @@ def possible_tasks(
     """The tasks that a movement may be, the most probable first: a conformal set.
 
     The true one is in it throughout the movement, but for the share of interactions that `risk`
-    bounds. Without a risk, the tasks that `threshold` does not rule out.
-
-    Args:
-        settings: when to act.
-        labels: of the tasks and none.
-        probabilities: theirs, (n_labels,).
+    bounds. Without a risk, the tasks that `threshold` does not rule out. Labels, none among them,
+    have probabilities (n_labels,).
     """
     p = _checked(labels, probabilities)
     known = np.array([label != NONE for label in labels])
@@ -284,10 +280,7 @@ def uncertain_end(
 ) -> str:
     """Why a task that was recognised is not active: text for people, or empty.
 
-    Args:
-        settings: when to act.
-        state: as `decide` returned it.
-        end_std: what `decide` was given.
+    Of the state that `decide` returned, and what it was given of the end.
     """
     recognised = state.candidate and state.n_for >= settings.n_observations
     if not recognised or state.active == state.candidate:

@@ -89,10 +89,7 @@ def without_dofs(
 ) -> Observation | None:
     """An observation as if some DOFs had not been measured; None where nothing is left.
 
-    Args:
-        observation: of one signal.
-        library: says which observed DOFs the signal has.
-        dropped: numbers of observed DOFs.
+    Those dropped are numbers of observed DOFs of the library.
     """
     dofs = library.observed_dofs(observation.group, observation.dofs)
     lost = [dof in dropped for dof in dofs.tolist()]

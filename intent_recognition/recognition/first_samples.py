@@ -58,8 +58,7 @@ class FirstSamples:
     def refuse(self, observation: Observation) -> bool:
         """Whether a sample, or the times of the last ones, are hardly in the learned units.
 
-        Args:
-            observation: finite positions, or their rates, which are not judged.
+        It has finite positions, or their rates, which are not judged.
         """
         group = observation.group
         if group not in self._left or observation.derivative:

@@ -31,10 +31,7 @@ DONE_PHASE = 0.85
 class Movements:
     """Filters of one movement after the other; a second one while another may have begun.
 
-    Args:
-        library: the learned tasks.
-        grid: of tasks and durations.
-        switching: see `IntentEstimator`.
+    `switching` is as of `IntentEstimator`.
     """
 
     def __init__(self, library: TaskLibrary, grid: PriorGrid, *, switching: bool):
@@ -62,11 +59,8 @@ class Movements:
     ) -> MovementFilter | None:
         """The filter of a movement that began at the last stop, once it takes over.
 
-        Args:
-            detector: notices stops.
-            observation: the newest one.
-            task_weight: see `MovementFilter`.
-            posterior: of the movement so far; None after one that was overdue.
+        The posterior is that of the movement so far, after the newest observation; None after one
+        that was overdue. `task_weight` is as of `MovementFilter`.
         """
         if not self._switching:
             return None

@@ -99,11 +99,7 @@ class PostureHistory:
 
 
 class OnsetPosture:
-    """The posture at the onset of the movement under way, as one task's prediction may use it.
-
-    Args:
-        used: False leaves it out of account.
-    """
+    """The posture at onset of the movement under way, as a task's prediction may use it."""
 
     _onset_ns: int
     _final: bool
@@ -179,28 +175,17 @@ def start_variance(library: TaskLibrary) -> Floats:
 
 
 def start_distance(library: TaskLibrary, task: int, position: Floats) -> float:
-    """Squared Mahalanobis distance of a posture from a task's starts (phase 0).
-
-    Args:
-        library: the learned tasks.
-        task: number of the task.
-        position: of the controlled DOFs, (Q,).
-    """
+    """Squared Mahalanobis distance of a controlled posture (Q,) from a task's starts (phase 0)."""
     noise = np.diag(library.control_noise_variance() + start_variance(library))
     start = ControlPoint(0.0, np.eye(library.n_controlled), position, noise)
     return distance_to(library, task, start) ** 2
 
 
 def within_trained_starts(library: TaskLibrary, task: int, position: Floats) -> bool:
-    """Whether a posture is one from which the task was taught.
+    """Whether a controlled posture (Q,) is one from which the task was taught.
 
     The learned covariance is that of the next demonstration, so the squared distance of a start
     like the trained ones is chi-square with Q degrees of freedom.
-
-    Args:
-        library: the learned tasks.
-        task: its number.
-        position: of the controlled DOFs, (Q,), in their units.
     """
     limit = float(chdtri(library.n_controlled, 1.0 - OUTSIDE_QUANTILE))
     return start_distance(library, task, position) <= limit
@@ -214,9 +199,7 @@ def start_mean(library: TaskLibrary, task: int) -> Floats:
 def rest_posture(library: TaskLibrary, task_prior: Floats) -> tuple[Floats, Floats]:
     """Mean and standard deviation of the posture in which the next movement begins, (Q,) each.
 
-    Args:
-        library: the learned tasks.
-        task_prior: their probabilities, (K,).
+    The tasks have probabilities (K,).
     """
     starts = [controlled_at(library, task, 0.0) for task in range(library.n_tasks)]
     mean = np.array([one.mean for one in starts])

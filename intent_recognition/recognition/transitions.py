@@ -74,11 +74,7 @@ class TaskMemory(NamedTuple):
 def remember(memory: TaskMemory, probabilities: Floats, phase: Floats, ended_ns: int) -> TaskMemory:
     """The memory after a movement; one that was broken off changes only the time.
 
-    Args:
-        memory: before the movement.
-        probabilities: of the K tasks and none at the movement's end, (K + 1,).
-        phase: expected phase under each then, (K + 1,).
-        ended_ns: when it ended.
+    Of the K tasks and none at its end, the probabilities and expected phases, (K + 1,) each.
     """
     p = _completed(probabilities, phase)
     belief = p[-1] * memory.belief
@@ -96,13 +92,9 @@ def _completed(probabilities: Floats, phase: Floats) -> Floats:
 def next_task_prior(
     transition_prior: Floats, memory: TaskMemory, task_prior: Floats, trust: float = HABIT_TRUST
 ) -> Floats:
-    """p(s) of the next movement, (K,), sums to one.
+    """p(s) of the next movement, (K,), sums to one: of p(next | last) (K + 1, K), and p0(s) (K,).
 
-    Args:
-        transition_prior: p(next | last), (K + 1, K).
-        memory: of the movements before.
-        task_prior: p0(s), (K,), whatever went before.
-        trust: share of the habit, in [0, 1].
+    `trust` is the share of the habit, in [0, 1].
     """
     possible = np.flatnonzero(memory.belief > 1e-9)  # with thousands of tasks: a few
     prior = memory.belief[possible] @ transition_prior[possible]
@@ -110,11 +102,9 @@ def next_task_prior(
 
 
 def weigh(posterior: TaskPosterior, ratio: Floats) -> TaskPosterior:
-    """The posterior under another p(s); none becomes less probable by it, never more.
+    """The posterior, so far under p0(s), under another p(s): `ratio` is p(s) / p0(s), (K,).
 
-    Args:
-        posterior: under the prior p0(s).
-        ratio: p(s) / p0(s), (K,).
+    None becomes less probable by it, never more.
     """
     known = posterior.probabilities[:-1] * ratio
     total = known.sum()

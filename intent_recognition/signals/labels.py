@@ -13,13 +13,10 @@ COUNTED = re.compile(r"\d+|(?<![^\W_])[^\W_](?![^\W_])")
 
 
 def label_doubts(recordings: Iterable[tuple[str, str | None]]) -> list[StreamFinding]:
-    """Recordings of a rare task whose label is one letter off that of a frequent one.
+    """Recordings, by name and label, of a rare task whose label is one letter off a frequent one's.
 
     Upper case, spaces and underscores do not count. Rare are two recordings at most, frequent three
     times as many.
-
-    Args:
-        recordings: name and label of each.
     """
     named = [(name, label) for name, label in recordings if label]
     counts = Counter(label for _, label in named)

@@ -39,9 +39,8 @@ class Span(NamedTuple):
 def propose_spans(observed: Sequence[Signal], controlled: Sequence[Signal]) -> list[Span]:
     """Propose where the interactions of a session begin and end.
 
-    Args:
-        observed: the signals of the observed agent, over the whole session.
-        controlled: those of the controlled agent, on the same clock; none where there is none.
+    Both agents' signals are those of the whole session, on one clock; the controlled agent may have
+    none.
     """
     signals = (*observed, *controlled)
     # Offline nothing is lost by a late look, so that all that is no rest is taken for movement.

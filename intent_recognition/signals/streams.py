@@ -67,9 +67,7 @@ def common_span(recorded: _Recorded) -> tuple[int, int]:
 def recording_doubts(recorded: _Recorded, *, brief: bool = False) -> list[str]:
     """What gives reason to doubt a recording that can be used, each with the likely cause.
 
-    Args:
-        recorded: the recording.
-        brief: of units, say what is the same for all recordings that have them.
+    `brief`: of units, say what is the same for all recordings that have them.
     """
     clock = [*_shifted_clock(recorded)] or [*_shifted_edges(recorded)]
     return [

@@ -119,11 +119,7 @@ def as_quotient(unit: str) -> str:
 
 
 def commensurate(units: Sequence[str]) -> list[Integers]:
-    """Indices of the DOFs whose numbers may be added: metres and radians, then each other unit.
-
-    Args:
-        units: of the DOFs, (D,).
-    """
+    """Indices of DOFs (D,) whose numbers may be added: metres and radians, then each other unit."""
     kinds = ["" if unit in SPATIAL_UNITS else f"in {unit}" for unit in units]
     return [np.flatnonzero([own == kind for own in kinds]) for kind in sorted(set(kinds))]
 
@@ -136,9 +132,7 @@ def is_spatial(units: Sequence[str]) -> Flags:
 def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
     """Why a movement is hardly in its unit; None where it may be, and for other units than m, rad.
 
-    Args:
-        signal: recorded, or converted from a table.
-        known: of the arm that moved.
+    It was recorded, or converted from a table; `known` is of the arm that moved.
     """
     unit, values = signal.unit, signal.values
     if unit not in SPATIAL_UNITS or not values.size:

@@ -12,14 +12,9 @@ from intent_recognition.errors import ArgumentError
 def agreeing_neighbours(
     points: Floats, normals: Floats, candidates: Floats, candidate_normals: Floats, k: int = 1
 ) -> NDArray[np.integer]:
-    """The k nearest candidates of each point with a normal on the same side.
+    """The k nearest candidates (m, 3) of each point (n, 3) with a normal on the same side.
 
-    Args:
-        points: (n, 3).
-        normals: unit normals (n, 3).
-        candidates: (m, 3).
-        candidate_normals: unit normals (m, 3).
-        k: how many, at least 1.
+    Normals are unit vectors; k is at least 1.
 
     Returns:
         Indices (n, k), nearest first. Where fewer than k candidates agree the nearest of those

@@ -49,12 +49,9 @@ class Reached(NamedTuple):
 
 
 def emptying(warped: WarpedObject, lip: Floats, above_m: float = 0.0) -> Emptying:
-    """What a warped container holds when it is tilted over its lip.
+    """What a warped container holds when it is tilted over its lip (3,) [m].
 
-    Args:
-        warped: the container.
-        lip: of it (3,) [m].
-        above_m: how far above the lip what is in it stands before it leaves: 0 for a liquid.
+    What is in it stands `above_m` above the lip before it leaves: 0 for a liquid.
     """
     rim, cavity = warped.rim, warped.cavity
     outward = rim.outward(lip)
@@ -95,10 +92,7 @@ def amount_to_leave(asked: str | float, fluid_m3: float, second_m3: float) -> fl
 def reached(ratios: Floats, tilt_reference_rad: float, shown: Emptying) -> Reached:
     """How far demonstrated pours go, from the tilts of their mean as ratios to the reference (T,).
 
-    Args:
-        ratios: tilts (T,).
-        tilt_reference_rad: of the demonstrated container.
-        shown: that container.
+    That is of the demonstrated container, `shown`.
 
     Raises:
         ArgumentError: they do not tilt it so far that it begins to pour.

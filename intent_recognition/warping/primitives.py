@@ -33,11 +33,8 @@ def warped_scale(cup: References, second: References) -> Floats:
 def to_warped(offset_m: Floats, tilt_rad: Floats, cup: References, second: References) -> Floats:
     """A path of the lip as ratios (T, 4).
 
-    Args:
-        offset_m: lip from the centre of the second opening (T, 3): along, across, up.
-        tilt_rad: of the held container (T,).
-        cup: the held container.
-        second: the other one.
+    Of its offsets (T, 3) from the centre of the second opening along, across and up [m], and of
+    tilts (T,) of the held container.
     """
     return np.column_stack([offset_m, tilt_rad]) / warped_scale(cup, second)
 

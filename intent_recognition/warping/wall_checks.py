@@ -16,11 +16,8 @@ N_AROUND, N_DOWN = 36, 24
 def check_wall(warped: WarpedObject, surface: ObjectCloud) -> None:
     """Refuse a container with a hole in its inner wall or floor.
 
-    Pinholes of a few millimetres, as scans of thin plastic have, are not looked for.
-
-    Args:
-        warped: the container.
-        surface: points spread evenly over all of its surface, tens of thousands.
+    Pinholes of a few millimetres, as scans of thin plastic have, are not looked for. The surface is
+    tens of thousands of points spread evenly over all of it.
 
     Raises:
         ArgumentError: there is a hole; says where.
