@@ -13,15 +13,11 @@ from intent_recognition.signals import MIN_SAMPLES, Signal
 
 
 class Template(NamedTuple):
-    """What demonstrations are brought onto.
+    """What demonstrations are brought onto."""
 
-    Attributes:
-        values: (G, D) at even reference phases, in the DOFs' own units.
-        scale: typical absolute deviation of an aligned demonstration per DOF, (D,), in its unit;
-            infinite for a DOF that never moves, which tells nothing.
-    """
-
-    values: Floats
+    values: Floats  # (G, D) at even reference phases, in the DOFs' own units
+    # typical absolute deviation of an aligned demonstration per DOF, (D,), in its unit; infinite
+    # for a DOF that never moves, which tells nothing
     scale: Floats
 
 

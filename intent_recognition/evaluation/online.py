@@ -23,20 +23,13 @@ from intent_recognition.signals import Demonstration, common_span, merge
 
 
 class OnlineOutcome(NamedTuple):
-    """The decisions during one recording.
+    """The decisions during one recording."""
 
-    Attributes:
-        task: the true one.
-        recognised: the first task that met every condition of the decision but a certain end;
-            empty if none did.
-        activated: all tasks that became active, in order.
-        decided_share: share of the movement passed when the true one became active; NaN if it
-            never did.
-    """
-
-    task: str
+    task: str  # the true one
+    # the first task that met every condition of the decision but a certain end; empty if none did
     recognised: str
-    activated: tuple[str, ...]
+    activated: tuple[str, ...]  # all tasks that became active, in order
+    # share of the movement passed when the true one became active; NaN if it never did
     decided_share: float
 
 

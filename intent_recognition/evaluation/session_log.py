@@ -32,34 +32,28 @@ NO_CONTACTS, NO_TRANSFERS = ContactLog(), TransferLog()
 
 @dataclass(frozen=True)
 class SessionLog:
-    """What was on the topics of a session, in integer nanoseconds of its clock.
+    """What was on the topics of a session, in integer nanoseconds of its clock."""
 
-    Attributes:
-        labels: columns of the probabilities, `none` last.
-        wrist_ns, wrist_m: raw tracker poses, (W,), (W, 3).
-        tasks_ns, probabilities: stamps and posteriors of intent/tasks, (T,), (T, K + 1).
-        active_ns, active: when intent/active_task changed, and to what.
-        joint_ns, joint_rad: measured joints, (M,), (M, n); fingers come last.
-        predictions: (arrival ns, onset ns, task, times_s (L,), mean (L, q), std (L, q)) of
-            intent/robot_trajectory; of joints [rad], or of the hand [m].
-        paths: (stamp ns, wrist (V, 3)) of intent/human_path.
-        contacts: who holds the object, and the person's force on it, where it is handed over.
-        transfers: what the robot feels of it.
-    """
-
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  # columns of the probabilities, `none` last
+    # wrist_ns, wrist_m: raw tracker poses, (W,), (W, 3)
     wrist_ns: Integers
     wrist_m: Floats
+    # tasks_ns, probabilities: stamps and posteriors of intent/tasks, (T,), (T, K + 1)
     tasks_ns: Integers
     probabilities: Floats
+    # active_ns, active: when intent/active_task changed, and to what
     active_ns: Integers
     active: tuple[str, ...]
+    # joint_ns, joint_rad: measured joints, (M,), (M, n); fingers come last
     joint_ns: Integers
     joint_rad: Floats
+    # (arrival ns, onset ns, task, times_s (L,), mean (L, q), std (L, q)) of
+    # intent/robot_trajectory; of joints [rad], or of the hand [m]
     predictions: Sequence[tuple]
-    paths: Sequence[tuple]
+    paths: Sequence[tuple]  # (stamp ns, wrist (V, 3)) of intent/human_path
+    # who holds the object, and the person's force on it, where it is handed over
     contacts: ContactLog = NO_CONTACTS
-    transfers: TransferLog = NO_TRANSFERS
+    transfers: TransferLog = NO_TRANSFERS  # what the robot feels of it
 
 
 class Trace(TypedDict, total=False):

@@ -58,46 +58,36 @@ PAPER_HAND_ERROR: Mapping[str, HandError] = {
 
 @dataclass(frozen=True)
 class InteractionRecord:
-    """One interaction, scored.
+    """One interaction, scored."""
 
-    Attributes:
-        index: number in the session, from 1.
-        recognised: what was decided first; of a changed movement, what was active soon after its
-            end. Empty or "none" if nothing was.
-        observations: number of observations from onset to the decision.
-        decision_time_s: time from onset to the decision.
-        decision_share: share of the human's movement that had passed at the decision; 1 = its end.
-        hand_error_m: measured hand to the place the demonstrator's rule gives; None if the task
-            was not recognised.
-        arrival_s: the robot's arrival, counted from the human's end; negative = before it.
-        changed_from: the task as which a movement began that the human changed on the way, else
-            empty; `task` is what it became.
-        handed_over: whether the object changed hands and was not dropped; None where objects are
-            not handed over by force.
-        transfer_s: when it had changed hands, counted from the human's end.
-        largest_force_n: of the person on it.
-        believed: the most probable task at the end of the movement, whether or not the arm acted.
-        person: who did it; empty for the only one.
-        wrong_helps: times that the arm began to help while that one neither moved nor waited,
-            until the next interaction.
-    """
-
-    index: int
+    index: int  # number in the session, from 1
     task: str
+    # what was decided first; of a changed movement, what was active soon after its end. Empty or
+    # "none" if nothing was.
     recognised: str
-    observations: int | None
-    decision_time_s: float | None
+    observations: int | None  # number of observations from onset to the decision
+    decision_time_s: float | None  # time from onset to the decision
+    # share of the human's movement that had passed at the decision; 1 = its end
     decision_share: float | None
+    # measured hand to the place the demonstrator's rule gives; None if the task was not recognised
     hand_error_m: float | None
+    # the robot's arrival, counted from the human's end; negative = before it
     arrival_s: float | None
     movement_s: float
     note: str = ""
+    # the task as which a movement began that the human changed on the way, else empty; `task` is
+    # what it became
     changed_from: str = ""
+    # whether the object changed hands and was not dropped; None where objects are not handed over
+    # by force
     handed_over: bool | None = None
-    transfer_s: float | None = None
-    largest_force_n: float | None = None
+    transfer_s: float | None = None  # when it had changed hands, counted from the human's end
+    largest_force_n: float | None = None  # of the person on it
+    # the most probable task at the end of the movement, whether or not the arm acted
     believed: str = ""
-    person: str = ""
+    person: str = ""  # who did it; empty for the only one
+    # times that the arm began to help while that one neither moved nor waited, until the next
+    # interaction
     wrong_helps: int = 0
 
     @property
@@ -132,44 +122,27 @@ class PersonSummary:
 
 @dataclass(frozen=True)
 class DemoSummary:
-    """All interactions of a session; those that the human changed on the way stand apart.
+    """All interactions of a session; those that the human changed on the way stand apart."""
 
-    Attributes:
-        n: interactions that were not changed; all but the last three attributes are of these.
-        recognised_right: of them recognised.
-        decided_before_end: of them recognised before the human's movement was over.
-        median_decision_share: over those recognised, None without any; several people wait for
-            the one arm, and have none.
-        hand_error: mean and two standard deviations over every task whose place depends on the
-            human.
-        hand_error_by_task: the same for each task, those apart too.
-        tasks_apart: tasks left out of `hand_error`.
-        median_arrival_s, latest_arrival_s: after the human's end, over all that arrived.
-        n_changed: interactions that were changed.
-        changes_followed: of them those whose new task was active soon after the movement's end.
-        changed_hand_error: of these, over every task whose place depends on the human.
-        n_transfers: interactions in which an object was to be handed over by force, of all.
-        handed_over: of them those in which it was.
-        largest_force_n: of a person on an object; None without any.
-        people: each of several; empty for one.
-    """
-
-    n: int
-    recognised_right: int
-    decided_before_end: int
+    n: int  # interactions that were not changed; all but the last three attributes are of these
+    recognised_right: int  # of them recognised
+    decided_before_end: int  # of them recognised before the human's movement was over
+    # over those recognised, None without any; several people wait for the one arm, and have none
     median_decision_share: float | None
+    # mean and two standard deviations over every task whose place depends on the human
     hand_error: HandError
-    hand_error_by_task: Mapping[str, HandError]
-    tasks_apart: tuple[str, ...]
+    hand_error_by_task: Mapping[str, HandError]  # the same for each task, those apart too
+    tasks_apart: tuple[str, ...]  # tasks left out of `hand_error`
+    # median_arrival_s, latest_arrival_s: after the human's end, over all that arrived
     median_arrival_s: float | None
     latest_arrival_s: float | None
-    n_changed: int
-    changes_followed: int
-    changed_hand_error: HandError
-    n_transfers: int = 0
-    handed_over: int = 0
-    largest_force_n: float | None = None
-    people: tuple[PersonSummary, ...] = ()
+    n_changed: int  # interactions that were changed
+    changes_followed: int  # of them those whose new task was active soon after the movement's end
+    changed_hand_error: HandError  # of these, over every task whose place depends on the human
+    n_transfers: int = 0  # interactions in which an object was to be handed over by force, of all
+    handed_over: int = 0  # of them those in which it was
+    largest_force_n: float | None = None  # of a person on an object; None without any
+    people: tuple[PersonSummary, ...] = ()  # each of several; empty for one
 
     @property
     def missed(self) -> int:

@@ -47,22 +47,15 @@ class Components(NamedTuple):
     """B mixtures of K components over points (n, r).
 
     Covariances are diag(diagonal) + Z^T diag(row_weight) Z with Z = points[rows] - mean.
-
-    Attributes:
-        log_weight: log mixture weights, (B, K), minus infinity for a dropped component.
-        count: sum of responsibilities, (B, K).
-        mean: (B, K, r).
-        diagonal: (B, K, r).
-        rows: indices of the members, (B, K, M).
-        row_weight: weights of their outer products, zero where rows only fill up, (B, K, M).
     """
 
-    log_weight: Floats
+    log_weight: Floats  # log mixture weights, (B, K), minus infinity for a dropped component
+    # sum of responsibilities, (B, K)
     count: Floats  # type: ignore[assignment]  # hides tuple.count
-    mean: Floats
-    diagonal: Floats
-    rows: Integers
-    row_weight: Floats
+    mean: Floats  # (B, K, r)
+    diagonal: Floats  # (B, K, r)
+    rows: Integers  # indices of the members, (B, K, M)
+    row_weight: Floats  # weights of their outer products, zero where rows only fill up, (B, K, M)
 
     def select(self, which: slice | Integers) -> "Components":
         """Some of the B mixtures."""

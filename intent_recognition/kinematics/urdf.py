@@ -37,24 +37,19 @@ class Mimic(NamedTuple):
 
 
 class UrdfChain(NamedTuple):
-    """What of a URDF moves a tip against a base.
+    """What of a URDF moves a tip against a base."""
 
-    Attributes:
-        xml: the URDF without shapes, continuous joints with limits that are never met, for
-            pinocchio (`separate_names`).
-        names: independent joints that move the tip, from the base on, and those beyond it.
-        continuous: which of them have no position limits.
-        mimics: joints of the whole URDF that copy another.
-        assumed: names of those without a limit of speed or effort, which have the defaults.
-    """
-
+    # the URDF without shapes, continuous joints with limits that are never met, for pinocchio
+    # (`separate_names`)
     xml: str
     base: str
     tip: str
+    # independent joints that move the tip, from the base on, and those beyond it
     names: tuple[str, ...]
-    continuous: tuple[bool, ...]
+    continuous: tuple[bool, ...]  # which of them have no position limits
     limits: JointLimits
-    mimics: tuple[Mimic, ...]
+    mimics: tuple[Mimic, ...]  # joints of the whole URDF that copy another
+    # names of those without a limit of speed or effort, which have the defaults
     assumed: tuple[str, ...]
 
 
@@ -64,15 +59,11 @@ def read_mimics(source: str | Path) -> tuple[Mimic, ...]:
 
 
 class Ranges(NamedTuple):
-    """What of a URDF bounds its motion.
+    """What of a URDF bounds its motion."""
 
-    Attributes:
-        joints: by name of a revolute or prismatic joint its lower and upper limit [rad, m].
-        reach_m: that no link can be farther from the root than.
-    """
-
+    # by name of a revolute or prismatic joint its lower and upper limit [rad, m]
     joints: dict[str, tuple[float, float]]
-    reach_m: float
+    reach_m: float  # that no link can be farther from the root than
 
 
 @lru_cache(maxsize=8)

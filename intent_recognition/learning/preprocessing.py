@@ -38,27 +38,20 @@ class SignalNames(NamedTuple):
 
 @dataclass(frozen=True)
 class Preprocessing:
-    """How each recording becomes an example.
+    """How each recording becomes an example."""
 
-    Attributes:
-        settings: basis, ridge and segmentation among them.
-        observed, controlled: DOFs of each signal.
-        onset, controlled_onset: thresholds of the movement for each signal.
-        timing: templates that recordings are aligned with.
-        source: name of the recording that the DOFs are from.
-        context: names of each context signal.
-        angles: where each DOF that is an angle begins, in the turn that all recordings are brought
-            to [rad], observed ones first; None for other DOFs.
-    """
-
-    settings: TrainingSettings
+    settings: TrainingSettings  # basis, ridge and segmentation among them
+    # observed, controlled: DOFs of each signal
     observed: tuple[SignalNames, ...]
     controlled: tuple[SignalNames, ...]
+    # onset, controlled_onset: thresholds of the movement for each signal
     onset: tuple[OnsetSettings, ...]
     controlled_onset: tuple[OnsetSettings, ...]
-    timing: Timing
-    source: str = ""
-    context: tuple[SignalNames, ...] = ()
+    timing: Timing  # templates that recordings are aligned with
+    source: str = ""  # name of the recording that the DOFs are from
+    context: tuple[SignalNames, ...] = ()  # names of each context signal
+    # where each DOF that is an angle begins, in the turn that all recordings are brought to [rad],
+    # observed ones first; None for other DOFs
     angles: tuple[float | None, ...] = ()
 
     def basis_of(self, aligned: bool) -> NormalizedRBFBasis:

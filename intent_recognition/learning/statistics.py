@@ -28,36 +28,24 @@ bounds the size of a model file."""
 
 @dataclass(frozen=True)
 class TaskStatistics:
-    """Sufficient statistics of n demonstrations of one task.
+    """Sufficient statistics of n demonstrations of one task."""
 
-    Attributes:
-        n: how many.
-        mean: mean weights, (D, N), observed DOFs first.
-        scatter: sum of outer products of their deviations from the mean, (D N, D N).
-        lowest, highest: smallest and largest weight of each DOF, (D,).
-        residual_sum: sum of the residual variances, (D,).
-        log_duration_mean: mean of the logarithms of the durations in seconds.
-        log_duration_scatter: sum of their squared deviations from it.
-        context_mean: mean context, (M,).
-        context_scatter: sum of outer products of the contexts' deviations from it, (M, M).
-        context_cross: the same of the weights' and the contexts' deviations, (D N, M).
-        examples: all demonstrations, or `MAX_EXAMPLES` of them drawn by a hash of their names.
-        aligned: statistics of the aligned examples; None where nothing was aligned.
-    """
-
-    n: int
-    mean: Floats
-    scatter: Floats
+    n: int  # how many
+    mean: Floats  # mean weights, (D, N), observed DOFs first
+    scatter: Floats  # sum of outer products of their deviations from the mean, (D N, D N)
+    # lowest, highest: smallest and largest weight of each DOF, (D,)
     lowest: Floats
     highest: Floats
-    residual_sum: Floats
-    log_duration_mean: float
-    log_duration_scatter: float
+    residual_sum: Floats  # sum of the residual variances, (D,)
+    log_duration_mean: float  # mean of the logarithms of the durations in seconds
+    log_duration_scatter: float  # sum of their squared deviations from it
     duration_sum_s: float
-    context_mean: Floats
-    context_scatter: Floats
-    context_cross: Floats
+    context_mean: Floats  # mean context, (M,)
+    context_scatter: Floats  # sum of outer products of the contexts' deviations from it, (M, M)
+    context_cross: Floats  # the same of the weights' and the contexts' deviations, (D N, M)
+    # all demonstrations, or `MAX_EXAMPLES` of them drawn by a hash of their names
     examples: tuple[TrainingExample, ...]
+    # statistics of the aligned examples; None where nothing was aligned
     aligned: "TaskStatistics | None" = None
 
     @property

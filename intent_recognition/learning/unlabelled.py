@@ -26,18 +26,13 @@ from intent_recognition.signals import Demonstration, numbered
 
 
 class Relabelled(NamedTuple):
-    """Demonstrations with their components as labels.
+    """Demonstrations with their components as labels."""
 
-    Attributes:
-        demonstrations: the same recordings, `task` being `component_1`, the largest, and so on.
-        rejected: (name, reason) of those left out.
-        choice: number of components, and all numbers that were tried.
-        purity: agreement with the labels of those recordings that had one, None if none had.
-    """
-
+    # the same recordings, `task` being `component_1`, the largest, and so on
     demonstrations: tuple[Demonstration, ...]
-    rejected: tuple[tuple[str, str], ...]
-    choice: ComponentChoice
+    rejected: tuple[tuple[str, str], ...]  # (name, reason) of those left out
+    choice: ComponentChoice  # number of components, and all numbers that were tried
+    # agreement with the labels of those recordings that had one, None if none had
     purity: float | None
 
 

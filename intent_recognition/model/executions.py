@@ -32,19 +32,15 @@ MOST_VALUES, LONGEST_VALUE = 50, 200
 
 @dataclass(frozen=True)
 class Execution:
-    """What is known of one execution, which ended at a time (ISO 8601).
-
-    Attributes:
-        bag: the recording, relative to the folder; an old one may have been removed.
-        model: what the task was like then: the model in the folder, relative to it; empty where
-            the folder had none.
-        values: by name: `outcome`, `corrections`, `thumbs` (`up`, `down`), `spilled` and others.
-    """
+    """What is known of one execution, which ended at a time (ISO 8601)."""
 
     time: str
     task: str
-    bag: str
+    bag: str  # the recording, relative to the folder; an old one may have been removed
+    # what the task was like then: the model in the folder, relative to it; empty where the folder
+    # had none
     model: str
+    # by name: `outcome`, `corrections`, `thumbs` (`up`, `down`), `spilled` and others
     values: Mapping[str, str]
 
     @property

@@ -92,21 +92,16 @@ Run = Callable[[Callable[[T], R], Iterable[T]], Iterator[R]]
 
 
 class FromBags(NamedTuple):
-    """Statistics of the demonstrations in bags, and what was left out.
-
-    Attributes:
-        rejections: why bags, or parts of them, are left out; of very many the first ones.
-        dropped: number of messages dropped, by reason.
-        correlations: of both agents' speeds, for `stream_doubts`; of very many the first ones.
-        frames: in which the poses are.
-    """
+    """Statistics of the demonstrations in bags, and what was left out."""
 
     accumulated: Accumulated
+    # why bags, or parts of them, are left out; of very many the first ones
     rejections: tuple[Rejection, ...] = ()
     n_rejections: int = 0
-    dropped: Mapping[str, int] = Counter()
+    dropped: Mapping[str, int] = Counter()  # number of messages dropped, by reason
+    # of both agents' speeds, for `stream_doubts`; of very many the first ones
     correlations: tuple[SpeedCorrelation, ...] = ()
-    frames: Frames = merge_frames(())
+    frames: Frames = merge_frames(())  # in which the poses are
 
     def plus(self, other: "FromBags") -> "FromBags":
         """Both together."""

@@ -44,20 +44,15 @@ linearised rows leave."""
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """How a task's motion may vary.
+    """How a task's motion may vary."""
 
-    Attributes:
-        basis: the N basis functions of each controlled DOF.
-        covariance: of the controlled weights, (Q N, Q N); the position at the start is fixed, and
-            that at the end where the motion may only be bent.
-        arm: whose hand the controlled DOFs are; None where they are the joints.
-        reference: quaternion xyzw from which the hand's rotation vectors start; empty where its
-            orientation is free.
-    """
-
-    basis: NormalizedRBFBasis
+    basis: NormalizedRBFBasis  # the N basis functions of each controlled DOF
+    # of the controlled weights, (Q N, Q N); the position at the start is fixed, and that at the end
+    # where the motion may only be bent
     covariance: Floats
-    arm: Arm | None = None
+    arm: Arm | None = None  # whose hand the controlled DOFs are; None where they are the joints
+    # quaternion xyzw from which the hand's rotation vectors start; empty where its orientation is
+    # free
     reference: tuple[float, ...] = ()
 
     @cached_property

@@ -37,19 +37,14 @@ class Obstruction(NamedTuple):
 
 
 class ClearPath(NamedTuple):
-    """A path that is clear.
-
-    Attributes:
-        away: how far it was moved at `N_SAMPLES` phases (T, n) [rad]; None where it was not.
-        how: "", "bent" within the spread of its task, or "replanned".
-        later_s: a command of it starts so much later, for finding it took its time [s].
-        turn: how the arm turned about its hand before it was moved; None where it did not.
-    """
+    """A path that is clear."""
 
     path: JointPath
+    # how far it was moved at `N_SAMPLES` phases (T, n) [rad]; None where it was not
     away: Floats | None = None
-    how: str = ""
-    later_s: float = 0.0
+    how: str = ""  # "", "bent" within the spread of its task, or "replanned"
+    later_s: float = 0.0  # a command of it starts so much later, for finding it took its time [s]
+    # how the arm turned about its hand before it was moved; None where it did not
     turn: Turn | None = None
 
 

@@ -30,18 +30,14 @@ class Via(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """How pushes are found, and what becomes of them.
+    """How pushes are found, and what becomes of them."""
 
-    Attributes:
-        detector: says whether somebody pushes.
-        spreads: how each task's motion may vary, its start fixed; a task without one is not
-            corrected: the arm yields, and goes on as before.
-        release_s: the arm was left where it has rested for so long [s]; who moved it for a shorter
-            time than `detector.sustained_s` only bumped into it.
-    """
-
-    detector: DeviationDetector
+    detector: DeviationDetector  # says whether somebody pushes
+    # how each task's motion may vary, its start fixed; a task without one is not corrected: the arm
+    # yields, and goes on as before
     spreads: Mapping[str, Spread] = field(default_factory=dict)
+    # the arm was left where it has rested for so long [s]; who moved it for a shorter time than
+    # `detector.sustained_s` only bumped into it
     release_s: float = 0.4
 
     def corrected(

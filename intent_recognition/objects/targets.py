@@ -30,18 +30,13 @@ NEEDED = "a mesh file (.obj, .ply, .stl, .off, .glb, .gltf) or a cloud (.ply, .x
 
 @dataclass(frozen=True)
 class Target:
-    """An object onto which an annotated one is warped.
+    """An object onto which an annotated one is warped."""
 
-    Attributes:
-        cloud: points of its surface.
-        surface: many points on all of its surface; None if the file is a cloud, which never
-            shows all sides.
-        wall_m: thickness of its wall, measured below the surface [m]: 0 of one surface without a
-            wall, NaN of a cloud.
-    """
-
-    cloud: ObjectCloud
+    cloud: ObjectCloud  # points of its surface
+    # many points on all of its surface; None if the file is a cloud, which never shows all sides
     surface: ObjectCloud | None
+    # thickness of its wall, measured below the surface [m]: 0 of one surface without a wall, NaN of
+    # a cloud
     wall_m: float = float("nan")
 
 

@@ -38,20 +38,15 @@ class StreamFinding(NamedTuple):
 
 
 class SpeedCorrelation(NamedTuple):
-    """Correlation of both agents' speeds over the lag of the controlled one.
-
-    Attributes:
-        values: at `LAGS_S`, (L,).
-        doubts: what the recording alone gives reason to doubt.
-        movement: digest of the observed agent's values; recordings of equal ones are copies.
-        sizes: by the first DOF of each signal, how large its numbers are.
-    """
+    """Correlation of both agents' speeds over the lag of the controlled one."""
 
     name: str
     task: str | None
-    values: Floats
-    doubts: tuple[str, ...] = ()
+    values: Floats  # at `LAGS_S`, (L,)
+    doubts: tuple[str, ...] = ()  # what the recording alone gives reason to doubt
+    # digest of the observed agent's values; recordings of equal ones are copies
     movement: bytes = b""
+    # by the first DOF of each signal, how large its numbers are
     sizes: tuple[tuple[str, Size], ...] = ()
 
     @property

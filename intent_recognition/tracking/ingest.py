@@ -63,18 +63,15 @@ class Rejected:
 
 @dataclass(frozen=True)
 class IngestState:
-    """What is remembered of one body between samples, at first nothing; never modified.
+    """What is remembered of one body between samples, at first nothing; never modified."""
 
-    Attributes:
-        recent: accepted samples of the velocity window, oldest first, thinned at high rates; the
-            last is the last accepted one.
-        jump, jumps: the last of the current consecutive jumps, or None, and how many these are.
-        late_ns, late: likewise of late samples, the stamp of the last.
-    """
-
+    # accepted samples of the velocity window, oldest first, thinned at high rates; the last is the
+    # last accepted one
     recent: tuple[Sample, ...] = ()
+    # jump, jumps: the last of the current consecutive jumps, or None, and how many these are
     jump: Sample | None = None
     jumps: int = 0
+    # late_ns, late: likewise of late samples, the stamp of the last
     late_ns: int | None = None
     late: int = 0
 
