@@ -97,7 +97,11 @@ def explain(
     for k, one in enumerate(run):
         if one.estimate.moving:
             movements.setdefault(one.estimate.onset_ns, []).append(k)
-    moments = {k: some for some in movements.values() for k in _moments(run, some)}
+    moments = {}
+    for some in movements.values():  # its decisions, or without any its best moment
+        acted = [k for k in some if run[k].state.acts]
+        best = max(some, key=lambda k: run[k].estimate.probabilities[:-1].max())
+        moments |= dict.fromkeys(acted or [best], some)
     estimator, found = IntentEstimator(model.library), []
     for k, estimate in enumerate(follow(estimator, samples, Counter())):
         if k not in moments:
@@ -155,12 +159,6 @@ def _drop(samples: Sequence[Sample], library: TaskLibrary, dropped: frozenset[in
         elif seen := without_dofs(sample.observation, library, dropped):
             kept.append(sample._replace(observation=seen))
     return kept
-
-
-def _moments(run: Sequence[Decided], movement: Sequence[int]) -> list[int]:
-    """What to explain of a movement: its decisions, or without any its best moment."""
-    acted = [k for k in movement if run[k].state.acts]
-    return acted or [max(movement, key=lambda k: run[k].estimate.probabilities[:-1].max())]
 
 
 def _first(run: Sequence[Decided], movement: Sequence[Decided]) -> Without:

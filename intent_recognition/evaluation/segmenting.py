@@ -112,17 +112,12 @@ def write_segments(
         for number, segment in enumerate(segments)
     ]
     markers = [name for name in reader.topics if f"/{name}".endswith(f"/{MARKER_TOPIC}")]
-    _check_free([part.path for part in parts])
+    for part in parts:  # before anything is written
+        if part.path.exists():
+            cure = "Choose another folder."
+            raise ResourceBusyError.about("output", "no bag of that name", part.path, cure)
     cut_bag(reader, parts, markers)
     return [part.path for part in parts]
-
-
-def _check_free(paths: Sequence[Path]) -> None:
-    """Find out before anything is written that a directory exists already."""
-    for path in paths:
-        if path.exists():
-            cure = "Choose another folder."
-            raise ResourceBusyError.about("output", "no bag of that name", path, cure)
 
 
 def _labels(custom_data: Mapping[str, str], session: str, segment: Segment) -> dict[str, str]:

@@ -119,16 +119,14 @@ def task_posterior(
     return TaskPosterior(probabilities, counted, phase, expected_s, scale_weights, timing)
 
 
-def answered(posterior: TaskPosterior, task: int, trust: float = 0.99) -> TaskPosterior:
+def answered(posterior: TaskPosterior, task: int) -> TaskPosterior:
     """The posterior after a person has said which task it is.
 
-    An answer names the right task with probability `trust`, and any other thing as often as any.
+    An answer names the right task with a probability, and any other thing as often as any.
     """
-    log_likelihood = np.full(
-        len(posterior.probabilities),
-        np.log((1.0 - trust) / (len(posterior.probabilities) - 1)),
-    )
-    log_likelihood[task] = np.log(trust)
+    n, right = len(posterior.probabilities), 0.99
+    log_likelihood = np.full(n, np.log((1.0 - right) / (n - 1)))
+    log_likelihood[task] = np.log(right)
     p = posterior.probabilities * np.exp(log_likelihood)
     return posterior._replace(
         probabilities=p / p.sum(), log_evidence=posterior.log_evidence + log_likelihood

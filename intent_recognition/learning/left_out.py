@@ -110,15 +110,14 @@ class LeavingOut:
 
     def _without_group(self, name: str) -> LeftOut | None:
         """Without all demonstrations of a group; None where a task has no others."""
-        n_observed, size = self.library.n_observed, self.library.n_observed_weights
+        size = self.library.n_observed_weights
         kept = without_group(self.statistics, name)
         if kept is None:
             return None
         pooled = observed_block(pooled_moments(kept), size)
         mean = np.array([task.mean.ravel()[:size] for task in kept])
         n, examples = np.array([task.n for task in kept]), [task.examples for task in kept]
-        floor = self._floor[:n_observed]
-        covariance = covariance_of_strangers(examples, pooled, floor, STRENGTH)
+        covariance = covariance_of_strangers(examples, pooled, self._floor, STRENGTH)
         return self._left_out(covariance, self._departed, mean, n)
 
     def _left_out(

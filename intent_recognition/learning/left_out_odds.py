@@ -14,7 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
 from intent_recognition.filtering import NEGLIGIBLE, MovementFilter, make_prior_grid
 from intent_recognition.learning.examples import TrainingExample, sample_phases
 from intent_recognition.learning.held_out_examples import N_SCALES, paired_examples
@@ -93,8 +92,9 @@ def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> 
     largest = -NEGLIGIBLE
     for run in follow(replace(library, switch_margin=0.0), recorded):
         assert run.births is not None
-        left = run.births.onset_log_joint(run.log_evidence)[:-1]
-        largest = max(largest, _log_odds(run.births.log_joint[:-1], left, task))
+        left, born = run.births.onset_log_joint(run.log_evidence)[:-1], run.births.log_joint[:-1]
+        others = np.logaddexp.reduce(np.delete(born, task))
+        largest = max(largest, float(others - np.logaddexp.reduce(np.r_[left, born[task]])))
     return largest
 
 
@@ -106,9 +106,3 @@ def follow(library: TaskLibrary, recorded: TrainingExample) -> Iterator[Movement
     for observation in observations_of(library.observed_groups, stamps_ns, recorded.observed):
         run.observe(observation)
         yield run
-
-
-def _log_odds(born: Floats, left: Floats, task: int) -> float:
-    """Of the born hypotheses of other tasks, against all others."""
-    others = np.logaddexp.reduce(np.delete(born, task))
-    return float(others - np.logaddexp.reduce(np.r_[left, born[task]]))

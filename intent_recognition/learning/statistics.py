@@ -157,9 +157,9 @@ def aligned_statistics(tasks: Mapping[str, TaskStatistics]) -> dict[str, TaskSta
 
 def _draw(examples: Sequence[TrainingExample]) -> tuple[TrainingExample, ...]:
     """The `MAX_EXAMPLES` of the smallest hash: a fair sample in any order and grouping."""
-    return tuple(sorted(examples, key=_key)[:MAX_EXAMPLES])
 
+    def key(example: TrainingExample) -> bytes:
+        identity = f"{example.name}\0{example.duration_s!r}"
+        return blake2b(identity.encode(), digest_size=8).digest()
 
-def _key(example: TrainingExample) -> bytes:
-    identity = f"{example.name}\0{example.duration_s!r}"
-    return blake2b(identity.encode(), digest_size=8).digest()
+    return tuple(sorted(examples, key=key)[:MAX_EXAMPLES])

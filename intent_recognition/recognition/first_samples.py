@@ -85,17 +85,19 @@ class _OfSignal:
 
     def misfit(self, observation: Observation) -> Misfit | None:
         """Why it is hardly in the units that were learned; None where it may be."""
-        rows = slice(None) if observation.dofs is None else list(observation.dofs)
-        names = tuple(self._names[rows].tolist())
-        learned = Known(self._learned.lower[rows], self._learned.upper[rows])
+        names, learned = self._of(observation)
         found = learned_misfit(names, self._unit, observation.values, learned)
         return found or self._late(observation.stamp_ns, names)
 
     def may_be_another(self, observation: Observation) -> bool:
         """Whether its numbers could be places that were learned in another unit, too."""
+        return bool(other_units(self._unit, observation.values, self._of(observation)[1]))
+
+    def _of(self, observation: Observation) -> tuple[tuple[str, ...], Known]:
+        """Names of the DOFs that were measured, and where they were learned."""
         rows = slice(None) if observation.dofs is None else list(observation.dofs)
         learned = Known(self._learned.lower[rows], self._learned.upper[rows])
-        return bool(other_units(self._unit, observation.values, learned))
+        return tuple(self._names[rows].tolist()), learned
 
     def _late(self, stamp_ns: int, names: tuple[str, ...]) -> Misfit | None:
         """What is certainly wrong with the times of the last samples."""

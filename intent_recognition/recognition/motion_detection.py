@@ -142,13 +142,12 @@ class MotionDetector:
     """
 
     def __init__(self, groups: Sequence[int], settings: Sequence[OnsetSettings]):
-        self.settings = settings
         self.pasts = [
             SignalPast(size, past_s(own)) for size, own in zip(groups, settings, strict=True)
         ]
-        self._stops = [Stops(own) for own in settings]
         self._now: list[list[_Moving]] = []
         self.waits_for_rest = False
+        self.use(settings)
 
     def clear(self) -> None:
         """Forget everything."""

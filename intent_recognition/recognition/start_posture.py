@@ -152,19 +152,14 @@ class OnsetPosture:
         if position is None or position.shape != none.shape:
             return None, POSTURE_UNKNOWN, none
         if task not in self._known:
-            turns = _turns_of_start(library, task, position)
+            apart, turn = position - start_mean(library, task), turns_of(library.controlled_units)
+            turns = whole_turns(apart, turn)  # zero where a DOF is no angle
             if within_trained_starts(library, task, position - turns):
                 start = StartPosture(position - turns, start_variance(library))
                 self._known[task] = start, POSTURE_USED, turns
             else:
                 self._known[task] = None, POSTURE_OUTSIDE, none
         return self._known[task]
-
-
-def _turns_of_start(library: TaskLibrary, task: int, position: Floats) -> Floats:
-    """Whole turns between a posture and where a task begins, zero where a DOF is no angle, (Q,)."""
-    turn = turns_of(library.controlled_units)
-    return whole_turns(position - start_mean(library, task), turn)
 
 
 def start_variance(library: TaskLibrary) -> Floats:

@@ -107,7 +107,8 @@ def identify(
             found[label] = leaps.person
             continue
         found[label] = _name(label, tracks, positions)
-        tracks.append(_born(found[label], label, stamp_ns, seen[label]))
+        mean, covariance = np.stack([seen[label], np.zeros(3)]), np.diag([POSITION_STD_M**2, 1.0])
+        tracks.append(Track(found[label], label, stamp_ns, mean, covariance))
     for name in held:
         found.update({name: NOBODY} if name in found else {})
     undone, unknown = people.n_undone + exchanged, people.n_unknown + bool(unsure)
@@ -136,11 +137,6 @@ def _corrected(track: Track, label: str, position: Floats) -> Track:
     mean = track.mean + np.outer(gain, position - track.mean[0])
     covariance = track.covariance - np.outer(gain, gain) * variance
     return track._replace(label=label, mean=mean, covariance=covariance)
-
-
-def _born(person: str, label: str, stamp_ns: int, at: Floats) -> Track:
-    covariance = np.diag([POSITION_STD_M**2, 1.0**2])
-    return Track(person, label, stamp_ns, np.stack([at, np.zeros(3)]), covariance)
 
 
 def _assignment(tracks: list[Track], positions: list[Floats]) -> tuple[Floats, list[int]]:
