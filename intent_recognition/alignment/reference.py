@@ -83,12 +83,9 @@ def _smoother(n_samples: int, n_grid: int, width: float) -> Floats:
 def typical_deviation(samples: Floats, deviations: Floats) -> Floats:
     """Scale of each DOF, (D,): median over demonstrations of their mean absolute deviations.
 
-    Deviations count from their mean in each demonstration, as in the cost of a warp.
-
-    Args:
-        samples: demonstrations, (n, G, D); a DOF that never moves, or by less than the smallest
-            normal number, gets infinity.
-        deviations: from the reference, (n, G, D).
+    Deviations from the reference (n, G, D) count from their mean in each demonstration, as in the
+    cost of a warp. A DOF that never moves in the samples (n, G, D), or by less than the smallest
+    normal number, gets infinity.
     """
     extent = np.ptp(samples.reshape(-1, samples.shape[-1]), axis=0)
     moving = np.any(np.ptp(samples, axis=1) > 1e-9 * np.abs(samples).max(axis=(0, 1)), axis=0)

@@ -93,12 +93,9 @@ def rehearse(
     recordings: Iterable[Demonstration],
     settings: DecisionSettings | None = None,
 ) -> Rehearsal:
-    """Follow recordings as the nodes do.
+    """Follow recordings, whose starts and ends are those of the movements, as the nodes do.
 
-    Args:
-        library: the learned tasks.
-        recordings: labelled; their starts and ends are those of the movements.
-        settings: of the decision; the node's defaults when None.
+    The settings of the decision are the node's defaults when None.
 
     Raises:
         ArgumentError: no recording, or one of a task that the library does not know.

@@ -12,13 +12,10 @@ N_RINGS, N_SIDES = 16, 10
 def tube_rings(
     path: Floats, std: Floats, *, n_rings: int = N_RINGS, n_sides: int = N_SIDES
 ) -> Floats:
-    """Rings about a path, each on the ellipsoid of two standard deviations of its point.
+    """Rings about a path (T, 3) [m], each on the ellipsoid of two standard deviations of its point.
 
-    Args:
-        path: (T, 3) [m], T >= 1.
-        std: standard deviations along the axes (T, 3) [m].
-        n_rings: rings, evenly spaced along the path.
-        n_sides: points of a ring.
+    These are along the axes, (T, 3) [m]. Rings are evenly spaced along the path, with so many
+    points each.
 
     Returns:
         Vertices (n_rings, n_sides, 3) [m].

@@ -111,13 +111,8 @@ def predict_left_out(
     """Predict each demonstration's controlled trajectory from its observed one.
 
     The prior on the covariance is taken as inverse Wishart, so what is left out has a Student t
-    distribution: the covariance of a component with few members is uncertain.
-
-    Args:
-        features: the demonstrations.
-        left_out: mixture number i was fitted without demonstration i.
-        prior: of the covariances.
-        part: which of them to predict.
+    distribution: the covariance of a component with few members is uncertain. Mixture number i was
+    fitted without demonstration i; only a part of them is predicted.
     """
     split, points = features.n_observed, features.coordinates
     components = left_out.select(part)

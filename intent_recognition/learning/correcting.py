@@ -62,12 +62,10 @@ class RuleChange(NamedTuple):
 def keep_correction(
     trained: Trained, corrected: Demonstration, earlier: Sequence[Demonstration] = ()
 ) -> Trained:
-    """Move the robot's part of a known task towards a corrected execution.
+    """Move the robot's part of a known task towards a corrected execution, in a copy.
 
-    Args:
-        trained: what to change; it stays as it is.
-        corrected: what the person did, and how the robot was wanted to move, labelled.
-        earlier: corrections of the same task that were kept before, the oldest first.
+    `corrected` is what the person did, and how the robot was wanted to move, labelled; `earlier`
+    are corrections of the same task that were kept before, the oldest first.
 
     Raises:
         TrainingError: the task is not known, or an execution cannot be used; says why.

@@ -62,16 +62,11 @@ class Features(NamedTuple):
 
 
 def mixture_features(weights: Floats, n_observed: int, basis: NormalizedRBFBasis) -> Features:
-    """Coordinates of demonstrations for a mixture.
+    """Coordinates of demonstrations for a mixture, from weights (n, D, N), observed DOFs first.
 
     Scaling: every DOF is divided by its standard deviation over all demonstrations and phases (one
-    that never varies is left alone), and every agent by the square root of its number of
-    values, so that units and numbers of DOFs do not matter.
-
-    Args:
-        weights: (n, D, N), observed DOFs first.
-        n_observed: number of observed DOFs.
-        basis: what the weights belong to.
+    that never varies is left alone), and every agent by the square root of its number of values, so
+    that units and numbers of DOFs do not matter.
 
     Raises:
         TrainingError: no demonstrations, or too many.

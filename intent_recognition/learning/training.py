@@ -184,12 +184,9 @@ def add_demonstration(trained: Trained, demonstration: Demonstration) -> Trained
 def add_statistics(
     trained: Trained, tasks: Mapping[str, TaskStatistics], names: Sequence[str] = ()
 ) -> Trained:
-    """Add demonstrations, whose statistics come from the same preprocessing.
+    """Add demonstrations, whose statistics come from the same preprocessing, in a copy.
 
-    Args:
-        trained: what to add to; it stays as it is.
-        tasks: statistics of each label.
-        names: of the demonstrations, for the provenance.
+    Their names go to the provenance.
 
     Raises:
         TrainingError: one of them is in another unit than those learned before.

@@ -57,12 +57,9 @@ class PostureHistory:
         self._late = defaultdict[int, LateSamples](LateSamples)
 
     def take(self, stamp_ns: int, group: int, values: Floats) -> str | None:
-        """Take one sample; returns why it was not taken, as a diagnostics key, or None.
+        """Take a sample (m,) of a controlled signal, counted in the order of the DOF file.
 
-        Args:
-            stamp_ns: time of measurement.
-            group: which controlled signal it is, in the order of the DOF file.
-            values: its DOFs, (m,).
+        Returns why it was not taken, as a diagnostics key, or None.
         """
         while group >= len(self._samples):
             self._samples.append(deque())

@@ -172,9 +172,8 @@ class Expectation:
     def expect(self, task: str, *, at_once: bool) -> None:
         """Let a task be that of the next movement, as sure as a habit; empty: as it was learned.
 
-        Args:
-            task: its label; one that was not learned is as none.
-            at_once: whether no movement is under way; else it counts when that has ended.
+        One that was not learned is as none. It counts at once where no movement is under way, else
+        when that has ended.
         """
         self._step = task
         if at_once:

@@ -220,15 +220,11 @@ def _velocity(settings: IngestSettings, state: IngestState) -> Velocity | None:
 
 
 def fit_velocity(stamps_ns: Integers, positions: Floats, position_variance: float) -> Velocity:
-    """Slope of the least-squares line through recent positions.
+    """Slope of the least-squares line through two or more recent positions (T, 3) [m].
 
     It is the velocity in the middle of the samples, so it lags by half their span. It is computed
     from the positions: use it for onset detection and display, not as an observation of its own.
-
-    Args:
-        stamps_ns: times of measurement (T,), strictly increasing, T >= 2.
-        positions: (T, 3) [m].
-        position_variance: of each coordinate of each sample [m^2].
+    The variance is that of each coordinate of each sample [m^2].
 
     Returns:
         The slope and its covariance, variance / sum of squared centred times on the diagonal.

@@ -80,10 +80,8 @@ def coarse_frame(points: Floats, normals: Floats, opening: OpeningPlane) -> Obje
 def outer_wall(share: Floats, radius: Floats, outward: Floats) -> Floats:
     """Distance (N_LEVELS,) of the outer wall from the axis, from the base up.
 
-    Args:
-        share: height (n,) above the opening in heights of the object, so -1 to 0.
-        radius: distance (n,) from the axis [m].
-        outward: whether each point's normal (n,) points away from the axis.
+    Of points at heights -1 to 0 above the opening, in those of the object, and radii [m] from the
+    axis, where normals point away from it, (n,) each.
     """
     row = _level(share)
     wall = np.full(N_LEVELS, np.nan)
