@@ -52,14 +52,6 @@ PRUNE_BELOW = 160.0
 Measured over whole movements with 900 to 4,500 hypotheses: of 60 to 240 it takes the least time, or
 within a tenth of it; what lags sooner has to catch up too often.
 """
-NEGLIGIBLE_BELOW = 40.0
-"""The bound on a lagging task's log posterior stays this far below the most probable task's.
-
-Convention: e^-40 = 4e-18 is less than the rounding of a probability.
-"""
-MAX_OBSERVATIONS = 2**14
-"""Observations kept for a change of library, every second one of more. Convention: 160 s at 100 Hz.
-"""
 
 
 class MovementFilter:
@@ -93,7 +85,8 @@ class MovementFilter:
         self.library, self.grid, n = library, grid, len(grid.duration_s)
         self._prunes = prune and n >= PRUNE_FROM
         self._prune_below = PRUNE_BELOW / grid.task_evidence
-        self._negligible_below = NEGLIGIBLE_BELOW / grid.task_evidence
+        # by which a lagging task stays below: e^-40 is less than the rounding of a probability
+        self._negligible_below = 40.0 / grid.task_evidence
         self.table = HypothesisTable(n, library)
         prior = library.observed_mean, library.observed_covariance
         self._prior = GaussianBatch.of(*prior, library.basis.n_basis)
@@ -159,7 +152,7 @@ class MovementFilter:
             self._predictions.clear()
             self._controlled.clear()
         self.observations.append(observation)
-        if len(self.observations) > MAX_OBSERVATIONS:
+        if len(self.observations) > 2**14:  # 160 s at 100 Hz, kept for a change of library
             self.observations = every_second(self.observations)
 
     def posterior(self, stamp_ns: int) -> TaskPosterior:

@@ -23,7 +23,6 @@ from contextlib import contextmanager
 from dataclasses import asdict, replace
 from datetime import datetime
 from functools import partial
-from itertools import chain
 from pathlib import Path
 
 from intent_recognition.bags import BagReader
@@ -39,7 +38,6 @@ from intent_recognition.errors import BagError, ModelError, ResourceBusyError, T
 from intent_recognition.learning import (
     RuleChange,
     Trained,
-    TrainingExample,
     TrainingSettings,
     add_statistics,
     change_rule,
@@ -55,7 +53,7 @@ from intent_recognition.model.folder_content import (
     is_correction,
     is_finished,
 )
-from intent_recognition.model.from_bags import FromBags, accumulate_bags, with_frames
+from intent_recognition.model.from_bags import accumulate_bags, with_frames
 from intent_recognition.model.history import (
     HISTORY,
     IMPROVE,
@@ -263,7 +261,8 @@ class TaskFolder:
         check_usable(found, bag)
         if is_correction(bag):
             known = [read([kept]) for kept in self._kept_of(bag.parent.name)]
-            *earlier, corrected = chain.from_iterable(map(_read, (*known, found)))
+            tasks = [task for one in (*known, found) for task in one.accumulated.tasks.values()]
+            *earlier, corrected = (example for task in tasks for example in task.examples)
             return with_frames(move_task(trained, corrected, earlier), found.frames)
         new = found.accumulated
         more = with_frames(add_statistics(trained, new.tasks, new.used), found.frames)
@@ -371,11 +370,6 @@ class TaskFolder:
 def _kept(execution: Path) -> Path:
     """Where the demonstration made of an execution is, below a folder of bags."""
     return Path(execution.parent.name) / f"{execution.name}_kept"
-
-
-def _read(found: FromBags) -> list[TrainingExample]:
-    """The recordings that can be used."""
-    return [one for task in found.accumulated.tasks.values() for one in task.examples]
 
 
 def _same(one: Path, other: Path) -> bool:

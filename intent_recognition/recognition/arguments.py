@@ -11,8 +11,6 @@ from intent_recognition.errors import ArgumentError, DofError, ShapeError, check
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Misfit, Observation, SignalPast, as_numbers, as_stamp_ns
 
-LARGEST_VALUE = 1e12
-"""Values from this on count as infinite. Convention: their squares leave no digits."""
 LIBRARY_CURE = "Pass what `learn` returns, or `load_model(path).library`."
 
 
@@ -134,7 +132,7 @@ def values_defect(observation: Observation, n_dofs: int) -> str | None:
     expected = n_dofs if observation.dofs is None else len(observation.dofs)
     if np.shape(observation.values) != (expected,):
         return "wrong_size"
-    if not np.all(np.abs(observation.values) < LARGEST_VALUE):  # NaN is refused, too
+    if not np.all(np.abs(observation.values) < 1e12):  # NaN, and what leaves no digits of squares
         return "not_finite"
     return None
 

@@ -37,9 +37,6 @@ from intent_recognition.errors import ArgumentError, ShapeError, check_type, che
 from intent_recognition.promp import NONE, USUAL_END_STD, Risk, TaskLibrary, end_std_limits, risk_of
 from intent_recognition.recognition.arguments import LIBRARY_CURE
 
-EVEN = 1e-6
-"""Log Bayes factor that counts as zero. Convention: rounding, and what the margin leaves of it.
-"""
 USUAL_THRESHOLD, MAX_NONE = 0.9, 0.1
 """Probability from which a task is acted on where the risk of it is not known, and that of none up
 to which one is. Convention: the threshold leaves so much to none."""
@@ -272,7 +269,8 @@ def favours_none(labels: Sequence[str], log_evidence: Floats | None) -> bool:
     known = np.delete(e, none)
     if not known.size or np.any(np.isnan(e)):
         return False
-    return bool(np.logaddexp.reduce(known) - np.log(known.size) < e[none] - EVEN)
+    even = 1e-6  # rounding, and what the margin leaves of it
+    return bool(np.logaddexp.reduce(known) - np.log(known.size) < e[none] - even)
 
 
 def uncertain_end(

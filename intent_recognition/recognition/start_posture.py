@@ -44,9 +44,6 @@ START_SHARE = 0.05
 (`promp.controlled_spread`): the bias of a wrench or of a camera. Convention: of a joint that moves
 by 1 rad it is about as much.
 """
-OUTSIDE_QUANTILE = 0.999
-"""Share of the trained starts that count as inside. Convention: one start in a thousand is refused.
-"""
 
 
 class PostureHistory:
@@ -179,7 +176,7 @@ def within_trained_starts(library: TaskLibrary, task: int, position: Floats) -> 
     The learned covariance is that of the next demonstration, so the squared distance of a start
     like the trained ones is chi-square with Q degrees of freedom.
     """
-    limit = float(chdtri(library.n_controlled, 1.0 - OUTSIDE_QUANTILE))
+    limit = float(chdtri(library.n_controlled, 1.0 - 0.999))  # one in a thousand is refused
     return start_distance(library, task, position) <= limit
 
 
