@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.alignment.warp import MAX_LOG_RATE
-from intent_recognition.array_types import Flags, Floats
+from intent_recognition.array_types import Floats
 
 ROUNDING = 0.3
 """Rounding of |x|: sqrt(x^2 + ROUNDING^2), x in units of the deviations' scale (docs/alignment.md).
@@ -182,7 +182,12 @@ def descend(problem: WarpProblem, start: Floats, n_iterations: int) -> tuple[Flo
         parameters[active[better]] += step[better]
         cost[active[better]] = tried.cost[better]
         damping[active] *= np.where(better, 0.2, 10.0)
-        local = LocalCost(*(_merge(better, new, old) for new, old in zip(tried, local)))
+        row = better[:, None]
+        local = LocalCost(
+            np.where(better, tried.cost, local.cost),
+            np.where(row, tried.gradient, local.gradient),
+            np.where(row[..., None], tried.curvature, local.curvature),
+        )
     return parameters, cost
 
 
@@ -191,8 +196,3 @@ def _step(local: LocalCost, damping: Floats) -> Floats:
     diagonal = np.einsum("nkk->nk", local.curvature)
     damped = local.curvature + np.eye(diagonal.shape[1]) * (damping[:, None] * diagonal)[:, None]
     return -np.linalg.solve(damped, local.gradient[..., None])[..., 0]
-
-
-def _merge(better: Flags, new: Floats, old: Floats) -> Floats:
-    """Rows of `new` where `better`, else of `old`."""
-    return np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old)

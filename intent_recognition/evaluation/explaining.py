@@ -97,7 +97,7 @@ def explain(
     for k, one in enumerate(run):
         if one.estimate.moving:
             movements.setdefault(one.estimate.onset_ns, []).append(k)
-    moments = {}
+    moments = dict[int, list[int]]()
     for some in movements.values():  # its decisions, or without any its best moment
         acted = [k for k in some if run[k].state.acts]
         best = max(some, key=lambda k: run[k].estimate.probabilities[:-1].max())

@@ -8,7 +8,7 @@ stop, or of no task, and is so now. Where nothing is recognised after a stop, as
 hand or a hesitation, the movement under way goes on as if there had been none.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import partial
 
 import numpy as np
@@ -77,7 +77,8 @@ class Movements:
                 each.observe(observation)
         stamp_ns = observation.stamp_ns
         posteriors = [each.posterior(stamp_ns) for each in after]
-        odds = odds_over_none(posteriors)
+        p = np.array([posterior.probabilities for posterior in posteriors])
+        odds = p[:, :-1] / np.maximum(p[:, -1:], np.finfo(np.float64).tiny)  # over none, (n, K)
         known = odds.mean(axis=0).sum()
         if not done or known < USUAL_THRESHOLD * (1.0 + known):  # the decision asks for as much
             elapsed_s = (stamp_ns - after[0].onset_ns) * 1e-9
@@ -87,12 +88,6 @@ class Movements:
         self._filter, after[best] = after[best], self._filter
         self._stopped = detector.waits_for_rest = False
         return self._filter
-
-
-def odds_over_none(posteriors: Sequence[TaskPosterior]) -> Floats:
-    """Odds of the known tasks over none, (n, K)."""
-    p = np.array([posterior.probabilities for posterior in posteriors])
-    return np.asarray(p[:, :-1] / np.maximum(p[:, -1:], np.finfo(np.float64).tiny))
 
 
 def is_done(posterior: TaskPosterior | None) -> bool:

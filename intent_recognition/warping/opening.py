@@ -53,7 +53,9 @@ def find_opening(points: Floats, normals: Floats, rim_probability: Floats) -> Op
     by_rim = [_refine(points, rim_probability, plane, tolerance) for plane in likely]
     score_of = {opening: score(opening) for opening in by_rim if opening is not None}
     if max(score_of.values(), default=0.0) < 0.9:  # of the rim found
-        by_shape = [_bearing(points, up) for up in _directions(normals, likely[:2, :3])]
+        _, axes = np.linalg.eigh(normals.T @ normals)  # or it opens along these, or back
+        ways = np.concatenate([axes.T, -axes.T, -likely[:2, :3]])
+        by_shape = [_bearing(points, up) for up in ways]
         score_of |= {opening: score(opening) for opening in by_shape if opening is not None}
     best = max(score_of, key=score_of.__getitem__, default=None)
     return best if best is not None and score_of[best] > 0.3 else None
@@ -100,12 +102,6 @@ def _hypotheses(points: Floats, probability: Floats, middle: Floats) -> Floats:
     offsets = np.einsum("ij,ij->i", normals, corners[kept, 0])
     sign = np.where(normals @ middle > offsets, -1.0, 1.0)
     return np.column_stack([normals * sign[:, None], offsets * sign])
-
-
-def _directions(normals: Floats, likely: Floats) -> Floats:
-    """Where an opening may point (m, 3): along principal axes of the normals, or back."""
-    _, axes = np.linalg.eigh(normals.T @ normals)
-    return np.concatenate([axes.T, -axes.T, -likely])
 
 
 def _bearing(points: Floats, up: Floats) -> OpeningPlane | None:
