@@ -42,10 +42,8 @@ from intent_recognition.promp import (
 from intent_recognition.signals import Observation, every_second
 
 PRUNE_FROM = 512
-"""Fewer hypotheses are never pruned.
-
-Measured: fewer are filtered in less time than it takes to choose among them (docs/speed.md).
-"""
+"""Fewer hypotheses are never pruned. Measured: fewer are filtered in less time than it takes to
+choose among them (docs/speed.md)."""
 PRUNE_BELOW = 160.0
 """A task lags from where its log posterior is this far below the most probable task's.
 

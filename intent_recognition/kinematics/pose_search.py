@@ -25,9 +25,8 @@ REACHED, CONVERGED = 1e-6, 1e-9
 """A pose is reached with an error of at most this (m, and rad of the orientation); a search ends at
 a thousandth of it."""
 _STALLED, _UNPROMISING = 0.95, 0.4
-"""A start is given up when four steps together leave more than this share of the squared error:
-the second while there are other starts to try; it counts steps that were of no use too. Convention.
-"""
+"""A start is given up when four steps together leave more than this share of the squared error: the
+second while there are other starts to try; it counts steps that were of no use too. Convention."""
 _MANIPULABILITY_WEIGHT = 0.02
 """Weight of the logarithm of the manipulability beside half the squared distance to the rest
 posture [rad^2]. Convention: at a tenth of the manipulability, 0.05 rad^2."""

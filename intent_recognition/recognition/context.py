@@ -7,7 +7,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.recognition.first_samples import context_misfit
+from intent_recognition.recognition.observed import context_misfit
 from intent_recognition.signals import CLOCK_RESET_AFTER, LateSamples, Misfit, Observation
 
 CONTEXT_PERIOD_S = 0.2

@@ -37,10 +37,9 @@ from intent_recognition.recognition.estimate import (
     predict_observed,
 )
 from intent_recognition.recognition.explaining import Evidence, explain_movement
-from intent_recognition.recognition.first_samples import FirstSamples
 from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
 from intent_recognition.recognition.movement import Movements
-from intent_recognition.recognition.observed_turns import ObservedTurns
+from intent_recognition.recognition.observed import FirstSamples, ObservedTurns
 from intent_recognition.recognition.start_posture import OnsetPosture
 from intent_recognition.recognition.transitions import FORGET_AFTER_S, Expectation
 from intent_recognition.signals import CLOCK_RESET_AFTER, Observation

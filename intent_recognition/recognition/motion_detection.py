@@ -22,10 +22,8 @@ from intent_recognition.signals import (
 )
 
 HISTORY_S = 2.0
-"""Length of the past in which the onset is looked for [s]. Convention.
-
-More is kept where the window of a signal's speed is longer than the usual one: `past_s`.
-"""
+"""Length of the past in which the onset is looked for [s]. Convention. More is kept where the
+window of a signal's speed is longer than the usual one: `past_s`."""
 FINISHED_PHASE = 0.99
 """Expected phase of the most probable task from which a movement at rest is over. Convention."""
 PAUSE_S, PAUSE_SHARE = 1.5, 0.3
@@ -33,9 +31,7 @@ PAUSE_S, PAUSE_SHARE = 1.5, 0.3
 duration. Convention: a hesitation is shorter."""
 OVERTIME_S = 0.5
 """Time after its expected end for which a movement that goes on is still the same one [s].
-
-Convention.
-"""
+Convention."""
 
 
 class SparseSignal(NamedTuple):

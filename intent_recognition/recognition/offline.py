@@ -17,8 +17,7 @@ from intent_recognition.filtering import (
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition.arguments import LIBRARY_CURE, observation_error
 from intent_recognition.recognition.estimate import Estimate
-from intent_recognition.recognition.first_samples import FirstSamples
-from intent_recognition.recognition.observed_turns import ObservedTurns
+from intent_recognition.recognition.observed import FirstSamples, ObservedTurns
 from intent_recognition.signals import as_numbers, as_stamp_ns, check_times, observations_of
 
 

@@ -42,8 +42,7 @@ noise alone; conditioned on it, a milliradian at the start becomes centimetres a
 START_SHARE = 0.05
 """The same in other units, in parts of the demonstrations' own spread in them
 (`promp.controlled_spread`): the bias of a wrench or of a camera. Convention: of a joint that moves
-by 1 rad it is about as much.
-"""
+by 1 rad it is about as much."""
 
 
 class PostureHistory:

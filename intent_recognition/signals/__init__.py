@@ -3,11 +3,11 @@
 
 from intent_recognition.signals.arrays import FIRST_CLOCK_S, as_numbers, as_stamp_ns, check_times
 from intent_recognition.signals.demonstration import Demonstration, Rejection, numbered
-from intent_recognition.signals.labels import label_doubts
-from intent_recognition.signals.lags import (
+from intent_recognition.signals.doubts import (
     SpeedCorrelation,
     StreamFinding,
     correlate_speeds,
+    label_doubts,
     stream_doubts,
 )
 from intent_recognition.signals.observation import Observation, every_second, merge, observations_of

@@ -13,10 +13,8 @@ from intent_recognition.signals.observation import Observation
 NEVER_NS = -(2**63)
 """Earlier than every stamp [ns]."""
 CLOCK_RESET_AFTER = 50
-"""Consecutive late samples of a signal, in order, after which its clock was set back.
-
-Convention: half a second of a motion capture system at 100 Hz.
-"""
+"""Consecutive late samples of a signal, in order, after which its clock was set back. Convention:
+half a second of a motion capture system at 100 Hz."""
 
 
 class Samples(NamedTuple):

@@ -13,8 +13,7 @@ from intent_recognition.signals.units import Known, in_words, misfit, scene_misf
 
 LARGEST_MISSING_SHARE = 0.1
 """Share of the observed recording that a controlled stream may miss after the human's onset, or at
-its end. Convention: above what the recorder costs (at most 0.085 in the shipped recordings).
-"""
+its end. Convention: above what the recorder costs (at most 0.085 in the shipped recordings)."""
 LATENCY_S = 0.25
 """Shift between streams above which it is named [s]. Convention: longer than trackers take."""
 LEAST_EXTENT = {"m": 0.01, "rad": 0.01}
