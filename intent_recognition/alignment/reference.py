@@ -49,10 +49,6 @@ def resample(trajectories: Sequence[Floats] | Floats, n_grid: int, smoothing: fl
     """Checked, smoothed and at `n_grid` even phases, (n, n_grid, D).
 
     Of n arrays (T_i, D) at even phases from 0 to 1, by a kernel with a width in phase.
-
-    Raises:
-        ShapeError: no trajectories, too short ones, or ones that do not fit each other.
-        ArgumentError: a value is not finite.
     """
     arrays = [np.asarray(values, dtype=np.float64) for values in trajectories]
     shapes = [values.shape for values in arrays]
@@ -113,10 +109,6 @@ def choose_reference(
         reference: "mean" or "medoid" (both give the medoid: the mean starts from it), the number
             of a demonstration, or a trajectory (T, D).
         smoothing: width of the kernel a trajectory is smoothed with.
-
-    Raises:
-        ArgumentError: an unknown word or number.
-        ShapeError: a trajectory with other DOFs.
     """
     if isinstance(reference, str):
         if reference not in ("mean", "medoid"):

@@ -111,9 +111,6 @@ def score_online(
     The models are those of `intent train`: learned from the movements, whatever the settings say.
     Folds are merged to at most ten, which bounds the time, and test the tasks that they learn;
     `progress` is called with the number of recordings fed so far.
-
-    Raises:
-        TrainingError: a fold cannot be learned from.
     """
     settings = replace(settings, segmentation="recording")
     movements = [where_both_were_recorded(recorded) for recorded in cut_to_movement(demonstrations)]

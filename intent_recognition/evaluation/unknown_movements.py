@@ -135,9 +135,6 @@ def follow_unknown(
     """Every task left out in turn: the decisions of a library of the others about its movements.
 
     Tasks without which nothing can be learned are skipped.
-
-    Raises:
-        TrainingError: a library of the others cannot be learned.
     """
     outcomes: list[MovementOutcome] = []
     for task in sorted({str(d.task) for d in demonstrations}):

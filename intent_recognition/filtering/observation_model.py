@@ -85,12 +85,7 @@ class ObservationModel:
 
 
 def check_observation(dofs: Integers, values: Floats, noise_covariance: Floats) -> None:
-    """Check that values and noise go with the DOFs.
-
-    Raises:
-        ShapeError: they do not.
-        ArgumentError: a value is not finite.
-    """
+    """Refuse values and noise that do not go with the DOFs, or are not finite."""
     m = len(dofs)
     if np.shape(values) != (m,) or np.shape(noise_covariance)[-2:] != (m, m):
         expected = f"shapes ({m},) and ({m}, {m}) for {m} observed values"

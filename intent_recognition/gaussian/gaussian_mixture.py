@@ -168,12 +168,7 @@ def fit_gaussian_mixture(
 
 
 def _checked_points(points: ArrayLike, n_dimensions: int | None = None) -> Floats:
-    """Points as an array (n, d).
-
-    Raises:
-        ShapeError: they are not.
-        ArgumentError: a value is not finite.
-    """
+    """Points as an array (n, d) of finite numbers, checked."""
     checked = np.asarray(points, dtype=np.float64)
     if checked.ndim != 2 or n_dimensions not in (None, checked.shape[1]):
         expected = f"shape (n, {'d' if n_dimensions is None else n_dimensions})"

@@ -87,11 +87,7 @@ def choose_components(
 def try_components(
     features: Features, n_components: int, rng: np.random.Generator
 ) -> ComponentTrial:
-    """Fit K components and score their left-out predictions.
-
-    Raises:
-        ArgumentError: fewer than one component, or more than demonstrations.
-    """
+    """Fit K components and score their left-out predictions."""
     n = len(features.coordinates)
     check_whole("n_components", n_components, 1, "There are no more demonstrations.", n)
     found = cluster(features, n_components, rng)

@@ -122,11 +122,7 @@ def learned_from(
 def statistics_of(
     tasks: Mapping[str, TaskStatistics], aligned: bool
 ) -> Mapping[str, TaskStatistics]:
-    """Statistics of the aligned examples, or of those as they were recorded.
-
-    Raises:
-        ValueError: the examples of a task were not aligned.
-    """
+    """Statistics of the aligned examples, or of those as they were recorded."""
     if not aligned:
         return tasks
     found = aligned_statistics(tasks)

@@ -20,11 +20,7 @@ RETRAIN = "Train it again with `intent train`."
 
 
 def require(sound: bool, place: str, expected: str, got: object, cure: str = RETRAIN) -> None:
-    """Make sure that a part of a model file is as expected.
-
-    Raises:
-        ModelError: it is not; names the place.
-    """
+    """Make sure that a part of a model file is as expected; the error names its place if not."""
     if not sound:
         raise ModelError.about(place, expected, got, cure)
 

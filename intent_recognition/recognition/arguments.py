@@ -25,10 +25,6 @@ def as_observation(
     """The observation of some arrays, as far as `observation_error` does not look at them.
 
     Arguments are those of `IntentEstimator.observe`, and how many DOFs each signal has.
-
-    Raises:
-        ShapeError: values or covariance are no arrays of numbers.
-        ArgumentError: there is no such signal, no such DOF, or the stamp is not in seconds.
     """
     check_whole("signal", signal, 0, "`observed_groups` lists the signals.", len(sizes) - 1)
     n_dofs = sizes[signal]
@@ -49,11 +45,7 @@ def as_observation(
 
 
 def check_observation(observation: object) -> None:
-    """Make sure that it is one, and no array of numbers.
-
-    Raises:
-        ArgumentError: it is not.
-    """
+    """Refuse what is no observation, such as an array of numbers."""
     cure = "Pass an array of numbers to `observe`, or to `observe_controlled`."
     check_type("observation", observation, Observation, cure)
 
@@ -75,10 +67,6 @@ def as_posture(n_controlled: int, stamp_s: float, values: ArrayLike, signal: int
     """The observation of the controlled agent, as far as `observation_error` does not look at it.
 
     Arguments are those of `IntentEstimator.observe_controlled`, and the number of controlled DOFs.
-
-    Raises:
-        ShapeError: values are not a vector of at most Q numbers.
-        ArgumentError: the stamp is not in seconds, or there is no such signal.
     """
     position = as_numbers("values", values)
     if position.ndim != 1 or len(position) > n_controlled:
@@ -113,12 +101,7 @@ def observation_error(
 
 
 def as_times(times_s: ArrayLike) -> Floats:
-    """Times (T,) [s], or a number for one.
-
-    Raises:
-        ShapeError: there is more than one dimension.
-        ArgumentError: a time is not finite.
-    """
+    """Times (T,) [s], or a number for one, all finite."""
     times = np.atleast_1d(as_numbers("times_s", times_s))
     if times.ndim != 1:
         raise ShapeError.about("times_s", "shape (T,)", times.shape, "Pass one time each.")
@@ -149,12 +132,7 @@ def covariance_defect(observation: Observation, past: SignalPast) -> str | None:
 
 
 def check_same_dofs(known: TaskLibrary, other: TaskLibrary) -> None:
-    """Make sure that a library can take the place of another.
-
-    Raises:
-        ArgumentError: it is no library.
-        DofError: it has other DOFs, or another context.
-    """
+    """Refuse a library that cannot take the place of another: of other DOFs, or another context."""
     check_type("library", other, TaskLibrary, LIBRARY_CURE)
     for name in (
         "observed_names",

@@ -55,9 +55,6 @@ def explain_movement(
         task: label; None for the most probable one but `none`.
         rival: label; None for the most probable other task, or for none where that is more
             probable than the task.
-
-    Raises:
-        ArgumentError: there is no such label, or both are the same.
     """
     labels = (*run.library.labels, NONE)
     p = posterior.probabilities
