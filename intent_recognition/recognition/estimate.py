@@ -176,19 +176,18 @@ class Predictor:
         turns = given[int(np.argmax(known))][2]
         return Trajectory(times_s, mean + turns, velocities, std[: len(times_s)])
 
+    def at_rest(self, library: TaskLibrary, task_prior: Floats, times_s: Floats) -> Trajectory:
+        """Where the controlled agent is expected before the next movement, whatever the time (T,).
 
-def expected_at_rest(library: TaskLibrary, task_prior: Floats, times_s: Floats) -> Trajectory:
-    """Where the controlled agent is expected before the next movement, whatever the time (T,).
+        The tasks have probabilities (K,).
+        """
+        posture = rest_posture(library, task_prior)
+        mean, std = (np.tile(part, (len(times_s), 1)) for part in posture)
+        return Trajectory(times_s, mean, np.zeros_like(mean), std)
 
-    The tasks have probabilities (K,).
-    """
-    posture = rest_posture(library, task_prior)
-    mean, std = (np.tile(part, (len(times_s), 1)) for part in posture)
-    return Trajectory(times_s, mean, np.zeros_like(mean), std)
-
-
-def predict_observed(run: MovementFilter, task: int, n_points: int) -> Prediction:
-    """The rest of the observed agent's movement under a task by its number, or none, K."""
-    library, trajectory = run.library, run.prediction(task).observed(n_points)
-    label, units = (*library.labels, NONE)[task], library.observed_units
-    return Prediction(label, run.onset_ns, trajectory, names=library.observed_names, units=units)
+    def observed(self, run: MovementFilter, task: int, n_points: int) -> Prediction:
+        """The rest of the observed agent's movement under a task by its number, or none, K."""
+        library, trajectory = run.library, run.prediction(task).observed(n_points)
+        names, units = library.observed_names, library.observed_units
+        label = (*library.labels, NONE)[task]
+        return Prediction(label, run.onset_ns, trajectory, names=names, units=units)

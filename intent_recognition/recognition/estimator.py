@@ -29,13 +29,7 @@ from intent_recognition.recognition.arguments import (
     values_defect,
 )
 from intent_recognition.recognition.context import KnownContext
-from intent_recognition.recognition.estimate import (
-    Estimate,
-    Prediction,
-    Predictor,
-    expected_at_rest,
-    predict_observed,
-)
+from intent_recognition.recognition.estimate import Estimate, Prediction, Predictor
 from intent_recognition.recognition.explaining import Evidence, explain_movement
 from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
 from intent_recognition.recognition.movement import Movements
@@ -339,7 +333,7 @@ class IntentEstimator:
         """
         times = as_times(times_s)
         if self._run is None or self._posterior is None:
-            return expected_at_rest(self.library, self.expectation.prior, times)
+            return self._predictor.at_rest(self.library, self.expectation.prior, times)
         known = self._posterior.probabilities[:-1]
         return self._predictor.controlled_at(self.taught, self._run, known, times)
 
@@ -356,7 +350,7 @@ class IntentEstimator:
         None at rest.
         """
         run, task = self._most_probable()
-        return None if run is None else predict_observed(run, task, n_points)
+        return None if run is None else self._predictor.observed(run, task, n_points)
 
     def explain(self, task: str | None = None, rival: str | None = None) -> Evidence | None:
         """Why a task is more probable than another: evidence by observation and observed DOF.
