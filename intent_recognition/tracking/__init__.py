@@ -11,8 +11,8 @@ from intent_recognition.tracking.ingest import (
     Rejected,
     TrackedPose,
     ingest_pose,
+    ingest_poses,
 )
-from intent_recognition.tracking.ingest_many import ingest_poses
 from intent_recognition.tracking.settings import (
     UNKNOWN_VARIANCE,
     Extrinsics,

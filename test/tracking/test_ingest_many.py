@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from intent_recognition.bags import PoseColumns
 from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
-from intent_recognition.tracking.ingest_many import ingest_poses
+from intent_recognition.tracking.ingest import ingest_poses
 
 T0 = 10**18
 STEP = 10**7
