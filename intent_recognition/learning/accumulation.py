@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Accumulation of sufficient statistics: each recording is seen once and then forgotten."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, islice
 from typing import NamedTuple
@@ -76,7 +76,8 @@ def accumulate(
             return total
         preprocessing = settle_preprocessing(head, settings)
     head.reverse()
-    remaining = chain(_taken(head), stream)
+    first = (head.pop() for _ in range(len(head)))  # none is kept once it is handed out
+    remaining = chain(first, stream)
     while batch := list(islice(remaining, BATCH)):
         total = merge_accumulated(total, _accumulate_batch(batch, preprocessing))
     return total
@@ -123,9 +124,3 @@ def _reject(total: Accumulated, name: str, reason: str) -> Accumulated:
     return total._replace(
         rejected=(*total.rejected, (name, reason))[:NAMES_KEPT], n_rejected=total.n_rejected + 1
     )
-
-
-def _taken(reversed_head: list[Demonstration]) -> Iterator[Demonstration]:
-    """The recordings of a reversed list; each is removed from it as it is handed out."""
-    while reversed_head:
-        yield reversed_head.pop()
