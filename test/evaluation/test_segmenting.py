@@ -7,8 +7,13 @@ import pytest
 from intent_recognition.bags import BagReader
 from intent_recognition.demonstrations import find_bags, load_dofs, read_demonstrations
 from intent_recognition.errors import BagError, ResourceBusyError
-from intent_recognition.evaluation import Segment, propose_segments
-from intent_recognition.evaluation.segmenting import label_spans, recognise_segments, write_segments
+from intent_recognition.evaluation import propose_segments
+from intent_recognition.evaluation.segmenting import (
+    Segment,
+    label_spans,
+    recognise_segments,
+    write_segments,
+)
 from intent_recognition.model import load_model
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import Estimate

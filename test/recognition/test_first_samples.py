@@ -6,7 +6,7 @@ import pytest
 from online_stream import feed, movement
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.recognition import IntentEstimator, first_samples
+from intent_recognition.recognition import IntentEstimator, observed
 from intent_recognition.signals import Observation, merge, place_misfit
 
 AT_M = np.array([0.8, -0.4, 0.3])
@@ -48,7 +48,7 @@ def test_a_rest_at_the_origin_says_nothing_of_the_unit(library, truth, rng):
     times_s, values = samples(truth, rng)
     values = 1000.0 * (values - values[0])
     estimator = IntentEstimator(library)
-    for k in range(2 * first_samples.N_JUDGED):
+    for k in range(2 * observed.N_JUDGED):
         estimator.observe(0.01 * k, np.zeros(3))
     with pytest.raises(ArgumentError, match="metres"):
         for stamp_s, value in zip(times_s + 10.0 - times_s[0], values, strict=True):
@@ -62,10 +62,10 @@ def test_stamps_in_another_unit_are_refused_with_the_factor(placed, truth, rng, 
     times_s, values = samples(truth, rng)
     estimator = IntentEstimator(placed)
     stamps = np.round(1e3 + times_s * factor)
-    for stamp, value in zip(stamps[: first_samples.N_STEPS - 1], values, strict=False):
+    for stamp, value in zip(stamps[: observed.N_STEPS - 1], values, strict=False):
         estimator.observe(stamp, value)
     with pytest.raises(ArgumentError, match=f"Likely {unit} for seconds"):
-        estimator.observe(stamps[first_samples.N_STEPS - 1], values[4])
+        estimator.observe(stamps[observed.N_STEPS - 1], values[4])
 
 
 def test_degrees_are_refused_and_some_dofs_judged_by_what_was_learned_of_them(placed):
@@ -87,13 +87,13 @@ def test_all_that_is_far_but_explained_by_no_unit_is_taken(placed, truth, rng):
 
 def test_only_the_first_samples_are_judged(placed, truth, rng, monkeypatch):
     judged = []
-    one = first_samples.learned_misfit
-    monkeypatch.setattr(first_samples, "learned_misfit", lambda *a: judged.append(a) or one(*a))
+    one = observed.learned_misfit
+    monkeypatch.setattr(observed, "learned_misfit", lambda *a: judged.append(a) or one(*a))
     observations = list(merge(movement(truth, 0, rng).observed))
     moved = [o._replace(values=o.values + AT_M) for o in observations]
     estimator = IntentEstimator(placed)
     feed(estimator, moved)
-    assert len(judged) == first_samples.N_JUDGED < len(moved)
+    assert len(judged) == observed.N_JUDGED < len(moved)
     rate = Observation(moved[-1].stamp_ns + 1, 0, 1000.0 * AT_M, np.eye(3), None, True)
     assert estimator.reason_to_reject(rate) is None
 
