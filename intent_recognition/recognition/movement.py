@@ -79,7 +79,7 @@ class Movements:
         posteriors = [each.posterior(stamp_ns) for each in after]
         p = np.array([posterior.probabilities for posterior in posteriors])
         odds = p[:, :-1] / np.maximum(p[:, -1:], np.finfo(np.float64).tiny)  # over none, (n, K)
-        known = odds.mean(axis=0).sum()
+        known = odds.sum(axis=1).mean()
         if not done or known < USUAL_THRESHOLD * (1.0 + known):  # the decision asks for as much
             elapsed_s = (stamp_ns - after[0].onset_ns) * 1e-9
             self._stopped = not is_overdue(elapsed_s, posteriors[0])

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What may have begun at a stop is followed for as long as a movement takes."""
+"""What may have begun at a stop takes over, or is followed for as long as a movement takes."""
 
 import numpy as np
+from online_stream import movement
+from simulation import minimum_jerk
 
 from intent_recognition.recognition import IntentEstimator
+from intent_recognition.recognition.decision import USUAL_THRESHOLD
 
 STEP_S = 0.02
 
@@ -16,3 +19,28 @@ def test_a_hand_that_never_rests_again_is_not_followed_for_ever(library):
         estimator.observe(100.0 + t, 0.4 * np.array([np.cos(angle), np.sin(angle), 0.0]))
         n_used.append([each.n_used for each in estimator._movements._after_stop])
     assert n_used[-1] == n_used[len(n_used) // 2] and min(n_used[-1]) > 50
+
+
+def test_a_reach_from_a_stop_takes_over_once_the_filters_of_its_onsets_recognise_it(truth, library):
+    """The hand reaches, comes back, and reaches for something else without a rest."""
+    rng = np.random.default_rng(7)
+    first, second = (
+        movement(truth, task, rng, rest_before_s=before_s, rest_after_s=0.0).observed[0].values
+        for task, before_s in enumerate((0.8, 0.0))
+    )
+    back = first[-1] + minimum_jerk(np.linspace(0.0, 1.0, 40))[:, None] * (second[0] - first[-1])
+    estimator, stamps = IntentEstimator(library), 100.0 + STEP_S * np.arange(1000)
+    movements = estimator._movements
+    over = movements._filter
+    for stamp_s, values in zip(stamps, np.concatenate([first, back, second]), strict=False):
+        estimate = estimator.observe(stamp_s, values)
+        if movements._filter is not over:
+            break
+    others = [each for each in movements._after_stop if each is not over]
+    posteriors = [each.posterior(estimate.stamp_ns) for each in (movements._filter, *others)]
+    odds = np.array([1.0 / one.probabilities[-1] - 1.0 for one in posteriors])  # over none
+    assert len(odds) == 3 and odds.max() == odds[0] > odds.mean()
+    assert odds.mean() >= USUAL_THRESHOLD / (1.0 - USUAL_THRESHOLD)
+    assert estimate.task == "task_1"
+    began_s = stamps[len(first) + len(back)]
+    assert 0.05 < began_s - estimate.onset_ns * 1e-9 < 0.2
