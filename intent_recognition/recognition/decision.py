@@ -266,9 +266,7 @@ def favours_none(labels: Sequence[str], log_evidence: Floats | None) -> bool:
         return False
     e = np.asarray(log_evidence, dtype=np.float64)
     none = list(labels).index(NONE)
-    known = np.delete(e, none)
-    if not known.size or np.any(np.isnan(e)):
-        return False
+    known = np.delete(e, none)  # not empty: `decide` asks about one of them
     even = 1e-6  # rounding, and what the margin leaves of it
     return bool(np.logaddexp.reduce(known) - np.log(known.size) < e[none] - even)
 
