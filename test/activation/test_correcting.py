@@ -76,7 +76,7 @@ def test_the_reference_of_a_held_arm_keeps_the_distance_that_the_controller_expl
     np.testing.assert_allclose(short[[0, 2]], 0.02 * np.sign(AWAY[[0, 2]]), atol=1e-3)
 
 
-def test_an_arm_that_is_led_is_followed_no_more_often_than_a_plan_is_updated():
+def test_an_arm_that_is_led_is_followed_as_often_as_plans_are_updated_and_keep_limits(monkeypatch):
     held = world()
     held.run(DURATION_S + 0.5)
     hold(held, AWAY, 1.0)
@@ -86,6 +86,10 @@ def test_an_arm_that_is_led_is_followed_no_more_often_than_a_plan_is_updated():
         held.run(0.02)
     assert held.activation.mode is Mode.YIELDING
     assert 20 <= len(held.commands) - before <= 26  # in a second
+    monkeypatch.setattr("intent_recognition.activation.motions.posture_plan", lambda *_: None)
+    before, held.held = len(held.commands), held.held + AWAY
+    held.run(0.1)
+    assert held.activation.mode is Mode.YIELDING and len(held.commands) == before
 
 
 @pytest.mark.slow
