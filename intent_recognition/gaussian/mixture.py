@@ -103,6 +103,7 @@ def maximisation(points: Floats, responsibilities: Floats, prior: CovariancePrio
     """
     share = np.ascontiguousarray(np.swapaxes(responsibilities, 1, 2))
     count = share.sum(axis=2)
+    total = np.maximum(count.sum(axis=1, keepdims=True), EMPTY)
     present = count > EMPTY
     divisor = np.where(present, count, 1.0)
     mean = np.where(present[..., None], (share @ points) / divisor[..., None], 0.0)
@@ -110,14 +111,14 @@ def maximisation(points: Floats, responsibilities: Floats, prior: CovariancePrio
     if prior.strength > 0:
         scatter = np.maximum(share @ points**2 - count[..., None] * mean**2, 0.0)
         scatter = np.where(present[..., None], scatter, 0.0)
-        pooled = scatter.sum(axis=1) / np.maximum(count.sum(axis=1), EMPTY)[:, None]
+        pooled = scatter.sum(axis=1) / total
         target = scatter + prior.shared * pooled[:, None]
         target /= np.maximum(count + prior.shared, EMPTY)[..., None]
         diagonal += target * (prior.strength / (count + prior.strength))[..., None]
     weight = np.where(share > 1e-13, share, 0.0) / (divisor + prior.strength)[..., None]
     n_members = max(int(np.count_nonzero(weight, axis=2).max()), 1)
     rows = np.argpartition(-weight, n_members - 1, axis=2)[..., :n_members]
-    share_of_all = np.where(present, count, 0.0) / np.maximum(count.sum(axis=1), EMPTY)[:, None]
+    share_of_all = np.where(present, count, 0.0) / total
     share_of_all[~present.any(axis=1)] = 1.0  # no points at all: no component is ruled out
     with np.errstate(divide="ignore"):
         log_weight = np.log(share_of_all)

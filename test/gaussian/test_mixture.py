@@ -114,6 +114,9 @@ def test_a_point_left_out_has_no_influence(rng):
     np.testing.assert_allclose(fit.log_likelihood, alone.log_likelihood, rtol=1e-12)
     assert np.all(fit.responsibilities[0, 4] == 0.0)
     np.testing.assert_allclose(fit.components.mean, alone.components.mean, atol=1e-12)
+    without_any = maximisation(points, 0.0 * start[None], prior)
+    np.testing.assert_array_equal(without_any.log_weight, 0.0)
+    np.testing.assert_array_equal(without_any.diagonal, prior.floor)
 
 
 def test_an_empty_component_is_dropped(rng):
