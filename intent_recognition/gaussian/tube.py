@@ -48,7 +48,7 @@ def tube_faces(n_rings: int = N_RINGS, n_sides: int = N_SIDES) -> Integers:
 
 def _across(centre: Floats) -> tuple[Floats, Floats]:
     """Two unit vectors across the path at each of its points, turning as little as possible."""
-    along = np.gradient(centre, axis=0) if len(centre) > 1 else np.zeros_like(centre)
+    along = np.gradient(centre, axis=0)
     centred = centre - centre.mean(axis=0)
     flattest = np.linalg.svd(centred, full_matrices=True)[2][-1]
     length = np.linalg.norm(along, axis=1, keepdims=True)

@@ -114,8 +114,8 @@ def _bearing(points: Floats, up: Floats) -> OpeningPlane | None:
         level = (points - middle) @ up
         # Sectors are counted from a point of the object: they turn with it.
         angle = np.arctan2(flat[:, 1], flat[:, 0])
-        angle = (angle - angle[farthest] + np.pi) % (2.0 * np.pi) - np.pi
-        sector = ((angle / (2.0 * np.pi) + 0.5) * n_sectors).astype(int) % n_sectors
+        share = (angle - angle[farthest]) / (2.0 * np.pi) % 1.0
+        sector = (share * n_sectors).astype(int) % n_sectors
         order = np.lexsort((-level, sector))
         first_of = np.searchsorted(sector[order], np.unique(sector))
         crest = order[first_of]

@@ -12,11 +12,13 @@ from scipy.spatial.transform import Rotation
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.object_model import ObjectCloud, Part
 from intent_recognition.warping.object_warp import warp_object
+from intent_recognition.warping.opening import _bearing
 from intent_recognition.warping.parameters import lip_point, pouring_parameters, tilt_reference
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
 
 names = st.sampled_from(CONTAINER_NAMES)
 seeds = st.integers(0, 3)
+UP = np.array([0.0, 0.0, 1.0])
 random_examples = settings(
     max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
@@ -94,6 +96,8 @@ def test_rigid_motion_changes_no_parameter(mug, name, seed, turn, shift, mapping
         (first.lip_point, second.lip_point),
     ):
         np.testing.assert_allclose(after, rotation @ before + shift, atol=1e-7)
+    first, second = (_bearing(one.points, up) for one, up in ((cloud, UP), (moved, rotation @ UP)))
+    np.testing.assert_allclose(second.centre, rotation @ first.centre + shift, atol=1e-7)
 
 
 @random_examples
