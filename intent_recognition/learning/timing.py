@@ -269,10 +269,9 @@ def _deviation_std(deviations: Sequence[Floats]) -> Floats:
     bridge = 4.0 * BRIDGE
     largest = DEFAULT_DEVIATION_STD
     if deviations:
-        inner = slice(1, -1)
         freedom = sum(len(rows) - 1 for rows in deviations)
         variance = sum(np.sum(rows**2, axis=0) for rows in deviations) / freedom
-        largest = np.sqrt(np.mean(variance[inner] * bridge[inner]) / np.mean(bridge[inner] ** 2))
+        largest = np.sqrt(variance @ bridge / (bridge @ bridge))
     return np.maximum(largest * np.sqrt(bridge), MIN_DEVIATION_STD)
 
 

@@ -99,7 +99,7 @@ class OnsetPosture:
     _position: Floats | None
     _known: dict[int, tuple[StartPosture | None, str, Floats]]
 
-    def __init__(self, *, used: bool = True) -> None:
+    def __init__(self, *, used: bool) -> None:
         self._used, self._history = used, PostureHistory()
         self._forget_onset(0)
 
