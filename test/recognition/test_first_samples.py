@@ -7,7 +7,7 @@ from online_stream import feed, movement
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.recognition import IntentEstimator, observed
-from intent_recognition.signals import Observation, merge, place_misfit
+from intent_recognition.signals import CLOCK_RESET_AFTER, Observation, merge, place_misfit
 
 AT_M = np.array([0.8, -0.4, 0.3])
 """Where the movements are, in their frame [m]."""
@@ -66,6 +66,13 @@ def test_stamps_in_another_unit_are_refused_with_the_factor(placed, truth, rng, 
         estimator.observe(stamp, value)
     with pytest.raises(ArgumentError, match=f"Likely {unit} for seconds"):
         estimator.observe(stamps[observed.N_STEPS - 1], values[4])
+    late = 0  # the right ones are those of a clock that was set back
+    for stamp_s, value in zip(times_s, values, strict=True):
+        try:
+            estimator.observe(stamp_s, value)
+        except ArgumentError:
+            late += 1
+    assert late == CLOCK_RESET_AFTER - 1
 
 
 def test_degrees_are_refused_and_some_dofs_judged_by_what_was_learned_of_them(placed):
