@@ -250,7 +250,7 @@ def evidence_share(labels: Sequence[str], task: int, log_evidence: Floats | None
         return 1.0
     known = np.array([label != NONE for label in labels])
     e = np.where(known, np.asarray(log_evidence, dtype=np.float64), -np.inf)
-    if np.any(np.isnan(e)) or not np.isfinite(np.max(e)):
+    if not np.isfinite(np.max(e)):  # nor where one is NaN
         return 0.0
     share = np.exp(e - np.max(e))
     return float(share[task] / share.sum())

@@ -194,6 +194,8 @@ def test_a_habit_alone_activates_nothing():
         for _ in range(6):
             state, active = decide(SETTINGS, state, LABELS, expected, {"rad": 0.1}, e)
         assert (active == "plate") == activates, evidence
+    for unknown in ([np.nan, 0.0, 0.0], [-np.inf, -np.inf, 0.0]):
+        assert evidence_share(LABELS, 0, np.array(unknown)) == 0.0
 
 
 def test_evidence_is_no_further_condition_where_all_tasks_are_expected_alike(rng):
