@@ -59,6 +59,14 @@ def test_false_alarms_are_as_rare_as_stated():
     assert 0.05 < alarms / 100 < 0.32  # of 100, 20 wanted: two standard deviations of draws in 25
 
 
+def test_a_joint_that_errs_more_has_a_bound_as_much_larger_and_the_others_do_not():
+    rng = np.random.default_rng(4)
+    executions, scale = [execution(rng) for _ in range(6)], np.array([1.0, 20.0])
+    larger = [one._replace(error=scale * one.error) for one in executions]
+    before, after = (calibrate_detector(each, 0.3).explained for each in (executions, larger))
+    np.testing.assert_allclose(after, scale * before, equal_nan=False)
+
+
 def test_too_few_executions_for_a_rate_are_refused():
     rng = np.random.default_rng(3)
     executions = [execution(rng) for _ in range(6)]

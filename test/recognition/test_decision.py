@@ -96,7 +96,7 @@ def test_an_active_task_stays_is_withdrawn_and_comes_back_or_is_over():
     state, _, _ = play([SURE["plate"]] * 5)
     _, active, events = play([(0.55, 0.3, 0.15)] * 50, state=state, end_std=2.0)
     assert set(active) == {"plate"} and events == []
-    state, active, events = play([SURE["plate"]] * 5 + [(0.3, 0.6, 0.1)] * 5)
+    state, active, events = play([SURE["plate"]] * 5 + [(0.3, 0.51, 0.19)] * 5)
     assert active[-1] == "" and events[-1] == "withdrawn"
     assert play([SURE["plate"]] * 5, state=state)[1][-1] == "plate"
     state, active, events = play([SURE["plate"]] * 6 + [IDLE])
