@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from activation_world import HOME, LABELS, LIMITS, START_NS, STEP_NS, World, executing, prediction
 
+from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.states import Command, Mode
 from intent_recognition.errors import IntentError
 from intent_recognition.motion import JointPlan
@@ -163,9 +164,11 @@ def test_on_the_way_home_an_arm_that_is_not_seen_is_stopped_until_it_is():
 def test_a_stopped_arm_that_is_not_seen_stays_where_it_is():
     world = executing()
     world.run(0.5)
-    world.measures = False
+    world.measures, seen_ns = False, world.now_ns
     world.run_until(Mode.STOPPED)
     assert world.activation.stop_reason == "stale_joint_states"
+    age_ns = 1e9 * ActivationSettings.max_joint_state_age_s
+    assert age_ns < world.now_ns - seen_ns <= age_ns + STEP_NS
     n = len(world.commands)
     world.task = "idle"
     world.run(5.0)
