@@ -4,6 +4,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,8 +12,9 @@ from activation_world import GOALS, HOME, World
 from clearance_world import ROBOT, bodies_among, box_beside, clearance, primitive
 
 from intent_recognition.activation.states import Mode
+from intent_recognition.activation.things import Things
 from intent_recognition.kinematics import Arm, Box, hand_position
-from intent_recognition.motion import Spread
+from intent_recognition.motion import Obstruction, Spread
 
 
 def way(world):
@@ -117,6 +119,18 @@ def test_where_no_way_home_is_clear_the_arm_stays_and_asks_once():
 
 
 @pytest.mark.slow
+def test_a_way_that_takes_its_time_is_searched_at_rest_and_now_and_then():
+    """Each search goes on with other draws, until an interaction begins."""
+    tries, blocked = [], Obstruction(("arm", "box"), "at the end")
+    searches = SimpleNamespace(clear=lambda *asked: tries.append(asked[-1]) or blocked)
+    settings, arm = SimpleNamespace(clearance=searches, limits=None), SimpleNamespace()
+    things = Things(SimpleNamespace(settings=settings, reject=None, counts={}), arm)
+    for now_s, moves in ((1.0, True), (1.0, False), (1.2, False), (1.3, True), (1.3, False)):
+        arm.under_way = lambda _, moves=moves: moves
+        assert things.clear(round(1e9 * now_s), None, "plate", 0.0, None) is blocked
+    assert tries == [None, 0, None, None, 1]
+
+
 def test_without_things_neither_pinocchio_nor_coal_is_loaded():
     code = (
         "import sys; sys.path.insert(0, 'test')\n"
