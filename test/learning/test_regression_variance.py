@@ -8,7 +8,15 @@ import pytest
 from simulation import minimum_jerk
 
 from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.learning import Trained, TrainingSettings, example_of, learn_with_report
+from intent_recognition.learning import (
+    Trained,
+    TrainingSettings,
+    example_of,
+    learn_with_report,
+    regression_variance,
+)
+from intent_recognition.learning.hyperparameters import REGRESSION_VARIANCES
+from intent_recognition.learning.regression_variance import choose_regression_variance
 from intent_recognition.promp import controlled_weights, dof_variance
 from intent_recognition.signals.demonstration import Demonstration
 
@@ -71,3 +79,20 @@ def test_nothing_is_uncertain_where_the_robot_meets_all_in_the_same_way():
     trained = learn_with_report(recorded(rng, 6, 3, 0.0, "known"), SETTINGS).trained
     assert trained.chosen.regression_variance == 0.0
     assert inside(trained, recorded(rng, 20, 1, 0.0, "new"), 0.0) > 0.93
+
+
+@pytest.mark.parametrize(("gain", "best"), [(0.1, 0), (1.0, 2)])
+def test_another_variance_is_chosen_where_all_left_out_are_better_by_a_standard_error(
+    monkeypatch, gain, best
+):
+    compared = []
+
+    def losses(_library, left_out, *_):
+        compared.extend(left_out)
+        found = np.full((len(REGRESSION_VARIANCES), len(left_out)), 5.0)
+        found[[0, 2]] = np.array([[0.0], [-gain]]) + [[0.0], [1.0]] * (-1.0) ** np.array(left_out)
+        return found
+
+    monkeypatch.setattr(regression_variance, "_losses", losses)
+    chosen = choose_regression_variance(None, range(16), {}, [0.5], 3)
+    assert chosen == REGRESSION_VARIANCES[best] and compared == [*range(16)]
