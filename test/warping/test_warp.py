@@ -10,6 +10,8 @@ from scan_builder import scanned
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError
+from intent_recognition.warping.cavity import _levels
+from intent_recognition.warping.frame import N_LEVELS
 from intent_recognition.warping.object_model import ObjectCloud, Part
 from intent_recognition.warping.object_warp import warp_object
 from intent_recognition.warping.opening import _bearing
@@ -173,6 +175,14 @@ def test_at_the_reference_tilt_half_of_the_volume_is_below_the_lip(mug):
     below = cavity.slice_plane(lip, -vertical)
     volume = np.linalg.det(below.triangles - lip).sum() / 6.0
     assert volume == pytest.approx(0.5 * found.volume_m3, rel=1e-6)
+
+
+def test_a_wall_is_measured_level_by_level():
+    """That of a cone, of which one side was not seen."""
+    depth = (np.arange(4000) + 0.5) / 4000 * 0.1
+    found = _levels(depth, 0.03 + 0.2 * depth, np.arange(4000) % 2 == 0, 0.1)
+    middles = (np.arange(N_LEVELS) + 0.5) / N_LEVELS * 0.1
+    np.testing.assert_allclose(found, np.stack([middles, 0.03 + 0.2 * middles], 1), atol=1e-4)
 
 
 def test_unknown_mapping_and_k_are_refused(mug):
