@@ -49,7 +49,9 @@ def test_the_permitted_speed_solves_the_formula():
     assert above.sum() > 15
     np.testing.assert_allclose(needed[above], distance[above])
     assert np.all(np.diff(v) >= 0.0)
-    np.testing.assert_array_equal(permitted_speed([-1.0, 0.0, 0.26], s), s.least_speed_m_s)
+    np.testing.assert_array_equal(permitted_speed([-1.0, 0.0, 0.26], s), 0.1)
+    # by hand: 1.6 (0.1 + 1 / 3) + 0.1 + 1 / 6 + 0.1
+    np.testing.assert_allclose(permitted_speed(1.06, s), 1.0)
 
 
 @pytest.mark.parametrize(
