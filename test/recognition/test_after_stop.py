@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What may have begun at a stop takes over, or is followed for as long as a movement takes."""
 
+from types import SimpleNamespace
+
 import numpy as np
+import pytest
 from online_stream import movement
 from simulation import minimum_jerk
 
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.recognition.decision import USUAL_THRESHOLD
+from intent_recognition.recognition.movement import is_done
 
 STEP_S = 0.02
 
@@ -44,3 +48,13 @@ def test_a_reach_from_a_stop_takes_over_once_the_filters_of_its_onsets_recognise
     assert estimate.task == "task_1"
     began_s = stamps[len(first) + len(back)]
     assert 0.05 < began_s - estimate.onset_ns * 1e-9 < 0.2
+
+
+@pytest.mark.parametrize(
+    ("probabilities", "phase", "done"),
+    [((0.7, 0.2, 0.1), (0.9, 0.5), True), ((0.7, 0.2, 0.1), (0.5, 0.9), False)]
+    + [((0.2, 0.1, 0.7), (0.5, 0.5), True)],
+)
+def test_a_movement_is_done_near_its_end_or_where_it_is_of_no_task(probabilities, phase, done):
+    posterior = SimpleNamespace(probabilities=np.array(probabilities), phase=np.array(phase))
+    assert is_done(posterior) is done and is_done(None)
