@@ -55,7 +55,7 @@ def test_from_rest_it_is_straight_with_limited_jerk(seed):
 def test_a_new_way_home_goes_on_smoothly_and_is_accepted(seed):
     _, start = on_its_way(seed)
     plan = posture_plan(start, HOME, LIMITS)
-    assert plan is not None
+    assert plan is not None and plan.kind == "home" and not plan.phase.any()
     check_accepted(plan)
     np.testing.assert_allclose(plan.positions[0], start.position, atol=1e-12)
     np.testing.assert_allclose(plan.velocities[0], start.velocity, atol=1e-12)
