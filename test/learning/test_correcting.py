@@ -75,8 +75,10 @@ def test_person_and_other_tasks_stay_to_the_last_bit_and_the_statistics_go_along
         (last.weight_mean - first.weight_mean)[task, n:].reshape(7, -1).T
     )
     np.testing.assert_allclose(shift[0], offset, atol=0.05)
-    statistics = after.tasks[kept[0].task]
-    for own in (statistics, statistics.aligned):
+    earlier, statistics = (each.tasks[kept[0].task] for each in (trained, after))
+    for own, were in ((statistics, earlier), (statistics.aligned, earlier.aligned)):
+        for one, was in zip(own.examples, were.examples, strict=True):
+            np.testing.assert_allclose((one.controlled - was.controlled)[-1], offset, atol=0.05)
         expected = summarize(own.examples)
         for name in ("mean", "scatter", "lowest", "highest"):
             np.testing.assert_allclose(getattr(own, name), getattr(expected, name), atol=1e-7)
