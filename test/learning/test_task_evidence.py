@@ -2,6 +2,7 @@
 """How much the evidence of the tasks against each other counts."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 from simulation import make_library, simulate
 
-from intent_recognition.learning import TrainingSettings, learn_with_report
+from intent_recognition.learning import TrainingSettings, evidence_exponents, learn_with_report
 from intent_recognition.learning.evidence_exponents import POWERS, expected_power, log_losses
 from intent_recognition.learning.fitting import statistics_of
 from intent_recognition.learning.left_out import LeavingOut
@@ -70,3 +71,21 @@ def test_what_was_chosen_is_in_the_library_and_in_the_odds_that_the_risk_is_stat
         for power in (1.0, 0.5)
     )
     assert half == pytest.approx(0.5 * whole, abs=1e-9)
+
+
+def test_who_is_followed_under_several_durations_took_the_same_time_under_each(rng, monkeypatch):
+    """Pace times duration, the latter in usual ones of the task, as displacements grow with it."""
+    library, asked = make_library(rng, duration_s=1.5), []
+    size = library.n_observed_weights
+    left_out = [
+        SimpleNamespace(task=task, log_duration=0.3, duration_s=duration_s, mean=np.zeros(size))
+        for task, duration_s in enumerate((1.2, 2.0, 1.7))
+    ]
+    for one in left_out:
+        one.covariance, one.observed = np.eye(size), np.zeros((4, library.n_observed))
+    monkeypatch.setattr(evidence_exponents, "filter_samples", lambda *a: asked.append(a) or [])
+    evidence_exponents.follow(library, left_out, [0.5])
+    ((_, _, pace, relative, _),) = asked
+    took_s = 1.5 * (pace * relative).reshape(3, -1)
+    np.testing.assert_allclose(took_s, np.array([[1.2], [2.0], [1.7]]) + 0.0 * took_s)
+    assert np.all(np.diff(pace.reshape(3, -1)) < 0.0)
