@@ -7,13 +7,16 @@ import numpy as np
 import pytest
 from activation_world import HOME, START_NS, STEP_NS, World, executing, prediction
 
+from intent_recognition.activation.arm_clock import ArmClock
 from intent_recognition.activation.states import Mode
+from intent_recognition.recognition import DecisionState
 
 
 def test_a_clock_that_goes_back_starts_over_and_what_is_old_is_rejected_with_the_cure():
     world = executing()
     assert world.activation.step(world.now_ns - 10_000_000_000) is None
     assert world.activation.mode is Mode.IDLE and "clock_jumped_back" in world.rejected
+    assert world.activation.inbox.decision == DecisionState()
     world = World()
     long_ago_ns = START_NS - 40_000_000_000
     world.activation.take_prediction(START_NS, prediction("plate", long_ago_ns))
@@ -28,6 +31,18 @@ def test_a_clock_that_goes_back_starts_over_and_what_is_old_is_rejected_with_the
     world.begin("plate")
     world.run(0.1)
     np.testing.assert_allclose(world.commands[0].plan.positions[0], HOME, atol=1e-12)
+
+
+def test_the_offset_of_a_clock_is_the_least_that_came_in_the_last_two_to_four_seconds(rng):
+    clock, heard = ArmClock(), []
+    for now_ns in range(START_NS, START_NS + 20_000_000_000, 100_000_000):
+        heard.append((now_ns, int(rng.integers(-9_000_000, 9_000_000))))
+        clock.hear(now_ns, now_ns - heard[-1][1])
+        recent, longer = (
+            min(behind for at_ns, behind in heard if now_ns - at_ns <= span_s * 1e9)
+            for span_s in (2.0, 4.1)
+        )
+        assert longer <= clock.offset_ns <= recent
 
 
 @pytest.mark.parametrize("ahead_s", [0.02, 0.5, 0.999, 5.0, 1e6])
