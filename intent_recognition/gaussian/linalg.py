@@ -107,5 +107,4 @@ def affine_span(vectors: Floats) -> AffineSpan:
     left, values, axes = np.linalg.svd(vectors - mean, full_matrices=False)
     scale = max(float(values[0]) if values.size else 0.0, float(np.abs(mean).max(initial=0.0)))
     rank = int(np.sum(values > 1e-10 * scale)) if scale > 0 else 0
-    rank = min(rank, len(vectors) - 1)
     return AffineSpan(mean, axes[:rank], left[:, :rank] * values[:rank])

@@ -29,6 +29,23 @@ def expect(world, probabilities=EXPECTED):
     world.activation.pretrigger.take_expectation(world.now_ns, TASKS, np.array(probabilities))
 
 
+def test_it_is_allowed_once_after_each_interaction_and_not_after_starting_over():
+    ahead = Pretrigger(PretriggerSettings(0.7, 3.0, {"screw": AHEAD}), DecisionSettings())
+
+    def wanted():
+        ahead.take_expectation(1, TASKS, EXPECTED)
+        return ahead.wanted(0)
+
+    assert wanted() == ""
+    ahead.interaction_began()
+    assert wanted() == "screw"
+    ahead.begin("screw", 2)
+    assert wanted() == ""
+    ahead.interaction_began()
+    ahead.forget()
+    assert wanted() == ""
+
+
 def after_a_plate(probabilities=EXPECTED, **settings):
     """A plate is handed over; the human rests, and the next task is expected."""
     world = make_world(**settings)

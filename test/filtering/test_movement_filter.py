@@ -50,6 +50,17 @@ def test_velocities_after_the_end_are_zero_under_every_hypothesis(library):
     assert np.ptp(run.log_evidence) == 0.0
 
 
+def test_what_is_predicted_does_not_depend_on_what_was_asked_before(library):
+    asked, plain = start(library), start(library)
+    for k in range(1, 4):
+        for run in (asked, plain):
+            run.observe(observation(0.2 * k, 0, [0.1 * k, -0.1 * k]))
+        asked.controlled(0, 5)
+        asked.posterior(START_NS + k)
+    found, expected = asked.controlled(0, 5), plain.controlled(0, 5)
+    np.testing.assert_array_equal(found.positions, expected.positions)
+
+
 def test_velocities_without_a_covariance_and_values_that_do_not_fit_are_named(library):
     with pytest.raises(ArgumentError, match=r"a covariance with measured velocities.*sensor"):
         start(library).observe(observation(0.1, 0, [0.0, 0.0], derivative=True))
