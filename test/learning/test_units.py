@@ -2,6 +2,7 @@
 """Other units than metres and radians: how large they are makes no difference."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from intent_recognition.learning import TrainingSettings, learn, learn_with_repo
 from intent_recognition.learning.correcting import keep_correction
 from intent_recognition.learning.held_out_examples import MAX_RIVALS, nearest_tasks
 from intent_recognition.learning.training import add_demonstration
+from intent_recognition.learning.unit_check import other_units_of
 from intent_recognition.promp import controlled_spread, end_std_limits, weight_floor
 from intent_recognition.recognition import DecisionState, IntentEstimator, decide, decision_settings
 from intent_recognition.recognition.start_posture import (
@@ -225,3 +227,15 @@ def test_a_recording_in_another_unit_is_named_or_refused(trained, name, factor):
     with pytest.raises(TrainingError, match=f"give_9: {name} .*a factor of {factor:.4g}"):
         add_demonstration(trained[1.0], odd)
     assert add_demonstration(trained[1.0], perform(0, 9)).tasks["give"].n == 6
+
+
+def test_of_several_signals_the_one_in_another_unit_is_named(rng):
+    signals = SimpleNamespace(observed=[(("a", "b"), "m"), (("c", "d"), "m")], controlled=[])
+    examples = []
+    for name in ("one", "two", "three", "in mm"):
+        values = 0.5 + 0.2 * rng.normal(size=(20, 4))
+        values[:, 2:] *= 1000.0 if name == "in mm" else 1.0
+        examples.append(SimpleNamespace(name=name, observed=values, controlled=values))
+    tasks = {"task": SimpleNamespace(examples=examples)}
+    (found,) = other_units_of(tasks, tasks, signals)
+    assert found.name == "in mm" and "c is in numbers" in found.reason
