@@ -61,6 +61,17 @@ def test_what_is_predicted_does_not_depend_on_what_was_asked_before(library):
     np.testing.assert_array_equal(found.positions, expected.positions)
 
 
+def test_a_movement_is_the_same_at_any_time(library):
+    found = []
+    for onset_ns in (START_NS, 3 * START_NS):
+        run = MovementFilter(library, make_prior_grid(library, n_scales=3), onset_ns)
+        run.observe(observation(0.2, 0, [0.1, -0.1])._replace(stamp_ns=onset_ns + 200_000_000))
+        found.append(run.posterior(onset_ns + 500_000_000))
+    for one in found:
+        np.testing.assert_array_equal(one.phase, found[0].phase)
+        assert np.all((one.phase[:-1] > 0.1) & (one.phase[:-1] < 0.5))
+
+
 def test_velocities_without_a_covariance_and_values_that_do_not_fit_are_named(library):
     with pytest.raises(ArgumentError, match=r"a covariance with measured velocities.*sensor"):
         start(library).observe(observation(0.1, 0, [0.0, 0.0], derivative=True))
