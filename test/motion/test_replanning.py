@@ -108,6 +108,11 @@ def test_descents_are_counted_and_end_with_the_budget(monkeypatch, n_in_time, tr
     bodies, phases = bodies_among(box_beside(0.03)), np.linspace(0.0, 1.0, 61)
     q, moves = PATH.spline(phases), bending.detours(phases, 7, 0.0)
     path = bending.TouchingPath(bodies, q, moves, bodies.contacts(q), LIMITS)
+    nearest = {}
+    for one in path.contacts:
+        nearest[one.pair] = min(one.distance_m, nearest.get(one.pair, np.inf))
+    depth = sum(bodies.clearance_m - distance_m for distance_m in nearest.values())
+    assert bending._depth(path, np.zeros(moves.shape[2])) == pytest.approx(depth, abs=1e-5)
     drawn = []
     for search in (tries, tries, 5):
         starts.clear()
