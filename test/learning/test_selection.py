@@ -122,6 +122,8 @@ def test_leaving_one_out_equals_never_having_seen_it(seed, counts, strength, ind
             np.array([e.weights.ravel() for e in part if e.name != left_out.name]) for part in parts
         ]
         assert one.task == k
+        others = [np.log(e.duration_s) for e in parts[k] if e.name != left_out.name]
+        assert one.log_duration == pytest.approx(np.mean(others), abs=1e-9)
         np.testing.assert_allclose(one.mean, rest[k].mean(axis=0), atol=1e-12)
         pooled = scatter_of(rest)
         seen = Scatter(pooled.matrix[:size, :size], pooled.freedom)
