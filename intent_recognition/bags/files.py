@@ -122,12 +122,14 @@ def find_files(
     """
     if path.is_file():
         return [path], []
+    notes = []
     if metadata is None or not metadata.files:
         files = storage_files(path)
+        if len(files) > 1 and not files[-1].stat().st_size:  # as a recorder that was killed leaves
+            notes.append(f"empty: {files.pop().name}")
     else:
         files = [_packed_or_not(path / PureWindowsPath(name).name) for name in metadata.files]
     missing = [file.name for file in files if not file.is_file()]
-    notes = []
     if tolerant and missing:
         notes.append(f"missing: {', '.join(missing)}")
         files = [file for file in files if file.is_file()] or storage_files(path)

@@ -311,14 +311,16 @@ rosbag2 goes on with the next message; to record anew takes longer."""
 def recordings_in(folder: Path) -> list[Path]:
     """A folder that is one bag of ROS 2, or the files in it that are recordings of their own.
 
-    Without metadata.yaml numbered files are one bag if each follows the one before.
+    Without metadata.yaml numbered files are one bag if each follows the one before; a recorder that
+    was killed may leave the last one without messages, or bytes.
     """
     files = storage_files(folder)
     if not is_bag(folder):
         return files
     if len(files) > 1 and not (folder / FILE_NAME).exists():
         try:
-            parts = [BagReader(file, tolerant=True) for file in files]
+            some = [file for file in files if file.stat().st_size]
+            parts = [part for file in some if (part := BagReader(file, tolerant=True)).end_ns]
         except BagError:
             return files
         gaps = [after.start_ns - part.end_ns for part, after in pairwise(parts)]

@@ -21,6 +21,7 @@ from bag_builder import (
     write_session,
 )
 
+from intent_recognition.bags import BagReader
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations import (
     find_bags,
@@ -66,6 +67,14 @@ def test_files_without_metadata_are_one_bag_where_they_follow_one_another(later_
     split = later_s == 0.5 and names[0] == "give_0"
     files = [tmp_path / "all" / f"{name}.mcap" for name in names]
     assert find_bags(tmp_path / "all") == ([tmp_path / "all"] if split else files)
+    if split:  # a recorder that was killed at once leaves a part without messages, or bytes
+        last = tmp_path / "all" / "give_2.mcap"
+        last.write_bytes(files[0].read_bytes()[:30])
+        assert find_bags(tmp_path / "all") == [tmp_path / "all"]
+        last.write_bytes(b"")
+        assert find_bags(tmp_path / "all") == [tmp_path / "all"]
+        reader = BagReader(tmp_path / "all")
+        assert (reader.message_count, reader.notes[1:]) == (100, ["empty: give_2.mcap"])
 
 
 def test_bad_poses_are_dropped_and_counted_as_the_node_does(tmp_path):
