@@ -35,19 +35,19 @@ def by_body(table: Table) -> Table:
 
     A body that is missing at a moment was not measured. Any other table is returned as it is.
     """
-    named = [k for k, name in enumerate(table.names) if OF_BODY.fullmatch(name.strip())]
-    sure = bool(named)
-    named = named or [k for k, name in enumerate(table.names) if OF_ANY.fullmatch(name.strip())]
-    if not named:
+    names, bare = table.names, [name.strip() for name in table.names]
+    named = [(k, of) for of in (OF_BODY, OF_ANY) for k, n in enumerate(bare) if of.fullmatch(n)]
+    named.sort(key=lambda one: bare[one[0]].lower().endswith("type"))  # many may be of one
+    for which, of in named if len(names) > 2 else ():
+        bodies, body = _distinct(*table.read([which]))
+        if 1 < len(bodies) <= MOST_BODIES:
+            break
+    else:
         return table
-    which, names = named[0], table.names
-    said = [k for k, n in enumerate(names) if k < which or OF_MOMENT.fullmatch(n.strip())]
-    if not said or len(names) < 3:
+    said = [k for k, n in enumerate(bare) if k < which or OF_MOMENT.fullmatch(n)]
+    if not said:
         return table
-    texts, *columns = table.read([which, *said])
-    bodies, body = _distinct(texts)
-    if not 1 < len(bodies) <= MOST_BODIES:
-        return table
+    columns = table.read(said)
     for column in columns:
         moments, moment = _distinct(column)
         unique = len(np.unique(moment * len(bodies) + body)) == len(body)
@@ -55,7 +55,7 @@ def by_body(table: Table) -> Table:
             break
     else:
         return _with_note(table, bodies, body)
-    if not sure and np.any(np.diff(moment) < 0):
+    if of is OF_ANY and np.any(np.diff(moment) < 0):
         return table
     moment = _ranks(moments)[moment]
     first = np.unique(moment, return_index=True)[1]

@@ -69,6 +69,20 @@ def test_rows_of_bodies_that_alternate_at_times_of_their_own_are_named(column, n
     assert len(notes) == named and all("rows of ann, bob alternate" in note for note in notes)
 
 
+@pytest.mark.parametrize(
+    ("first", "said", "name"),
+    [
+        ("topic", "aa", "child_frame_id"),
+        ("sensor_type", "aa", "name"),
+        ("marker_type", "ab", "marker"),
+    ],
+)
+def test_names_tell_bodies_apart_before_what_they_may_share(first, said, name):
+    columns = {"t": np.repeat(np.arange(6.0), 2), first: np.tile([*said], 6)}
+    columns |= {name: np.tile(["m1", "m2"], 6), "x": np.arange(12.0)}
+    assert {"m1.x", "m2.x"} < {*by_body(table_of("tracked.csv", columns)).names}
+
+
 def test_a_csv_of_bodies_is_read_with_its_units(tmp_path):
     lines = [f"{k / 100},{b},{k + 10 * n},1,2" for k in range(5) for n, b in enumerate("ab")]
     path = tmp_path / "tracked.csv"
