@@ -269,7 +269,8 @@ def _time(
         if np.all(steps < 0.0):
             return {"column": column.name}, "it decreases: reverse the rows of the file"
         said_unit = table.time_unit_of(column.name)
-        if not said_unit and np.all(steps == 1.0):  # counts rows
+        is_clock = TIME_NAME.search(column.name) and column.values[0] > 1.0
+        if not said_unit and not is_clock and np.all(steps == 1.0):  # counts rows
             continue
         later = steps > 0.0
         often = np.mean(later) > (MOSTLY if np.any(steps < 0.0) else REPEATED)

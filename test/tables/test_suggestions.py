@@ -368,6 +368,7 @@ def test_a_place_is_told_from_a_rotation_a_speed_and_a_command(head, place, tmp_
         (",x,y,z", lambda t: f"2024-01-31 10:00:{t:06.3f}", {"column": "0"}),
         (",x,y,z", lambda t: f"{100 * t:.0f}", None),
         ("t,x,y,z", lambda t: f"{100 * t:.0f}", None),
+        ("t,x,y,z", lambda t: f"{70_000 + 100 * t:.0f}", {"column": "t", "unit": "ms"}),
         ("t_ms,x,y,z", lambda t: f"{100 * t:.0f}", {"column": "t_ms", "unit": "ms"}),
     ],
 )
