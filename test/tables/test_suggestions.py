@@ -347,6 +347,7 @@ def test_a_table_of_ros2_topic_echo_has_its_time(tmp_path):
         ("t,x_2,y_2,z_2,v_2", "x_2"),
         ("t,xForce,yForce,zForce,xCup,yCup,zCup", "xCup"),
         ("t,q.0,q.1,q.2,cup.0,cup.1,cup.2", "cup"),
+        ("t,wrench.0,wrench.1,wrench.2,cup.0,cup.1,cup.2", "cup"),
         ("t,arm_joints.0,arm_joints.1,arm_joints.2,RWRA[0],RWRA[1],RWRA[2]", "RWRA"),
         ("t,hand_px,hand_py,hand_pz", "hand_px"),
     ],
