@@ -144,7 +144,8 @@ def open_landmarks(path: Path) -> Table:
     if frames is None and isinstance(content, dict):  # rows under a name of their own
         lists = [v for v in content.values() if isinstance(v, list) and v]
         of_rows = [v for v in lists if isinstance(v[0], dict)]
-        longer = [len(v) for v in lists if of_rows and len(v) > len(of_rows[0])]
+        of_numbers = [v for v in lists if not isinstance(v[0], dict | str)]
+        longer = [len(v) for v in of_numbers if of_rows and len(v) > len(of_rows[0])]
         are_columns = len(longer) > len(set(longer))  # beside a list of events
         frames = of_rows[0] if len(of_rows) == 1 and not are_columns else None
     keys = _numbered(content) if isinstance(content, dict) else []
@@ -214,7 +215,8 @@ def _numbered(content: Mapping[str, Any]) -> list[str]:
     if not all(found.values()) or len({match[1] for match in found.values() if match}) != 1:
         return []
     first = next(iter(content.values()))
-    if isinstance(first, list) and len(first) > len(content) and isinstance(first[0], int | float):
+    is_long = isinstance(first, list) and len(first) > 4 * len(content)  # few frames are as short
+    if is_long and isinstance(first[0], int | float):
         return []  # columns
     return sorted(content, key=lambda key: int(found[key][2]))  # type: ignore[index]
 

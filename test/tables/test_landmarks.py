@@ -206,6 +206,21 @@ def test_lists_with_numbers_in_their_names_are_columns_and_may_hold_places(tmp_p
     check_wrist(imported(tmp_path, "a.json", json.dumps(content), **options), atol=0.0)
 
 
+def test_few_numbered_frames_of_many_numbers_are_no_columns(tmp_path):
+    values = np.random.default_rng(0).normal(size=(60, 99))
+    content = {str(k): row for k, row in enumerate(values.tolist())}
+    (tmp_path / "a.json").write_text(json.dumps(content))
+    found = open_table(tmp_path / "a.json").columns(["0", "98"])
+    np.testing.assert_array_equal(np.transpose([found["0"], found["98"]]), values[:, [0, 98]])
+
+
+def test_rows_stay_rows_beside_longer_lists_of_texts(tmp_path):
+    said = {"authors": ["ann"] * 300, "places": ["lab"] * 300}
+    rows = [{"t": t, **ROWS_OF[k]} for k, t in enumerate(TIMES_S.tolist())]
+    content = json.dumps({**said, "rows": rows})
+    check_wrist(imported(tmp_path, "a.json", content, time={"column": "t"}), atol=0.0)
+
+
 @pytest.mark.parametrize("key", ["body", "topic"])
 def test_rows_of_bodies_are_told_apart(key, tmp_path):
     rows = [
