@@ -123,7 +123,7 @@ def _below(
         # a break within a cell makes two of it
         is_broken = is_pair and together in (width, width + 1)
         firsts = [one[0] for one in (whole, before, row, after) if one][-3:]
-        is_broken = is_broken and not _goes_on(*firsts)
+        is_broken = is_broken and not _goes_on(*firsts, evenly=not after)
         is_broken |= run > 1 and together == width and size <= last
         if is_broken or (size == 1 <= last and bool(after)):
             cure = "Correct or remove the row, or begin it with # as a comment."
@@ -132,14 +132,14 @@ def _below(
         yield number, [*row, *[""] * (last + 1 - size)] if size <= last else row
 
 
-def _goes_on(*cells: str) -> bool:
-    """Whether first cells of rows may be times: numbers that increase by nearly even steps."""
+def _goes_on(*cells: str, evenly: bool) -> bool:
+    """Whether first cells of rows may be times: numbers that increase, or do so by even steps."""
     try:
         numbers = [float(with_point(cell)) for cell in cells]
     except ValueError:
         return False
     steps = [b - a for a, b in pairwise(numbers)]
-    return 0.0 < max(steps) < 2.0 * min(steps)
+    return 0.0 < min(steps) and (not evenly or max(steps) < 2.0 * min(steps))
 
 
 def _numbered(header: Header, rows: Iterable[list[str]]) -> Iterator[tuple[int, list[str]]]:

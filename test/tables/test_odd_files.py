@@ -106,12 +106,13 @@ def test_a_last_line_without_an_end_is_left_out_where_cells_are_missing(tmp_path
     check_wrist(imported_csv(tmp_path, content.replace("a\n", "a,\n")[:-1], unit="mm"))
 
 
-@pytest.mark.parametrize("first", [6, ROWS - 2])
-def test_two_short_rows_whose_times_go_on_are_no_broken_one(first, tmp_path):
-    names = "t,x,y,z,a,b,c"
-    rows = [[f"{TIMES_S[k]}", *cells(k), *["1"] * 3] for k in range(ROWS)]
+@pytest.mark.parametrize(("first", "late_ns"), [(6, 0), (6, 7 * 10**6), (ROWS - 2, 0)])
+def test_two_short_rows_whose_times_go_on_are_no_broken_one(first, late_ns, tmp_path):
+    names, late_s = "t,x,y,z,a,b,c", 1e-9 * late_ns * (np.arange(ROWS) == first + 1)
+    rows = [[f"{TIMES_S[k] + late_s[k]}", *cells(k), *["1"] * 3] for k in range(ROWS)]
     rows[first : first + 2] = [row[:4] for row in rows[first : first + 2]]
-    check_wrist(imported_csv(tmp_path, table(names, rows.__getitem__), unit="mm"))
+    found = imported_csv(tmp_path, table(names, rows.__getitem__), unit="mm")
+    check_wrist(found, times_atol=late_ns)
 
 
 HEADS = {
