@@ -50,7 +50,7 @@ class TopicSummary:
     count: int
     # one over the median step of the stamps of a publisher, 0 with fewer than two
     rate_hz: float = 0.0
-    # (log time before the gap [ns], length [s]) of every step longer than three medians
+    # (log time before the gap [ns], length [s]) of every step longer than three of the publisher's
     gaps: tuple[tuple[int, float], ...] = ()
     longest_gap_s: float = 0.0  # longest step, 0 with fewer than two messages
     # messages a node would drop, by reason (raw poses: outliers and bad stamps; others: bad stamps)
@@ -194,9 +194,11 @@ def _summarise(
     publishers = publishers_of(info.type, [m.message for m in messages])
     own = [np.sort(logged[(stamps > 0) & (publishers == p)]) for p in np.unique(publishers)]
     before = np.concatenate([np.empty(0, np.int64), *(times_ns[:-1] for times_ns in own)])
-    steps_s = np.concatenate([np.empty(0), *map(np.diff, own)]) * 1e-9
+    steps = [np.diff(times_ns) * 1e-9 for times_ns in own if times_ns.size > 1]
+    usual_s = np.concatenate([np.empty(0), *(np.full(s.size, np.median(s)) for s in steps)])
+    steps_s = np.concatenate([np.empty(0), *steps])
     median_s = float(np.median(steps_s)) if steps_s.size else 0.0
-    at = np.flatnonzero((median_s > 0) & (steps_s > 3.0 * median_s))
+    at = np.flatnonzero((usual_s > 0) & (steps_s > 3.0 * usual_s))
     return TopicSummary(
         name=info.name,
         type=info.type,
