@@ -36,9 +36,9 @@ def by_body(table: Table) -> Table:
     A body that is missing at a moment was not measured. Any other table is returned as it is.
     """
     names, bare = table.names, [name.strip() for name in table.names]
-    named = [(k, of) for of in (OF_BODY, OF_ANY) for k, n in enumerate(bare) if of.fullmatch(n)]
-    named.sort(key=lambda one: bare[one[0]].lower().endswith("type"))  # many may be of one
-    for which, of in named if len(names) > 2 else ():
+    named = [k for of in (OF_BODY, OF_ANY) for k, n in enumerate(bare) if of.fullmatch(n)]
+    named.sort(key=lambda k: bare[k].lower().endswith("type"))  # many may be of one
+    for which in named if len(names) > 2 else ():
         bodies, body = _distinct(*table.read([which]))
         if 1 < len(bodies) <= MOST_BODIES:
             break
@@ -55,7 +55,7 @@ def by_body(table: Table) -> Table:
             break
     else:
         return _with_note(table, bodies, body)
-    if of is OF_ANY and np.any(np.diff(moment) < 0):
+    if not OF_BODY.fullmatch(bare[which]) and np.any(np.diff(moment) < 0):
         return table
     moment = _ranks(moments)[moment]
     first = np.unique(moment, return_index=True)[1]
