@@ -151,7 +151,8 @@ class BagReader:
         wanted = None if topics is None else {topic.lstrip("/") for topic in topics}
         for group in self._groups:
             streams = [self._of_file(file, wanted) for file in group]
-            yield from merge(*streams, key=attrgetter("log_time_ns"))
+            merged = merge(*streams, key=attrgetter("log_time_ns"))
+            yield from (one for one in merged if one.publish_time_ns >= 0)
 
     def _of_file(
         self, file: McapFile | RosbagsFile, wanted: set[str] | None
@@ -160,6 +161,8 @@ class BagReader:
             c.id: converter(c.message_encoding, file.scan.schemas.get(c.schema_id))
             for c in file.scan.channels.values()
         }
+        start_ns, _ = file.scan.span_ns
+        yield RawMessage("", "", start_ns, -1, b"")  # no message: it is not read before its time
         for item in file.items(wanted):
             schema = file.schemas[item.channel.id]
             data = self._converted(item, converters[item.channel.id])

@@ -197,6 +197,21 @@ def test_parts_that_overlap_come_in_the_order_of_time(tmp_path):
         assert np.all(np.diff(columns.stamps_ns) == STEP_NS)
 
 
+def test_damage_in_a_part_that_overlaps_comes_after_the_messages_before_it(tmp_path):
+    messages, folder = contents(), tmp_path / "bag"
+    folder.mkdir()
+    write_mcap(folder / "bag_0.mcap", messages[:31])
+    path = write_mcap(folder / "bag_1.mcap", messages[29:], compression=CompressionType.NONE)
+    content = path.read_bytes()
+    at = content.index(messages[29][2])
+    path.write_bytes(content[: at - 30] + b"\xff" * 20 + content[at - 10 :])
+    found = []
+    with pytest.raises(BagError, match=r"bag_1\.mcap"):
+        for message in BagReader(folder).raw_messages():
+            found.append(message)
+    assert [m.log_time_ns for m in found] == [at_ns for _, at_ns, _ in messages[:30]]
+
+
 def wrist_schema(form):
     return {"/mocap/wrist/pose": form}
 
