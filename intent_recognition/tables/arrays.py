@@ -135,6 +135,5 @@ def open_hdf5(path: Path) -> Table:
         while name and name not in units:
             name = name.rpartition(".")[0]
         of[k] = units.get(name, "")
-    table = replace(table, units=of, must_say=bool(unit))
     notes = (*table.notes, *[said] * bool(left_out))
-    return replace(table, unit=unit or table.unit, notes=notes)
+    return replace(table, units=of, must_say=bool(unit), unit=unit or table.unit, notes=notes)

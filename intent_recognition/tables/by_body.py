@@ -39,15 +39,13 @@ def by_body(table: Table) -> Table:
     named = [k for of in (OF_BODY, OF_ANY) for k, n in enumerate(bare) if of.fullmatch(n)]
     named.sort(key=lambda k: bare[k].lower().endswith("type"))  # many may be of one
     for which in named if len(names) > 2 else ():
-        bodies, body = _distinct(*table.read([which]))
-        if 1 < len(bodies) <= MOST_BODIES:
+        said = [k for k, n in enumerate(bare) if k < which or OF_MOMENT.fullmatch(n)]
+        texts, *columns = table.read([which, *said])
+        bodies, body = _distinct(texts)
+        if said and 1 < len(bodies) <= MOST_BODIES:
             break
     else:
         return table
-    said = [k for k, n in enumerate(bare) if k < which or OF_MOMENT.fullmatch(n)]
-    if not said:
-        return table
-    columns = table.read(said)
     for column in columns:
         moments, moment = _distinct(column)
         unique = len(np.unique(moment * len(bodies) + body)) == len(body)

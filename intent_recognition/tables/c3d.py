@@ -38,11 +38,8 @@ def open_c3d(path: Path) -> Table:
     labels = [*labels, *(f"unlabelled_{k}" for k in range(len(labels), count))][:count]
     notes = []
     if 0 < read < said:
-        why = (
-            "its parameters state no more"
-            if read < int(found["room"])
-            else "the file ends after them"
-        )
+        ends = read >= int(found["room"])
+        why = "the file ends after them" if ends else "its parameters state no more"
         notes.append(f"{read} of {said} frames: {why}")
     header_rate = float(found["header_rate"])
     if SLOWEST_HZ < header_rate < FASTEST_HZ and abs(header_rate - rate) > 1e-3 * rate:
