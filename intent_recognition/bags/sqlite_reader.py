@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read a `.db3` of rosbag2, of any distribution and also one that its recorder never closed."""
 
+import os
 import sqlite3
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -28,7 +29,8 @@ class SqliteReader:
 
     def open(self) -> None:
         """Open it; what its topics are, and how many messages there are when."""
-        mode = "mode=ro" if is_open(self.path) else "immutable=1"
+        folder = self.path.resolve().parent  # with the log SQLite writes another file beside it
+        mode = "mode=ro" if is_open(self.path) and os.access(folder, os.W_OK) else "immutable=1"
         self._file = sqlite3.connect(f"file:{quote(str(self.path.resolve()))}?{mode}", uri=True)
         tables = {name for (name,) in self._file.execute(TABLES)}
         if not {"topics", "messages"} <= tables:

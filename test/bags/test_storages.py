@@ -376,7 +376,7 @@ def test_a_bag_in_sqlite(mode, tmp_path):
             list(BagReader(tmp_path / "bag").raw_messages())
 
 
-def test_a_database_with_a_log_and_an_unknown_definition_is_read_whole(tmp_path):
+def test_a_database_with_a_log_and_an_unknown_definition_is_read_whole(tmp_path, monkeypatch):
     """A killed recorder leaves the log; a type whose package is not there has no definition."""
     write_db3(tmp_path / "bag")
     with contextlib.closing(sqlite3.connect(tmp_path / "bag/bag.db3")) as file:
@@ -391,6 +391,9 @@ def test_a_database_with_a_log_and_an_unknown_definition_is_read_whole(tmp_path)
     assert times_ns == [*(ns for _, ns, _ in contents()), *[late] * 2 * COUNT]
     assert reader.message_count == 4 * COUNT and not reader.is_finished
     assert reader.topics["/joint_states"].type_hash == definition(JOINTS).type_hash
+    monkeypatch.setattr("os.access", lambda *_: False)  # where nothing can be written
+    reader = BagReader(tmp_path / "50% #2")
+    assert reader.message_count == 2 * COUNT and not reader.is_finished
 
 
 @pytest.mark.parametrize(
