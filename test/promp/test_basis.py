@@ -39,13 +39,16 @@ def test_scaling_keeps_the_start_and_multiplies_what_leads_away_from_it(basis, f
     np.testing.assert_allclose(twice, basis.scaling(np.array([factor * other, other])), atol=1e-12)
 
 
-@pytest.mark.parametrize("n_basis", [20, 40])
-def test_shifting_moves_a_course_and_holds_its_ends(n_basis):
-    basis, phase, by = NormalizedRBFBasis(n_basis), np.linspace(0, 1, 50), np.array([0.03, -0.02])
+@pytest.mark.parametrize(("n_basis", "width"), [(20, 1.0), (20, 1.5), (40, 1.5), (20, 2.0)])
+def test_shifting_moves_a_course_and_holds_its_ends(n_basis, width):
+    basis, phase = NormalizedRBFBasis(n_basis, width), np.linspace(0, 1, 50)
+    by = np.array([0.03, -0.02])
     weights = np.sin(4.0 * basis.centers)
     shifted = basis.design_matrix(phase) @ basis.shifting(by) @ weights
     expected = basis.design_matrix(phase - by[:, None]) @ weights
     np.testing.assert_allclose(shifted, expected, atol=0.01)
+    assert np.abs(basis.shifting(by)).sum(axis=2).max() < 9.0  # of errors
+    np.testing.assert_allclose(basis.shifting(by) @ np.ones(n_basis), 1.0, atol=1e-12)
     assert np.array_equal(basis.shifting(np.zeros(2)), [np.eye(n_basis)] * 2)
 
 
