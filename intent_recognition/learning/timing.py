@@ -57,9 +57,8 @@ class Timing:
     duration_exponent: float = 0.0  # how progress depends on the duration (`promp.steady_phase`)
     # median duration of each of these labels; see `usual_of`
     usual_s: Mapping[str, float] = field(default_factory=dict)
-    # of the relative duration in how far the controlled agent goes
-    displacement_exponent: float = 0.0
-    delay_s: float = 0.0  # as in `promp.TaskLibrary`
+    displacement_exponent: float = 0.0  # as in `promp.TaskLibrary`
+    delay_s: float = 0.0  # likewise
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Timing) or self.templates.keys() != other.templates.keys():
@@ -205,8 +204,7 @@ def estimate_following(
         scaled, pace = path / np.where(spread > 0.0, spread, 1.0), np.exp(-log_s) / usual
         observed, controlled = np.split(scaled[:, ::4], [n_observed], axis=2)
         by_all.append([_left_out_errors(observed, controlled, np.exp(b * log_s)) for b in tried])
-        shares = np.tile(LAGS[:, None], len(path))
-        by_share.append([_copy_errors(scaled, n_observed, share) for share in shares])
+        by_share.append([_copy_errors(scaled, n_observed, share) for share in LAGS])
         by_delay.append([_copy_errors(scaled, n_observed, delay * pace) for delay in delays_s])
     usual_way, of_all, exponent = _best(by_all)
     (_, of_share, _), (_, of_delay, delay) = _best(by_share), _best(by_delay)
@@ -227,10 +225,10 @@ def _clear(gained: Floats) -> bool:
     return bool(gained.mean() > 2.0 * gained.std() / np.sqrt(len(gained)))
 
 
-def _copy_errors(path: Floats, n_observed: int, lag: Floats) -> Floats:
-    """Mean square of what regression on the observed DOFs lags (n,) before leaves, (n,)."""
+def _copy_errors(path: Floats, n_observed: int, lag: Floats | float) -> Floats:
+    """Mean square of what regression on the observed DOFs a lag (n,) before leaves, (n,)."""
     at, moved = np.arange(0, path.shape[1], 4), path - path[:, :1]
-    places = at - np.rint(lag[:, None] * (path.shape[1] - 1)).astype(np.int64)
+    places = at - np.rint(np.reshape(lag, (-1, 1)) * (path.shape[1] - 1)).astype(np.int64)
     before = moved[np.arange(len(path))[:, None], np.maximum(places, 0), :n_observed]
     known, goal = (one - one.mean(axis=0) for one in (before, moved[:, at, n_observed:]))
     rows = known.reshape(-1, n_observed)
