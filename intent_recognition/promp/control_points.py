@@ -104,8 +104,8 @@ def through(library: TaskLibrary, points: Mapping[int, Sequence[ControlPoint]]) 
     """The library whose tasks pass through points; without any, itself.
 
     The distribution of the observed weights stays what it is, so that what is recognised does.
-    Residuals are not coupled, and displacements do not grow with the duration: both would move the
-    controlled agent away from the points.
+    Residuals are not coupled, displacements do not grow with the duration, and a delay is a share
+    of it: all else would move the controlled agent away from the points.
     """
     if not any(points.values()):
         return library
