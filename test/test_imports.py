@@ -232,6 +232,10 @@ def test_library_loads_nothing_heavy(without):
     assert loaded_after_importing(names) == []
 
 
+def test_people_are_simulated_without_physics():
+    assert loaded_after_importing(["sim_bridge.scenarios.assembly.session"]) == []
+
+
 def test_what_programs_beside_the_package_import_from_it_is_there():
     missing = []
     for path in (p for top in BESIDE for p in (ROOT / top).rglob("*.py")):

@@ -14,7 +14,7 @@ from intent_recognition.kinematics.limits import within_position_limits
 from intent_recognition.motion.hand_path import N_POSES, is_hand, joints_along
 from intent_recognition.signals import POSE_FIELDS
 from sim_bridge.arm.robots import NAMES, find_robot
-from sim_bridge.scenarios.toolbox.by_force import ToolboxArm
+from sim_bridge.scenarios.toolbox.other_arms import ToolboxArm
 from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M, SCREW_HANDOVER_M, STANDS_M
 
 TIMES_S = np.linspace(0.0, 3.0, 50)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 from .by_force import ONE_HOLDS_S as ONE_HOLDS_S
-from .by_force import ToolboxArm as ToolboxArm
 from .by_force import by_force_with as by_force_with
 from .by_force import describe_with_fingers as describe_with_fingers
 from .by_force import handing_over as handing_over
+from .other_arms import ToolboxArm as ToolboxArm
 from .scene import HOME as HOME
 from .scene import HOME_HAND_M as HOME_HAND_M
 from .scene import LIFT_M as LIFT_M

@@ -1,41 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An arm that was not taught, and what nodes must know where objects are handed over by force."""
+"""What the nodes must know where the toolbox's objects are handed over by force."""
 
-from functools import cached_property
-
-from intent_recognition.array_types import Floats
-from intent_recognition.kinematics import Arm
 from sim_bridge.arm import Robot, find_robot
 from sim_bridge.coworker import HOLD
 from sim_bridge.handover import finger_joints, with_fingers
-from sim_bridge.scenarios.toolbox.scene import GRASP_RADIUS_M, HOME_HAND_M, STANDS_M
-
-
-class ToolboxArm:
-    """What a scenario needs to know of an arm whose hand waits at a place (3,), world."""
-
-    def __init__(self, robot: Robot, home_m: Floats = HOME_HAND_M):
-        self.robot, self._home_m = robot, home_m
-        self._arm = Arm.from_urdf(robot.description, base="world", tip=robot.tip, rest=robot.ready)
-
-    @cached_property
-    def home(self) -> Floats:
-        """Posture with the hand where it waits, near the ready one (n,) [rad].
-
-        Raises:
-            KinematicsError: it is out of reach.
-        """
-        return self._arm.inverse_kinematics(self._home_m)
-
-    def n_reached(self, places_m: Floats) -> int:
-        """How many places (n, 3), world, the hand reaches to 1 cm."""
-        near = (self._arm.nearest(place, self.home).distance_m for place in places_m)
-        return sum(distance_m <= 0.01 for distance_m in near)
-
-    def hand(self, q: Floats) -> Floats:
-        """Positions of the hand in the world (..., 3) [m] for measured joints, fingers last."""
-        return self._arm.forward_kinematics(q[..., : self.robot.n_joints])[..., :3, 3]
-
+from sim_bridge.scenarios.toolbox.other_arms import ToolboxArm
+from sim_bridge.scenarios.toolbox.scene import GRASP_RADIUS_M, STANDS_M
 
 ONE_HOLDS_S = (5.0, 6.0)
 """How long the only worker waits where a hand was stretched out [s]: the arm is late, and both take
