@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats
 from intent_recognition.composing import ViaPoint
-from intent_recognition.model import ARRIVED, TO_UNDO, WAITING
+from intent_recognition.model import ARRIVED, TO_KEEP, TO_UNDO, WAITING
 from intent_recognition.plans import WorkPlan
 
 PLOTTED_S, PLOTTED_STEP_S = 20.0, 0.05
@@ -253,7 +253,15 @@ class CellState:
     @property
     def can_undo(self) -> bool:
         """Whether the teacher has a change to take back."""
-        return any(TO_UNDO in row.values for rows in self.skills.values() for row in rows)
+        return self._any_skill(TO_UNDO)
+
+    @property
+    def can_keep(self) -> bool:
+        """Whether the teacher has a correction that was not kept."""
+        return self._any_skill(TO_KEEP)
+
+    def _any_skill(self, key: str) -> bool:
+        return any(key in row.values for rows in self.skills.values() for row in rows)
 
     def take_active(self, task: str) -> None:
         """The task being executed, empty for none."""

@@ -51,7 +51,7 @@ class SkillsTab:
         """Show what changed, and what can be done now."""
         self._task = state.active or self._task
         teacher = self._commands.offers(f"{TEACHER}/keep")
-        self._keep.disabled = not teacher
+        self._keep.disabled = not teacher or not state.can_keep
         self._undo.disabled = not teacher or not state.can_undo
         self._thumbs.visible = teacher and bool(self._task)
         last = f"Last execution: {readable(self._task)}" if self._task else ""

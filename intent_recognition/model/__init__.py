@@ -29,6 +29,7 @@ from intent_recognition.model.pouring_skill import load_pouring_skill, save_pour
 from intent_recognition.model.practised import PractisedTask, undo_practice
 from intent_recognition.model.skills import (
     SKILL_COLUMNS,
+    TO_KEEP,
     TO_UNDO,
     WAITING,
     SkillPeriod,

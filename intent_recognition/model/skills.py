@@ -17,8 +17,9 @@ from intent_recognition.model.executions import (
 from intent_recognition.model.history import IMPROVE, LEARN, START, UNDO, WAIT, Change
 
 SKILL_COLUMNS = ("executions", "arrived", "corrected", "thumbs up", "thumbs down", "spilled")
-TO_UNDO = "to undo"
-"""Key on `teach/skills` of the change that an undo takes back."""
+TO_UNDO, TO_KEEP = "to undo", "to keep"
+"""Keys on `teach/skills` of the change that an undo takes back, and of one that has a correction to
+be kept."""
 WAITING = "recordings that wait"
 """Key of the diagnostics of `task_teacher`: how many recordings are not learned yet."""
 

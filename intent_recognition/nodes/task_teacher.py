@@ -22,6 +22,7 @@ from intent_recognition.model import (
     PRACTICE,
     SKILL_COLUMNS,
     THUMBS,
+    TO_KEEP,
     TO_UNDO,
     WAIT,
     WAITING,
@@ -183,9 +184,7 @@ class TaskTeacher(TopicRecorder):
         """
         with self._lock:
             self.executions.close()
-        executions = self.executions.executions.all()
-        bags = [self.folder.path / found.bag for found in executions if found.corrected]
-        last = next((bag for bag in reversed(bags) if bag.exists()), None)
+        last = self._last_corrected()
         if last is None or self.folder.was_kept(last):
             wanted = "an execution that was corrected and not kept before"
             came = "none" if last is None else f"{last.name}, the last one, which was"
@@ -193,6 +192,11 @@ class TaskTeacher(TopicRecorder):
             raise ArgumentError.about("~/keep", wanted, came, cure)
         change = self.folder.learn(self.folder.correct(last))
         return self.changed(change, f"kept the correction of {last.name}")
+
+    def _last_corrected(self) -> Path | None:
+        executions = self.executions.executions.all()
+        bags = [self.folder.path / found.bag for found in executions if found.corrected]
+        return next((bag for bag in reversed(bags) if bag.exists()), None)
 
     def heard(self, message: RawMessage) -> None:
         """Record executions."""
@@ -318,6 +322,8 @@ class TaskTeacher(TopicRecorder):
     def _publish_skills(self) -> None:
         history = self.folder.history()
         last, skills = undoable(history), skill_history(history, self.executions.executions.all())
+        corrected = self._last_corrected()
+        to_keep = corrected and not self.folder.was_kept(corrected) and corrected.parent.name
         message = DiagnosticArray()
         message.header.stamp = self.get_clock().now().to_msg()
         for label, periods in skills.items():
@@ -326,6 +332,8 @@ class TaskTeacher(TopicRecorder):
                 values = {"since": one.since, "demonstrations": str(one.n_demonstrations)}
                 if last is not None and (label, one.since) == (last.task, last.time):
                     values[TO_UNDO] = "yes"
+                if label == to_keep:
+                    values[TO_KEEP] = "yes"
                 rows = key_values(values | dict(numbers))
                 message.status.append(DiagnosticStatus(name=label, message=one.what, values=rows))
         self._skills.publish(message)

@@ -20,7 +20,7 @@ from intent_recognition.dashboard import browser_messages, server
 from intent_recognition.dashboard.cell import SkillRow
 from intent_recognition.dashboard.node import Dashboard
 from intent_recognition.kinematics import JOINT_NAMES
-from intent_recognition.model import TO_UNDO
+from intent_recognition.model import TO_KEEP, TO_UNDO
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import key_values
 
@@ -68,7 +68,7 @@ class Graph:
         harness.connect(self._joints, self._latched, self._via, self._plan)
         self._joints.publish(JointState(name=list(JOINT_NAMES), position=[0.1] * 7))
         page = self.page
-        self.node.state.skills = {TASK: [SkillRow("learned 00", {TO_UNDO: "yes"})]}
+        self.node.state.skills = {TASK: [SkillRow("learned 00", {TO_KEEP: "yes", TO_UNDO: "yes"})]}
         harness.spin_until(lambda: page._teach._record.visible and not page._skills._undo.disabled)
         harness.spin_until(lambda: self.node.state.joints)
 

@@ -29,7 +29,7 @@ from intent_recognition.errors import (
     TrainingError,
 )
 from intent_recognition.learning import TrainingSettings
-from intent_recognition.model import TO_UNDO, WAITING
+from intent_recognition.model import TO_KEEP, TO_UNDO, WAITING
 from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.model.task_folder import Change
 from intent_recognition.nodes import qos, task_teacher
@@ -328,10 +328,11 @@ def test_an_execution_is_recorded_judged_and_kept(harness, tmp_path, model):
     assert cell.call("undo").success
     told = [(row.name, row.message) for row in skills[-1].status if row.name == label]
     assert [text for _, text in told][-2:] == ["kept 0001", "took 0001_kept back"]
-    assert [any(TO_UNDO in values_of(row) for row in one.status) for one in skills[-2:]] == [
-        True,
-        False,
+    marked = [
+        [any(key in values_of(row) for row in one.status) for key in (TO_KEEP, TO_UNDO)]
+        for one in skills[-3:]
     ]
+    assert marked == [[True, False], [False, True], [False, False]]
 
 
 def practising(harness, library, model):
