@@ -21,9 +21,7 @@ from intent_recognition.promp import NONE
 from intent_recognition.report import INK, NONE_COLOUR, PALETTE, readable
 from intent_recognition.transfer import Holding
 
-TEXT, SOFT = f"light-dark({INK}, #e2e6ea)", "light-dark(#5a6777, #a3aeba)"
-RULE = "light-dark(#e3e8ee, #3a424b)"
-"""What is read and what is drawn on a light page, and on a dark one."""
+SOFT, RULE = "#5a6777", "#e3e8ee"
 PERSON_COLOURS = ("#2b5163", "#8c3b57", "#4d6a1f", "#5b4a9c", "#7d4b1e", "#1f6e66", INK, "#6a5f6d")
 """Of people, one after the other: darker than those of tasks."""
 FORCE_COLOURS = dict(zip((*FORCES, SENSOR), PALETTE, strict=False))
@@ -35,7 +33,7 @@ COLUMNS = "minmax(0, 12em) minmax(1.5em, 1fr) 3.2em 2.6em"
 STEP_LOOKS = {
     "done": ("&#10003;", GOOD, "400"),
     "forgotten": ("!", BAD, "600"),
-    "may come": ("&rarr;", TEXT, "600"),
+    "may come": ("&rarr;", INK, "600"),
     "later": ("", SOFT, "400"),
 }
 """Mark, colour and weight of a step of a plan."""
@@ -174,6 +172,12 @@ def banner(text: str, colour: str = BAD) -> str:
     )
 
 
+def notice(text: str, colour: str = BAD) -> str:
+    """A sentence that must be seen, at the window's corner: the panel's buttons stay in place."""
+    look = "position:fixed;left:0;bottom:.6em;max-width:28em;z-index:100"
+    return f'<div style="{look}">{banner(text, colour)}</div>'
+
+
 def steps(lines: Sequence[str], done: int | None = None) -> str:
     """What to do, numbered; commands between backquotes.
 
@@ -181,10 +185,10 @@ def steps(lines: Sequence[str], done: int | None = None) -> str:
     """
     items = []
     for k, line in enumerate(lines):
-        mark, colour, weight = str(k + 1), TEXT, "400"
+        mark, colour, weight = str(k + 1), INK, "400"
         if done is not None:
             mark = "&#10003;" if k < done else mark
-            colour = GOOD if k < done else TEXT if k == done else SOFT
+            colour = GOOD if k < done else INK if k == done else SOFT
             weight = "600" if k == done else "400"
         items.append(_item(mark, _with_code(line), colour, weight))
     return _block("".join(items))
@@ -294,6 +298,6 @@ def _with_code(text: str, look: str = "padding:0 .3em") -> str:
 
 def _block(content: str) -> str:
     return (
-        f'<div style="{FONT};color:{TEXT};font-size:.92em;line-height:1.4;padding:.15em .75em">'
+        f'<div style="{FONT};color:{INK};font-size:.92em;line-height:1.4;padding:.15em .75em">'
         f"{content}</div>"
     )

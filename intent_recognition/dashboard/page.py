@@ -95,7 +95,7 @@ class DashboardPage:
             control_width="large",
             show_logo=False,
             show_share_button=False,
-            brand_color=(72, 104, 130),  # a slate that no task has, seen on light and dark
+            brand_color=(72, 104, 130),  # a slate that no task has
         )
         gui.set_panel_label(TITLE)
         self._banner = gui.add_html("", visible=False)
@@ -121,7 +121,7 @@ class DashboardPage:
         if not text:
             return
         colour = INK if ok else markup.WARNING
-        self._banner.content = markup.banner(text, colour)
+        self._banner.content = markup.notice(text, colour)
         self._banner.visible = True
         self._message_until_s = self._clock() + 6.0
 
@@ -198,4 +198,4 @@ class DashboardPage:
         wrong += [problem] if problem else []
         self._banner.visible = bool(wrong)
         if wrong:
-            self._banner.content = markup.banner("; ".join(wrong))
+            self._banner.content = markup.notice("; ".join(wrong))

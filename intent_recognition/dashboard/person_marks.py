@@ -71,11 +71,12 @@ class PersonMarks:
             self._lines.draw("wrist_path", person.wrist_path(now_s), GREY, width_m=0.003)
         best = person.posterior.best if person.posterior is not None else ""
         colour = rgb(colours.get(best, NONE_COLOUR))
-        shown = person.drawn if state.fresh(person.drawn_at_s, now_s, STALE_S) else None
+        known = best != NONE and state.fresh(person.drawn_at_s, now_s, STALE_S)
+        shown = person.drawn if known else None  # the tube of none is metres wide
         path = NOTHING if shown is None else shown.predicted
         self._lines.draw("predicted", path, colour)
         self._draw_tube(NOTHING if shown is None else shown.tube, colour)
-        self._label.visible = len(path) > 0 and best != NONE
+        self._label.visible = len(path) > 0
         if self._label.visible:
             self._label.position = path[-1] + np.array([0.0, 0.0, 0.14])
             self._label.text = readable(best)

@@ -141,7 +141,7 @@ def _axis(label: str, size: int) -> uplot.Axis:
         labelFont=FONT,
         font=FONT,
         stroke=NONE_COLOUR,
-        grid={"stroke": "rgba(128, 140, 153, 0.22)"},  # seen on a light page and on a dark one
+        grid={"stroke": "rgba(128, 140, 153, 0.22)"},
     )
 
 

@@ -12,6 +12,7 @@ from kinematics.robots import lwr_urdf
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from intent_recognition.dashboard.cell import PathMarkers
 from intent_recognition.dashboard.scene_file import load_scene
 from intent_recognition.dashboard.server import WINDOW
 from intent_recognition.kinematics.lwr import JOINT_NAMES
@@ -88,6 +89,20 @@ def test_a_task_of_the_model_keeps_its_colour_when_others_are_taught_and_undone(
     assert colours(["all", "hold", PLATE, "none"], "") == {
         task: colour for task, colour in more.items() if task != "apple"
     }
+
+
+def test_a_path_is_drawn_while_a_known_task_leads(fed):
+    person = fed.state.person
+    person.drawn = PathMarkers(*np.ones((3, 6, 3)))
+    for probability in (0.9, 0.1):
+        person.drawn_at_s = fed.now_s
+        chances = [probability, 1.0 - probability]
+        fed.hear(
+            "/intent/tasks", JointState(name=[PLATE, "none"], position=chances, velocity=[0.0, 0.0])
+        )
+        assert [shown(fed, name).visible for name in ("/predicted", "/tube", "/task")] == [
+            probability > 0.5
+        ] * 3
 
 
 def test_all_of_the_scene_is_drawn_and_the_figure_comes_with_the_wrist(fed):

@@ -123,8 +123,11 @@ def teach_a_task(person):
     person.page.locator("input.mantine-TextInput-input:visible").fill("wave")
     person.press("Record a demonstration")
     person.wait_for("Learn (1)")
+    tab = person.page.get_by_role("tab", name="Teach")
+    place = tab.bounding_box()
     person.press("Discard the last one")
-    person.wait_for("kept in undone")
+    person.wait_until(lambda: person.text().count("kept in undone") == 2, "status and notice")
+    assert tab.bounding_box() == place
     person.wait_until(lambda: "Learn (1)" not in person.text(), "nothing waits")
     for count in (1, 2, 3):
         person.press("Record a demonstration")
@@ -155,8 +158,7 @@ def judge_and_undo(person):
     person.tab("Skills")
     person.press("Good")
     person.wait_for("1 / 0")
-    person.press("Keep the last correction")
-    person.wait_for("corrected and not kept before")
+    assert person.page.get_by_role("button", name="Keep the last correction").is_disabled()
     person.press("Undo")
     person.wait_for("took wave_03 back")
 
@@ -168,6 +170,7 @@ def keep_a_correction(person, tasks, repository):
     )
     folder = TaskFolder(tasks, load_dofs())
     bag = execute(folder, recording)
+    person.press("Good")
     person.press("Keep the last correction")
     person.wait_for(f"kept the correction of {bag.name}")
     person.press("Undo")
