@@ -43,7 +43,6 @@ from intent_recognition.demonstrations import (
 )
 from intent_recognition.errors import BagError
 from intent_recognition.model import (
-    SKILL_COLUMNS,
     Executions,
     SkillPeriod,
     is_task_folder,
@@ -158,16 +157,13 @@ def _print_tasks(console: Console, path: Path, skills: dict[str, list[SkillPerio
     """A row for each change of each task, with what became of the executions since."""
     n = sum(one.n_executions for periods in skills.values() for one in periods)
     print_facts(console, {"tasks": str(path), "executions": str(n)})
-    table = plain_table(
-        "task", "since", "change", ">demonstrations", *(f">{name}" for name in SKILL_COLUMNS)
-    )
+    numbers = ">shown", ">done", ">arrived", ">corrected", ">good", ">bad", ">spilled"
+    spilled = any(one.spilled is not None for periods in skills.values() for one in periods)
+    table = plain_table("task, since", "change", *numbers[: None if spilled else -1])
     for label, periods in skills.items():
-        for k, one in enumerate(periods):
-            table.add_row(
-                label if k == 0 else "",
-                one.since[:16].replace("T", " "),
-                one.what,
-                str(one.n_demonstrations) if one.since else "-",
-                *one.texts(),
-            )
+        table.add_row(label)
+        for one in periods:
+            demonstrations = str(one.n_demonstrations) if one.since else "-"
+            texts = one.texts()[: None if spilled else -1]
+            table.add_row(f"  {one.since[:16]}".replace("T", " "), one.what, demonstrations, *texts)
     console.print(table)

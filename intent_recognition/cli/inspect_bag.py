@@ -35,11 +35,10 @@ def print_bag(console: Console, summary: BagSummary) -> None:
     }
     print_facts(console, facts)
     numbers = (">messages", ">rate [Hz]", ">gaps", ">longest [s]")
-    table = plain_table("topic", "type", *numbers, "problems")
+    table = plain_table("topic, type", *numbers, "problems")
     for topic in summary.topics:
         table.add_row(
-            topic.name,
-            topic.type,
+            f"{topic.name}\n{topic.type}",
             str(topic.count),
             f"{topic.rate_hz:.1f}" if topic.rate_hz else "-",
             str(len(topic.gaps)),
@@ -67,7 +66,7 @@ def print_folder(
     console: Console, root: Path, found: Sequence[tuple[Path, BagSummary | BagError]]
 ) -> None:
     """One line per bag below `root`, then how many of each task."""
-    table = plain_table("bag", "task", ">length [s]", ">messages", ">topics", ">gaps", "problems")
+    table = plain_table("bag", "task", ">seconds", ">messages", ">topics", ">gaps", "problems")
     tasks: Counter[str] = Counter()
     for path, got in found:
         name = str(path.relative_to(root))

@@ -92,8 +92,8 @@ def print_model(console: Console, path: Path, model: Model) -> None:
         **{key: _brief(value, MEANINGS.get(key, {})) for key, value in origin.items()},
     }
     print_facts(console, facts)
-    durations = (">median [s]", ">2.5 % to 97.5 % [s]")
-    tasks = plain_table("task", ">demonstrations", *durations, ">prior", ">end std, least")
+    durations = (">median [s]", ">95 % in [s]")
+    tasks = plain_table("task", ">demonstrations", *durations, ">prior", ">least end std")
     about, width = library.log_duration_mean, 2 * library.log_duration_std
     low, high = np.exp(about - width), np.exp(about + width)
     for k, label in enumerate(library.labels):
