@@ -86,13 +86,14 @@ def now_line(state: CellState, colours: Mapping[str, str], people: Mapping[str, 
     if state.unfinished and not state.active:
         task, what = state.unfinished
         parts.append(f"{task_chip(task)} <b style='color:{BAD}'>{escape(what)}</b>")
-    if state.truth:
-        parts.append(f"coworker:&nbsp;{task_chip(state.truth)}")
-    why = ""
+    why = coworker = ""
+    if state.truth is not None:  # in a row of its own: no tab moves when both have a task
+        coworker = f"<br>coworker: {task_chip(state.truth) if state.truth else '-'}"
     if state.helped and (asked := state.asked):
         said = f"{ASKED} when this was decided: {escape(asked)}"
         why = f'<div style="{SMALL};margin-top:.3em">{said}</div>'
-    return _block(f'<div style="padding:.25em 0 .55em">{" &nbsp; ".join(parts)}{why}</div>')
+    rows = " &nbsp; ".join(parts) + coworker + why
+    return _block(f'<div style="padding:.1em 0 .4em;line-height:1.7">{rows}</div>')
 
 
 def plan(of: WorkPlan | None, progress: Mapping[str, str]) -> str:

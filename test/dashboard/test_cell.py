@@ -178,6 +178,14 @@ def test_what_the_robot_did_not_finish_is_told_until_it_begins_again():
     assert "arrived" not in markup.now_line(state, {}, {})
 
 
+def test_the_rows_of_now_stay_when_a_task_begins():
+    state = CellState(truth="")
+    (robot, coworker) = markup.now_line(state, {}, {}).split("<br>")
+    assert "waits" in robot and "coworker: -" in coworker
+    state.truth = state.active = "a_task"
+    assert ["a task" in row for row in markup.now_line(state, {}, {}).split("<br>")] == [True] * 2
+
+
 def test_labels_and_messages_are_escaped():
     state = state_with(EVIL)
     nodes = {EVIL: NodeHealth(2, EVIL, {f"rejected {EVIL}": "3"}, 0.0)}
@@ -185,7 +193,7 @@ def test_labels_and_messages_are_escaped():
         bars(state, {}, head=markup.chip(EVIL, "#0072b2")),
         markup.now_line(state, {}, {}),
         markup.nodes_table(nodes, 1.0),
-        markup.banner(EVIL),
+        markup.notice(EVIL),
         markup.remark(EVIL),
         markup.steps([EVIL]),
         markup.ways(EVIL, [EVIL]),
