@@ -69,6 +69,7 @@ def print_explanation(console: Console, one: Explanation) -> None:
     sums = np.array([found.by_dof[part == k].sum(axis=0) for k in range(PARTS)])
     times = (f">{a:.2f}-{b:.2f} s" for a, b in pairwise(edges))
     table = boxed_table(f"{heading(one)}: nats", "signal", *times, ">in all", "without it")
+    table.columns[0].overflow = "fold"  # names differ at their ends
     by_name = dict(zip(found.names, sums.T, strict=True))
     table.add_row("expected before", *[""] * PARTS, f"{found.expected:+.1f}", "")
     for name, total, instead in without_rows(one):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent explain`: the evidence of each decision, and what would have come of less."""
 
+import io
 import json
 from dataclasses import replace
 
@@ -16,8 +17,10 @@ from model_builder import (
     true_library,
     write_recording,
 )
+from rich.console import Console
 
 from intent_recognition.bags import BagReader
+from intent_recognition.cli.explain import print_explanation
 from intent_recognition.demonstrations import Source, iter_samples
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import explain, replay
@@ -110,6 +113,14 @@ def test_tables_json_and_page_say_the_same(run_command, model, bag, tmp_path):
         assert f"task 1 rather than task 0, {one['after_s']:.2f} s after onset" in shown
     assert f"{one['log_odds']:+.1f}" in text
     assert page.read_text().count("data:image/svg+xml") == 2
+
+
+@pytest.mark.slow
+def test_the_end_of_a_signal_s_name_is_not_cut(bag):
+    (one,) = explain(BagReader(bag), learned_model(DOFS, TRUTH))
+    print_explanation(Console(width=80, file=(text := io.StringIO())), one)
+    cells = [line.split("│")[1].strip() for line in text.getvalue().splitlines() if "│" in line]
+    assert {name[-4:] for name in one.evidence.names} <= {cell[-4:] for cell in cells}
 
 
 @pytest.mark.slow
