@@ -118,7 +118,6 @@ def test_where_no_way_home_is_clear_the_arm_stays_and_asks_once():
     assert world.activation.counts["refused"] == 1
 
 
-@pytest.mark.slow
 def test_a_way_that_takes_its_time_is_searched_at_rest_and_now_and_then():
     """Each search goes on with other draws, until an interaction begins."""
     tries, blocked = [], Obstruction(("arm", "box"), "at the end")
@@ -131,6 +130,7 @@ def test_a_way_that_takes_its_time_is_searched_at_rest_and_now_and_then():
     assert tries == [None, 0, None, None, 1]
 
 
+@pytest.mark.slow
 def test_without_things_neither_pinocchio_nor_coal_is_loaded():
     code = (
         "import sys; sys.path.insert(0, 'test')\n"
