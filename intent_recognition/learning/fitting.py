@@ -56,6 +56,7 @@ def library_from_statistics(
         observed_units=tuple(signal.unit for signal in observed for _ in signal.names),
         controlled_units=tuple(signal.unit for signal in controlled for _ in signal.names),
         observed_groups=tuple(len(signal.names) for signal in observed),
+        **chosen_fields(preprocessing, chosen),
         **learned_from(tasks, preprocessing, chosen),
         task_prior=np.full(n_tasks, 1.0 / n_tasks),
         transition_prior=np.full((n_tasks + 1, n_tasks), 1.0 / n_tasks),
@@ -68,10 +69,22 @@ def library_from_statistics(
     )
 
 
+def chosen_fields(preprocessing: Preprocessing, chosen: Hyperparameters) -> dict[str, Any]:
+    """The fields of the library that change with the hyperparameters alone."""
+    evidence = preprocessing.settings.duration_evidence or chosen.duration_evidence
+    return {
+        "basis": preprocessing.basis_of(chosen.aligned),
+        "phase_deviation": preprocessing.timing.phase_deviation(chosen.pace),
+        "duration_evidence": evidence,
+        "task_evidence": chosen.task_evidence,
+        "regression_variance": chosen.regression_variance,
+    }
+
+
 def learned_from(
     tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing, chosen: Hyperparameters
 ) -> dict[str, Any]:
-    """The fields of the library that demonstrations and hyperparameters change."""
+    """The fields of the library that change with every demonstration."""
     n_observed, over = preprocessing.n_observed, statistics_of(tasks, chosen.aligned)
     floor, noise = variance_scales(over, preprocessing.units)
     log_mean, log_std = _durations(list(tasks.values()))
@@ -95,13 +108,7 @@ def learned_from(
         context, weight_covariance, covariance = fit_context(
             over, preprocessing.context, n_observed, floor, chosen
         )
-    settings = preprocessing.settings
     return {
-        "basis": preprocessing.basis_of(chosen.aligned),
-        "phase_deviation": timing.phase_deviation(chosen.pace),
-        "duration_evidence": settings.duration_evidence or chosen.duration_evidence,
-        "task_evidence": chosen.task_evidence,
-        "regression_variance": chosen.regression_variance,
         "weight_mean": np.array([task.mean.ravel() for task in over.values()]),
         "weight_covariance": weight_covariance,
         "noise_variance": noise,

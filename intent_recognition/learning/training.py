@@ -13,7 +13,12 @@ import numpy as np
 from intent_recognition.array_types import brief
 from intent_recognition.errors import TrainingError, check_type
 from intent_recognition.learning.accumulation import NAMES_KEPT, Accumulated, accumulate
-from intent_recognition.learning.fitting import learned_from, library_from_statistics, statistics_of
+from intent_recognition.learning.fitting import (
+    chosen_fields,
+    learned_from,
+    library_from_statistics,
+    statistics_of,
+)
 from intent_recognition.learning.hyperparameters import Hyperparameters
 from intent_recognition.learning.left_out_odds import learn_left_out_odds, learn_switch_margin
 from intent_recognition.learning.preprocessing import Preprocessing, example_of
@@ -214,6 +219,7 @@ def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]
     library = replace(
         trained.library,
         coupling=coupling,
+        **chosen_fields(trained.preprocessing, chosen),
         **learned_from(trained.tasks, trained.preprocessing, chosen),
         provenance={**trained.library.provenance, "chosen": chosen._asdict()},
     )

@@ -182,7 +182,8 @@ def test_a_model_of_before_there_were_four_paces_is_read(trained, tmp_path, alig
 def test_priors_changed_after_learning_are_kept(trained, tmp_path):
     """The library written is the model's; the statistics only tell how to go on."""
     prior = np.array([0.5, 0.25, 0.25])
-    library = replace(trained.library, task_prior=prior)
+    library = replace(trained.library, task_prior=prior, task_evidence=0.7)
     save_model(tmp_path / "model.npz", Model(library, DOFS), trained)
     added = add_demonstration(load_trained(tmp_path / "model.npz")[1], perform(TRUTH, 0, 31))
     assert np.array_equal(added.library.task_prior, prior)
+    assert added.library.task_evidence == 0.7
