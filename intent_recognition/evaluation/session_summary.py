@@ -124,7 +124,7 @@ class PersonSummary:
 class DemoSummary:
     """All interactions of a session; those that the human changed on the way stand apart."""
 
-    n: int  # interactions that were not changed; all but the last three attributes are of these
+    n: int  # interactions that were not changed; all above `n_changed` is of these
     recognised_right: int  # of them recognised
     decided_before_end: int  # of them recognised before the human's movement was over
     # over those recognised, None without any; several people wait for the one arm, and have none

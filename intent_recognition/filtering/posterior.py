@@ -122,7 +122,7 @@ def task_posterior(
 def answered(posterior: TaskPosterior, task: int) -> TaskPosterior:
     """The posterior after a person has said which task it is.
 
-    An answer names the right task with a probability, and any other thing as often as any.
+    An answer names the right task with a probability of 0.99, and any other thing as often as any.
     """
     n, right = len(posterior.probabilities), 0.99
     log_likelihood = np.full(n, np.log((1.0 - right) / (n - 1)))

@@ -196,7 +196,7 @@ def fading(since_s: Floats, rate: Floats, *, derivative: bool = False) -> Floats
     """What remains of an offset of one, of its velocity and of its push, (n, 3).
 
     A critically damped spring of rate r [1/s] (n,) with an initial push that fades as fast, at
-    times s since birth (n,), not before it: (a (1 + r s) + b s + c s^2 / 2) exp(-r s); or its
+    times s since birth (n,), below 0 as at 0: (a (1 + r s) + b s + c s^2 / 2) exp(-r s); or its
     derivative by time [1/s].
     """
     s = np.maximum(since_s, 0.0)
@@ -211,7 +211,7 @@ def ending(since_s: Floats, rate: Floats, *, derivative: bool = False) -> Floats
     """What remains of an offset of one, of its velocity and of its acceleration, (n, 3).
 
     The quintics of least jerk that end at rest after T = 1 / rate (Flash and Hogan 1985), at times
-    since birth (n,), not before it; or their derivatives by time [1/s].
+    since birth (n,), below 0 as at 0; or their derivatives by time [1/s].
     """
     u = np.clip(since_s * rate, 0.0, 1.0)
     left = 1.0 - u

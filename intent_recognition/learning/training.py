@@ -50,19 +50,24 @@ class Trained:
 
 @brief
 class TrainingReport(NamedTuple):
-    """The learned library, and which demonstrations were used and left out."""
+    """The learned library, and which demonstrations were used and left out.
 
-    used: tuple[str, ...]  # names of those learned from, of very many the first 1000
-    # (name, reason) of those left out, of very many the first 1000
+    Attributes:
+        used: names of those learned from, of very many the first 1000.
+        rejected: (name, reason) of those left out, of very many the first 1000.
+        tried: all that were scored; none where the hyperparameters of a model were kept.
+        n_used, n_rejected: how many in all.
+        trained: the library with its statistics, to add demonstrations to.
+        doubts: what the recordings give reason to doubt, where they were looked at.
+    """
+
+    used: tuple[str, ...]
     rejected: tuple[tuple[str, str], ...]
     chosen: Hyperparameters
-    # all that were scored; none where the hyperparameters of a model were kept
     tried: tuple[Hyperparameters, ...]
-    # n_used, n_rejected: how many in all
     n_used: int
     n_rejected: int
-    trained: Trained  # the library with its statistics, to add demonstrations to
-    # what the recordings give reason to doubt, where they were looked at
+    trained: Trained
     doubts: tuple[StreamFinding, ...] = ()
 
     @property

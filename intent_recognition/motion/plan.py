@@ -57,22 +57,29 @@ class JointPlan:
     Between samples the motion is the cubic with the samples' positions and velocities (Hermite),
     which is what a joint trajectory controller does with a message without accelerations: limits
     are checked on that cubic, not on an ideal the receiver never sees.
+
+    Attributes:
+        times_s: (T,) seconds after the plan's start, from 0, strictly increasing; whole
+            nanoseconds, as a message holds them.
+        positions: (T, n) [rad].
+        velocities: (T, n) [rad/s]; the last row is zero.
+        phase: (T,) how much of the predicted interaction is done, in [0, 1].
+        phase_rate: (T,) its rate [1/s].
+        kind: "interaction", "stop", "home", "pretrigger" or "yield" (to a person who leads the
+            arm).
+        clamped: indices of joints whose prediction left the position limits and was held inside.
+        outside: indices of joints that leave the position limits; empty but for a brake.
+        slowed: the prediction at its own speed would break a velocity or acceleration limit.
     """
 
-    # (T,) seconds after the plan's start, from 0, strictly increasing; whole nanoseconds, as a
-    # message holds them
     times_s: Floats
-    positions: Floats  # (T, n) [rad]
-    velocities: Floats  # (T, n) [rad/s]; the last row is zero
-    phase: Floats  # (T,) how much of the predicted interaction is done, in [0, 1]
-    phase_rate: Floats  # (T,) its rate [1/s]
-    # "interaction", "stop", "home", "pretrigger" or "yield" (to a person who leads the arm)
+    positions: Floats
+    velocities: Floats
+    phase: Floats
+    phase_rate: Floats
     kind: str
-    # indices of joints whose prediction left the position limits and was held inside
     clamped: tuple[int, ...] = ()
-    # the prediction at its own speed would break a velocity or acceleration limit
     slowed: bool = False
-    # indices of joints that leave the position limits; empty but for a brake
     outside: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:

@@ -175,7 +175,7 @@ def within_trained_starts(library: TaskLibrary, task: int, position: Floats) -> 
     The learned covariance is that of the next demonstration, so the squared distance of a start
     like the trained ones is chi-square with Q degrees of freedom.
     """
-    limit = float(chdtri(library.n_controlled, 1.0 - 0.999))  # one in a thousand is refused
+    limit = float(chdtri(library.n_controlled, 0.001))  # one in a thousand is refused
     return start_distance(library, task, position) <= limit
 
 

@@ -92,9 +92,9 @@ def _completed(probabilities: Floats, phase: Floats) -> Floats:
 def next_task_prior(
     transition_prior: Floats, memory: TaskMemory, task_prior: Floats, trust: float = HABIT_TRUST
 ) -> Floats:
-    """p(s) of the next movement, (K,), sums to one: of p(next | last) (K + 1, K), and p0(s) (K,).
+    """p(s) of the next movement, (K,), sums to one.
 
-    `trust` is the share of the habit, in [0, 1].
+    From p(next | last) (K + 1, K), whose share, the habit's, is `trust` in [0, 1], and p0(s) (K,).
     """
     possible = np.flatnonzero(memory.belief > 1e-9)  # with thousands of tasks: a few
     prior = memory.belief[possible] @ transition_prior[possible]
