@@ -20,6 +20,7 @@ from intent_recognition.nodes.conversions import (
     TrajectoryBuilder,
     duration_s,
     joint_values,
+    measured_values,
     message_class,
     orientation_array,
     position_array,
@@ -76,6 +77,17 @@ def test_joint_state_is_found_by_name():
         joint_values(state, ["a"], "velocity")
     with pytest.raises(MessageError):
         joint_values(JointState(name=["a"], position=[]), ["a"])
+
+
+def test_nan_for_all_joints_that_count_was_not_measured_but_for_one_it_is_a_fault():
+    """The finger has a velocity, one joint of the arm has none: the arm's are refused."""
+    state = JointState(name=["finger", "a", "b"], velocity=[0.1, np.nan, np.nan])
+    assert measured_values(state, ["a", "b"], "velocity") is None
+    assert measured_values(state, ["a", "b"], "effort") is None
+    found = measured_values(state, ["a", "finger"], "velocity")
+    np.testing.assert_array_equal(found, [np.nan, 0.1])
+    with pytest.raises(MessageError):
+        measured_values(JointState(name=["a", "b"], velocity=[0.1]), ["a"], "velocity")
 
 
 def arrays(count, seed=0):
