@@ -21,6 +21,7 @@ import rclpy
 from PIL import Image
 from playwright.sync_api import sync_playwright
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
 from benchmarks.browser import COUNT, FLAGS, chromium
@@ -32,8 +33,10 @@ from intent_recognition.dashboard.scene_file import load_scene
 from intent_recognition.dashboard.subscriptions import CellSubscriptions
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
+from intent_recognition.dashboard.welcome import NEVER
 from intent_recognition.demonstrations import iter_observations
 from intent_recognition.model import load_model
+from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.intent_output import MarkerBuilder
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import IntentEstimator
@@ -66,7 +69,7 @@ class Replayed:
         self._estimator = IntentEstimator(loaded.library)
         self._observations = iter_observations(BagReader(bag), loaded.dofs)
         self._builder = MarkerBuilder((*loaded.library.labels, NONE))
-        self._messages = BagReader(bag).messages()
+        self._messages = BagReader(bag).raw_messages()
         self._next = next(self._messages)
         self.start_ns = self._next.log_time_ns
         self.onset_s = 1e-9 * (onset_ns(bag) - self.start_ns)
@@ -76,7 +79,7 @@ class Replayed:
         commands = Commands(self._node, lambda ok, text: None)
         teleoperation = Teleoperation(self._node, self.state)
         rng = np.random.default_rng(0)
-        session = TeachingSession(teleoperation, commands, lambda ok, text: None, rng)
+        session = TeachingSession(teleoperation, commands, rng)
         return DashboardPage(
             "127.0.0.1",
             PORT,
@@ -90,6 +93,7 @@ class Replayed:
             stop=None,
             scene=load_scene(scene) if scene else None,
             hand_link=hand_link,
+            light=NEVER,
             clock=lambda: self.now_s,
         )
 
@@ -100,7 +104,8 @@ class Replayed:
             self.now_s = (self._next.log_time_ns - self.start_ns) * 1e-9
             name = "/" + self._next.topic.lstrip("/")
             if name in self._take:
-                self._take[name](self._next.message)
+                kind = message_class(self._next.type)
+                self._take[name](deserialize_message(self._next.data, kind))
             if name == "/mocap/wrist/pose":
                 self._observe()
             self._next = next(self._messages, None)
