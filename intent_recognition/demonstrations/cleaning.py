@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.cluster.hierarchy import DisjointSet
 
 from intent_recognition.array_types import Integers
 from intent_recognition.bags import (
@@ -228,17 +229,12 @@ def publishers_of(type_name: str, messages: Sequence[Any]) -> Integers:
 
 
 def _publishers(names: Sequence[Sequence[str]]) -> Integers:
-    first: dict[str, str] = {}
-
-    def root(name: str) -> str:
-        while (above := first.setdefault(name, name)) != name:
-            first[name] = name = first[above]
-        return name
-
-    for one in names:
-        for name in one[1:]:
-            first[root(name)] = root(one[0])
-    roots = [root(one[0]) if len(one) else "" for one in names]
+    joined = DisjointSet()
+    for one in dict.fromkeys(map(tuple, names)):
+        for name in one:
+            joined.add(name)
+            joined.merge(one[0], name)
+    roots = [joined[one[0]] if len(one) else "" for one in names]
     numbers = {name: k for k, name in enumerate(dict.fromkeys(roots))}
     return np.array([numbers[name] for name in roots], np.int64)
 
