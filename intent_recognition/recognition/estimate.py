@@ -19,7 +19,7 @@ from intent_recognition.plots import (
     new_panels,
 )
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory
-from intent_recognition.recognition.start_posture import OnsetPosture, rest_posture
+from intent_recognition.recognition.start_posture import OnsetPosture
 
 
 class Estimate(NamedTuple):
@@ -175,15 +175,6 @@ class Predictor:
         velocities = (after - before) / (2.0 * half_s)
         turns = given[int(np.argmax(known))][2]
         return Trajectory(times_s, mean + turns, velocities, std[: len(times_s)])
-
-    def at_rest(self, library: TaskLibrary, task_prior: Floats, times_s: Floats) -> Trajectory:
-        """Where the controlled agent is expected before the next movement, whatever the time (T,).
-
-        The tasks have probabilities (K,).
-        """
-        posture = rest_posture(library, task_prior)
-        mean, std = (np.tile(part, (len(times_s), 1)) for part in posture)
-        return Trajectory(times_s, mean, np.zeros_like(mean), std)
 
     def observed(self, run: MovementFilter, task: int, n_points: int) -> Prediction:
         """The rest of the observed agent's movement under a task by its number, or none, K."""

@@ -34,7 +34,7 @@ from intent_recognition.recognition.explaining import Evidence, explain_movement
 from intent_recognition.recognition.motion_detection import MotionDetector, SparseSignal
 from intent_recognition.recognition.movement import Movements
 from intent_recognition.recognition.observed import FirstSamples, ObservedTurns
-from intent_recognition.recognition.start_posture import OnsetPosture
+from intent_recognition.recognition.start_posture import OnsetPosture, rest_poses
 from intent_recognition.recognition.transitions import FORGET_AFTER_S, Expectation
 from intent_recognition.signals import CLOCK_RESET_AFTER, Observation
 
@@ -288,9 +288,6 @@ class IntentEstimator:
         if self._run is None:
             cure = "Answer while the human moves."
             raise ArgumentError.about("answer", "a movement under way", "none", cure)
-        if task not in self.library.labels:
-            cure = "Name a task of the model."
-            raise ArgumentError.about("answer", f"one of {self.library.labels}", repr(task), cure)
         self.expectation.answer(task)
         self._believe(self._run.observations[-1].stamp_ns)
 
@@ -333,7 +330,7 @@ class IntentEstimator:
         """
         times = as_times(times_s)
         if self._run is None or self._posterior is None:
-            return self._predictor.at_rest(self.library, self.expectation.prior, times)
+            return rest_poses(self.library, self.expectation.prior, times)
         known = self._posterior.probabilities[:-1]
         return self._predictor.controlled_at(self.taught, self._run, known, times)
 

@@ -15,6 +15,7 @@ from intent_recognition.promp import (
     ControlPoint,
     StartPosture,
     TaskLibrary,
+    Trajectory,
     controlled_at,
     controlled_spread,
     distance_to,
@@ -184,8 +185,8 @@ def start_mean(library: TaskLibrary, task: int) -> Floats:
     return controlled_at(library, task, 0.0).mean
 
 
-def rest_posture(library: TaskLibrary, task_prior: Floats) -> tuple[Floats, Floats]:
-    """Mean and standard deviation of the posture in which the next movement begins, (Q,) each.
+def rest_poses(library: TaskLibrary, task_prior: Floats, times_s: Floats) -> Trajectory:
+    """Where the controlled agent is expected before the next movement, whatever the time (T,).
 
     The tasks have probabilities (K,).
     """
@@ -194,4 +195,6 @@ def rest_posture(library: TaskLibrary, task_prior: Floats) -> tuple[Floats, Floa
     variance = np.array([np.diag(one.covariance) for one in starts])
     expected = task_prior @ mean
     square = task_prior @ (variance + (mean - expected) ** 2)
-    return expected, np.sqrt(square + library.control_noise_variance())
+    std = np.sqrt(square + library.control_noise_variance())
+    positions, std = (np.tile(part, (len(times_s), 1)) for part in (expected, std))
+    return Trajectory(times_s, positions, np.zeros_like(positions), std)

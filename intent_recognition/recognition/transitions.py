@@ -27,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats, read_only
+from intent_recognition.errors import ArgumentError
 from intent_recognition.filtering import TaskPosterior, answered
 from intent_recognition.plans import WorkPlan, WorkProgress
 from intent_recognition.promp import TaskLibrary
@@ -180,7 +181,14 @@ class Expectation:
             self._set(self.memory)
 
     def answer(self, task: str) -> None:
-        """Count what a person says the movement under way is, until it ends."""
+        """Count what a person says the movement under way is, until it ends.
+
+        Raises:
+            ArgumentError: there is no such task.
+        """
+        if task not in self._library.labels:
+            cure = "Name a task of the model."
+            raise ArgumentError.about("answer", f"one of {self._library.labels}", repr(task), cure)
         self._answer = task
 
     @property
