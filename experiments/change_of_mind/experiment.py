@@ -13,7 +13,7 @@ from experiments.settings import Settings
 def run(settings: Settings) -> ExperimentResult:
     """Follow reaches of every kind of change, unchanged ones, and sessions without pauses."""
     study = investigate(settings)
-    settings.progress(0.97, "figures")
+    settings.progress(0.97, "report")
     return ExperimentResult(
         title="A change of mind",
         source="no paper; beside what is wanted",

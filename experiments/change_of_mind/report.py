@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Report of the changes of mind: what is wanted beside what is measured, figures, the table."""
+"""Report of the changes of mind: what is wanted beside what is measured, and the table."""
 
 import numpy as np
 
-from experiments.change_of_mind.figures import outcome_figure
 from experiments.change_of_mind.study import (
     BLENDS,
     RELEASED_WITHIN_S,
@@ -13,10 +12,8 @@ from experiments.change_of_mind.study import (
     GoalChange,
 )
 from experiments.results import Finding
-from intent_recognition.report import Block, Column, Figure, TableBlock, to_svg
-from sim_bridge.coworker import (
-    USUAL_BLEND,
-)
+from intent_recognition.report import Block, Column, TableBlock
+from sim_bridge.coworker import USUAL_BLEND
 
 NEW_WANTED = {0.15: 0.85, 0.25: 0.85, 0.4: 0.70}
 """Least share of changed reaches with the new task active at the end, by moment of the change."""
@@ -152,25 +149,7 @@ def _session_findings(study: ChangeStudy) -> tuple[Finding, ...]:
 
 
 def blocks(study: ChangeStudy) -> tuple[Block, ...]:
-    """Figures and tables, in order."""
-    panels = {
-        _how(blend): {
-            share: (cell.new_active, cell.old_kept)
-            for share in SHARES
-            for cell in (study.cell(GoalChange(share, blend)),)
-        }
-        for blend in BLENDS
-    }
-    return (
-        Figure(
-            to_svg(outcome_figure(panels, NEW_WANTED)),
-            "Which task was active 0.3 s after the movement's end.",
-        ),
-        _table(study),
-    )
-
-
-def _table(study: ChangeStudy) -> TableBlock:
+    """The table of all changes."""
     columns = (
         Column("to", align="left"),
         Column("how", align="left"),
@@ -183,13 +162,13 @@ def _table(study: ChangeStudy) -> TableBlock:
         Column("never meant", "%", form=".0f"),
         Column("hand error", "cm"),
     )
-    return TableBlock(
-        columns,
-        (_row(change, study.cell(change)) for change in study.changed),
-        "let go: of those in which the old task was active after the change. delay: median, from"
-        " the change to the new task's activity. never meant: a task was active that the reach"
-        " never was. hand error: median.",
+    rows = (_row(change, study.cell(change)) for change in study.changed)
+    note = (
+        "new active, old kept: 0.3 s after the movement's end. let go: of those in which the old"
+        " task was active after the change. delay: median, from the change to the new task's"
+        " activity. never meant: a task was active that the reach never was. hand error: median."
     )
+    return (TableBlock(columns, rows, note),)
 
 
 def _row(change: GoalChange, cell: Cell) -> tuple[str | float | None, ...]:
