@@ -17,13 +17,13 @@ This is a critically damped spring of rate r (a and b: the offset and its veloci
 an initial push that fades as fast (c). a, b and c are weights beside w, so that the same Gaussian
 update filters them (Maeda et al. 2014, Eq. 6).
 
-Who turns may also begin anew, and reach for another task's goal as for any, within the time T of a
-reach, by a fresh course or straight to the course's end:
+Who turns may also begin anew, and reach for another task's goal as for any, by a fresh course
+within the time T of a reach:
 
-    y(t + s) = psi(s / T) w + h(s / R) (a, b R, c R^2)    or    psi(1) w + h(s / R) (a, b R, c R^2),
+    y(t + s) = psi(s / T) w + h(s / R) (a, b R, c R^2),
 
 with the quintics h of least jerk, that end at rest with the course, after the part R of T in which
-it moves. Straight is the rarer, the more another task shares the end (`end_tells`).
+it moves.
 
 After a delay a person goes on with the same movement. Such a hypothesis is a copy of the most
 probable one, with all that the path has told of its weights, whose clock is set back; a small
@@ -40,10 +40,8 @@ from intent_recognition.filtering.prediction import NEGLIGIBLE_SHARE
 from intent_recognition.filtering.rates import (
     AFRESH,
     DELAY,
-    STRAIGHT,
     TURN,
     birth_shares,
-    end_tells,
     log_stay,
     may_begin_anew,
     moving_parts,
@@ -112,7 +110,7 @@ class Births:
         fitting = MAX_FLOATS // (size * (size + 1 + n_dofs))
         self._n_kept = min(max(fitting, LEAST_HYPOTHESES), MAX_HYPOTHESES)
         n_born = ((n_tasks + 1) * len(self._offsets) + len(DELAYS)) * len(FADINGS)
-        n_born += n_tasks * 2 * len(REACH_OFFSETS)
+        n_born += n_tasks * len(REACH_OFFSETS)
         room = self._n_kept + n_born * -(-SETTLING // BIRTHS_EVERY)
         self.table = HypothesisTable(room, library, self._settling)
         none_variance = np.diag(library.none_covariance).reshape(n_dofs, -1)
@@ -121,8 +119,6 @@ class Births:
         self._ending = (std * REACH_SCALE / self.usual_s**powers)[None] ** 2
         self._log_mean, self._log_std = log_durations(library)
         self._moving = moving_parts(library, std[:, 0])
-        with np.errstate(divide="ignore"):
-            self._log_telling = np.log(end_tells(library))
         known = grid.log_task_prior[:-1]
         self._log_prior = known - np.logaddexp.reduce(known)
         self.clear()
@@ -259,20 +255,20 @@ class Births:
         )
         if not may_begin_anew(birth_s / self.usual_s):
             return
-        which, duration, straight = _combined(len(tasks), len(REACH_OFFSETS), 2)
+        which, duration = _combined(len(tasks), len(REACH_OFFSETS))
         task = tasks[which]
         duration_s = REACH_PART * self._durations_s(task, REACH_OFFSETS[duration])
         pace = log_pace(self._grid, log_evidence, REACH_OFFSETS)[0]
         self.table.add(
             ending,
-            2 * len(REACH_OFFSETS),
-            kind=np.where(straight, STRAIGHT, AFRESH),
+            len(REACH_OFFSETS),
+            kind=AFRESH,
             task=task,
             onset_s=birth_s,
             duration_s=duration_s,
             birth_s=birth_s,
             rate=1.0 / (self._moving[task] * duration_s),
-            log_share=pace[duration] + np.where(straight, self._log_telling[task], 0.0),
+            log_share=pace[duration],
         )
 
     def _newborn(self, tasks: Integers) -> tuple[Floats, Floats]:

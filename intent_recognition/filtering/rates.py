@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often people turn, begin anew, make detours and are delayed: what passes to the newborn.
 
-And what reaches that begin anew take from tasks: how long they move, and their ends.
+And how long reaches that begin anew move.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ SWITCH_RATE = 0.04
 """Rate at which a person turns to another task, per usual duration of the tasks
 (docs/decisions/change_of_mind.md)."""
 REACH_RATE = 0.0025
-"""Rate at which a person begins anew with another task, likewise, half of them straight."""
+"""Rate at which a person begins anew with another task, likewise."""
 REACH_UNTIL = 0.6
 """Part of a usual duration after which nobody does: of who turns later too little is seen to tell
 the goal (docs/decisions/change_of_mind.md)."""
@@ -25,9 +25,9 @@ NONE_RATE = 0.3
 """Rate at which a known movement becomes one of no task, likewise; its evidence counts beyond the
 library's margin only."""
 
-TURN, DELAY, AFRESH, STRAIGHT = range(4)
+TURN, DELAY, AFRESH = range(3)
 """Kinds of birth: into the course so far of a task, a delayed copy, both with an offset that fades
-as a spring; into a course that begins now, or straight to its end, with one that ends at rest."""
+as a spring; into a course that begins now, with one that ends at rest."""
 
 
 def may_begin_anew(passed: float) -> bool:
@@ -53,9 +53,9 @@ def birth_shares(
     none_margin: float = 0.0,
     switch_margin: float = 0.0,
 ) -> Floats:
-    """Log of what passes in a time to the newborn hypotheses of each task and of none, (4, K + 1).
+    """Log of what passes in a time to the newborn hypotheses of each task and of none, (3, K + 1).
 
-    By kind: `TURN` (for the old task a detour), `DELAY`, `AFRESH`, and `STRAIGHT`.
+    By kind: `TURN` (for the old task a detour), `DELAY`, and `AFRESH`.
 
     Args:
         total: log joint of the tasks and none, everything together, (K + 1,).
@@ -70,9 +70,9 @@ def birth_shares(
         others = everything + np.log(-np.expm1(np.minimum(known - everything, 0.0)))
         turning = others + log_prior + np.log(SWITCH_RATE * n_tasks / max(n_tasks - 1, 1))
         own = np.logaddexp(known + np.log(DETOUR_RATE), turning - switch_margin)
-        afresh = turning - switch_margin + np.log(0.5 * REACH_RATE / SWITCH_RATE)
-        shares = np.full((4, n_tasks + 1), -np.inf)
-        shares[:, :-1] = own, known + np.log(DELAY_RATE), afresh, afresh
+        afresh = turning - switch_margin + np.log(REACH_RATE / SWITCH_RATE)
+        shares = np.full((3, n_tasks + 1), -np.inf)
+        shares[:, :-1] = own, known + np.log(DELAY_RATE), afresh
         shares[TURN, -1] = everything + np.log(NONE_RATE) - none_margin
         return shares + np.log(passed)
 
@@ -88,22 +88,3 @@ def moving_parts(library: TaskLibrary, scale: Floats) -> Floats:
     way = np.linalg.norm(np.diff(course, axis=1), axis=2).cumsum(axis=1)
     done = np.argmax(way >= 0.99 * way[:, -1:], axis=1)
     return np.asarray(np.minimum(phase[1:][done] / 0.894, 1.0))  # least jerk has done so much there
-
-
-def end_tells(library: TaskLibrary) -> Floats:
-    """How far each task's end tells it from every other: 1 less the largest overlap, (K,).
-
-    The overlap of two ends is the Bhattacharyya coefficient of their distributions. A hand that
-    goes straight to an end that tasks share says nothing of which it is.
-    """
-    n_tasks, row = library.n_tasks, library.basis.design_matrix(np.ones(1))[0]
-    to_end = np.kron(np.eye(library.n_observed), row)  # (P, P N)
-    mean = library.observed_mean[:n_tasks] @ to_end.T
-    covariance = to_end @ library.observed_covariance[:n_tasks] @ to_end.T
-    apart = mean[:, None] - mean
-    common = 0.5 * (covariance[:, None] + covariance)
-    half = 0.5 * np.linalg.slogdet(covariance)[1]
-    distance = np.einsum("ijp,ijp->ij", apart, np.linalg.solve(common, apart[..., None])[..., 0])
-    log_overlap = 0.5 * (half[:, None] + half - np.linalg.slogdet(common)[1]) - 0.125 * distance
-    np.fill_diagonal(log_overlap, -np.inf)
-    return np.asarray(-np.expm1(np.minimum(log_overlap.max(axis=1), 0.0)))

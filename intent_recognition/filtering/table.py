@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.filtering.deviations import Deviations
 from intent_recognition.filtering.observation_model import Measurement
-from intent_recognition.filtering.rates import AFRESH, STRAIGHT
+from intent_recognition.filtering.rates import AFRESH
 from intent_recognition.gaussian import GaussianBatch, LinearMeasurement, state_width
 from intent_recognition.promp import (
     STEADY,
@@ -134,8 +134,6 @@ class HypothesisTable:
         """A measurement as the hypotheses of some rows (n,) take it."""
         model, basis, duration_s = self._model, self._basis, rows["duration_s"]
         into = (measurement.elapsed_s - rows["onset_s"]) / duration_s
-        if self._settling:
-            into[rows["kind"] == STRAIGHT] = inf
         relative = duration_s / self._usual_s[rows["task"]]
         phase = reference_phase(model, into, relative)
         if measurement.derivative:
@@ -146,7 +144,7 @@ class HypothesisTable:
         if self._settling:
             since_s, rate = measurement.elapsed_s - rows["birth_s"], rows["rate"]
             offset = fading(since_s, rate, derivative=measurement.derivative)
-            anew = rows["kind"] >= AFRESH
+            anew = rows["kind"] == AFRESH
             offset[anew] = ending(since_s[anew], rate[anew], derivative=measurement.derivative)
             course = np.concatenate([course, offset[:, None]], axis=2)
         transition = None

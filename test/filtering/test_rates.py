@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What passes to newborn hypotheses in a time."""
+"""What passes to newborn hypotheses in a time, and how long the course of a reach afresh moves."""
 
 import numpy as np
+import pytest
+from simulation import minimum_jerk, nearly_known
 
 from intent_recognition.filtering import rates
-from intent_recognition.filtering.rates import birth_shares
+from intent_recognition.filtering.rates import birth_shares, moving_parts
+from intent_recognition.promp import STEADY
 
 
 def test_what_passes_on_is_what_the_rates_say(rng):
@@ -15,7 +18,7 @@ def test_what_passes_on_is_what_the_rates_say(rng):
     turning = passed[rates.TURN, :4] - 0.02 * rates.DETOUR_RATE * np.exp(total[:-1])
     assert np.isclose(passed[rates.TURN, :4].sum(), 0.02 * rate * known)
     assert np.isclose(passed[rates.TURN, 4], 0.02 * rates.NONE_RATE * np.exp(-1.5) * known)
-    delayed, afresh = passed[rates.DELAY], passed[rates.AFRESH] + passed[rates.STRAIGHT]
+    delayed, afresh = passed[rates.DELAY], passed[rates.AFRESH]
     np.testing.assert_allclose(delayed[:4], 0.02 * rates.DELAY_RATE * np.exp(total[:-1]))
     np.testing.assert_allclose(afresh[:4], rates.REACH_RATE / rates.SWITCH_RATE * turning)
     assert delayed[4] == afresh[4] == 0.0
@@ -35,3 +38,12 @@ def test_nobody_turns_to_an_impossible_task_and_with_a_margin_turns_are_rarer(rn
     assert passed[rates.TURN, 2] == 0.0 and passed[rates.TURN, 0] > 0.0
     alone = np.exp(birth_shares(np.zeros(2), np.zeros(1), 0.1))
     assert np.isclose(alone[rates.TURN, 0], 0.1 * rates.DETOUR_RATE)
+
+
+@pytest.mark.parametrize("part", [1.0, 0.75, 0.5])
+@pytest.mark.parametrize("scale", [1.0, 1000.0])
+def test_a_course_moves_until_it_holds_its_end(part, scale):
+    done = minimum_jerk(np.clip(np.linspace(0.0, 1.0, 500) / part, 0.0, 1.0))
+    shape = done[:, None] * np.array([0.3, -0.1 * scale, 0.5])
+    library = nearly_known(shape, 0.001, STEADY)
+    assert moving_parts(library, np.array([1.0, scale])) == pytest.approx([part], abs=0.02)

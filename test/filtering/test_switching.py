@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal
 from simulation import START_NS, draw_weights, make_library
 
 from intent_recognition.filtering import MovementFilter, births, make_prior_grid, rates
-from intent_recognition.filtering.rates import AFRESH, STRAIGHT
+from intent_recognition.filtering.rates import AFRESH
 from intent_recognition.filtering.table import ending, fading
 from intent_recognition.signals.observation import Observation
 
@@ -184,8 +184,7 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch, 
     )
 
 
-@pytest.mark.parametrize("form", [AFRESH, STRAIGHT])
-def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, one_each, form):
+def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, one_each):
     monkeypatch.setattr(births, "REACH_OFFSETS", np.zeros(1))
     monkeypatch.setattr(rates, "DELAY_RATE", 0.0)
     monkeypatch.setattr(births, "BIRTHS_EVERY", 1)
@@ -194,7 +193,7 @@ def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, one
     run, density = filtered(library, times_s[:-1], values[:-1]), []
     for _ in range(2):
         rows = run.births.table.rows
-        of_it = (rows["task"] == 1) & (rows["kind"] == form)
+        of_it = (rows["task"] == 1) & (rows["kind"] == AFRESH)
         (found,) = rows["log_evidence"][of_it & np.isclose(rows["birth_s"], times_s[born])]
         density.append(found)
         observe(run, times_s[-1], values[-1])
@@ -205,8 +204,7 @@ def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, one
     offset = np.diag(np.outer(none_std(library), scale).ravel() ** 2)
     covariance = block_diag(library.observed_covariance[1], offset)
     seen = times_s[born:] - times_s[born]
-    phase = np.ones(len(seen)) if form == STRAIGHT else np.minimum(seen / reach_s, 1.0)
-    design = library.basis.design_matrix(np.append(0.0, phase))
+    design = library.basis.design_matrix(np.append(0.0, np.minimum(seen / reach_s, 1.0)))
     fades = np.vstack([np.zeros(3), ending(seen, np.full(len(seen), 1.0 / reach_s))])
     blocks = [
         np.hstack([np.kron(np.eye(p), a), np.kron(np.eye(p), b)])
