@@ -10,11 +10,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import (
-    stamp_ns,
-    to_joint_state,
-    trajectory_arrays,
-)
+from intent_recognition.nodes.conversions import stamp_ns, to_joint_state, trajectory_arrays
 from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 

@@ -3,12 +3,9 @@
 
 import numpy as np
 
-from intent_recognition.activation.settings import ActivationSettings
-from intent_recognition.activation.state_machine import Activation
-from intent_recognition.activation.states import Mode, PredictedInteraction
+from intent_recognition.activation import Activation, ActivationSettings, Mode, PredictedInteraction
 from intent_recognition.kinematics.lwr import LWR_LIMITS
-from intent_recognition.motion.path import make_path
-from intent_recognition.motion.plan import scaled_limits
+from intent_recognition.motion import make_path, scaled_limits
 
 LIMITS = scaled_limits(LWR_LIMITS)
 HOME = np.array([-0.07, -0.58, -0.47, 1.6, -0.39, 0.94, 0.5])

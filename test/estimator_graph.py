@@ -11,12 +11,7 @@ from visualization_msgs.msg import MarkerArray
 
 from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import (
-    stamp_ns,
-    to_joint_state,
-    to_pose,
-    to_stamp,
-)
+from intent_recognition.nodes.conversions import stamp_ns, to_joint_state, to_pose, to_stamp
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.promp import NONE
 from intent_recognition.recognition.estimator import IntentEstimator

@@ -16,11 +16,7 @@ from intent_recognition.demonstrations.paths import STAMPED_ELEMENTS, ElementNam
 from intent_recognition.learning import TrainingSettings, with_margins
 from intent_recognition.model.file import Model
 from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.signals import POSITION_FIELDS
-from intent_recognition.signals.demonstration import Demonstration
-from intent_recognition.signals.observation import merge
-from intent_recognition.signals.orientation import from_tangent
-from intent_recognition.signals.signal import Signal
+from intent_recognition.signals import POSITION_FIELDS, Demonstration, Signal, from_tangent, merge
 
 WRIST = DofEntry("mocap/wrist/pose", POSE, fields=POSITION_FIELDS, unit="m")
 TOOL = DofEntry("tracker/tool", POSE, fields=("pose.position.x", "pose.position.z"), unit="m")

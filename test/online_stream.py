@@ -7,8 +7,7 @@ from simulation import make_library, minimum_jerk, simulate
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.recognition.estimator import Estimate, IntentEstimator
-from intent_recognition.signals.demonstration import Demonstration
-from intent_recognition.signals.observation import Observation
+from intent_recognition.signals import Demonstration, Observation
 
 
 def humans() -> TaskLibrary:

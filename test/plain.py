@@ -6,12 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.filtering.filter import MovementFilter
-from intent_recognition.filtering.grid import PriorGrid
+from intent_recognition.filtering import MovementFilter, PriorGrid
 from intent_recognition.filtering.observation_model import check_observation
-from intent_recognition.gaussian.batch import GaussianBatch, LinearMeasurement
-from intent_recognition.gaussian.linalg import symmetrize
-from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.gaussian import Gaussian, GaussianBatch, LinearMeasurement, symmetrize
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.signals.observation import Observation
 

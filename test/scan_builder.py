@@ -6,8 +6,7 @@ import functools
 import numpy as np
 
 from intent_recognition.warping.object_model import ObjectCloud
-from sim_bridge.containers.generate import make_container
-from sim_bridge.containers.scanning import scan
+from sim_bridge.containers import make_container, scan
 
 
 @functools.cache

@@ -13,12 +13,8 @@ from intent_recognition.learning import (
     accumulate,
     library_from_statistics,
 )
-from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.phase_deviation import PhaseDeviation
-from intent_recognition.signals.demonstration import Demonstration
-from intent_recognition.signals.onset import OnsetSettings
-from intent_recognition.signals.signal import Signal
+from intent_recognition.promp import NormalizedRBFBasis, PhaseDeviation, TaskLibrary
+from intent_recognition.signals import Demonstration, OnsetSettings, Signal
 
 START_NS = 1_700_000_000_000_000_000
 

@@ -9,8 +9,7 @@ from model_builder import message_of, messages_of
 from intent_recognition.bags import POSE, BagWriter
 from intent_recognition.demonstrations import DofSpec
 from intent_recognition.signals import Demonstration
-from intent_recognition.tracking import multiply_quaternions
-from intent_recognition.tracking.transforms import RigidTransform
+from intent_recognition.tracking import RigidTransform, multiply_quaternions
 
 TRACKER = "optitrack"
 ENTRY = f"{TRACKER} 0.4 -0.3 1.1 0.1 0.7 -0.2 0.6"

@@ -10,11 +10,9 @@ from moved_box import DOFS as BOX_DOFS
 from moved_box import learned
 from rich.console import Console
 
-from intent_recognition.bags import BagReader
-from intent_recognition.bags.writer import BagWriter
+from intent_recognition.bags import BagReader, BagWriter
 from intent_recognition.cli.inspect_bag import moment
-from intent_recognition.demonstrations import read_demonstrations
-from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.errors import BagError, IntentError, ModelError
 from intent_recognition.learning import TrainingSettings, learn_with_report
 from intent_recognition.model.file import Model, load_model, save_model

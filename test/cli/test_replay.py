@@ -10,14 +10,11 @@ from bag_builder import START_NS, TEXT
 from cli.recorded import DOFS, TRUTH
 from model_builder import learned_model, perform, write_recording
 
-from intent_recognition.bags.reader import BagReader
-from intent_recognition.bags.writer import BagWriter
+from intent_recognition.bags import BagReader, BagWriter
 from intent_recognition.demonstrations.observations import iter_observations
 from intent_recognition.errors import BagError, ModelError
-from intent_recognition.model import save_model
-from intent_recognition.model.file import load_model
-from intent_recognition.recognition.decision import DecisionSettings, decision_settings
-from intent_recognition.recognition.estimator import IntentEstimator
+from intent_recognition.model import load_model, save_model
+from intent_recognition.recognition import DecisionSettings, IntentEstimator, decision_settings
 from intent_recognition.signals.observation import merge
 
 

@@ -21,8 +21,7 @@ from intent_recognition.errors import ArgumentError, BagError, DofError, ModelEr
 from intent_recognition.learning import Hyperparameters, Trained, TrainingReport, TrainingSettings
 from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
-from intent_recognition.model.file import Model, load_model, load_trained, save_model
-from intent_recognition.model.from_bags import accumulate_bags
+from intent_recognition.model import Model, accumulate_bags, load_model, load_trained, save_model
 
 
 @pytest.fixture

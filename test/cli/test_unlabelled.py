@@ -25,9 +25,9 @@ from intent_recognition.errors import (
     ResourceBusyError,
 )
 from intent_recognition.learning.settings import TrainingSettings
+from intent_recognition.model import accumulate_bags, load_model
 from intent_recognition.model import from_bags as accumulate
-from intent_recognition.model.file import load_model
-from intent_recognition.model.from_bags import accumulate_bags, split_evenly
+from intent_recognition.model.from_bags import split_evenly
 
 
 @pytest.fixture(scope="module")

@@ -22,16 +22,8 @@ from intent_recognition.dashboard.figure import (
 from intent_recognition.dashboard.moved_arm import LWR, ArmFinder, describe_arm
 from intent_recognition.dashboard.robot_view import chain_of, chain_to, joint_values, load_urdf
 from intent_recognition.errors import KinematicsError
-from intent_recognition.kinematics.links import (
-    joint_poses,
-    tip_pose,
-)
-from intent_recognition.kinematics.lwr import JOINT_NAMES
-from sim_bridge.arm import (
-    NAMES,
-    describe_robot,
-    find_robot,
-)
+from intent_recognition.kinematics import JOINT_NAMES, joint_poses, tip_pose
+from sim_bridge.arm import NAMES, describe_robot, find_robot
 
 GOALS_M = np.array([0.6, 0.2, 0.42]) + 0.05 * np.random.default_rng(2).normal(size=(5, 3))
 

@@ -28,8 +28,7 @@ from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, RATE_TOLERANC
 from intent_recognition.motion import Offset
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
-from sim_bridge.arm import find_robot
-from sim_bridge.arm.trajectory_command import TrajectoryCommand
+from sim_bridge.arm import TrajectoryCommand, find_robot
 
 SHOWN = SyntheticDemonstration(np.zeros(3), np.full(3, 0.1), np.zeros(3), 0.1, rest_s=0.05)
 PANDA = find_robot("panda")

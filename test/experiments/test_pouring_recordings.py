@@ -14,8 +14,7 @@ from experiments.pouring.recordings import (
     metadata,
     true_references,
 )
-from intent_recognition.warping.parameters import References
-from intent_recognition.warping.primitives import to_warped
+from intent_recognition.warping import References, to_warped
 from sim_bridge.containers.generate import make_container
 from sim_bridge.scenarios.pouring.novel import pour_of
 from sim_bridge.scenarios.pouring.task_space import SideGrasp, plan_joints

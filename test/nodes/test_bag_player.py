@@ -14,11 +14,8 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from intent_recognition.bags import RawMessage
+from intent_recognition.bags import BagReader, BagWriter, RawMessage, TopicInfo, rosbag2_profile
 from intent_recognition.bags.definitions import serialize
-from intent_recognition.bags.metadata import TopicInfo, rosbag2_profile
-from intent_recognition.bags.reader import BagReader
-from intent_recognition.bags.writer import BagWriter
 from intent_recognition.errors import BagError
 from intent_recognition.nodes import bag_player
 from intent_recognition.nodes.bag_player import BagPlayer, shift_stamp

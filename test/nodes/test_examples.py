@@ -13,8 +13,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
-from intent_recognition.demonstrations import read_demonstrations, settle_orientations
-from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations import load_dofs, read_demonstrations, settle_orientations
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.model.file import Model, load_model, save_model

@@ -24,8 +24,7 @@ from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.recognition.start_posture import start_mean
 from intent_recognition.share import share_path
 from sim_bridge.arm.robots import find_robot
-from sim_bridge.scenarios.toolbox.other_arms import ToolboxArm
-from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M
+from sim_bridge.scenarios.toolbox import HOME_HAND_M, ToolboxArm
 
 NAMES = [f"hand/pose.pose.position.{axis}" for axis in "xyz"]
 TURNED_NAMES = NAMES + [f"hand/pose.pose.orientation.{axis}" for axis in "xyzw"]

@@ -32,8 +32,7 @@ from intent_recognition.nodes.session_observer import SessionObserver
 from intent_recognition.nodes.warped_primitive import WarpedPrimitiveNode
 from sim_bridge.nodes.coworker_sim import CoworkerSim
 from sim_bridge.nodes.lwr_sim import LwrSim
-from sim_bridge.scenarios.pouring import start_posture
-from sim_bridge.scenarios.pouring.task_space import OPENING_M
+from sim_bridge.scenarios.pouring import OPENING_M, start_posture
 
 ROUNDS, SEED = 40, 14
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])

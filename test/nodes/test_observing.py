@@ -12,8 +12,7 @@ from model_builder import GLOVE, WRIST, learned_model, make_dofs, message_of, pe
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from intent_recognition.bags.reader import BagReader
-from intent_recognition.bags.writer import BagWriter
+from intent_recognition.bags import BagReader, BagWriter
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.model.file import Model, load_model, save_model

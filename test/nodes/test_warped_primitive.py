@@ -32,9 +32,8 @@ from intent_recognition.warping import (
     pouring_parameters,
     warp_object,
 )
-from sim_bridge.scenarios.pouring import start_posture
+from sim_bridge.scenarios.pouring import OPENING_M, start_posture
 from sim_bridge.scenarios.pouring.live import STAND_M
-from sim_bridge.scenarios.pouring.task_space import OPENING_M
 
 LIP_M = OPENING_M + np.array([0.0, STAND_M[0], STAND_M[2]])
 

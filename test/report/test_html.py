@@ -10,8 +10,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.errors import ResourceBusyError, ShapeError
-from intent_recognition.report.html import (
-    ABSENT,
+from intent_recognition.report import (
     Column,
     Figure,
     KeyNumber,
@@ -21,9 +20,9 @@ from intent_recognition.report.html import (
     Row,
     Section,
     TableBlock,
-    render,
     write_page,
 )
+from intent_recognition.report.html import ABSENT, render
 
 RELAXED = settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 VOID = {"meta", "img"}

@@ -4,8 +4,7 @@
 import pytest
 
 from intent_recognition.bags.reader import BagReader
-from intent_recognition.demonstrations import read_demonstrations
-from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.model.file import Model

@@ -12,8 +12,7 @@ from sensor_msgs.msg import JointState
 from simulation import minimum_jerk
 from system.pacing import PacedPlayer
 
-from intent_recognition.bags.reader import BagReader
-from intent_recognition.bags.writer import BagWriter
+from intent_recognition.bags import BagReader, BagWriter
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.model.file import load_model
 from intent_recognition.nodes import qos
