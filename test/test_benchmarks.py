@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmarks compare like with like, and say what they found."""
+"""The benchmarks compare like with like, say what they found, and keep the pace of the nodes."""
 
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from plain import bank_of, condition_bank, start_bank
 
 from benchmarks import __main__ as command
@@ -13,6 +15,7 @@ from benchmarks.bank import Stream
 from benchmarks.bank_memory import growth, long_run
 from benchmarks.bank_numerics import one_movement
 from benchmarks.measure import Result
+from benchmarks.pace_keeper import LAG_HIGH_S, LAG_LOW_S, SLOWEST, next_factor
 from benchmarks.soak import Soak, Usage, results
 from benchmarks.synthetic import DURATION_S, synthetic_library
 from intent_recognition.filtering.grid import fixed_prior_grid
@@ -112,3 +115,27 @@ def test_json_to_a_file_comes_beside_the_lines(one_result, capsys, tmp_path):
     assert command.main(["--json", str(tmp_path / "bench.json")]) == 0
     assert "thing" in capsys.readouterr().out
     assert json.loads((tmp_path / "bench.json").read_text())[0]["verdict"] == "falls short"
+
+
+factors = st.floats(0.2, 5.0)
+
+
+@given(factors, factors, st.floats(0.0, 10.0))
+def test_never_faster_than_asked_and_never_still(factor, asked, lag):
+    new = next_factor(min(factor, asked), asked, lag)
+    assert min(SLOWEST, asked) <= new <= asked
+
+
+@given(factors)
+def test_slows_down_while_lagging_and_comes_back(asked):
+    factor = asked
+    for _ in range(30):
+        factor = next_factor(factor, asked, LAG_HIGH_S * 1.01)
+    assert factor == min(SLOWEST, asked)
+    for _ in range(60):
+        factor = next_factor(factor, asked, LAG_LOW_S * 0.99)
+    assert factor == asked
+
+
+def test_holds_in_between():
+    assert next_factor(0.7, 2.0, 0.5 * (LAG_LOW_S + LAG_HIGH_S)) == 0.7

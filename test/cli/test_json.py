@@ -35,7 +35,7 @@ COMMANDS = {
     "segment": ("segment", "bag", "--model", "model.npz", "--output", "NEW"),
     "warp": ("warp", "mug", "bowl.stl"),
     "experiments": ("experiments", "stub", "--output", "NEW"),
-    "improve": (),  # a rollout takes seconds: test_improve
+    "improve": (),  # a rollout takes seconds: test_warp
 }
 MORE = (("inspect", "bags"), ("inspect", "model.npz"))
 

@@ -1,20 +1,205 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The task constraints' experiment on the shipped trials, and its ROC curves."""
+"""Task constraints: features of any size, trials that go on where they stopped, the experiment."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.constraints import dataset
 from experiments.constraints.experiment import run
 from experiments.constraints.features import LABEL, STANDARD, ConstraintSamples
 from experiments.constraints.roc import on_grid, roc_curve
+from experiments.constraints.spilling import (
+    NO_REFERENCES,
+    RIDGE,
+    FillingConstraint,
+    FillingState,
+    PouringConstraint,
+    PouringState,
+    spill_risk,
+)
 from experiments.constraints.study import NOVEL, SAME, score
+from experiments.constraints.trials import COLUMNS, blocks
+from experiments.constraints.trials_file import read_trials, write_trials
 from experiments.settings import Settings
+from intent_recognition.errors import ModelError, ShapeError, TrainingError
+from intent_recognition.warping import References, fit_logistic
 
-pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
+CUP = References(0.04, 4e-4, 0.1, 0.8)
+SECOND = References(0.06, 5e-4, 0.06, 0.4)
+SIZES = st.floats(0.2, 5.0)
 
 
+def pouring_states(count=200, seed=0):
+    rng = np.random.default_rng(seed)
+    return PouringState(4e-4 * rng.random(count), 1.6 * rng.random(count))
+
+
+def filling_states(count=200, seed=0):
+    rng = np.random.default_rng(seed)
+    offset = rng.uniform((-0.1, -0.1, 0.0), (0.1, 0.1, 0.1), (count, 3))
+    return FillingState(3e-5, 4e-4 * rng.random(count), 2.1, offset)
+
+
+def without_throw(features, filled):
+    return FillingConstraint(fit_logistic(features, filled, ridge=RIDGE))
+
+
+def scaled(references, size):
+    return References(
+        size * references.opening_radius_m,
+        size**3 * references.volume_m3,
+        size * references.height_m,
+        references.tilt_rad,
+    )
+
+
+@given(SIZES)
+def test_a_larger_scene_has_the_same_features(size):
+    state = pouring_states()
+    larger = PouringState(size**3 * state.fluid_m3, state.tilt_rad)
+    np.testing.assert_allclose(
+        PouringConstraint.features(larger, scaled(CUP, size)),
+        PouringConstraint.features(state, CUP),
+    )
+    fill = filling_states()
+    larger = FillingState(
+        size**3 * fill.fluid_m3, size**3 * fill.second_fluid_m3, fill.tilt_rad, size * fill.offset_m
+    )
+    np.testing.assert_allclose(
+        FillingConstraint.features(larger, scaled(CUP, size), scaled(SECOND, size), throw=0.7),
+        FillingConstraint.features(fill, CUP, SECOND, throw=0.7),
+    )
+
+
+def test_without_references_variables_stay_as_they_are_and_single_numbers_are_repeated():
+    state = pouring_states()
+    found = PouringConstraint.features(state, NO_REFERENCES)
+    np.testing.assert_array_equal(found, np.column_stack([state.tilt_rad, state.fluid_m3]))
+    fill = filling_states()
+    found = FillingConstraint.features(fill, NO_REFERENCES, NO_REFERENCES)
+    np.testing.assert_array_equal(found[:, [0, 2, 4]], fill.offset_m)
+    found = PouringConstraint.features(PouringState(2e-4, np.array([0.4, 0.8])), CUP)
+    np.testing.assert_allclose(found, [[0.5, 0.5], [1.0, 0.5]])
+
+
+def test_what_one_cup_taught_holds_for_another():
+    def pours(state, cup):
+        share = state.fluid_m3 / cup.volume_m3
+        return (state.tilt_rad / cup.tilt_rad > 1.6 - share).astype(float)
+
+    seen, other = pouring_states(), pouring_states(seed=1)
+    learned = PouringConstraint.learn(PouringConstraint.features(seen, CUP), pours(seen, CUP))
+    bowl = References(0.08, 3e-4, 0.05, 0.3)
+    found = learned.probability(other, bowl) > 0.5
+    assert np.mean(found == pours(other, bowl).astype(bool)) > 0.95
+
+
+def test_a_throw_moves_the_offset_along_to_where_it_lands():
+    states = filling_states(100)
+    plain = FillingConstraint.features(states, CUP, SECOND)
+    unit = FillingConstraint.unit_throw(states, CUP, SECOND)
+    np.testing.assert_allclose(unit**2, 0.1 * states.offset_m[:, 2] / 0.06**2)
+    thrown = FillingConstraint.features(states, CUP, SECOND, throw=0.6)
+    np.testing.assert_allclose(thrown[:, 0], plain[:, 0] + 0.6 * unit)
+    np.testing.assert_allclose(thrown[:, 1], thrown[:, 0] ** 2)
+    np.testing.assert_array_equal(thrown[:, 2:], plain[:, 2:])
+
+
+@pytest.mark.parametrize("true_throw", [0.3, 0.75, 1.2])
+def test_the_throw_is_learned_and_holds_for_another_cup(true_throw):
+
+    def filled(states, cup):
+        along = FillingConstraint.features(states, cup, SECOND, throw=true_throw)[:, :4:2]
+        return (np.linalg.norm(along, axis=1) < 1.0).astype(float)
+
+    seen, other = filling_states(400), filling_states(400, seed=1)
+    features = FillingConstraint.features(seen, CUP, SECOND)
+    unit = FillingConstraint.unit_throw(seen, CUP, SECOND)
+    learned = FillingConstraint.learn_throw(features, unit, filled(seen, CUP))
+    assert abs(learned.throw - true_throw) < 0.16
+    bowl = CUP._replace(height_m=0.04)
+    found = learned.probability(other, bowl, SECOND) > 0.5
+    plain = without_throw(features, filled(seen, CUP))
+    without = plain.probability(other, bowl, SECOND) > 0.5
+    truth = filled(other, bowl).astype(bool)
+    assert np.mean(found == truth) > max(0.93, np.mean(without == truth) + 0.02)
+
+
+def test_tilting_on_the_way_is_risky_and_over_the_opening_is_not():
+    states = filling_states(400)
+    inside = np.linalg.norm(states.offset_m[:, :2], axis=1) < SECOND.opening_radius_m
+    filling = without_throw(FillingConstraint.features(states, CUP, SECOND), inside.astype(float))
+    tilted = pouring_states(400)
+    features = PouringConstraint.features(tilted, CUP)
+    pouring = PouringConstraint.learn(features, (features[:, 0] > 1.0).astype(float))
+    places = np.array([[-0.15, 0.0, 0.05], [-0.15, 0.0, 0.05], [0.0, 0.0, 0.05]])
+    path = FillingState(2e-4, 1e-4, np.array([0.3, 1.5, 1.5]), places)
+    risk = spill_risk(pouring, filling, path, CUP, SECOND)
+    assert risk[0] < 0.1
+    assert risk[1] > 0.9
+    assert risk[2] < 0.1
+
+
+def test_refuses_what_cannot_be_learned_from():
+    with pytest.raises(ShapeError, match="offset_m"):
+        FillingConstraint.features(FillingState(1.0, 1.0, 1.0, np.zeros(3)), CUP, SECOND)
+    features = PouringConstraint.features(pouring_states(), CUP)
+    with pytest.raises(TrainingError):
+        PouringConstraint.learn(features, np.ones(len(features)))
+
+
+def rows():
+    rng = np.random.default_rng(0)
+    return {name: rng.random((6, len(columns))) for name, columns in COLUMNS.items()}
+
+
+def unfinished(output, seed, done):
+    """A folder as an interrupted run leaves it: `done` blocks, each row its block's number."""
+    origin = {"seed": seed, "trials_per_object": 1, "container_seed": dataset.CONTAINER_SEED}
+    parts = dataset._parts_folder(output, origin)
+    for number, block in enumerate(blocks(seed, 1)[:done]):
+        np.save(dataset._part(parts, block), np.full((1, len(COLUMNS[block.experiment])), number))
+    return parts
+
+
+@pytest.mark.slow
+def test_goes_on_where_it_was_interrupted(tmp_path):
+    output = tmp_path / "trials.npz"
+    parts = unfinished(output, 3, done=19)
+    (parts / "filling_square_bowl_00.half").write_bytes(b"half written")
+    told = []
+    made = dataset.generate(output, 3, trials=1, jobs=1, progress=lambda *what: told.append(what))
+    assert told[0] == ("found", 19, 20)
+    assert told[-1] == ("filling_square_bowl_00", 20, 20)
+    np.testing.assert_array_equal(made["pouring"][:, 0], np.arange(10))
+    assert not parts.exists()
+    trials = read_trials(output)
+    assert trials.origin["seed"] == 3
+    assert trials.tables["filling"]["object"][-1] == 9.0
+    assert trials.tables["filling"]["through_wall"][-1] == 0.0
+
+
+def test_refuses_what_is_no_table_of_trials(tmp_path):
+    path = tmp_path / "trials.npz"
+    with pytest.raises(ModelError, match="dataset"):
+        read_trials(path)
+    path.write_bytes(b"PK no archive")
+    with pytest.raises(ModelError):
+        read_trials(path)
+    write_trials(path, rows(), {"seed": 1, "format": 99})
+    with pytest.raises(ModelError, match="format"):
+        read_trials(path)
+    write_trials(path, rows() | {"filling": np.zeros((3, 2))}, {"seed": 1})
+    with pytest.raises(ModelError, match="filling"):
+        read_trials(path)
+    write_trials(path, rows() | {"pouring": np.full((3, 5), np.nan)}, {"seed": 1})
+    with pytest.raises(ModelError, match="finite"):
+        read_trials(path)
+
+
+@pytest.mark.slow
 def test_no_ball_went_through_a_wall_and_warped_features_carry_over():
     numbers = run(Settings(quick=True)).numbers
     for count in numbers["n_trials"].values():
@@ -34,6 +219,7 @@ def samples(shift):
     return ConstraintSamples(x, (x[:, 0] > shift * objects).astype(float), objects)
 
 
+@pytest.mark.slow
 def test_scores_of_one_rule_and_of_two():
     found = score(samples(0.0), 3, np.random.default_rng(1))
     assert found[NOVEL].area == found[SAME].area == 1.0
@@ -48,6 +234,7 @@ SAMPLES = st.lists(st.tuples(st.integers(-3, 3), st.booleans()), min_size=2, max
 )
 
 
+@pytest.mark.slow
 @given(SAMPLES)
 def test_area_is_how_often_a_positive_scores_higher(rows):
     scores, labels = (np.array(column) for column in zip(*rows, strict=True))

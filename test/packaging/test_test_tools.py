@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tests run where ROS is sourced, beside its plug-ins of pytest, and without pybullet."""
+"""The tests run beside ROS's plug-ins and without pybullet, and ROS's linters pass."""
 
 import subprocess
 import sys
+
+import pytest
 
 PLUGINS = {
     "launch_testing": "launch_testing",
@@ -41,3 +43,22 @@ def test_plugins_of_ros_do_not_stop_pytest_and_what_needs_pybullet_is_skipped_wi
     run = subprocess.run(command, cwd=repository, env=environment, capture_output=True, text=True)
     assert run.returncode == 0, run.stdout + run.stderr
     assert "pybullet is not installed" in run.stdout and "passed" in run.stdout
+
+
+CODE = ("intent_recognition", "sim_bridge", "launch", "setup.py")
+NOT_OURS = ["D205", "D212", "D402", "D403", "D415", "D104", "D105", "D107"]
+"""Of pydocstyle's google convention. Ament's own has no arguments."""
+LINTERS = {
+    "flake8": ("--config", "test/packaging/ament_flake8.ini", *CODE),
+    "pep257": ("--convention", "google", "--add-ignore", *NOT_OURS, "--")
+    + tuple(folder for folder in CODE if folder != "launch"),  # one function, known to all
+    "xmllint": ("package.xml",),  # the other XML files are those of tools
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LINTERS)
+def test_linter(name, repository, monkeypatch, capsys):
+    linter = pytest.importorskip(f"ament_{name}.main", reason=f"ament_{name} is not installed")
+    monkeypatch.chdir(repository)
+    assert linter.main(argv=[*LINTERS[name]]) == 0, capsys.readouterr().out

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Boxes and fixtures about the simulated arm: it cannot get through them, and touches count."""
+"""Boxes and fixtures about the arm stop it, and PyBullet keeps its own lines to itself."""
+
+import subprocess
+import sys
 
 import pytest
 from kinematics.robots import lwr_urdf
@@ -63,3 +66,21 @@ def test_what_the_urdf_fixes_to_its_root_stops_the_arm_too(tmp_path):
 @pytest.mark.parametrize("name", NAMES)
 def test_an_arm_alone_has_no_fixtures(name):
     assert fixtures_of(find_robot(name).urdf) == frozenset()
+
+
+WORLDS = """
+from sim_bridge.arm import SimulatedArm, find_robot
+from sim_bridge.physics import end_world, start_world
+with SimulatedArm(find_robot("lwr").ready):
+    client = start_world()
+end_world(client)
+end_world(client)
+print("ours")
+"""
+
+
+@pytest.mark.slow
+def test_a_process_with_physics_writes_only_what_it_has_to_say(repository):
+    command = [sys.executable, "-c", WORLDS]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=repository)
+    assert (done.stdout, done.stderr) == ("ours\n", "")

@@ -1,16 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The session is a pure function: order, timing, and nothing else than what was asked for."""
+"""Sessions follow from seed and tasks alone: order, timing, habit, and the work of a plan."""
 
+import hashlib
 from collections import Counter
 
 import numpy as np
 import pytest
+from bag_builder import messages_in
 
+from experiments.teaching.record_sessions import FIRST_SEED, INTERACTIONS, SESSIONS, record_session
+from intent_recognition.bags.reader import BagReader
+from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.errors import ArgumentError
-from sim_bridge.coworker import change_some
+from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
+from intent_recognition.plans import WorkProgress, read_plan
+from intent_recognition.share import share_path
+from sim_bridge.coworker import change_some, work_shares
 from sim_bridge.coworker.session import WITHOUT_PAUSE, SessionTiming, plan_people, plan_session
 from sim_bridge.coworker.styles import HOLD, PLATE, STYLES, TASKS
-from sim_bridge.coworker.task_list import CHANGE_SHARES, Intention, parse_task_list, read_intention
+from sim_bridge.coworker.task_list import (
+    CHANGE_SHARES,
+    FIRST,
+    FOLLOWS,
+    Intention,
+    habitual_tasks,
+    parse_task_list,
+    read_intention,
+)
 
 
 def test_task_lists_of_entries_that_are_labels_or_changes_in_random_order(tmp_path):
@@ -141,3 +157,72 @@ def test_without_a_pause_the_wrist_is_never_at_rest_between_the_first_and_the_la
     for interaction in plan.interactions:
         at = np.searchsorted(times, interaction.end_s)
         assert np.linalg.norm(wrist[at] - interaction.goal_m) < 0.02
+
+
+def test_the_habit_is_the_chain_it_says_and_that_of_shipped_sessions(repository):
+    np.testing.assert_allclose(np.vstack([FOLLOWS, FIRST]).sum(axis=1), 1.0)
+    sequences = [habitual_tasks(seed, 60) for seed in range(100)]
+    counts = count_transitions(sequences, TASKS)
+    shares = counts / counts.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(shares[:3], FOLLOWS, atol=0.03)
+    np.testing.assert_allclose(shares[3], FIRST, atol=0.12)
+    assert min(Counter(sequences[0]).values()) >= 10
+    sequences, rejections = read_task_sequences([repository / "bags" / "sessions"], 60.0)
+    assert rejections == [] and len(sequences) == SESSIONS
+    for number, sequence in enumerate(sequences):
+        assert sequence.tasks == habitual_tasks(FIRST_SEED + number, INTERACTIONS)
+    prior = smoothed_transitions(count_transitions([s.tasks for s in sequences], TASKS))
+    np.testing.assert_allclose(prior[:3], FOLLOWS, atol=0.1)
+
+
+@pytest.mark.slow
+def test_shipped_sessions_can_be_made_again(repository, tmp_path):
+    shipped = repository / "bags" / "sessions"
+    made = record_session(tmp_path, FIRST_SEED + 1, 1, INTERACTIONS)
+    assert "task" not in BagReader(made).custom_data
+    assert messages_in(made) == messages_in(shipped / made.name)
+    listed = dict(
+        reversed(line.split()) for line in (shipped / "SHA256SUMS").read_text().splitlines()
+    )
+    files = {
+        str(path.relative_to(shipped)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in shipped.rglob("*")
+        if path.is_file() and path.name != "SHA256SUMS"
+    }
+    assert files == listed
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return read_plan(share_path("config/examples/cell_plan.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_every_order_is_allowed_and_does_all(plan, seed):
+    (tasks,) = work_shares(plan, seed, 1)
+    assert Counter(tasks) == Counter(step.task for step in plan.steps)
+    done, times = set(), Counter()
+    for task in tasks:
+        times[task] += 1  # the k-th time that it is done is its k-th step
+        names = [step.name for step in plan.steps if step.task == task]
+        name = names[times[task] - 1]
+        assert {a for (a, b) in plan.by_hand if b == name} <= done, (name, done)
+        done.add(name)
+
+
+def test_the_plan_has_twenty_steps_and_begins_with_a_plate(plan):
+    assert len(plan.steps) == 20
+    labels = ("plate_handover", "screw_handover", "hold_screwdriver")
+    expected = WorkProgress(plan, labels).next_tasks()
+    assert expected.argmax() == 0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_two_people_do_at_any_time_what_may_be_next(plan, seed):
+    shares = work_shares(plan, seed, 2)
+    assert sorted(map(len, shares)) == [10, 10]
+    together = Counter(task for share in shares for task in share)
+    assert together == Counter(step.task for step in plan.steps)
+    few = work_shares(plan, seed, 2, 3)
+    assert [share[: len(own)] for share, own in zip(shares, few, strict=True)] == list(few)
+    assert sum(map(len, few)) == 3

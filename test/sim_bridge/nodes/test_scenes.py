@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arm node takes the plate from its stand, driven by topics alone."""
+"""What stands and is carried about the arm's node: the plate of the transfers, and pours."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Duration
+from builtin_interfaces.msg import Duration, Time
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
@@ -11,9 +14,11 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from experiments.teaching.path import plan_teaching
 from intent_recognition.kinematics.lwr import JOINT_NAMES
-from intent_recognition.nodes.qos import COMMAND, LATCHED, STATE
+from intent_recognition.nodes.qos import COMMAND, FEEDBACK, LATCHED, STATE
 from sim_bridge.coworker.styles import PLATE, STYLES
 from sim_bridge.nodes.lwr_sim import LwrSim
+from sim_bridge.nodes.pouring_scene import PouringScene
+from sim_bridge.scenarios.pouring.live import LiveCounts
 
 
 def fetch_and_carry() -> JointTrajectory:
@@ -75,3 +80,19 @@ def test_the_persons_hand_is_told_whenever_its_first_pose_came(harness):
     node.scene._on_pose("", PoseStamped())
     harness.spin_until(lambda: hands, what="the force of the hand")
     assert list(hands[0].name) == ["force_x", "force_y", "force_z"]
+
+
+def test_an_execution_spilled_what_lies_beside_since_it_began(harness, monkeypatch):
+    balls = SimpleNamespace(spilled=1)
+    world = SimpleNamespace(look=lambda: LiveCounts(39 - balls.spilled, 1, balls.spilled, 0))
+    monkeypatch.setattr("sim_bridge.scenarios.pouring.LivePouring", lambda *_: world)
+    told = harness.collect(DiagnosticStatus, "intent/feedback", FEEDBACK)
+    scene = PouringScene(harness.probe).begin(None, 0, Time)
+    harness.spin_until(lambda: scene._feedback.get_subscription_count() > 0, what="a listener")
+    for task, now in (("", 1), ("pouring", 1), ("pouring", 3), ("", 4), ("", 5), ("pouring", 5)):
+        balls.spilled = now
+        scene.set_task(task)
+    scene.set_task("")
+    harness.spin_until(lambda: len(told) == 2, what="two executions")
+    values = [(one.name, one.values[0].key, one.values[0].value) for one in told]
+    assert values == [("pouring", "spilled", "3"), ("pouring", "spilled", "0")]
