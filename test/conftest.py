@@ -242,11 +242,11 @@ def once(tmp_path_factory) -> Callable[[str, Callable[[Path], object]], Path]:
 
 
 @pytest.fixture(scope="session")
-def toolbox_model(repository, once, usual) -> Path:
-    """A model file learned from the shipped training bags."""
+def toolbox_model(repository, once) -> Path:
+    """A model file learned from the shipped training bags, with the noise scale chosen of all."""
 
     def learn(folder: Path) -> None:
-        with bounded(usual):
+        with bounded({"intent_recognition.learning.selection:NOISE_SCALES": (1.0,)}):
             _learn_toolbox(repository, folder / "toolbox.npz")
 
     return once("toolbox", learn) / "toolbox.npz"

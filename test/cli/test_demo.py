@@ -18,13 +18,7 @@ from intent_recognition.model import Model, load_model, save_model
 pytestmark = pytest.mark.slow
 
 START_S = 120.0
-
-
-def command(output: Path, *arguments: str) -> list[str]:
-    return [
-        *(sys.executable, "-m", "intent_recognition.cli.main", "demo", "--headless"),
-        *("--output", str(output), *arguments),
-    ]
+DEMO = (sys.executable, "-m", "intent_recognition.cli.main")
 
 
 def children(pid: int) -> list[int]:
@@ -39,24 +33,6 @@ def alive(pid: int) -> bool:
         return "State:\tZ" not in status.read_text(encoding="utf-8")
     except (FileNotFoundError, ProcessLookupError):
         return False
-
-
-@pytest.fixture
-def running_demo(tmp_path, toolbox_model):
-    """A demo in the middle of its session, with the pids of its nodes."""
-    process = subprocess.Popen(
-        command(tmp_path / "out", "--model", str(toolbox_model), "--interactions", "3"),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    line = process.stdout.readline()
-    assert "session begins" in line, line + process.stderr.read()
-    nodes = children(process.pid)
-    yield process, nodes
-    if process.poll() is None:
-        process.kill()
-    process.communicate()
 
 
 @pytest.fixture
@@ -76,23 +52,26 @@ def run(tmp_path, capsys):
         signal.signal(number, handler)
 
 
-def test_ended_it_stops_every_process(running_demo):
-    """As by Ctrl-C: test_interrupts.py; killed: test_processes.py."""
-    process, nodes = running_demo
-    assert len(nodes) >= 5
-    process.send_signal(signal.SIGTERM)
-    _, errors = process.communicate(timeout=START_S)
+def test_ended_it_stops_every_process(tmp_path, toolbox_model):
+    """As by Ctrl-C: test_interrupts.py; killed: test_processes.py; a node: test_demo_session.py."""
+    output = ("--output", str(tmp_path / "out"), "--model", str(toolbox_model))
+    process = subprocess.Popen(
+        [*DEMO, "demo", "--headless", *output, "--interactions", "3"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        line = process.stdout.readline()
+        assert "session begins" in line, line + process.stderr.read()
+        nodes = children(process.pid)
+        assert len(nodes) >= 5
+        process.send_signal(signal.SIGTERM)
+        _, errors = process.communicate(timeout=START_S)
+    finally:
+        process.kill()
+        process.communicate()
     assert process.returncode == 130
-    assert "Traceback" not in errors
-    assert [pid for pid in nodes if alive(pid)] == []
-
-
-def test_a_node_that_dies_ends_the_demo_with_its_name(running_demo):
-    process, nodes = running_demo
-    os.kill(nodes[0], signal.SIGKILL)
-    _, errors = process.communicate(timeout=START_S)
-    assert process.returncode == 1
-    assert "intent demo: node " in errors
     assert "Traceback" not in errors
     assert [pid for pid in nodes if alive(pid)] == []
 

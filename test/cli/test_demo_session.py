@@ -3,6 +3,7 @@
 
 import io
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 from rich.console import Console
@@ -11,7 +12,7 @@ from intent_recognition.cli import demo_model as demo
 from intent_recognition.cli import demo_session
 from intent_recognition.cli import train as training
 from intent_recognition.cli.demo_session import begin_library
-from intent_recognition.cli.session_watch import HUNG_S, Heartbeats
+from intent_recognition.cli.session_watch import HUNG_S, Heartbeats, NodeWatch
 from intent_recognition.errors import IntentError, ResourceBusyError
 from sim_bridge.scenarios import toolbox
 
@@ -108,6 +109,15 @@ def test_a_node_that_has_ended_is_not_missed_and_none_while_the_demo_was_stopped
     watched.run(60.0, ["arm"], ["arm"])
     watched.run(3600.0, [], ["arm"], step_s=3600.0)
     watched.run(10.0, [], ["arm"])
+
+
+def test_while_it_waits_for_something_a_node_that_dies_is_noticed():
+    """That it is named: test_processes.py."""
+    processes = SimpleNamespace(check=Mock(side_effect=IntentError("node arm")))
+    watch = NodeWatch(processes, None, Heartbeats(), SimpleNamespace(take=lambda: False))
+    with pytest.raises(IntentError, match="node arm"):
+        watch.until(lambda: False, 60.0, "the end")
+    processes.check.assert_called_once_with(may_end=("coworker_sim", "bag_player"))
 
 
 def test_who_was_not_waited_for_is_remembered():
