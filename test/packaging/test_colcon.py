@@ -132,7 +132,7 @@ def test_the_tests_of_compiled_code_pass_with_sanitizers(sources, repository, so
     """Of addresses and of undefined behaviour; numpy's own leaks are not looked at."""
     compiler = sysconfig.get_config_var("CC").split()[0]
     source = sources / "intent_recognition" / source
-    flags = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    flags = ["-O0", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     build = ["-shared", "-fPIC", "-fopenmp-simd", "-DPy_LIMITED_API=0x030b0000"]
     include = f"-I{sysconfig.get_paths()['include']}"
     compile_ = [compiler, *flags, *build, include, source, "-o", source.with_suffix(".abi3.so")]
