@@ -53,7 +53,7 @@ def run(tmp_path, capsys):
 
 
 def test_ended_it_stops_every_process(tmp_path, toolbox_model):
-    """As by Ctrl-C: test_interrupts.py; killed: test_processes.py; a node: test_demo_session.py."""
+    """As by Ctrl-C: test_interrupts.py; killed: test_lifecycle.py; a node: test_demo_session.py."""
     output = ("--output", str(tmp_path / "out"), "--model", str(toolbox_model))
     process = subprocess.Popen(
         [*DEMO, "demo", "--headless", *output, "--interactions", "3"],

@@ -112,7 +112,7 @@ def test_a_node_that_has_ended_is_not_missed_and_none_while_the_demo_was_stopped
 
 
 def test_while_it_waits_for_something_a_node_that_dies_is_noticed():
-    """That it is named: test_processes.py."""
+    """That it is named: test_lifecycle.py."""
     processes = SimpleNamespace(check=Mock(side_effect=IntentError("node arm")))
     watch = NodeWatch(processes, None, Heartbeats(), SimpleNamespace(take=lambda: False))
     with pytest.raises(IntentError, match="node arm"):

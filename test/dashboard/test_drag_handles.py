@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The wrist and the arm's hand dragged with the mouse, in a real browser, into the real graph."""
+"""The page in a real browser: a plot over time, and what is dragged into the real graph."""
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from ros_harness import NodeProcess
 from sensor_msgs.msg import JointState
 
 from intent_recognition.dashboard.teach_tab import BY_HAND
+from intent_recognition.dashboard.widgets import TimePlot
 from intent_recognition.kinematics.lwr import JOINT_NAMES, hand_position
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import joint_values, position_array
@@ -93,3 +94,27 @@ def steady(person: Visitor, node: str) -> bool:
     before = person.pixel(node)
     person.page.wait_for_timeout(300)
     return np.allclose(person.pixel(node), before, atol=0.5)
+
+
+CHART = "Object.values(window.__viserTestpoints?.uplots ?? {})[0]?.chart"
+SQUEEZE = f"() => {{ const c = {CHART}; c.setSize({{width: 150, height: 165}}); c.redraw(); }}"
+"""As in one rendering with a new width and new data; the numbers are still those of before."""
+
+
+@pytest.mark.slow
+def test_the_numbers_of_the_time_follow_the_width(server):
+    plot = TimePlot(server, "Probability", 1.0)
+    times = np.linspace(-20.0, 0.0, 50)
+
+    def draw():
+        plot.draw((times, 0.5 + 0.0 * times), ("plate",), {})
+
+    assert plot.due(True, 0.0)
+    draw()
+    with visitor() as person:
+        numbers = lambda: person.page.evaluate(f"() => {CHART}?.axes[0]._values ?? []")  # noqa: E731
+        person.page.goto(f"http://127.0.0.1:{server.get_port()}")
+        person.wait_until(lambda: len(numbers()) > 2, "the axis has numbers")
+        person.page.evaluate(SQUEEZE)
+        draw()
+        person.wait_until(lambda: numbers() == ["-20", "0"], f"two numbers for {numbers()}")

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A work cell for tests: a recorded or made-up wrist, shown to the nodes on simulated time."""
+"""A work cell for tests: a wrist shown to the nodes as fast as they take it, on simulated time."""
 
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,18 +11,69 @@ from geometry_msgs.msg import PoseStamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from system.pacing import PatientClock, n_taken
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.kinematics.lwr import JOINT_NAMES, forward_kinematics
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.conversions import joint_values, stamp_ns, to_pose, to_stamp
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from sim_bridge.nodes.lwr_sim import LwrSim
 from sim_bridge.scenarios.toolbox.scene import handover_point
+
+LONGEST_STEP_S = 0.02
+
+
+def n_taken(ingest: MocapIngest, estimator: IntentEstimatorNode) -> int:
+    """Poses that have reached the estimator, and what the ingest refused."""
+    totals = dict(estimator._diagnostics._totals)
+    arrived = sum(n for stream, n in totals.items() if stream.startswith("human/"))
+    return arrived + ingest._diagnostics._counts.total()
+
+
+class PacedPlayer(BagPlayer):
+    """Plays an observation when the one before has been taken: none is lost on the way.
+
+    Args:
+        topics: of the observations, as in the DOF file.
+        ingest: takes them first.
+        estimator: takes them in the end.
+        kwargs: of the player.
+    """
+
+    def __init__(
+        self, topics: set[str], ingest: MocapIngest, estimator: IntentEstimatorNode, **kwargs
+    ):
+        self._observed, self._chain, self._n_sent = topics, (ingest, estimator), 0
+        super().__init__(**kwargs)
+
+    def _publish(self, message, *when):
+        super()._publish(message, *when)
+        if message.topic.lstrip("/") not in self._observed:
+            return
+        self._n_sent += 1
+        while n_taken(*self._chain) < self._n_sent:
+            if self._stopping.wait(0.001):
+                return
+
+
+class PatientClock:
+    """Real time [s], less what passes while someone is behind, and while nobody asks."""
+
+    def __init__(self, behind: Callable[[], bool]):
+        self._behind = behind
+        self._now_s = self._asked_s = time.monotonic()
+
+    def __call__(self) -> float:
+        asked_s = time.monotonic()
+        if not self._behind():
+            self._now_s += min(asked_s - self._asked_s, LONGEST_STEP_S)
+        self._asked_s = asked_s
+        return self._now_s
+
 
 POSES = "mocap/wrist/pose"
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)

@@ -10,7 +10,7 @@ import pytest
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from simulation import minimum_jerk
-from system.pacing import PacedPlayer
+from system.cell import PacedPlayer
 
 from intent_recognition.bags import BagReader, BagWriter
 from intent_recognition.evaluation.replaying import replay
