@@ -58,18 +58,6 @@ def every_action(page):
     yield update(via._drag, False)
 
 
-def test_an_onlooker_changes_nothing(visit):
-    visit, graph = visit()
-    before = graph.controls()
-
-    async def story(operator, onlooker):
-        await visit.say(onlooker, *every_action(graph.page))
-        assert graph.controls() == before
-        await visit.like(operator)
-
-    visit.run(story, browsers=2)
-
-
 def test_nobody_changes_a_page_that_is_read_only(visit):
     visit, graph = visit(read_only=True)
     before = graph.controls()
