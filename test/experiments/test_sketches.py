@@ -18,12 +18,7 @@ from experiments.sketches.differentiation import (
     derivative_operators,
     spline_operators,
 )
-from experiments.sketches.interaction_dmp import (
-    DmpModel,
-    Motion,
-    differentiated,
-    fit_demonstrations,
-)
+from experiments.sketches.interaction_dmp import DmpModel, differentiated, fit_demonstrations
 from experiments.sketches.models import (
     ModelChoice,
     learn_dmp,
@@ -124,22 +119,6 @@ def test_weights_are_recovered_from_a_rollout(rng):
     forced = MODEL.observation_matrix(PHASE)
     np.testing.assert_allclose(forced @ fitted, forced @ theta, rtol=0.01, atol=5.0)
     np.testing.assert_allclose(MODEL.rollout_matrix(PHASE) @ fitted, curve[::8], atol=0.01)
-
-
-def test_what_is_observed_is_forcing_and_goal_of_what_is_differentiated(rng):
-    theta = parameters(rng)
-    expected = MODEL.basis.design_matrix(PHASE) @ theta[:20] + 625.0 / 4.0 * theta[20]
-    np.testing.assert_allclose(MODEL.observation_matrix(PHASE) @ theta, expected)
-    motion = Motion(*rng.normal(size=(3, 5)))
-    difference = MODEL.drive(motion) - MODEL.forcing(motion, 0.7)
-    np.testing.assert_allclose(difference, 625.0 / 4.0 * 0.7)
-    values = rng.normal(size=(101, 1))
-    smoother = SavitzkyGolay(0.2)
-    operators = derivative_operators(smoother, 101, 0.01)
-    found = MODEL.drive(Motion(*operators)) @ values
-    np.testing.assert_allclose(
-        found, MODEL.drive(differentiated(smoother, values, 0.01)), rtol=1e-9
-    )
 
 
 def test_conditioning_equals_the_joint_gaussian(rng):
