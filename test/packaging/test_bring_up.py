@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shipped files are found; those for other tools name what is there; environments."""
 
-import ast
 import json
 import os
 import re
@@ -62,36 +61,20 @@ def test_the_manager_takes_the_lifecycle_nodes_up_and_waits_for_no_bond():
     assert settings["bond_timeout"] == 0.0 and settings["autostart"] is False
 
 
-def test_rqt_plots_topics_that_are_there():
-    manager = json.loads(text("intent.perspective"))["groups"]["pluginmanager"]
-    running = ast.literal_eval(manager["keys"]["running-plugins"]["repr"])
-    assert "rqt_robot_monitor/RobotMonitor" in running
-    plots = manager["groups"]
-    assert set(plots) == {f"plugin__rqt_plot__Plot__{k}" for k in running["rqt_plot/Plot"]}
-    for plot in plots.values():
-        shown = ast.literal_eval(plot["groups"]["plugin"]["keys"]["topics"]["repr"])
-        for curve in shown:
-            assert re.fullmatch(r"(.+)/position\[\d\]", curve)[1] in TOPICS
-
-
-def test_foxglove_shows_topics_that_are_there_in_panels_that_are_there():
-    layout = json.loads(text("foxglove.json"))
-    panels = layout["configById"]
-    placed = re.findall(r'"(?:first|second)": "([^"]+)"', json.dumps(layout["layout"]))
-    assert sorted(placed) == sorted(panels)
-    named = {*panels["3D!cell"]["topics"], panels["DiagnosticSummary!nodes"]["topicToRender"]}
-    named.add(panels["3D!cell"]["layers"]["urdf"]["topic"])
-    for panel in panels.values():
-        named |= {path["value"].partition(".")[0] for path in panel.get("paths", ())}
-    assert named <= TOPICS
-    assert {"/intent/tasks", "/intent/active_task", "/joint_states"} <= named
-
-
-def test_plotjuggler_plots_topics_that_are_there():
-    layout = share_path("config/plotjuggler.xml").read_text(encoding="utf-8")
-    curves = [curve.get("name") for curve in ElementTree.fromstring(layout).iter("curve")]
-    assert len(curves) > 20
-    assert [c for c in curves if not any(c.startswith(f"{topic}/") for topic in TOPICS)] == []
+@pytest.mark.parametrize(
+    ("name", "parse", "n_topics"),
+    [
+        ("bring_up/intent.perspective", json.loads, 2),
+        ("bring_up/foxglove.json", json.loads, 8),
+        ("plotjuggler.xml", ElementTree.fromstring, 18),
+    ],
+)
+def test_layouts_show_topics_that_are_there(name, parse, n_topics):
+    content = share_path(f"config/{name}").read_text(encoding="utf-8")
+    parse(content)
+    shown = set(re.findall(r"""(?<=["'])/[a-z_]+(?:/[a-z_]+)*""", content))
+    assert len(shown) == n_topics
+    assert [s for s in shown if not any(f"{s}/".startswith(f"{topic}/") for topic in TOPICS)] == []
 
 
 def test_rviz_listens_to_relative_topics_as_they_are_offered():
