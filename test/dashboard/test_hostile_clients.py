@@ -16,7 +16,7 @@ from sim_bridge.arm.trajectory_command import TrajectoryCommand
 pytestmark = pytest.mark.slow
 
 VIA, WRIST, HAND = "/via/handle", "/direct/wrist", "/direct/hand"
-CLICKS, FEW = 3000, 5
+CLICKS, FEW = 600, 5
 
 
 @pytest.fixture
