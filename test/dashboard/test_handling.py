@@ -4,14 +4,12 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from intent_recognition.dashboard.handling import (
     GLIDE_S,
     BodyHolder,
     Handling,
     HandlingMoment,
-    Rest,
     between,
 )
 from intent_recognition.dashboard.scene_file import PERSON, Body
@@ -131,16 +129,6 @@ def test_what_the_person_brings_is_taken_where_hands_meet():
     told.goes(seconds=0.2, active="", begun="")
     assert told.handling.holder("driver") is BodyHolder.PERSON
     assert told.goes(wrist=RESTS).goes(seconds=1.5).handling.holder("driver") is BodyHolder.LAID
-
-
-@pytest.mark.parametrize("rate_hz", [5.0, 25.0, 100.0])
-def test_rest_does_not_depend_on_how_often_one_looks(rate_hz):
-    rest = Rest()
-    times = np.arange(0.0, 2.0, 1.0 / rate_hz)
-    moving = [rest.update(np.array([0.1 * t, 0.0, 0.0]), t) for t in times]
-    assert not any(moving)
-    assert rest.update(np.array([0.2, 0.0, 0.0]), 2.0) is False
-    assert rest.update(np.array([0.2, 0.0, 0.0]), 2.5) is True
 
 
 def test_between_two_poses_both_ends_are_kept():
