@@ -18,6 +18,7 @@ from intent_recognition.model import Model, load_model, save_model
 pytestmark = pytest.mark.slow
 
 START_S = 120.0
+POURING = ("--scenario", "pouring")
 DEMO = (sys.executable, "-m", "intent_recognition.cli.main")
 
 
@@ -89,16 +90,22 @@ def test_ended_it_stops_every_process(tmp_path, toolbox_model):
         (("--rate", "0"), "--rate: expected 0.01 to 50, got 0"),
         (("--pour", "-1"), "Add --scenario pouring"),
         (("--pair", "tea_cup,paper_cup"), "Add --scenario pouring"),
+        ((*POURING, "--record", "bag"), "--record"),
+        ((*POURING, "--arm", "panda"), "--arm"),
+        ((*POURING, "--pair", "mug"), "--pair"),
+        ((*POURING, "--pour", "much"), "pour"),
+        ((*POURING, "--model", "no.npz"), "no.npz"),
     ],
 )
-def test_bad_options_are_one_line(run, toolbox_model, arguments, message):
-    if "--model" not in arguments:
+def test_bad_options_are_one_line(run, toolbox_model, arguments, message, tmp_path):
+    if not {"--model", "pouring"} & {*arguments}:
         arguments = (*arguments, "--model", str(toolbox_model))
     code, _, errors = run("--interactions", "1", *arguments)
     assert code == (2 if "usage" in errors else 1)
     last = errors.strip().splitlines()[-1]
     assert message in last.replace("argument ", "")
     assert code == 2 or last == errors.strip()
+    assert "pouring" not in arguments or not list(tmp_path.iterdir())
 
 
 def test_a_model_of_another_scenario_is_refused(run, toolbox_model, tmp_path):

@@ -183,20 +183,3 @@ def test_one_pour_is_told(tmp_path, capfd):
     assert one["second_parameters"]["opening_radius_m"] > 0.09
     assert one["kept"] <= 8  # a tenth of the cup's volume
     assert one["spilled"] <= 2
-
-
-@pytest.mark.parametrize(
-    ("asked", "told"),
-    [
-        (["--record", "bag"], "--record"),
-        (["--arm", "panda"], "--arm"),
-        (["--pair", "mug"], "--pair"),
-        (["--pour", "much"], "pour"),
-        (["--model", "no.npz"], "no.npz"),
-    ],
-)
-def test_what_it_cannot_do_is_said_before_anything_starts(asked, told, tmp_path, capfd):
-    base = ["demo", "--scenario", "pouring", "--headless", "--output", str(tmp_path)]
-    assert main([*base, *asked]) == 1
-    assert told in capfd.readouterr().err
-    assert not list(tmp_path.iterdir())
