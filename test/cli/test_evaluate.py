@@ -28,10 +28,10 @@ class Run(NamedTuple):
 
 @pytest.fixture(scope="module")
 def scored(tmp_path_factory, recorded) -> Run:
-    """All there is to score, in four folds."""
+    """All there is to score, in three folds."""
     folder, text = tmp_path_factory.mktemp("scored"), io.StringIO()
     numbers, page = folder / "scores.json", folder / "report" / "page.html"
-    options = ["--dofs", recorded / "dofs.yaml", "--basis", 8, "--protocol", "kfold:4"]
+    options = ["--dofs", recorded / "dofs.yaml", "--basis", 8, "--protocol", "kfold:3"]
     options += ["--start-posture", "both", "--json", numbers, "--report", page]
     words = ["evaluate", recorded / "bags", *options]
     with redirect_stdout(text):
