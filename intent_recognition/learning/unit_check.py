@@ -16,8 +16,6 @@ def other_units_of(
 ) -> list[StreamFinding]:
     """Demonstrations with a signal in another unit than most others, each with the likely unit."""
     known = [_sizes(example, preprocessing) for task in usual.values() for example in task.examples]
-    if not known:
-        return []
     medians = {name: median_size([each[name] for each in known]) for name in known[0]}
     return [
         StreamFinding(example.name, f"{name} {found.reason}")

@@ -18,6 +18,7 @@ def test_an_interaction_from_recognition_to_home():
     world.go_home()
     assert world.modes == [Mode.IDLE, Mode.EXECUTING, Mode.HOMING, Mode.IDLE]
     assert world.tasks_seen == ["", "plate", ""]
+    assert [outcome.what for outcome in world.activation.outcomes] == ["arrived"]
     assert len(world.commands) > 20
 
 
@@ -53,10 +54,14 @@ def test_a_new_onset_is_a_new_interaction_even_if_idle_was_not_seen():
     world = World()
     world.begin("plate")
     world.run_until(Mode.HOMING)
-    world.run(2.5)
+    world.run(0.1)
     world.begin("plate", already_s=0.3)
     world.run(0.3)
     assert world.activation.mode is Mode.EXECUTING
+    began_ns = START_NS + 1_000_000_000  # before the end of the first one, as it turns out
+    world.task, world.onset_ns = "screw", began_ns
+    world.run(0.2)
+    assert world.activation.active_task == "screw"
     world.check_continuous()
 
 

@@ -215,6 +215,10 @@ def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, one
     mean = h[:, : p * n] @ library.observed_mean[1]
     joint = h @ covariance @ h.T + noise * np.eye(len(y))
     assert np.isclose(density[1] - density[0], log_density_of_last(y, mean, joint, p))
+    rows = run.births.table.rows
+    reaches, straight = rows["kind"] >= AFRESH, rows["kind"] == STRAIGHT
+    tells = np.append(np.log(rates.end_tells(library)), 0.0)[rows["task"]] * straight
+    np.testing.assert_allclose(rows["log_share"][reaches], tells[reaches], atol=1e-12)
 
 
 def test_who_is_delayed_goes_on_with_all_that_was_seen(library, rng, monkeypatch, one_each):
@@ -303,6 +307,10 @@ def test_of_many_tasks_the_probable_ones_are_born_in_a_bounded_number(library, r
     run = filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s))
     born = (4 * births.N_DURATIONS + len(births.DELAYS)) * len(births.FADINGS)
     assert run.births.table.n <= births.MAX_HYPOTHESES + births.SETTLING * born
+    size = 3 * (library.basis.n_basis + 3)
+    monkeypatch.setattr(births, "MAX_FLOATS", 100 * size * (size + 1 + 3))
+    few = MovementFilter(library, make_prior_grid(library), START_NS, switching=True)
+    assert few.births._n_kept == 100
     monkeypatch.setattr(births, "MAX_TASKS", 2)
     library = make_library(rng, n_tasks=5, n_basis=6, correlation_time_s=0.05)
     times_s = np.arange(0.0, 1.0, 0.05)

@@ -27,12 +27,15 @@ def test_gain_and_share_of_a_coupling_are_recovered_where_demonstrations_suffice
     np.testing.assert_allclose(found.gain[0], GAIN, atol=0.1)
     explained = 1.0 - 0.09 / (0.09 + np.sum(GAIN**2, axis=1))
     np.testing.assert_allclose(found.explained[0], explained, atol=0.1)
+    assert found.explained[0, 2] < 0.05
     assert 0.2 <= found.decay_s[0] <= 1.0  # of 2 s the fifth is 0.4 s
     before = np.mean(residuals.controlled**2, axis=(0, 2))
     assert left[:, :-3].mean() < 0.7 * before[:-3].mean()
     np.testing.assert_allclose(left[:, -3:].mean(axis=0), before[-3:])
     found, _ = learn_coupling(simulated(rng, GAIN, 43, 0.3), np.ones(3), np.ones(3))
     assert not np.any(found.gain[1:]) and not np.any(found.explained[1:])
+    found, _ = learn_coupling(simulated(rng, GAIN, 43, 0.0), np.ones(3), np.ones(3))
+    assert 0.99 < found.explained[0].max() < 1.0
 
 
 @pytest.mark.parametrize("n", [8, 40])

@@ -139,6 +139,18 @@ def test_leaving_one_out_equals_never_having_seen_it(seed, counts, strength, ind
         assert sorted(one.rivals) == [other for other in range(len(counts)) if other != k]
 
 
+def test_rivals_are_nearest_in_what_is_observed(monkeypatch):
+    monkeypatch.setattr(held_out_examples, "MAX_RIVALS", 1)
+    tasks = {f"task_{k}": summarize(part) for k, part in enumerate(examples(3, [2] * 5))}
+    shown = [(k, e) for k, task in enumerate(tasks.values()) for e in task.examples]
+    for one, (k, example) in zip(
+        leave_out(tasks, tasks, UNITS, Hyperparameters()), shown, strict=True
+    ):
+        apart = [np.sum((task.mean - example.weights)[:P] ** 2) for task in tasks.values()]
+        apart[k] = np.inf
+        assert one.rivals.tolist() == [np.argmin(apart)]
+
+
 def test_two_demonstrations_in_all_leave_the_spread_of_both():
     """Nothing else would be left to learn a covariance from; the mean is the other one's."""
     task = summarize(examples(1, [2])[0])

@@ -10,7 +10,12 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 from simulation import make_library, simulate
 
-from intent_recognition.learning import TrainingSettings, evidence_exponents, learn_with_report
+from intent_recognition.learning import (
+    TrainingSettings,
+    evidence_exponents,
+    held_out,
+    learn_with_report,
+)
 from intent_recognition.learning.evidence_exponents import POWERS, expected_power, log_losses
 from intent_recognition.learning.fitting import statistics_of
 from intent_recognition.learning.left_out import LeavingOut
@@ -83,9 +88,13 @@ def test_who_is_followed_under_several_durations_took_the_same_time_under_each(r
     ]
     for one in left_out:
         one.covariance, one.observed = np.eye(size), np.zeros((4, library.n_observed))
-    monkeypatch.setattr(evidence_exponents, "filter_samples", lambda *a: asked.append(a) or [])
+        one.rivals, one.rival_means = np.array([2 - one.task]), np.zeros((1, size))
+    for room in (evidence_exponents, held_out):
+        monkeypatch.setattr(room, "filter_samples", lambda *a: asked.append(a) or [])
     evidence_exponents.follow(library, left_out, [0.5])
-    ((_, _, pace, relative, _),) = asked
-    took_s = 1.5 * (pace * relative).reshape(3, -1)
-    np.testing.assert_allclose(took_s, np.array([[1.2], [2.0], [1.7]]) + 0.0 * took_s)
-    assert np.all(np.diff(pace.reshape(3, -1)) < 0.0)
+    shown = dict.fromkeys(library.labels, SimpleNamespace(n=4))
+    assert not [*held_out.follow_known(library, left_out, shown)]
+    for _, _, pace, relative, _ in asked:
+        took_s = 1.5 * (pace * relative).reshape(3, -1)
+        np.testing.assert_allclose(took_s, np.array([[1.2], [2.0], [1.7]]) + 0.0 * took_s)
+    assert np.all(np.diff(asked[0][2].reshape(3, -1)) < 0.0)

@@ -12,7 +12,7 @@ from simulation import minimum_jerk
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from intent_recognition.motion import BEGINNING, JointPlan, NominalTiming, check_range, make_path
-from intent_recognition.motion.blending import decay
+from intent_recognition.motion.blending import Offset, decay
 from intent_recognition.motion.plan import (
     JointReference,
     PhaseState,
@@ -20,7 +20,8 @@ from intent_recognition.motion.plan import (
     scaled_limits,
     within,
 )
-from intent_recognition.motion.planning import brake_along, plan_interaction, stop_plan
+from intent_recognition.motion.planning import _Budget, brake_along, plan_interaction, stop_plan
+from intent_recognition.motion.retiming import N_GRID
 
 
 def samples(seed, duration_s, size=0.4, n_via=1, n=50):
@@ -275,6 +276,20 @@ def test_an_offset_decays_within_its_bounds(seed, size, speed):
     a = np.gradient(v, t, axis=0)
     assert np.all(np.abs(a) <= bound_a * 1.03)
     assert np.all(np.abs(v) <= np.maximum(bound_v, np.abs(velocity)) * 1.03)
+
+
+@pytest.mark.parametrize(("decays_s", "stretch"), [(0.5, 1.0), (0.95, 1.25)])
+def test_where_a_plan_exceeds_a_limit_the_path_gets_less_and_an_offset_more_time(decays_s, stretch):
+    times, rates, fast = np.linspace(0.0, 1.0, 11), np.ones(11), np.zeros((11, 7))
+    fast[9] = 2.0 * LIMITS.velocity
+    plan = JointPlan(times, np.tile(HOME, (11, 1)), fast, times, rates, "interaction")
+    offset = Offset(*np.zeros((3, 7)), decays_s)
+    found = _Budget(np.ones(N_GRID), 1.0).tightened(plan, offset, LIMITS, 0.9)
+    assert found.stretch == stretch
+    less = np.flatnonzero(found.share < 0.9)
+    assert (less[0], less[-1]) == (round(0.8 * N_GRID) - 2, N_GRID - 1)
+    use = np.maximum(*interval_use(times, plan.positions, fast, LIMITS)).max()
+    assert found.share.min() == pytest.approx(0.9 * 0.97 / use)
 
 
 @pytest.mark.slow

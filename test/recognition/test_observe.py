@@ -191,6 +191,9 @@ def test_a_movement_that_never_ends_does_not_keep_the_estimator(library):
     estimates = feed(estimator, stream)
     assert not estimates[-1].moving
     assert all((e.stamp_ns - e.onset_ns) * 1e-9 < 10.0 for e in estimates if e.moving)
+    estimator.swap(library)  # before a rest
+    feed(estimator, shifted(stream[:30], 30.0))
+    assert not estimator._movements._after_stop
 
 
 @pytest.mark.parametrize(

@@ -54,6 +54,14 @@ def test_a_stop_is_told_only_once_the_hand_has_moved_on_for_long_enough(again_s,
     assert len(found) == n_stops
 
 
+def test_dofs_that_are_first_seen_after_a_stop_do_not_hide_it():
+    seen, found = Stops(SETTINGS), []
+    for k in range(150):
+        moves, dofs = (not 50 <= k < 70), ((0, 1) if k < 70 else (2, 3))
+        found.append(seen.stopped_ns(1 + k * 10_000_000, np.full(2, float(moves)), dofs))
+    assert sum(one is not None for one in found) == 1
+
+
 @pytest.mark.parametrize(("away", "n_stops"), [(-1.0, 1), (1.0, 0)], ids=["back", "on"])
 def test_a_turn_while_nothing_is_seen_is_a_stop(away, n_stops):
     times_s = np.r_[np.arange(0.0, 1.0, STEP_S), np.arange(1.3, 2.0, STEP_S)]

@@ -104,8 +104,16 @@ def test_a_hole_in_the_wall_is_found_at_its_height(mug, share):
 def test_meshes_that_hold_nothing(mug):
     """Closed, lidded, without a floor, in millimetres, empty, with NaN."""
     mesh = mug_mesh()
-    glass = make_container("tall_glass", 3).mesh.copy()
-    glass.update_faces(np.linalg.norm(glass.triangles_center[:, :2], axis=1) > 0.02)
+    tall, glasses = make_container("tall_glass", 3), []
+    fine = tall.mesh.copy()
+    for _ in range(3):
+        floor = np.linalg.norm(fine.triangles_center[:, :2], axis=1) < 0.02
+        fine = fine.subdivide(face_index=np.flatnonzero(floor))
+    for share in (0.5, 0.95):  # of the middle of the floor, a third of the rim wide, is a hole
+        glass, hole_m = fine.copy(), share * 0.35 * tall.opening_radius_m
+        glass.update_faces(np.linalg.norm(glass.triangles_center[:, :2], axis=1) > hole_m)
+        glasses.append(mesh_target(glass))
+    check_wall(warp_object(mug, glasses[0].cloud), glasses[0].surface)
     lid = trimesh.creation.cylinder(radius=0.041, height=0.004)
     lid.apply_translation([0.0, 0.0, mesh.bounds[1, 2]])
     lidded = trimesh.util.concatenate([mesh, lid])

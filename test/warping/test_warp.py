@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identities of warping, and its accuracy on containers whose truth is known."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import trimesh
@@ -10,7 +12,7 @@ from scan_builder import scanned
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.warping.cavity import _levels
+from intent_recognition.warping.cavity import _levels, _thickness
 from intent_recognition.warping.frame import N_LEVELS
 from intent_recognition.warping.object_model import ObjectCloud, Part
 from intent_recognition.warping.object_warp import warp_object
@@ -183,6 +185,15 @@ def test_a_wall_is_measured_level_by_level():
     found = _levels(depth, 0.03 + 0.2 * depth, np.arange(4000) % 2 == 0, 0.1)
     middles = (np.arange(N_LEVELS) + 0.5) / N_LEVELS * 0.1
     np.testing.assert_allclose(found, np.stack([middles, 0.03 + 0.2 * middles], 1), atol=1e-4)
+
+
+def test_a_wall_is_as_thick_as_it_may_be():
+    depth = np.linspace(0.0, 0.1, 30)
+    for gap, expected in ((-0.02, 0.01), (0.004, 0.1), (0.02, 0.3)):
+        inner, outer = np.full((30, 2), 0.03), np.full((30, 2), 0.03 + gap)
+        inner[:, 1] = outer[:, 0] = depth
+        found = _thickness(inner, outer, SimpleNamespace(radius_m=0.04))
+        assert found == pytest.approx(expected * 0.04)
 
 
 def test_unknown_mapping_and_k_are_refused(mug):
