@@ -35,12 +35,6 @@ def parameters_of(rng: np.random.Generator, n: int = 4) -> np.ndarray:
     return np.column_stack([0.03 * rng.normal(size=n), 0.3 * rng.normal(size=(n, K))])
 
 
-def test_curves_go_through_their_samples(rng):
-    samples = rng.normal(size=(3, 11, 2))
-    values, _ = Curves.through(samples).at(np.tile(np.linspace(0.0, 1.0, 11), (3, 1)))
-    np.testing.assert_allclose(values, samples, atol=1e-12)
-
-
 def test_curves_are_exact_on_parabolas_and_held_outside():
     phase = np.linspace(0.0, 1.0, 21)
     curves = Curves.through((3.0 * phase**2 - phase)[None, :, None])

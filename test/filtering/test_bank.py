@@ -40,10 +40,3 @@ def test_grid_of_durations_covers_the_timing_prior(seed, n_scales):
     mean = (weight * logs).sum(axis=1) / prior
     np.testing.assert_allclose(mean[:-1], library.log_duration_mean, atol=1e-12)
     np.testing.assert_allclose(np.exp(hypotheses.log_task_prior), prior, atol=1e-12)
-
-
-def test_an_excluded_task_keeps_probability_zero(rng):
-    library = make_library(rng, n_basis=4)
-    with np.errstate(all="raise"):
-        hypotheses = make_prior_grid(library, np.array([0.0, 0.5, 0.5]))
-    assert np.all(np.isneginf(hypotheses.log_prior[: hypotheses.n_scales]))

@@ -167,6 +167,8 @@ def test_deviations_to_come_drift_back_to_the_prior(rng):
     for time in (0.1, 0.3, 0.35, 0.8):
         run.observe(seen(time, rng.normal(size=3) * 0.1))
     prediction = run.prediction(0)
+    first, between, second = prediction.deviations_at(np.array([0.3, 0.31, 0.35])).swapaxes(0, 1)
+    np.testing.assert_allclose(between, 0.8 * first + 0.2 * second, atol=1e-12)
     found = prediction.deviations_at(0.8 + np.array([0.0, 0.4, 400.0]))
     np.testing.assert_allclose(found.sum(axis=2), 1.0)
     np.testing.assert_allclose(found[:, 2], np.tile(deviation_prior(LEADING), (2, 1)), atol=1e-9)

@@ -50,17 +50,6 @@ def test_velocities_after_the_end_are_zero_under_every_hypothesis(library):
     assert np.ptp(run.log_evidence) == 0.0
 
 
-def test_what_is_predicted_does_not_depend_on_what_was_asked_before(library):
-    asked, plain = start(library), start(library)
-    for k in range(1, 4):
-        for run in (asked, plain):
-            run.observe(observation(0.2 * k, 0, [0.1 * k, -0.1 * k]))
-        asked.controlled(0, 5)
-        asked.posterior(START_NS + k)
-    found, expected = asked.controlled(0, 5), plain.controlled(0, 5)
-    np.testing.assert_array_equal(found.positions, expected.positions)
-
-
 def test_a_movement_is_the_same_at_any_time(library):
     found = []
     for onset_ns in (START_NS, 3 * START_NS):

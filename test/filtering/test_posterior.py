@@ -5,13 +5,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain import run_bank
-from simulation import START_NS, make_library, simulate
+from simulation import make_library
 
 from intent_recognition.filtering import task_posterior
 from intent_recognition.filtering.grid import PriorGrid, make_prior_grid
-from intent_recognition.filtering.posterior import beyond_margin, counted_joint, counted_none
-from intent_recognition.signals.observation import merge
+from intent_recognition.filtering.posterior import beyond_margin, counted_none
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -46,46 +44,6 @@ def test_an_impossible_task_stays_impossible_and_nothing_turns_into_nan():
     assert posterior.probabilities.tolist() == [0.0, 1.0]
     assert np.isneginf(posterior.log_evidence[0])
     assert np.all(np.isfinite(posterior.phase))
-
-
-@given(st.floats(-1e6, 1e6))
-def test_a_common_factor_of_all_evidences_changes_nothing(shift):
-    hypotheses = PriorGrid(2, np.ones(4), np.log(np.full(4, 0.25)))
-    evidence = np.array([0.0, -1.0, -2.0, -3.0])
-    base = task_posterior(evidence, hypotheses, 0.5)
-    moved = task_posterior(evidence + shift, hypotheses, 0.5)
-    np.testing.assert_allclose(moved.probabilities, base.probabilities, atol=1e-9)
-
-
-@pytest.mark.slow
-def test_recognition_is_calibrated_in_simulation(rng):
-    """Over many drawn movements the mean probability of an answer is how often it is right."""
-    library = make_library(
-        rng, n_tasks=3, groups=(2,), n_controlled=1, n_basis=8, spread=0.35, none_prior=1e-6
-    )
-    hypotheses = make_prior_grid(library)
-    probabilities, hits = [], []
-    for i in range(400):
-        task = int(rng.integers(3))
-        recording = simulate(library, task, rng, n_samples=12)
-        seen = list(merge(recording.observed))[: 1 + i % 8]
-        bank = run_bank(library, hypotheses, seen, START_NS)
-        p = task_posterior(
-            bank.log_evidence, hypotheses, (seen[-1].stamp_ns - START_NS) * 1e-9
-        ).probabilities
-        probabilities.append(p[:3])
-        hits.append(np.eye(3)[task])
-    p, hit = np.array(probabilities), np.array(hits)
-    right = (p.argmax(axis=1) == hit.argmax(axis=1)).mean()
-    assert 0.45 < right < 0.97  # neither trivial nor blind
-    for low, high in [(0.0, 0.1), (0.1, 0.4), (0.4, 0.7), (0.7, 0.95), (0.95, 1.01)]:
-        chosen = (p >= low) & (p < high)
-        n = chosen.sum()
-        expected, happened = p[chosen].sum(), hit[chosen].sum()
-        std = np.sqrt(np.sum(p[chosen] * (1 - p[chosen])))
-        assert n > 20
-        assert abs(happened - expected) < 3.5 * std + 1.0
-    assert pytest.approx(1.0, abs=1e-3) == p.sum(axis=1).mean()
 
 
 def test_the_evidence_of_the_duration_can_be_taken_to_a_power(rng):
@@ -137,13 +95,6 @@ def test_beyond_the_margin_is_odd_monotone_and_never_more_than_there_is(one, oth
     assert abs(beyond_margin(one, margin)) <= abs(one) + 1e-12
 
 
-@given(st.floats(0.0, 1.0), st.floats(20.0, 60.0))
-def test_within_the_margin_next_to_nothing_counts_and_beyond_it_all(share, margin):
-    inside, outside = share * (margin - 15.0), margin + 15.0 + 100.0 * share
-    assert abs(beyond_margin(inside, margin)) < 1e-6
-    assert beyond_margin(outside, margin) == pytest.approx(outside - margin, abs=1e-6)
-
-
 @settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4), st.floats(0.0, 20.0))
 def test_a_margin_moves_none_only_and_by_what_counts(seed, n_tasks, margin):
@@ -169,14 +120,3 @@ def test_a_margin_moves_none_only_and_by_what_counts(seed, n_tasks, margin):
 )
 def test_what_is_impossible_is_no_matter_of_a_margin(evidence, expected):
     assert counted_none(np.array(evidence), np.log([0.5, 0.4, 0.1]), 5.0) == expected
-
-
-@given(st.floats(0.1, 1.0), st.lists(st.floats(-30.0, 30.0), min_size=2, max_size=5))
-def test_evidence_counts_to_its_power_and_the_prior_as_it_is(power, log_evidence):
-    prior = np.arange(1.0, len(log_evidence) + 1.0) ** -6
-    prior /= prior.sum()
-    log_joint = np.log(prior) + log_evidence
-    counted = counted_joint(log_joint, np.log(prior), float(np.logaddexp.reduce(log_joint)), power)
-    expected = prior * np.exp(log_evidence) ** power
-    share = np.exp(counted - np.logaddexp.reduce(counted))
-    np.testing.assert_allclose(share, expected / expected.sum(), rtol=1e-9)

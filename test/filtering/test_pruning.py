@@ -119,20 +119,6 @@ def assert_same(one: MovementFilter, other: MovementFilter) -> None:
         )
 
 
-@pytest.mark.slow
-@FILTERS
-def test_when_the_movement_turns_to_a_pruned_task_it_is_restored(filtered):
-    """The first half of one task, then another's positions: the evidence turns over."""
-    library, hypotheses, first = scene(5, filtered=filtered)
-    rng = np.random.default_rng(6)
-    pruned, whole = runs(library, hypotheses)
-    observe((pruned, whole), first[:50])
-    other = int(pruned.pruned_tasks[0])
-    second = list(merge(simulate(library, other, rng, rate_hz=40.0).observed))
-    observe((pruned, whole), (o for o in second if o.stamp_ns > first[49].stamp_ns), same=True)
-    np.testing.assert_allclose(bank_of(pruned).mean, bank_of(whole).mean, atol=1e-12)
-
-
 def test_hypotheses_are_born_of_the_tasks_that_are_most_probable_though_they_lag():
     library, hypotheses, observations = scene(3)
     pruned, whole = (

@@ -279,17 +279,6 @@ def test_a_change_is_followed_with_births_and_not_without(library, rng, monkeypa
     assert never.probabilities[1] < 0.5
 
 
-def test_where_nothing_passes_on_the_posterior_is_that_of_the_onset(library, rng, monkeypatch):
-    for name in ("SWITCH_RATE", "REACH_RATE", "DETOUR_RATE", "DELAY_RATE", "NONE_RATE"):
-        monkeypatch.setattr(rates, name, 1e-30)
-    times_s = np.arange(0.0, 1.5, 0.05)
-    values = changed(library, rng, (0, 0), 5.0, times_s)
-    with_births = posterior(filtered(library, times_s, values), 1.45)
-    without = posterior(filtered(library, times_s, values, switching=False), 1.45)
-    for one, other in zip(with_births, without, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
-
-
 def test_memory_that_was_used_before_gives_the_same(library, rng):
     times_s = np.arange(0.0, 1.5, 0.05)
     first = changed(library, rng, (2, 1), 0.5, times_s)

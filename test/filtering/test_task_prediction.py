@@ -9,7 +9,6 @@ from plain import run_bank
 from simulation import START_NS, make_library, simulate
 
 from intent_recognition.filtering import MovementFilter, fixed_prior_grid, make_prior_grid
-from intent_recognition.filtering.posterior import task_posterior
 from intent_recognition.filtering.prediction import TaskPrediction
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp import (
@@ -127,31 +126,6 @@ def test_a_via_point_is_passed_whatever_the_duration(rng):
     np.testing.assert_allclose(run.controlled(3).positions[1], point.values, atol=1e-6)
 
 
-@pytest.mark.parametrize("n", [0, 8])
-def test_durations_at_steady_progress_are_mixed_as_in_the_bank(rng, n):
-    library = library_with(rng, STEADY)
-    hypotheses = make_prior_grid(library, n_scales=5)._replace(duration_evidence=0.1)
-    observations = seen(library, rng, n)
-    bank = run_bank(library, hypotheses, observations, START_NS)
-    run = run_on(library, 0, hypotheses, observations)
-    posterior = task_posterior(bank.log_evidence, hypotheses, 1.0)
-    np.testing.assert_allclose(run.duration_weights, posterior.scale_weights[0], atol=1e-9)
-    np.testing.assert_allclose(run.duration_s, posterior.duration_s[0], atol=1e-9)
-    times, noise = np.linspace(0, 3, 7), library.control_noise_variance()
-    mean = second = 0.0
-    for s, (weight, duration_s) in enumerate(
-        zip(posterior.scale_weights[0], hypotheses.duration_s, strict=False)
-    ):
-        weights = controlled_weights(library, 0, Gaussian(bank.mean[s], bank.covariance[s]))
-        phase = np.minimum(times / duration_s, 1.0)
-        one = rollout(library.basis, weights, phase, duration_s, noise)
-        mean = mean + weight * one.positions
-        second = second + weight * (one.std**2 + one.positions**2)
-    found, square = run.mixture_at(times)
-    np.testing.assert_allclose(found, mean, atol=1e-4)
-    np.testing.assert_allclose(np.sqrt(square - found**2), np.sqrt(second - mean**2), atol=1e-4)
-
-
 @pytest.mark.parametrize("exponent", [0.0, 2.0])
 def test_mixture_equals_monte_carlo_over_durations_leads_weights_and_noise(rng, exponent):
     library = library_with(rng, LEADING, spread=0.3, noise_std=0.02)
@@ -240,16 +214,6 @@ def test_past_the_expected_end_all_is_finite_and_at_the_end(rng, phase_deviation
     np.testing.assert_array_equal(found.velocities, 0.0)
     np.testing.assert_allclose(found.positions, found.positions[[-1]] * np.ones((n_points, 1)))
     assert all(np.all(np.isfinite(part)) for part in run.controlled(n_points))
-
-
-def test_the_start_posture_is_used(rng):
-    library = library_with(rng, LEADING, noise_std=1e-4)
-    run = run_on(library, 0, make_prior_grid(library, n_scales=3), seen(library, rng, 4))
-    start = StartPosture(np.array([0.04, -0.03]), np.zeros(2))
-    np.testing.assert_allclose(run.controlled(11, start).positions[0], start.position, atol=1e-3)
-    mean, _ = run.mixture_at(np.zeros(1), start)
-    np.testing.assert_allclose(mean[0], start.position, atol=1e-3)
-    assert np.all(run.controlled(11, start).std[0] < 0.1 * run.controlled(11).std[0])
 
 
 def test_asking_late_equals_asking_all_the_time(rng):

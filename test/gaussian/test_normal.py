@@ -62,14 +62,6 @@ def test_conditioning_is_the_information_form_and_the_density_of_the_observation
     assert log_evidence == pytest.approx(density, rel=1e-9, abs=1e-9)
 
 
-def test_arguments_are_not_modified(rng):
-    prior, (H, y, R) = random_gaussian(rng, 4), random_observation(rng, 4, 2)
-    before = [np.copy(a) for a in (*prior, H, y, R)]
-    condition(prior, H, y, R)
-    for argument, copy in zip((*prior, H, y, R), before, strict=True):
-        assert np.array_equal(argument, copy)
-
-
 @given(seeds, st.integers(1, 8))
 def test_log_density_equals_scipy(seed, d):
     rng = np.random.default_rng(seed)
@@ -112,6 +104,7 @@ def test_the_product_of_densities_is_the_density_of_the_product(rng):
     summed = sum(a * log_density(f, points) for f, a in zip(factors, powers, strict=True))
     gap = summed - log_density(found, points)
     np.testing.assert_allclose(gap, gap[0], atol=1e-9)
+    assert product(factors, [0.0, 1.0, 0.0]) is factors[1]
 
 
 @pytest.mark.parametrize(
@@ -149,14 +142,6 @@ def test_symmetrize_is_exact_and_idempotent(seed, d):
     np.testing.assert_allclose(np.trace(once, axis1=1, axis2=2), np.trace(matrix, axis1=1, axis2=2))
 
 
-@given(seeds, st.integers(1, 6))
-def test_cholesky_factor_multiplies_back_and_adds_no_jitter(seed, d):
-    matrix = positive_definite(np.random.default_rng(seed), 4, d)
-    factor = cholesky(matrix)
-    np.testing.assert_allclose(factor @ np.swapaxes(factor, -1, -2), matrix, rtol=1e-12, atol=1e-12)
-    assert np.array_equal(np.triu(factor, 1), np.zeros_like(factor))
-
-
 def test_cholesky_refuses_an_indefinite_matrix_and_says_how_far_off_it_is():
     with pytest.raises(ArgumentError, match=r"innovation: .*positive definite.*-1.*noise variance"):
         cholesky(np.diag([1.0, -1.0]), name="innovation")
@@ -168,15 +153,6 @@ def test_cholesky_refuses_nan(d):
     matrix[-1, -1] = np.nan
     with pytest.raises(ArgumentError):
         cholesky(matrix)
-
-
-@given(seeds, st.integers(1, 6), st.integers(1, 5))
-def test_solve_lower_equals_scipy_on_a_batch(seed, d, k):
-    rng = np.random.default_rng(seed)
-    factor = np.linalg.cholesky(positive_definite(rng, 5, d))
-    right = rng.normal(size=(5, d, k))
-    expected = [solve_triangular(one, b, lower=True) for one, b in zip(factor, right, strict=True)]
-    np.testing.assert_allclose(solve_lower(factor, right), expected, rtol=1e-9, atol=1e-9)
 
 
 def test_solve_lower_reads_only_the_lower_triangle(rng):

@@ -13,20 +13,6 @@ from intent_recognition.gaussian.normal import regression
 from intent_recognition.promp.regressions import N_KEPT
 
 
-def test_sizes_and_blocks(rng):
-    library = make_library(rng, n_tasks=3, groups=(2, 1), n_controlled=2, n_basis=5)
-    assert (library.n_tasks, library.n_observed, library.n_controlled) == (3, 3, 2)
-    assert library.n_observed_weights == 15
-    assert library.observed_mean.shape == (4, 15)
-    assert library.observed_covariance.shape == (4, 15, 15)
-    assert np.array_equal(library.observed_mean[-1], library.none_mean)
-    assert np.array_equal(library.observed_mean[1], library.weight_mean[1, :15])
-    assert np.array_equal(library.observed_covariance[2], library.weight_covariance[2, :15, :15])
-    assert library.observed_dofs(0).tolist() == [0, 1]
-    assert library.observed_dofs(1).tolist() == [2]
-    np.testing.assert_allclose(library.durations_s, 2.0)
-
-
 @given(st.floats(1e-3, 1.0), st.floats(1e-3, 1.0))
 def test_dense_samples_are_worth_one_sample_per_correlation_time(correlation, interval):
     """Information per second never exceeds one sample's per correlation time."""

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain import bank_of, observed_weights, run_bank
+from plain import run_bank
 from simulation import START_NS, make_library, simulate
 
-from intent_recognition.filtering import MovementFilter, fixed_prior_grid, make_prior_grid
-from intent_recognition.filtering.posterior import task_posterior
+from intent_recognition.filtering import fixed_prior_grid
 from intent_recognition.gaussian.normal import Gaussian, condition
-from intent_recognition.promp import ControlGrid, NormalizedRBFBasis, dof_variance, rollout
+from intent_recognition.promp import NormalizedRBFBasis, dof_variance, rollout
 from intent_recognition.promp.prediction import StartPosture, controlled_weights, least_end_std
 from intent_recognition.signals import OnsetSettings, at_rest, end_velocity, is_slow, merge
 
@@ -120,33 +119,6 @@ def test_the_least_uncertainty_of_an_end_is_that_of_people_as_they_usually_are(r
     ]
     expected = np.sqrt((np.mean(variances, axis=0) + library.control_noise_variance()).max())
     assert least_end_std(library, 0, start_known=False)["rad"] == pytest.approx(expected, rel=0.02)
-
-
-@pytest.mark.parametrize("with_start", [False, True])
-@pytest.mark.parametrize("prune", [False, True])
-@pytest.mark.parametrize("n_points", [1, 50])
-def test_a_grid_predicts_what_the_weights_do(rng, with_start, prune, n_points):
-    library = make_library(rng, n_tasks=3, groups=(2, 1), n_controlled=3, n_basis=7)
-    recorded = simulate(library, 1, rng, n_samples=40)
-    run = MovementFilter(library, make_prior_grid(library), recorded.start_ns, prune=prune)
-    start = StartPosture(rng.normal(size=3), np.full(3, 1e-4)) if with_start else None
-    phase = np.linspace(1.0, 0.0, n_points)[::-1]
-    noise = library.control_noise_variance()
-    for number, observation in enumerate(list(merge(recorded.observed))[:50]):
-        run.observe(observation)
-        if number % 7:
-            continue
-        posterior = task_posterior(run.log_evidence, run.grid, 0.4)
-        for task in range(library.n_tasks):
-            moments = run.prediction(task).observed_weights()
-            plain = observed_weights(bank_of(run), posterior.scale_weights, task)
-            np.testing.assert_allclose(moments.mean, plain.mean, rtol=1e-9, atol=1e-12)
-            np.testing.assert_allclose(moments.covariance, plain.covariance, rtol=1e-8, atol=1e-12)
-            weights = controlled_weights(library, task, plain, start)
-            expected = rollout(library.basis, weights, phase, 1.7, noise)
-            found = ControlGrid(library, task, n_points).predict(moments, 1.7, start)
-            for ours, theirs in zip(found, expected, strict=True):
-                np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-10)
 
 
 @settings(deadline=None)
