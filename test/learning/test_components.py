@@ -89,17 +89,6 @@ def test_few_demonstrations_are_one_component(n):
     assert choice.n_components == 1 and len(choice.tried) == 1
 
 
-@pytest.mark.parametrize("frozen", [slice(0, 5), slice(0, 3), slice(3, 5)])
-def test_agents_that_never_move_are_no_obstacle(rng, frozen):
-    library = make_library(rng)
-    weights = np.array([draw_weights(library, k % 2, rng) for k in range(12)])
-    weights[:, frozen] = 1.0
-    features = mixture_features(weights, 3, BASIS)
-    choice = choose_components(features, np.random.default_rng(0), max_components=3)
-    assert all(np.all(np.isfinite(tried.nll)) for tried in choice.tried)
-    assert choice.n_components <= 3
-
-
 def test_the_smallest_within_one_paired_error():
     noise = np.array([3.0, -3.0, 2.0, -2.0])
     scores = np.array([5.0 + noise, 1.05 + noise, 1.0 + noise, 1.2 + noise])

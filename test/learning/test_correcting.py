@@ -34,13 +34,6 @@ def test_the_gain_is_that_of_one_regression_on_all_corrections():
     np.testing.assert_allclose(drift, last @ np.linalg.solve(covariance, residuals), rtol=1e-9)
 
 
-def test_the_first_counts_whole_and_none_less_than_the_drift_asks_for():
-    gains = [correction_gain([np.zeros(2)] * k)[0] for k in range(1, 12)]
-    assert gains[0] > 0.9
-    assert np.all(np.diff(gains) < 0.0)
-    assert gains[-1] ** 2 / (1.0 - gains[-1]) == pytest.approx(DRIFT, rel=1e-3)
-
-
 @pytest.fixture(scope="module")
 def trained():
     recordings = [perform(TRUTH, task, 10 * task + k) for k in range(6) for task in (0, 1)]

@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulation import make_library, minimum_jerk, simulate
+from simulation import make_library, simulate
 
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.learning import accumulate, fit_interaction_promp, library_from_statistics
 from intent_recognition.learning.hyperparameters import REGRESSION_STRENGTHS, Hyperparameters
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.signals.demonstration import Demonstration
 
 BASIS = NormalizedRBFBasis(8, 1.0)
 
@@ -36,29 +35,6 @@ def test_it_is_what_learning_makes_of_one_task(truth, rng):
     np.testing.assert_allclose(found.noise_variance, expected.noise_variance, rtol=1e-12)
     assert found.duration_s == pytest.approx(expected.duration_s)
     assert (found.n_observed, found.basis) == (expected.n_observed, expected.basis)
-
-
-def test_from_arrays_to_a_prediction_nearer_than_the_mean(rng):
-    """The robot goes where a linear map takes the human's goal."""
-    coupling, demonstrations, errors = rng.normal(size=(2, 3)), [], []
-    for k in range(21):
-        times_s = np.linspace(0.0, rng.uniform(1.5, 2.5), 80)
-        reach = minimum_jerk(times_s / times_s[-1])[:, None]
-        goal = 0.1 * rng.normal(size=3)
-        human, robot = reach * goal, reach * (1.0 + coupling @ goal)
-        human, robot = (part + 0.001 * rng.normal(size=part.shape) for part in (human, robot))
-        made = Demonstration.from_arrays(times_s, human, robot, task="reach", name=f"{k}")
-        demonstrations.append(made)
-    promp = fit_interaction_promp(demonstrations[:16], basis=BASIS)
-    for left_out in demonstrations[16:]:
-        seen = np.arange(0, 60, 5)
-        phase = left_out.observed[0].seconds(left_out.start_ns)[seen] / left_out.duration_s
-        posterior, _ = promp.condition(phase, left_out.observed[0].values[seen])
-        end = left_out.controlled[0].values[-1]
-        ends = [p.predict_controlled().positions[-1] for p in (posterior, promp)]
-        errors.append(np.abs(np.array(ends) - end).max(axis=1))
-    after, before = np.mean(errors, axis=0)
-    assert after < 0.2 * before
 
 
 def test_what_cannot_be_fitted(truth, rng):

@@ -87,19 +87,6 @@ def test_a_stranger_varies_as_people_do_where_they_differ(rng):
     assert np.trace(found) == pytest.approx(np.trace(alike), rel=0.25)
 
 
-def test_a_stranger_may_stand_where_four_people_did_not_differ():
-    """The squared distance is N_OBSERVED for known covariances; of few draws it is not far more."""
-    squares, to_places = [], np.kron(np.eye(N_OBSERVED), np.full(N_BASIS, 1.0 / N_BASIS))
-    for seed in range(60):
-        rng = np.random.default_rng(seed)
-        places = np.repeat(0.06 * rng.normal(size=(5, N_OBSERVED)), N_BASIS, axis=1)
-        tasks = [of_people(rng, places[:4], 5, 0.005) for _ in range(3)]  # alike in all tasks
-        covariance = covariance_of_strangers(tasks, pooled(tasks), FLOOR, 4.0)
-        apart = to_places @ (places[4] - places[:4].mean(axis=0))
-        squares.append(apart @ np.linalg.solve(to_places @ covariance @ to_places.T, apart))
-    assert N_OBSERVED / 2 < np.mean(squares) < 2 * N_OBSERVED
-
-
 def test_durations_of_a_stranger_vary_as_people_do(rng):
     """Of many people with many demonstrations: the variances within and between them."""
     paces = 0.5 * rng.normal(size=200)

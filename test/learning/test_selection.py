@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import make_interp_spline
-from simulation import START_NS, minimum_jerk
+from simulation import demonstration_of, minimum_jerk
 
 from intent_recognition.gaussian.normal import Gaussian, condition
 from intent_recognition.learning import PACES, Accumulated, accumulate, held_out_examples, selection
@@ -29,7 +29,7 @@ from intent_recognition.learning.training import choose_hyperparameters
 from intent_recognition.promp import Scatter, TargetSettings
 from intent_recognition.promp.phase_deviation import STEADY
 from intent_recognition.promp.prior import OBSERVED_INDEPENDENT, structured_target, weight_floor
-from intent_recognition.signals import Demonstration, Signal
+from intent_recognition.signals import Demonstration
 
 SETTINGS = TrainingSettings(n_basis=8, n_aligned_basis=10, segmentation="recording")
 LEARNING = TrainingSettings(n_basis=20, n_aligned_basis=20, segmentation="recording")
@@ -39,25 +39,16 @@ UNITS = ("m", "m", "m", "rad", "rad")
 
 def a_recording(rng, task: int, number: int, timing: float, space: float) -> Demonstration:
     """Human and robot reach and swing, displaced alike, at a pace whose logarithm varies."""
-    recorded = np.linspace(0.0, 1.0, 81)
-    pace = np.interp(recorded, np.linspace(0.0, 1.0, 8), rng.normal(size=8))
+    even = np.linspace(0.0, 1.0, 81)
+    pace = np.interp(even, np.linspace(0.0, 1.0, 8), rng.normal(size=8))
     passed = np.cumsum(np.exp(timing * pace))
     phase = (passed - passed[0]) / (passed[-1] - passed[0])
     size = 1.0 + space * rng.normal()
     swing = np.sin((3 + task) * np.pi * phase)
     human = np.stack([size * minimum_jerk(phase), size * swing, phase * (task - 1)], axis=1)
     robot = np.stack([size * swing + minimum_jerk(phase), np.cos(4 * np.pi * phase)], axis=1)
-    stamps = START_NS + np.round(recorded * 2e9).astype(np.int64)
     human, robot = (part + 0.01 * rng.normal(size=part.shape) for part in (human, robot))
-    return Demonstration(
-        f"{task}_{number}",
-        "",
-        f"task_{task}",
-        (Signal(("x", "y", "z"), stamps, human, "m"),),
-        (Signal(("q", "r"), stamps, robot, "rad"),),
-        START_NS,
-        int(stamps[-1]),
-    )
+    return demonstration_of(2.0 * even, human, robot, f"{task}_{number}", f"task_{task}")
 
 
 def accumulated(
@@ -222,24 +213,6 @@ def test_at_steady_progress_it_equals_a_loop_of_joint_conditioning(noise_scale):
     assert errors.mean() == pytest.approx(expected_error, rel=1e-5, abs=1e-7)
 
 
-@pytest.mark.parametrize("pace", ["own", "aligned"])
-def test_what_the_library_has_learned_of_the_task_left_out_does_not_matter(pace):
-    data = accumulated(3, counts=(4,))
-    library = library_from_statistics(data.tasks, data.preprocessing, Hyperparameters(pace))
-    blank = replace(
-        library,
-        weight_mean=0.0 * library.weight_mean,
-        weight_covariance=np.nan * library.weight_covariance,
-        observed_weight_covariance=None,
-    )
-    tasks = statistics_of(data.tasks, pace == "aligned")
-    left_out = leave_out(tasks, data.tasks, UNITS, Hyperparameters())
-    for found, expected in zip(
-        validate(blank, left_out, tasks), validate(library, left_out, tasks), strict=True
-    ):
-        np.testing.assert_array_equal(found, expected)
-
-
 def test_a_person_is_left_out_whole_where_others_have_shown_each_task():
     """Each example with its task, and what tasks share, as without all of its person."""
     data = accumulated(2, counts=(6, 6))
@@ -316,14 +289,10 @@ def test_where_nothing_can_be_left_out_or_told_apart_the_defaults_are_taken():
 
 def recordings_of(rng, hands, robots):
     """Demonstrations of hands (n, T, 3) and robots (n, T, 2), with noise, and their task labels."""
-    stamps = START_NS + np.linspace(0, 2_000_000_000, hands[0][1].shape[0], dtype=np.int64)
+    times_s = np.linspace(0.0, 2.0, hands[0][1].shape[0])
     for number, ((task, human), robot) in enumerate(zip(hands, robots, strict=True)):
         human, robot = (part + 0.003 * rng.normal(size=part.shape) for part in (human, robot))
-        signals = (
-            (Signal(("x", "y", "z"), stamps, human, "m"),),
-            (Signal(("q", "r"), stamps, robot, "rad"),),
-        )
-        yield Demonstration(str(number), "", f"task_{task}", *signals, START_NS, int(stamps[-1]))
+        yield demonstration_of(times_s, human, robot, str(number), f"task_{task}")
 
 
 @pytest.mark.parametrize(

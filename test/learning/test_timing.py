@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
-from simulation import START_NS, minimum_jerk
+from simulation import START_NS, demonstration_of, minimum_jerk
 
-from intent_recognition.filtering import MovementFilter, fixed_prior_grid
 from intent_recognition.learning import (
     TrainingSettings,
     add_demonstration,
@@ -23,9 +22,8 @@ from intent_recognition.learning.timing import (
     Timing,
     estimate_timing,
 )
-from intent_recognition.promp import StartPosture, steady_phase
+from intent_recognition.promp import steady_phase
 from intent_recognition.signals.demonstration import Demonstration
-from intent_recognition.signals.observation import merge
 from intent_recognition.signals.signal import Signal
 
 PHASE = np.linspace(0.0, 1.0, 101)
@@ -93,17 +91,11 @@ def bent_recordings(rng, duration_exponent: float, durations_s) -> list[Demonstr
     """Progress whose odds are those of the recorded phase times a power of the duration."""
     found = []
     for person, duration_s in enumerate(np.repeat(durations_s, 2)):
-        recorded = np.linspace(0.0, 1.0, 80)
-        odds = (
-            recorded / np.maximum(1.0 - recorded, 1e-12) * (duration_s / 2.0) ** duration_exponent
-        )
+        even = np.linspace(0.0, 1.0, 80)
+        odds = even / np.maximum(1.0 - even, 1e-12) * (duration_s / 2.0) ** duration_exponent
         values = shape(odds / (1.0 + odds), 0) + 0.01 * rng.normal(size=(80, 5))
-        stamps = START_NS + np.round(recorded * duration_s * 1e9).astype(np.int64)
-        end_ns = START_NS + round(duration_s * 1e9)
-        observed = Signal(("a", "b", "c"), stamps, values[:, :3], "m")
-        controlled = Signal(("d", "e"), stamps, values[:, 3:], "m")
-        found.append(Demonstration("", "", "task_0", [observed], [controlled], START_NS, end_ns))
-        found[-1] = replace(found[-1], metadata={"group": str(person // 2)})
+        parts = even * duration_s, values[:, :3], values[:, 3:], "", "task_0", ("m", "m")
+        found.append(demonstration_of(*parts, metadata={"group": str(person // 2)}))
     return found
 
 
@@ -140,9 +132,6 @@ def pushed(rng, n_integrals: int, durations_s) -> list[Demonstration]:
     return found
 
 
-WHOLE = TrainingSettings(segmentation="recording")
-
-
 @pytest.mark.parametrize("n_integrals", [0, 1, 2])
 def test_how_far_a_robot_goes_that_integrates_is_recovered(rng, n_integrals):
     recordings = pushed(rng, n_integrals, 2.0 * np.exp(0.3 * rng.normal(size=14)))
@@ -172,32 +161,6 @@ def test_the_delay_of_a_robot_that_copies_is_recovered(rng, delay_s, share):
     timing = estimate_timing(recordings)
     assert timing.delay_s == pytest.approx(delay_s, abs=0.02)
     assert timing.displacement_exponent == 0.0
-
-
-def test_a_late_copy_in_another_duration_is_predicted(rng):
-    library = learn_with_report(copied(rng, 0.25, 0.0, np.linspace(1.4, 3.0, 12)), WHOLE).library
-    for new in copied(rng, 0.25, 0.0, [1.5, 2.8]):
-        run = MovementFilter(library, fixed_prior_grid(library, new.duration_s), new.start_ns)
-        for observation in merge(new.observed):
-            run.observe(observation)
-        robot = new.controlled[0]
-        mean, _ = run.mixture_at(robot.seconds(new.start_ns), np.ones(1))
-        assert np.sqrt(np.mean((mean - robot.values) ** 2)) < 0.01
-
-
-def test_a_push_of_another_duration_is_predicted(rng):
-    trained = learn_with_report(pushed(rng, 1, np.linspace(1.2, 3.2, 12)), WHOLE).trained
-    for one in pushed(rng, 1, [2.8, 1.4]):
-        trained = add_demonstration(trained, one)  # the usual duration stays
-    for new in pushed(rng, 1, [1.0, 4.0]):
-        hypotheses = fixed_prior_grid(trained.library, new.duration_s)
-        run = MovementFilter(trained.library, hypotheses, new.start_ns)
-        for observation in merge(new.observed):
-            run.observe(observation)
-        start = StartPosture(new.controlled[0].values[0], np.full(2, 1e-6))
-        end = run.controlled(0, 1, start).positions[0]
-        moved = new.controlled[0].values[-1] - start.position
-        np.testing.assert_allclose(end - start.position, moved, atol=0.1 * np.abs(moved).max())
 
 
 def test_what_is_added_is_filtered_at_the_phases_it_was_fitted_at(rng):

@@ -11,16 +11,15 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from same_library import assert_same
-from simulation import make_library, signals, simulate
+from simulation import make_library, simulate
 
 from intent_recognition.errors import TrainingError
-from intent_recognition.learning import Hyperparameters, Trained, accumulation, statistics
+from intent_recognition.learning import Trained, accumulation, statistics
 from intent_recognition.learning.accumulation import accumulate, merge_accumulated
 from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.learning.training import (
     TrainingSettings,
     add_demonstration,
-    add_statistics,
     choose_again,
     choose_hyperparameters,
     learn_accumulated,
@@ -129,18 +128,6 @@ def test_what_cannot_be_added_is_refused_by_name_and_reason(report):
         add_demonstration(trained, replace(one, end_ns=one.start_ns + 1))
 
 
-@pytest.mark.parametrize("options", [CUT, WHOLE])
-def test_a_stream_equals_a_list(options):
-    demonstrations = recordings(7, 20)
-    whole, streamed = (accumulate(some, options) for some in (demonstrations, iter(demonstrations)))
-    assert streamed.used == whole.used and streamed.preprocessing == whole.preprocessing
-    ours, theirs = (
-        library_from_statistics(one.tasks, one.preprocessing, Hyperparameters())
-        for one in (streamed, whole)
-    )
-    assert_equal(ours, theirs, 0.0)
-
-
 @pytest.mark.slow
 def test_parts_gathered_apart_with_one_preprocessing_are_the_whole():
     """As by processes that read a share of the bags each."""
@@ -156,16 +143,6 @@ def test_parts_gathered_apart_with_one_preprocessing_are_the_whole():
     parts = [accumulate(demonstrations[:6], CUT), accumulate(demonstrations[6:], CUT)]
     with pytest.raises(TrainingError, match="Accumulate all parts with one preprocessing"):
         merge_accumulated(*parts)
-
-
-@pytest.mark.slow
-def test_many_may_be_added_at_once(report):
-    demonstrations, trained = recordings(1, 15), report.trained
-    rest = accumulate(demonstrations[9:], CUT, trained.preprocessing)
-    at_once = add_statistics(trained, rest.tasks, rest.used)
-    one_by_one = reduce(add_demonstration, demonstrations[9:], trained)
-    assert_equal(at_once.library, one_by_one.library)
-    assert at_once.library.provenance["bags"] == one_by_one.library.provenance["bags"]
 
 
 def test_recordings_of_other_dofs_than_most_are_left_out_even_if_they_come_first():
@@ -209,37 +186,10 @@ def test_hyperparameters_of_very_many_are_chosen_on_a_sample(monkeypatch):
     assert few.score == pytest.approx(all_.score, abs=0.5)
 
 
-@pytest.mark.slow
-def test_choosing_again_is_training_on_everything_at_the_same_preprocessing(report):
-    trained = report.trained
-    spoilt = trained.chosen._replace(
-        pace="own" if trained.chosen.aligned else "aligned", noise_scale=64.0
-    )
-    library = library_from_statistics(trained.tasks, trained.preprocessing, spoilt)
-    again, tried = choose_again(replace(trained, library=library, chosen=spoilt))
-    assert again.chosen == trained.chosen and again.chosen in tried
-    assert_equal(again.library, trained.library, 1e-12)
-    assert again.library.provenance["chosen"] == trained.chosen._asdict()
-
-
-def stream(n: int, seed: int = 0):
-    """Recordings made when asked for, each from a few random shapes; two tasks."""
-    rng = np.random.default_rng(seed)
-    times = np.linspace(0.0, 2.0, 60)
-    shapes = np.sin(np.outer(times, np.arange(1, 6)))
-    stamps = np.round(times * 1e9).astype(np.int64)
-    for i in range(n):
-        values = shapes @ rng.normal(size=(5, 6)) + 0.01 * rng.normal(size=(60, 6))
-        values[:, i % 2] += times
-        yield Demonstration(
-            f"demo_{i}",
-            "",
-            f"task_{i % 2}",
-            signals(("x", "y", "z"), (3,), stamps, values[:, :3], "m"),
-            signals(("a", "b", "c"), (3,), stamps, values[:, 3:], "rad"),
-            0,
-            int(stamps[-1]),
-        )
+def stream(n: int):
+    """Recordings made when asked for."""
+    rng = np.random.default_rng(0)
+    return (simulate(TRUTH, k % 2, rng, name=f"demo_{k}", n_samples=60) for k in range(n))
 
 
 def peak_memory(n: int) -> int:

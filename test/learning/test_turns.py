@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from simulation import minimum_jerk
 
-from intent_recognition.evaluation.protocol import evaluate
 from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.recognition import IntentEstimator, predict_controlled, recognize_task
 from intent_recognition.signals.demonstration import Demonstration
@@ -108,14 +107,3 @@ def test_whatever_turn_the_person_and_the_arm_are_in_the_prediction_is_the_arms(
             np.r_[estimator.predict_controlled().trajectory.positions[-1], pose.positions[0]]
         )
     np.testing.assert_allclose(ends[1] - TURN * turn, ends[0], atol=1e-6)
-
-
-@pytest.mark.slow
-def test_evaluations_do_not_see_turns():
-    plain, wrapped = (evaluate(demonstrations(w), "kfold:3", SETTINGS) for w in (False, True))
-    for kind in ("recognition", "prediction"):
-        for phase, rows in plain[kind].items():
-            for share, row in rows.items():
-                found = wrapped[kind][phase][share]
-                for name in (name for name, value in row.items() if value is not None):
-                    assert found[name] == pytest.approx(row[name], rel=1e-5, abs=1e-8), name

@@ -135,16 +135,6 @@ def test_every_activation_is_backed_by_n_consecutive_observations(p, n):
         assert now != "none"
 
 
-@given(steps)
-def test_order_of_labels_does_not_matter(p):
-    state, other = DecisionState(), DecisionState()
-    for row in p:
-        state, active = decide(SETTINGS, state, LABELS, np.array(row), {"rad": 0.1})
-        turned = np.array(row)[[2, 0, 1]]
-        other, same = decide(SETTINGS, other, ("none", "plate", "screw"), turned, {"rad": 0.1})
-        assert active == same
-
-
 @pytest.mark.parametrize(
     ("labels", "p", "error"),
     [

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The units of the first samples: what is refused, with which factor, and what never is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from online_stream import feed, movement
@@ -19,11 +21,7 @@ def placed(library):
     mean = library.weight_mean.copy()
     n_basis = mean.shape[1] // (library.n_observed + library.n_controlled)
     mean[:, : library.n_observed_weights] += np.repeat(AT_M, n_basis)
-    return library.__class__(**{**vars_of(library), "weight_mean": mean})
-
-
-def vars_of(library):
-    return {name: getattr(library, name) for name in library.__dataclass_fields__}
+    return replace(library, weight_mean=mean)
 
 
 def samples(truth, rng):
@@ -76,7 +74,7 @@ def test_stamps_in_another_unit_are_refused_with_the_factor(placed, truth, rng, 
 
 
 def test_degrees_are_refused_and_some_dofs_judged_by_what_was_learned_of_them(placed):
-    in_rad = placed.__class__(**{**vars_of(placed), "observed_units": ("rad",) * 3})
+    in_rad = replace(placed, observed_units=("rad",) * 3)
     with pytest.raises(ArgumentError, match="Likely degrees for radians"):
         IntentEstimator(in_rad).observe(0.0, np.degrees(AT_M))
     with pytest.raises(ArgumentError, match="is at 300 m, and was learned between"):

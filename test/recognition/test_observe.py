@@ -143,43 +143,6 @@ def test_a_prior_that_is_none_is_refused(library, options, says):
         IntentEstimator(library, **options)
 
 
-def unlike(rng: np.random.Generator, amplitude: float = 0.4) -> list[Observation]:
-    """A random smooth movement, three sines that begin from rest."""
-    times = np.arange(-0.8, 2.0, 0.02)
-    going = np.clip(times, 0.0, None)
-    values = np.zeros((len(times), 3))
-    for dof in range(3):
-        for _ in range(2):
-            size, rate = amplitude * rng.normal(), rng.uniform(2.0, 6.0)
-            values[:, dof] += size * (1 - np.cos(rate * going))
-    values += 0.001 * rng.normal(size=values.shape)
-    stamps = START_NS + np.round((times - times[0]) * 1e9).astype(np.int64)
-    return [Observation(int(s), 0, v) for s, v in zip(stamps, values, strict=True)]
-
-
-@pytest.mark.slow
-def test_none_wins_for_movements_unlike_the_tasks(library):
-    wins = 0
-    for seed in range(8):
-        estimates = feed(IntentEstimator(library), unlike(np.random.default_rng(seed)))
-        episode = max(episodes(estimates), key=len)
-        late = episode[int(0.6 * len(episode))]
-        wins += int(np.argmax(late.probabilities)) == library.n_tasks
-    assert wins == 8
-
-
-def test_no_robot_trajectory_while_none_leads(library):
-    estimator = IntentEstimator(library)
-    led = 0
-    for observation in unlike(np.random.default_rng(0)):
-        estimate = estimator.update(observation)
-        if estimate.moving and int(np.argmax(estimate.probabilities)) == library.n_tasks:
-            led += 1
-            assert estimator.predict_controlled() is None
-            assert estimator.predict_observed().task == "none"
-    assert led > 10
-
-
 def test_a_movement_that_never_ends_does_not_keep_the_estimator(library):
     """Running on past its task it is given up, and the memory with it."""
     times = np.arange(0.0, 30.0, 0.02)

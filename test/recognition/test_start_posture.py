@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
-from simulation import START_NS, draw_weights, make_library, simulate
+from simulation import draw_weights, make_library, simulate
 
 from intent_recognition.promp import StartPosture, controlled_weights, rollout
 from intent_recognition.recognition import POSTURE_OUTSIDE, POSTURE_UNKNOWN, start_mean
@@ -185,28 +185,6 @@ def test_outside_or_switched_off_it_changes_nothing(library, recording, alone, a
         if p is not None:
             np.testing.assert_array_equal(p.trajectory.positions, q.trajectory.positions)
             assert q.start == says
-
-
-@pytest.mark.slow
-def test_the_order_of_arrival_does_not_matter(library, recording):
-    """The arm moves after onset; its samples come before, between or late."""
-    start = start_mean(library, 1)
-    arm = [
-        o._replace(values=start + 1e-9 * max(0, o.stamp_ns - START_NS - 900 * MS) / 10)
-        for o in steady(library, recording, start)
-    ]
-    _, before = run(library, recording, controlled=arm)
-    late = IntentEstimator(library)
-    waiting = list(arm)
-    for number, observation in enumerate(merge(recording.observed)):
-        while waiting and waiting[0].stamp_ns <= observation.stamp_ns - 300 * MS:
-            late.update_controlled(waiting.pop(0))
-        late.update(observation)
-        prediction = late.predict_controlled(20)
-        if prediction is not None and prediction.start != POSTURE_UNKNOWN and number > 80:
-            np.testing.assert_array_equal(
-                prediction.trajectory.positions, before[number].trajectory.positions
-            )
 
 
 def test_another_library_has_other_starts(library, recording):

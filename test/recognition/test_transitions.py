@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulation import START_NS, make_library, simulate
+from online_stream import feed, movement, shifted
+from simulation import START_NS, make_library
 
 from intent_recognition.filtering.posterior import TaskPosterior
 from intent_recognition.plans import WorkPlan
@@ -95,16 +96,8 @@ def expected(row):
 
 
 def recording(library, task, rng, after_ns):
-    shown = simulate(library, task, rng, rest_before_s=0.8, rest_after_s=0.8, duration_s=2.0)
-    shift = after_ns + 20_000_000 - START_NS
-    return [o._replace(stamp_ns=o.stamp_ns + shift) for o in merge(shown.observed)]
-
-
-def feed(estimator, observations):
-    for observation in observations:
-        assert estimator.reason_to_reject(observation) is None
-        last = estimator.update(observation)
-    return last
+    shown = movement(library, task, rng, duration_s=2.0)
+    return shifted(merge(shown.observed), (after_ns - START_NS) * 1e-9 + 0.02)
 
 
 def perform(estimator, library, task, rng, after_ns):
@@ -136,20 +129,6 @@ def test_the_task_before_picks_the_row(library, rng):
         row = expected(library.transition_prior[task])
         np.testing.assert_allclose(on.expectation.prior, row, atol=0.02)
     np.testing.assert_allclose(off.expectation.prior, 1 / 3)
-
-
-@pytest.mark.slow
-def test_without_learned_sessions_nothing_changes_by_one_bit(library, rng):
-    plain = replace(library, transition_prior=np.full((4, 3), 1 / 3))
-    on, off = IntentEstimator(plain), IntentEstimator(plain, transitions=False)
-    stamp = START_NS
-    for task in (0, 1):
-        observations = recording(plain, task, rng, stamp)[::3]
-        stamp = observations[-1].stamp_ns
-        for observation in observations:
-            one, other = on.update(observation), off.update(observation)
-            np.testing.assert_array_equal(one.probabilities, other.probabilities)
-    assert on.expectation.last_task == "task_1"
 
 
 @pytest.mark.slow
