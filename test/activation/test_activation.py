@@ -79,20 +79,6 @@ def test_the_same_task_again_at_once_is_an_interaction_of_its_own():
     assert [outcome.what for outcome in world.activation.outcomes] == ["arrived", "arrived"]
 
 
-@pytest.mark.slow
-def test_a_new_interaction_on_the_way_home_starts_from_the_moving_arm():
-    world = World()
-    world.begin("plate")
-    world.run_until(Mode.HOMING)
-    world.task = "idle"
-    world.run(0.3)
-    world.serve("screw", already_s=0.3)
-    assert np.abs(world.reference().velocity).max() > 0.01
-    world.run_until(Mode.HOMING)
-    world.go_home()
-    assert world.tasks_seen == ["", "plate", "screw", ""]
-
-
 def test_the_human_being_done_does_not_keep_the_arm_from_arriving():
     world = executing(1.2)
     world.run(0.4)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The activation among boxes: it bends, refuses by name, goes back the way it came."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -128,20 +126,6 @@ def test_a_way_that_takes_its_time_is_searched_at_rest_and_now_and_then():
         arm.under_way = lambda _, moves=moves: moves
         assert things.clear(round(1e9 * now_s), None, "plate", 0.0, None) is blocked
     assert tries == [None, 0, None, None, 1]
-
-
-@pytest.mark.slow
-def test_without_things_neither_pinocchio_nor_coal_is_loaded():
-    code = (
-        "import sys; sys.path.insert(0, 'test')\n"
-        "from activation_world import Mode, World\n"
-        "world = World()\n"
-        "world.run(0.3); world.begin('plate'); world.run_until(Mode.EXECUTING); world.run(1.0)\n"
-        "assert world.commands\n"
-        "print([name for name in ('pinocchio', 'coal') if name in sys.modules])"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert run.stdout.strip() == "[]", run.stderr
 
 
 def blocked_end():

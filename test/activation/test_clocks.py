@@ -61,19 +61,6 @@ def test_a_joint_state_from_the_future_blocks_nothing(ahead_s, first):
     assert world.rejected == []
 
 
-@pytest.mark.parametrize("skew_s", [-0.9, -0.3, 0.3, 0.9])
-def test_an_arm_whose_clock_is_off_is_not_stale(skew_s):
-    world = World()
-    world.measures = False
-    world.begin("plate")
-    for _ in range(10):
-        now_ns = world.now_ns + STEP_NS
-        stamp_ns = now_ns + round(skew_s * 1e9)
-        world.activation.take_joint_state(stamp_ns, HOME, np.zeros(7), now_ns=now_ns)
-        world.step()
-    assert world.activation.mode is Mode.EXECUTING
-
-
 @pytest.mark.parametrize(
     ("late_s", "stopped"), [(0.2, "arm_off_reference"), (0.9, "stale_joint_states")]
 )

@@ -6,7 +6,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 from activation_world import LABELS, START_NS, STEP_NS, World, prediction
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from intent_recognition.activation.people import HelpRequest, first_to_help
@@ -38,13 +38,6 @@ def test_of_two_the_order_with_the_least_expected_waiting_is_chosen(drawn):
     chosen = first_to_help(requests, START_NS, 1.0)
     cost = {order[0].person: expected_waiting(order, 1.0) for order in permutations(requests)}
     assert cost[chosen] <= min(cost.values()) + 1e-9
-
-
-@given(st.lists(st.tuples(times, st.floats(0.1, 1.0)), min_size=2, max_size=5), st.randoms())
-def test_the_order_of_the_requests_does_not_matter(drawn, random):
-    requests = [request(f"p{k}", *one) for k, one in enumerate(drawn)]
-    mixed = random.sample(requests, len(requests))
-    assert first_to_help(requests, START_NS) == first_to_help(mixed, START_NS)
 
 
 @given(st.integers(0, 10**6), st.integers(2, 4))
@@ -257,26 +250,3 @@ def test_the_same_movement_is_resumed_and_another_begins_an_interaction():
     world.silent.clear()
     world.until(lambda: world.activation.mode is Mode.EXECUTING)
     assert world.activation.counts["started"] == 1
-
-
-@settings(max_examples=8)
-@given(st.integers(0, 10**6))
-def test_in_random_sessions_help_is_for_what_was_asked_and_one_at_a_time(seed):
-    rng = np.random.default_rng(seed)
-    world = SharedWorld()
-    asked = dict.fromkeys(PEOPLE, "")
-    for _ in range(600):
-        for person in PEOPLE:
-            task, since_ns = world.needs[person]
-            if task == "idle" and rng.random() < 0.01:
-                asked[person] = str(rng.choice(["plate", "screw"]))
-                world.ask(person, asked[person], rng.uniform(0.2, 0.6))
-            elif task != "idle" and world.now_ns - since_ns > 2.0 * SECOND_NS:
-                world.ask(person, "idle")
-        before = world.helped[-1:]
-        world.step()
-        person, task = world.helped[-1]
-        assert bool(person) == bool(task)
-        assert world.helped[-1:] == before or task in ("", asked.get(person))
-    if world.commands:
-        world.check_continuous()

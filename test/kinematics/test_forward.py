@@ -6,12 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
-from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import forward_kinematics
 from intent_recognition.kinematics.links import Chain, tip_positions
-from intent_recognition.kinematics.lwr import LWR_LIMITS, frame_poses, hand_position, jacobian
+from intent_recognition.kinematics.lwr import hand_position, jacobian
 
 
 def test_a_batch_equals_single_postures_of_seven_joints():
@@ -28,26 +27,6 @@ def test_a_batch_equals_single_postures_of_seven_joints():
 def test_wrong_shape(bad):
     with pytest.raises(ShapeError, match="seven"):
         forward_kinematics(bad)
-
-
-@pytest.mark.slow
-def test_matches_pybullet():
-    """Link states of the generated URDF agree to PyBullet's single-precision storage."""
-    from sim_bridge.arm.arm import SimulatedArm
-
-    rng = np.random.default_rng(3)
-    with SimulatedArm() as arm:
-        for _ in range(20):
-            q = rng.uniform(LWR_LIMITS.lower, LWR_LIMITS.upper)
-            arm.reset(q)
-            frames = frame_poses(q)
-            for i, joint in enumerate(arm.joint_indices):
-                origin = arm.client.getLinkState(arm.body, joint, computeForwardKinematics=1)[4]
-                assert np.allclose(origin, frames[i, :3, 3], atol=1e-6)
-            pose = arm.hand_pose()
-            assert np.allclose(pose.position, frames[7, :3, 3], atol=1e-6)
-            R = Rotation.from_quat(pose.orientation).as_matrix()
-            assert np.allclose(R, frames[7, :3, :3], atol=1e-6)
 
 
 def random_pose(rng) -> np.ndarray:

@@ -81,9 +81,6 @@ TREES = {
         "l6 f ft_frame",
         tip="tool0",
     ),
-    "ur_of_two_frames": tree(
-        row("base_link", "", 6, after=" f ee_link"), "l6 f tool0", tip="tool0"
-    ),
     "five_fingers": tree(
         "base p:torso torso r head",
         row("torso", "", 7, after=" f palm r:thumb_abd thumb"),
@@ -134,12 +131,6 @@ TREES = {
         tip="Fixed_Jaw",
         joints=names("", 4) + " 5",
     ),
-    "so101": tree(
-        row("base", "", 4, after=" r:wrist_roll gripper_link r:gripper moving_part"),
-        "gripper_link f gripper_frame_link",
-        tip="gripper_link",
-        joints=names("", 4) + " wrist_roll",
-    ),
     "z1": tree(
         row("world f base", "", 6, after=" f gripperStator r:jointGripper gripperMover"),
         tip="gripperStator",
@@ -160,14 +151,6 @@ TREES = {
         row("torso f left_mount", "l_", 7, after=" f left_hand f left_gripper"),
         tip="right_gripper or left_gripper",
         joints="",
-    ),
-    "baxter_left": tree(
-        "base f torso r head f screen",
-        row("torso f right_mount", "r_", 7, after=" f right_hand"),
-        row("torso f left_mount", "l_", 7, after=" f left_hand"),
-        tip="left_hand",
-        joints=names("l_", 7),
-        asked="left_hand",
     ),
     "pr2": tree(
         "footprint f base r caster_rotation c wheel",
@@ -190,10 +173,5 @@ TREES = {
         asked="r_palm",
     ),
     "one_name": tree(row("base", "", 6, after=" f:hand hand"), tip="hand"),
-    "allegro": tree(
-        row("base", "", 6, after=" f palm"),
-        *(row("palm", f"{k}_", 4) for k in ("index", "middle", "ring", "little")),
-        tip="palm",
-    ),
     "scara": tree("base r:a l1 r:b l2 r:c l3 p:d quill", tip="quill", joints="a b c d"),
 }

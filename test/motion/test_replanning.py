@@ -48,14 +48,6 @@ def test_a_path_through_things_goes_around_them_from_start_to_end(seed):
     assert bodies_among(*boxes, clearance_m=0.0199).contacts(every_ms) == []
 
 
-def test_the_same_path_and_things_give_the_same_plan():
-    boxes = cluttered(5)
-    one, other = (
-        clearance(*boxes, spreads={}).clear(PATH, "plate", 0.0, LIMITS, tries=0) for _ in range(2)
-    )
-    np.testing.assert_array_equal(one.away, other.away)
-
-
 def test_joints_stay_inside_their_limits_around_a_thing():
     """The least detour turns joint 1 farther than its limit, once that is drawn in."""
     guard = clearance(box_beside(0.04), spreads={})

@@ -15,12 +15,11 @@ from intent_recognition.motion import BEGINNING, JointPlan, NominalTiming, check
 from intent_recognition.motion.blending import Offset, decay
 from intent_recognition.motion.plan import (
     JointReference,
-    PhaseState,
     interval_use,
     scaled_limits,
     within,
 )
-from intent_recognition.motion.planning import _Budget, brake_along, plan_interaction, stop_plan
+from intent_recognition.motion.planning import _Budget, brake_along, plan_interaction
 from intent_recognition.motion.retiming import N_GRID
 
 
@@ -189,30 +188,6 @@ def test_a_slow_arm_may_take_minutes(acceleration, duration_s):
     check_by_differences(plan, slow)
 
 
-@pytest.mark.slow
-@few
-@given(seeds, durations, phases, st.floats(0.0, 1.0))
-def test_a_stop_stays_on_the_path_within_the_limits(seed, duration_s, late, share):
-    times, q, v = samples(seed, duration_s)
-    path = path_of(times, q, v)
-    running = plan_interaction(
-        path, NominalTiming(-late * duration_s, duration_s), JointReference.at_rest(HOME), LIMITS
-    )
-    t = share * running.duration_s
-    plan = stop_plan(path, running.at(t), LIMITS, running.phase_at(t))
-    assert plan.kind == "stop" and np.all(plan.velocities[-1] == 0.0)
-    np.testing.assert_allclose(plan.positions[0], running.at(t).position, atol=1e-12)
-    np.testing.assert_allclose(plan.velocities[0], running.at(t).velocity, atol=1e-9)
-    check_by_differences(plan)
-    fine = path.spline(np.linspace(0.0, 1.0, 3000))
-    away = [
-        np.min(np.abs(fine - plan.at(x).position).max(axis=1))
-        for x in np.linspace(0.0, plan.duration_s, 40)
-    ]
-    # A motion that is still on its way from home to the path comes hardly farther from it.
-    assert max(away) < away[0] + 2e-2
-
-
 @few
 @given(seeds, durations, phases, st.floats(0.0, 1.0))
 def test_a_brake_keeps_to_the_way_of_a_plan_that_is_joining_a_path(seed, duration_s, late, share):
@@ -232,24 +207,6 @@ def test_a_brake_keeps_to_the_way_of_a_plan_that_is_joining_a_path(seed, duratio
         assert abs(phase - at) < 0.02
     fastest = np.abs(rates[way_s <= t + brake.duration_s]).max(axis=0)
     assert np.all(np.abs(brake.velocities) <= 1.02 * fastest + 0.02)
-
-
-def test_goes_on_from_a_stop_without_starting_over():
-    times, q, v = samples(9, 3.0)
-    path = path_of(times, q, v)
-    running = plan_interaction(path, NominalTiming(-1.0, 3.0), JointReference.at_rest(HOME), LIMITS)
-    stopped = stop_plan(path, running.at(1.0), LIMITS, running.phase_at(1.0))
-    phase, rate, _ = stopped.phase_at(stopped.duration_s + 1.0)
-    assert phase > 0.2 and rate == 0.0
-    again = plan_interaction(
-        path,
-        NominalTiming(-3.5, 3.0),
-        JointReference.at_rest(stopped.end),
-        LIMITS,
-        PhaseState(phase, rate),
-    )
-    assert again.phase[0] == phase and again.phase[-1] == 1.0
-    check_by_differences(again)
 
 
 @few

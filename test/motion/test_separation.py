@@ -3,10 +3,9 @@
 
 import numpy as np
 import pytest
-from activation_world import LIMITS, World
+from activation_world import LIMITS
 from clearance_world import PATH, ROBOT
 
-from intent_recognition.activation import Mode, PretriggerSettings
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion import JointReference, NominalTiming, Separation, plan_interaction
@@ -147,97 +146,3 @@ def test_the_bound_holds_between_samples_and_is_tight():
         assert bound > 1.0 or bound >= true
         decided.add(bound > 1.0)
     assert decided == {False, True}
-
-
-def interact(who, **settings):
-    world = World(**settings)
-    world.run(0.3)
-    world.begin("plate")
-    if who is not None:
-        world.activation.take_people((person(who, world.now_ns),))
-    world.run_until(Mode.EXECUTING)
-    world.run(6.0)
-    return world
-
-
-@pytest.mark.slow
-def test_an_interaction_slows_near_the_person_smoothly_and_arrives_and_not_far_from_one():
-    free, near = interact(None), ARM.forward_kinematics(PATH.spline(1.0))[:3, 3]
-    separation = Separation(ARM, SETTINGS)
-    slowed = interact(near, separation=separation)
-    slowed.check_continuous()
-    assert slowed.activation.counts["slowed by person"] > 0
-    np.testing.assert_allclose(slowed.commands[-1].plan.end, free.commands[-1].plan.end, atol=0.05)
-    who = person(near)
-    excess = [separation.excess(c.plan, 0, who) for c in slowed.commands if c.plan.kind[0] == "i"]
-    unslowed = [separation.excess(c.plan, 0, who) for c in free.commands if c.plan.kind[0] == "i"]
-    assert max(excess) <= 1.0 < 0.5 * max(unslowed)
-    far = interact(FAR, separation=Separation(ARM, SETTINGS))
-    assert len(free.commands) == len(far.commands)
-    for a, b in zip(free.commands, far.commands, strict=True):
-        np.testing.assert_array_equal(a.plan.positions, b.plan.positions)
-
-
-def go_home(who, **settings):
-    """An interaction, and the way home with the person there; the commands home."""
-    world = World(**settings)
-    world.run(0.3)
-    world.serve("plate")
-    world.run(2.0)
-    world.task = "idle"
-    if who is not None:
-        world.activation.take_people((person(who),))
-    world.run_until(Mode.HOMING)
-    return world
-
-
-HALFWAY = ARM.forward_kinematics(PATH.spline(0.4))[:3, 3] + [0.0, 0.0, 0.05]
-
-
-def ways(world, kind):
-    return [command for command in world.commands if command.plan.kind == kind]
-
-
-@pytest.mark.slow
-def test_the_way_home_slows_near_the_person_and_arrives():
-    separation, who = Separation(ARM, SETTINGS), person(HALFWAY)
-    free, slowed = go_home(None), go_home(HALFWAY, separation=separation)
-    for world in (free, slowed):
-        world.go_home()
-    assert separation.excess(ways(free, "home")[0].plan, 0, who) > 2.0
-    assert separation.excess(ways(slowed, "home")[0].plan, 0, who) <= 1.0
-    assert slowed.now_ns > free.now_ns
-
-
-def test_a_person_who_comes_slows_the_way_that_is_under_way_and_who_leaves_quickens_it():
-    separation = Separation(ARM, SETTINGS)
-    world = go_home(FAR, separation=separation)
-    world.run(0.25)
-    n, unslowed_ns = len(world.commands), world.commands[-1].end_ns
-    world.activation.take_people((person(HALFWAY),))
-    world.run(0.3)
-    brake, *_, slow = world.commands[n:]
-    assert (brake.plan.kind, slow.plan.kind) == ("stop", "home")
-    assert slow.end_ns > unslowed_ns + 500_000_000
-    assert separation.excess(slow.plan, slow.start_ns, person(HALFWAY)) <= 1.0
-    world.activation.take_people((person(FAR),))
-    world.run(0.1)
-    assert world.commands[-1].end_ns < slow.end_ns - 200_000_000
-    world.go_home()
-
-
-def test_going_ahead_slows_near_the_person():
-    separation, start = Separation(ARM, SETTINGS), PATH.spline(0.8)
-    settings = PretriggerSettings(0.5, 3.0, {"screw": start})
-    world = World(separation=separation, pretrigger=settings)
-    world.serve("plate")
-    world.task = "idle"
-    world.run_until(Mode.HOMING)
-    world.activation.take_people((person(HALFWAY),))
-    world.activation.pretrigger.take_expectation(world.now_ns, ["screw"], np.ones(1))
-    world.run_until(Mode.PRETRIGGERED)
-    (ahead,) = ways(world, "pretrigger")
-    assert separation.excess(ahead.plan, ahead.start_ns, person(HALFWAY)) <= 1.0
-    world.run(6.0)
-    np.testing.assert_allclose(ahead.plan.end, start, atol=1e-9)
-    world.check_continuous()

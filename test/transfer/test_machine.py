@@ -242,13 +242,6 @@ class Felt:
         return np.add(force, self.noise)
 
 
-def test_the_noise_of_felt_loads_is_that_of_the_simulated_arms():
-    felt = Felt(1.1)
-    loads = np.array([felt(np.zeros(3)) for _ in range(4000)])
-    np.testing.assert_allclose(loads.std(axis=0), 1.1, rtol=0.05)
-    assert np.all(loads.reshape(-1, 50, 3).mean(axis=1).std(axis=0) < 0.1)
-
-
 def test_the_noise_of_felt_loads_does_not_hide_that_the_person_let_go():
     noisy = Felt(1.1)
     course, take = Course(), Request.TAKE

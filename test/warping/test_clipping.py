@@ -22,7 +22,6 @@ def volume_below(mesh, point, up):
 @settings(max_examples=40, deadline=None)
 @given(level=st.floats(-0.6, 0.6), seed=st.integers(0, 999))
 def test_both_sides_of_a_plane_are_the_whole(level, seed):
-    """Below one way and below the other way sum to the volume, whatever the plane."""
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.5)
     normal = np.random.default_rng(seed).normal(size=3)
     normal /= np.linalg.norm(normal)
@@ -44,7 +43,6 @@ def test_half_of_a_box_is_left_at_its_diagonal(height):
 
 
 def test_a_surface_turned_inside_out_is_refused():
-    """The volume would be negative."""
     box = trimesh.creation.box((1.0, 1.0, 1.0))
     with pytest.raises(ArgumentError, match="Wind the faces outward"):
         half_volume_angle(box.vertices, box.faces[:, ::-1], np.array([0.5, 0, 0.5]), UP, OUT)

@@ -12,7 +12,6 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "warping.md"
 
 
 def test_examples_run_one_after_the_other(tmp_path, monkeypatch, capsys):
-    """As they stand, in one session."""
     monkeypatch.chdir(tmp_path)
     session = {}
     blocks = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.M | re.S)

@@ -25,12 +25,10 @@ MAPPINGS = ["label", "point"]
 
 
 def moved(cloud, scale=1.0, turn=TURN, shift=SHIFT):
-    """A cloud scaled, turned and shifted."""
     return ObjectCloud(scale * cloud.points @ turn.T + shift, cloud.normals @ turn.T)
 
 
 def assert_moved(after, before, scale=1.0, turn=TURN, shift=SHIFT):
-    """One grasp is the other, scaled, turned and shifted."""
     np.testing.assert_allclose(after.pose[:3, :3], turn @ before.pose[:3, :3], atol=1e-9)
     np.testing.assert_allclose(after.centre, scale * turn @ before.centre + shift, atol=1e-9)
     assert after.width_m == pytest.approx(scale * before.width_m, rel=1e-9)
@@ -108,7 +106,6 @@ def test_a_grasp_across_the_body_widens_with_it(across):
 
 
 def test_what_cannot_be_grasped_is_said(mug):
-    """A pad that touches nothing, a handle that is not there, and poses that are none."""
     own, good = mug.annotated, mug.annotated.grasp
     cloud = scanned("tumbler")
     far = good.pose.copy()

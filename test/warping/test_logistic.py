@@ -23,7 +23,6 @@ def samples(seed: int, n: int = 200) -> tuple[np.ndarray, np.ndarray]:
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10_000), ridge=st.sampled_from([1e-3, 1e-1, 10.0]))
 def test_weights_minimise_the_penalised_loss(seed, ridge):
-    """A general minimiser of the same loss finds the same weights."""
     features, labels = samples(seed)
     model = fit_logistic(features, labels, ridge=ridge)
     standard = (features - features.mean(0)) / features.std(0)
@@ -37,7 +36,6 @@ def test_weights_minimise_the_penalised_loss(seed, ridge):
 
 
 def test_separable_labels_have_a_finite_answer():
-    """The ridge bounds the weights."""
     features = np.linspace(-1.0, 1.0, 20)[:, None]
     model = fit_logistic(features, features[:, 0] > 0.0)
     assert np.isfinite(model.weights).all()
@@ -45,13 +43,11 @@ def test_separable_labels_have_a_finite_answer():
 
 
 def test_constant_feature_changes_nothing():
-    """A feature without information gets weight 0."""
     features, labels = samples(4)
     model = fit_logistic(np.column_stack([features, np.full(len(labels), 3.0)]), labels)
     assert model.weights[-1] == pytest.approx(0.0)
 
 
 def test_one_label_alone_is_refused():
-    """There is nothing to tell apart."""
     with pytest.raises(TrainingError, match="both 0 and 1"):
         fit_logistic(np.zeros((3, 1)), np.ones(3))

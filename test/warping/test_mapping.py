@@ -11,7 +11,6 @@ from intent_recognition.warping.mapping import agreeing_neighbours, majority
 
 
 def cloud(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Random points and unit normals."""
     normals = rng.normal(size=(n, 3))
     return rng.normal(size=(n, 3)), normals / np.linalg.norm(normals, axis=1)[:, None]
 
@@ -19,7 +18,6 @@ def cloud(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 9999), k=st.integers(1, 5), m=st.integers(5, 80))
 def test_neighbours_are_those_of_the_full_table(seed, k, m):
-    """The k nearest among those that agree."""
     rng = np.random.default_rng(seed)
     points, normals = cloud(rng, 40)
     candidates, facing = cloud(rng, m)
@@ -37,26 +35,13 @@ def test_neighbours_are_those_of_the_full_table(seed, k, m):
             assert set(found[row]) == {int(np.argmin(all_distances))}
 
 
-def test_two_walls_are_told_apart():
-    """The near side that faces away is passed over for the far side that agrees."""
-    found = agreeing_neighbours(
-        np.zeros((1, 3)),
-        np.array([[1.0, 0, 0]]),
-        np.array([[0.1, 0, 0], [0.5, 0, 0]]),
-        np.array([[-1.0, 0, 0], [1.0, 0, 0]]),
-    )
-    assert found.tolist() == [[1]]
-
-
 def test_majority_and_its_ties():
-    """Most votes win; level votes go to the nearest."""
     labels = np.array([[0, 1, 1], [2, 0, 1], [1, 0, 0], [2, 2, 0]])
     assert majority(labels, 3).tolist() == [1, 2, 0, 2]
     assert majority(labels[:, :1], 3).tolist() == [0, 2, 1, 2]
 
 
 def test_k_beyond_the_candidates_is_refused():
-    """There must be k candidates."""
     points, normals = cloud(np.random.default_rng(0), 5)
     with pytest.raises(ArgumentError, match="k: expected 1 to 5"):
         agreeing_neighbours(points, normals, points, normals, 6)

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ways that are under way become slower as somebody comes, and quicker as they leave."""
+
+import numpy as np
+from activation_world import World
+from clearance_world import PATH, ROBOT
+
+from intent_recognition.activation import Mode, PretriggerSettings
+from intent_recognition.kinematics import Arm
+from intent_recognition.motion import Separation
+from intent_recognition.motion.separation import PredictedPerson
+
+ARM = Arm.from_urdf(ROBOT.description)
+SEPARATION = Separation(ARM)
+FAR = np.array([5.0, 0.0, 0.5])
+
+
+def person(position):
+    times_ns = np.array([0, 10_000_000_000])
+    return PredictedPerson(times_ns, np.tile(position, (2, 1)), np.zeros(2))
+
+
+def on_the_way_home():
+    """After an interaction, with a person far away."""
+    world = World(separation=SEPARATION)
+    world.run(0.3)
+    world.serve("plate")
+    world.run(2.0)
+    world.task = "idle"
+    world.activation.take_people((person(FAR),))
+    world.run_until(Mode.HOMING)
+    return world
+
+
+HALFWAY = ARM.forward_kinematics(PATH.spline(0.4))[:3, 3] + [0.0, 0.0, 0.05]
+
+
+def test_a_person_who_comes_slows_the_way_that_is_under_way_and_who_leaves_quickens_it():
+    world = on_the_way_home()
+    world.run(0.25)
+    n, unslowed_ns = len(world.commands), world.commands[-1].end_ns
+    world.activation.take_people((person(HALFWAY),))
+    world.run(0.3)
+    brake, *_, slow = world.commands[n:]
+    assert (brake.plan.kind, slow.plan.kind) == ("stop", "home")
+    assert slow.end_ns > unslowed_ns + 500_000_000
+    assert SEPARATION.excess(slow.plan, slow.start_ns, person(HALFWAY)) <= 1.0
+    world.activation.take_people((person(FAR),))
+    world.run(0.1)
+    assert world.commands[-1].end_ns < slow.end_ns - 200_000_000
+    world.go_home()
+
+
+def test_going_ahead_slows_near_the_person():
+    start = PATH.spline(0.8)
+    settings = PretriggerSettings(0.5, 3.0, {"screw": start})
+    world = World(separation=SEPARATION, pretrigger=settings)
+    world.serve("plate")
+    world.task = "idle"
+    world.run_until(Mode.HOMING)
+    world.activation.take_people((person(HALFWAY),))
+    world.activation.pretrigger.take_expectation(world.now_ns, ["screw"], np.ones(1))
+    world.run_until(Mode.PRETRIGGERED)
+    (ahead,) = (each for each in world.commands if each.plan.kind == "pretrigger")
+    assert SEPARATION.excess(ahead.plan, ahead.start_ns, person(HALFWAY)) <= 1.0
+    world.run(6.0)
+    np.testing.assert_allclose(ahead.plan.end, start, atol=1e-9)
+    world.check_continuous()
