@@ -173,6 +173,18 @@ def simulate(
     )
 
 
+def demonstration_of(
+    times_s, human, robot, name="", task="a", units=("m", "rad"), **more
+) -> Demonstration:
+    """One signal of each agent as it is, from START_NS on."""
+    stamps_ns = START_NS + np.round(times_s * 1e9).astype(np.int64)
+    sides = (
+        (Signal(tuple(f"{who}_{k}" for k in range(values.shape[1])), stamps_ns, values, unit),)
+        for who, values, unit in zip(("human", "robot"), (human, robot), units, strict=True)
+    )
+    return Demonstration(name, "", task, *sides, START_NS, int(stamps_ns[-1]), **more)
+
+
 def gathered(demonstrations: list[Demonstration], settings: TrainingSettings) -> Trained:
     """Their statistics, with a library at the usual hyperparameters and without margins."""
     found, usual = accumulate(demonstrations, settings), Hyperparameters()

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The baselines by hand on recordings of a few samples."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from simulation import START_NS
+from simulation import START_NS, demonstration_of
 
 from intent_recognition.evaluation.scores import mean_of_task, nearest_neighbour, sample
 from intent_recognition.signals import Demonstration, Signal
@@ -14,17 +16,8 @@ PHASES = np.linspace(0.0, 1.0, 11)
 def line(name: str, human_to: float, robot_to: float, duration_s: float = 1.0) -> Demonstration:
     """Both agents go from 0 along straight lines."""
     times = np.linspace(0.0, duration_s, 41)
-    stamps = START_NS + np.round(times * 1e9).astype(np.int64)
     share = (times / duration_s)[:, None]
-    return Demonstration(
-        name,
-        "",
-        "a",
-        (Signal(("h",), stamps, human_to * share, "m"),),
-        (Signal(("r", "s"), stamps, share * [robot_to, -robot_to], "rad"),),
-        START_NS,
-        int(stamps[-1]),
-    )
+    return demonstration_of(times, human_to * share, share * [robot_to, -robot_to], name)
 
 
 def test_samples_are_held_at_the_ends_and_means_by_phase_or_by_the_clock():
@@ -57,15 +50,7 @@ def test_nearest_neighbour_looks_no_further_than_what_was_observed():
     late = line("test", 1.0, 0.0)
     turned = late.observed[0].values.copy()
     turned[21:] = 2.0 * np.linspace(0.5, 1.0, 20)[:, None]
-    test = Demonstration(
-        "t",
-        "",
-        "a",
-        (Signal(("h",), late.observed[0].stamps_ns, turned, "m"),),
-        late.controlled,
-        late.start_ns,
-        late.end_ns,
-    )
+    test = replace(late, observed=(replace(late.observed[0], values=turned),))
     early = nearest_neighbour(training, test, PHASES, 0.5, True)
     np.testing.assert_allclose(early[:, 0], 5.0 * PHASES, atol=1e-12)
     assert nearest_neighbour(training, test, PHASES, 1.0, True)[-1, 0] == pytest.approx(7.0)

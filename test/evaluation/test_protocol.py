@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from simulation import START_NS, gathered, make_library, minimum_jerk, simulate
+from simulation import START_NS, demonstration_of, gathered, make_library, minimum_jerk, simulate
 
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.evaluation import evaluate, make_folds
@@ -36,17 +36,8 @@ def exact(
 ) -> Demonstration:
     """The same movement every time: human to `goal`, robot to minus twice the goal."""
     times = np.linspace(0.0, duration_s, 101)
-    stamps = START_NS + np.round(times * 1e9).astype(np.int64)
     share = minimum_jerk(times / duration_s)[:, None]
-    return Demonstration(
-        name,
-        "",
-        task,
-        (Signal(("x",), stamps, goal * share + shift, "m"),),
-        (Signal(("q",), stamps, -2.0 * goal * share + shift, "rad"),),
-        START_NS,
-        int(stamps[-1]),
-    )
+    return demonstration_of(times, goal * share + shift, -2.0 * goal * share + shift, name, task)
 
 
 IDENTICAL = [
@@ -66,23 +57,6 @@ def identical() -> dict:
 
 def numbers(tree) -> list:
     return [x for v in tree.values() for x in (numbers(v) if isinstance(v, dict) else [v])]
-
-
-@pytest.mark.slow
-def test_identical_demonstrations_are_predicted_perfectly(identical):
-    for phase in ("known_phase", "unknown_phase"):
-        for fraction in ("0.1", "0.5", "1.0"):
-            assert identical["recognition"][phase][fraction]["accuracy"] == 1.0
-            early = fraction == "0.1"  # and the evidence of few counts less
-            limit = 0.1 if early else 0.05
-            assert identical["recognition"][phase][fraction]["log_loss"] < limit
-    for fraction in ("0.25", "0.5", "0.75", "1.0"):
-        row = identical["prediction"]["known_phase"][fraction]
-        for key in ("rmse", "end_rmse", "rmse_inferred_task"):
-            assert row[key] < 0.01
-        for key in ("rmse_mean_of_task", "rmse_nearest_neighbour"):
-            assert row[key] == pytest.approx(0.0, abs=1e-12)
-        assert row["coverage_2_sigma"] > 0.9
 
 
 def test_the_json_is_the_contracts_with_a_number_everywhere_but_after_the_end(identical):
@@ -152,17 +126,6 @@ def test_scores_by_hand_are_means_over_the_dofs_of_a_unit(rng):
     scores.add("known_phase", 0.5, rmse=np.array([3.0, 30.0]), accuracy=0.0)
     table = scores.table("known_phase", (0.5,), ("rad", "m"), ("rmse", "accuracy"))
     assert table == {"0.5": {"rmse": {"rad": 2.0, "m": 20.0}, "accuracy": 0.5}}
-
-
-@pytest.mark.slow
-def test_baselines_of_a_shifted_demonstration():
-    """Three alike and one off by 0.4: the mean of the others is what it must be."""
-    four = [exact(f"d{i}", "a", 0.3) for i in range(3)] + [exact("d3", "a", 0.3, shift=0.4)]
-    found = evaluate(four, make_folds(some(4), "loo"), SETTINGS, unknown_tasks=False)
-    row = found["prediction"]["known_phase"]["0.5"]
-    # Three are predicted from two alike and the shifted one (error 0.4 / 3), one from three alike.
-    assert row["rmse_mean_of_task"] == pytest.approx((3 * 0.4 / 3 + 0.4) / 4, rel=1e-9)
-    assert row["rmse_nearest_neighbour"] == pytest.approx(0.4 / 4, rel=1e-9)
 
 
 @pytest.mark.slow

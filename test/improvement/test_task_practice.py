@@ -10,7 +10,7 @@ from simulation import gathered
 
 from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.errors import ArgumentError, ModelError
-from intent_recognition.improvement import CovarianceSearch, TaskPractice, attempt, load_cost
+from intent_recognition.improvement import TaskPractice, load_cost
 from intent_recognition.improvement.task_practice import NEAR_M, arrival_s, warping_matrix
 from intent_recognition.kinematics import hand_position
 from intent_recognition.learning import RuleChange, TrainingSettings, change_rule, inferred_weights
@@ -114,19 +114,6 @@ def test_what_is_accepted_is_what_was_executed(trained):
     same = changed.library
     assert np.array_equal(same.observed_covariance, trained.library.observed_covariance)
     assert np.array_equal(same.weight_mean[1], trained.library.weight_mean[1])
-
-
-@pytest.mark.slow
-def test_a_place_that_is_off_is_found(trained):
-    practice = TaskPractice(trained, DOFS, TASK, moved_m=(0.0, 0.04, 0.0))
-    space, cost = practice.space, load_cost("distance", practice.costs)
-    search = CovarianceSearch(space.n_axes, 1, practice.step)
-    points, costs = np.empty((0, space.n_axes)), np.empty(0)
-    for k in range(40):
-        made = attempt(practice, search, cost, points, costs, np.random.default_rng(k))
-        points, costs = np.vstack([points, made.point]), np.append(costs, made.cost)
-        assert np.linalg.norm(made.point) <= space.bound + 1e-12
-    assert costs[-8:].mean() < 0.9 * costs[0]
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@
 import json
 from datetime import datetime, timezone
 
-import numpy as np
 import pytest
 from bag_builder import write_bag
 from model_builder import make_dofs, perform, true_library, write_recording
@@ -13,7 +12,6 @@ from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.errors import DofError, ModelError, ResourceBusyError, TrainingError
 from intent_recognition.learning import with_margins
 from intent_recognition.model.file import load_model, load_trained
-from intent_recognition.model.from_bags import accumulate_bags
 from intent_recognition.model.history import undoable
 from intent_recognition.model.task_folder import LEARN, START, UNDO, WAIT, TaskFolder
 
@@ -56,21 +54,6 @@ def test_waits_for_a_second_recording_of_a_task_then_learns_all(started):
     assert [c.action for c in changes[:3]] == [WAIT, WAIT, LEARN]
     assert dict(changes[2].tasks) == {TRUTH.labels[0]: 2, TRUTH.labels[1]: 1}
     assert dict(changes[-1].tasks) == {TRUTH.labels[0]: 3, TRUTH.labels[1]: 3}
-
-
-def test_adding_equals_learning_at_the_same_reference(started):
-    folder, _ = started
-    model, trained = load_trained(folder.model_path)
-    again = accumulate_bags(
-        [folder.path / "bags"],
-        DOFS,
-        trained.preprocessing.settings,
-        preprocessing=trained.preprocessing,
-    )
-    for label, statistics in again.accumulated.tasks.items():
-        own = statistics.aligned if trained.chosen.aligned else statistics
-        found = model.library.weight_mean[model.library.labels.index(label)]
-        np.testing.assert_allclose(found, own.mean.ravel(), rtol=0, atol=1e-12)
 
 
 @pytest.mark.slow
