@@ -8,7 +8,7 @@ import numpy as np
 
 from intent_recognition.filtering import MovementFilter, PriorGrid
 from intent_recognition.filtering.observation_model import check_observation
-from intent_recognition.gaussian import Gaussian, GaussianBatch, LinearMeasurement, symmetrize
+from intent_recognition.gaussian import GaussianBatch, LinearMeasurement
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.signals.observation import Observation
 
@@ -65,20 +65,3 @@ def condition_bank(
     block = GaussianBatch.of(bank.mean, bank.covariance, n_basis)
     density, _ = block.condition(LinearMeasurement(dofs, rows, values, noise_covariance))
     return Bank(*block.moments(), bank.log_evidence + density)
-
-
-def observed_weights(bank: Bank, scale_weights: np.ndarray, task: int) -> Gaussian:
-    """Observed weights given the task, durations marginalised by matching moments.
-
-    Args:
-        bank: the filtered hypotheses.
-        scale_weights: p(duration | task), (K + 1, S).
-        task: number of the task.
-    """
-    weights = scale_weights[task]
-    block = slice(task * len(weights), (task + 1) * len(weights))
-    means = bank.mean[block]
-    mean = weights @ means
-    deviation = (means - mean) * np.sqrt(weights)[:, None]
-    covariance = np.tensordot(weights, bank.covariance[block], axes=1) + deviation.T @ deviation
-    return Gaussian(mean, symmetrize(covariance))

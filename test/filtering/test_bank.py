@@ -5,23 +5,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain import Bank, condition_bank
 from scipy.stats import t
 from simulation import make_library
 
-from intent_recognition.errors import ShapeError
 from intent_recognition.filtering.grid import STUDENT_FREEDOM, make_prior_grid
 
 seeds = st.integers(0, 2**32 - 1)
-
-
-@pytest.mark.parametrize(
-    ("values", "noise"), [(np.zeros(3), np.eye(2)), (np.zeros(2), np.eye(3)), (0.0, np.eye(2))]
-)
-def test_shapes_that_do_not_fit_are_named(values, noise):
-    bank = Bank(np.zeros((4, 6)), np.tile(np.eye(6), (4, 1, 1)), np.zeros(4))
-    with pytest.raises(ShapeError, match=r"values, noise_covariance: expected shapes \(2,\).*Pass"):
-        condition_bank(bank, np.arange(2), np.ones((4, 1, 3)), values, noise)
 
 
 @given(seeds, st.integers(1, 20))

@@ -91,15 +91,6 @@ def test_what_was_executed_is_what_is_costed_and_logged(trained, tmp_path):
     assert there.outcome["distance_m"] == pytest.approx(gap, abs=1e-3)
 
 
-def test_running_ahead_makes_the_person_wait_less(trained):
-    practice = TaskPractice(trained, DOFS, TASK)
-    late = []
-    for ahead in (-0.3, 0.0, 0.3):
-        weights = np.append(practice.space.mean[:-1], ahead)
-        late.append([one.outcome["late_s"] for one in practice.check(weights, 1)])
-    assert np.all(np.diff(late, axis=0) < 0.0)
-
-
 def test_what_is_accepted_is_what_was_executed(trained):
     """The rule that the nodes predict with gives the practised path, for every person."""
     practice = TaskPractice(trained, DOFS, TASK)

@@ -101,12 +101,6 @@ TREES = {
         "l6 r:finger_3 f3 r:finger_tip_3 t3",
         tip="l6",
     ),
-    "kinova_gen3": tree(
-        row("base", "", 7, "c", " f bracelet f end_effector_link"),
-        "bracelet f camera_link f camera_color_frame f camera_optical",
-        tip="end_effector_link",
-        joints=names("", 7),
-    ),
     "fetch": tree(
         "base c r_wheel",
         "base c l_wheel",
@@ -130,10 +124,6 @@ TREES = {
         row("base", "", 4, after=" r:5 Fixed_Jaw r:6 Moving_Jaw"),
         tip="Fixed_Jaw",
         joints=names("", 4) + " 5",
-    ),
-    "z1": tree(
-        row("world f base", "", 6, after=" f gripperStator r:jointGripper gripperMover"),
-        tip="gripperStator",
     ),
     "tiago": tree(
         "footprint f base c wheel_right",

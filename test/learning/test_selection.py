@@ -135,11 +135,14 @@ def test_rivals_are_nearest_in_what_is_observed(monkeypatch):
     tasks = {f"task_{k}": summarize(part) for k, part in enumerate(examples(3, [2] * 5))}
     shown = [(k, e) for k, task in enumerate(tasks.values()) for e in task.examples]
     for one, (k, example) in zip(
-        leave_out(tasks, tasks, UNITS, Hyperparameters()), shown, strict=True
+        leave_out(tasks, tasks, ("m", "px", "rad"), Hyperparameters()), shown, strict=True
     ):
-        apart = [np.sum((task.mean - example.weights)[:P] ** 2) for task in tasks.values()]
-        apart[k] = np.inf
-        assert one.rivals.tolist() == [np.argmin(apart)]
+        scale = np.array([[1.0], [1e3]])  # another unit of the second DOF changes nothing
+        squares = [(scale * (task.mean - example.weights)[:P]) ** 2 for task in tasks.values()]
+        by_dof = np.sum(squares, axis=2)
+        by_dof[k] = np.nan
+        apart = np.sum(by_dof / np.nanmean(by_dof, axis=0), axis=1)
+        assert one.rivals.tolist() == [np.nanargmin(apart)]
 
 
 def test_two_demonstrations_in_all_leave_the_spread_of_both():

@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Angles in other turns: what is learned and predicted is the same, in the turn of the arm."""
 
-import warnings
-
 import numpy as np
 import pytest
-from simulation import minimum_jerk
+from simulation import demonstration_of, minimum_jerk
 
 from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.recognition import IntentEstimator, predict_controlled, recognize_task
@@ -32,23 +30,15 @@ def movement(rng, task: int) -> tuple[np.ndarray, np.ndarray]:
     return noisy[:, :2], noisy[:, 2:]
 
 
-def demonstrations(wrapped: bool, unit: str = "rad") -> list[Demonstration]:
+def demonstrations(wrapped: bool) -> list[Demonstration]:
     rng = np.random.default_rng(3)
     found = []
     for k in range(12):
         human, robot = movement(rng, k % 2)
         if wrapped:
             human, robot = wrap(human), wrap(robot) + TURN * (k % 3)
-        if unit == "deg":
-            human, robot = np.degrees(human), np.degrees(robot)
-        units = {"observed_unit": unit, "controlled_unit": unit}
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            found.append(
-                Demonstration.from_arrays(
-                    TIMES, human, robot, task=f"{k % 2}", name=f"{k:02}", **units
-                )
-            )
+        both = TIMES, human, robot, f"{k:02}", f"{k % 2}", ("rad", "rad")
+        found.append(demonstration_of(*both))
     return found
 
 
@@ -71,21 +61,6 @@ def test_wrapped_recordings_teach_and_tell_what_unwrapped_ones_do(libraries):
         path = predict_controlled(library, TIMES, seen, onset_s=0.5).positions
         found[-1] += list(np.cos(path[:, 0]))
     np.testing.assert_allclose(found[1], found[0], atol=1e-6)
-
-
-def test_angles_in_degrees_have_turns_too():
-    plain, wrapped = (learn(demonstrations(wrapped, "deg"), SETTINGS) for wrapped in (False, True))
-    np.testing.assert_allclose(wrapped.weight_covariance, plain.weight_covariance, atol=1e-6)
-    human, robot = movement(np.random.default_rng(8), 1)
-    ends = []
-    for library, seen in ((plain, human), (wrapped, wrap(human) + TURN)):
-        estimator = IntentEstimator(library, switching=False)
-        for stamp_s, values in zip(TIMES[:90], np.degrees(seen), strict=False):
-            estimator.observe_controlled(1.0 + stamp_s, np.degrees(robot[0]))
-            estimate = estimator.observe(1.0 + stamp_s, values)
-        assert estimate.task == "1"
-        ends.append(estimator.predict_controlled_at(1.0 + TIMES[89]).positions)
-    np.testing.assert_allclose(*ends, atol=1e-6)
 
 
 @pytest.mark.parametrize("turn", [-1, 0, 2])

@@ -10,7 +10,6 @@ import pytest
 from intent_recognition.errors import TrainingError
 from intent_recognition.learning import TrainingSettings, learn, learn_with_report
 from intent_recognition.learning.correcting import keep_correction
-from intent_recognition.learning.held_out_examples import MAX_RIVALS, nearest_tasks
 from intent_recognition.learning.training import add_demonstration
 from intent_recognition.learning.unit_check import other_units_of
 from intent_recognition.promp import controlled_spread, end_std_limits, weight_floor
@@ -197,24 +196,6 @@ def test_the_floor_of_a_dof_that_never_moved_has_the_scale_of_its_unit(scale):
     floor = np.sqrt(weight_floor(scale * weights, ("N", "N", "m", "px")))
     np.testing.assert_allclose(floor, [scale * 0.01, scale * 0.01, 1e-3, scale * 4e-3])
     np.testing.assert_allclose(np.sqrt(weight_floor(weights))[[1, 2, 3]], 1e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scale", SCALES)
-def test_the_nearest_tasks_are_the_same_in_another_unit(trained, scale):
-    known = list(trained[scale].tasks.values())
-    reference = list(trained[1.0].tasks.values())
-    rng = np.random.default_rng(3)
-    shifts = rng.normal(size=(MAX_RIVALS + 4, *known[0].mean.shape)) * 0.1
-    units = trained[1.0].library.units
-    n_observed = trained[1.0].library.n_observed
-    by = factors(trained[1.0].library, scale)[:, None]
-    found = []
-    for tasks, factor in ((known, by), (reference, np.ones_like(by))):
-        others = [replace(tasks[0], mean=tasks[0].mean + factor * shift) for shift in shifts]
-        example = tasks[0].examples[0]._replace(weights=tasks[0].mean)
-        found.append(nearest_tasks(others, example, np.arange(len(others)), units[:n_observed]))
-    np.testing.assert_array_equal(*found)
 
 
 @pytest.mark.slow

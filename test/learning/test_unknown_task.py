@@ -108,14 +108,6 @@ def test_unknown_movements_stay_below_their_conformal_quantile():
     assert margin_between(np.array([5.0]), NOTHING) == margin_between(NOTHING, NOTHING) == 0.0
 
 
-@given(st.lists(factors, min_size=2, max_size=18), st.floats(0.0, 1e6))
-def test_few_movements_give_a_margin_above_all_of_them(highest, added):
-    margin = margin_between(np.array(highest), NOTHING)
-    assert margin >= max(*highest, 0.0)
-    assert margin_between(np.array(highest) + added, NOTHING) >= margin - 1e-6
-    assert margin_between(np.array(highest[::-1]), NOTHING) == pytest.approx(margin)
-
-
 def test_a_gap_is_shared_in_halves_by_tasks_of_five_demonstrations():
     unknown = np.arange(19.0)  # below 18
     known = np.linspace(40.0, 60.0, 21)  # 5 % of them below 41

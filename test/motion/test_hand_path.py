@@ -96,12 +96,6 @@ def test_joints_beyond_the_link_stay_and_are_commanded():
     np.testing.assert_allclose(arm.forward_kinematics(joints[-1]), end, atol=1e-6)
 
 
-def test_fingers_come_last_in_the_measured_joints():
-    made = toolbox_arm("panda")
-    with_fingers = np.concatenate([made.home, [0.04, 0.04]])
-    np.testing.assert_array_equal(made.hand(with_fingers), made.hand(made.home))
-
-
 def test_a_hair_out_of_reach_is_executed_and_more_is_refused_with_where_and_when():
     """The line leaves the LWR's reach of 0.868 m about its shoulder 2/3 of the way."""
     made = toolbox_arm("lwr")

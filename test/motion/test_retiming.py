@@ -95,6 +95,7 @@ def test_a_prediction_of_another_range_is_refused(factor):
     q = q * factor + (np.array([0, 0, 0, 3.0, 0, 0, 0]) if factor == 1.0 else 0.0)
     with pytest.raises(TrajectoryError, match=r"rad, got .* rad\. Train with this arm's"):
         check_range(q, LIMITS)
+    check_range(np.stack([HOME, LIMITS.upper + 0.1]), LIMITS)
 
 
 @pytest.mark.slow
@@ -143,6 +144,7 @@ def test_the_timing_is_the_nominal_one_also_after_a_late_start_or_before_the_ons
     assert plan.times_s[plan.phase >= 1.0 - 1e-9][0] < 2.4 + 0.1
     assert not plan.slowed
     plan = planned(samples(4, 3.0))
+    assert plan.phase[-2] < 1.0  # and no sample after the end
     assert np.all(plan.phase <= plan.times_s / 3.0 + 0.01)
     assert plan.times_s[plan.phase >= 1.0 - 1e-9][0] == pytest.approx(3.0, abs=0.1)
     plan = planned(samples(4, 3.0), 0.5)
@@ -170,6 +172,7 @@ def test_what_is_too_fast_or_outside_is_slowed_or_clamped_and_said_to_be():
     q = q + np.outer(minimum_jerk(times / 3.0), [0, 0, 0, 1.5, 0, 0, -4.0])
     plan = planned((times, q, np.gradient(q, times, axis=0)), -1.0)
     assert set(plan.clamped) == {3, 6}
+    np.testing.assert_allclose(plan.end[[3, 6]], [LIMITS.upper[3], LIMITS.lower[6]], atol=0.02)
     check_by_differences(plan)
     others = [0, 1, 2, 4, 5]
     np.testing.assert_allclose(plan.end[others], q[-1, others], atol=1e-9)
@@ -205,6 +208,8 @@ def test_a_brake_keeps_to_the_way_of_a_plan_that_is_joining_a_path(seed, duratio
         assert away.min() < 5e-3
         at = running.phase_at(way_s[np.argmin(away)]).phase
         assert abs(phase - at) < 0.02
+    done = np.gradient(brake.phase, brake.times_s)
+    np.testing.assert_allclose(brake.phase_rate[2:-2], done[2:-2], atol=0.1)
     fastest = np.abs(rates[way_s <= t + brake.duration_s]).max(axis=0)
     assert np.all(np.abs(brake.velocities) <= 1.02 * fastest + 0.02)
 
