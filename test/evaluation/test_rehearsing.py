@@ -54,7 +54,6 @@ def test_a_decision_that_is_never_sure_misses_everything(library):
     assert (found.n_missed, found.n_wrong) == (1, 0)
     assert np.isnan(found.runs[0].decided_s)
     assert rehearse(library, [recorded], decision_settings(library)).n_missed == 0
-    recorded = perform(TRUTH, 1, 60)
     outcome = run_online(library, recorded)
     assert outcome.activated == (recorded.task,) and 0.0 < outcome.decided_share < 1.0
     strict = run_online(library, recorded, DecisionSettings(max_end_std_rad=1e-9))

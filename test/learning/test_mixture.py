@@ -34,7 +34,6 @@ def test_neither_units_nor_dofs_that_never_move_matter(rng):
     second = mixture_features(weights * factor + 3.0 * factor, 3, BASIS)
     gram = first.coordinates @ first.coordinates.T
     np.testing.assert_allclose(second.coordinates @ second.coordinates.T, gram, atol=1e-9)
-    weights, _ = drawn(rng)
     still = np.insert(weights, 5, 0.3, axis=1)
     first, second = (mixture_features(w, 3, BASIS) for w in (weights, still))
     assert np.all(np.isfinite(second.coordinates))
@@ -61,7 +60,6 @@ def test_tasks_are_found_and_numbered_by_size_with_the_same_generator_alike(rng)
     found = cluster(features, 3, np.random.default_rng(0))
     assert same_partition(found.labels, tasks[order])
     assert np.bincount(found.labels).tolist() == [8, 7, 6]
-    features = mixture_features(drawn(rng)[0], 3, BASIS)
     first, second = (cluster(features, 4, np.random.default_rng(1)) for _ in range(2))
     np.testing.assert_array_equal(first.labels, second.labels)
     assert first.log_likelihood == second.log_likelihood
@@ -110,8 +108,6 @@ def test_fits_without_each_or_a_fold_are_fits_of_the_rest(rng, monkeypatch):
         np.testing.assert_allclose(left_out.mean[index], alone.mean[0], atol=1e-10)
         np.testing.assert_allclose(left_out.diagonal[index], alone.diagonal[0], rtol=1e-9)
     assert same_partition(left_out_labels(points, left_out), tasks)
-    weights, tasks = drawn(rng)
-    features = mixture_features(weights, 3, BASIS)
     monkeypatch.setattr(mixture, "MAX_FOLDS", 4)
     left_out = leave_each_out(features.coordinates, tasks, 3, features.prior)
     assert left_out.mean.shape[0] == len(tasks)

@@ -156,7 +156,6 @@ def test_unusable_recordings_are_left_out_by_name_and_reason(truth, rng):
     other = replace(other, observed=(stranger, other.observed[1]))
     ((name, reason),) = accumulate([*recordings(truth, rng, 3), other], WHOLE).rejected
     assert name == "other" and "foot" in reason
-    good = recordings(truth, rng, 3)
     one = simulate(truth, 0, rng, name="silent")
     empty = Signal(one.observed[1].names, [], np.zeros((0, 1)), "m")
     silent = replace(one, observed=(one.observed[0], empty))

@@ -140,7 +140,6 @@ def test_another_unit_changes_nothing_learned_nor_any_probability_decision_or_co
     assert (active2, start2) == (active, start)
     assert TASKS[1] in active
     np.testing.assert_allclose(end2[-1] / by, end[-1], rtol=1e-5, atol=1e-7)
-    library, other = trained[1.0].library, trained[OTHER].library
     by = np.repeat(factors(library, OTHER), library.basis.n_basis)
     n = library.n_observed_weights
     for name, expected, one in (("mean", by, 1), ("covariance", np.outer(by, by), 2)):

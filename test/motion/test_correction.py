@@ -55,7 +55,6 @@ def test_it_passes_where_the_arm_was_left_and_begins_where_it_began():
     np.testing.assert_allclose(moved.spline(0.0), path.spline(0.0), atol=1e-6)
     assert correction.corrected(path, "b", [Via(1.0, left)], WIDE) is path
     assert correction.corrected(path, "a", [], WIDE) is path
-    _, path = seen(PRIMITIVE)
     vias = [Via(z, path.spline(z)) for z in (0.5, 1.0)]
     np.testing.assert_allclose(corrected_by(SPREAD, path, vias, PHASES), 0.0, atol=1e-9)
 

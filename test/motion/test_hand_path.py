@@ -77,7 +77,6 @@ def test_a_place_out_of_reach_as_the_hand_is_turned_and_a_quaternion_of_zeros_ar
     turn = np.tile(Rotation.from_matrix(begin[:3, :3]).as_quat(), (50, 1))
     with pytest.raises(TrajectoryError, match=r"m and \d\.\d\d rad too far at .* to 3\.00 s"):
         joints_along(made._arm, TIMES_S, np.hstack([place, turn]), made.robot.ready)
-    made = toolbox_arm("lwr")
     with pytest.raises(TrajectoryError, match="unit quaternions"):
         joints_along(made._arm, TIMES_S, np.zeros((50, 7)), made.home)
 
@@ -103,8 +102,6 @@ def test_a_hair_out_of_reach_is_executed_and_more_is_refused_with_where_and_when
     path = np.array([0.668, 0.0, 0.3105]) + way * [0.3, 0.0, 0.0]
     with pytest.raises(TrajectoryError, match=r"0\.100 m too far at \[0\.968.*2\.\d\d to 3\.00 s"):
         joints_along(made._arm, TIMES_S, path, made.home)
-    made = toolbox_arm("lwr")
-    way = np.linspace(0.0, 1.0, 50)[:, None]
     path = np.array([0.5, 0.0, 0.3105]) + way * [0.37, 0.0, 0.0]
     _, joints = joints_along(made._arm, TIMES_S, path, made.home)
     assert np.linalg.norm(made.hand(joints[-1]) - path[-1]) < 0.005

@@ -44,21 +44,17 @@ def test_a_covering_implies_what_was_left_out(rng):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("steps", "order", "said"),
     [
-        (({("a", "z"): 0.5},), "z"),
-        (({("a", "b"): 1.5},), "1.5"),
-        (({("a", "b"): 0.9, ("b", "a"): 0.9},), "a, b"),
+        (STEPS, {("a", "z"): 0.5}, "z"),
+        (STEPS, {("a", "b"): 1.5}, "1.5"),
+        (STEPS, {("a", "b"): 0.9, ("b", "a"): 0.9}, "a, b"),
+        ((*STEPS, STEPS[0]), {}, "different names"),
     ],
 )
-def test_what_is_no_plan_is_refused(arguments, said):
+def test_what_is_no_plan_is_refused(steps, order, said):
     with pytest.raises(ArgumentError, match=said):
-        WorkPlan(STEPS, *arguments)
-
-
-def test_two_steps_have_two_names():
-    with pytest.raises(ArgumentError, match="different names"):
-        WorkPlan((*STEPS, STEPS[0]))
+        WorkPlan(steps, order)
 
 
 def test_what_is_written_is_read():

@@ -199,7 +199,6 @@ def test_stamps_must_increase_within_a_signal_however_long_it_was_silent(rng):
         assert estimator.reason_to_reject(again) == "stamp_not_increasing"
     assert estimator.reason_to_reject(Observation(START_NS + 99, 1, np.zeros(1))) is None
     assert estimator.reason_to_reject(Observation(START_NS + 101, 0, np.zeros(2))) is None
-    library = make_library(rng, groups=(2, 1), n_basis=4)
     estimator = IntentEstimator(library)
     silent = Observation(START_NS, 1, np.zeros(1))
     estimator.update(silent)

@@ -56,7 +56,6 @@ def test_neither_what_was_not_measured_nor_what_came_before_onset_counts(library
     np.testing.assert_array_equal(with_gaps.log_evidence, without.log_evidence)
     gaps[4:, 0] = np.nan
     assert np.all(np.isfinite(recognize_task(library, times_s, gaps).probabilities))
-    _, times_s, human = recording
     onset_s = float(times_s[10])
     early = human.copy()
     early[:10] += 1.0
@@ -71,7 +70,6 @@ def test_the_task_may_be_given_and_the_library_comes_first(library, recording):
     assert given.positions.shape == (7, library.n_controlled)
     with pytest.raises(ArgumentError, match="one of"):
         predict_controlled(library, times_s, human, task="juggling")
-    _, times_s, human = recording
     with pytest.raises(ArgumentError, match="library: expected a TaskLibrary, got one of type"):
         recognize_task(times_s, human, library)
 
