@@ -200,7 +200,7 @@ def test_the_arm_stays_while_an_object_changes_hands(stopped):
     world.activation.take_exchange(until_ns)
     world.task = "idle"
     world.run_until(Mode.HOMING)
-    assert world.now_ns == pytest.approx(until_ns, abs=STEP_NS)
+    assert world.now_ns == until_ns
     world.check_continuous()
 
 
