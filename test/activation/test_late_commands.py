@@ -171,11 +171,13 @@ def test_an_arm_that_is_held_on_its_way_is_not_taken_for_one_that_gets_late_comm
 def test_once_lateness_is_known_a_controller_that_forgets_goes_on_without_a_jump():
     """All it executes in the second interaction is what is in force, as commands lead by enough."""
     world, arm = session(0, (0.2, 0.2), 0.0, ForgetfulArm)
-    begun = [c for c in world.commands if c.before is None and c.plan.kind == "interaction"]
+    home = next(c for c in world.commands if c.plan.kind == "home")
+    interactions = (c for c in world.commands if c.plan.kind == "interaction")
+    begun = next(c for c in interactions if c.start_ns > home.start_ns)
     compared = 0
     for k, executed in enumerate(arm.executed):
         time_ns = START_NS + round((k + 1) * FINE_S * 1e9)
-        if time_ns > begun[-1].start_ns:
+        if time_ns > begun.start_ns:
             np.testing.assert_allclose(
                 executed.position, world.reference(time_ns).position, atol=1e-5
             )
