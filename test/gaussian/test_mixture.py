@@ -129,17 +129,6 @@ def test_an_empty_component_is_dropped(rng):
     np.testing.assert_array_equal(fit.labels, without.labels)
 
 
-def test_a_single_member_has_the_covariance_of_the_prior(rng):
-    points, labels = clusters(rng)
-    labels = np.where(np.arange(len(labels)) == 0, 3, labels)
-    components = maximisation(points, one_hot(labels, 4)[None], CovariancePrior(0.01))
-    np.testing.assert_allclose(
-        components.covariance(points)[0, 3], 0.01 * np.eye(points.shape[1]), atol=1e-15
-    )
-    fit = fit_mixture(points, one_hot(labels, 4)[None], CovariancePrior(0.01, 2.0, 1.0))
-    assert np.all(np.isfinite(fit.log_likelihood))
-
-
 def test_points_that_are_all_equal_make_one_component():
     points = affine_span(np.ones((5, 3))).coordinates
     assert points.shape == (5, 0)
