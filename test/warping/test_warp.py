@@ -18,6 +18,7 @@ from intent_recognition.warping.object_model import ObjectCloud, Part
 from intent_recognition.warping.object_warp import warp_object
 from intent_recognition.warping.opening import _bearing, _looks_into
 from intent_recognition.warping.parameters import lip_point, pouring_parameters, tilt_reference
+from intent_recognition.warping.pour_level import LEFT_WHEN_EMPTY, emptying
 from intent_recognition.warping.rim import Rim
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
 
@@ -164,6 +165,10 @@ def test_at_the_reference_tilt_half_of_the_volume_is_below_the_lip(mug):
     below = cavity.slice_plane(lip, -vertical)
     volume = np.linalg.det(below.triangles - lip).sum() / 6.0
     assert volume == pytest.approx(0.5 * found.volume_m3, rel=1e-6)
+    holds, heaped = (emptying(warped, lip, above_m) for above_m in (0.0, 0.01))
+    assert holds.tilt_leaving(0.5) == pytest.approx(tilt, abs=0.01)
+    assert holds.tilt_leaving(LEFT_WHEN_EMPTY) == pytest.approx(holds.empty_rad)
+    assert np.all(heaped.shares > holds.shares - 1e-9) and heaped.empty_rad == holds.empty_rad
 
 
 def test_a_wall_is_measured_level_by_level():
