@@ -145,7 +145,7 @@ def test_the_timing_is_the_nominal_one_also_after_a_late_start_or_before_the_ons
     assert plan.times_s[plan.phase >= 1.0 - 1e-9][0] < 2.4 + 0.1
     assert not plan.slowed
     plan = planned(samples(4, 3.0))
-    assert plan.phase[-2] < 1.0  # and no sample after the end
+    assert plan.phase[-2] < 1.0 == plan.phase_at(9.0).phase  # and no sample after the end
     assert np.all(plan.phase <= plan.times_s / 3.0 + 0.01)
     assert plan.times_s[plan.phase >= 1.0 - 1e-9][0] == pytest.approx(3.0, abs=0.1)
     plan = planned(samples(4, 3.0), 0.5)
