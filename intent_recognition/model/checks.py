@@ -135,9 +135,9 @@ def evidence_freedom(path: str | Path, header: dict) -> float:
 
 
 def left_out_odds(path: str | Path, header: dict) -> LeftOutOdds:
-    """What is known of the risk of acting; nothing in models that were written without."""
+    """What is known of the risk of acting."""
     try:
-        entry = header.get("left_out_odds", {"odds": [], "groups": []})
+        entry = header["left_out_odds"]
         odds, groups = tuple(map(float, entry["odds"])), tuple(map(str, entry["groups"]))
         if len(odds) != len(groups) or len(odds) == 1 or not np.all(np.isfinite(odds)):
             raise ValueError(f"{len(odds)} odds of {len(groups)} demonstrations")
@@ -156,8 +156,7 @@ def phase_deviation(
     try:
         entry = header["phase_deviation"]
         correlation, evidence = float(entry["correlation"]), float(entry["evidence"])
-        follows, exponent = entry["controlled_follows"], entry.get("duration_exponent", 0.0)
-        exponent = float(exponent)
+        follows, exponent = entry["controlled_follows"], float(entry["duration_exponent"])
         if not isinstance(follows, bool):
             raise TypeError(f"controlled_follows {follows!r}")
     except (KeyError, TypeError, ValueError, OverflowError) as error:

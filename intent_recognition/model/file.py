@@ -53,14 +53,6 @@ from intent_recognition.untrusted import UntrustedError, check_archive, load_jso
 FORMAT_VERSION = 3
 """Of the file; others are not read."""
 MODEL_FILE = "a model file written by `intent train`"
-ADDED: dict[str, NDArray[Any]] = {
-    "switch_margin": np.array(0.0),
-    "task_evidence": np.array(1.0),
-    "regression_variance": np.array(0.0),
-    "displacement_exponent": np.array(0.0),
-    "delay_s": np.array(0.0),
-}
-"""What older models hold, which were written without these."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +153,6 @@ def load_model(path: str | Path) -> Model:
 
 def _model(path: Path, content: dict[str, NDArray[Any]], header: dict) -> Model:
     """The model of what a file holds, which is checked."""
-    content = ADDED | content
     try:
         dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")
         labels = labels_of(header["labels"])

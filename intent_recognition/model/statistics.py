@@ -93,7 +93,7 @@ def unpack_statistics(
         preprocessing = _preprocessing(header["preprocessing"], timing)
         chosen = _hyperparameters(header["chosen"])
         labels, names = tuple(header["labels"]), tuple(header["examples"])
-        groups = tuple(header.get("groups", [""] * len(names)))
+        groups = tuple(header["groups"])
     except (KeyError, TypeError, AttributeError, ArgumentError) as error:
         expected = "a complete header"
         raise ModelError.about(f"{path}: statistics", expected, error, RETRAIN) from error
@@ -121,12 +121,6 @@ def unpack_statistics(
 
 def _hyperparameters(chosen: Mapping) -> Hyperparameters:
     """Those of the header."""
-    chosen = dict(chosen)
-    if "aligned" in chosen:  # of a model that was written before there were four paces
-        chosen["pace"] = "aligned" if chosen.pop("aligned") else "own"
-        chosen.setdefault("duration_evidence", Hyperparameters().duration_evidence)
-    for name in Hyperparameters._fields[3:-3]:  # a model before 0.3
-        chosen.setdefault(name, getattr(Hyperparameters(), name))
     if set(chosen) != set(Hyperparameters._fields):
         raise KeyError(f"chosen of {', '.join(Hyperparameters._fields)}")
     pace, numbers = chosen["pace"], [chosen[name] for name in Hyperparameters._fields[1:]]
@@ -198,8 +192,8 @@ def _timing(path: str, header: Mapping, arrays: Mapping[str, NDArray[Any]], n_do
     check_arrays(path, bounded, dict(zip(TIMING, shapes, strict=True)))
     check_positive(path, bounded, "timing_scale", "timing_deviation_std")
     templates = {label: Template(values[k], scale[k]) for k, label in enumerate(labels)}
-    exponents = [header.get(name, 0.0) for name in EXPONENTS]
-    usual_s, delay_s = header.get("usual_s", {}), header.get(DELAY, 0.0)
+    exponents = [header[name] for name in EXPONENTS]
+    usual_s, delay_s = header["usual_s"], header[DELAY]
     sound = all(isinstance(one, (int, float)) for one in (*exponents, delay_s, *usual_s.values()))
     sound = sound and all(abs(one) <= MAX_EXPONENT for one in exponents)
     sound = sound and 0 <= delay_s < inf and all(0 < s < inf for s in usual_s.values())
@@ -233,8 +227,8 @@ def _preprocessing(content: Mapping, timing: Timing) -> Preprocessing:
         controlled_onset=tuple(OnsetSettings(**entry) for entry in content["controlled_onset"]),
         timing=timing,
         source=content["source"],
-        context=signals(content.get("context", [])),
-        angles=tuple(content.get("angles", ())),
+        context=signals(content["context"]),
+        angles=tuple(content["angles"]),
     )
 
 

@@ -17,7 +17,6 @@ from intent_recognition.demonstrations.dofs import DofSpec
 from intent_recognition.errors import DofError, ModelError
 from intent_recognition.model.checks import COUPLING
 from intent_recognition.model.file import (
-    ADDED,
     DEVIATION_STD,
     FORMAT_VERSION,
     SHAPES,
@@ -26,7 +25,7 @@ from intent_recognition.model.file import (
     load_model,
     save_model,
 )
-from intent_recognition.promp import NO_ODDS, LeftOutOdds, PhaseDeviation
+from intent_recognition.promp import LeftOutOdds, PhaseDeviation
 from intent_recognition.promp.coupling import ResidualCoupling
 from intent_recognition.promp.library import TaskLibrary
 
@@ -112,12 +111,9 @@ def test_what_was_written_is_read_bit_for_bit(model, written):
             assert theirs == ours, field.name
 
 
-def test_a_model_of_before_there_were_some_parts_is_read(written, tmp_path):
-    parts = dict.fromkeys((*COUPLING, "switch_margin"))
-    old = rewritten(tmp_path / "m.npz", written, **parts)
-    old = with_header(tmp_path / "old.npz", old, lambda header: header.pop("left_out_odds"))
-    found = load_model(old).library
-    assert (found.coupling, found.switch_margin, found.left_out_odds) == (None, 0.0, NO_ODDS)
+def test_a_model_may_be_without_a_coupling(written, tmp_path):
+    without = rewritten(tmp_path / "m.npz", written, **dict.fromkeys(COUPLING))
+    assert load_model(without).library.coupling is None
 
 
 def test_a_folder_is_made_and_nothing_is_left_beside(model, tmp_path):
@@ -182,7 +178,7 @@ def test_flipped_bits_are_an_error_or_harmless(model, written, tmp_path, data):
         np.testing.assert_array_equal(read.library.weight_mean, model.library.weight_mean)
 
 
-@pytest.mark.parametrize("name", sorted({*SHAPES, "header"} - {*ADDED}))
+@pytest.mark.parametrize("name", sorted({*SHAPES, "header"}))
 def test_a_missing_array_is_named(written, tmp_path, name):
     refused(rewritten(tmp_path / "m.npz", written, **{name: None}), name)
 

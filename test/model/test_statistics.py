@@ -163,22 +163,6 @@ def test_a_damaged_header_is_named(written, tmp_path, change):
         load_trained(tmp_path / "bad.npz")
 
 
-@pytest.mark.parametrize("aligned", [False, True])
-def test_a_model_of_before_there_were_four_paces_is_read(trained, tmp_path, aligned):
-    pace = "aligned" if aligned else "own"
-    chosen = trained.chosen._replace(pace=pace)
-    library = library_from_statistics(trained.tasks, trained.preprocessing, chosen)
-    path = tmp_path / "model.npz"
-    save_model(path, Model(library, DOFS), replace(trained, library=library, chosen=chosen))
-    with np.load(path, allow_pickle=False) as file:
-        arrays = {key: file[key] for key in file.files}
-    header = json.loads(str(arrays["header"]))
-    del header["statistics"]["chosen"]["pace"], header["statistics"]["chosen"]["duration_evidence"]
-    header["statistics"]["chosen"]["aligned"] = aligned
-    np.savez(path, **(arrays | {"header": np.array(json.dumps(header))}))
-    assert load_trained(path)[1].chosen.pace == pace
-
-
 def test_priors_changed_after_learning_are_kept(trained, tmp_path):
     """The library written is the model's; the statistics only tell how to go on."""
     prior = np.array([0.5, 0.25, 0.25])
