@@ -48,12 +48,6 @@ def make_console(stderr: bool = False) -> Console:
     return _Output(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
 
 
-def brief_list(items: Sequence[object]) -> str:
-    """The first five items by commas, and how many more there are."""
-    more = f", and {len(items) - 5} more" if len(items) > 5 else ""
-    return ", ".join(map(str, items[:5])) + more
-
-
 def say(console: Console, text: object, style: str | None = None) -> None:
     """Print a text on one line however long: paths and messages can be copied."""
     console.print(str(text), style=style, soft_wrap=True)

@@ -40,7 +40,7 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli import output
-from intent_recognition.cli.console import boxed_table, brief_list, busy, progress_bar, say
+from intent_recognition.cli.console import boxed_table, busy, progress_bar, say
 from intent_recognition.cli.recordings import add_recording_options, read_all, training_settings
 from intent_recognition.cli.rejections import (
     print_doubtful,
@@ -50,7 +50,7 @@ from intent_recognition.cli.rejections import (
 )
 from intent_recognition.cli.unlabelled import add_unlabelled_options, find_components, n_components
 from intent_recognition.demonstrations import load_dofs, settle_orientations
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, first_of
 from intent_recognition.evaluation import PHASES, Fold, evaluate, make_folds, remarks_on
 from intent_recognition.learning import Relabelled
 from intent_recognition.model import merge_frames
@@ -205,7 +205,7 @@ def print_result(console: Console, result: dict) -> None:
         console.print(line)
     if mistaken := result["mistaken"]:
         taken = (f"{m['recording']} ({m['true']}) for {m['recognised']}" for m in mistaken)
-        say(console, f"taken for another task at the end: {brief_list([*taken])}", "yellow")
+        say(console, f"taken for another task at the end: {first_of([*taken])}", "yellow")
     print_reactive(console, result["reactive"])
     print_online(console, result["online"])
     _print_none(console, result["none"])

@@ -10,9 +10,9 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.bags import RECOVER, Damage
-from intent_recognition.cli.console import brief_list, plain_table, print_facts
+from intent_recognition.cli.console import plain_table, print_facts
 from intent_recognition.demonstrations import BagSummary, TopicSummary
-from intent_recognition.errors import BagError
+from intent_recognition.errors import BagError, first_of
 
 
 def bag_json(summary: BagSummary) -> dict:
@@ -52,7 +52,7 @@ def print_bag(console: Console, summary: BagSummary) -> None:
                 f"{length:.3f} s at {(at_ns - summary.start_ns) * 1e-9:.2f} s"
                 for at_ns, length in topic.gaps
             ]
-            console.print(f"gaps in {topic.name}: {brief_list(gaps)}", style="yellow")
+            console.print(f"gaps in {topic.name}: {first_of(gaps)}", style="yellow")
     _print_session(console, summary)
     for damage in summary.damage:
         console.print(damage_line(damage), style="red")

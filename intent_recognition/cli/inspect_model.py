@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from intent_recognition.cli.console import brief_list, plain_table, print_facts
+from intent_recognition.cli.console import plain_table, print_facts
+from intent_recognition.errors import first_of
 from intent_recognition.model import FRAMES, Frames, Model, frames_of
 from intent_recognition.promp import TaskLibrary, least_end_std
 from intent_recognition.recognition import learned_risk
@@ -118,7 +119,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
             dofs.add_row("context", name, unit, "-")
     console.print(dofs)
     if bags:
-        console.print(f"from {len(bags)} bags: {brief_list(bags)}")
+        console.print(f"from {len(bags)} bags: {first_of(bags)}")
 
 
 def _brief(value: object, meanings: Mapping[str, str] = {}) -> str:

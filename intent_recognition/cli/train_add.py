@@ -7,11 +7,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.cli.console import brief_list, busy, say
+from intent_recognition.cli.console import busy, say
 from intent_recognition.cli.recordings import DEFAULTS, accumulate_all
 from intent_recognition.cli.rejections import print_found, with_found
 from intent_recognition.demonstrations import load_dofs
-from intent_recognition.errors import ArgumentError, TrainingError
+from intent_recognition.errors import ArgumentError, TrainingError, first_of
 from intent_recognition.learning import (
     Accumulated,
     Trained,
@@ -74,7 +74,7 @@ def _print_known(console: Console, trained: Trained, accumulated: Accumulated) -
     before = trained.library.provenance.get("bags")
     known = {*before} if isinstance(before, (list, tuple)) else set()
     if again := [name for name in accumulated.used if name in known]:
-        names = brief_list(again)
+        names = first_of(again)
         say(console, f"the model already has recordings of these names: {names}", "yellow")
         say(console, "Those that are the same recordings are now counted twice.", "yellow")
 

@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, first_of
 from intent_recognition.kinematics.limits import JointLimits
 from intent_recognition.kinematics.urdf_tip import MOVING, default_tip
 from intent_recognition.kinematics.urdf_tree import ASSUMED, link_of, parse_urdf, separate_names
@@ -104,13 +104,13 @@ def read_chain(
     links = [link.get("name", "") for link in root.findall("link")]
     for argument, name in (("base", base), ("tip", tip)):
         if name is not None and name not in links:
-            raise ArgumentError.about(argument, f"a link of {_few(links)}", name, "Name one.")
+            expected = f"a link of {first_of(links, 12)}"
+            raise ArgumentError.about(argument, expected, name, "Name one.")
     if base is None:
         base, *others = [link for link in links if link not in above] or [""]
         if others or not base:
-            raise ArgumentError.about(
-                "base", "one root link", _few([base, *others]), "Name the base."
-            )
+            roots = first_of([base, *others], 12)
+            raise ArgumentError.about("base", "one root link", roots, "Name the base.")
     mimics = {mimic.joint: mimic for mimic in _mimics(joints)}
     by_name = {joint.get("name", ""): joint for joint in joints}
     masters = {m.joint: m.master for m in mimics.values() if m.master in {*by_name} - {m.joint}}
@@ -164,10 +164,6 @@ def _check_lengths(way: list[ET.Element], tip: str) -> None:
 
 def _names(joints: list[ET.Element]) -> list[str]:
     return [joint.get("name", "") for joint in joints]
-
-
-def _few(names: list[str]) -> str:
-    return ", ".join(names[:12]) + ", ..." * (len(names) > 12)
 
 
 def _way(base: str, tip: str, above: Mapping[str, ET.Element]) -> list[ET.Element]:

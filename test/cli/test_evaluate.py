@@ -155,7 +155,7 @@ def test_recordings_taken_for_another_task_and_a_single_task_are_told(scored):
     result = scored.result | {"mistaken": mistaken, "tasks": ["a"]}
     command.print_result(Console(file=text, width=140), result)
     assert "taken for another task at the end: d0 (a) for b, " in text.getvalue()
-    assert "d4 (a) for b, and 2 more" in text.getvalue()
+    assert "d4 (a) for b and 2 more" in text.getvalue()
     assert "With one task there is nothing to recognise" in text.getvalue()
     assert "taken for another" not in scored.text
 
