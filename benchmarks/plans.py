@@ -63,7 +63,7 @@ def score(
         late: set[str] = set()
         for act in build(rng, job, SLIPS):
             habit = table[last]
-            p, k = progress.next_tasks(habit), labels.index(act.label)
+            p, k = progress.next_tasks(), labels.index(act.label)
             out["movements"] += 1
             out["loss"] -= np.log(p[k])
             out["loss of table"] -= np.log(habit[k])
@@ -74,7 +74,7 @@ def score(
                 out["right of table"] += np.argmax(habit) == k
             seen = np.exp(rng.normal(size=len(labels)) + LOG_ODDS * (np.arange(len(labels)) == k))
             posterior = np.r_[p * seen, 1e-4 * np.exp(LOG_ODDS)]
-            progress.take(posterior / posterior.sum(), habit)
+            progress.take(posterior / posterior.sum())
             last = k
             now = {step.task for step in progress.steps() if str(step) == "forgotten"}
             new = {job.labels[step] for step in act.missing} - missing
@@ -91,7 +91,7 @@ def score(
 def main() -> None:
     """Print a line for each kind of demonstrations."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--first", type=int, default=100, help="seed; 0 to 9 chose the constants")
+    parser.add_argument("--first", type=int, default=100, help="seed; 0 to 59 chose the constants")
     parser.add_argument("--seeds", type=int, default=10)
     options = parser.parse_args()
     seeds = range(options.first, options.first + options.seeds)

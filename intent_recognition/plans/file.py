@@ -13,7 +13,7 @@ from intent_recognition.plans.work_plan import Pair, WorkPlan, WorkStep
 from intent_recognition.untrusted import YamlChecks
 
 BEFORE = " < "
-STEP_KEYS = ("step", "task", "share", "who", "objects", "duration")
+STEP_KEYS = ("step", "task", "share", "who", "objects", "duration", "after")
 CHECKS = YamlChecks("docs/plans.md describes plans.")
 PLAN_KEYS = ("assemblies", "repeated", "wrong", "steps", "order", "by_hand")
 
@@ -42,6 +42,7 @@ def write_plan(plan: WorkPlan) -> str:
         row |= {"who": dict(step.who)} if step.who else {}
         row |= {"objects": dict(step.objects)} if step.objects else {}
         row |= {"duration": step.duration_s} if step.duration_s else {}
+        row |= {"after": dict(step.after)} if step.after else {}
         steps.append(row)
     content = {
         "assemblies": plan.n_assemblies,
@@ -168,6 +169,7 @@ def _step(place: str, content: Any) -> WorkStep:
         _numbers(f"{place}, who", content.get("who")),
         _numbers(f"{place}, objects", content.get("objects")),
         CHECKS.number(f"{place}, duration", content.get("duration", 0.0), 0.0),
+        _numbers(f"{place}, after", content.get("after")),
     )
 
 

@@ -9,12 +9,16 @@ steps earns their number. Beforehand, each further relation makes an order a lit
 The posterior is sampled by Metropolis and Hastings, one relation being added or removed at a time,
 and kept as the probability of each relation: "i must be done before j" (Mannila and Meek 2000 learn
 one such order; Beerenwinkel, Eriksson and Sturmfels 2007 learn them with errors).
+
+What people like to do next is learned from what they chose among the steps that could have come, so
+that a step which had to come says nothing of it.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +43,10 @@ N_SAMPLES = 20_000
 """Steps of the chain, of which the first fifth is left out (docs/plans.md)."""
 SLIP_WEIGHT = 30.0
 """Movements that the prior of USUAL_SLIP counts as. Convention: two or three assemblies."""
+
+CHOICES, PREFERRED = 0.25, 1.2
+"""Choices that the prior of a strength counts as, and strength above which one is kept: of those
+tried the most right at a log loss of 0.7 of the table's (docs/plans.md)."""
 
 Occurrence = tuple[str, int]
 """A task, and how many times it has been done by then."""
@@ -71,6 +79,7 @@ def learn_plan(
     number = {step: k for k, step in enumerate(steps)}
     sequences = [[number[step] for step in one if step is not None] for one in found]
     before = np.minimum(sample_orders(sequences, len(steps), rng, N_SAMPLES), SURE)
+    liked = habits(sequences, before)
     names = [task if k == 1 else f"{task} {k}" for task, k in steps]
     rounded = np.round(covering(np.where(before < FOLLOWS, 0.0, before)), 3)
     order = {
@@ -81,13 +90,39 @@ def learn_plan(
     rate = round((slips + USUAL_SLIP * SLIP_WEIGHT) / (total + SLIP_WEIGHT), 4)
     kept = {pair: p for pair, p in (by_hand or {}).items() if set(pair) <= set(names)}
     return WorkPlan(
-        tuple(_step(name, step, done, found) for name, step in zip(names, steps, strict=True)),
+        tuple(
+            replace(_step(name, step, done, found), after=_listed(names, liked[:, k]))
+            for k, (name, step) in enumerate(zip(names, steps, strict=True))
+        ),
         order,
         kept,
         repeated=rate,
         wrong=rate,
         n_assemblies=len(done),
     )
+
+
+def habits(sequences: Sequence[Sequence[int]], before: Floats) -> Floats:
+    """How many times as likely as others each step is chosen after each, or at first, (n + 1, n).
+
+    Luce's choice axiom (1959): of the steps that are due, each is chosen in proportion to its
+    strength. With a gamma prior whose mode is 1, worth `CHOICES` choices, this is the posterior's
+    mode (the minorisation of Hunter 2004, with the prior of Caron and Doucet 2012).
+    """
+    undone, drawn, previous = _Draws.of(sequences, len(before))
+    offered = undone * np.exp(undone @ np.log1p(-before))
+    chosen, last = np.eye(len(before))[drawn], np.eye(len(before) + 1)[previous]
+    strength = np.ones((len(before) + 1, len(before)))
+    for _ in range(50):
+        total = np.sum((last @ strength) * offered, axis=1, keepdims=True)
+        strength = (CHOICES + last.T @ chosen) / (CHOICES + last.T @ (offered / total))
+    return strength
+
+
+def _listed(names: Sequence[str], strength: Floats) -> dict[str, float]:
+    """Strengths (n + 1,) after each step, as far as they are a preference."""
+    pairs = zip((*names, ""), strength.tolist(), strict=True)
+    return {name: round(one, 2) for name, one in pairs if one > PREFERRED}
 
 
 def _occurrences(tasks: Sequence[Sequence[str]]) -> list[list[Occurrence | None]]:
@@ -156,6 +191,7 @@ class _Draws(NamedTuple):
 
     undone: Floats
     drawn: Integers
+    previous: Integers  # what was drawn before it; -1 where an assembly begins
 
     @classmethod
     def of(cls, sequences: Sequence[Sequence[int]], n: int) -> _Draws:
@@ -167,7 +203,8 @@ class _Draws(NamedTuple):
             for k in range(len(one)):
                 undone[t, list(one[k:])] = 1.0
                 t += 1
-        return cls(undone, drawn)
+        previous = np.array([step for one in sequences for step in (-1, *one[:-1])], np.int64)
+        return cls(undone, drawn, previous)
 
     def log_posterior(self, order: Floats) -> float:
         """Log probability of a partial order (n, n), 1 where i is before j, up to a constant."""

@@ -62,6 +62,8 @@ class WorkProgress:
         self._task = np.array([self.labels.index(step.task) for step in steps], dtype=np.int64)
         self._of_task = np.eye(len(labels))[self._task]
         self._share = np.array([step.share for step in steps])
+        names = (*self.plan.names, "")
+        self._after = np.array([[step.after.get(name, 1.0) for step in steps] for name in names])
         # Laplace: without a rule, an order not seen in N assemblies comes with 1 / (N + 2)
         q, by_chance = self.plan.before, 1.0 / (self.plan.n_assemblies + 2.0)
         self._log_in_order = np.log1p(-q * USUAL_SLIP / (q * USUAL_SLIP + (1.0 - q) * by_chance))
@@ -76,7 +78,8 @@ class WorkProgress:
         out = WorkProgress(plan, labels)
         place = {name: k for k, name in enumerate(self.plan.names)}
         kept = [place.get(name, -1) for name in out.plan.names]
-        out.n_taken = self.n_taken
+        out.n_taken, last = self.n_taken, np.append(self._last[:-1], 0.0)[kept]
+        out._last = np.append(last, 1.0 - last.sum())
         out._keep(np.pad(self._done, ((0, 0), (0, 1)))[:, kept], self._weight)
         return out
 
@@ -85,25 +88,23 @@ class WorkProgress:
         self.n_taken = 0
         self._done = np.zeros((1, len(self._task)), dtype=bool)
         self._weight = np.ones(1)
+        self._last = np.eye(len(self._after))[-1]  # which step was the last, or none yet, (n + 1,)
 
-    def next_tasks(self, habit: Floats | None = None) -> Floats:
-        """Probability that each task is that of the next movement, (K,); sums to one.
-
-        `habit` (K,) is what usually follows the task before; None: nothing is known of that.
-        """
-        step, anew, idle = self._choice(habit)
+    def next_tasks(self) -> Floats:
+        """Probability that each task is that of the next movement, (K,); sums to one."""
+        step, anew, idle = self._choice()
         p = self._weight @ (step @ self._of_task + anew @ self._of_task + idle)
         return np.asarray(p / p.sum())
 
-    def take(self, probabilities: Floats, habit: Floats | None = None) -> None:
-        """Take note of a movement that has ended, with the habit given to `next_tasks` before.
+    def take(self, probabilities: Floats) -> None:
+        """Take note of a movement that has ended.
 
         The probabilities (K + 1,), of the K tasks and none, include that of the plan.
         """
         self.n_taken += 1
         n = len(self._task)
-        step, anew, idle = self._choice(habit)
-        gain = probabilities[:-1] / np.maximum(self.next_tasks(habit), 1e-300)
+        step, anew, idle = self._choice()
+        gain = probabilities[:-1] / np.maximum(self.next_tasks(), 1e-300)
         single, w = np.eye(n, dtype=bool), self._weight
         sets = (self._done[:, None] | single).reshape(-1, n), single, self._done
         weights = (
@@ -112,6 +113,10 @@ class WorkProgress:
             w * (idle @ gain + probabilities[-1]),
         )
         self._keep(np.concatenate(sets), np.concatenate(weights))
+        did = weights[0].reshape(-1, n).sum(axis=0) + weights[1]
+        last = np.append(did, 0.0) + weights[2].sum() * self._last
+        if last.any():
+            self._last = last / last.sum()
 
     def _keep(self, sets: Flags, weights: Floats) -> None:
         done, where = np.unique(sets, axis=0, return_inverse=True)
@@ -120,9 +125,9 @@ class WorkProgress:
         if weight.any():  # else nothing that was possible came
             self._done, self._weight = done[best], weight[best] / weight[best].sum()
 
-    def steps(self, habit: Floats | None = None) -> tuple[StepState, ...]:
+    def steps(self) -> tuple[StepState, ...]:
         """What is believed of each step, in the order of the plan."""
-        step, anew, _ = self._choice(habit)
+        step, anew, _ = self._choice()
         columns = (
             self._weight @ self._done,
             self._weight @ (step + anew),
@@ -138,17 +143,15 @@ class WorkProgress:
         needed = 1.0 - np.exp(done.astype(np.float64) @ self._log_in_order.T)
         return np.asarray(needed * ~done)
 
-    def _due(self, done: Flags, habit: Floats | None) -> Floats:
+    def _due(self, done: Flags) -> Floats:
         """Share of each step in what comes next where these are done, (M, n), or all zero."""
         left_out = self._left_out(done)
         present = self._share * (1.0 - left_out) * ~done
         log_free = np.log1p(-self.plan.before * present[:, :, None]).sum(axis=1)
-        weight = np.exp(log_free) * self._share * ~done
-        if habit is not None:
-            weight = weight * np.sqrt(habit[self._task] + 1e-9)  # docs/plans.md
+        weight = np.exp(log_free) * self._share * ~done * (self._last @ self._after)
         return np.asarray(weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300))
 
-    def _choice(self, habit: Floats | None) -> tuple[Floats, Floats, Floats]:
+    def _choice(self) -> tuple[Floats, Floats, Floats]:
         """Probability of what comes next, by the sets of done steps; rows of all three sum to one.
 
         A step (M, n), a first step of the next assembly (M, n), a task that does no step (M, K).
@@ -160,7 +163,7 @@ class WorkProgress:
         known = 1.0 - plan.wrong - plan.repeated * begun
         again = done @ self._of_task
         again = plan.repeated * again / np.maximum(again.sum(axis=1, keepdims=True), 1.0)
-        into, fresh = self._due(done, habit), self._due(np.zeros_like(done[:1]), habit)
+        into, fresh = self._due(done), self._due(np.zeros_like(done[:1]))
         step, anew = known * (1.0 - over) * into, known * over * fresh
         rest = np.maximum(1.0 - (step + anew).sum(axis=1) - again.sum(axis=1), 0.0)
         undone = (~done).astype(np.float64) @ self._of_task

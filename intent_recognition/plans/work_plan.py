@@ -36,6 +36,7 @@ class WorkStep:
         share: of assemblies in which it is done, in (0, 1].
         who: share of the times that it was done by each person or robot, where that was recorded.
         objects, duration_s: that it takes: mean number of each kind, median time; 0: not recorded.
+        after: how many times as likely as others it is chosen right after a step of this name.
     """
 
     name: str
@@ -44,6 +45,7 @@ class WorkStep:
     who: Mapping[str, float] = field(default_factory=dict)
     objects: Mapping[str, float] = field(default_factory=dict)
     duration_s: float = 0.0
+    after: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

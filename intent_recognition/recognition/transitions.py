@@ -134,7 +134,6 @@ class Expectation:
 
     progress: WorkProgress | None = None
     _plan: WorkPlan | None = None
-    _habit: Floats | None = None
     _step, _answer = "", ""
 
     def __init__(
@@ -151,8 +150,7 @@ class Expectation:
     def follow(self, plan: WorkPlan | None) -> None:
         """Expect what a plan says may come; None: follow no plan.
 
-        Steps of the plan before stay done, by name. What usually follows decides among the steps
-        that may come. Time does not end an assembly.
+        Steps of the plan before stay done, by name. Time does not end an assembly.
 
         Raises:
             ArgumentError: no step of the plan is a task of the library.
@@ -207,7 +205,7 @@ class Expectation:
         """Take note of a movement that has ended."""
         self._answer = ""
         if self.progress is not None:
-            self.progress.take(_completed(posterior.probabilities, posterior.phase), self._habit)
+            self.progress.take(_completed(posterior.probabilities, posterior.phase))
         self._set(remember(self.memory, posterior.probabilities, posterior.phase, ended_ns))
 
     def forget_if_long_ago(self, now_ns: int) -> None:
@@ -248,8 +246,7 @@ class Expectation:
         if self._transitions:
             self.prior = next_task_prior(library.transition_prior, memory, library.task_prior)
         if self.progress is not None:
-            self._habit = self.prior
-            planned = self.progress.next_tasks(self._habit)
+            planned = self.progress.next_tasks()
             self.prior = HABIT_TRUST * planned + (1.0 - HABIT_TRUST) * library.task_prior
         if self._step in library.labels:
             step = np.eye(library.n_tasks)[library.labels.index(self._step)]

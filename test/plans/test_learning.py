@@ -9,7 +9,7 @@ from assemblies import build, make_job
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.plans import DoneTask, learn_plan
-from intent_recognition.plans.learning import JUMPS, ORDER_ODDS, sample_orders
+from intent_recognition.plans.learning import CHOICES, JUMPS, ORDER_ODDS, habits, sample_orders
 
 
 def assemblies(*texts):
@@ -68,6 +68,21 @@ def test_who_and_what_and_how_long(rng):
     a, b = learn_plan(done, rng).steps
     assert (a.who, a.objects, a.duration_s) == ({"anna": 0.5, "ben": 0.5}, {"screw": 1.5}, 2.0)
     assert (b.who, b.objects, b.duration_s) == ({"robot": 1.0}, {}, 0.0)
+
+
+def test_a_habit_is_what_was_chosen_of_several_not_what_had_to_come(rng):
+    """After b either c or d could come, and after a only b: the mode is known."""
+    before = np.zeros((4, 4))
+    before[0, 1:] = before[1, 2:] = 1.0 - 1e-9
+    found = habits([[0, 1, 2, 3]] * 8, before)
+    np.testing.assert_allclose([found[-1, 0], found[0, 1]], 1.0, rtol=1e-6)
+    c, d = found[1, 2], found[1, 3]
+    np.testing.assert_allclose(
+        [c, d], np.array([CHOICES + 8.0, CHOICES]) / (CHOICES + 8.0 / (c + d)), rtol=1e-6
+    )
+    plan = learn_plan(assemblies(*["a b c d", "a b d c", "a b c d"] * 3), rng)
+    after = {step.name: step.after for step in plan.steps}
+    assert after["c"]["b"] > 1.2 and "a" not in after["b"] and "b" not in after["d"]
 
 
 def test_relations_by_hand_are_kept_where_their_steps_are(rng):

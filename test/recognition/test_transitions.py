@@ -162,7 +162,7 @@ def test_a_plan_says_what_is_expected_and_outlasts_silence(rng):
     plan = WorkPlan(steps, {(steps[1].name, steps[0].name): 1.0})
     expectation = Expectation(library, forget_after_s=10.0)
     expectation.follow(plan)
-    planned = expectation.progress.next_tasks(library.task_prior)
+    planned = expectation.progress.next_tasks()
     np.testing.assert_allclose(
         expectation.prior, HABIT_TRUST * planned + (1.0 - HABIT_TRUST) * library.task_prior
     )
