@@ -7,6 +7,7 @@ import numpy as np
 
 from intent_recognition.objects import FOLDER, save_object
 from intent_recognition.share import share_path
+from intent_recognition.signals import homogeneous
 from intent_recognition.warping import AnnotatedObject, Grasp
 from sim_bridge.containers import Camera, Container, make_container, scan
 
@@ -55,9 +56,8 @@ def wall_grasp(container: Container) -> Grasp:
     closing = outward - (outward @ down) * down
     closing /= np.linalg.norm(closing)
     middle = 0.5 * (above + below)
-    pose = np.eye(4)
-    pose[:3, :3] = np.column_stack([np.cross(closing, down), closing, down])
-    pose[:3, 3] = [0.0, middle.mean(), level]
+    axes = np.column_stack([np.cross(closing, down), closing, down])
+    pose = homogeneous(axes, [0.0, middle.mean(), level])
     return Grasp(pose, float((middle[0] - middle[1]) * closing[1]))
 
 

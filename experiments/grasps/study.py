@@ -12,6 +12,7 @@ import trimesh
 from experiments.grasps.lifting import Lifted, LiftingWorld
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects import find_object, load_object
+from intent_recognition.signals import homogeneous
 from intent_recognition.warping import (
     Grasp,
     ObjectCloud,
@@ -34,10 +35,9 @@ def moved_rigidly(source: ObjectModel, warped: WarpedObject) -> Grasp:
     """The annotated grasp moved with the object's frame: what there is without a warp."""
     grasp, own, frame = source.annotated.grasp, source.frame, warped.frame
     assert grasp is not None  # the mug's
-    pose = np.eye(4)
-    pose[:3, :3] = frame.axes.T @ own.axes @ grasp.pose[:3, :3]
-    pose[:3, 3] = frame.origin + own.axes @ (grasp.centre - own.origin) @ frame.axes
-    return Grasp(pose, grasp.width_m)
+    place = frame.origin + own.axes @ (grasp.centre - own.origin) @ frame.axes
+    turn = frame.axes.T @ own.axes @ grasp.pose[:3, :3]
+    return Grasp(homogeneous(turn, place), grasp.width_m)
 
 
 CARRIERS = {WARPED: warp_grasp, CARRIED: moved_rigidly}

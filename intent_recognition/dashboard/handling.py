@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.scene_file import PERSON, ROBOT, Body
+from intent_recognition.signals import homogeneous
 
 CARRIED_M = 0.12
 """What is carried less far is not given or laid down [m]; as the simulated gripper has it."""
@@ -228,7 +229,5 @@ def between(start: Floats, end: Floats, share: float) -> Floats:
     """A pose (4, 4) on the way between two, smooth at both ends; share 0 to 1."""
     way = share * share * (3.0 - 2.0 * share)
     turns = Rotation.from_matrix(np.stack((start[:3, :3], end[:3, :3])))
-    pose = np.eye(4)
-    pose[:3, :3] = Slerp([0.0, 1.0], turns)(way).as_matrix()
-    pose[:3, 3] = start[:3, 3] + way * (end[:3, 3] - start[:3, 3])
-    return pose
+    place = start[:3, 3] + way * (end[:3, 3] - start[:3, 3])
+    return homogeneous(Slerp([0.0, 1.0], turns)(way).as_matrix(), place)

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 import viser
 import yourdfpy
+from scipy.spatial.transform import Rotation
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 from viser.extras import ViserUrdf
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import Chain, joint_poses, tip_pose, tip_positions
+from intent_recognition.kinematics import Chain, joint_poses, tip_poses
 from intent_recognition.motion import is_hand
 from intent_recognition.untrusted import LARGEST
 
@@ -59,7 +60,7 @@ class RobotView:
         """Where the hand is (4, 4), as the arm is shown; None before it was moved."""
         if self._hand is None and self._shown is not None:
             values = joint_values(self._chain, self._joints, self._shown[None])[0]
-            self._hand = tip_pose(self._poses, values)
+            self._hand = tip_poses(self._poses, values)
         return self._hand
 
     def hand_path(self, joints: Sequence[str], positions: Floats) -> Floats:
@@ -68,7 +69,7 @@ class RobotView:
         if is_hand(joints):
             return positions[chosen, :3]
         values = joint_values(self._chain, joints, positions[chosen])
-        return tip_positions(self._poses, values)
+        return tip_poses(self._poses, values)[:, :3, 3]
 
 
 def load_urdf(description: str) -> yourdfpy.URDF:
@@ -119,12 +120,13 @@ class _MovingUrdf(ViserUrdf):
     def move(self, names: Sequence[str], positions: Floats) -> None:
         """Turn and shift the joints of these names (d,), [rad or m]."""
         values = joint_values(self._all, names, positions[None])[0]
-        wxyz, position = joint_poses(self._local, values)
+        poses = joint_poses(self._local, values)
+        wxyz = np.roll(Rotation.from_matrix(poses[:, :3, :3]).as_quat(), 1, axis=1)
         for k, frame in enumerate(self._joint_frames):
             if self._all[k].type in TURNING:
                 frame.wxyz = wxyz[k]
             elif self._all[k].type in SHIFTING:
-                frame.position = position[k]
+                frame.position = poses[k, :3, 3]
 
 
 def joint_values(

@@ -20,6 +20,7 @@ from intent_recognition.dashboard.checks import MOST_NAMES
 from intent_recognition.dashboard.figure import Stance
 from intent_recognition.errors import ArgumentError, one_line
 from intent_recognition.share import share_path
+from intent_recognition.signals import homogeneous
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
 LARGEST_M = 100.0
@@ -42,10 +43,7 @@ class Placed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, dict
     @cached_property
     def pose(self) -> Floats:
         """As in a URDF (4, 4)."""
-        pose = np.eye(4)
-        pose[:3, 3] = self.xyz
-        pose[:3, :3] = Rotation.from_euler("xyz", self.rpy).as_matrix()
-        return pose
+        return homogeneous(Rotation.from_euler("xyz", self.rpy).as_matrix(), self.xyz)
 
 
 class ScenePart(Placed, frozen=True):

@@ -17,7 +17,7 @@ from intent_recognition.kinematics.limits import (
     check_position,
     position_violation,
 )
-from intent_recognition.kinematics.links import Chain, joint_poses, tip_pose, tip_positions
+from intent_recognition.kinematics.links import Chain, joint_poses, tip_poses
 from intent_recognition.kinematics.lwr import (
     DEFAULT_ACCELERATION_RAD_S2,
     JOINT_NAMES,

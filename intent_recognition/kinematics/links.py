@@ -11,10 +11,12 @@ from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Floats
 from intent_recognition.kinematics.urdf import Mimic
+from intent_recognition.signals import homogeneous
 
 
 class Links(NamedTuple):
@@ -152,34 +154,18 @@ class Chain(NamedTuple):
     shifts: Floats  # axes of prismatic joints, alike, (n, 3)
 
 
-def tip_positions(chain: Chain, values: Floats) -> Floats:
-    """Positions of the last joint's frame in the base frame, (T, 3) [m], for values (T, n)."""
-    values = np.asarray(values, dtype=np.float64)
-    tips = np.zeros((len(values), 3))
-    for joint in reversed(range(len(chain.origins))):
-        moved = Rotation.from_rotvec(values[:, joint, None] * chain.turns[joint]).apply(tips)
-        moved += values[:, joint, None] * chain.shifts[joint]
-        origin = chain.origins[joint]
-        tips = moved @ origin[:3, :3].T + origin[:3, 3]
-    return tips
+def joint_poses(chain: Chain, values: ArrayLike) -> Floats:
+    """Pose of each joint's frame in that of its parent, (..., n, 4, 4) [m], for values (..., n).
 
-
-def tip_pose(chain: Chain, values: Floats) -> Floats:
-    """Pose of the last joint's frame in the base frame, (4, 4) [m], for values (n,)."""
-    wxyz, positions = joint_poses(chain, values)
-    local = np.tile(np.eye(4), (len(wxyz), 1, 1))
-    local[:, :3, :3] = Rotation.from_quat(np.roll(wxyz, -1, axis=1)).as_matrix()
-    local[:, :3, 3] = positions
-    return reduce(np.matmul, local, np.eye(4))
-
-
-def joint_poses(chain: Chain, values: Floats) -> tuple[Floats, Floats]:
-    """Where each joint's frame is in that of its parent: quaternions wxyz (n, 4), positions (n, 3).
-
-    For values (n,); the joints need not follow one another.
+    The joints need not follow one another.
     """
-    values = np.asarray(values, dtype=np.float64)[:, None]
-    rotations = Rotation.from_matrix(chain.origins[:, :3, :3])
-    turned = rotations * Rotation.from_rotvec(values * chain.turns)
-    positions = chain.origins[:, :3, 3] + rotations.apply(values * chain.shifts)
-    return np.roll(turned.as_quat(), 1, axis=1), positions
+    values = np.asarray(values, dtype=np.float64)[..., None]
+    turns = Rotation.from_rotvec((values * chain.turns).reshape(-1, 3)).as_matrix()
+    shifts = values * chain.shifts
+    return chain.origins @ homogeneous(turns.reshape(*shifts.shape, 3), shifts)
+
+
+def tip_poses(chain: Chain, values: Floats) -> Floats:
+    """Poses of the last joint's frame in the base frame, (..., 4, 4) [m], for values (..., n)."""
+    base = np.broadcast_to(np.eye(4), (*values.shape[:-1], 4, 4))
+    return reduce(np.matmul, np.moveaxis(joint_poses(chain, values), -3, 0), base)

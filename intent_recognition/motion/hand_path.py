@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics import Arm
-from intent_recognition.signals import POSE_FIELDS, POSITION_FIELDS
+from intent_recognition.signals import POSE_FIELDS, POSITION_FIELDS, homogeneous
 
 N_POSES = 25
 """Poses of a predicted path that are solved; a spline joins them. Convention: on hand paths of half
@@ -39,14 +39,12 @@ def hand_targets(numbers: ArrayLike) -> Floats:
     if values.shape[-1] == len(POSITION_FIELDS):
         return values
     flat = values.reshape(-1, len(POSE_FIELDS))
-    poses = np.tile(np.eye(4), (len(flat), 1, 1))
     try:
-        poses[:, :3, :3] = Rotation.from_quat(flat[:, 3:]).as_matrix()
+        turns = Rotation.from_quat(flat[:, 3:]).as_matrix()
     except ValueError as error:
         cure = "Check the sender."
         raise TrajectoryError.about("prediction", "unit quaternions", str(error), cure) from error
-    poses[:, :3, 3] = flat[:, :3]
-    return poses.reshape(*values.shape[:-1], 4, 4)
+    return homogeneous(turns, flat[:, :3]).reshape(*values.shape[:-1], 4, 4)
 
 
 def joints_along(arm: Arm, times_s: Floats, hand: Floats, rest: Floats) -> tuple[Floats, Floats]:

@@ -22,6 +22,7 @@ from intent_recognition.signals.orientation import (
     LARGEST_ANGLE_RAD,
     LEAST_QUATERNION,
     from_tangent,
+    homogeneous,
     mean_orientation,
     quaternion_rates,
     right_jacobian,

@@ -150,6 +150,14 @@ def rotation_matrix(quaternion: ArrayLike) -> Floats:
     return np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
 
 
+def homogeneous(rotations: ArrayLike, positions: ArrayLike) -> Floats:
+    """Rigid motions (..., 4, 4) of rotations (..., 3, 3) and positions (..., 3) [m]."""
+    positions = np.asarray(positions, dtype=np.float64)
+    poses = np.zeros((*positions.shape[:-1], 4, 4))
+    poses[..., :3, :3], poses[..., :3, 3], poses[..., 3, 3] = rotations, positions, 1.0
+    return poses
+
+
 def quaternion_rates(quaternions: Floats, vectors: ArrayLike, rates: ArrayLike) -> Floats:
     """Time derivatives (..., 4) of quaternions xyzw, of those of their rotation vectors (..., 3).
 

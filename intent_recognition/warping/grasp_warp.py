@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
+from intent_recognition.signals import homogeneous
 from intent_recognition.warping.mapping import agreeing_neighbours
 from intent_recognition.warping.object_model import AnnotatedObject, Grasp
 from intent_recognition.warping.object_warp import ObjectModel, WarpedObject, aligned_source
@@ -111,11 +112,10 @@ def warp_grasp(source: ObjectModel, warped: WarpedObject) -> Grasp:
     wide, tall = frame.radius_m / own.radius_m, frame.height_m / own.height_m
     turn = after.axes @ before.axes.T
     offset = [tall, wide, wide] * (own.to_local(grasp.centre) - before.middle)
-    pose = np.eye(4)
-    pose[:3, :3] = frame.axes.T @ turn @ own.axes @ grasp.pose[:3, :3]
-    pose[:3, 3] = frame.origin + (after.middle + turn @ offset) @ frame.axes
+    held = frame.axes.T @ turn @ own.axes @ grasp.pose[:3, :3]
+    centre = frame.origin + (after.middle + turn @ offset) @ frame.axes
     width = max(after.width_m / before.width_m, 0.2 * wide) * grasp.width_m
-    return Grasp(pose, width)
+    return Grasp(homogeneous(held, centre), width)
 
 
 def _moved(

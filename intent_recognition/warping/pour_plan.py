@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import InteractionProMP, via_point
+from intent_recognition.signals import homogeneous
 from intent_recognition.warping.parameters import References
 from intent_recognition.warping.pour_level import Emptying, Reached, amount_to_leave, tilts_to_level
 from intent_recognition.warping.primitives import N_WARPED, WarpedPrimitive
@@ -103,9 +104,7 @@ def plan_pour(
     lip = second.opening_m + path[:, :3] @ axes.T
     turn = Rotation.from_rotvec(np.outer(tilt, axes[:, 1])).as_matrix()
     reach = turn @ (hand[:3, 3] - cup.lip_m)
-    poses = np.tile(np.eye(4), (len(path), 1, 1))
-    poses[:, :3, :3] = turn @ hand[:3, :3]
-    poses[:, :3, 3] = lip + reach
+    poses = homogeneous(turn @ hand[:3, :3], lip + reach)
     moves = np.zeros((len(path), 6, N_WARPED))
     moves[:, :3, :3] = axes
     moves[:, :3, 3] = np.cross(axes[:, 1], reach)

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import forward_kinematics
-from intent_recognition.kinematics.links import Chain, tip_positions
+from intent_recognition.kinematics.links import Chain, tip_poses
 from intent_recognition.kinematics.lwr import hand_position, jacobian
 
 
@@ -59,4 +59,4 @@ def test_it_is_the_product_of_exponentials(seed):
             moved = twist(value * chain.turns[joint], value * chain.shifts[joint])
             pose = pose @ chain.origins[joint] @ expm(moved)
         expected.append(pose[:3, 3])
-    np.testing.assert_allclose(tip_positions(chain, values), expected, atol=1e-9)
+    np.testing.assert_allclose(tip_poses(chain, values)[:, :3, 3], expected, atol=1e-9)

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Flags, Floats
+from intent_recognition.signals import homogeneous
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.balls import (
     CONTACT_BREAKING_M,
@@ -67,9 +68,7 @@ class PouringTable:
         )
         pose = _pose_of(*arm.hand_pose()) @ self.grasp.cup_in_hand
         self._cup_body = self._container(self.cup, solid_pieces(cup), CUP_MASS_KG, pose)
-        stand = np.eye(4)
-        stand[:3, 3] = opening_m - second.opening_centre
-        self.second_pose = stand
+        self.second_pose = stand = homogeneous(np.eye(3), opening_m - second.opening_centre)
         self._second_body = self._container(self.second, shell_pieces(second), 0.0, stand)
         self._client.setCollisionFilterPair(self._cup_body, self._second_body, -1, -1, 0)
         for link in range(-1, self._client.getNumJoints(arm.body)):
@@ -178,7 +177,4 @@ class PouringTable:
 
 
 def _pose_of(position: Floats, quaternion: Floats) -> Floats:
-    pose = np.eye(4)
-    pose[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
-    pose[:3, 3] = position
-    return pose
+    return homogeneous(Rotation.from_quat(quaternion).as_matrix(), position)

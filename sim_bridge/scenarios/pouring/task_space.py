@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import follow_poses
+from intent_recognition.signals import homogeneous
 
 _POUR_AXES = np.column_stack([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """Along, to the arm's left, across and up as columns, in the world."""
@@ -47,11 +48,8 @@ class SideGrasp:
     @property
     def cup_in_hand(self) -> Floats:
         """Pose of the container in the hand's frame (4, 4)."""
-        pose = np.eye(4)
-        pose[:3, :3] = _HAND_IN_CUP.T
         held = np.array([0.0, 0.0, 0.5 * self.height_m])  # by its middle
-        pose[:3, 3] = np.array([0.0, 0.0, 0.11]) - pose[:3, :3] @ held
-        return pose
+        return homogeneous(_HAND_IN_CUP.T, np.array([0.0, 0.0, 0.11]) - _HAND_IN_CUP.T @ held)
 
     def cup_poses(self, path: PourPath, opening_m: Floats) -> Floats:
         """Poses of the container along a path (T, 4, 4), world, from the second opening's (3,)."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats, frozen
 from intent_recognition.kinematics import Branch, solve
+from intent_recognition.signals import homogeneous
 from sim_bridge.coworker import HOLD, PLATE, SCREW
 
 ARM_BRANCH = Branch(shoulder=-1, elbow=1, wrist=1)
@@ -53,10 +54,7 @@ def hand_rotation(yaw_rad: float, roll_rad: float) -> Floats:
 
 def pose(position_m: Floats, rotation: Floats) -> Floats:
     """Homogeneous transform (4, 4) of a position (3,) and a rotation (3, 3)."""
-    transform = np.eye(4)
-    transform[:3, :3] = rotation
-    transform[:3, 3] = position_m
-    return transform
+    return homogeneous(rotation, position_m)
 
 
 def arm_posture(hand_pose: Floats) -> Floats:
