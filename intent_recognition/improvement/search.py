@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError, optional
 
+HELD = 0.95
+"""Share of the paths' variance that is searched, each DOF counted alike. Convention."""
 NEGLIGIBLE = 1e-10
 """Singular values below this share of the largest one are numerical zeros."""
 
@@ -51,25 +53,18 @@ class SearchSpace:
         return inside * (self.bound / length) if length > self.bound else inside
 
 
-def search_space(
-    mean: ArrayLike,
-    spread: ArrayLike,
-    design: ArrayLike,
-    *,
-    bound: float = 2.0,
-    share: float = 0.95,
-) -> SearchSpace:
+def search_space(mean: ArrayLike, spread: ArrayLike, design: ArrayLike) -> SearchSpace:
     """The search space of a primitive.
 
     It depends on the paths alone: another basis of the weights (w -> M w, design -> design M^-1)
     or another unit of a DOF gives the same points the same paths, but for the signs of axes.
 
     Its weights have a mean (d,) and a spread (d, r), a factor of their covariance, S S'; the design
-    (Q, m, d) gives Q DOFs at m phases. The share is of the paths' variance, each DOF counted alike.
+    (Q, m, d) gives Q DOFs at m phases.
 
     Raises:
         ShapeError: the arrays do not fit each other.
-        ArgumentError: the primitive has no spread, or a number is out of range.
+        ArgumentError: the primitive has no spread.
     """
     mean, spread, design = (np.asarray(a, dtype=np.float64) for a in (mean, spread, design))
     size = len(mean)
@@ -77,9 +72,6 @@ def search_space(
         got = (mean.shape, spread.shape, design.shape)
         expected, cure = "shapes (d,), (d, r), (Q, m, d)", "Take all three from one primitive."
         raise ShapeError.about("mean, spread, design", expected, got, cure)
-    if not (bound > 0.0 and 0.0 < share <= 1.0):
-        expected, cure = "above 0, share up to 1", "Give such numbers."
-        raise ArgumentError.about("bound, share", expected, (bound, share), cure)
     paths = design @ spread
     scale = np.sqrt(np.mean(np.sum(paths**2, axis=2), axis=1))
     moving = scale > NEGLIGIBLE * np.max(np.abs(design), initial=0.0) * np.max(
@@ -92,8 +84,8 @@ def search_space(
     _, lengths, turned = np.linalg.svd(stacked, full_matrices=False)
     held = np.cumsum(lengths**2) / np.sum(lengths**2)
     real = int(np.sum(lengths > NEGLIGIBLE * lengths[0]))
-    n_axes = min(int(np.searchsorted(held, share - NEGLIGIBLE)) + 1, real)
-    return SearchSpace(mean, spread @ turned[:n_axes].T, bound)
+    n_axes = min(int(np.searchsorted(held, HELD - NEGLIGIBLE)) + 1, real)
+    return SearchSpace(mean, spread @ turned[:n_axes].T)
 
 
 Limits = Callable[[Floats], bool]
@@ -144,7 +136,10 @@ class CovarianceSearch:
 
     def _replayed(self, points: Floats, costs: Floats) -> tuple[Any, list, int]:
         """The strategy, its present generation, and how many of that have been tried."""
-        check_tried(points, costs, self.n_axes)
+        if np.shape(points) != (len(costs), self.n_axes):
+            expected = f"shapes ({len(costs)}, {self.n_axes}) and ({len(costs)},)"
+            got, cure = (np.shape(points), np.shape(costs)), "Give one point for each cost."
+            raise ShapeError.about("points, costs", expected, got, cure)
         strategy = self._strategy()
         done, size = 1, strategy.popsize
         generation = strategy.ask()
@@ -192,12 +187,3 @@ def _allowed(point: Floats, space: SearchSpace, limits: Limits) -> Floats:
             return point
         point = 0.5 * point
     return np.zeros(space.n_axes)
-
-
-def check_tried(points: Floats, costs: Floats, n_axes: int) -> None:
-    """Check that there is a point (k,) for each cost."""
-    if np.shape(points) != (len(costs), n_axes):
-        expected = f"shapes ({len(costs)}, {n_axes}) and ({len(costs)},)"
-        cure = "Give one point for each cost."
-        got = (np.shape(points), np.shape(costs))
-        raise ShapeError.about("points, costs", expected, got, cure)

@@ -45,26 +45,15 @@ class PouringParameters(NamedTuple):
     tilt_reference_rad: float
 
 
-def lip_point(
-    warped: WarpedObject, toward: Floats | None = None, vertical: Floats | None = None
-) -> Floats:
+def lip_point(warped: WarpedObject, toward: Floats | None = None) -> Floats:
     """Point (3,) of the rim over which is poured [m].
 
-    Args:
-        warped: the container.
-        toward: place (3,) of the other container [m]; the lip is the rim point closest to it.
-        vertical: unit vector (3,) against gravity; without `toward` the lip is the lowest rim
-            point, and while the rim is level that opposite to the handle.
+    It is the one closest to the other container, at `toward` (3,) [m]; else opposite to the handle.
     """
     rim = warped.rim
-    if toward is None:
-        direction = -rim.axes[1]
-        if vertical is not None:
-            downhill = (vertical @ rim.up) * rim.up - vertical
-            if np.linalg.norm(downhill) > 0.05:
-                direction = downhill
-        toward = rim.centre + 100.0 * direction / np.linalg.norm(direction)
-    return nearest_on_loop(rim.crest, toward)
+    return nearest_on_loop(
+        rim.crest, rim.centre - 100.0 * rim.axes[1] if toward is None else toward
+    )
 
 
 def nearest_on_loop(corners: Floats, point: Floats) -> Floats:
@@ -82,18 +71,10 @@ def tilt_reference(warped: WarpedObject, lip: Floats | None = None) -> float:
     return half_volume_angle(cavity.vertices, cavity.faces, lip, rim.up, rim.outward(lip))
 
 
-def pouring_parameters(
-    warped: WarpedObject, toward: Floats | None = None, vertical: Floats | None = None
-) -> PouringParameters:
-    """All that pouring needs of one container.
-
-    Args:
-        warped: the container.
-        toward: place (3,) of the other container [m], if there is one.
-        vertical: unit vector (3,) against gravity, if it is known.
-    """
+def pouring_parameters(warped: WarpedObject, toward: Floats | None = None) -> PouringParameters:
+    """All that pouring needs of one container; the other one is at `toward` (3,) [m], if any."""
     rim, cavity = warped.rim, warped.cavity
-    lip = lip_point(warped, toward, vertical)
+    lip = lip_point(warped, toward)
     tilt_rad = tilt_reference(warped, lip)
     return PouringParameters(
         rim.radius_m, cavity.volume_m3, cavity.height_m, rim.centre, lip, tilt_rad

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.improvement import CovarianceSearch, search_space, settled_point
+from intent_recognition.improvement import search as module
 from intent_recognition.improvement.search import next_point
 from intent_recognition.promp import NormalizedRBFBasis
 
@@ -67,9 +68,10 @@ def test_a_linear_change_of_the_weights_changes_no_path():
     assert np.allclose(costs_of(space, design), costs_of(turned, design @ back), rtol=1e-6)
 
 
-def test_all_axes_together_are_the_primitives_covariance():
+def test_all_axes_together_are_the_primitives_covariance(monkeypatch):
+    monkeypatch.setattr(module, "HELD", 1.0)
     mean, spread, design = primitive()
-    space = search_space(mean, spread, design, share=1.0)
+    space = search_space(mean, spread, design)
     assert space.n_axes == spread.shape[1] - 1  # deviations from their own mean
     assert np.allclose(space.axes @ space.axes.T, spread @ spread.T)
     point = np.random.default_rng(1).normal(size=space.n_axes)
@@ -86,7 +88,7 @@ def test_all_axes_together_are_the_primitives_covariance():
 )
 def test_whatever_the_costs_no_dof_leaves_its_tube(costs, seed, bound):
     mean, spread, design = primitive()
-    space = search_space(mean, spread, design, bound=bound)
+    space = replace(search_space(mean, spread, design), bound=bound)
     std = np.sqrt(np.sum((design @ spread) ** 2, axis=2))
     search = CovarianceSearch(space.n_axes, seed, step=2.0)
     told = iter(costs)
@@ -105,10 +107,11 @@ def test_whatever_the_costs_no_dof_leaves_its_tube(costs, seed, bound):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("away", [0.8, 3.0])
-def test_the_optimum_of_a_quadratic_cost_is_found_inside_the_bound(away):
+def test_the_optimum_of_a_quadratic_cost_is_found_inside_the_bound(monkeypatch, away):
     """The optimum itself where it is inside, else the nearest point of the bound."""
+    monkeypatch.setattr(module, "HELD", 0.9)
     mean, spread, design = primitive()
-    space = search_space(mean, spread, design, share=0.9)
+    space = search_space(mean, spread, design)
     direction = np.linspace(1.0, 2.0, space.n_axes) / np.linalg.norm(
         np.linspace(1.0, 2.0, space.n_axes)
     )
@@ -163,8 +166,6 @@ def test_arguments_that_do_not_fit_are_named():
         search_space(mean[:-1], spread, design)
     with pytest.raises(ArgumentError, match="varies"):
         search_space(mean, 0.0 * spread, design)
-    with pytest.raises(ArgumentError, match="share"):
-        search_space(mean, spread, design, share=0.0)
     space = search_space(mean, spread, design)
     search = CovarianceSearch(space.n_axes, seed=4)
     with pytest.raises(ShapeError, match="points"):
