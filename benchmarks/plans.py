@@ -91,7 +91,7 @@ def score(
 def main() -> None:
     """Print a line for each kind of demonstrations."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--first", type=int, default=100, help="seed; 0 to 59 chose the constants")
+    parser.add_argument("--first", type=int, default=100, help="seed; 0 to 39 chose the constants")
     parser.add_argument("--seeds", type=int, default=10)
     options = parser.parse_args()
     seeds = range(options.first, options.first + options.seeds)

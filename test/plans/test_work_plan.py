@@ -58,7 +58,7 @@ def test_what_is_no_plan_is_refused(steps, order, said):
 
 
 def test_what_is_written_is_read():
-    steps = (*STEPS, WorkStep("a 2", "a", 0.5, {"anna": 1.0}, {"screw": 2.0}, 3.25))
+    steps = (*STEPS, WorkStep("a 2", "a", 0.5, {"anna": 1.0}, {"screw": 2.0}, 3.25, {"b": 2.0}))
     plan = WorkPlan(steps, {("a", "b"): 0.875}, {("b", "c"): 1.0}, 0.01, 0.02, 7)
     assert read_plan(write_plan(plan)) == plan
 
