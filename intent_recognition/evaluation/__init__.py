@@ -9,7 +9,14 @@ from intent_recognition.evaluation.explaining import Explanation, explain
 from intent_recognition.evaluation.folds import Fold, make_folds
 from intent_recognition.evaluation.online import run_online, where_both_were_recorded
 from intent_recognition.evaluation.protocol import evaluate, remarks_on
-from intent_recognition.evaluation.rehearsing import Rehearsal, Rehearsed, rehearse
+from intent_recognition.evaluation.rehearsing import (
+    Rehearsal,
+    Rehearsed,
+    Suggestion,
+    rehearsal_to_json,
+    rehearse,
+    suggest_next,
+)
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.evaluation.scores import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.scoring import PHASES
@@ -38,4 +45,3 @@ from intent_recognition.evaluation.session_summary import (
     summary_line,
     to_json,
 )
-from intent_recognition.evaluation.suggesting import Suggestion, rehearsal_to_json, suggest_next

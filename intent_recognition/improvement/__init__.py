@@ -2,7 +2,6 @@
 """Improving a primitive by practice: what is practised, where to look, and what it costs."""
 
 from intent_recognition.improvement.cost import Cost, Rollout, load_cost
-from intent_recognition.improvement.practice import Practice, attempt, compare
 from intent_recognition.improvement.search import (
     CovarianceSearch,
     Search,
@@ -10,7 +9,13 @@ from intent_recognition.improvement.search import (
     search_space,
     settled_point,
 )
-from intent_recognition.improvement.session import STATE, PracticeSession
+from intent_recognition.improvement.session import (
+    STATE,
+    Practice,
+    PracticeSession,
+    attempt,
+    compare,
+)
 from intent_recognition.improvement.task_practice import (
     N_PHASES,
     TaskPractice,

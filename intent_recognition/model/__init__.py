@@ -6,10 +6,16 @@ from intent_recognition.model.executions import (
     CORRECTIONS,
     DOWN,
     OUTCOME,
+    SKILL_COLUMNS,
     SPILLED,
     THUMBS,
+    TO_KEEP,
+    TO_UNDO,
     UP,
+    WAITING,
     Executions,
+    SkillPeriod,
+    skill_history,
 )
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.model.folder_content import LIBRARY_MODEL, is_task_folder, library_dofs
@@ -27,14 +33,6 @@ from intent_recognition.model.from_bags import (
 )
 from intent_recognition.model.pouring_skill import load_pouring_skill, save_pouring_skill
 from intent_recognition.model.practised import PractisedTask, undo_practice
-from intent_recognition.model.skills import (
-    SKILL_COLUMNS,
-    TO_KEEP,
-    TO_UNDO,
-    WAITING,
-    SkillPeriod,
-    skill_history,
-)
 from intent_recognition.model.task_folder import (
     PRACTICE,
     WAIT,

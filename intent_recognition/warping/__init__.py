@@ -6,7 +6,6 @@ A file for each step from the points of an object to a grasp or a pour.
 
 from intent_recognition.warping.clipping import closed_tube_faces, half_volume_angle, surface_volume
 from intent_recognition.warping.grasp_warp import warp_grasp
-from intent_recognition.warping.logistic import LogisticModel, fit_logistic
 from intent_recognition.warping.object_model import (
     AnnotatedObject,
     Grasp,
@@ -28,6 +27,7 @@ from intent_recognition.warping.parameters import (
     pouring_parameters,
     references,
 )
+from intent_recognition.warping.part_labels import LogisticModel, fit_logistic
 from intent_recognition.warping.pour_level import (
     EMPTY,
     FULL_SHARE,

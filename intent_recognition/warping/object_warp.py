@@ -17,11 +17,10 @@ from intent_recognition.array_types import Flags, Floats, brief
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.warping.cavity import Cavity, fit_cavity
 from intent_recognition.warping.frame import N_LEVELS, ObjectFrame, coarse_frame
-from intent_recognition.warping.logistic import LogisticModel
 from intent_recognition.warping.mapping import agreeing_neighbours, majority
 from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud, Part
 from intent_recognition.warping.opening import find_opening
-from intent_recognition.warping.part_labels import fit_rim_classifier, local_features
+from intent_recognition.warping.part_labels import LogisticModel, fit_rim_classifier, local_features
 from intent_recognition.warping.rim import Rim, fit_rim
 
 Mapping = Literal["label", "point"]

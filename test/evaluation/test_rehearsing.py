@@ -12,7 +12,7 @@ from scipy.stats import binom
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import Rehearsal, rehearse, run_online
 from intent_recognition.evaluation.online import OnlineOutcome, summarise_online
-from intent_recognition.evaluation.suggesting import suggest
+from intent_recognition.evaluation.rehearsing import suggest
 from intent_recognition.recognition import DecisionState, IntentEstimator, decide, decision_settings
 from intent_recognition.recognition.decision import DecisionSettings
 from intent_recognition.signals import merge

@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from intent_recognition.errors import TrainingError
-from intent_recognition.warping.logistic import fit_logistic
+from intent_recognition.warping.part_labels import fit_logistic
 
 
 def samples(seed: int, n: int = 200) -> tuple[np.ndarray, np.ndarray]:
