@@ -12,9 +12,8 @@ what is scored:
                                                              train on BAG and test on FOLDER
 --test FOLDER                                                the same as --protocol holdout:FOLDER
 --start-posture                                              whether predictions use the posture in
-                                                             which the controlled agent starts;
-                                                             both: without and with it (default:
-                                                             off)
+                                                             which the controlled agent starts
+                                                             (default: off)
 --unknown-tasks                                              also leave every task out in turn: are
                                                              its movements taken for another's?
                                                              (default: on)
@@ -60,7 +59,7 @@ ONLINE = ("recognised", "acted_on", "wrongly_acted_on", "median_share_at_decisio
 
 
 OPTIONS = {
-    "start_posture": {"choices": ("on", "off", "both"), "default": "off"},
+    "start_posture": {"choices": ("on", "off"), "default": "off"},
     "unknown_tasks": {"choices": ("on", "off"), "default": "on"},
 }
 MORE = (partial(add_recording_options, segmentation="recording"), add_unlabelled_options)
@@ -103,7 +102,6 @@ def run(args: argparse.Namespace) -> int:
             folds,
             training_settings(args),
             start_posture=args.start_posture == "on",
-            both_starts=args.start_posture == "both",
             unknown_tasks=unknown,
             online=True,
             progress=lambda done: bar.update(task, completed=done),
@@ -190,8 +188,8 @@ def print_result(console: Console, result: dict) -> None:
         f"{result['n_demonstrations']} demonstrations of {', '.join(result['tasks'])};"
         f" errors in {result['unit']}"
     )
-    for kind in ("recognition", "prediction", "prediction_with_start_posture"):
-        for phase in PHASES if kind in result else ():
+    for kind in ("recognition", "prediction"):
+        for phase in PHASES:
             rows = result[kind][phase]
             names = list(next(iter(rows.values())))
             titles = (f">{name}".replace("_", " ") for name in names)

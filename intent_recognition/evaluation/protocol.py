@@ -11,7 +11,6 @@ from intent_recognition.errors import ArgumentError, TrainingError, check_type, 
 from intent_recognition.evaluation.folds import Fold, check_folds, make_folds, of_learned_tasks
 from intent_recognition.evaluation.online import score_online, where_both_were_recorded
 from intent_recognition.evaluation.reactive import HORIZONS_S, REACTIVE_NAMES, NearestWindows
-from intent_recognition.evaluation.scores import ScoreTable
 from intent_recognition.evaluation.scoring import (
     PHASES,
     PREDICTION_FRACTIONS,
@@ -58,7 +57,6 @@ def evaluate(
     settings: TrainingSettings | None = None,
     *,
     start_posture: bool = False,
-    both_starts: bool = False,
     unknown_tasks: bool = False,
     online: bool = False,
     progress: Callable[[int], None] = lambda done: None,
@@ -70,7 +68,6 @@ def evaluate(
         protocol: see `make_folds`, or pairs of the indices to train and to test on.
         settings: how to learn; `TrainingSettings()` when None.
         start_posture: condition predictions on the controlled agent's position at the start.
-        both_starts: also predict with the start posture, under `prediction_with_start_posture`.
         unknown_tasks: also leave out every task in turn and score its movements as unknown.
         online: also say what the nodes would have done, see `score_online`.
         progress: called with the number of runs so far: each demonstration is scored, and once more
@@ -116,7 +113,7 @@ def evaluate(
         usable = cut_to_movement(usable)
         settings = replace(settings, segmentation="recording")
     usable = [where_both_were_recorded(recorded) for recorded in usable]
-    collected = EvaluationRecords(ScoreTable() if both_starts else None)
+    collected = EvaluationRecords()
     done, labels = 0, set[str]()
     units: tuple[str, ...] = ()
     for train, test in folds:
@@ -186,23 +183,19 @@ def _only(kept: Sequence[int], folds: Sequence[Fold]) -> list[Fold]:
 
 def _tables(collected: EvaluationRecords, units: Sequence[str]) -> dict[str, object]:
     """Means over the recordings, and calibration."""
-    scores, again = collected.scores, collected.with_start
+    scores = collected.scores
 
-    def by_phase(of: ScoreTable, fractions: Sequence[float], names: Sequence[str]) -> dict:
-        return {phase: of.table(phase, fractions, units, names) for phase in PHASES}
+    def by_phase(fractions: Sequence[float], names: Sequence[str]) -> dict:
+        return {phase: scores.table(phase, fractions, units, names) for phase in PHASES}
 
-    content: dict[str, object] = {
-        "recognition": by_phase(scores, RECOGNITION_FRACTIONS, ("accuracy", "log_loss")),
-        "prediction": by_phase(scores, PREDICTION_FRACTIONS, PREDICTION_NAMES),
+    return {
+        "recognition": by_phase(RECOGNITION_FRACTIONS, ("accuracy", "log_loss")),
+        "prediction": by_phase(PREDICTION_FRACTIONS, PREDICTION_NAMES),
+        "reliability": collected.recognitions.reliability(),
+        "coverage": collected.normalised_errors.table(),
+        "confusion": collected.recognitions.confusion(),
+        "mistaken": collected.recognitions.mistaken,
     }
-    if again is not None:
-        with_start = by_phase(again, PREDICTION_FRACTIONS, PREDICTION_NAMES)
-        content["prediction_with_start_posture"] = with_start
-    content["reliability"] = collected.recognitions.reliability()
-    content["coverage"] = collected.normalised_errors.table()
-    content["confusion"] = collected.recognitions.confusion()
-    content["mistaken"] = collected.recognitions.mistaken
-    return content
 
 
 def remarks_on(result: Mapping) -> list[str]:

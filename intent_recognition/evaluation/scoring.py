@@ -56,7 +56,6 @@ class EvaluationRecords:
     """What is recorded over all left-out recordings.
 
     Attributes:
-        with_start: of predictions that know the controlled agent's start posture; None: not asked.
         scores: means by phase knowledge, share observed and name.
         recognitions: recognised and true tasks.
         normalised_errors: errors in predicted standard deviations.
@@ -64,7 +63,6 @@ class EvaluationRecords:
         reactive: squared errors of predictions a little ahead, by task and horizon.
     """
 
-    with_start: ScoreTable | None = None
     scores: ScoreTable = field(default_factory=ScoreTable)
     recognitions: RecognitionRecords = field(default_factory=RecognitionRecords)
     normalised_errors: NormalisedErrors = field(default_factory=NormalisedErrors)
@@ -119,9 +117,6 @@ def score_demonstration(
                 own, errors = case.scores(posture if start_posture else None)
                 collected.scores.add(phase, fraction, **own, **baselines)
                 collected.normalised_errors.add(phase, errors)
-                if collected.with_start is not None:
-                    own, _ = case.scores(posture)
-                    collected.with_start.add(phase, fraction, **own, **baselines)
         if monitor is not None:
             collected.outcomes.append(monitor.outcome(str(test.task)))
 

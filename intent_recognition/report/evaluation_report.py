@@ -23,7 +23,6 @@ from intent_recognition.report.figures_evaluation import (
     rmse_figure,
 )
 
-PREDICTIONS = {"prediction": "", "prediction_with_start_posture": ", start posture known"}
 PREDICTION_COLUMNS = {
     "rmse": "RMSE",
     "rmse_inferred_task": "RMSE, inferred task",
@@ -76,11 +75,7 @@ def evaluation_page(result: Mapping, title: str) -> html.ReportPage:
         html.Section("Result", (_key_numbers(result, segment), remark)),
         html.Section("Recognition", _recognition(result.get("recognition", {}), segment)),
         confusion_section(result, segment),
-        *(
-            _prediction(result.get(kind, {}), unit, segment, remark)
-            for kind, remark in PREDICTIONS.items()
-            for unit in _units(result)
-        ),
+        *(_prediction(result.get("prediction", {}), unit, segment) for unit in _units(result)),
         html.Section("Online", _online(result.get("online", {}))),
         html.Section("Calibration", _calibration(result, segment)),
         none_section(result),
@@ -154,9 +149,9 @@ def _recognition(recognition: Mapping, segment: str) -> tuple[html.Block, ...]:
     return svg_figure(figure, caption), html.TableBlock(columns, rows)
 
 
-def _prediction(prediction: Mapping, unit: str, segment: str, remark: str) -> html.Section:
+def _prediction(prediction: Mapping, unit: str, segment: str) -> html.Section:
     phases = by_phase(prediction)
-    heading = f"Prediction of the controlled agent{remark} [{unit}]" if unit else "Prediction"
+    heading = f"Prediction of the controlled agent [{unit}]" if unit else "Prediction"
     if not phases:
         return html.Section(heading, ())
     panels = {

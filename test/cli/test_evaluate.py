@@ -32,7 +32,7 @@ def scored(tmp_path_factory, recorded) -> Run:
     folder, text = tmp_path_factory.mktemp("scored"), io.StringIO()
     numbers, page = folder / "scores.json", folder / "report" / "page.html"
     options = ["--dofs", recorded / "dofs.yaml", "--basis", 8, "--protocol", "kfold:3"]
-    options += ["--start-posture", "both", "--json", numbers, "--report", page]
+    options += ["--json", numbers, "--report", page]
     words = ["evaluate", recorded / "bags", *options]
     with redirect_stdout(text):
         code = main([str(word) for word in words])
@@ -60,7 +60,6 @@ def test_folds_by_index(scored):
     for title in ("recognition, known phase", "prediction, unknown phase", "8 demonstrations"):
         assert title in text
     assert "online: onset, filter and decision" in text
-    assert "prediction with start posture, known phase" in text
     assert "…" not in text
     assert "recording observed" in text
     assert "Shares observed are of the recording" in text and "--segment movement" in text
@@ -79,7 +78,6 @@ class AskedForError(Exception):
     [
         ((), {}),
         (("--start-posture", "on"), {"start_posture": True}),
-        (("--start-posture", "both"), {"both_starts": True}),
         (("--unknown-tasks", "off"), {"unknown_tasks": False}),
     ],
 )
@@ -90,7 +88,7 @@ def test_leaving_one_out_is_the_default_and_options_are_passed_on(
         assert folds == make_folds(usable, "loo")
         raise AskedForError({key: more[key] for key in default})
 
-    default = {"start_posture": False, "both_starts": False, "unknown_tasks": True}
+    default = {"start_posture": False, "unknown_tasks": True}
     monkeypatch.setattr(command, "evaluate", ask)
     with pytest.raises(AskedForError) as caught:
         evaluate(*options)

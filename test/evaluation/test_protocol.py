@@ -187,13 +187,11 @@ def test_start_posture_moves_trajectories_and_never_the_recognition(rng):
         moved = Signal(robot.names, robot.stamps_ns, robot.values + 0.2 * rng.normal(), "rad")
         recordings.append(replace(one, controlled=(moved,)))
     folds = make_folds(some(12), "kfold:3")[:1]
-    off, on, both = (
-        evaluate(recordings, folds, SETTINGS, unknown_tasks=False, **options)
-        for options in ({}, {"start_posture": True}, {"both_starts": True})
+    off, on = (
+        evaluate(recordings, folds, SETTINGS, unknown_tasks=False, start_posture=known)
+        for known in (False, True)
     )
-    assert off["recognition"] == on["recognition"] == both["recognition"]
-    assert both["prediction"] == off["prediction"]
-    assert both["prediction_with_start_posture"] == on["prediction"]
+    assert off["recognition"] == on["recognition"]
     for phase in ("known_phase", "unknown_phase"):
         for fraction in ("0.25", "1.0"):
             with_it, without = (r["prediction"][phase][fraction]["rmse"] for r in (on, off))

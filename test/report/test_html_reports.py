@@ -258,7 +258,6 @@ def test_optional_parts_are_shown(rng):
                 for f in ("0.2", "0.5", "1.0")
             }
         },
-        "prediction_with_start_posture": result(rng)["prediction"],
         "none": {
             "n_known": 4,
             "n_unknown": 4,
@@ -276,12 +275,11 @@ def test_optional_parts_are_shown(rng):
     page = evaluation_page(content, "t")
     assert key_numbers(page)["components chosen"].ours == "4"
     assert key_numbers(page)["area under the ROC"].ours == "0.875"
-    new = 2 + 2 + 1 + 1  # reliability and regions, two confusions, errors, ROC
+    new = 2 + 2 + 1  # reliability and regions, two confusions, ROC
     assert len(figures_of(page)) == len(figures_of(evaluation_page(result(rng), "t"))) + new
     cells = [row for table in blocks_of(page, TableBlock) for row in table.rows]
     assert ("a", "4", None, "50.0", "0.0") in cells and ("50", "75.0", "50.0") in cells
     headings = [section.heading for section in page.sections]
-    assert "Prediction of the controlled agent, start posture known [rad]" in headings
     assert "Movements of unknown tasks" in headings
     content["none"] = {"accuracy": content["none"]["accuracy"]}
     assert "The answer none" in [s.heading for s in evaluation_page(content, "t").sections]
