@@ -33,6 +33,7 @@ from intent_recognition.plans.work_plan import (
     Pair,
     WorkPlan,
     WorkStep,
+    closure,
     covering,
 )
 
@@ -255,8 +256,6 @@ def _kept_by_all(sequences: Sequence[Sequence[int]], n: int) -> Floats:
     for one in sequences:
         for k, step in enumerate(one):
             seen[step, list(one[k + 1 :])] += 1.0
-    order = ((seen > 0.0) & (seen.T == 0.0)).astype(float)
-    for k in range(n):
-        np.maximum(order, np.outer(order[:, k], order[k]), out=order)
+    order = closure(((seen > 0.0) & (seen.T == 0.0)).astype(float))
     order[(order > 0.0) & (order.T > 0.0)] = 0.0
     return order
