@@ -4,7 +4,7 @@
 Joints 1-3 meet in the shoulder and 5-7 in the wrist (S-R-S). The hand's pose leaves one free angle,
 the swivel of the elbow about the line from shoulder to wrist, and three signs (Shimizu et al. 2008,
 "Analytical inverse kinematic computation for 7-DOF redundant manipulators with joint limits and its
-application to redundancy resolution"). With the DH parameters of `lwr.DH` the hand's rotation is
+application to redundancy resolution"). With the DH parameters of `lwr` the hand's rotation is
 Rz(q1) Ry(-q2) Rz(q3) . Ry(q4) . Rz(q5) Ry(-q6) Rz(q7). Solutions lie in (-pi, pi].
 """
 

@@ -5,8 +5,6 @@ Lengths, position, velocity and torque limits are those of the public models (ku
 CentroEPiaggio/kuka-lwr).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -19,25 +17,11 @@ N_JOINTS = len(JOINT_NAMES)
 DEFAULT_ACCELERATION_RAD_S2 = 8.0
 """Acceleration limit of every joint [rad/s^2]. Convention: KUKA publishes none."""
 
-
-class DHParameters(NamedTuple):
-    """Standard DH parameters, arrays of shape (n_joints,).
-
-    Frame i is frame i-1 times Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i); here a is zero throughout.
-    """
-
-    d_m: Floats
-    alpha_rad: Floats
-
-
-DH = DHParameters(
-    d_m=np.array([0.3105, 0.0, 0.400, 0.0, 0.390, 0.0, 0.078]),
-    alpha_rad=np.radians([90.0, -90.0, -90.0, 90.0, 90.0, -90.0, 0.0]),
-)
-SHOULDER_HEIGHT_M = float(DH.d_m[0])
-UPPER_ARM_M = float(DH.d_m[2])
-FOREARM_M = float(DH.d_m[4])
-HAND_OFFSET_M = float(DH.d_m[6])
+SHOULDER_HEIGHT_M, UPPER_ARM_M, FOREARM_M, HAND_OFFSET_M = 0.3105, 0.400, 0.390, 0.078
+D_M = np.array([SHOULDER_HEIGHT_M, 0.0, UPPER_ARM_M, 0.0, FOREARM_M, 0.0, HAND_OFFSET_M])
+ALPHA_RAD = np.radians([90.0, -90.0, -90.0, 90.0, 90.0, -90.0, 0.0])
+"""Standard Denavit-Hartenberg parameters with `D_M`, (7,): frame i is frame i-1 times Rz(q_i)
+Tz(d_i) Tx(a_i) Rx(alpha_i), where a is zero throughout."""
 _LARGEST_RAD = np.radians([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 170.0])
 LWR_LIMITS = JointLimits(
     lower=-_LARGEST_RAD,
@@ -47,9 +31,8 @@ LWR_LIMITS = JointLimits(
     torque=np.array([176.0, 176.0, 100.0, 100.0, 100.0, 38.0, 38.0]),
 )
 
-
-_COS_ALPHA = np.round(np.cos(DH.alpha_rad))  # all angles are multiples of 90 degrees: exact
-_SIN_ALPHA = np.round(np.sin(DH.alpha_rad))
+_COS_ALPHA = np.round(np.cos(ALPHA_RAD))  # all angles are multiples of 90 degrees: exact
+_SIN_ALPHA = np.round(np.sin(ALPHA_RAD))
 
 
 def joint_vector(q: ArrayLike, argument: str = "q") -> Floats:
@@ -74,7 +57,7 @@ def frame_poses(q: ArrayLike) -> Floats:
     step[..., 1, 2] = -cos * _SIN_ALPHA
     step[..., 2, 1] = _SIN_ALPHA
     step[..., 2, 2] = _COS_ALPHA
-    step[..., 2, 3] = DH.d_m
+    step[..., 2, 3] = D_M
     step[..., 3, 3] = 1.0
     poses = np.empty((*q.shape[:-1], N_JOINTS + 1, 4, 4))
     poses[..., 0, :, :] = np.eye(4)

@@ -15,7 +15,7 @@ from intent_recognition.demonstrations import read_demonstrations, settle_orient
 from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
 from intent_recognition.demonstrations.hand_poses import HAND_LINK, topics_of
 from intent_recognition.errors import ArgumentError, DofError
-from intent_recognition.kinematics.lwr import DH, frame_poses, hand_position
+from intent_recognition.kinematics.lwr import ALPHA_RAD, D_M, frame_poses, hand_position
 from intent_recognition.share import share_path
 from intent_recognition.signals import from_tangent, mean_orientation
 from sim_bridge.arm import describe_robot, find_robot
@@ -57,8 +57,8 @@ def test_the_whole_pose_of_a_named_link_is_computed_from_joints(repository, link
     (recorded,) = read_demonstrations(path, load_dofs())[0][0].controlled
     k = int(link[5]) - 1
     to_link = np.eye(4)
-    to_link[:3, :3] = Rotation.from_rotvec([-DH.alpha_rad[k], 0.0, 0.0]).as_matrix()
-    to_link[2, 3] = -DH.d_m[k]
+    to_link[:3, :3] = Rotation.from_rotvec([-ALPHA_RAD[k], 0.0, 0.0]).as_matrix()
+    to_link[2, 3] = -D_M[k]
     poses = frame_poses(recorded.values)[:, k + 1] @ to_link
     np.testing.assert_allclose(place.values, poses[:, :3, 3], atol=1e-9)
     reference = dofs.controlled[1].reference

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from hypothesis.strategies import floats
 from kinematics.robots import lwr_urdf
 
-from intent_recognition.kinematics.lwr import DH
+from intent_recognition.kinematics.lwr import ALPHA_RAD, D_M
 from sim_bridge.arm.arm import GRAVITY_M_S2, SimulatedArm
 
 ROTORS_KG_M2 = (0.20, 0.20, 0.12, 0.12, 0.08, 0.04, 0.04)
@@ -41,12 +41,12 @@ def newton_euler(q, qd, qdd):
     """Joint torques (7,) by the textbook recursion in link frames, from the DH table."""
     rotations, offsets = [], []
     for i in range(7):
-        turn = DH.alpha_rad[i - 1] if i else 0.0
+        turn = ALPHA_RAD[i - 1] if i else 0.0
         c, s, ca, sa = np.cos(q[i]), np.sin(q[i]), np.cos(turn), np.sin(turn)
         about_x = np.array([[1, 0, 0], [0, ca, -sa], [0, sa, ca]])
         about_z = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         rotations.append(about_x @ about_z)
-        offsets.append(np.array([0.0, 0.0, DH.d_m[i - 1] if i else 0.0]))
+        offsets.append(np.array([0.0, 0.0, D_M[i - 1] if i else 0.0]))
     z = np.array([0.0, 0.0, 1.0])
     w, dw, a = np.zeros(3), np.zeros(3), np.array([0.0, 0.0, GRAVITY_M_S2])
     forces, moments = [], []
