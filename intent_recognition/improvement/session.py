@@ -232,20 +232,12 @@ class PracticeSession:
             dict(one.outcome)
 
     def _read(self) -> list[Tried]:
-        path = self.folder / STATE
+        path, cure = self.folder / STATE, "Choose another folder."
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             text = read_text(path, 100_000_000) if path.exists() else ""
-        except OSError as error:
-            cure = "Choose another folder."
-            expected = "a folder that can be made and read"
-            raise ResourceBusyError.about(str(self.folder), expected, error, cure) from error
-        except UntrustedError as error:
-            cure = "Choose another folder."
-            raise ModelError.about(str(path), "a file of practice", error, cure) from error
-        if not text:
-            return []
-        try:
+            if not text:
+                return []
             content = load_json(text)
             about, known = dict(content["about"]), content["format"] == FORMAT
             tried = [
@@ -254,8 +246,10 @@ class PracticeSession:
             ]
             if known and about == self.about:
                 self._check(tried)
+        except OSError as error:
+            expected = "a folder that can be made and read"
+            raise ResourceBusyError.about(str(self.folder), expected, error, cure) from error
         except (UntrustedError, KeyError, TypeError, ValueError) as error:
-            cure = "Choose another folder."
             raise ModelError.about(str(path), "a file of practice", error, cure) from error
         if not known or about != self.about:
             differ = {k: v for k, v in about.items() if v != self.about.get(k)}
