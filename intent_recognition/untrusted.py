@@ -222,22 +222,25 @@ def check_archive(path: Path) -> None:
         raise UntrustedError(f"arrays of {total} bytes, more than {MOST_ARRAYS}")
 
 
-def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """All arrays of an `.npz` without pickled objects.
+def read_arrays(path: Path, wanted: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
+    """The arrays of an `.npz` without pickled objects: all, or those wanted that it has.
 
     Raises:
         OSError: nothing is there, or it may not be read.
         UntrustedError: it is another thing, damaged, or too large.
     """
+    found, at = dict[str, NDArray[Any]](), ""
     check_archive(path)
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            found = {name: archive[name] for name in archive.files}
+            names = archive.files if wanted is None else [n for n in wanted if n in archive.files]
+            for at in names:
+                found[at] = archive[at]
     except (OSError, MemoryError):
         raise
     except Exception as error:  # numpy and zipfile raise many kinds for what is no archive
         is_pickled = "pickle" in str(error)
-        got = "pickled objects" if is_pickled else "another file, or a damaged one"
+        got = f"pickled objects {at}".strip() if is_pickled else "another file, or a damaged one"
         raise UntrustedError(got) from error
     if not all(isinstance(array, np.ndarray) for array in found.values()):
         raise UntrustedError("an archive of other files than arrays")

@@ -48,7 +48,7 @@ from intent_recognition.model.checks import (
 from intent_recognition.model.statistics import ARRAYS, pack_statistics, unpack_statistics
 from intent_recognition.promp import NormalizedRBFBasis, TaskLibrary
 from intent_recognition.signals import OnsetSettings
-from intent_recognition.untrusted import UntrustedError, check_archive, load_json
+from intent_recognition.untrusted import UntrustedError, load_json, read_arrays
 
 FORMAT_VERSION = 3
 """Of the file; others are not read."""
@@ -249,26 +249,12 @@ def _read(path: Path, more: Sequence[str] = ()) -> dict[str, NDArray[Any]]:
     """Header, arrays of a model, and more arrays, as far as the file holds them."""
     wanted = ("header", *SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING, USUAL, *more)
     try:
-        check_archive(path)
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            return {name: _read_array(path, file, name) for name in wanted if name in file.files}
-    except ModelError:
-        raise
-    except Exception as error:  # numpy and zipfile raise many kinds for what is no model
-        known = isinstance(error, (OSError, UntrustedError))
-        found = error if known else "another file, or a damaged one"
-        if isinstance(error, FileNotFoundError):
-            cure = "Check the path, or write one with `intent train`."
-            raise ModelError.about(str(path), "a model file", "nothing there", cure) from error
-        raise ModelError.about(str(path), MODEL_FILE, found, RETRAIN) from error
-
-
-def _read_array(path: str | Path, file: np.lib.npyio.NpzFile, name: str) -> NDArray[Any]:
-    try:
-        return file[name]
-    except Exception as error:  # pickled objects, bad checksums, headers that are none
-        expected = "an array of numbers or text"
-        raise ModelError.about(f"{path}: {name}", expected, error, RETRAIN) from error
+        return read_arrays(path, wanted)
+    except FileNotFoundError as error:
+        cure = "Check the path, or write one with `intent train`."
+        raise ModelError.about(str(path), "a model file", "nothing there", cure) from error
+    except (OSError, MemoryError, UntrustedError) as error:
+        raise ModelError.about(str(path), MODEL_FILE, error, RETRAIN) from error
 
 
 def _header(path: str | Path, content: dict[str, NDArray[Any]]) -> dict:
