@@ -2,7 +2,7 @@
 """One file of a recording in another storage than MCAP: SQLite of ROS 2, or a bag of ROS 1."""
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path
@@ -16,7 +16,7 @@ from intent_recognition.bags.mcap.chunk import LATEST_NS, McapBlock, MessageTabl
 from intent_recognition.bags.mcap.file import Item, complete_schemas
 from intent_recognition.bags.mcap.scan import Damage, FileScan
 from intent_recognition.bags.ros1_reader import UnindexedReader
-from intent_recognition.bags.sqlite_reader import SqliteReader, is_open
+from intent_recognition.bags.sqlite_reader import DamagedSqliteReader, SqliteReader, is_open
 from intent_recognition.errors import BagError, one_line
 
 CURES = {
@@ -24,6 +24,13 @@ CURES = {
     True: "Record it again.",
 }
 """Against a damaged file, of SQLite and of ROS 1."""
+RENAMED = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
+"""Types of ROS 1 that ROS 2 has under another name."""
+READERS: dict[bool, tuple[Callable[[Path], Reader | SqliteReader], ...]] = {
+    False: (SqliteReader, DamagedSqliteReader),
+    True: (Reader, UnindexedReader),
+}
+"""By whether a bag is of ROS 1: of a whole one, and of one that is cut off or damaged."""
 ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
 
 
@@ -38,7 +45,7 @@ class RosbagsFile:
         self.path = path
         self._is_ros1 = kind == ".bag"
         self.scan = FileScan(is_finished=self._is_ros1 or not is_open(path))
-        self._reader: type[Reader] | type[SqliteReader] = Reader if self._is_ros1 else SqliteReader
+        self._readers = list(READERS[self._is_ros1])
         self._tolerant, self._damage = tolerant, damage
         self._counts: Counter[int] = Counter()
         with self._open() as reader:
@@ -101,12 +108,12 @@ class RosbagsFile:
     @contextmanager
     def _open(self) -> Iterator[Reader | SqliteReader]:
         try:
-            reader = self._reader(self.path)
+            reader = self._readers[0](self.path)
             reader.open()
         except Exception as error:  # the library raises what it meets
-            if self._reader is not Reader:
+            if len(self._readers) == 1:
                 raise self._error(error, 0) from error
-            self._reader, self.scan.is_finished = UnindexedReader, False
+            self._readers, self.scan.is_finished = self._readers[1:], False
             with self._open() as reader:
                 if not reader.message_count:
                     raise self._error(error, 0) from error
@@ -124,7 +131,8 @@ class RosbagsFile:
 
     def _define(self, number: int, one: Connection) -> None:
         form = "ros1msg" if self._is_ros1 else ENCODINGS.get(one.msgdef.format, "")
-        said = Schema(data=one.msgdef.data.encode(), encoding=form, id=number, name=one.msgtype)
+        kind = RENAMED.get(one.msgtype, one.msgtype)
+        said = Schema(data=one.msgdef.data.encode(), encoding=form, id=number, name=kind)
         self.scan.schemas[number] = said
         more = {"topic_type_hash": one.digest, "offered_qos_profiles": str(one.ext)}
         self.scan.channels[number] = Channel(

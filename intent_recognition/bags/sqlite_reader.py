@@ -4,6 +4,7 @@
 import os
 import sqlite3
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote
 
@@ -19,26 +20,32 @@ def is_open(path: Path) -> bool:
     return log.is_file() and log.stat().st_size > 0
 
 
+def _page(head: bytes | bytearray) -> int:
+    """Bytes of a page, by the head of a file; 1 stands for 2^16."""
+    size = int.from_bytes(head[16:18], "big")
+    return 2**16 if size == 1 else max(size, 1)
+
+
 class SqliteReader:
     """As `rosbags.rosbag1.Reader`. That of rosbags passes over the write-ahead log, and refuses
     files with a type that the recorder knew no definition of.
     """
+
+    table = "messages"
 
     def __init__(self, path: Path):
         self.path = path
 
     def open(self) -> None:
         """Open it; what its topics are, and how many messages there are when."""
-        folder = self.path.resolve().parent  # with the log SQLite writes another file beside it
-        mode = "mode=ro" if is_open(self.path) and os.access(folder, os.W_OK) else "immutable=1"
-        self._file = sqlite3.connect(f"file:{quote(str(self.path.resolve()))}?{mode}", uri=True)
+        self._file = self._connect()
         tables = {name for (name,) in self._file.execute(TABLES)}
         if not {"topics", "messages"} <= tables:
             raise ValueError(f"tables {', '.join(sorted(tables))}, not topics and messages")
         asked = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
         definitions = self._file.execute(asked) if "message_definitions" in tables else ()
         said = {name: (form, text) for name, form, text in definitions}
-        counted = "SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id"
+        counted = f"SELECT topic_id, COUNT(*) FROM {self.table} GROUP BY topic_id"
         counts = dict(self._file.execute(counted).fetchall())
         self.connections = []
         topics = self._file.execute("SELECT * FROM topics ORDER BY id")
@@ -55,8 +62,17 @@ class SqliteReader:
             more = (definition, digest, count, one.get("offered_qos_profiles", ""), self)
             self.connections.append(Connection(one["id"], one["name"], one["type"], *more))
         self.message_count = sum(counts.values())
-        times = self._file.execute("SELECT MIN(timestamp), MAX(timestamp) + 1 FROM messages")
+        times = self._file.execute(f"SELECT MIN(timestamp), MAX(timestamp) + 1 FROM {self.table}")
         self.start_time, self.end_time = (int(time_ns or 0) for time_ns in times.fetchone())
+
+    def _connect(self) -> sqlite3.Connection:
+        with self.path.open("rb") as file:
+            head = file.read(32)
+        if self.path.stat().st_size < int.from_bytes(head[28:32], "big") * _page(head):
+            raise ValueError("a database that is cut off")
+        folder = self.path.resolve().parent  # with the log SQLite writes another file beside it
+        mode = "mode=ro" if is_open(self.path) and os.access(folder, os.W_OK) else "immutable=1"
+        return sqlite3.connect(f"file:{quote(str(self.path.resolve()))}?{mode}", uri=True)
 
     def close(self) -> None:
         """Close it."""
@@ -66,8 +82,32 @@ class SqliteReader:
         """Messages of some topics in the order of their times."""
         topics = {one.id: one for one in wanted}
         asked = (
-            "SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN"
+            f"SELECT topic_id, timestamp, data FROM {self.table} WHERE topic_id IN"
             f" ({', '.join('?' * len(topics))}) ORDER BY timestamp, id"
         )
         for number, at_ns, data in self._file.execute(asked, list(topics)):
             yield topics[number], int(at_ns), bytes(data)
+
+
+class DamagedSqliteReader(SqliteReader):
+    """As its base of a file that is cut off or damaged, in memory: of the messages it has those from
+    both ends of their table up to the first that cannot be read.
+    """
+
+    table = "kept"
+
+    def _connect(self) -> sqlite3.Connection:
+        data = bytearray(self.path.read_bytes())
+        data[18:20] = b"\1\1"  # without a log
+        data[28:32] = (len(data) // _page(data)).to_bytes(4, "big")  # pages that are there, not all
+        file = sqlite3.connect(":memory:")
+        file.deserialize(bytes(data))
+        columns = "id, topic_id, timestamp, data"
+        file.execute(f"CREATE TEMP TABLE kept ({columns}, PRIMARY KEY (id))")
+        for order in ("ASC", "DESC"):
+            asked = f"SELECT {columns} FROM messages NOT INDEXED ORDER BY id {order}"
+            with suppress(sqlite3.DatabaseError):
+                for row in file.execute(asked):
+                    file.execute("INSERT OR IGNORE INTO kept VALUES (?, ?, ?, ?)", row)
+                break
+        return file

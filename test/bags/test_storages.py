@@ -328,6 +328,15 @@ def test_a_bag_of_ros1(tmp_path):
     check(tmp_path / "plate_01.bag", contents())
 
 
+def test_transforms_of_ros1_s_first_package_are_those_of_ros2(tmp_path):
+    text, _ = STORE.generate_msgdef("tf2_msgs/msg/TFMessage", ros_version=1)
+    with Ros1Writer(tmp_path / "a.bag") as writer:
+        tf = writer.add_connection("/tf", "tf/msg/tfMessage", msgdef=text, md5sum="a" * 32)
+        writer.write(tf, START_NS, bytes(4))
+    (found,) = BagReader(tmp_path / "a.bag").messages()
+    assert found.type == "tf2_msgs/msg/TFMessage" and len(found.message.transforms) == 0
+
+
 @pytest.mark.parametrize("compression", [None, *Ros1Writer.CompressionFormat])
 def test_of_a_bag_of_ros1_that_was_not_closed_all_whole_messages_are_saved(compression, tmp_path):
     write_ros1(tmp_path / "a.bag", compression)
@@ -370,10 +379,23 @@ def test_a_bag_in_sqlite(mode, tmp_path):
     assert BagReader(tmp_path / "bag").custom_data == {"task": "plate"}
     if mode == CompressionMode.NONE:
         check(tmp_path / "bag/bag.db3", contents())
-        data = (tmp_path / "bag/bag.db3").read_bytes()
-        (tmp_path / "bag/bag.db3").write_bytes(data[: len(data) // 2])
-        with pytest.raises(BagError, match=r"SQLite|database"):
-            list(BagReader(tmp_path / "bag").raw_messages())
+
+
+def test_of_a_database_that_is_cut_off_the_messages_before_are_read(tmp_path):
+    write_db3(tmp_path / "bag")
+    whole, data = raw(tmp_path / "bag", BagReader), (tmp_path / "bag/bag.db3").read_bytes()
+    counts = []
+    for size in range(5000, len(data), 5000):
+        (tmp_path / "cut.db3").write_bytes(data[:size])
+        try:
+            found = raw(tmp_path / "cut.db3", BagReader)
+        except BagError:
+            assert not counts  # not one message is whole
+            continue
+        assert found and not {*found} - {*whole}
+        assert not BagReader(tmp_path / "cut.db3").is_finished
+        counts.append(len(found))
+    assert counts == sorted(counts) and counts[-1] > COUNT
 
 
 def test_a_database_with_a_log_and_an_unknown_definition_is_read_whole(tmp_path, monkeypatch):
