@@ -161,8 +161,8 @@ def _ns(stamp: Any) -> int:
 
 @lru_cache(maxsize=256)
 def joint_indices(wanted: tuple[str, ...], names: tuple[str, ...]) -> list[int | None]:
-    """Where each joint of an entry is among the names in a message; None where it is not."""
-    found = {name: k for k, name in enumerate(names)}
+    """Where each joint of an entry is among the names in a message; None where it is not, or twice."""
+    found = {name: k for k, name in enumerate(names) if names.count(name) == 1}
     return [_matching(joint, names) if "*" in joint else found.get(joint) for joint in wanted]
 
 
@@ -246,7 +246,7 @@ def _read_joints(entry: DofEntry, message: Any) -> _Reading:
         n_missing += 1
         if missing is None:
             has = ", ".join(names) if index is None else f"{len(column)} values for it"
-            expected = f"joint {entry.joints[row]}"
+            expected = f"joint {entry.joints[row]} once"
             cure = "Name the joints in the DOF file as the robot does."
             argument = f"{entry.topic} {entry.quantity}"
             missing = MessageError.about(argument, expected, has or "no joints", cure)

@@ -66,6 +66,7 @@ def test_velocity_and_effort_have_names_of_their_own():
     [
         SimpleNamespace(name=["a"], position=[1.0]),
         SimpleNamespace(name=["a", "b"], position=[1.0]),
+        SimpleNamespace(name=["a", "b", "a"], position=[1.0, 2.0, 3.0]),
         SimpleNamespace(name=[], position=[]),
         SimpleNamespace(pose=1),
     ],
