@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from intent_recognition.errors import optional
-from intent_recognition.tables.cells import Values
+from intent_recognition.tables.cells import OF_IMAGE, Values, are_of_image, pixels_of
 from intent_recognition.tables.hdf5_reading import (
     MOST_DOFS,
     UNIT,
@@ -58,7 +58,8 @@ def _fields(arrays: Mapping[str, Values]) -> Iterator[tuple[str, Values]]:
 
 def table_of_arrays(path: Path, arrays: Mapping[str, Values], rate: float = 0.0) -> Table:
     """The table of arrays whose samples are along their first axes, at a rate, 0 for none."""
-    columns = flat_columns(path, arrays)
+    images = [k for k, a in arrays.items() if a.ndim == 3 == a.shape[2] and are_of_image(a)]
+    columns = flat_columns(path, {**arrays, **{key: pixels_of(arrays[key]) for key in images}})
     clocks = any(is_clock(key, array) for key, array in arrays.items() if array.ndim == 1)
     # a rate that is stated may be that of a camera
     defaults: dict[str, object] = {"time": {"rate": rate}} if rate > 0.0 and not clocks else {}
@@ -66,7 +67,8 @@ def table_of_arrays(path: Path, arrays: Mapping[str, Values], rate: float = 0.0)
         defaults["segments"] = {"column": "demonstration"}
     texts = [columns[key] for key in columns if key.lower() in UNIT]
     said = "".join(str(text[0]) for text in texts if text.dtype.kind == "U" and text.size == 1)
-    about = {"defaults": defaults, "notes": tuple(transposed(arrays)), "unit": said}
+    notes = (*transposed(arrays), *[OF_IMAGE][: len(images)])
+    about = {"defaults": defaults, "notes": notes, "unit": said}
     return table_of(path, columns, **about)
 
 

@@ -4,6 +4,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from intent_recognition.tables.table import Table, check_columns
 
 OF_BODY = re.compile(
     r"(?i)(?:rigid[_ ]?body|body(?:[_ ]?part)?|marker|joint|segment|landmark|key[_ ]?point|sensor"
-    r"|tracker|tracking|track|tag|device|child_frame|topic)(?:[_ ]?(?:name|type|id))?"
+    r"|tracker|tracking|track|tag|device|child_frame|topic|port|tool|handle)"
+    r"(?:[_ ]?(?:name|type|id))?"
 )
 """The column that says which body a row is of."""
 OF_ANY = re.compile(r"(?i)name|id|object|hand|side|person|subject|agent")
@@ -116,15 +118,16 @@ def _at(values: Values, moment: Integers, rows: np.ndarray, count: int) -> Value
     return made
 
 
-def flat(content: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+def flat(content: Any, name: str = "", by_name: bool = True) -> Iterator[tuple[str, Any]]:
     """Numbers and texts in mappings and lists within one another, by their paths: `0`, `1.x`.
 
     Mappings in a list that say which body each is of are called so, not by their places.
     """
     if isinstance(content, dict | list):
-        named = content.items() if isinstance(content, dict) else zip(_own_names(content), content)
+        listed = _own_names(content) if by_name and isinstance(content, list) else count()
+        named = content.items() if isinstance(content, dict) else zip(listed, content, strict=False)
         for key, value in named:
-            yield from flat(value, f"{name}.{key}" if name else str(key))
+            yield from flat(value, f"{name}.{key}" if name else str(key), by_name)
     elif name and isinstance(content, int | float | str | None):
         yield name, content
 

@@ -131,6 +131,21 @@ def without_zeros(places: Floats) -> tuple[Floats, int]:
     return np.where(zero[:, None], np.nan, places), int(zero.sum())
 
 
+OF_IMAGE = "the landmarks are places in the image, not in metres"
+
+
+def are_of_image(triples: Values) -> bool:
+    """Whether numbers (..., 3) are pixels, two of each landmark, with how sure they are."""
+    seen, places = triples[..., 2], triples[..., :2]
+    are_shares = np.all((seen >= 0.0) & (seen <= 1.0)) and seen.any()
+    return bool(are_shares and np.nanmax(places, initial=0.0) > 10.0)
+
+
+def pixels_of(triples: Values) -> Floats:
+    """Pixels (..., 2) of numbers (..., 3), NaN where the last says that nothing was seen."""
+    return np.where(triples[..., 2:] > 0.0, triples[..., :2], np.nan)
+
+
 PER_BASE = {
     "m": (1, 1), "dm": (1, 10), "cm": (1, 100), "mm": (1, 1000), "um": (1, 10**6),
     "in": (127, 5000), "ft": (381, 1250), "rad": (1, 1), "deg": (np.pi, 180),

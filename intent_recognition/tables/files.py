@@ -102,6 +102,8 @@ def name_below(source: Path, path: Path) -> str:
 
 NUMBERED = re.compile(r"(?P<task>.+?)(?P<date>(?:[_\- ]\d{6,})?)(?P<between>[_\- ])\d+")
 """Names such as `give_bracket_07` and `give_20240131_100000`."""
+STREAM = re.compile(r"(?P<recording>.+[_\- ]\d+)(?P<end>[_\- ]\D+)")
+"""Names such as `give_07_wrist`, beside `give_07_cup`."""
 NO_TASK = re.compile(
     r"(?i)(?:demo|demonstration|traj|trajectory|episode|ep|trial|take|rec|recording|run|data|log"
     r"|p|s|sub|subj|subject|participant|person|user|day|ses|session)?[\W_\d]*"
@@ -134,8 +136,8 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
     for path in paths:
         is_numbered = NUMBERED.fullmatch(path.stem) is not None
         folders.setdefault((path.parent, path.suffix.lower(), is_numbered), []).append(path)
-    kinds: dict[tuple[str, ...], list[Path]] = {}
-    tables: dict[tuple[str, ...], Table] = {}
+    kinds: dict[tuple[str, tuple[str, ...]], list[Path]] = {}
+    tables: dict[tuple[str, tuple[str, ...]], Table] = {}
     errors: list[BagError] = []
     for files in folders.values():
         try:
@@ -143,26 +145,45 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
         except BagError as error:
             errors.append(error)
             continue
-        kinds.setdefault(table.names, []).extend(files)
-        tables.setdefault(table.names, table)
+        for end, own in _streams(files).items():
+            kinds.setdefault((end, table.names), []).extend(own)
+            tables.setdefault((end, table.names), open_table(own[0]))
     if not kinds:
         raise errors[0]
     most = max(map(len, kinds.values()))
-    kinds = {names: files for names, files in kinds.items() if 2 * len(files) >= most}
+    kinds = {key: files for key, files in kinds.items() if 2 * len(files) >= most}
     found = []
-    for names, files in kinds.items():
-        name, below = re.sub(r"\W+", "_", files[0].parent.name), name_below(source, files[0])
-        found.append(FileKind(name, below, tables[names], name_pattern(source, files)))
-    stems = [{path.stem for path in files} for files in kinds.values()]
+    for (end, names), files in kinds.items():
+        name = re.sub(r"\W+", "_", end.lstrip("_- ") or files[0].parent.name)
+        below, pattern = name_below(source, files[0]), name_pattern(source, files, end)
+        found.append(FileKind(name, below, tables[end, names], pattern))
+    stems = [{path.stem.removesuffix(end) for path in files} for (end, _), files in kinds.items()]
     together = all(kind.pattern for kind in found) and len({k.name for k in found}) == len(found)
     if together and set.intersection(*stems):
         return found
-    (names, _) = max(kinds.items(), key=lambda item: (len(item[1]), len(item[0])))
+    (_, names), _ = max(kinds.items(), key=lambda item: (len(item[1]), len(item[0][1])))
     return [kind for kind in found if kind.table.names == names]
 
 
-def name_pattern(source: Path, files: Sequence[Path]) -> str:
-    """How the files are named below a folder; empty where no rule is seen."""
+def _streams(files: Sequence[Path]) -> dict[str, list[Path]]:
+    """Files of the same columns by the ends of their names, where each recording has a file of each
+    end, and those of the first are as long; else all under "".
+    """
+    found: dict[str, dict[str, Path]] = {}
+    for match, path in ((STREAM.fullmatch(path.stem), path) for path in files):
+        if match is None:
+            return {"": [*files]}
+        found.setdefault(match["end"], {})[match["recording"]] = path
+    first, *others = found.values()
+    firsts = [next(iter(of.values())) for of in found.values()] if others else []
+    lengths = {open_table(path).read([0])[0].size for path in firsts}
+    if len(lengths) != 1 or any(of.keys() != first.keys() for of in others):
+        return {"": [*files]}
+    return {end: [*of.values()] for end, of in found.items()}
+
+
+def name_pattern(source: Path, files: Sequence[Path], end: str = "") -> str:
+    """How the files are named below a folder, all with one end; empty where no rule is seen."""
     if files[0] == source:
         return ""
     inside = [path.relative_to(source) for path in files]
@@ -174,10 +195,10 @@ def name_pattern(source: Path, files: Sequence[Path]) -> str:
         return ""
     (folder,) = above
     before = "" if folder == "." else f"{folder}/"
-    matches = [NUMBERED.fullmatch(path.stem) for path in inside]
+    matches = [NUMBERED.fullmatch(path.stem.removesuffix(end)) for path in inside]
     ends = {(match["date"][:1], match["between"]) for match in matches if match}
     are_tasks = any(not NO_TASK.fullmatch(match["task"]) for match in matches if match)
     if all(matches) and are_tasks and len(ends) == 1:
         date, between = ends.pop()
-        return f"{before}{{task}}{date}{'{date}' * bool(date)}{between}{{number}}{suffix}"
-    return f"{before}{{number}}{suffix}" if len(files) > 1 and before else ""
+        return f"{before}{{task}}{date}{'{date}' * bool(date)}{between}{{number}}{end}{suffix}"
+    return f"{before}{{number}}{end}{suffix}" if end or (len(files) > 1 and before) else ""

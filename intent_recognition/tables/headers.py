@@ -3,7 +3,7 @@
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -19,6 +19,8 @@ OF_ALL, OF_BODY = ("scorer",), ("bodyparts",)
 """Lines of DeepLabCut that say who found the places, and which bodies they are of."""
 OF_RATES = {"Velocities": "/s", "Speeds": "/s", "Accelerations": "/s^2"}
 """What the titles of OpenSim's files say of the units of their columns."""
+OF_VECTORS = {"vec3": "xyz", "quaternion": "wxyz"}
+"""Kinds of OpenSim's cells that hold several numbers, and what these are called."""
 OF_LENGTHS = ("_tx", "_ty", "_tz", "_X", "_Y", "_Z")
 """Ends of the names of its translations and places."""
 NUMBER = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?|\d[\d:.,T /-]*")
@@ -36,6 +38,7 @@ class Header:
     skip: int  # rows before the numbers
     about: Mapping[str, Any] = field(default_factory=dict)  # further attributes of the `Table`
     ends_blank: bool = False  # whether a blank line ends the table
+    commas: bool = False  # whether cells hold several numbers, between commas
 
 
 def known_header(rows: Rows) -> Header | None:
@@ -158,12 +161,19 @@ def _qtm_bodies(cells: Sequence[str]) -> list[str]:
 
 
 def opensim(rows: Rows) -> Header | None:
-    """MOT and STO of OpenSim: angles in degrees where it says so, translations in metres."""
+    """MOT and STO of OpenSim: angles in degrees where it says so, translations in metres; vectors
+    and quaternions as `BODY.x`, ....
+    """
     at = next((k for k, row in enumerate(rows) if row and row[0].strip() == "endheader"), None)
     if at is None:
         return None
     said = dict(row[0].strip().lower().split("=", 1) for row in rows[:at] if row and "=" in row[0])
     names = tuple(name.strip() for name in rows[at + 1])
+    if axes := OF_VECTORS.get(said.get("datatype", "").strip()):
+        names = (names[0], *(f"{name}.{axis}" for name in names[1:] for axis in axes))
+        units = dict.fromkeys(range(1, len(names) * (axes == "xyz")), said.get("units", "").strip())
+        header = _of_markers(names, at + 2, units, {"column": "time"})
+        return replace(header, commas=True)
     angle = "deg" if said.get("indegrees", "").strip() == "yes" else "rad"
     per = OF_RATES.get(rows[0][0].strip(), "")
     units = {}

@@ -15,7 +15,7 @@ from intent_recognition.array_types import Integers
 from intent_recognition.errors import one_line
 from intent_recognition.signals import MIN_SAMPLES
 from intent_recognition.tables.by_body import by_body, flat
-from intent_recognition.tables.cells import text_of
+from intent_recognition.tables.cells import OF_IMAGE, are_of_image, pixels_of, text_of
 from intent_recognition.tables.hdf5_reading import RATES, UNIT
 from intent_recognition.tables.table import MOST_COLUMNS, MOST_TEXT, Table, table_of, unusable
 from intent_recognition.tables.times import usual_unit
@@ -82,9 +82,11 @@ NUMBERS = _names("image_id frame frame_id frame_number frame_index frame_idx")
 SPARSE = 100
 """How many numbers there may be for each frame. Convention: ids of a collection are farther apart.
 """
+SELDOM = 0.3
+"""Share of rows that have a column, on an average, below which bodies are told by their places in a
+list, not by names or numbers. Convention: a tracker that numbers them anew has them for seconds."""
 FEW_FRAMES = 0.1
 """Share of frames with several people that are left out. Convention: passers-by, reflections."""
-OF_IMAGE = "the landmarks are places in the image, not in metres"
 Points = dict[str, Sequence[float]]
 Result = TypeVar("Result")
 
@@ -152,6 +154,8 @@ def open_landmarks(path: Path) -> Table:
     if keys:
         found = [(key, content[key]) for key in keys]
         frames = [{"index": k, **v} if isinstance(v, dict) else v for k, v in found]
+    elif isinstance(content, dict) and "Timebase" in content:
+        return _read(path, partial(_of_qualisys, path), content)
     elif isinstance(content, dict):
         frames = _read(path, _of_pandas, content) or frames
     if isinstance(content, dict) and not isinstance(frames, list):
@@ -189,6 +193,23 @@ def open_landmarks(path: Path) -> Table:
         unit = "ms" if stamp.endswith("_ms") else usual_unit(np.diff(columns["time"])) or "s"
         about["defaults"] = {"time": {"column": "time", "unit": unit}}
     return table_of(path, columns, **about, notes=notes)
+
+
+def _of_qualisys(path: Path, content: Mapping[str, Any]) -> Table:
+    """Markers and bodies of QTM [mm], which it has in parts: rows from a frame on."""
+    base = content["Timebase"]
+    first, last = (int(base["Range"][key]) for key in ("Start", "End"))
+    columns: dict[str, NDArray[Any]] = {}
+    for one in (*content.get("Markers", ()), *content.get("RigidBodies", ())):
+        places = np.full((last - first + 1, 3), np.nan)
+        for part in one["Parts"]:
+            rows = [v[0] if isinstance(v[0], list) else v for v in part["Values"]]  # a body's turns
+            if rows:
+                start = int(part["Range"]["Start"]) - first
+                places[start : start + len(rows)] = np.array(rows, np.float64)[:, :3]
+        columns |= {f"{one['Name']}.{axis}": places[:, k] for k, axis in enumerate("xyz")}
+    defaults = {"time": {"rate": float(base["Frequency"])}}
+    return table_of(path, columns, unit="mm", must_say=True, defaults=defaults)
 
 
 def _is_of_image(frames: Sequence[Points]) -> bool:
@@ -271,6 +292,9 @@ def _of_records(frames: Sequence[Any]) -> dict[str, NDArray[Any]]:
     """Columns of the numbers and texts of objects, one for each row: `wrist.x`."""
     rows = [dict(flat(frame)) for frame in frames]
     names = list(dict.fromkeys(name for row in rows for name in row))
+    if sum(map(len, rows)) < SELDOM * len(rows) * len(names):  # names that change are of nobody
+        rows = [dict(flat(frame, by_name=False)) for frame in frames]
+        names = list(dict.fromkeys(name for row in rows for name in row))
     if not names or len(names) > MOST_COLUMNS:
         raise ValueError("no landmarks, and no rows of numbers by name")
     columns: dict[str, NDArray[Any]] = {}
@@ -323,21 +347,18 @@ def _people(key: str, frame: Any) -> list[Any]:
     is_row = not isinstance(frame, dict)
     frame = frame if is_row else frame.get(key)
     is_flat = isinstance(frame, list) and frame and isinstance(frame[0], int | float)
-    if is_flat and (not is_row or _are_of_image(frame)):  # as COCO has them
-        triples = np.array(frame, np.float64).reshape(-1, 3)
-        frame = np.where(triples[:, 2:] > 0.0, triples[:, :2], np.nan).tolist()
+    if is_flat and (not is_row or _are_triples(frame)):  # as COCO has them
+        frame = pixels_of(np.array(frame, np.float64).reshape(-1, 3)).tolist()
     people = [frame]
     while people and not _is_person(people[0]):
         people = [inner for one in people for inner in _inside(one) if inner]
     return people
 
 
-def _are_of_image(row: Sequence[Any]) -> bool:
-    """Whether numbers are pixels, two of each landmark, with how sure they are."""
-    if len(row) not in [3 * count for count in NAMED] or not all(map(np.isreal, row)):
-        return False
-    *places, seen = np.array(row, np.float64).reshape(-1, 3).T
-    return bool(0.0 <= seen.min() and seen.max() <= 1.0 and np.max(places) > 10.0)
+def _are_triples(row: Sequence[Any]) -> bool:
+    """Whether numbers are three of each landmark of an image."""
+    is_known = len(row) in [3 * count for count in NAMED] and all(map(np.isreal, row))
+    return is_known and are_of_image(np.array(row, np.float64).reshape(-1, 3))
 
 
 def _is_person(content: Any) -> bool:

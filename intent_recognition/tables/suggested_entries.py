@@ -49,8 +49,9 @@ def body_entry(
     body: str,
     names: Sequence[str],
     farthest: float,
+    file: str = "",
 ) -> list[str]:
-    """Lines of the entry of a body, by what it is called and its columns x, y and z, if any.
+    """Lines of the entry of a body, by what it, or else its file, is called and its columns x, y, z.
 
     All bodies of a table have one unit: `farthest` is the largest number of any.
     """
@@ -59,8 +60,10 @@ def body_entry(
     unit, note = _unit_of(table, names, farthest, "m")
     if len(names) == 2 and not note.startswith("from"):
         unit, note = "mm", "a pixel counts as one"
-    parts = [part for part in re.split(r"[\W_]+", body.lower()) if part not in NO_NAME]
-    topic = "_".join(filter(None, parts))
+    for called in (body, file, "wrist"):
+        parts = [part for part in re.split(r"[\W_]+", called.lower()) if part not in NO_NAME]
+        if topic := "_".join(filter(None, parts)):
+            break
     topic = unicodedata.normalize("NFKD", topic).encode("ascii", "ignore").decode()
     topic = f"body_{topic}" if topic[:1].isdigit() else topic
     return [

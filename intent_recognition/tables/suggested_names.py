@@ -6,7 +6,9 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.signals import spelled
 from intent_recognition.tables.cells import LENGTHS
 from intent_recognition.tables.suggested_entries import SeenColumn
@@ -16,7 +18,7 @@ COUNT_NAME = re.compile(r"(?i)(frame|index|idx|row|sample|counter)#?$")
 COMMANDED = re.compile(r"(?i)(?:^|[./])actions?(?:[./]|$)")
 """What columns are called that were commanded, not measured."""
 NO_JOINT = re.compile(
-    r"(?i)stamp|time|elapsed|\bobject|accel|(?:^|[\W_])(?:acc|mag)|gyr|secs?\b"
+    r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag)|gyr|secs?\b"
     r"|header|vel|effort|torque|current|temp|force|quality|error|gripper|\bjaw"
     r"|likelihood|confidence|residual|\bRot\[|wrench|gravity|rgb|colou?r|voltage|pressure|reward"
     rf"|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
@@ -34,7 +36,7 @@ TASK_NAME = re.compile(
 NO_TASK = re.compile(r"(?i)frame_?id|(?:^|[\W_])(?:date|time)")
 """What columns of texts are called that say no task."""
 LANDMARK = re.compile(r"(?P<body>(?:.+\.)?\d+)\.(?P<element>\d)")
-"""Elements of arrays (T, n, d): of places, if d is 3."""
+"""Elements of arrays (T, n, d): of places, if d is 3, or 2, or 4 and the last says how sure."""
 ELEMENTS = re.compile(
     r"(?i)^(?P<body>.*(pos|position|xyz|translation|pose|wrist|hand|eef|tcp|marker)s?)"
     r"(?:[\s_]*[\[(]?[cdm]?m[\])]?)?"
@@ -86,36 +88,62 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
         for match in filter(None, (last, AXIS_FIRST.fullmatch(bare))):
             if not NO_PLACE.search(match["body"]):
                 found.setdefault(match["body"], {})[match["axis"].lower()] = name
-    bodies = _of_matrices(columns)
+    matrices = _of_matrices(columns)
+    bodies = {body: names[:3, 3].tolist() for body, names in matrices.items()}
+    parts = {name for names in matrices.values() for name in names.flat}
+    arrays: dict[str, set[int]] = {}  # sizes of the last axes
+    for body, axes in found.items():
+        arrays.setdefault(body.rpartition(".")[0], set()).add(len(axes))
     for body, axes in found.items():
         sizes = POSE_SIZES if POSE_NAME.search(body) else POSE_SIZES[:1]
-        is_pose = len(axes) in sizes and set(axes) == set(map(str, range(len(axes))))
+        are_elements = set(axes) == set(map(str, range(len(axes))))
+        is_pose = are_elements and len(axes) in sizes
+        if are_elements and len(arrays[body.rpartition(".")[0]]) == 1 and LANDMARK.match(axes["0"]):
+            is_pose |= len(axes) == 2
+            is_pose |= len(axes) == 4 and _are_seen(*(columns[axes[k]] for k in sorted(axes)))
         in_image = set(axes) == set("xy") and body.rstrip("._ ")
-        if set(axes) == set("xyz") or is_pose or in_image:  # with w it is a quaternion
+        # with w it is a quaternion
+        if (set(axes) == set("xyz") or is_pose or in_image) and not parts & {*axes.values()}:
             bodies[body] = [axes[a] for a in sorted(axes)][:3]
     return bodies
 
 
-def _of_matrices(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
-    """Last columns of matrices of poses, arrays (T, 4, 4): `BODY.0.3`, `BODY.1.3`, `BODY.2.3`."""
-    found = {}
+def _are_seen(*columns: SeenColumn) -> bool:
+    """Whether the last of four columns may say how sure the place in the others is."""
+    values = np.column_stack([column.values for column in columns])
+    norms, (*_, seen) = np.linalg.norm(values, axis=1), values.T
+    is_quaternion = np.nanmax(np.abs(norms - 1.0)) < 0.01
+    return bool(np.nanmin(seen) >= 0.0 and np.nanmax(seen) <= 1.0 and not is_quaternion)
+
+
+def _of_matrices(columns: Mapping[str, SeenColumn]) -> dict[str, NDArray[np.str_]]:
+    """Columns (4, 4) of matrices of poses: of arrays (T, 4, 4), or (T, 16), also transposed ones,
+    as libfranka has them.
+    """
+    found: dict[str, NDArray[np.str_]] = {}
     for name in columns:
-        body = name.removesuffix(".3.3")
-        places = [f"{body}.{row}.3" for row in range(3)]
-        if body != name and set(places) <= set(columns):
-            found[body] = places
+        for last in (".3.3", "15", "15]"):
+            kind = [f".{k // 4}.{k % 4}" if "." in last else last.replace("15", str(k))
+                    for k in range(16)]  # fmt: skip
+            names = np.array([name.removesuffix(last) + end for end in kind]).reshape(4, 4)
+            if name.endswith(last) and set(names.flat) <= set(columns):
+                sizes = np.reshape([columns[one].farthest for one in names.flat], (4, 4))
+                body = name.removesuffix(last).rstrip("._[")
+                for matrix, of in ((names, sizes), (names.T, sizes.T)):
+                    if of[3].tolist() == [0.0, 0.0, 0.0, 1.0]:
+                        found.setdefault(body, matrix)
     return found
 
 
 def orientations_of(columns: Mapping[str, SeenColumn], bodies: Collection[str]) -> set[str]:
     """Columns of an orientation: those of an array behind its place, quaternions, matrices."""
-    matches = {name: match for name in columns if (match := ELEMENTS.match(name))}
+    found = {name: ELEMENTS.match(name) or LANDMARK.fullmatch(name) for name in columns}
+    matches = {name: match for name, match in found.items() if match}
     rest = {n for n, match in matches.items() if match["body"] in bodies and match["element"] > "2"}
     axes = {name: match for name in columns if (match := PLACES.match(UNIT_END.sub("", name)))}
     of = Counter(match["body"] for match in axes.values())
     turning = {m["body"] for m in axes.values() if m["axis"] in "wW" and of[m["body"]] == 4}
-    matrices = tuple(f"{body}." for body in _of_matrices(columns))
-    rest |= {name for name in columns if matrices and name.startswith(matrices)}
+    rest |= {name for names in _of_matrices(columns).values() for name in names.flat}
     return rest | {name for name, match in axes.items() if match["body"] in turning}
 
 
@@ -141,5 +169,11 @@ def is_joint(name: str) -> bool:
 
 def counts_rows(column: SeenColumn) -> bool:
     """Whether a column counts rows, as frames and indices do."""
-    by_one = bool(np.all(np.diff(column.values) == 1.0)) and column.values[0] in (0.0, 1.0)
-    return by_one or bool(COUNT_NAME.search(column.name))
+    first, steps = column.values[0], np.diff(column.values)
+    is_count = are_counts(steps) and 0.0 <= first <= steps[0] and first % 1.0 == 0.0
+    return is_count or bool(COUNT_NAME.search(column.name))
+
+
+def are_counts(steps: Floats) -> bool:
+    """Whether steps are those of a count: all the same whole number, as of every second row."""
+    return bool(steps.size and steps[0] >= 1.0 and steps[0] % 1.0 == 0.0 and np.ptp(steps) == 0.0)

@@ -31,6 +31,7 @@ from intent_recognition.tables.suggested_names import (
     NO_TASK,
     SEGMENT_NAME,
     TASK_NAME,
+    are_counts,
     array_of,
     bodies_of,
     counts_rows,
@@ -148,7 +149,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     places = {column for body in bodies.values() for column in body}
     time, time_note = _time(table, columns, labels, cut, places)
     used = {str(time.get("column", "")), str(time.get("nanoseconds", "")), cut, *places}
-    used |= orientations_of(columns, bodies)
+    used |= (turning := orientations_of(columns, bodies))
     joints = [c for c in columns.values() if c.moves and c.name not in used and not counts_rows(c)]
     others = [c.name for c in joints if not (is_joint(c.name) and is_angle(table, c.name))]
     joints = [c for c in joints if c.name not in others]
@@ -163,7 +164,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     own = [f"    file: {flow(name)}", f"    {time_line}"] if name else []
     farthest = max((columns[n].farthest for body in moving for n in bodies[body]), default=0.0)
     found = [
-        body_entry(table, columns, body, bodies[body], farthest) + own
+        body_entry(table, columns, body, bodies[body], farthest, name) + own
         for body in moving[:MOST_BODIES]
     ]
     arm = [
@@ -174,6 +175,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     for title, names in (
         ("They do not move", still),
         ("They move, and are no positions", others),
+        ("Orientations", [n for n in columns if n in turning]),
         ("Markers of these bodies", markers),
         ("Seldom seen", seldom),
         ("The same, a step later", later),
@@ -270,7 +272,9 @@ def _time(
             return {"column": column.name}, "it decreases: reverse the rows of the file"
         said_unit = table.time_unit_of(column.name)
         is_clock = TIME_NAME.search(column.name) and column.values[0] > 1.0
-        if not said_unit and not is_clock and np.all(steps == 1.0):  # counts rows
+        is_named = column.name != "0" and TIME_NAME.search(column.name)
+        by_one = np.all(steps == 1.0) and not is_clock
+        if not said_unit and (by_one or (are_counts(steps) and not is_named)):  # counts rows
             continue
         later = steps > 0.0
         often = np.mean(later) > (MOSTLY if np.any(steps < 0.0) else REPEATED)
@@ -300,7 +304,7 @@ def _are_later(table: Table, name: str, cells: Sequence[str]) -> bool:
 
 def _is_even(steps: Floats) -> bool:
     """Whether numbers go on by nearly the same steps, which do not count: time in any language."""
-    return bool(steps.size and steps.min() > 0.8 * steps.max() > 0.0 and steps.max() != 1.0)
+    return bool(steps.size and steps.min() > 0.8 * steps.max() > 0.0) and not are_counts(steps)
 
 
 def _are_nanoseconds(values: Floats) -> bool:

@@ -37,6 +37,11 @@ HEAD_ROWS = 60
 """Rows that are looked at for a header. Convention: OpenSim's have some thirty."""
 UNIT_LINE = re.compile(r"(?i)(?:length |position )?units? [\[(]?([^\s\])]+)[\])]?")
 """A line that says the unit of all columns."""
+RATE_LINE = re.compile(
+    r"(?i)(?:(?:export|capture|camera|data|frame|sampl\w*) ?)*(?:frequency|rate|fps)"
+    r"(?: [\[(]?hz[\])]?)? (\d+(?:\.\d+)?)(?: hz)?"
+)
+"""A line that says the rate of all rows [Hz]."""
 VECTOR = re.compile(r"[\[(]([^\[\]()]+)[\])]")
 """Several numbers in one cell, as Unity, numpy and pandas print them: `(0.1, 0.2)`, `[0.1 0.2]`."""
 NUMPY = re.compile(r"np\.float\d+\(([^()]*)\)")
@@ -66,12 +71,16 @@ def open_text(path: Path, skip_rows: int) -> Table:
         sizes = _sizes(head[header.skip :])
         header = _with_elements(header, sizes)
     start = before + header.skip
-    unit = _unit_above(path, skip_rows + start, encoding)
+    unit, defaults = _said_above(path, skip_rows + start, encoding)
     check_columns(path, len(header.names))
 
     def rows(last: int) -> Iterator[tuple[int, list[str]]]:
         of_table = islice(_rows(path, skip_rows, encoding), start, None)
-        spread = (_spread(row, sizes) for row in of_table) if sizes else of_table
+        spread: Iterable[list[str]] = of_table
+        if sizes:
+            spread = (_spread(row, sizes) for row in of_table)
+        elif header.commas:
+            spread = (",".join(row).split(",") for row in of_table)
         return _below(header, spread, last, path)
 
     def read(wanted: Sequence[int]) -> list[Values]:
@@ -95,7 +104,7 @@ def open_text(path: Path, skip_rows: int) -> Table:
         return np.array([number for number, _ in rows(0)], np.float64)
 
     notes = (f"only {head[0][0].strip()} are read, not {', '.join(others)}",) if others else ()
-    about = {"counts": counts, "notes": notes, "unit": unit, **header.about}
+    about = {"counts": counts, "notes": notes, "unit": unit, "defaults": defaults, **header.about}
     table = Table(path, header.names, read, **about)
     return by_body(table) if is_plain else table
 
@@ -188,12 +197,18 @@ def _comments(path: Path, encoding: str) -> int:
     return 0
 
 
-def _unit_above(path: Path, count: int, encoding: str) -> str:
-    """The one unit that a line above the numbers says, such as `# units: mm`; "" for none."""
+def _said_above(path: Path, count: int, encoding: str) -> tuple[str, dict[str, object]]:
+    """The one unit, "" for none, and the one rate, as `Table.defaults`, that lines above the
+    numbers say, such as `# units: mm`.
+    """
     with path.open(encoding=encoding) as stream:
         lines = [re.sub(r"[#,;:=\s]+", " ", stream.readline(LONGEST_LINE)) for _ in range(count)]
-    said = {match[1] for line in lines if (match := UNIT_LINE.fullmatch(line.strip()))}
-    return said.pop() if len(said) == 1 and all(map(is_unit, said)) else ""
+    unit, rate = (
+        {match[1] for line in lines if (match := form.fullmatch(line.strip()))}
+        for form in (UNIT_LINE, RATE_LINE)
+    )
+    defaults: dict[str, object] = {"time": {"rate": float(*rate)}} if len(rate) == 1 else {}
+    return unit.pop() if len(unit) == 1 and all(map(is_unit, unit)) else "", defaults
 
 
 def _before_places(path: Path, skip_rows: int, encoding: str) -> tuple[int, Sequence[str]]:

@@ -27,8 +27,14 @@ from intent_recognition.tables.cells import (
     without_thousands,
 )
 
-PER_UNIT = {"s": NANOSECONDS, "ms": 10**6, "us": 10**3, "ns": 1, "min": 60 * NANOSECONDS}
-"""Nanoseconds in each unit of time."""
+PER_UNIT = {"s": NANOSECONDS, "ms": 10**6, "us": 10**3, "ns": 1, "min": 60 * NANOSECONDS,
+            "ticks": 100}  # fmt: skip
+"""Nanoseconds in each unit of time; Windows and Kinect count ticks."""
+EPOCHS_NS = (11_644_473_600 * NANOSECONDS, 62_135_596_800 * NANOSECONDS)
+"""How long before 1970 other clocks begin [ns]: those of Windows (1601) and of .NET (year 1)."""
+SLOW_S = 0.2
+"""Steps in one unit that are longer are rather shorter ones in another [s]. Convention: Kinect's at
+30 Hz, in ticks, not microseconds."""
 TIME_UNIT = re.compile(
     r"(?i)(?:^|[\W_])(?:(?P<ms>msecs?|ms|millis|milliseconds?)"
     r"|(?P<us>[u\u00b5\u03bc]secs?|[u\u00b5\u03bc]s|micros|microseconds?)"
@@ -105,10 +111,10 @@ def usual_unit(steps: Floats, said: str = "") -> str:
     step = float(np.median(steps)) if steps.size else 0.0
     if said and SHORTEST_PERIOD_S <= step * PER_UNIT[said] / NANOSECONDS <= LONGEST_PERIOD_S:
         return said
-    for unit, per in PER_UNIT.items():
-        if USUAL_PERIODS_S[0] <= step * per / NANOSECONDS <= USUAL_PERIODS_S[1]:
-            return unit
-    return ""
+    periods_s = {unit: step * per / NANOSECONDS for unit, per in PER_UNIT.items()}
+    least_s, most_s = USUAL_PERIODS_S
+    usual = [unit for unit, period_s in periods_s.items() if least_s <= period_s <= most_s]
+    return min(usual, key=lambda unit: periods_s[unit] > SLOW_S, default="")
 
 
 def is_clock(name: str, values: Values) -> bool:
@@ -126,7 +132,8 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
     Dates, also as text (`DATES`), are taken as they are: between slashes and dashes the month comes
     first, unless a first number of the column is above 12, between dots the day. Times of day go on
     after midnight, minutes and seconds after an hour. The unit is a key of `PER_UNIT`. They count
-    from `since_ns`; None for 1970 where they are later than 2001, else `SINCE_NS`.
+    from `since_ns`; None for 1970, or one of `EPOCHS_NS`, where they are later than 2001, else
+    `SINCE_NS`.
     """
     per, place = PER_UNIT[unit], f"{source}: {name}"
     known = np.ones(values.size, bool)
@@ -172,6 +179,9 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
     if since_ns is None:
         lowest = counts[known].min() if known.any() else 0
         since_ns = 0 if lowest >= FIRST_CLOCK_NS else SINCE_NS
+        for epoch_ns in EPOCHS_NS:
+            if FIRST_CLOCK_NS <= int(lowest) - epoch_ns < LAST_NS:
+                return Stamps(_checked(counts - epoch_ns, known, 0, place, per), known, -epoch_ns)
     return Stamps(_checked(counts, known, since_ns, place, per), known, since_ns)
 
 

@@ -300,7 +300,7 @@ def test_a_wrong_map_names_the_columns_that_are_there(values, tmp_path):
     [
         ({"tim": {}}, "only the keys"),
         ({"time": {"column": "t", "rate": 3}}, "either column or rate"),
-        ({"time": {"column": "t", "unit": "h"}}, "one of s, ms, us, ns, min, samples"),
+        ({"time": {"column": "t", "unit": "h"}}, "one of s, ms, us, ns, min, ticks, samples"),
         ({"observed": [WRIST | {"columns": ["x"]}]}, "3 names"),
         ({"observed": [WRIST | {"file": "a"}]}, "under files"),
         ({"segments": [{"start": 2, "end": 1}]}, "a start before the end"),

@@ -438,6 +438,23 @@ def test_a_joint_whose_name_ends_like_an_axis_is_a_joint(tmp_path):
     assert content["observed"][0]["joints"] == ["shoulder", "elbow"]
 
 
+@pytest.mark.parametrize("rows", [ROWS, ROWS - 1])
+def test_files_of_one_length_with_one_number_are_of_one_recording(rows, tmp_path):
+    """Of another length they are tasks of a person."""
+    for k in range(2):
+        (tmp_path / f"give_{k}_wrist.csv").write_text(plain())
+        lines = plain().splitlines(keepends=True)
+        (tmp_path / f"give_{k}_cup.csv").write_text("".join(lines[: rows + 1]))
+    content, _, found = suggested(tmp_path)
+    if rows < ROWS:
+        assert len(found) == 4 and "controlled" not in content
+        return
+    assert content["observed"][0]["topic"] == "/mocap/cup/pose"
+    assert content["controlled"][0]["topic"] == "/mocap/wrist/pose"
+    assert [one.custom_data["task"] for one in found] == ["give", "give"]
+    assert all(len(one.samples) == 2 for one in found)
+
+
 @pytest.mark.parametrize("count", [1, 4])
 def test_notes_and_other_files_beside_the_recordings_are_none(count, tmp_path):
     for k in range(count):

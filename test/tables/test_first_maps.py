@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is suggested of files as labs have them, and what it imports: the wrist, at 100 Hz."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from tables.odd_files import PLACE, ROWS, TIMES_S, cells, plain, table
+from tables.test_suggestions import suggested
+
+from intent_recognition.tables import import_demonstrations, suggest_map
+from intent_recognition.tables.import_map import ImportMap
+
+WRIST = PLACE / 1000
+
+
+def opensim_vectors(row):
+    vectors = ["{:.9f},{:.9f},{:.9f}".format(*WRIST[row]), "1,2,3"]
+    return [f"{TIMES_S[row]:.3f}", *vectors]
+
+
+def qualisys():
+    values = [[*place, 0.4] for place in PLACE.tolist()]
+    parts = [(1, values[:50]), (61, values[60:])]  # ten frames are not seen
+    marker = [{"Range": {"Start": at}, "Values": part} for at, part in parts]
+    still = [{"Range": {"Start": 1}, "Values": [[[1.0, 2.0, 3.0, 0.1], [1.0] * 9]] * ROWS}]
+    time = {"Frequency": 100.0, "Range": {"Start": 1, "End": ROWS}}
+    bodies = {"Markers": [{"Name": "wrist", "Parts": marker}],
+              "RigidBodies": [{"Name": "cup", "Parts": still}]}  # fmt: skip
+    return json.dumps({"File": "a.qtm", "Timebase": time, **bodies})
+
+
+def of_ports(places=PLACE):
+    """NDI's, a row for each tool."""
+    rows = ["Frame,Frame time (s),Port,Status,Tx,Ty,Tz\n"]
+    for k, one in enumerate(places):
+        rows += [f"{k},{TIMES_S[k]:.3f},{port},OK,{','.join(map(str, place))}\n"
+                 for port, place in (("0A", one), ("0B", [1, 2, 3]))]  # fmt: skip
+    return "".join(rows)
+
+
+def numbered_anew():
+    """Bodies whose numbers change every 20 frames."""
+    rows = zip(TIMES_S.tolist(), WRIST.tolist(), strict=True)
+    return json.dumps([
+        {"t": at, "bodies": [{"id": 1000 + k // 20, **dict(zip("xyz", place, strict=True))}]}
+        for k, (at, place) in enumerate(rows)
+    ])  # fmt: skip
+
+
+STO = "DataRate=100\nDataType=Vec3\nversion=3\nUnits=m\nendheader\ntime\twrist\tcup"
+NDI = "Number of frames: 200\nFrequency: 100 Hz\nUnits: mm\nFrame,w x,w y,w z"
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.sto", table(STO, opensim_vectors, "\t")),
+        ("a.json", qualisys()),
+        ("a.csv", of_ports()),
+        ("a.csv", table(NDI, lambda k: [str(k + 1), *cells(k)])),
+        ("b.json", numbered_anew()),
+    ],
+)
+def test_the_wrist_of_an_exported_file_is_suggested(name, content, tmp_path):
+    (tmp_path / name).write_text(content)
+    _, _, (found,) = suggested(tmp_path / name)
+    first = found.samples[0]
+    seen = np.isfinite(first.values[:, 0])
+    assert seen.sum() == (ROWS - 10 if name == "a.json" else ROWS)
+    np.testing.assert_allclose(first.values[seen], WRIST[seen], atol=1e-8)
+    np.testing.assert_allclose(first.stamps_ns - first.stamps_ns[0], 1e9 * TIMES_S, atol=1)
+    assert not any(samples.entry.joints for samples in found.samples)
+
+
+@pytest.mark.parametrize(
+    ("since", "year"),
+    [(10**12, 2000.1), (638_000_000_000_000_000, 2022.7), (133_000_000_000_000_000, 2022.5)],
+)
+def test_ticks_of_100_ns_are_times(since, year, tmp_path):
+    """Of Kinect at 30 Hz: since it started, of .NET since the year 1, of Windows since 1601."""
+    at = lambda t: f"{since + round(1e8 * t / 3)}"  # noqa: E731
+    (tmp_path / "a.csv").write_text(plain(head="Timestamp,x,y,z", at=at))
+    content, _, (found,) = suggested(tmp_path / "a.csv")
+    assert content["time"] == {"column": "Timestamp", "unit": "ticks"}
+    stamps = found.samples[0].stamps_ns
+    np.testing.assert_allclose(stamps - stamps[0], 1e10 * TIMES_S / 3, atol=100)
+    assert stamps[0] / 1e9 / 86400 / 365.2425 + 1970 == pytest.approx(year, abs=0.1)
+
+
+@pytest.mark.parametrize(("head", "step"), [(",x,y,z", 2), ("n,x,y,z", 4), ("row,x,y,z", 10)])
+def test_a_count_of_every_second_row_is_no_time_and_no_joint(head, step, tmp_path):
+    (tmp_path / "a.csv").write_text(plain(head=head, at=lambda t: f"{100 * step * t:.0f}"))
+    text = suggest_map(tmp_path / "a.csv")
+    assert "# time: {rate: 100}" in text and "joints" not in text
+
+
+def landmarks(*last):
+    """An array (T, n, d) of landmarks, the first of which is the wrist."""
+    return np.stack([np.column_stack([one, *last]) for one in (PLACE, PLACE + 10.0)], axis=1)
+
+
+@pytest.mark.parametrize(
+    ("array", "axes"),
+    [
+        (landmarks(np.linspace(0.5, 1.0, ROWS)), 3),
+        (landmarks()[..., :2], 2),
+        (np.dstack([landmarks()[..., :2], np.linspace([0.0] * 2, [1.0] * 2, ROWS)]), 2),
+    ],
+)
+def test_how_sure_landmarks_are_is_no_place_and_no_joint(array, axes, tmp_path):
+    """In pixels what is not seen, with 0, is not measured."""
+    np.savez(tmp_path / "a.npz", t=TIMES_S, k=array)
+    text = suggest_map(tmp_path / "a.npz")
+    content = yaml.safe_load(text)
+    is_unsure = axes == 2 < array.shape[2]
+    assert "joints" not in text and ("Note: the landmarks are places in" in text) == is_unsure
+    assert content["observed"][0]["columns"] == [f"k.0.{k}" for k in range(axes)]
+    *_, found = import_demonstrations(tmp_path / "a.npz", ImportMap.from_dict(content))
+    values = found.samples[0].values
+    assert np.isnan(values[0]).all() == is_unsure
+    np.testing.assert_allclose(values[1:], WRIST[1:, :axes])
+
+
+@pytest.mark.parametrize("is_transposed", [False, True])
+@pytest.mark.parametrize("shape", [(4, 4), (16,)])
+def test_matrices_of_poses_are_known_however_they_lie(shape, is_transposed, tmp_path):
+    matrices = np.tile(np.eye(4), (ROWS, 1, 1))
+    matrices[:, :3, 3] = WRIST
+    array = (np.swapaxes(matrices, 1, 2) if is_transposed else matrices).reshape(-1, *shape)
+    np.savez(tmp_path / "a.npz", t=TIMES_S, O_T_EE=array, q=np.cos(TIMES_S)[:, None] * np.ones(7))
+    content, text, (found,) = suggested(tmp_path / "a.npz")
+    np.testing.assert_array_equal(found.samples[0].values, WRIST)
+    assert "positions: O_T_EE" not in text and len(content["controlled"][0]["joints"]) == 7
