@@ -2,10 +2,12 @@
 """Read a `.db3` of rosbag2, of any distribution and also one that its recorder never closed."""
 
 import os
+import shutil
 import sqlite3
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from urllib.parse import quote
 
 from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat
@@ -90,18 +92,23 @@ class SqliteReader:
 
 
 class DamagedSqliteReader(SqliteReader):
-    """As its base of a file that is cut off or damaged, in memory: of the messages it has those from
+    """As its base of a copy of a file that is cut off or damaged: of the messages it has those from
     both ends of their table up to the first that cannot be read.
     """
 
     table = "kept"
 
     def _connect(self) -> sqlite3.Connection:
-        data = bytearray(self.path.read_bytes())
-        data[18:20] = b"\1\1"  # without a log
-        data[28:32] = (len(data) // _page(data)).to_bytes(4, "big")  # pages that are there, not all
-        file = sqlite3.connect(":memory:")
-        file.deserialize(bytes(data))
+        self._folder = TemporaryDirectory(prefix="intent_read_")  # removed with this object
+        copy = Path(shutil.copyfile(self.path, Path(self._folder.name) / "copy.db3"))
+        with copy.open("r+b") as stream:
+            head = bytearray(stream.read(32))
+            head[18:20] = b"\1\1"  # without a log
+            pages = copy.stat().st_size // _page(head)
+            head[28:32] = pages.to_bytes(4, "big")  # those that are there
+            stream.seek(0)
+            stream.write(head)
+        file = sqlite3.connect(f"file:{quote(str(copy))}?immutable=1", uri=True)
         columns = "id, topic_id, timestamp, data"
         file.execute(f"CREATE TEMP TABLE kept ({columns}, PRIMARY KEY (id))")
         for order in ("ASC", "DESC"):
