@@ -51,7 +51,7 @@ def body_entry(
     farthest: float,
     file: str = "",
 ) -> list[str]:
-    """Lines of the entry of a body, by what it, or else its file, is called and its columns x, y, z.
+    """Lines of the entry of a body, by what it, or else its file, is called, and its columns.
 
     All bodies of a table have one unit: `farthest` is the largest number of any.
     """
