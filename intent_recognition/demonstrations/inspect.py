@@ -16,6 +16,7 @@ from intent_recognition.bags import (
     BagMessage,
     BagReader,
     Damage,
+    JointColumns,
     TopicInfo,
     decode,
 )
@@ -150,9 +151,13 @@ def _all_dofs(reader: BagReader) -> DofSpec | None:
         if is_raw_pose(topic, info.type):
             bodies.append(DofEntry(topic, info.type, fields=POSITION_FIELDS, unit="m"))
         elif info.type == JOINT_STATE and topic.split("/")[-1] == "joint_states":
-            messages = _decoded(reader, info)[0]
-            names = max((tuple(m.message.name) for m in messages), key=len, default=())
-            if names:
+            columns = reader.columns([topic])[topic]
+            named = (
+                [part.names for part in columns.parts]
+                if isinstance(columns, JointColumns)
+                else [tuple(m.message.name) for m in _decoded(reader, info)[0]]
+            )
+            if names := max(named, key=len, default=()):
                 arms.append(DofEntry(topic, info.type, joints=names, unit="rad"))
     if not arms:
         bodies, arms = bodies[:1], bodies[1:]
@@ -219,6 +224,8 @@ def _is_finite(value: object) -> bool:
     if isinstance(value, str | bytes | int) or value is None:
         return True
     if isinstance(value, list | tuple):
+        if value and isinstance(value[0], float):  # all are
+            return all(map(math.isfinite, value))
         return all(_is_finite(item) for item in value)
     names = getattr(type(value), "__slots__", None) or getattr(value, "__dict__", None)
     if names is not None:
