@@ -82,7 +82,7 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
     called = [
         match["joint"] if match else joint.name for match, joint in zip(found, joints, strict=True)
     ]
-    if len(set(called)) < len(called):
+    if len(set(called)) < len(called) or {*called} & {*"xyzXYZ"}:  # axes of a body
         called = [joint.name for joint in joints]
     bare = [UNIT_END.sub("", name) for name in called]  # the unit is another from here on
     called = bare if len(set(bare)) == len(bare) else called

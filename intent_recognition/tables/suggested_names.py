@@ -20,7 +20,7 @@ COMMANDED = re.compile(r"(?i)(?:^|[./])actions?(?:[./]|$)")
 NO_JOINT = re.compile(
     r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag)|gyr|secs?\b"
     r"|header|vel|effort|torque|current|temp|force|quality|error|gripper|\bjaw"
-    r"|likelihood|confidence|residual|\bRot\[|wrench|gravity|rgb|colou?r|voltage|pressure|reward"
+    r"|likelihood|confidence|visib|score|cube|quat|orient|^states\.\d|(?:^|[\W_])(?:cos|sin)(?:[\W_]|$)|residual|\bRot\[|wrench|gravity|rgb|colou?r|voltage|pressure|reward"
     rf"|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
 )
 """What columns are called that move and are no position of a joint of an arm."""

@@ -18,18 +18,22 @@ from intent_recognition.tables.suggested_entries import ARRAYS, PLACES
 
 
 def test_a_suggestion_knows_joints_from_clocks(tmp_path):
-    head = "__time,header.stamp,/js/panda_joint1/position,/js/panda_joint1/velocity,gripper.pos"
+    others = [
+        "header.stamp", "/js/panda_joint1/velocity", "gripper.pos", "nose_visibility",
+        "obs.joint_pos_cos.0", "states.0", "cube_positions.0", "eef_quat.0", "id",
+    ]  # fmt: skip
+    head = ",".join(["__time", "/js/panda_joint1/position", *others])
 
     def row(k):
-        return [f"{TIMES_S[k] + 1.7e9:.3f}", f"{k}.5", f"{SHARE[k, 0]}", f"{k % 7}.2", f"{k / 2}"]
+        moving = [f"{k}.5", f"{k % 7}.2", f"{k / 2}", *[f"{SHARE[k, 0] / 2}"] * 6]
+        return [f"{TIMES_S[k] + 1.7e9:.3f}", f"{SHARE[k, 0]}", *moving]
 
     content = table(head, row)
     (tmp_path / "a.csv").write_text(content)
     text = suggest_map(tmp_path / "a.csv")
     (entry,) = yaml.safe_load(text)["observed"]
     assert entry["joints"] == ["panda_joint1"] and "columns_unit" not in entry
-    others = "header.stamp, /js/panda_joint1/velocity, gripper.pos"
-    assert f"# They move, and are no positions: {others}" in text
+    assert f"# They move, and are no positions: {', '.join(others)}" in text
 
 
 def suggested(source):
@@ -55,6 +59,7 @@ def suggested_csv(folder, table):
         (("q1.degrees", "q2.degrees"), ["q1", "q2"]),
         (("elbow_rad", "wrist_rad"), ["elbow", "wrist"]),
         (("elbow_grad", "degree"), ["elbow_grad", "degree"]),
+        (("hand.Rotation.Y", "hand.Rotation.Z"), ["hand_Rotation_Y", "hand_Rotation_Z"]),
         (("elbow_deg", "elbow_rad"), ["elbow_deg", "elbow_rad"]),
     ],
 )
