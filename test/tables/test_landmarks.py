@@ -154,56 +154,84 @@ def test_numbers_of_images_of_a_collection_and_stamps_are_no_rows(ids, tmp_path)
     assert open_table(tmp_path / "a.json").columns(["nose.x"])["nose.x"].tolist() == [1.0] * 3
 
 
-PLACES = dict(zip("xyz", (PLACE / 1000).T.tolist(), strict=True))
-COLUMNS = {"t": TIMES_S.tolist(), **PLACES, "what": ["give"] * ROWS}
-LISTS = {
-    "with texts": (COLUMNS, ""),
-    "beside events": ({**COLUMNS, "events": [{"t": 0.5, "what": "grasp"}]}, ""),
-    "beside settings": ({**COLUMNS, "set": {"lut": [0] * 999, "of": [{"a": 1}]}}, ""),
-    "in a mapping": ({"made": {"by": "me"}, "data": COLUMNS}, "data."),
-    "as pandas numbers them": ({k: dict(enumerate(v)) for k, v in COLUMNS.items()}, ""),
+PLACES = (PLACE / 1000).tolist()
+AT = TIMES_S.tolist()
+ROWS_OF = [dict(zip("xyz", place, strict=True)) for place in PLACES]
+BY_AXIS = {axis: [row[axis] for row in ROWS_OF] for axis in "xyz"}
+COLUMNS = {"t": AT, **BY_AXIS, "what": ["give"] * ROWS}
+CUP = dict.fromkeys("xyz", 0.1)
+
+
+def in_turns(k, *two):
+    """Trackers list what they see, in any order."""
+    return two[:: 1 - 2 * (k % 2)]
+
+
+def of_bodies(key, cup, wrist):
+    both = ({key: cup, "at": [0.0] * 3}, {key: wrist})
+    return [[*in_turns(k, both[0], both[1] | {"at": place})] for k, place in enumerate(PLACES)]
+
+
+def timed(key, values):
+    return [{"t": at, key: value} for at, value in zip(AT, values, strict=True)]
+
+
+OF_WRIST = {
+    "lists with texts": (COLUMNS, [*"xyz"]),
+    "lists beside events": ({**COLUMNS, "events": [{"t": 0.5, "what": "grasp"}]}, [*"xyz"]),
+    "lists beside settings": ({**COLUMNS, "set": {"lut": [0] * 999, "of": [{"a": 1}]}}, [*"xyz"]),
+    "lists in a mapping": (
+        {"made": {"by": "me"}, "data": COLUMNS},
+        ["data.x", "data.y", "data.z", "data.t"],
+    ),
+    "as pandas numbers them": ({k: dict(enumerate(v)) for k, v in COLUMNS.items()}, [*"xyz"]),
+    "rows without names": (np.column_stack([TIMES_S, PLACE / 1000]).tolist(), [*"1230"]),
+    "lists with numbers in their names": (
+        {"t0": AT, **{f"q{k}": BY_AXIS[axis] for k, axis in enumerate("xyz")}},
+        ["q0", "q1", "q2", "t0"],
+    ),
+    "lists of places": (
+        {"t": AT, "p": [[[0.0] * 3, place] for place in PLACES]},
+        ["p.1.x", "p.1.y", "p.1.z"],
+    ),
+    "rows beside longer lists of texts": (
+        {"by": ["ann"] * 300, "rows": timed("w", ROWS_OF)},
+        ["w.x", "w.y", "w.z"],
+    ),
+    "people by their ids": (
+        timed("people", of_bodies("id", 1, 2)),
+        [f"people.2.at.{k}" for k in range(3)],
+    ),
+    **{
+        f"rows of each {key}": (
+            [
+                {"t": AT[k], key: body, **(row if body == "wrist" else CUP)}
+                for k, row in enumerate(ROWS_OF)
+                for body in in_turns(k, "cup", "wrist")
+            ],
+            ["wrist.x", "wrist.y", "wrist.z"],
+        )
+        for key in ("body", "topic")
+    },
+    **{
+        f"bodies by {key}": (
+            timed("in", of_bodies(key, "cup", "wrist")),
+            [f"in.wrist.at.{k}" for k in range(3)],
+        )
+        for key in ("name", "jointType")
+    },
 }
+"""Content of a file, and its columns, perhaps with that of the time."""
 
 
-@pytest.mark.parametrize("kind", LISTS)
-def test_lists_by_name(kind, tmp_path):
-    content, before = LISTS[kind]
-    task, time = ({"column": before + name} for name in ("what", "t"))
-    columns = [before + axis for axis in "xyz"]
-    content = json.dumps(content)
-    check_wrist(imported(tmp_path, "a.json", content, columns, time=time, task=task), atol=0.0)
-
-
-def test_rows_without_names_are_columns_by_number(tmp_path):
-    rows = np.column_stack([TIMES_S, PLACE / 1000]).tolist()
-    columns, time = ["1", "2", "3"], {"column": "0"}
-    check_wrist(imported(tmp_path, "a.json", json.dumps(rows), columns, time=time), atol=0.0)
-
-
-AT = [f"{t:.2f}" for t in TIMES_S]
-ROWS_OF = [dict(zip("xyz", place, strict=True)) for place in (PLACE / 1000).tolist()]
-PANDAS = {
-    "split": {"columns": [*"xyz"], "index": AT, "data": (PLACE / 1000).tolist()},
-    "columns": {axis: dict(zip(AT, values, strict=True)) for axis, values in PLACES.items()},
-    "index": dict(zip(AT, ROWS_OF, strict=True)),
-    "index in milliseconds": {str(round(1e3 * t)): ROWS_OF[k] for k, t in enumerate(TIMES_S)},
-}
-
-
-@pytest.mark.parametrize("orient", PANDAS)
-def test_a_table_of_pandas_has_its_index(orient, tmp_path):
-    time = {"column": "index", "unit": "ms" if "milli" in orient else "s"}
-    content = json.dumps(PANDAS[orient])
-    check_wrist(imported(tmp_path, "a.json", content, time=time), atol=0.0, times_atol=1)
-
-
-def test_lists_with_numbers_in_their_names_are_columns_and_may_hold_places(tmp_path):
-    content = {f"q{k}": values for k, values in enumerate(PLACES.values())}
-    options = {"columns": ["q0", "q1", "q2"], "time": {"rate": 100}}
-    check_wrist(imported(tmp_path, "a.json", json.dumps(content), **options), atol=0.0)
-    content = {"p": [[[0.0, 0.0, 0.0], place] for place in (PLACE / 1000).tolist()]}
-    options |= {"columns": ["p.1.x", "p.1.y", "p.1.z"]}
-    check_wrist(imported(tmp_path, "a.json", json.dumps(content), **options), atol=0.0)
+@pytest.mark.parametrize("kind", OF_WRIST)
+def test_json_of_a_wrist_however_it_is_written(kind, tmp_path):
+    content, columns = OF_WRIST[kind]
+    options = {"time": {"column": [*columns, "t"][3]}}
+    if "what" in content:
+        options["task"] = {"column": "what"}
+    found = imported(tmp_path, "a.json", json.dumps(content), columns[:3], **options)
+    check_wrist(found, atol=0.0, times_atol=1)
 
 
 def test_few_numbered_frames_of_many_numbers_are_no_columns(tmp_path):
@@ -212,24 +240,6 @@ def test_few_numbered_frames_of_many_numbers_are_no_columns(tmp_path):
     (tmp_path / "a.json").write_text(json.dumps(content))
     found = open_table(tmp_path / "a.json").columns(["0", "98"])
     np.testing.assert_array_equal(np.transpose([found["0"], found["98"]]), values[:, [0, 98]])
-
-
-def test_rows_stay_rows_beside_longer_lists_of_texts(tmp_path):
-    said = {"authors": ["ann"] * 300, "places": ["lab"] * 300}
-    rows = [{"t": t, **ROWS_OF[k]} for k, t in enumerate(TIMES_S.tolist())]
-    content = json.dumps({**said, "rows": rows})
-    check_wrist(imported(tmp_path, "a.json", content, time={"column": "t"}), atol=0.0)
-
-
-@pytest.mark.parametrize("key", ["body", "topic"])
-def test_rows_of_bodies_are_told_apart(key, tmp_path):
-    rows = [
-        {"t": t, key: body, **(ROWS_OF[k] if body == "wrist" else dict.fromkeys("xyz", 0.1 * k))}
-        for k, t in enumerate(TIMES_S.tolist())
-        for body in ("cup", "wrist")[:: 1 - 2 * (k % 2)]
-    ]
-    columns, time = ["wrist.x", "wrist.y", "wrist.z"], {"column": "t"}
-    check_wrist(imported(tmp_path, "a.json", json.dumps(rows), columns, time=time), atol=0.0)
 
 
 IN_IMAGE = {
@@ -249,31 +259,12 @@ def test_landmarks_of_an_image_however_they_are_listed(kind, tmp_path):
     np.testing.assert_allclose(samples.values[:, :2], PLACE[:, :2] / 1000)
 
 
-def test_people_of_another_program_are_told_apart_by_their_ids(tmp_path):
-    content = [
-        {"people": [{"id": 2, "w": place}, {"id": 1, "w": [0.0] * 3}][:: 1 - 2 * (k % 2)]}
-        for k, place in enumerate((PLACE / 1000).tolist())
-    ]
-    columns, time = [f"people.2.w.{k}" for k in range(3)], {"rate": 100}
-    check_wrist(imported(tmp_path, "a.json", json.dumps(content), columns, time=time), atol=0.0)
-
-
-@pytest.mark.parametrize("key", ["name", "id", "jointType"])
-@pytest.mark.parametrize("kind", ["json", "parquet"])
-def test_bodies_with_names_may_change_places(kind, key, tmp_path):
-    """Trackers list what they see, in any order."""
-    cup, wrist = (7, 5) if key == "id" else ("cup", "wrist")
-    both = [
-        [{key: cup, "at": [0.0] * 3}, {key: wrist, "at": place}][:: 1 - 2 * (k % 2)]
-        for k, place in enumerate((PLACE / 1000).tolist())
-    ]
-    if kind == "json":
-        content = [{"bodies": one} for one in both]
-        (tmp_path / "a.json").write_text(json.dumps(content))
-    else:
-        parquet_file(tmp_path / "a.parquet", {"bodies": both})
+@pytest.mark.parametrize(("key", "wrist"), [("name", "wrist"), ("id", 5)])
+def test_bodies_of_parquet_may_change_places(key, wrist, tmp_path):
+    bodies = of_bodies(key, 7 if key == "id" else "cup", wrist)
+    parquet_file(tmp_path / "a.parquet", {"bodies": bodies})
     columns, time = [f"bodies.{wrist}.at.{k}" for k in range(3)], {"rate": 100}
-    check_wrist(imported(tmp_path, f"a.{kind}", None, columns, time=time), atol=0.0)
+    check_wrist(imported(tmp_path, "a.parquet", None, columns, time=time), atol=0.0)
 
 
 def test_another_body_at_the_place_of_one_in_parquet_is_not_taken_for_it(tmp_path):

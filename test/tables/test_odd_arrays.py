@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arrays in any layout: read right, or what is odd is named."""
 
-import json
 import pickle
 
 import numpy as np
@@ -452,13 +451,6 @@ def test_a_table_of_pandas_with_names_of_another_kind_has_columns_by_number(tmp_
         file["df/table"].attrs["values_block_0_kind"] = names
     columns, time = [f"df.table.values_block_0.{k}" for k in range(3)], {"rate": 100}
     check_wrist(imported(tmp_path, "a.h5", None, columns, unit="mm", time=time), atol=1e-12)
-
-
-def test_rows_of_json_under_any_name_are_read(tmp_path):
-    rows = [{"t": t, "w": dict(zip("xyz", p, strict=True))} for t, p in zip(TIMES_S, PLACE)]
-    content = json.dumps({"made": {"by": "me"}, "data": rows}, default=list)
-    columns = [f"w.{axis}" for axis in "xyz"]
-    check_wrist(imported(tmp_path, "a.json", content, columns, unit="mm", time={"column": "t"}))
 
 
 def test_a_number_that_stands_for_none_was_not_measured(tmp_path):
