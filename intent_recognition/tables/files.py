@@ -147,7 +147,7 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
             continue
         for end, own in _streams(files).items():
             kinds.setdefault((end, table.names), []).extend(own)
-            tables.setdefault((end, table.names), open_table(own[0]))
+            tables.setdefault((end, table.names), open_table(own[0]) if end else table)
     if not kinds:
         raise errors[0]
     most = max(map(len, kinds.values()))
@@ -166,8 +166,8 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
 
 
 def _streams(files: Sequence[Path]) -> dict[str, list[Path]]:
-    """Files of the same columns by the ends of their names, where each recording has a file of each
-    end, and those of the first are as long; else all under "".
+    """Files by the ends of their names, where each recording has a file of each end, and those of
+    the first are as long, or have other columns; else all under "".
     """
     found: dict[str, dict[str, Path]] = {}
     for match, path in ((STREAM.fullmatch(path.stem), path) for path in files):
@@ -175,11 +175,12 @@ def _streams(files: Sequence[Path]) -> dict[str, list[Path]]:
             return {"": [*files]}
         found.setdefault(match["end"], {})[match["recording"]] = path
     first, *others = found.values()
-    firsts = [next(iter(of.values())) for of in found.values()] if others else []
-    lengths = {open_table(path).read([0])[0].size for path in firsts}
-    if len(lengths) != 1 or any(of.keys() != first.keys() for of in others):
-        return {"": [*files]}
-    return {end: [*of.values()] for end, of in found.items()}
+    if others and all(of.keys() == first.keys() for of in others):
+        tables = [open_table(next(iter(of.values()))) for of in found.values()]
+        differ = len({table.names for table in tables}) == len(tables)
+        if differ or len({table.read([0])[0].size for table in tables}) == 1:
+            return {end: [*of.values()] for end, of in found.items()}
+    return {"": [*files]}
 
 
 def name_pattern(source: Path, files: Sequence[Path], end: str = "") -> str:

@@ -22,6 +22,7 @@ from intent_recognition.tables.by_body import by_body
 from intent_recognition.tables.cells import MISSING, Values, with_point
 from intent_recognition.tables.headers import OF_VICON, Header, known_header
 from intent_recognition.tables.table import Table, check_columns, is_unit, unusable
+from intent_recognition.tables.times import TIME_NAME
 
 DELIMITERS = ",;\t| "
 """What may separate the cells of a CSV, in order of preference; blanks where nothing else does."""
@@ -72,6 +73,8 @@ def open_text(path: Path, skip_rows: int) -> Table:
         header = _with_elements(header, sizes)
     start = before + header.skip
     unit, defaults = _said_above(path, skip_rows + start, encoding)
+    if any(map(TIME_NAME.search, header.names)):
+        defaults = {}
     check_columns(path, len(header.names))
 
     def rows(last: int) -> Iterator[tuple[int, list[str]]]:

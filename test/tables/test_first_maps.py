@@ -60,6 +60,7 @@ NDI = "Number of frames: 200\nFrequency: 100 Hz\nUnits: mm\nFrame,w x,w y,w z"
         ("a.json", qualisys()),
         ("a.csv", of_ports()),
         ("a.csv", table(NDI, lambda k: [str(k + 1), *cells(k)])),
+        ("a.csv", "# sample rate: 30 Hz\n" + plain(head="time,x,y,z")),  # of another device
         ("b.json", numbered_anew()),
     ],
 )
