@@ -20,7 +20,8 @@ COMMANDED = re.compile(r"(?i)(?:^|[./])actions?(?:[./]|$)")
 NO_JOINT = re.compile(
     r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag)|gyr|secs?\b"
     r"|header|vel|effort|torque|current|temp|force|quality|error|gripper|\bjaw"
-    r"|likelihood|confidence|visib|score|cube|quat|orient|^states\.\d|(?:^|[\W_])(?:cos|sin)(?:[\W_]|$)|residual|\bRot\[|wrench|gravity|rgb|colou?r|voltage|pressure|reward"
+    r"|likelihood|confidence|visib|score|residual|\bRot\[|quat|orient|cube_pos|^states\.\d"
+    r"|(?:^|[\W_])(?:cos|sin)(?:[\W_]|$)|wrench|gravity|rgb|colou?r|voltage|pressure|reward"
     rf"|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
 )
 """What columns are called that move and are no position of a joint of an arm."""
@@ -111,9 +112,9 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
 def _are_seen(*columns: SeenColumn) -> bool:
     """Whether the last of four columns may say how sure the place in the others is."""
     values = np.column_stack([column.values for column in columns])
-    norms, (*_, seen) = np.linalg.norm(values, axis=1), values.T
-    is_quaternion = np.nanmax(np.abs(norms - 1.0)) < 0.01
-    return bool(np.nanmin(seen) >= 0.0 and np.nanmax(seen) <= 1.0 and not is_quaternion)
+    values = values[np.isfinite(values).all(axis=1)]
+    is_quaternion = np.all(np.abs(np.linalg.norm(values, axis=1) - 1.0) < 0.01)
+    return bool(np.all((values[:, 3] >= 0.0) & (values[:, 3] <= 1.0)) and not is_quaternion)
 
 
 def _of_matrices(columns: Mapping[str, SeenColumn]) -> dict[str, NDArray[np.str_]]:
