@@ -351,8 +351,9 @@ def test_payloads_that_look_like_records_do_not_mislead(payloads, repeats):
     assert found == [(i + 1, i, data) for i, data in enumerate(payloads)]
 
 
-def test_bytes_that_do_not_fit_their_type_are_named_when_read_one_by_one(tmp_path):
-    path = record(tmp_path / "bag", POSE, [(1, b"\x00\x01\x00\x00" + bytes(10))])
+@pytest.mark.parametrize("data", [b"\x00\x01\x00\x00" + bytes(10), b""])
+def test_bytes_that_do_not_fit_their_type_are_named_when_read_one_by_one(data, tmp_path):
+    path = record(tmp_path / "bag", POSE, [(1, data)])
     assert columns(path, POSE) is None
     with pytest.raises(MessageError, match=r"mocap/wrist/pose at 1 ns"):
         list(BagReader(path).messages([TOPICS[POSE]]))

@@ -116,7 +116,8 @@ def payloads(table: MessageTable, length: int) -> NDArray:
     if length and steps.size and np.all(steps == steps[0]):
         shape, strides = (table.starts.size, length), (int(steps[0]), 1)
         return np.ndarray(shape, np.uint8, table.data, int(table.starts[0]), strides)
-    return gather(table.data, table.starts, length).view(np.uint8).reshape(-1, length)
+    found = gather(table.data, table.starts, length).view(np.uint8)
+    return found.reshape(table.starts.size, length)
 
 
 def read_definitions(view: bytes | mmap.mmap, block: McapBlock) -> Iterator[Schema | Channel]:
