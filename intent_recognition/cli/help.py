@@ -31,10 +31,7 @@ GROUPS = {
         "keep": "learn from the last execution that a person corrected by hand",
         "undo": "undo the last change that teach or keep made",
     },
-    "compose skills": {
-        "via": "make the robot pass through given points on its way",
-        "plan": "learn the order of an assembly's steps from sessions",
-    },
+    "compose skills": {"plan": "learn the order of an assembly's steps from sessions"},
     "practise": {"improve": "let the robot practise a task to lower its cost"},
     "measure objects": {"warp": "measure a container by warping an annotated one onto it"},
 }

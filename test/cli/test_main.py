@@ -53,8 +53,8 @@ def test_every_option_explains_itself():
 
 
 def test_commands_and_their_actions_are_listed(printed):
-    actions, commands = printed("via", "--help"), printed("--help")
-    assert all(f"\n    {action} " in actions for action in ("add", "list", "remove"))
+    actions, commands = printed("plan", "--help"), printed("--help")
+    assert all(f"\n    {action} " in actions for action in ("learn", "show"))
     assert all(command in commands for command in cli.COMMANDS)
     version, update = printed("--version").splitlines()
     assert version == f"intent {__version__}"
@@ -184,20 +184,20 @@ def test_a_reader_that_closes_early_sees_no_traceback(repository):
         (("train", "bag", "--out=m.npz"), "unknown option --out: did you mean --output?"),
         (("demo", "--headles"), "unknown option --headles: did you mean --headless?"),
         (("train", "-x"), "unknown option -x: `intent train --help` lists them"),
-        (("via", "add", "--hnd", "1"), "unknown option --hnd: did you mean --hand?"),
+        (("plan", "learn", "--frist"), "unknown option --frist: did you mean --first?"),
         (("--versoin", "train"), "unknown option --versoin: did you mean --version?"),
     ],
 )
 def test_an_unknown_option_is_told_the_nearest_before_all_else(words, said, refused):
     errors = refused(*words)
-    command = " ".join(word for word in words[:2] if word in (*cli.COMMANDS, "add"))
+    command = " ".join(word for word in words[:2] if word in (*cli.COMMANDS, "learn"))
     assert said in errors and "required" not in errors
     assert errors.startswith(f"usage: intent {command if words[0] in cli.COMMANDS else ''}")
 
 
 def test_values_are_not_taken_for_options():
-    words = ["via", "add", "a", "--hand", "-0.1", "-.2", ".5", "--phase", "0.5"]
-    assert cli.make_parser().parse_args(words).hand == [-0.1, -0.2, 0.5]
+    words = ["improve", "task", "--cost", "distance", "--moved", "-0.1", "-.2", ".5"]
+    assert cli.make_parser().parse_args(words).moved == [-0.1, -0.2, 0.5]
     assert cli.make_parser().parse_args(["inspect", "--", "--bag"]).paths == [Path("--bag")]
 
 

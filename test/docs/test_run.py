@@ -33,7 +33,6 @@ NOT_RUN = {
     "improve": "takes minutes, or a person; test/cli/test_warp.py",
     "teach": "needs a person and a running graph; test/cli/test_teach.py",
     "keep": "needs an execution that was corrected; test/nodes/test_task_teacher.py",
-    "via": "needs a running graph; test/nodes/test_context.py",
     "undo": "needs a library that was taught; test/cli/test_teach.py",
 }
 """Commands of `intent` that are only parsed, and why."""

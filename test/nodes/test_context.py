@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the estimator is told beside its observations: places of the scene, and via points."""
 
-import argparse
-from functools import partial
+import json
 
 import numpy as np
 import pytest
@@ -11,13 +10,11 @@ from geometry_msgs.msg import PoseStamped
 from kinematics.robots import lwr_urdf
 from moved_box import DOFS as BOX_DOFS
 from moved_box import hand_over, learned
+from rclpy.parameter import Parameter
 from simulation import START_NS
 from std_msgs.msg import String
 
-from intent_recognition.cli import via
-from intent_recognition.cli.options import add_module
-from intent_recognition.composing import read_via_points
-from intent_recognition.errors import ArgumentError
+from intent_recognition.composing import read_via_points, write_via_points
 from intent_recognition.model import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import to_pose, to_stamp, trajectory_arrays
@@ -114,47 +111,39 @@ def folder(tmp_path_factory):
     return Folder(tmp_path_factory.mktemp("via"), DOFS)
 
 
-def parsed(*words):
-    parser = argparse.ArgumentParser()
-    add_module(parser.add_subparsers(), "via", via)
-    return parser.parse_args(["via", *map(str, words)])
-
-
 @pytest.mark.slow
-def test_by_command_the_path_passes_until_the_point_is_removed(harness, folder):
+def test_the_path_passes_until_the_point_is_removed(harness, folder):
     told = harness.collect(String, "intent/via_points", qos.LATCHED)
     graph = Graph(harness, folder)
     harness.spin_until(lambda: told, what="that there are none")
     assert told[-1].data == ""
 
-    def run(*words):
-        args = parsed(*words)
-        (change,) = args.run.args
-        return via.change_via_points(harness.probe, harness.executor, partial(change, args))
+    def put(*points):
+        text = write_via_points(read_via_points(json.dumps(points)))
+        (result,) = graph.node.set_parameters([Parameter("via_points", value=text)])
+        return result.reason
 
     library = folder.model.library
     at = controlled_at(library, 0, 1.0)
     goal = float(at.mean[3] + 3.0 * np.sqrt(at.covariance[3, 3]))
     task = library.labels[0]
-    end = ("--phase", 1, "--std", 1e-4, "--task", task)
-    (point,) = run("add", "end", "--dof", f"lwr_a4_joint={goal}", *end)
-    assert run("list") == (point,)
+    end = {"name": "end", "task": task, "phase": 1.0, "std": 1e-4}
+    point = end | {"dofs": {"lwr_a4_joint": goal}}
+    assert put(point) == ""
     harness.spin_until(lambda: told[-1].data, what="the point")
-    assert read_via_points(told[-1].data) == (point,)
+    assert read_via_points(told[-1].data) == read_via_points(json.dumps([point]))
     for refused, text in (
-        (("add", "far", "--dof", "lwr_a4_joint=2.0", *end), "far: expected at most 6 standard"),
-        (("add", "far", "--dof", "elbow=1.0", *end), "DOFs of lwr_a1_joint"),
-        (("add", "far", "--hand", 0.3, 0.0, 0.5, "--phase", 0.5), "no robot_description"),
-        (("remove", "far"), r"names of via points \(end\)"),
+        (end | {"dofs": {"lwr_a4_joint": 2.0}}, "end: expected at most 6 standard"),
+        (end | {"dofs": {"elbow": 1.0}}, "DOFs of lwr_a1_joint"),
+        ({"name": "far", "hand": [0.3, 0.0, 0.5], "phase": 0.5}, "no robot_description"),
     ):
-        with pytest.raises(ArgumentError, match=text):
-            run(*refused)
+        assert text in put(refused)
     graph.feed(folder.observations(task=0)[:100])
     harness.spin_until(lambda: graph.robot, what="a trajectory")
     found = graph.robot[-1]
     assert found.header.frame_id == task
     assert abs(trajectory_arrays(found)[1][-1, 3] - goal) < 1e-3
-    assert run("remove", "end") == ()
+    assert put() == ""
     harness.spin_until(lambda: not told[-1].data, what="that it is removed")
     assert graph.node.people[""].estimator.library is graph.node._model.library
 
