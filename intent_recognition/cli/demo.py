@@ -72,10 +72,12 @@ intent demo --scenario pouring --pour 25
 
 import argparse
 import socket
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
+from rich.table import Table
 
 from intent_recognition.cli.console import say
 from intent_recognition.cli.demo_model import check_model, trained_model
@@ -208,7 +210,7 @@ def _run_one(
 ) -> tuple[list["InteractionRecord"], dict]:
     """A session: run it, print its table and write its report; its records and numbers."""
     from intent_recognition.evaluation import summarise, to_json
-    from intent_recognition.report import table_lines, write_demo_report
+    from intent_recognition.report import write_demo_report
     from sim_bridge.scenarios.toolbox import score_people
 
     if scene.note:
@@ -229,10 +231,28 @@ def _run_one(
         **time_went,
         "duration of the session [s, simulated]": round(duration_s, 1),
     }
-    for line in table_lines(records) if args.json != PRINTED else ():
-        say(console, line)
+    if args.json != PRINTED:
+        console.print(table_of(records))
     report = args.output / "report.html"
     say(console, "drawing the report ...")
     write_demo_report(report, records, summary, traces, settings)
     say(console, f"session of {duration_s:.0f} s in simulated time, report: {report}")
     return records, to_json(records, summary, settings)
+
+
+def table_of(records: Sequence["InteractionRecord"]) -> Table:
+    """A row for each interaction, in 80 columns; the report also has the movements' durations."""
+    from intent_recognition.report import fields_of
+
+    fields = [field for field in fields_of(records) if field.title != "movement"]
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
+    for field in fields:
+        title = field.title.replace(" ", "\n").replace("observations", "obser-\nvations")
+        title += f"\n[{field.unit}]" if field.unit else ""
+        words = " ".join([title, *(field.cell(record) or "" for record in records)]).split()
+        number = field.align == "right"
+        longest = max(map(len, words))
+        table.add_column(title, justify=field.align, no_wrap=number, min_width=longest)
+    for record in records:
+        table.add_row(*(field.cell(record) or "-" for field in fields))
+    return table

@@ -33,6 +33,7 @@ intent evaluate demos --protocol logo:person
 """
 
 import argparse
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
@@ -190,15 +191,9 @@ def print_result(console: Console, result: dict) -> None:
     )
     for kind in ("recognition", "prediction"):
         for phase in PHASES:
-            rows = result[kind][phase]
-            names = list(next(iter(rows.values())))
-            titles = (f">{name}".replace("_", " ") for name in names)
+            rows = {f"{float(share):.0%}": row for share, row in result[kind][phase].items()}
             title = f"{kind}, {phase}".replace("_", " ")
-            table = boxed_table(title, f"{result['segment']} observed", *titles)
-            for fraction, values in rows.items():
-                cells = [_cell(values[name]) for name in names]
-                table.add_row(f"{float(fraction):.0%}", *cells)
-            console.print(table)
+            _print_scores(console, title, f"{result['segment']} observed", rows)
     for line in remarks_on(result):
         console.print(line)
     if mistaken := result["mistaken"]:
@@ -211,11 +206,22 @@ def print_result(console: Console, result: dict) -> None:
 
 def print_online(console: Console, online: dict) -> None:
     """One table: what the nodes would have done."""
-    title = "online: onset, filter and decision, as the nodes run them"
-    table = boxed_table(title, "phase", *(f">{name}".replace("_", " ") for name in ONLINE))
-    for phase, row in online.items():
-        cells = ["-" if row[name] is None else f"{row[name]:.1%}" for name in ONLINE]
-        table.add_row(phase.removesuffix("_phase"), *cells)
+    title = "online, as the nodes run"
+    rows = {
+        phase.removesuffix("_phase"): {name: row[name] for name in ONLINE}
+        for phase, row in online.items()
+    }
+    _print_scores(console, title, "phase", rows, "{:.1%}")
+
+
+def _print_scores(
+    console: Console, title: str, head: str, scores: Mapping[str, Mapping], form: str = "{:.3f}"
+) -> None:
+    """A table with a row for each score, whose names are long, and a column for each case."""
+    table = boxed_table(title, head, *(f">{case}" for case in scores))
+    for name in next(iter(scores.values())):
+        cells = (_cell(values[name], form) for values in scores.values())
+        table.add_row(name.replace("_", " "), *cells)
     console.print(table)
 
 
@@ -258,7 +264,7 @@ def _print_none(console: Console, none: dict) -> None:
         )
 
 
-def _cell(value: object, form: str = "{:.3f}") -> str:
+def _cell(value: object, form: str) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{_cell(number, form)} {unit}" for unit, number in value.items())
     return "-" if value is None else form.format(value)

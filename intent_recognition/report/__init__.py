@@ -44,6 +44,6 @@ from intent_recognition.report.html import (
     TableBlock,
     write_page,
 )
-from intent_recognition.report.interaction_table import table_lines
+from intent_recognition.report.interaction_table import fields_of
 from intent_recognition.report.rehearsal_report import rehearsal_tables, write_rehearsal_report
 from intent_recognition.report.warp_report import write_warp_report

@@ -59,7 +59,7 @@ def test_folds_by_index(scored):
     assert result["recognition"]["known_phase"]["1.0"]["accuracy"] == 1.0
     for title in ("recognition, known phase", "prediction, unknown phase", "8 demonstrations"):
         assert title in text
-    assert "online: onset, filter and decision" in text
+    assert "online, as the nodes run" in text
     assert "…" not in text
     assert "recording observed" in text
     assert "Shares observed are of the recording" in text and "--segment movement" in text
@@ -156,6 +156,18 @@ def test_recordings_taken_for_another_task_and_a_single_task_are_told(scored):
     assert "d4 (a) for b and 2 more" in text.getvalue()
     assert "With one task there is nothing to recognise" in text.getvalue()
     assert "taken for another" not in scored.text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [80, 120])
+def test_tables_fit_the_terminal_and_cut_no_heading(scored, width):
+    text = io.StringIO()
+    command.print_result(Console(file=text, width=width), scored.result)
+    table = [line for line in text.getvalue().splitlines() if line[:1] in "│┃"]
+    assert table and max(map(len, table)) <= width
+    assert "\N{HORIZONTAL ELLIPSIS}" not in text.getvalue()
+    for heading in ("rmse nearest neighbour", "median share at decision", "100%"):
+        assert any(heading in line for line in table)
 
 
 @pytest.mark.slow

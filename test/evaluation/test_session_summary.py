@@ -2,15 +2,18 @@
 """The demo's summary: identities over any records, and the form of its last line."""
 
 from dataclasses import replace
+from io import StringIO
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from rich.console import Console
 
+from intent_recognition.cli.demo import table_of
 from intent_recognition.evaluation import HandError, InteractionRecord
 from intent_recognition.evaluation.session_summary import hand_error, summarise, summary_line
-from intent_recognition.report.interaction_table import FIELDS, cells, table_lines
+from intent_recognition.report.interaction_table import FIELDS, cells, fields_of
 
 RELAXED = settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 PLATE, HOLD, SCREW = "plate_handover", "hold_screwdriver", "screw_handover"
@@ -92,9 +95,9 @@ def test_changes_of_mind_stand_apart():
     assert summary.changed_hand_error == HandError(1, 5.0, None)
     assert summary_line(summary).startswith(summary_line(alone))
     assert summary_line(summary).endswith("changes followed 2/3 with hand error 5.0 +- - cm")
-    lines = table_lines(changed)
-    assert "began as hold_screwdriver" in lines[2]
-    assert "MISSED began as plate_handover" in lines[3]
+    notes = [cells(record, fields_of(changed))[-1] for record in changed]
+    assert notes[0] == "began as hold_screwdriver"
+    assert notes[1].startswith("MISSED began as plate_handover")
 
 
 def test_who_waits_for_the_one_arm_was_recognised_all_the_same():
@@ -111,11 +114,11 @@ def test_who_waits_for_the_one_arm_was_recognised_all_the_same():
 
 def test_the_table_shows_the_numbers():
     one = record(3, HOLD, note="hesitated")
-    texts = dict(zip((field.title for field in FIELDS), cells(one), strict=True))
+    texts = dict(zip((field.title for field in FIELDS), cells(one, FIELDS), strict=True))
     assert texts == {
         "#": "3",
-        "true task": HOLD,
-        "recognised": HOLD,
+        "true task": "hold screwdriver",
+        "recognised": "hold screwdriver",
         "observations": "42",
         "decided": "0.42",
         "share": "30",
@@ -125,8 +128,20 @@ def test_the_table_shows_the_numbers():
         "handed over": None,
         "note": "hesitated",
     }
-    heading, _, row = table_lines([one])
-    assert row.endswith("hesitated") and "handed over" not in heading
+    assert "handed over" not in {field.title for field in fields_of([one])}
     by_force = replace(one, handed_over=True, transfer_s=0.5)
-    heading, _, row = table_lines([by_force])
-    assert "handed over [s]" in heading and "+0.50" in row
+    assert cells(by_force, fields_of([by_force]))[-2:] == ("+0.50", "hesitated")
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_the_terminals_table_fits_and_cuts_no_word(width):
+    records = [record(k, task, transfer_s=0.5) for k, task in enumerate((HOLD, PLATE), 1)]
+    for notes in ("", "hesitated before the reach"):
+        shown = [replace(one, note=notes) for one in records]
+        console = Console(width=width, file=StringIO(), markup=False)
+        console.print(table_of(shown))
+        lines = console.file.getvalue().splitlines()
+        assert max(map(len, lines)) <= width and "\N{HORIZONTAL ELLIPSIS}" not in "".join(lines)
+        words = {word for line in lines for word in line.split()}
+        assert {"screwdriver", "recognised", "[cm]", "+0.50", *notes.split()} <= words
+        assert notes or len(lines) == 3 + len(shown)
