@@ -131,7 +131,7 @@ def sight(library: TaskLibrary) -> Result:
         model = Path(folder) / "model.npz"
         save_model(model, Model(library, load_dofs()))
         with _graph(model, SHORT_S) as (_, port, _):
-            waited_s = first_sight_s(_address(port), *WINDOW, "/person/upper_body/chest")
+            waited_s = first_sight_s(_address(port), *WINDOW, "/person/upper_body/shape")
     return at_most("page, from the address to the whole scene", waited_s, MOST_SIGHT_S, "s", "")
 
 

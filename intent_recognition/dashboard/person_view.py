@@ -110,35 +110,30 @@ class PersonView:
 
     def _build(self) -> None:
         stance = self._stance
-        both = (1.0, -1.0)
-        for name, balls in (("chest", CHEST), ("waist", WAIST), ("neck", NECK), ("head", HEAD)):
-            self._add(f"/upper_body/{name}", [mirrored(ball, s) for ball in balls for s in both])
-        for k, balls in enumerate(OTHER_ARM):
-            self._add(f"/upper_body/arm{k}", [mirrored(ball, -stance.side) for ball in balls])
-        self._add("/legs/pelvis", [mirrored(ball, s) for ball in PELVIS for s in both])
-        for k, balls in enumerate(LEG):
-            for side, word in zip(both, ("left", "right"), strict=True):
-                self._add(f"/legs/{word}{k}", [mirrored(ball, side) for ball in balls])
         upper, fore = (length / stance.height_m for length in stance.arm_m)
-        for name, length, (first, last) in (
-            (UPPER_ARM_FRAME, upper, UPPER_ARM_BALLS),
-            (FOREARM_FRAME, fore, FOREARM_BALLS),
+        hand = [(x, y, z + fore, r) for x, y, z, r in HAND]
+        bones = [
+            [(0.0, 0.0, 0.0, first), (0.0, 0.0, length, last)]
+            for length, (first, last) in ((upper, UPPER_ARM_BALLS), (fore, FOREARM_BALLS))
+        ]
+        trunk = [on_sides(balls, 1.0, -1.0) for balls in (CHEST, WAIST, NECK, HEAD)]
+        legs = [on_sides(balls, side) for balls in LEG for side in (1.0, -1.0)]
+        for name, shapes in (
+            ("/upper_body", trunk + [on_sides(balls, -stance.side) for balls in OTHER_ARM]),
+            ("/legs", [on_sides(PELVIS, 1.0, -1.0), *legs]),
+            (UPPER_ARM_FRAME, bones[:1]),
+            (FOREARM_FRAME, [bones[1], hand]),
         ):
-            self._add(f"{name}/bone", [(0.0, 0.0, 0.0, first), (0.0, 0.0, length, last)])
-        self._add(f"{FOREARM_FRAME}/hand", [(x, y, z + fore, r) for x, y, z, r in HAND])
-
-    def _add(self, name: str, balls: Sequence[Ball]) -> None:
-        """A smooth shape around balls."""
-        shape = around(self._stance.height_m * np.array(balls))
-        self._server.scene.add_mesh_simple(
-            f"{self._path}{name}", shape.vertices, shape.faces, color=self._colour
-        )
+            hulls = [around(stance.height_m * np.array(balls)) for balls in shapes]
+            shape = trimesh.util.concatenate(hulls)
+            self._server.scene.add_mesh_simple(
+                f"{self._path}{name}/shape", shape.vertices, shape.faces, color=self._colour
+            )
 
 
-def mirrored(ball: Ball, side: float) -> Ball:
-    """A ball on the left side (1) or the right one (-1)."""
-    x, y, z, radius = ball
-    return x, side * y, z, radius
+def on_sides(balls: Sequence[Ball], *sides: float) -> list[Ball]:
+    """Balls on the left side (1), the right one (-1) or both."""
+    return [(x, side * y, z, radius) for x, y, z, radius in balls for side in sides]
 
 
 def around(balls: Floats) -> trimesh.Trimesh:

@@ -57,12 +57,17 @@ class PageScene:
             self._figures[""] = PersonView(server, self._stances[""])
 
     def lighten(self) -> None:
-        """Draw no shadows any more, and no light of the environment, whose shaders are slow."""
+        """Draw no shadows any more, no light of the environment and no plane: all are slow."""
         self._light = True
         if self._shaded:
             self._server.scene.configure_default_lights(cast_shadow=False)
         self._server.scene.configure_environment_map(None)
         self._server.scene.add_light_ambient("/ambient", intensity=1.2)
+        self._server.scene.remove_by_name("/floor")
+        x, y = np.meshgrid(np.linspace(-3.0, 3.0, 13), (-3.0, 3.0), indexing="ij")
+        along = np.stack((x, y, np.full_like(x, self._cell.floor_m)), axis=-1)
+        lines = np.concatenate((along, along[..., [1, 0, 2]]))  # (26, 2, 3)
+        self._server.scene.add_line_segments("/floor", lines, (208, 214, 221), thickness=0.006)
 
     def shade(self) -> None:
         """Draw shadows from now on, unless the scene is light."""

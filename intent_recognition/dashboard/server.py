@@ -37,7 +37,7 @@ from intent_recognition.dashboard.browser_messages import (
     can_become,
     read_message,
 )
-from intent_recognition.dashboard.welcome import AUTO, LIGHT, NEVER, PLAIN, welcome
+from intent_recognition.dashboard.welcome import AUTO, LIGHT, NEVER, PLAIN, TOLD, welcome
 from intent_recognition.errors import ResourceBusyError, one_line
 
 MOST_CLIENTS, MOST_SOCKETS = 8, 64
@@ -86,7 +86,8 @@ def serve_page(
             cannot be guarded.
     """
     _check_free(host, port)
-    guard = _Guard(admission, operator, refused, welcome(light), opened if light == AUTO else None)
+    page = welcome(light, CLIENT.read_text(encoding="utf-8"))
+    guard = _Guard(admission, operator, refused, page, opened if light == AUTO else None)
     with guard.installed(), redirect_stdout(StringIO()):
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     if not guard.in_place:
@@ -129,7 +130,7 @@ class _Guard:
         self.clients: set[ServerConnection] = set()
         self.in_place = False
         self.page: viser.ViserServer | None = None
-        self._scripts = script_sources(entrance + CLIENT.read_text(encoding="utf-8"))
+        self._scripts = script_sources(entrance)
 
     @contextmanager
     def installed(self) -> Iterator[None]:
@@ -178,9 +179,10 @@ class _Guard:
             response.headers["Content-Type"] = "text/html; charset=utf-8"
             response.headers["Set-Cookie"] = self.admission.cookie
             return response
-        if self._opened is not None and request.path in (PLAIN, LIGHT):
-            self._opened(request.path == LIGHT)
-        return None
+        slow = {PLAIN: False, LIGHT: True, **TOLD}.get(request.path)
+        if slow is not None and self._opened is not None:
+            self._opened(slow)
+        return connection.respond(204, "") if request.path in TOLD else None
 
     def protect(
         self, connection: ServerConnection, request: Request, response: Response

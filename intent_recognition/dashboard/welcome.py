@@ -1,21 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The answer to the address with the token: it goes on to the page, the light one where that helps.
+"""What a browser does first at the address with the token: is the light page the one for it?
 
-By software a frame with shadows takes seconds. Before the page is opened, a small picture is drawn
-and timed. Where that is slow, the page is opened with a quarter of the pixels (viser's `fixedDpr`),
-by which the server knows that shadows and the light of an environment must go.
+By software a frame with shadows takes seconds. A small picture is drawn and timed, unless the
+renderer says that it is software. Where that is slow, the page has a quarter of the pixels (viser's
+`fixedDpr`), and the server is told that shadows and the light of an environment must go.
 """
 
 AUTO, ALWAYS, NEVER = "auto", "always", "never"
 """When the scene is light; auto: where a browser draws slowly. On and off are booleans in YAML."""
 PLAIN, LIGHT = "/", "/?fixedDpr=0.5"
+TOLD = {"/plain": False, "/light": True}
+"""Whether a browser that has come draws slowly, by the path that it tells it with."""
 SLOW_MS = 12.0
 """Time of the picture from which on drawing is slow [ms]. By software it took 35 to 45 on two
 cores; a graphics processor needs one or two."""
 MEASURE = """
 let slow = true;
 const gl = document.createElement("canvas").getContext("webgl2");
-if (gl) {
+const named = gl && gl.getExtension("WEBGL_debug_renderer_info");
+const renderer = named ? gl.getParameter(named.UNMASKED_RENDERER_WEBGL) : "";
+if (gl && !/swiftshader|llvmpipe|software/i.test(renderer)) {
   const program = gl.createProgram();
   const add = (kind, text) => {
     const shader = gl.createShader(kind);
@@ -35,22 +39,22 @@ if (gl) {
   gl.linkProgram(program);
   gl.useProgram(program);
   let began;
-  for (let k = 0; k < 2; k++) {  // the first time the program is compiled
+  for (const size of [1, 300]) {  // the program is compiled for the first pixel
+    gl.viewport(0, 0, size, size / 2);
     began = performance.now();
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
   }
   slow = performance.now() - began > %s;
 }
-location.replace(slow ? "%s" : "%s");
+"""
+GO_ON = f"""
+history.replaceState(null, "", slow ? "{LIGHT}" : "{PLAIN}");
+fetch(slow ? "/light" : "/plain");
 """
 
 
-def welcome(light: str) -> str:
-    """The page that goes on; `light` is `AUTO`, `ALWAYS` or `NEVER`."""
-    head = "<!doctype html><title>opening</title>"
-    if light == AUTO:
-        return f"{head}<script>{MEASURE % (SLOW_MS, LIGHT, PLAIN)}</script>"
-    return (
-        f'{head}<meta http-equiv="refresh" content="0;url={LIGHT if light == ALWAYS else PLAIN}">'
-    )
+def welcome(light: str, page: str) -> str:
+    """The page with what is done first; `light` is `AUTO`, `ALWAYS` or `NEVER`."""
+    first = MEASURE % SLOW_MS if light == AUTO else f"const slow = {light == ALWAYS:d};"
+    return page.replace("<head>", f"<head><script>{first}{GO_ON}</script>", 1)

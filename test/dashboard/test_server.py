@@ -255,15 +255,17 @@ def test_scripts_are_known_by_their_hashes():
     assert script_sources(page) == wanted
 
 
-@pytest.mark.parametrize(("light", "goes_on"), [(AUTO, 1), (ALWAYS, 0), (NEVER, 0)])
-def test_the_entrance_goes_on_to_a_page_as_light_as_is_wanted(light, goes_on):
+@pytest.mark.parametrize("light", [AUTO, ALWAYS, NEVER])
+def test_the_address_with_the_token_is_a_page_as_light_as_is_wanted(light):
     opened = []
     with guarded(light=light, opened=opened.append) as page:
         _, headers, text = page.get(f"/?token={TOKEN}", Cookie=None)
-        assert (LIGHT in text) == (light != NEVER)
+        first, rest = text.split("</script>", 1)
+        assert '<div id="root">' in rest and (light == AUTO) == ("drawArrays" in first)
+        assert (f"slow = {light == ALWAYS:d};" in first) == (light != AUTO)
         policy = headers["Content-Security-Policy"]
         assert all(one in policy for one in script_sources(text))
-        assert len(script_sources(text)) == goes_on
-        assert page.get(LIGHT, Cookie=None)[0] == 403
+        assert page.get(LIGHT, Cookie=None)[0] == page.get("/light", Cookie=None)[0] == 403
         assert page.get(PLAIN)[0] == page.get(LIGHT)[0] == 200
-        assert opened == [False, True][: 2 * goes_on]
+        assert page.get("/plain")[0] == page.get("/light")[0] == 204
+        assert opened == ([False, True, False, True] if light == AUTO else [])
