@@ -27,6 +27,8 @@ PERSON_COLOURS = ("#2b5163", "#8c3b57", "#4d6a1f", "#5b4a9c", "#7d4b1e", "#1f6e6
 FORCE_COLOURS = dict(zip((*FORCES, SENSOR), PALETTE, strict=False))
 GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", NONE_COLOUR
 LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
+PHONE = "<style>@media (max-width: 36em) {[style*='width: 20em'] {width: 100vw !important}}</style>"
+"""viser's panel for narrow windows is as wide as they are."""
 FONT = "font-family:Inter,system-ui,sans-serif;font-variant-numeric:tabular-nums"
 SMALL = f"font-size:.84em;color:{SOFT}"
 COLUMNS = "minmax(0, 12em) minmax(1.5em, 1fr) 3.2em 2.6em"

@@ -75,6 +75,7 @@ def test_page_shows_replays_and_teaches(cell, tmp_path, repository):
         person.wait_for("robot: waits")
         watch_a_replay(person)
         see_the_cell(person)
+        look_on_a_phone(person)
         lead_the_path_elsewhere(person)
         teach_a_task(person)
         judge_and_undo(person)
@@ -114,6 +115,16 @@ def see_the_cell(person):
     _, forearm_m = scene.person.arm_m
     ends = [person.pixel(FOREARM, (0.0, 0.0, forearm_m)), person.pixel("/wrist")]
     np.testing.assert_allclose(*ends, atol=1.0)
+
+
+def look_on_a_phone(person):
+    """The panel is as wide as a narrow window."""
+    tabs = person.page.get_by_role("tablist").first
+    usual = person.page.viewport_size
+    person.page.set_viewport_size({"width": 390, "height": 800})
+    person.wait_until(lambda: tabs.bounding_box()["width"] > 370, "a panel over the whole width")
+    person.page.set_viewport_size(usual)
+    person.wait_until(lambda: tabs.bounding_box()["x"] > 390, "the usual panel")
 
 
 def teach_a_task(person):
