@@ -153,7 +153,7 @@ def _toolbox(args: argparse.Namespace) -> Scene:
     stands_m = np.array(list(STANDS_M.values()))
     scoring = Scoring(places_m, by_force=by_force, passed_m=stands_m)
     if arm is not None:
-        scoring = scoring._replace(hand_of=arm.hand, n_joints=arm.robot.n_joints)
+        scoring = scoring._replace(hand_of=arm.hand)
     return Scene(
         "bags/toolbox/train",
         "" if arm is None else "config/dofs_hand.yaml",
@@ -188,7 +188,7 @@ def _assembly(args: argparse.Namespace) -> Scene:
         {"arm": named, "task_list": ",".join(one.task for one in session.interactions)},
         in_assistants_place(named, arm.robot.tip),
         {"": of_worker(session)},
-        {"": Scoring(places_m, arm.hand, REST_M, arm.robot.n_joints)},
+        {"": Scoring(places_m, arm.hand, REST_M)},
         arm.robot.note,
     )
 

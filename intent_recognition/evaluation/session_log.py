@@ -47,10 +47,6 @@ class SessionLog:
     # joint_ns, joint_rad: measured joints, (M,), (M, n); fingers come last
     joint_ns: Integers
     joint_rad: Floats
-    # (arrival ns, onset ns, task, times_s (L,), mean (L, q), std (L, q)) of
-    # intent/robot_trajectory; of joints [rad], or of the hand [m]
-    predictions: Sequence[tuple]
-    paths: Sequence[tuple]  # (stamp ns, wrist (V, 3)) of intent/human_path
     # who holds the object, and the person's force on it, where it is handed over
     contacts: ContactLog = NO_CONTACTS
     transfers: TransferLog = NO_TRANSFERS  # what the robot feels of it
@@ -59,23 +55,13 @@ class SessionLog:
 class Trace(TypedDict, total=False):
     """One interaction; every key but `index` may be missing, None or empty.
 
-    Times are seconds after onset. T posteriors, M joint states, L and V predicted points, Q joints.
+    Times are seconds after onset.
     """
 
     index: int  # of the record it belongs to
     share: Floats  # (T,) share of the human's movement passed at each posterior
     labels: Sequence[str]  # of the K + 1 columns of the probabilities, `none` last
     probabilities: Floats  # (T, K + 1)
-    wrist_s: Floats  # (W,)
-    wrist_m: Floats  # (W, 3) observed, world frame
-    predicted_wrist_m: Floats  # (V, 3) predicted at the decision
-    predicted_wrist_std_m: Floats  # (V, 3)
-    joint_names: Sequence[str]
-    joint_s: Floats  # (M,)
-    joint_rad: Floats  # (M, Q) measured
-    predicted_s: Floats  # (L,)
-    predicted_rad: Floats  # (L, Q) mean predicted at the decision
-    predicted_std_rad: Floats  # (L, Q)
     decision_s: float
     end_s: float  # end of the human's movement
     person_s: Floats  # (H,)
@@ -89,8 +75,6 @@ class Trace(TypedDict, total=False):
 
 GROUPS = (
     ("share", "probabilities", "labels"),
-    ("joint_s", "joint_rad"),
-    ("predicted_s", "predicted_rad"),
     ("person_s", "person_n", "holders", "transfer_s", "load_n", "grip_n", "load_share"),
 )
 """Keys that are meaningful only together; all but the labels have equal length."""

@@ -8,18 +8,15 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Path
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.array_types import Floats, Integers
-from intent_recognition.errors import MessageError
 from intent_recognition.evaluation import ContactLog, SessionLog, TransferLog
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import position_array, stamp_ns, trajectory_arrays
+from intent_recognition.nodes.conversions import position_array, stamp_ns
 from intent_recognition.nodes.diagnostics import answer_of
 from intent_recognition.nodes.runtime import now_ns
 from intent_recognition.promp import NONE
@@ -33,13 +30,11 @@ class _Seen:
         self.labels: tuple[str, ...] = (NONE,)
         self.wrist: list[tuple[int, Floats]] = []
         self.tasks: list[tuple[int, Floats]] = []
-        self.predictions: list[tuple] = []
-        self.paths: list[tuple[int, Floats]] = []
 
-    def take_wrist(self, _: int, message: PoseStamped) -> None:
+    def take_wrist(self, message: PoseStamped) -> None:
         self.wrist.append((stamp_ns(message), position_array(message.pose)))
 
-    def take_tasks(self, _: int, message: JointState) -> None:
+    def take_tasks(self, message: JointState) -> None:
         if len(message.position) != len(message.name):
             return
         if not self.tasks:
@@ -49,22 +44,6 @@ class _Seen:
             by_label = dict(zip(message.name, message.position, strict=True))
             row = np.array([by_label.get(label, 0.0) for label in self.labels])
         self.tasks.append((stamp_ns(message), row))
-
-    def take_prediction(self, now_ns: int, message: JointTrajectory) -> None:
-        if not _is_due(now_ns, self.predictions):
-            return
-        try:
-            times, positions, others = trajectory_arrays(message)
-            std = others["effort"]
-        except (MessageError, KeyError):
-            return  # none of the estimator's
-        of = stamp_ns(message), message.header.frame_id
-        self.predictions.append((now_ns, *of, times, positions, std))
-
-    def take_path(self, now_ns: int, message: Path) -> None:
-        if _is_due(now_ns, self.paths):
-            points = np.array([position_array(pose.pose) for pose in message.poses])
-            self.paths.append((now_ns, points))
 
 
 class SessionObserver(Node):
@@ -98,12 +77,9 @@ class SessionObserver(Node):
         ]
         for person, seen in self._people.items():
             of = f"{person}/" if person else ""
-            predicted = self._now(seen.take_prediction)
             topics += [
-                (PoseStamped, f"mocap/{of}wrist/pose", self._now(seen.take_wrist), qos.SENSOR),
-                (JointState, f"intent/{of}tasks", self._now(seen.take_tasks), qos.STATE),
-                (JointTrajectory, f"intent/{of}robot_trajectory", predicted, qos.COMMAND),
-                (Path, f"intent/{of}human_path", self._now(seen.take_path), qos.COMMAND),
+                (PoseStamped, f"mocap/{of}wrist/pose", seen.take_wrist, qos.SENSOR),
+                (JointState, f"intent/{of}tasks", seen.take_tasks, qos.STATE),
                 (String, f"coworker/{of}task", partial(_tell, on_task, person), qos.STATE),
             ]
         self._heard: Counter[str] = Counter()
@@ -114,9 +90,6 @@ class SessionObserver(Node):
             )
             for kind, topic, take, profile in topics
         ]
-
-    def _now(self, take: Callable[[int, Any], None]) -> Callable[[Any], None]:
-        return lambda message: take(now_ns(self), message)
 
     def _take(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
         if self._inputs:  # what is queued comes after it was closed
@@ -163,8 +136,6 @@ class SessionObserver(Node):
             tuple(task for _, task in active),
             joint_ns,
             joints,
-            tuple(seen.predictions),
-            tuple(seen.paths),
             ContactLog(*_states(contacts, 3)),
             TransferLog(*_states(transfers, 5)),
         )
@@ -208,11 +179,6 @@ def _while_active(
 ) -> list[tuple[int, str, Floats]]:
     places = np.searchsorted([at_ns for at_ns, _ in active], [row[0] for row in rows], "right")
     return [row for row, k in zip(rows, places, strict=True) if k and active[k - 1][1]]
-
-
-def _is_due(now_ns: int, kept: Sequence[tuple]) -> bool:
-    """Whether a prediction may be kept: ten a second."""
-    return not kept or now_ns - kept[-1][0] >= 100_000_000
 
 
 def _columns(rows: Sequence[tuple[int, Floats]], width: int) -> tuple[Integers, Floats]:

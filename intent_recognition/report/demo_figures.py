@@ -18,10 +18,8 @@ from intent_recognition.report import figures_session
 from intent_recognition.report.drawing import readable, svg_figure
 from intent_recognition.report.figures_evaluation import confusion_shares_figure, reliability_figure
 from intent_recognition.report.figures_interaction import (
-    joint_figure,
     posterior_over_time_figure,
     transfer_figure,
-    wrist_figure,
 )
 from intent_recognition.report.html import Block, Paragraph, Row, Section
 
@@ -42,7 +40,7 @@ TRANSFER = (
 def figures_of_records(
     records: Sequence[InteractionRecord], summary: DemoSummary, labels: Sequence[str]
 ) -> tuple[Block, ...]:
-    """Hand errors, how early, arrivals and times of decision, with the tasks' labels."""
+    """Hand errors, how early, and arrivals, with the tasks' labels."""
     errors_m, shares, arrivals = (
         _per_task(records, name) for name in ("hand_error_m", "decision_share", "arrival_s")
     )
@@ -59,18 +57,14 @@ def figures_of_records(
         caption = "Measured hand to the place the demonstrator's rule gives, in cm."
         drawn.append(svg_figure(figure, caption))
     if shares:
-        figure = figures_session.decision_share_figure(shares, labels=labels)
+        percent = {task: [100.0 * share for share in own] for task, own in shares.items()}
+        what = "share of the human's movement passed at the decision [%]"
+        figure = figures_session.histogram_figure(percent, what, 100.0, "{:.0f} %", labels)
         drawn.append(svg_figure(figure, "How early: 100 % is the end of the human's movement."))
     if arrivals:
-        figure = figures_session.arrival_figure(arrivals, labels)
+        what = "robot's arrival after the human's end [s]"
+        figure = figures_session.histogram_figure(arrivals, what, 0.0, "{:+.2f} s", labels)
         drawn.append(svg_figure(figure, "Zero is the end of the human's movement."))
-    decided = [r for r in records if r.decision_time_s is not None]
-    decisions = _per_task(decided, "decision_time_s")
-    if decisions:
-        movements = _per_task(decided, "movement_s")
-        figure = figures_session.timing_figure(movements, decisions, labels)
-        caption = "When each was decided: below the solid line, before the human's end."
-        drawn.append(svg_figure(figure, caption))
     return (Row(tuple(drawn)),) if drawn else ()
 
 
@@ -133,20 +127,11 @@ def details(records: Sequence[InteractionRecord], by_index: Mapping[int, Trace])
 
 
 def _detail(record: InteractionRecord, trace: Trace) -> tuple[Block, ...]:
-    small = []
-    if "wrist_m" in trace:
-        caption = "The wrist, observed and predicted at the decision."
-        small.append(svg_figure(wrist_figure(trace), caption))
+    blocks: list[Block] = [Paragraph(_sentence(record))]
     if _has_posterior(trace):
         figure = posterior_over_time_figure(trace, record.movement_s)
         caption = "Task posterior; solid vertical line: decision; dotted: human's end."
-        small.append(svg_figure(figure, caption))
-    blocks: list[Block] = [Paragraph(_sentence(record))]
-    if small:
-        blocks.append(Row(tuple(small)))
-    if "predicted_rad" in trace or "joint_rad" in trace:
-        caption = "The robot's joints: predicted at the decision, and measured."
-        blocks.append(svg_figure(joint_figure(trace), caption))
+        blocks.append(svg_figure(figure, caption))
     if "transfer_s" in trace:
         blocks.append(svg_figure(transfer_figure(trace), TRANSFER))
     return tuple(blocks)

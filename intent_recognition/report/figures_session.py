@@ -72,70 +72,43 @@ def hand_error_figure(
 
 
 @styled
-def decision_share_figure(
-    shares: Mapping[str, Sequence[float]], labels: Sequence[str] = ()
-) -> "Figure":
-    """Histogram per task of the share of the human's movement that had passed at the decision.
-
-    Its colours depend on the labels too, as those of `hand_error_figure`.
-    """
-    arrays = [np.asarray(values, dtype=float) for values in shares.values()]
-    everything = np.concatenate(arrays) if arrays else np.empty(0)
-    low, high = everything.min(initial=0.0), everything.max(initial=1.0)
-    edges = np.arange(np.floor(20 * low), np.ceil(20 * high) + 1) / 20
-    percent = {task: 100 * values for task, values in zip(shares, arrays, strict=True)}
-    figure, axes = _histogram(percent, 100 * edges, labels)
-    if everything.size:
-        _vertical(axes, 100 * np.median(everything), f"median {100 * np.median(everything):.0f} %")
-    axes.axvline(100.0, color=INK, linewidth=1.0)
-    axes.set_xlabel("share of the human's movement passed at the decision [%]")
-    return figure
-
-
-@styled
-def arrival_figure(
-    arrivals_s: Mapping[str, Sequence[float]], labels: Sequence[str] = ()
-) -> "Figure":
-    """Histogram per task of the robot's arrival, counted from the end of the human's movement.
-
-    Its colours depend on the labels too, as those of `hand_error_figure`.
-    """
-    arrivals = {task: np.asarray(values, dtype=float) for task, values in arrivals_s.items()}
-    everything = np.concatenate(list(arrivals.values())) if arrivals else np.zeros(1)
-    figure, axes = _histogram(arrivals, np.histogram_bin_edges(everything, bins=20), labels)
-    if everything.size:
-        _vertical(axes, np.median(everything), f"median {np.median(everything):+.2f} s")
-    axes.axvline(0.0, color=INK, linewidth=1.0)
-    axes.set_xlabel("robot's arrival after the human's end [s]")
-    return figure
-
-
-@styled
-def timing_figure(
-    movements_s: Mapping[str, Sequence[float]],
-    decisions_s: Mapping[str, Sequence[float]],
+def histogram_figure(
+    values: Mapping[str, Sequence[float]],
+    what: str,
+    end: float,
+    form: str,
     labels: Sequence[str] = (),
 ) -> "Figure":
-    """When it was decided, after onset, over how long the human's movement took, per task.
+    """How often there was which value, tasks on top of each other, and the median of all.
 
-    Its colours and markers depend on the labels too, as those of `hand_error_figure`.
+    Args:
+        values: per task, (n,).
+        what: they are, with the unit.
+        end: of the human's movement, where a line is drawn.
+        form: of the median, as `str.format` takes it.
+        labels: of all tasks, as of `hand_error_figure`.
     """
-    tasks = {*movements_s, *labels}
-    colours, markers = task_colours(tasks), task_markers(tasks)
+    from matplotlib.ticker import MaxNLocator
+
+    everything = np.concatenate([[], *values.values()])
+    colours = task_colours({*values, *labels})
     figure, axes = new_axes(5.6, 3.7)
-    longest = max((max(v, default=0.0) for v in movements_s.values()), default=0.0) or 1.0
-    for share, style in ((1.0, "-"), (0.5, DASHED)):
-        axes.plot([0, longest], [0, share * longest], color=SOFT, linewidth=1.1, linestyle=style)
-        text = "human's end" if share == 1.0 else "half of it"
-        text_look: Look = {"color": SOFT, "fontsize": 8.5, "ha": "right"}
-        at = longest, share * longest
-        axes.annotate(text, at, (-4, 3), textcoords="offset points", **text_look)
-    for task, movement_s in movements_s.items():
-        look: Look = {"color": colours[task], "marker": markers[task], "label": readable(task)}
-        axes.scatter(movement_s, decisions_s[task], s=24, alpha=0.75, linewidths=0, **look)
-    axes.set(xlim=(0, 1.05 * longest), ylim=(0, 1.12 * longest))
-    axes.set(xlabel="duration of the human's movement [s]", ylabel="decision after onset [s]")
+    look: Look = {"edgecolor": "white", "linewidth": 0.6, "stacked": True}
+    look |= {"color": [colours[task] for task in values], "label": [*map(readable, values)]}
+    edges = np.histogram_bin_edges(everything, bins=20)
+    axes.hist(list(values.values()), bins=list(edges), **look)
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.grid(visible=False, axis="x")
+    axes.set(xlabel=what, ylabel="interactions")
     figure.legend(loc="outside lower center", ncols=4)
+    if everything.size:
+        middle = float(np.median(everything))
+        axes.axvline(middle, color=INK, linewidth=1.3, linestyle=DASHED)
+        axes.margins(y=0.12)
+        places: Look = {"xycoords": axes.get_xaxis_transform(), "textcoords": "offset points"}
+        text = f"median {form.format(middle)}"
+        axes.annotate(text, (middle, 1.0), (4, -2), va="top", fontsize=9, **places)
+    axes.axvline(end, color=INK, linewidth=1.0)
     return figure
 
 
@@ -231,35 +204,6 @@ def _mean_handles(several: bool, with_paper: bool) -> list["Line2D"]:
         text = "paper, mean \N{PLUS-MINUS SIGN} 2 std"
         handles.append(Line2D([], [], color=PAPER_COLOUR, marker="D", label=text, **shared))
     return handles
-
-
-def _vertical(axes: "Axes", x: float, text: str) -> None:
-    axes.axvline(x, color=INK, linewidth=1.3, linestyle=DASHED)
-    axes.margins(y=0.12)
-    places: Look = {"xycoords": axes.get_xaxis_transform(), "textcoords": "offset points"}
-    axes.annotate(text, (x, 1.0), (4, -2), va="top", fontsize=9, **places)
-
-
-def _histogram(
-    values: Mapping[str, Floats], edges: Floats, labels: Sequence[str]
-) -> "tuple[Figure, Axes]":
-    """How many interactions of each task lie between edges, tasks on top of each other."""
-    from matplotlib.ticker import MaxNLocator
-
-    colours = task_colours({*values, *labels})
-    figure, axes = new_axes(5.6, 3.7)
-    look: Look = {
-        "color": [colours[task] for task in values],
-        "edgecolor": "white",
-        "linewidth": 0.6,
-    }
-    names = [readable(task) for task in values]
-    axes.hist(list(values.values()), bins=list(edges), stacked=True, label=names, **look)
-    axes.set_ylabel("interactions")
-    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.grid(visible=False, axis="x")
-    figure.legend(loc="outside lower center", ncols=4)
-    return figure, axes
 
 
 def _label_legend(figure: "Figure", labels: Sequence[str], colours: Mapping[str, str]) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a report looks: on screen by day and by night, and on paper."""
+"""How a report looks: by day and by night."""
 
 STYLESHEET = """
 :root {
@@ -74,22 +74,5 @@ footer { color: var(--soft); font-size: 0.85rem; padding: 4px 2px; }
 @media (max-width: 560px) {
   main { padding: 20px 12px; } section { padding: 16px 14px; }
   .row { grid-template-columns: 1fr; }
-}
-@media print {
-  :root {
-    color-scheme: light; --page: #ffffff; --card: #ffffff; --ink: #000000; --soft: #444444;
-    --line: #cccccc; --accent: #0b5fa5; --good: #17724a; --bad: #b3351b; --mark: #fdeeea;
-    --stripe: #ffffff;
-  }
-  body { font-size: 10.5pt; }
-  main { max-width: none; padding: 0; }
-  section { border: none; border-radius: 0; padding: 0; margin-bottom: 14pt; }
-  h2 { break-after: avoid; }
-  figure, .number, tr { break-inside: avoid; }
-  .table { overflow: visible; }
-  table { font-size: 8pt; }
-  th, td { padding: 3px 5px; }
-  thead { display: table-header-group; }
-  .row { grid-template-columns: 1fr 1fr; }
 }
 """

@@ -28,15 +28,18 @@ from intent_recognition.report.figures_evaluation import (
     rmse_figure,
 )
 from intent_recognition.report.figures_interaction import (
-    joint_figure,
     posterior_over_time_figure,
     thin,
-    wrist_figure,
+    transfer_figure,
 )
 
 RELAXED = settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 TASKS = ("hold", "plate", "screw")
 FRACTIONS = [0.25, 0.5, 0.75, 1.0]
+
+
+def arrivals(per_task, labels=()):
+    return figures.histogram_figure(per_task, "arrival [s]", 0.0, "{:+.2f} s", labels)
 
 
 @pytest.fixture
@@ -47,21 +50,14 @@ def per_task(rng):
 @pytest.fixture
 def trace(rng):
     share = np.linspace(0.0, 1.1, 900)
-    time_s = np.linspace(0.0, 2.0, 50)
     return {
         "index": 1,
         "labels": [*TASKS, "none"],
         "share": share,
         "probabilities": rng.dirichlet(np.ones(4), share.size),
-        "wrist_m": rng.normal(size=(900, 3)),
-        "predicted_wrist_m": rng.normal(size=(50, 3)),
-        "predicted_wrist_std_m": np.full((50, 3), 0.02),
-        "joint_names": [f"joint_{i}" for i in range(7)],
-        "joint_s": np.linspace(0.0, 2.2, 900),
-        "joint_rad": rng.normal(size=(900, 7)),
-        "predicted_s": time_s,
-        "predicted_rad": rng.normal(size=(50, 7)),
-        "predicted_std_rad": np.full((50, 7), 0.1),
+        **{f"{what}_s": share for what in ("person", "transfer")},
+        **{f"{what}_n": rng.uniform(0.0, 9.0, share.size) for what in ("person", "load", "grip")},
+        "load_share": share / 2.0,
         "decision_s": 0.7,
         "end_s": 2.0,
     }
@@ -74,15 +70,12 @@ def all_figures(per_task, trace, rng):
     posterior = rng.dirichlet(np.ones(4), 30)
     return {
         "hand_error": figures.hand_error_figure(per_task, {"plate": (3.2, 2.6)}, {"screw": "x"}),
-        "share": figures.decision_share_figure(per_task),
-        "arrival": figures.arrival_figure(per_task),
-        "timing": figures.timing_figure(per_task, per_task),
+        "arrival": arrivals(per_task),
         "posterior": figures.posterior_figure(
             ["plate", "screw"], [*TASKS, "none"], [share] * 2, [posterior] * 2, [0.4, None]
         ),
         "confusion": confusion_shares_figure(np.eye(3, 4), TASKS, ("$^$", *TASKS[1:], "none")),
-        "wrist": wrist_figure(trace),
-        "joints": joint_figure(trace),
+        "transfer": transfer_figure(trace),
         "over_time": posterior_over_time_figure(trace, 2.0),
         "recognition": recognition_figure(series, series),
         "rmse": rmse_figure({"known_phase": {"rmse": (FRACTIONS, FRACTIONS)}}, "rad"),
@@ -105,16 +98,16 @@ def test_every_figure_draws_labels_its_axes_and_is_never_registered(all_figures)
 
 
 def test_equal_figures_give_equal_bytes_without_date(per_task):
-    one, other = (to_svg(figures.arrival_figure(per_task)) for _ in range(2))
+    one, other = (to_svg(arrivals(per_task)) for _ in range(2))
     assert one == other
     assert b"<metadata" not in one
     assert b"DOCTYPE" not in one
 
 
 def test_the_users_settings_are_neither_used_nor_changed(per_task):
-    plain = to_svg(figures.arrival_figure(per_task))
+    plain = to_svg(arrivals(per_task))
     with matplotlib.rc_context({"font.size": 31.0, "axes.facecolor": "red"}):
-        assert to_svg(figures.arrival_figure(per_task)) == plain
+        assert to_svg(arrivals(per_task)) == plain
         assert matplotlib.rcParams["font.size"] == 31.0
 
 
@@ -134,19 +127,13 @@ def test_hand_errors_and_whiskers_are_where_they_belong():
 @pytest.mark.slow
 def test_nothing_measured_still_draws():
     nothing = {"plate": []}
-    for figure in (
-        figures.hand_error_figure(nothing),
-        figures.decision_share_figure(nothing),
-        figures.arrival_figure(nothing),
-        figures.timing_figure(nothing, nothing),
-    ):
+    for figure in (figures.hand_error_figure(nothing), arrivals(nothing)):
         assert to_svg(figure)
 
 
 def test_what_is_predicted_and_decided_has_the_colour_of_no_task(trace):
-    for figure in (wrist_figure(trace), joint_figure(trace)):
-        lines = {line.get_color() for axes in figure.axes for line in axes.lines}
-        assert len(lines) > 1 and not lines & set(PALETTE)
+    lines = {line.get_color() for line in transfer_figure(trace).axes[0].lines}
+    assert len(lines) > 1 and not lines & set(PALETTE)
     posterior = posterior_over_time_figure(trace, 2.0).axes[0].lines
     assert [line.get_color() in PALETTE for line in posterior] == 3 * [True] + 3 * [False]
 
@@ -154,17 +141,11 @@ def test_what_is_predicted_and_decided_has_the_colour_of_no_task(trace):
 def test_a_task_has_its_colour_where_the_others_did_not_happen(per_task):
     one = {"plate": per_task["plate"]}
     own = matplotlib.colors.to_rgba(task_colours(TASKS)["plate"])
-    for figure in (
-        figures.decision_share_figure(one, labels=TASKS),
-        figures.arrival_figure(one, TASKS),
-    ):
-        assert {bar.get_facecolor() for bar in figure.axes[0].patches} == {own}
-    for figure in (
-        figures.hand_error_figure(one, labels=TASKS),
-        figures.timing_figure(one, one, TASKS),
-    ):
-        (colour, *_) = figure.axes[0].collections[0].get_facecolor()
-        assert tuple(colour[:3]) == own[:3]
+    bars = arrivals(one, TASKS).axes[0].patches
+    assert {bar.get_facecolor() for bar in bars} == {own}
+    figure = figures.hand_error_figure(one, labels=TASKS)
+    (colour, *_) = figure.axes[0].collections[0].get_facecolor()
+    assert tuple(colour[:3]) == own[:3]
 
 
 @RELAXED
@@ -227,9 +208,8 @@ def test_matplotlib_is_loaded_by_the_first_figure_only():
 
 def test_histograms_hold_every_interaction(per_task):
     per_task["plate"].append(1.7)
-    for figure in (figures.decision_share_figure(per_task), figures.arrival_figure(per_task)):
-        bars = figure.axes[0].patches
-        assert sum(bar.get_height() for bar in bars) == sum(map(len, per_task.values()))
+    bars = arrivals(per_task).axes[0].patches
+    assert sum(bar.get_height() for bar in bars) == sum(map(len, per_task.values()))
 
 
 def test_thinning_keeps_both_ends():
@@ -238,13 +218,3 @@ def test_thinning_keeps_both_ends():
     assert len(thin(values, 100)) == 100
     assert thin(values[:7], 100) is not None
     assert len(thin(values[:7], 100)) == 7
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("laid_out_roughly")
-def test_any_number_of_joints(trace):
-    for count in (1, 3, 4, 8):
-        trace["joint_rad"] = np.zeros((900, count))
-        trace["predicted_rad"] = trace["predicted_std_rad"] = np.ones((50, count))
-        trace["joint_names"] = None
-        assert to_svg(joint_figure(trace))

@@ -60,9 +60,6 @@ def session():
                 "labels": LABELS,
                 "share": share,
                 "probabilities": rng.dirichlet(np.ones(4), 20),
-                "wrist_m": rng.normal(size=(20, 3)),
-                "joint_s": share,
-                "joint_rad": rng.normal(size=(20, 7)),
             }
         )
     return records, traces
@@ -129,20 +126,20 @@ def test_the_demo_table_is_the_records(session, page):
 @pytest.mark.slow
 def test_figures_without_data_are_left_out(session, page, bare_page):
     records, _ = session
-    assert len(figures_of(bare_page)) == 5
-    assert len(figures_of(page)) == 5 + 2 + 4 * 3
-    bare = [{"index": r.index, "wrist_m": np.zeros((5, 3))} for r in records]
-    assert len(figures_of(demo_page(records, summarise(records), bare, {}))) == 5 + 4
+    assert len(figures_of(bare_page)) == 4
+    assert len(figures_of(page)) == 4 + 2 + 4
+    bare = [{"index": r.index} for r in records]
+    assert len(figures_of(demo_page(records, summarise(records), bare, {}))) == 4
 
 
 @pytest.mark.slow
 def test_traces_may_hold_nothing(session, undrawn):
     records, _ = session
-    empty = {"wrist_m": None, "joint_rad": np.zeros((3, 7)), "share": [], "labels": LABELS}
+    empty = {"transfer_s": None, "load_n": np.zeros(3), "share": [], "labels": LABELS}
     page = demo_page(
         records, summarise(records), [{"index": r.index, **empty} for r in records], {}
     )
-    assert len(figures_of(page)) == 5
+    assert len(figures_of(page)) == 4
 
 
 def test_no_interaction_at_all_still_gives_a_page(tmp_path):

@@ -51,7 +51,6 @@ class Scoring(NamedTuple):
     places_m: Floats  # where the hand belongs in each interaction (n, 3), world
     hand_of: HandOf = lwr_hand
     home_m: Floats = HOME_HAND_M  # where its hand waits (3,)
-    n_joints: int = len(JOINT_NAMES)  # of the arm, without fingers
     by_force: bool = False
     # places where the hand may rest on the way, such as stands (k, 3)
     passed_m: Floats = np.empty((0, 3))
@@ -124,7 +123,7 @@ def score_interaction(
         handed_over=False if scoring.by_force else None,
         believed=_believed(log, end),
     )
-    trace = _trace(log, number, onset, end, decided_ns, scoring.n_joints)
+    trace = _trace(log, number, onset, end, decided_ns)
     if transfer is not None:
         record = replace(
             record,
@@ -252,34 +251,15 @@ def _arrival(
     return float((stamps[rested[0]] - end_ns) * 1e-9) if rested.size else None
 
 
-def _trace(
-    log: SessionLog, number: int, onset: int, end: int, decided: int | None, n_joints: int
-) -> Trace:
-    stop = end + round(1.5 * 1e9)
+def _trace(log: SessionLog, number: int, onset: int, end: int, decided: int | None) -> Trace:
     tasks = (log.tasks_ns >= onset) & (log.tasks_ns <= end)
-    wrist = (log.wrist_ns >= onset) & (log.wrist_ns <= stop)
-    joints = (log.joint_ns >= onset) & (log.joint_ns <= stop)
     trace: Trace = {
         "index": number,
         "labels": log.labels,
         "share": (log.tasks_ns[tasks] - onset) / (end - onset),
         "probabilities": log.probabilities[tasks],
-        "wrist_s": np.multiply(log.wrist_ns[wrist] - onset, 1e-9),
-        "wrist_m": log.wrist_m[wrist],
-        "joint_s": np.multiply(log.joint_ns[joints] - onset, 1e-9),
-        "joint_rad": log.joint_rad[joints][:, :n_joints],
         "end_s": (end - onset) * 1e-9,
     }
-    if decided is None:
-        return trace
-    trace["decision_s"] = (decided - onset) * 1e-9
-    predictions = [p for p in log.predictions if decided <= p[0] <= stop]
-    if predictions:
-        _, start, _, times, mean, std = predictions[0]
-        trace["predicted_s"] = times + (start - onset) * 1e-9
-        if mean.shape[1] == n_joints:  # else of the hand
-            trace["predicted_rad"], trace["predicted_std_rad"] = mean, std
-    paths = [path for stamp, path in log.paths if decided <= stamp <= stop]
-    if paths:
-        trace["predicted_wrist_m"] = paths[0]
+    if decided is not None:
+        trace["decision_s"] = (decided - onset) * 1e-9
     return trace

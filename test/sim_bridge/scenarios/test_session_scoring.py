@@ -40,8 +40,6 @@ def session(decided_s=1.0, task=TASK, hand_offset_m=(0.0, 0.0, 0.02), first=TASK
         active=(task, ""),
         joint_ns=stamps,
         joint_rad=HOME + share[:, None] * (arrived - HOME),
-        predictions=(),
-        paths=(),
     )
     return plan, log
 
