@@ -125,8 +125,9 @@ def plain_table(*titles: str) -> Table:
 
 
 def boxed_table(title: str, *titles: str) -> Table:
-    """The same with a title and in a box."""
-    return _with_columns(Table(title=title), titles, "ellipsis")
+    """The same with a title and in a box; headings are words, which wrap."""
+    words = [heading.replace("_", " ") for heading in titles]
+    return _with_columns(Table(title=title), words, "ellipsis")
 
 
 def _with_columns(table: Table, titles: Sequence[str], overflow: OverflowMethod) -> Table:

@@ -228,10 +228,8 @@ def _print_scores(
 def print_reactive(console: Console, reactive: dict) -> None:
     """One table: errors of the controlled agent's pose a little ahead, by task."""
     names = list(next(iter(next(iter(reactive.values())).values())))
-    titles = (f">{name}".replace("_", " ") for name in names)
-    table = boxed_table(
-        "reactive: pose at every moment, unknown task and phase", "task", ">ahead", *titles
-    )
+    title = "reactive: pose at every moment, unknown task and phase"
+    table = boxed_table(title, "task", ">ahead", *(f">{name}" for name in names))
     for label, rows in reactive.items():
         for ahead, row in rows.items():
             cells = [_cell(row[name], "{:.3g}") for name in names]

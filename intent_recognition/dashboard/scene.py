@@ -58,6 +58,8 @@ class PageScene:
 
     def lighten(self) -> None:
         """Draw no shadows any more, no light of the environment and no plane: all are slow."""
+        if self._light:
+            return
         self._light = True
         if self._shaded:
             self._server.scene.configure_default_lights(cast_shadow=False)

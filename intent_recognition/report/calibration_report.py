@@ -10,7 +10,6 @@ from intent_recognition.report.drawing import readable, svg_figure
 from intent_recognition.report.figures_evaluation import (
     PHASE_NAMES,
     confusion_shares_figure,
-    regions_figure,
     reliability_figure,
     roc_figure,
 )
@@ -26,17 +25,12 @@ UNKNOWN_EXPLANATION = (
 
 
 def reliability_figures(result: Mapping) -> list[html.Figure]:
-    """A reliability diagram for each kind of phase, and the regions that hold the truth."""
+    """A reliability diagram for each kind of phase."""
     figures = []
     for phase, bins in by_phase(result.get("reliability")).items():
         said, true = (np.array(bins[name], dtype=float) for name in ("probability", "share_true"))
         figure = reliability_figure(said, true, np.array(bins["count"]))
         caption = f"Are the task probabilities calibrated? {PHASE_NAMES[phase].capitalize()}."
-        figures.append(svg_figure(figure, caption))
-    regions = by_phase(result.get("coverage"))
-    if regions:
-        figure = regions_figure({p: (r["should"], r["does"]) for p, r in regions.items()})
-        caption = "Are the standard deviations calibrated? Regions of 50 to 99 %."
         figures.append(svg_figure(figure, caption))
     return figures
 
@@ -63,22 +57,16 @@ def confusion_section(result: Mapping, segment: str) -> html.Section:
 
 
 def none_section(result: Mapping) -> html.Section:
-    """Recognition of movements of unknown tasks, where it was scored, and what `none` costs."""
-    none = result.get("none") or {}
-    blocks: list[html.Block] = []
+    """Recognition of movements of unknown tasks, where it was scored."""
+    none, blocks = result.get("none") or {}, tuple[html.Block, ...]()
     if none.get("area") is not None:
-        blocks.append(_none_numbers(none))
         curve = none["roc"]
         figure = roc_figure(curve["unknown"], curve["known"], none["area"])
         caption = "Each point is a threshold: how many known and unknown movements reach it."
-        blocks.append(svg_figure(figure, caption))
-        blocks.append(_left_out_table(none["left_out"]))
-        blocks.append(html.Paragraph(UNKNOWN_EXPLANATION, small=True))
-    accuracy = by_phase(none.get("accuracy"))
-    if accuracy:
-        blocks.append(_accuracy_table(accuracy))
-    heading = "Movements of unknown tasks" if none.get("area") is not None else "The answer none"
-    return html.Section(heading, tuple(blocks))
+        explained = html.Paragraph(UNKNOWN_EXPLANATION, small=True)
+        table = _left_out_table(none["left_out"])
+        blocks = (_none_numbers(none), svg_figure(figure, caption), table, explained)
+    return html.Section("Movements of unknown tasks", blocks)
 
 
 def _none_numbers(none: Mapping) -> html.KeyNumbers:
@@ -113,22 +101,6 @@ def _left_out_table(left_out: Mapping) -> html.TableBlock:
         shares = 100 * own["above_threshold"], 100 * own["activated"]
         rows.append((readable(task), own["n"], own["area"], *shares))
     return html.TableBlock(columns, rows, "Each task left out")
-
-
-def _accuracy_table(accuracy: Mapping) -> html.TableBlock:
-    columns = [html.Column("observed", "%", form=".0f")]
-    columns += [
-        html.Column(f"{which} none, {PHASE_NAMES[phase]}", "%", form=".1f")
-        for phase in accuracy
-        for which in ("without", "with")
-    ]
-    rows = []
-    for fraction in sorted(next(iter(accuracy.values())), key=float):
-        both = [table.get(fraction, {}) for table in accuracy.values()]
-        shares = (one[k] for one in both for k in ("without_none", "with_none") if k in one)
-        rows.append([100 * float(fraction), *(100 * share for share in shares)])
-    caption = "Accuracy on known tasks, without the answer none and with it"
-    return html.TableBlock(columns, rows, caption)
 
 
 def by_phase(content: Mapping | None) -> dict[str, Mapping]:

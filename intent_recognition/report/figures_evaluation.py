@@ -16,6 +16,7 @@ from intent_recognition.report.drawing import (
     new_axes,
     new_figure,
     readable,
+    shared_legend,
     styled,
 )
 
@@ -52,10 +53,9 @@ def recognition_figure(accuracy: Series, log_loss: Series, segment: str = "movem
     left, right = figure.subplots(1, 2)
     _phases(left, accuracy, segment)
     left.set(ylabel="accuracy", ylim=(min(0.5, _lowest(accuracy) - 0.05), 1.02))
-    left.legend(loc="lower right")
     _phases(right, log_loss, segment)
     right.set(ylabel="log loss [nat]", ylim=(0.0, None))
-    right.legend(loc="upper right")
+    shared_legend(figure, [left], 2)
     return figure
 
 
@@ -75,8 +75,7 @@ def rmse_figure(panels: Mapping[str, Series], unit: str, segment: str = "movemen
         axes.set_xlabel(_observed(segment))
         axes.margins(y=0.12)
     grid[0].set_ylabel(f"RMSE [{unit}]")
-    handles, labels = grid[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    shared_legend(figure, grid[:1], len(RMSE_STYLES))
     return figure
 
 
@@ -116,24 +115,6 @@ def reliability_figure(confidence: Floats, share_right: Floats, counts: Integers
     axes.set(xlabel="probability given to a task", ylabel="share of cases in which it was true")
     axes.set(xlim=(-0.04, 1.04), ylim=(-0.04, 1.04))
     figure.legend(loc="outside upper center", ncols=2, markerscale=0.6)  # points may be anywhere
-    return figure
-
-
-@styled
-def regions_figure(regions: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> "Figure":
-    """Share of true values inside regions, against the share that they should hold.
-
-    Args:
-        regions: per phase knowledge, shares that should (L,) and that do (L,) lie inside.
-    """
-    figure, axes = new_axes(5.6, 3.7)
-    axes.plot([0.4, 1], [0.4, 1], color=SOFT, linewidth=1.2, linestyle=DASHED)
-    for phase, (should, does) in regions.items():
-        _draw_phase(axes, phase, should, does)
-    lowest = min((min(does) for _, does in regions.values()), default=0.5)
-    axes.set(xlim=(0.45, 1.02), ylim=(min(0.45, lowest - 0.03), 1.02))
-    axes.set(xlabel="share that the region should hold", ylabel="share of true values inside")
-    axes.legend(loc="lower right")
     return figure
 
 

@@ -17,6 +17,7 @@ from intent_recognition.report.drawing import (
     new_axes,
     new_figure,
     readable,
+    shared_legend,
     styled,
     task_colours,
     task_markers,
@@ -137,16 +138,15 @@ def posterior_figure(
     for axes, true in zip(grid, panels, strict=True):
         chosen = [i for i, task in enumerate(tasks) if task == true]
         for column, label in enumerate(labels):
-            _bundle(
-                axes, [(shares[i], probabilities[i][:, column]) for i in chosen], colours[label]
-            )
+            lines = [(shares[i], probabilities[i][:, column]) for i in chosen]
+            _bundle(axes, lines, colours[label], readable(label))
         decided = [decisions[i] for i in chosen]
         ticks = [100 * share for share in decided if share is not None]
         axes.plot(ticks, np.full(len(ticks), 1.06), "|", color=INK, markersize=7, alpha=0.6)
         axes.set_title(f"true task: {readable(true)} ({len(chosen)})")
         axes.set(xlabel="share of the movement [%]", xlim=(0, 100), ylim=(-0.02, 1.1))
     grid[0].set_ylabel("probability")
-    _label_legend(figure, labels, colours)
+    shared_legend(figure, grid, 6)
     return figure
 
 
@@ -163,7 +163,7 @@ def confusion_counts(
     return rows, columns, counts
 
 
-def _bundle(axes: "Axes", lines: Sequence[tuple[Floats, Floats]], colour: str) -> None:
+def _bundle(axes: "Axes", lines: Sequence[tuple[Floats, Floats]], colour: str, name: str) -> None:
     """Thin lines, and their median; a line that stops early is held."""
     for share, values in lines:
         inside = np.asarray(share) <= 1.0
@@ -171,7 +171,8 @@ def _bundle(axes: "Axes", lines: Sequence[tuple[Floats, Floats]], colour: str) -
         axes.plot(x, y, color=colour, alpha=0.28, linewidth=0.9)
     on_grid = [np.interp(SHARE_GRID, s, v) for s, v in lines if len(s)]
     if on_grid:
-        axes.plot(100 * SHARE_GRID, np.median(on_grid, axis=0), color=colour, linewidth=2.4)
+        median = np.median(on_grid, axis=0)
+        axes.plot(100 * SHARE_GRID, median, color=colour, linewidth=2.4, label=name)
 
 
 def _spread(values: Floats, half_width: float) -> Floats:
@@ -204,10 +205,3 @@ def _mean_handles(several: bool, with_paper: bool) -> list["Line2D"]:
         text = "paper, mean \N{PLUS-MINUS SIGN} 2 std"
         handles.append(Line2D([], [], color=PAPER_COLOUR, marker="D", label=text, **shared))
     return handles
-
-
-def _label_legend(figure: "Figure", labels: Sequence[str], colours: Mapping[str, str]) -> None:
-    from matplotlib.lines import Line2D
-
-    handles = [Line2D([], [], color=colours[x], linewidth=2.4, label=readable(x)) for x in labels]
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 6))

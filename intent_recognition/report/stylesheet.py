@@ -74,5 +74,7 @@ footer { color: var(--soft); font-size: 0.85rem; padding: 4px 2px; }
 @media (max-width: 560px) {
   main { padding: 20px 12px; } section { padding: 16px 14px; }
   .row { grid-template-columns: 1fr; }
+  section > figure { overflow-x: auto; }
+  section > figure img { max-width: max(100%, 660px); }
 }
 """

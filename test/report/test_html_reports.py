@@ -248,7 +248,6 @@ def test_optional_parts_are_shown(rng):
         "reliability": {
             "known_phase": {"probability": [0.1, None], "share_true": [0.2, None], "count": [5, 0]}
         },
-        "coverage": {"unknown_phase": {"should": [0.5, 0.9], "does": [0.4, 0.95]}},
         "confusion": {
             "known_phase": {
                 f: {"true": ["a", "b"], "recognised": ["a", "b", "none"], "counts": [[3, 0, 1]] * 2}
@@ -266,17 +265,14 @@ def test_optional_parts_are_shown(rng):
                 for kind in ("known", "unknown")
             },
             "left_out": {"a": {"n": 4, "area": None, "activated": 0.0, "above_threshold": 0.5}},
-            "accuracy": {"known_phase": {"0.5": {"with_none": 0.5, "without_none": 0.75}}},
         },
     }
     page = evaluation_page(content, "t")
     assert key_numbers(page)["components chosen"].ours == "4"
     assert key_numbers(page)["area under the ROC"].ours == "0.875"
-    new = 2 + 2 + 1  # reliability and regions, two confusions, ROC
+    new = 1 + 2 + 1  # reliability, two confusions, ROC
     assert len(figures_of(page)) == len(figures_of(evaluation_page(result(rng), "t"))) + new
     cells = [row for table in blocks_of(page, TableBlock) for row in table.rows]
-    assert ("a", "4", None, "50.0", "0.0") in cells and ("50", "75.0", "50.0") in cells
+    assert ("a", "4", None, "50.0", "0.0") in cells
     headings = [section.heading for section in page.sections]
     assert "Movements of unknown tasks" in headings
-    content["none"] = {"accuracy": content["none"]["accuracy"]}
-    assert "The answer none" in [s.heading for s in evaluation_page(content, "t").sections]
