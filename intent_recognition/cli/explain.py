@@ -4,14 +4,11 @@ degree of freedom, and what would have been decided without each signal.
 
 bag BAG            bag directory or .mcap file
 --model M.npz      model that `intent train` wrote
---against TASK     a task, or none, instead of the runner-up, which decisions for it keep
 --report OUT.html  write an HTML report
 --json OUT         the evidence
 
 # as tables, and as figures in a page
 intent explain demos/give_bracket_00 --model bracket.npz --report why.html
-# against another task than the runner-up
-intent explain demos/give_bracket_00 --model bracket.npz --against give_screw
 """
 
 import argparse
@@ -42,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     model, reader = load_model(args.model), BagReader(args.bag)
     rejected: Counter[str] = Counter()
     with busy(console, "explaining"):
-        found = explain(reader, model, rejected, against=args.against)
+        found = explain(reader, model, rejected)
     output.write_json(args.json, [one.to_json() for one in found])
     if args.json != output.PRINTED:
         for one in found:

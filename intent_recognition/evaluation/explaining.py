@@ -15,10 +15,9 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.bags import BagReader
 from intent_recognition.demonstrations import Sample, Source
-from intent_recognition.errors import ArgumentError, nearest
 from intent_recognition.evaluation.replaying import Decided, decisions, follow, samples_of
 from intent_recognition.model import Model
-from intent_recognition.promp import NONE, TaskLibrary
+from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import (
     DecisionSettings,
     Evidence,
@@ -65,10 +64,7 @@ class Explanation(NamedTuple):
 
 
 def explain(
-    reader: BagReader,
-    model: Model,
-    rejected: Counter[str] | None = None,
-    against: str | None = None,
+    reader: BagReader, model: Model, rejected: Counter[str] | None = None
 ) -> list[Explanation]:
     """Explain each decision during a recording, and each movement without one.
 
@@ -76,15 +72,7 @@ def explain(
         reader: the recording.
         model: the trained model.
         rejected: filled with the number of dropped observations, by reason.
-        against: label of the rival; None, and for what has this label, the most probable other one.
-
-    Raises:
-        ArgumentError: there is no such rival.
     """
-    labels = (*model.library.labels, NONE)
-    if against is not None and against not in labels:
-        cure = nearest(against, labels, "Name a task of the model, or none.")
-        raise ArgumentError.about("against", f"one of {', '.join(labels)}", repr(against), cure)
     rejected = Counter() if rejected is None else rejected
     settings = decision_settings(model.library)
     samples = list(samples_of(reader, model, rejected))
@@ -108,7 +96,7 @@ def explain(
             continue
         task = run[k].state.active if run[k].state.acts else ""
         explained = task or estimate.labels[int(np.argmax(estimate.probabilities[:-1]))]
-        evidence = estimator.explain(explained, against if against != explained else None)
+        evidence = estimator.explain(explained)
         assert evidence is not None  # a movement is under way
         movement = [run[one] for one in moments[k]]
         times_s = [(one.estimate.stamp_ns - estimate.onset_ns) * 1e-9 for one in movement]
