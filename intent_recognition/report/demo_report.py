@@ -140,20 +140,18 @@ def _all_of(label: str, count: int, n: int) -> html.KeyNumber:
 
 
 def _people(summary: DemoSummary) -> html.TableBlock:
-    counts = ("recognised", "helped", "handed over", "wrong helps")
-    columns = (
-        html.Column("person", align="left"),
-        *map(html.Column, counts),
-        html.Column("arrival", "s"),
-        html.Column("largest force", "N"),
+    counts = html.text_columns("person", ">recognised", ">helped", ">handed over", ">wrong helps")
+    measured = (
+        html.Column("arrival", "s", form="+.2f"),
+        html.Column("largest force", "N", form=".1f"),
     )
     rows = tuple(
         (
             one.person,
             *(f"{n}/{one.n}" for n in (one.recognised, one.helped, one.handed_over)),
             str(one.wrong_helps),
-            _absent(one.median_arrival_s, lambda x: f"{x:+.2f}"),
-            _absent(one.largest_force_n, lambda x: f"{x:.1f}"),
+            one.median_arrival_s,
+            one.largest_force_n,
         )
         for one in summary.people
     )
@@ -162,7 +160,7 @@ def _people(summary: DemoSummary) -> html.TableBlock:
         " task for this person. wrong helps: begun while the person neither moved nor waited."
         " arrival: median, after the end of the movement; the arm helps one at a time."
     )
-    return html.TableBlock(columns, rows, caption)
+    return html.TableBlock((*counts, *measured), rows, caption)
 
 
 def _table(records: Sequence[InteractionRecord], summary: DemoSummary) -> html.TableBlock:
@@ -206,17 +204,20 @@ def _who(summary: DemoSummary) -> str:
     return f"{together}n = {summary.hand_error.n}"
 
 
-COLUMNS = (
-    html.Column("arm", align="left"),
-    html.Column("recognised"),
-    html.Column("before the end"),
-    html.Column("median decision", "%"),
-    html.Column("hand error", "cm"),
-    html.Column("median hand error", "cm"),
-    html.Column("largest", "cm"),
-    html.Column("median arrival", "s"),
-    html.Column("latest", "s"),
+OF_ARM: tuple[tuple[html.Column, Callable[[DemoSummary, list[float]], object]], ...] = (
+    (html.Column("recognised"), lambda of, _: f"{of.recognised_right}/{of.n}"),
+    (html.Column("before the end"), lambda of, _: f"{of.decided_before_end}/{of.n}"),
+    (html.Column("median decision", form=".0%"), lambda of, _: of.median_decision_share),
+    (
+        html.Column("hand error", "cm"),
+        lambda of, _: hand_error_text(of.hand_error).removesuffix(" cm"),
+    ),
+    (html.Column("median hand error", "cm", form=".1f"), lambda _, cm: median(cm) if cm else None),
+    (html.Column("largest", "cm", form=".1f"), lambda _, cm: max(cm, default=None)),
+    (html.Column("median arrival", "s", form="+.2f"), lambda of, _: of.median_arrival_s),
+    (html.Column("latest", "s", form="+.2f"), lambda of, _: of.latest_arrival_s),
 )
+"""What is told of each arm, from its summary and its hand errors [cm]."""
 CAPTION = (
     "hand error: mean and two standard deviations over the tasks whose place depends on the human,"
     " as in the report of one arm; median and largest are of all interactions. arrival: after the"
@@ -228,35 +229,19 @@ def write_arms_report(
     path: str | Path, sessions: Mapping[str, Sequence[InteractionRecord]]
 ) -> Path:
     """Write the report as one HTML file."""
-    errors_cm = {arm: hand_errors_cm(records) for arm, records in sessions.items()}
-    rows = tuple(arm_row(arm, records) for arm, records in sessions.items())
+    errors_cm = {
+        arm: [CM_PER_M * r.hand_error_m for r in records if r.hand_error_m is not None]
+        for arm, records in sessions.items()
+    }
+    rows = [
+        (arm, *(cell(summarise(records), errors_cm[arm]) for _, cell in OF_ARM))
+        for arm, records in sessions.items()
+    ]
+    columns = (html.Column("arm", align="left"), *(column for column, _ in OF_ARM))
     caption = "Every interaction's hand error, and their mean, by arm."
     figure = svg_figure(hand_error_figure(errors_cm), caption)
     together = summary_line(summarise([one for records in sessions.values() for one in records]))
     title = "The same session with several arms"
     subtitle = "Each arm before the same simulated coworker; measured on the ROS 2 topics."
-    result = html.Section("Result", (html.TableBlock(COLUMNS, rows, CAPTION), figure))
+    result = html.Section("Result", (html.TableBlock(columns, rows, CAPTION), figure))
     return html.write_page(path, html.ReportPage(title, subtitle, (result,), together))
-
-
-def arm_row(arm: str, records: Sequence[InteractionRecord]) -> tuple[str | None, ...]:
-    """What is told of one arm, in the order of `COLUMNS`."""
-    summary, errors_cm = summarise(records), hand_errors_cm(records)
-    share, arrival = summary.median_decision_share, summary.median_arrival_s
-    return (
-        arm,
-        f"{summary.recognised_right}/{summary.n}",
-        f"{summary.decided_before_end}/{summary.n}",
-        None if share is None else f"{100.0 * share:.0f}",
-        hand_error_text(summary.hand_error).removesuffix(" cm"),
-        f"{median(errors_cm):.1f}" if errors_cm else None,
-        f"{max(errors_cm):.1f}" if errors_cm else None,
-        None if arrival is None else f"{arrival:+.2f}",
-        None if summary.latest_arrival_s is None else f"{summary.latest_arrival_s:+.2f}",
-    )
-
-
-def hand_errors_cm(records: Sequence[InteractionRecord]) -> list[float]:
-    """Those that were measured, of all tasks."""
-    errors_m = (record.hand_error_m for record in records)
-    return [CM_PER_M * error for error in errors_m if error is not None]

@@ -26,9 +26,9 @@ from intent_recognition.report.drawing import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
 
 SHARE_GRID = np.linspace(0.0, 1.0, 101)
+MEAN: Look = {"markersize": 6.5, "markeredgecolor": "white"}
 
 
 @styled
@@ -58,17 +58,21 @@ def hand_error_figure(
         )
         if values.size > 1:
             spread = 2 * values.std(ddof=1)
-            _whisker(axes, place + 0.1, values.mean(), spread, colours[task], "ours")
+            _whisker(axes, place + 0.1, values.mean(), spread, colours[task])
         if task in paper_cm:
-            _whisker(axes, place + 0.3, *paper_cm[task], PAPER_COLOUR, "paper", marker="D")
+            _whisker(axes, place + 0.3, *paper_cm[task], PAPER_COLOUR, marker="D")
     names = [f"{readable(t)}\n{remarks[t]}" if t in remarks else readable(t) for t in errors_cm]
     axes.set_xticks(range(len(names)), names)
     axes.set(xlim=(-0.5, max(len(names), 1) - 0.4), ylim=(0.0, None))
     axes.grid(visible=False, axis="x")
     axes.set_ylabel("hand error [cm]")
-    several = any(len(listed) > 1 for listed in errors_cm.values())
-    handles = _mean_handles(several, any(task in paper_cm for task in errors_cm))
-    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    axes.plot([], [], "o", color=SOFT, alpha=0.55, label="one interaction", **MEAN)
+    spread = "mean \N{PLUS-MINUS SIGN} 2 std"
+    if any(len(listed) > 1 for listed in errors_cm.values()):
+        axes.plot([], [], "o-", color=SOFT, label=f"ours, {spread}", **MEAN)
+    if any(task in paper_cm for task in errors_cm):
+        axes.plot([], [], "D-", color=PAPER_COLOUR, label=f"paper, {spread}", **MEAN)
+    figure.legend(loc="outside lower center", ncols=3)
     return figure
 
 
@@ -184,24 +188,7 @@ def _spread(values: Floats, half_width: float) -> Floats:
 
 
 def _whisker(
-    axes: "Axes", x: float, mean: float, two_std: float, colour: str, label: str, marker: str = "o"
+    axes: "Axes", x: float, mean: float, two_std: float, colour: str, marker: str = "o"
 ) -> None:
-    look: Look = {"color": colour, "markersize": 6.5, "markeredgecolor": "white", "label": label}
-    yerr = [[min(two_std, mean)], [two_std]]
-    axes.errorbar([x], [mean], yerr=yerr, fmt=marker, capsize=4, elinewidth=1.8, **look)
-
-
-def _mean_handles(several: bool, with_paper: bool) -> list["Line2D"]:
-    from matplotlib.lines import Line2D
-
-    shared: Look = {"linestyle": "-", "markeredgecolor": "white", "markersize": 6.5}
-    handles = [
-        Line2D([], [], color=SOFT, marker="o", linestyle="", alpha=0.55, label="one interaction")
-    ]
-    if several:
-        text = "ours, mean \N{PLUS-MINUS SIGN} 2 std"
-        handles.append(Line2D([], [], color=SOFT, marker="o", label=text, **shared))
-    if with_paper:
-        text = "paper, mean \N{PLUS-MINUS SIGN} 2 std"
-        handles.append(Line2D([], [], color=PAPER_COLOUR, marker="D", label=text, **shared))
-    return handles
+    look: Look = {"color": colour, "fmt": marker, "capsize": 4, "elinewidth": 1.8, **MEAN}
+    axes.errorbar([x], [mean], yerr=[[min(two_std, mean)], [two_std]], **look)
