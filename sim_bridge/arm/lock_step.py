@@ -39,7 +39,6 @@ EDGES = (
     Edge("intent/transfer", "object_transfer", ARM),
     Edge("mocap/wrist/pose", "coworker_sim", "session_observer"),
     Edge("intent/tasks", "intent_estimator", "session_observer"),
-    Edge("intent/robot_trajectory", "intent_estimator", "session_observer"),
     Edge("joint_states", ARM, "session_observer"),
     Edge("joint_states", ARM, "warped_primitive"),
     Edge("intent/transfer", "object_transfer", "session_observer"),

@@ -10,6 +10,7 @@ from intent_recognition.model import Executions, now
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.execution_recorder import ExecutionRecorder
 from intent_recognition.nodes.session_observer import SessionObserver
+from sim_bridge.arm.lock_step import EDGES
 
 
 def told(labels, values):
@@ -27,6 +28,13 @@ def test_a_task_taught_meanwhile_is_left_out(harness):
     log = observer.log()
     assert log.labels == ("plate", "none")
     np.testing.assert_array_equal(log.probabilities, [[0.25, 0.75], [0.25, 0.25], [0.0, 1.0]])
+
+
+def test_it_takes_all_that_the_clock_waits_for(harness):
+    observer = harness.add(SessionObserver(print, print, namespace="awaited"))
+    taken = {subscription.topic_name for subscription in observer._inputs}
+    awaited = {f"/awaited/{edge.topic}" for edge in EDGES if edge.taker == "session_observer"}
+    assert len(awaited) > 3 and awaited <= taken
 
 
 def test_closed_it_hears_no_more(harness):
