@@ -33,7 +33,6 @@ from intent_recognition.gaussian import (
     student_log_density,
 )
 from intent_recognition.promp import (
-    ControlGrid,
     StartPosture,
     TaskLibrary,
     Trajectory,
@@ -89,7 +88,6 @@ class MovementFilter:
         prior = library.observed_mean, library.observed_covariance
         self._prior = GaussianBatch.of(*prior, library.basis.n_basis)
         self.births = Births(library, grid, self._prior) if switching else None
-        self._control_grids: dict[int, ControlGrid] = {}
         self.restart(onset_ns, task_weight)
 
     def restart(
@@ -254,12 +252,9 @@ class MovementFilter:
 
     def controlled(self, task: int, n_points: int, start: StartPosture | None = None) -> Trajectory:
         """The controlled agent's whole interaction under a task, as `TaskPrediction.controlled`."""
-        if task not in self._control_grids:
-            self._control_grids[task] = ControlGrid(self.library, task)
         asked = task, n_points
         if asked not in self._controlled or self._controlled[asked][0] is not start:
-            grid = self._control_grids[task]
-            found = self.prediction(task).controlled(n_points, start, grid)
+            found = self.prediction(task).controlled(n_points, start)
             self._controlled[asked] = start, read_only(found)
         return self._controlled[asked][1]
 

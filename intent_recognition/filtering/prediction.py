@@ -4,14 +4,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from intent_recognition.array_types import Floats
 from intent_recognition.filtering.deviations import Deviations, deviations_at
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.gaussian import Gaussian, GaussianBatch, symmetrize, whiten_innovation
 from intent_recognition.promp import (
-    ControlGrid,
     StartPosture,
     TaskLibrary,
     Trajectory,
@@ -109,15 +107,23 @@ class TaskPrediction:
         expected += shift[likely]
         return np.tensordot(share, expected, 1), np.tensordot(share, variance + expected**2, 1)
 
-    def _controlled_weights(self, start: StartPosture | None) -> tuple[Floats, Floats]:
+    def _controlled_weights(
+        self, start: StartPosture | None, *, together: bool = False
+    ) -> tuple[Floats, Floats]:
         """As `promp.controlled_weights`, of k likely durations, within each controlled DOF alone.
 
-        They are as far from the start as the durations take them.
+        They are as far from the start as the durations take them; all durations together count as
+        one.
 
         Returns:
             Means (k, Q, N) and covariances (k, Q, N, N).
         """
-        library, (observed, spread) = self.library, self.weights.moments(self._likely)
+        library = self.library
+        observed, spread = (
+            (part[None] for part in self.observed_weights())
+            if together
+            else self.weights.moments(self._likely)
+        )
         matrix, offset, rest = library.regressions[self.task]
         q, n = library.n_controlled, library.basis.n_basis
         by_dof, rest = matrix.reshape(q, n, -1), rest.reshape(q, n, q, n)
@@ -149,18 +155,12 @@ class TaskPrediction:
         mean = np.matmul(scaling, mean[..., None])[..., 0]
         return mean, scaling @ covariance @ scaling.swapaxes(2, 3)
 
-    def _along(
-        self, phase: Floats, start: StartPosture | None, grid: ControlGrid | None
-    ) -> tuple[Floats, Floats, Floats]:
+    def _along(self, phase: Floats, start: StartPosture | None) -> tuple[Floats, Floats, Floats]:
         """Positions, their slopes over the phase, and variances of the controlled agent, (T, Q)."""
-        library, basis, share = self.library, self.library.basis, self._share
-        if not (library.displacement_exponent or library.delay_s):
-            grid = grid or ControlGrid(library, self.task)
-            along = grid.predict(self.observed_weights(), 1.0, start)
-            course = CubicHermiteSpline(along.times_s, along.positions, along.velocities)
-            std = np.stack([np.interp(phase, along.times_s, of) for of in along.std.T], axis=1)
-            return course(phase), course(phase, 1), std**2
-        means, covariance = self._controlled_weights(start)
+        library, basis = self.library, self.library.basis
+        displaced = bool(library.displacement_exponent or library.delay_s)
+        means, covariance = self._controlled_weights(start, together=not displaced)
+        share = self._share if displaced else np.ones(1)
         mean = np.tensordot(share, means, axes=1)
         covariance = np.tensordot(share, covariance, axes=1)
         covariance += np.einsum("k,kqn,kqm->qnm", share, means - mean, means - mean)
@@ -190,12 +190,10 @@ class TaskPrediction:
         shift = weights @ residuals @ coupling.gain[self.task].T
         return shift, 1.0 - known[:, None] * coupling.explained[self.task]
 
-    def controlled(
-        self, n_points: int, start: StartPosture | None = None, grid: ControlGrid | None = None
-    ) -> Trajectory:
+    def controlled(self, n_points: int, start: StartPosture | None = None) -> Trajectory:
         """The controlled agent's whole interaction at n points in time, or for one its end alone.
 
-        It is given its measured posture at onset; the grid is that of this task, if there is one.
+        It is given its measured posture at onset.
 
         Raises:
             ArgumentError: there is no point.
@@ -204,7 +202,7 @@ class TaskPrediction:
         duration_s = self.duration_s
         times_s = np.linspace(1.0, 0.0, n_points)[::-1] * duration_s
         phase, phase_variance, rate = self._path(times_s, controlled=True)
-        positions, slope, variance = self._along(phase, start, grid)
+        positions, slope, variance = self._along(phase, start)
         variance, velocities = variance + slope**2 * phase_variance[:, None], slope * rate[:, None]
         if self._seen:
             shift, unexplained = self._coupled(times_s)

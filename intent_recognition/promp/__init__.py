@@ -11,7 +11,6 @@ from intent_recognition.promp.combining import (
     via_point,
 )
 from intent_recognition.promp.context import CONTEXT_STRENGTH, ContextModel, as_context
-from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.control_points import (
     ControlPoint,
     controlled_at,
