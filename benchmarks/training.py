@@ -13,16 +13,15 @@ from benchmarks.measure import Result, at_least, at_most, seconds
 from intent_recognition.learning import (
     TaskStatistics,
     Trained,
-    TrainingExample,
     TrainingSettings,
     accumulate,
     add_demonstration,
     learn_with_report,
     library_from_statistics,
-    make_examples,
+    make_example,
     summarize,
 )
-from intent_recognition.promp import NormalizedRBFBasis, TaskLibrary, fit_weights_together
+from intent_recognition.promp import NormalizedRBFBasis, TaskLibrary, fit_weights
 from intent_recognition.signals import Demonstration, Signal
 
 N_DEMONSTRATIONS = 40
@@ -118,8 +117,8 @@ def weight_moments(
     basis: NormalizedRBFBasis, phase: np.ndarray, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (D N,) and covariance (D N, D N) of the weights of trajectories (n, T, D)."""
-    fits = fit_weights_together(basis, [phase] * len(values), list(values), RIDGE)
-    weights = np.array([fit.weights.ravel() for fit in fits])
+    together = np.swapaxes(values, 0, 1).reshape(len(phase), -1)
+    weights = fit_weights(basis, phase, together, RIDGE).weights.reshape(len(values), -1)
     mean = weights.mean(axis=0)
     deviations = weights - mean
     return mean, deviations.T @ deviations / (len(weights) - 1)
@@ -132,8 +131,7 @@ def _imitate(n_basis: int, times: np.ndarray, values: np.ndarray) -> ProMP:
 
 
 def _statistics(basis: NormalizedRBFBasis, recorded: Sequence[Demonstration]) -> TaskStatistics:
-    examples = make_examples(recorded, basis, RIDGE)
-    return summarize([one for one in examples if isinstance(one, TrainingExample)])
+    return summarize([make_example(one, basis, RIDGE) for one in recorded])
 
 
 def _demonstration(phase: np.ndarray, values: np.ndarray) -> Demonstration:

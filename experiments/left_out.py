@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from experiments.settings import Settings
-from intent_recognition.errors import TrainingError
 from intent_recognition.evaluation import sample
 from intent_recognition.gaussian import (
     Components,
@@ -31,10 +30,9 @@ from intent_recognition.learning import (
     SAMPLED_PHASES,
     Clustering,
     Features,
-    TrainingExample,
     cluster,
     cut_to_movement,
-    make_examples,
+    make_example,
     mixture_features,
     predict_left_out,
     score,
@@ -127,8 +125,7 @@ def pairs_of(demonstrations: Sequence[Demonstration]) -> Pairs:
         TrainingError: one of them cannot be used.
     """
     cut = cut_to_movement(demonstrations)
-    examples = make_examples(cut, BASIS, RIDGE)
-    weights = np.array([_usable(example).weights for example in examples])
+    weights = np.array([make_example(one, BASIS, RIDGE).weights for one in cut])
     n_observed = sum(len(signal.names) for signal in cut[0].observed)
     features = mixture_features(weights, n_observed, BASIS)
     smooth = np.swapaxes(weights @ BASIS.design_matrix(PHASES).T, 1, 2)  # (n, S, D)
@@ -153,12 +150,6 @@ def pairs_of(demonstrations: Sequence[Demonstration]) -> Pairs:
         *_maps(features, flat),
         (flat[0].mean(axis=0), flat[1].mean(axis=0)),
     )
-
-
-def _usable(example: TrainingExample | TrainingError) -> TrainingExample:
-    if isinstance(example, TrainingError):
-        raise example
-    return example
 
 
 def _maps(

@@ -33,7 +33,6 @@ from intent_recognition.learning.examples import (
     cut_one,
     cut_to_movement,
     make_example,
-    make_examples,
     sample_phases,
     scored_phases,
 )

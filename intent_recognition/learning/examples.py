@@ -11,7 +11,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrainingError
-from intent_recognition.promp import NormalizedRBFBasis, WeightFit, fit_weights_together
+from intent_recognition.promp import NormalizedRBFBasis, fit_weights
 from intent_recognition.signals import (
     GROUP,
     MIN_SAMPLES,
@@ -58,55 +58,41 @@ def scored_phases() -> Floats:
 
 
 def make_example(
-    recorded: Demonstration, basis: NormalizedRBFBasis, ridge: float
+    recorded: Demonstration,
+    basis: NormalizedRBFBasis,
+    ridge: float,
+    warp: Callable[[Floats], Floats] | None = None,
+    *,
+    recorded_samples: bool = False,
 ) -> TrainingExample:
     """Weights of one demonstration from its start to its end.
+
+    Args:
+        recorded: the demonstration.
+        basis: the basis functions.
+        ridge: relative weight of the curvature penalty.
+        warp: from the recorded to the reference phase; None for the recorded phase.
+        recorded_samples: take the samples of the example at recorded phases all the same.
 
     Raises:
         TrainingError: too short, or a DOF has too few samples.
     """
-    (example,) = make_examples([recorded], basis, ridge)
-    if isinstance(example, TrainingError):
-        raise example
-    return example
-
-
-def make_examples(
-    recordings: Sequence[Demonstration],
-    basis: NormalizedRBFBasis,
-    ridge: float,
-    warps: Sequence[Callable[[Floats], Floats]] | None = None,
-    *,
-    recorded_samples: bool = False,
-) -> list[TrainingExample | TrainingError]:
-    """Weights of many demonstrations; the error of each that cannot be used.
-
-    Signals that were sampled at the same phases, as in aligned demonstrations, are fitted together.
-
-    Args:
-        recordings: the demonstrations.
-        basis: the basis functions.
-        ridge: relative weight of the curvature penalty.
-        warps: from the recorded to the reference phase of each; None for recorded phases.
-        recorded_samples: take the samples of the examples at recorded phases all the same.
-    """
-    found = as_recorded = [_movement(recorded) for recorded in recordings]
-    if warps is not None:
-        found = [_warped(parts, warp) for parts, warp in zip(found, warps, strict=True)]
-    parts = [part for parts in found if not isinstance(parts, TrainingError) for part in parts]
-    fits = iter(
-        fit_weights_together(
-            basis, [part.phase for part in parts], [part.values for part in parts], ridge
-        )
+    sampled = parts = _movement(recorded)
+    if warp is not None:
+        parts = [part._replace(phase=np.clip(warp(part.phase), 0.0, 1.0)) for part in parts]
+    fits = [fit_weights(basis, *part, ridge) for part in parts]
+    sampled, n_observed = sampled if recorded_samples else parts, len(recorded.observed)
+    return TrainingExample(
+        recorded.name,
+        str(recorded.task),
+        np.vstack([fit.weights for fit in fits]),
+        np.concatenate([fit.residual_variance for fit in fits]),
+        recorded.duration_s,
+        np.hstack([interpolated(sample_phases(), *part) for part in sampled[:n_observed]]),
+        np.hstack([interpolated(scored_phases(), *part) for part in sampled[n_observed:]]),
+        context=recorded.context_values,
+        group=recorded.metadata.get(GROUP, ""),
     )
-    return [
-        parts
-        if isinstance(parts, TrainingError)
-        else _assemble(recorded, parts, [next(fits) for _ in parts])
-        for recorded, parts in zip(
-            recordings, as_recorded if recorded_samples else found, strict=True
-        )
-    ]
 
 
 class _Part(NamedTuple):
@@ -116,18 +102,17 @@ class _Part(NamedTuple):
     values: Floats
 
 
-def _movement(recorded: Demonstration) -> list[_Part] | TrainingError:
-    """Each signal from start to end, observed ones first, or why that is too little."""
-    start_ns, end_ns = recorded.start_ns, recorded.end_ns
-    duration = (end_ns - start_ns) * 1e-9
+def _movement(recorded: Demonstration) -> list[_Part]:
+    """Each signal from start to end, observed ones first."""
+    start_ns, duration = recorded.start_ns, recorded.duration_s
     if duration < 0.2:
         cure = "Record it again, or leave it out."
-        return TrainingError.about("movement", "at least 0.2 s", f"{duration:.3f} s", cure)
+        raise TrainingError.about("movement", "at least 0.2 s", f"{duration:.3f} s", cure)
     parts = []
     for signal in (*recorded.observed, *recorded.controlled):
-        part = signal.between(start_ns, end_ns)
+        part = signal.between(start_ns, recorded.end_ns)
         if len(part.stamps_ns) < MIN_SAMPLES:
-            return TrainingError.about(
+            raise TrainingError.about(
                 ", ".join(signal.names),
                 f"at least {MIN_SAMPLES} samples during the movement",
                 len(part.stamps_ns),
@@ -135,33 +120,6 @@ def _movement(recorded: Demonstration) -> list[_Part] | TrainingError:
             )
         parts.append(_Part(part.seconds(start_ns) / duration, part.values))
     return parts
-
-
-def _warped(
-    parts: list[_Part] | TrainingError, warp: Callable[[Floats], Floats]
-) -> list[_Part] | TrainingError:
-    """The parts over reference phase, clipped to [0, 1]."""
-    if isinstance(parts, TrainingError):
-        return parts
-    return [part._replace(phase=np.clip(warp(part.phase), 0.0, 1.0)) for part in parts]
-
-
-def _assemble(
-    recorded: Demonstration, parts: Sequence[_Part], fits: Sequence[WeightFit]
-) -> TrainingExample:
-    """The example of a recording from its signals and their weights."""
-    n_observed = len(recorded.observed)
-    return TrainingExample(
-        recorded.name,
-        str(recorded.task),
-        np.vstack([fit.weights for fit in fits]),
-        np.concatenate([fit.residual_variance for fit in fits]),
-        (recorded.end_ns - recorded.start_ns) * 1e-9,
-        np.hstack([interpolated(sample_phases(), *part) for part in parts[:n_observed]]),
-        np.hstack([interpolated(scored_phases(), *part) for part in parts[n_observed:]]),
-        context=recorded.context_values,
-        group=recorded.metadata.get(GROUP, ""),
-    )
 
 
 def interpolated(phases: Floats, at: Floats, values: Floats) -> Floats:

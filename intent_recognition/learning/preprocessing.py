@@ -6,14 +6,15 @@ other times, or by other processes, can be merged.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrainingError, describe
-from intent_recognition.learning.examples import TrainingExample, cut_one, make_examples
+from intent_recognition.learning.examples import TrainingExample, cut_one, make_example
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.timing import Timing, estimate_timing
 from intent_recognition.promp import NONE, NormalizedRBFBasis
@@ -136,40 +137,36 @@ def examples_of(
 ) -> list[TrainingExample | TrainingError]:
     """Each recording as an example, with its aligned counterpart; or why it cannot be used."""
     found: list[TrainingExample | TrainingError] = []
-    usable = []
-    for recorded in recordings:
-        reason = reason_against(recorded, preprocessing)
-        found.append(TrainingError(reason))
-        if not reason:
-            usable.append((len(found) - 1, preprocessing.cut(recorded)))
-    settings, fitted = preprocessing.settings, []
-    cut = [recorded for _, recorded in usable]
-    timing = preprocessing.timing
-    steady = timing.steady(cut) if timing.duration_exponent else None
-    basis = preprocessing.basis_of(False)
-    examples = make_examples(cut, basis, settings.ridge, steady, recorded_samples=True)
-    for (index, recorded), example in zip(usable, examples, strict=True):
-        found[index] = example
-        if isinstance(example, TrainingExample):
-            example = _usual(example, basis, preprocessing)
-            fitted.append((index, example, recorded))
-    cut = [recorded for _, _, recorded in fitted]
-    warps = [warp.inverse for warp in timing.warps(cut)]
-    aligned = make_examples(cut, preprocessing.basis_of(True), settings.ridge, warps)
-    for (index, example, _), counterpart in zip(fitted, aligned, strict=True):
-        if isinstance(counterpart, TrainingError):
-            found[index] = counterpart
-        else:
-            counterpart = _usual(counterpart, preprocessing.basis_of(True), preprocessing)
-            found[index] = example._replace(aligned=counterpart)
+    usable, timing = [], preprocessing.timing
+    for index, recorded in enumerate(recordings):
+        try:
+            if reason := reason_against(recorded, preprocessing):
+                raise TrainingError(reason)
+            cut = preprocessing.cut(recorded)
+            (steady,) = timing.steady([cut]) if timing.duration_exponent else (None,)
+            example = _example(cut, preprocessing, steady, aligned=False)
+            found.append(example)
+            usable.append((index, cut, example))
+        except TrainingError as error:
+            found.append(error)
+    warps = timing.warps([cut for _, cut, _ in usable])
+    for (index, cut, example), warp in zip(usable, warps, strict=True):
+        aligned = _example(cut, preprocessing, warp.inverse, aligned=True)
+        found[index] = example._replace(aligned=aligned)
     return found
 
 
-def _usual(
-    example: TrainingExample, basis: NormalizedRBFBasis, preprocessing: Preprocessing
+def _example(
+    cut: Demonstration,
+    preprocessing: Preprocessing,
+    warp: Callable[[Floats], Floats] | None,
+    *,
+    aligned: bool,
 ) -> TrainingExample:
     """The example with the displacement that its controlled agent has at the usual duration."""
     timing, n = preprocessing.timing, preprocessing.n_observed
+    basis, ridge = preprocessing.basis_of(aligned), preprocessing.settings.ridge
+    example = make_example(cut, basis, ridge, warp, recorded_samples=not aligned)
     if not (timing.displacement_exponent or timing.delay_s):
         return example
     duration_s, usual_s = example.duration_s, timing.usual_of(example.task)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Weights of one demonstration by ridge regression, and what they leave unexplained."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -55,38 +54,3 @@ def fit_weights(
     weights = cho_solve(cho_factor(normal), design.T @ apart).T
     residuals = apart - design @ weights.T
     return WeightFit(weights + centre[:, None], np.mean(residuals**2, axis=0))
-
-
-def fit_weights_together(
-    basis: NormalizedRBFBasis,
-    phases: Sequence[Floats],
-    values: Sequence[Floats],
-    ridge: float = 1e-4,
-) -> list[WeightFit]:
-    """`fit_weights` of many signals; those sampled at the same phases share one factorisation.
-
-    Args:
-        basis: the basis functions.
-        phases: (T_i,) phases of the samples of each signal.
-        values: (T_i, d_i) samples of each.
-        ridge: as of `fit_weights`.
-
-    Raises:
-        TrainingError: a signal of fewer than four samples.
-        ArgumentError: `ridge` is not positive.
-    """
-    groups: dict[bytes, list[int]] = {}
-    for index, phase in enumerate(phases):
-        groups.setdefault(np.ascontiguousarray(phase).tobytes(), []).append(index)
-    fits: dict[int, WeightFit] = {}
-    for members in groups.values():
-        fit = fit_weights(
-            basis, phases[members[0]], np.hstack([values[index] for index in members]), ridge
-        )
-        edges = np.cumsum([values[index].shape[1] for index in members])[:-1]
-        parts = zip(
-            np.split(fit.weights, edges), np.split(fit.residual_variance, edges), strict=True
-        )
-        for index, (weights, residual_variance) in zip(members, parts, strict=True):
-            fits[index] = WeightFit(weights.copy(), residual_variance.copy())
-    return [fits[index] for index in range(len(phases))]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from simulation import minimum_jerk
 
 from intent_recognition.errors import ArgumentError, TrainingError
-from intent_recognition.promp import NormalizedRBFBasis, fit_weights, fit_weights_together
+from intent_recognition.promp import NormalizedRBFBasis, fit_weights
 
 BASIS = NormalizedRBFBasis(12, 1.0)
 PHASE = np.linspace(0.0, 1.0, 200)
@@ -70,26 +70,8 @@ def test_coordinates_far_from_their_origin_lose_nothing():
     np.testing.assert_allclose(far.residual_variance, near.residual_variance, atol=1e-15)
 
 
-def test_bad_arguments_are_named_and_nothing_fitted_together_is_nothing():
+def test_bad_arguments_are_named():
     with pytest.raises(ArgumentError, match="ridge: expected a positive number, got 0"):
         fit_weights(BASIS, PHASE, np.zeros((200, 1)), ridge=0)
     with pytest.raises(TrainingError, match="at least 4 samples of every DOF, got 3"):
         fit_weights(BASIS, PHASE[:3], np.zeros((3, 1)))
-    assert fit_weights_together(NormalizedRBFBasis(6, 1.0), [], []) == []
-
-
-@given(st.integers(0, 2**32 - 1), st.lists(st.integers(0, 2), min_size=1, max_size=6))
-def test_signals_fitted_together_are_fitted_as_alone(seed, kinds):
-    """Some at the same phases, some at others, of any number of DOFs."""
-    rng = np.random.default_rng(seed)
-    basis = NormalizedRBFBasis(6, 1.0)
-    sampled = [np.linspace(0, 1, 12), np.linspace(0, 1, 9), np.sort(rng.uniform(size=12))]
-    phases = [sampled[kind] for kind in kinds]
-    values = [rng.normal(size=(len(phase), rng.integers(1, 4))) for phase in phases]
-    for phase, each, found in zip(
-        phases, values, fit_weights_together(basis, phases, values, 1e-3), strict=True
-    ):
-        alone = fit_weights(basis, phase, each, 1e-3)
-        np.testing.assert_allclose(found.weights, alone.weights, rtol=1e-9, atol=1e-10)
-        np.testing.assert_allclose(found.residual_variance, alone.residual_variance, rtol=1e-9)
-        assert found.weights.base is None
