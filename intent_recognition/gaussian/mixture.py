@@ -146,10 +146,10 @@ def _by_axes(points: Floats, components: Components) -> tuple[Floats, Floats]:
 
 def _by_members(points: Floats, components: Components) -> tuple[Floats, Floats]:
     """The same by the matrix inversion lemma, for fewer members than axes."""
-    if components.diagonal.size and np.ptp(components.diagonal) == 0:
-        cross, squared = _by_inner_products(points, components)
-    else:
-        cross, squared = _by_coordinates(points, components)
+    scale = 1.0 / np.sqrt(components.diagonal)[:, :, None, :]
+    scaled = (points - components.mean[:, :, None, :]) * scale
+    members = (points[components.rows] - components.mean[:, :, None, :]) * scale
+    cross, squared = members @ np.swapaxes(scaled, 2, 3), np.sum(scaled**2, axis=3)
     n_members = components.rows.shape[2]
     root = np.sqrt(components.row_weight)
     cross *= root[..., None]
@@ -159,27 +159,6 @@ def _by_members(points: Floats, components: Components) -> tuple[Floats, Floats]
     whitened = solve_lower(factor, cross)
     squared -= np.einsum("bkmn,bkmn->bkn", whitened, whitened)
     return squared, 0.5 * np.log(components.diagonal).sum(axis=2) + half_log_det(factor)
-
-
-def _by_coordinates(points: Floats, components: Components) -> tuple[Floats, Floats]:
-    """Scaled inner products of members with points (B, K, M, n), and squared norms (B, K, n)."""
-    scale = 1.0 / np.sqrt(components.diagonal)[:, :, None, :]
-    scaled = (points - components.mean[:, :, None, :]) * scale
-    members = (points[components.rows] - components.mean[:, :, None, :]) * scale
-    return members @ np.swapaxes(scaled, 2, 3), np.einsum("bknr,bknr->bkn", scaled, scaled)
-
-
-def _by_inner_products(points: Floats, components: Components) -> tuple[Floats, Floats]:
-    """The same where all diagonals are one number: from the points' inner products alone."""
-    inner = points @ points.T
-    to_mean = components.mean @ points.T
-    norm = np.sum(components.mean**2, axis=2)
-    rows = components.rows
-    cross = inner[rows] - to_mean[:, :, None, :]
-    cross += (norm[..., None] - np.take_along_axis(to_mean, rows, axis=2))[..., None]
-    squared = np.diagonal(inner) - 2.0 * to_mean + norm[..., None]
-    variance = components.diagonal.flat[0]
-    return cross / variance, squared / variance
 
 
 def fit_mixture(

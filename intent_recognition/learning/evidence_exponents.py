@@ -24,6 +24,7 @@ from intent_recognition.learning.coupling import HeldOutResiduals, learn_couplin
 from intent_recognition.learning.examples import scored_phases
 from intent_recognition.learning.held_out import (
     Followed,
+    batches_of,
     filter_samples,
     predict_agents,
     samples_at,
@@ -80,7 +81,6 @@ def choose_duration_evidence(
     left_out: Sequence[LeftOutExample],
     shares: Sequence[float],
     variance: Floats,
-    at_once: int,
 ) -> tuple[float, ResidualCoupling]:
     """The exponent, and the coupling of what it leaves unexplained.
 
@@ -92,12 +92,8 @@ def choose_duration_evidence(
         left_out: the demonstrations.
         shares: of the movement after which it is predicted, (f,).
         variance: by which squares of the controlled DOFs are divided, (Q,).
-        at_once: demonstrations filtered at a time, under all their durations.
     """
-    parts = [
-        follow(library, left_out[first : first + at_once], shares)
-        for first in range(0, len(left_out), at_once)
-    ]
+    parts = [follow(library, some, shares) for some in batches_of(library, left_out, N_DURATIONS)]
     log_evidence, observed, controlled = (
         np.concatenate(part, axis=1) for part in zip(*parts, strict=True)
     )

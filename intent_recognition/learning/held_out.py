@@ -92,6 +92,19 @@ def filter_samples(
         yield FilteredSamples(k + 1, evidence, weights, believed)
 
 
+def batches_of(
+    library: TaskLibrary, left_out: Sequence[LeftOutExample], n_hypotheses: int = 0
+) -> Iterator[Sequence[LeftOutExample]]:
+    """As many demonstrations at a time as memory allows.
+
+    Each is filtered under so many hypotheses; of known duration under its own task and its rivals.
+    """
+    each = n_hypotheses or 1 + max(len(one.rivals) for one in left_out)
+    most = max(1, MAX_FLOATS // (library.n_observed_weights**2 * each))
+    for first in range(0, len(left_out), most):
+        yield left_out[first : first + most]
+
+
 def follow_known(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
 ) -> Iterator[Followed]:

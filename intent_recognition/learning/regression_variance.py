@@ -16,6 +16,7 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import expected_distance
 from intent_recognition.learning.held_out import (
+    batches_of,
     expected_rows,
     follow_known,
     predict_agents,
@@ -32,7 +33,6 @@ def choose_regression_variance(
     left_out: Sequence[LeftOutExample],
     tasks: Mapping[str, TaskStatistics],
     shares: Sequence[float],
-    at_once: int,
 ) -> float:
     """The variance of the coefficients under which the controlled agent is most probable.
 
@@ -40,8 +40,7 @@ def choose_regression_variance(
     demonstrations. Arguments as of `choose_duration_evidence`, and the statistics of each label.
     """
     parts = [
-        _losses(library, left_out[first : first + at_once], tasks, samples_at(shares))
-        for first in range(0, len(left_out), at_once)
+        _losses(library, some, tasks, samples_at(shares)) for some in batches_of(library, left_out)
     ]
     losses = np.concatenate(parts, axis=1)
     best = int(np.argmin(losses.mean(axis=1)))

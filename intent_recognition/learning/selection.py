@@ -24,14 +24,13 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.learning.coupling import HeldOutResiduals, learn_coupling
 from intent_recognition.learning.evidence_exponents import (
-    N_DURATIONS,
     choose_duration_evidence,
     expected_power,
     log_losses,
 )
 from intent_recognition.learning.examples import scored_phases
 from intent_recognition.learning.held_out import (
-    MAX_FLOATS,
+    batches_of,
     follow_known,
     predict_agents,
     samples_at,
@@ -131,11 +130,10 @@ def choose(
         elif not best.ridge and gained.mean() <= 0.0:  # nor will others be better
             break
     library = replace(candidates[best.pace][0], noise_scale=best.noise_scale)
-    at_once, of_best = _at_once(library, N_DURATIONS), left_out(best)
+    of_best, tasks = left_out(best), candidates[best.pace][1]
     variance = _variance(library, of_best)
-    exponent, coupling = choose_duration_evidence(library, of_best, FRACTIONS, variance, at_once)
-    most, tasks = _at_once(library, 1 + _most_rivals(of_best)), candidates[best.pace][1]
-    uncertain = choose_regression_variance(library, of_best, tasks, FRACTIONS, most)
+    exponent, coupling = choose_duration_evidence(library, of_best, FRACTIONS, variance)
+    uncertain = choose_regression_variance(library, of_best, tasks, FRACTIONS)
     chosen = tried[best]._replace(duration_evidence=exponent, regression_variance=uncertain)
     tried[best] = chosen
     return Choice(chosen, coupling if np.any(coupling.gain) else None, (*tried.values(),))
@@ -156,15 +154,6 @@ def _variance(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> Float
     return np.maximum(np.var(truth, axis=0), 1e-12 * np.where(size > 0.0, size, 1.0) ** 2)
 
 
-def _at_once(library: TaskLibrary, n_hypotheses: int) -> int:
-    """Demonstrations filtered at a time, each under so many hypotheses."""
-    return max(1, MAX_FLOATS // (library.n_observed_weights**2 * n_hypotheses))
-
-
-def _most_rivals(left_out: Sequence[LeftOutExample]) -> int:
-    return max(len(one.rivals) for one in left_out)
-
-
 def validate(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
 ) -> tuple[Floats, Floats]:
@@ -174,11 +163,7 @@ def validate(
     each of `FRACTIONS` which the coupling of the residuals leaves, (f, n).
     """
     variance = _variance(library, left_out)
-    most = _at_once(library, 1 + _most_rivals(left_out))
-    parts = [
-        _follow(library, left_out[start : start + most], tasks)
-        for start in range(0, len(left_out), most)
-    ]
+    parts = [_follow(library, some, tasks) for some in batches_of(library, left_out)]
     loss, observed, controlled = zip(*parts, strict=True)
     residuals = HeldOutResiduals(
         np.array([one.task for one in left_out]),

@@ -94,5 +94,7 @@ def test_another_variance_is_chosen_where_all_left_out_are_better_by_a_standard_
         return found
 
     monkeypatch.setattr(regression_variance, "_losses", losses)
-    chosen = choose_regression_variance(None, range(16), {}, [0.5], 3)
+    batches = lambda _, left_out: (left_out[:7], left_out[7:])  # noqa: E731
+    monkeypatch.setattr(regression_variance, "batches_of", batches)
+    chosen = choose_regression_variance(None, range(16), {}, [0.5])
     assert chosen == REGRESSION_VARIANCES[best] and compared == [*range(16)]

@@ -11,7 +11,7 @@ from scipy.interpolate import make_interp_spline
 from simulation import demonstration_of, minimum_jerk
 
 from intent_recognition.gaussian.normal import Gaussian, condition
-from intent_recognition.learning import PACES, Accumulated, accumulate, held_out_examples, selection
+from intent_recognition.learning import PACES, Accumulated, accumulate, held_out, held_out_examples
 from intent_recognition.learning.evidence_exponents import POWERS
 from intent_recognition.learning.examples import TrainingExample, sample_phases, scored_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
@@ -250,7 +250,7 @@ def test_neither_batches_nor_very_many_demonstrations_matter(monkeypatch):
     tasks = statistics_of(data.tasks, True)
     left_out = leave_out(tasks, data.tasks, UNITS, Hyperparameters())
     whole = validate(library, left_out, tasks)
-    monkeypatch.setattr(selection, "MAX_FLOATS", 1)
+    monkeypatch.setattr(held_out, "MAX_FLOATS", 1)
     for found, expected in zip(validate(library, left_out, tasks), whole, strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
     data = accumulated(2, counts=(5, 3, 1))
