@@ -14,6 +14,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import position_violation
 from intent_recognition.motion import (
     BEGINNING,
+    N_GRID,
     Clearance,
     ClearPath,
     JointPath,
@@ -144,25 +145,33 @@ class Motions:
     ) -> JointPlan | None:
         """A plan along a path that keeps the speeds permitted near people; None without one.
 
+        Where it still joins its path, it takes its time at places that are passed slowly, too.
         Where the arm is at a time depends on how much it is slowed, and so does the distance: the
         ceiling on the rate falls from round to round, by where the plan before was when.
         """
-        separation, people, ceiling = self._common.settings.separation, self.people, None
-        if separation is None or not people:
-            return plan
+        settings, people = self._common.settings, self.people
+        separation, places = settings.separation, settings.slow_places
+        ceiling = kept = None
         for k, stretch in enumerate((*_STRETCHES, None)):
-            if plan is None or separation.worst_excess(plan, start_ns, people) <= 1.0:
-                self._counts["slowed by person"] += k > 0 and plan is not None
+            if plan is None:
+                break
+            near = separation is not None and separation.worst_excess(plan, start_ns, people) > 1.0
+            kept = kept if near else plan
+            # on the path they are kept to 2 %; what joins it comes on top
+            if not near and (places is None or places.excess(plan) <= 1.05):
+                self._counts["slowed by person"] += k > 0 and bool(people)
                 return plan
             if stretch is None:
                 break
-            times_ns = phase_times_ns(plan, start_ns)
-            there, _, _ = plan.sampled((times_ns - start_ns) * 1e-9)
-            ceilings = [separation.rate_ceiling(path, times_ns, who, there) for who in people]
-            newer = _HEADROOM * np.min(ceilings, axis=0)
+            newer = np.full(N_GRID + 1, np.inf)
+            if near and separation is not None:
+                times_ns = phase_times_ns(plan, start_ns)
+                there, _, _ = plan.sampled((times_ns - start_ns) * 1e-9)
+                ceilings = [separation.rate_ceiling(path, times_ns, who, there) for who in people]
+                newer = _HEADROOM * np.min(ceilings, axis=0)
             ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
             plan = again(ceiling, stretch)
-        return None
+        return kept
 
     def _clear_of_things(
         self, now_ns: int, label: str, path: JointPath, phase: float

@@ -2,7 +2,7 @@
 """From a predicted path to commands: retiming, plans, blending."""
 
 from intent_recognition.motion.bending import Spread
-from intent_recognition.motion.blending import Offset
+from intent_recognition.motion.blending import Offset, decay
 from intent_recognition.motion.clearance import Clearance, ClearPath, Obstruction
 from intent_recognition.motion.correction import Correction, Via, phase_of, with_via
 from intent_recognition.motion.deviation import DeviationDetector, TrackedMotion, calibrate_detector
@@ -13,11 +13,12 @@ from intent_recognition.motion.plan import (
     JointPlan,
     JointReference,
     PhaseState,
+    sample_times,
     scaled_limits,
 )
 from intent_recognition.motion.planning import brake_along, plan_interaction, stop_plan
 from intent_recognition.motion.point_to_point import posture_plan
-from intent_recognition.motion.retiming import NominalTiming
+from intent_recognition.motion.retiming import N_GRID, NominalTiming
 from intent_recognition.motion.separation import (
     PredictedPerson,
     Separation,

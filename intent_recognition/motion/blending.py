@@ -89,7 +89,7 @@ def decay(
     `shortest_s` on keeps the start acceleration within bounds, the offset starts without it: the
     sum of motions then jumps in acceleration, by a bounded amount, never in position or velocity.
     """
-    durations = np.geomspace(shortest_s, 8.0, 28)
+    durations = np.geomspace(shortest_s, max(8.0, 4.0 * shortest_s), 28)
     speed_bound = np.maximum(max_velocity, np.abs(velocity)) * (1.0 + 1e-9)
     acceleration = np.clip(acceleration, -0.5 * max_acceleration, 0.5 * max_acceleration)
     for start in (acceleration, np.zeros_like(acceleration)):

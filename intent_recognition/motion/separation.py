@@ -24,7 +24,7 @@ from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion.path import JointPath
-from intent_recognition.motion.plan import JointPlan
+from intent_recognition.motion.plan import JointPlan, sample_times
 from intent_recognition.motion.retiming import N_GRID
 
 
@@ -204,14 +204,23 @@ class SlowPlaces:
     def rate_ceiling(self, path: JointPath) -> Floats:
         """Largest phase rate (G + 1,) [1/s] on the grid of a path; infinite away from all.
 
-        A place begins and ends one point of the grid early and late.
+        A place begins and ends one point of the grid early and late; its rim may be touched between
+        two.
         """
         phase = np.linspace(0.0, 1.0, N_GRID + 1)
         hand = self._arm.skeleton(path.spline(phase))[:, -1]
         way = np.linalg.norm(np.gradient(hand, phase, axis=0), axis=1)
-        away = np.linalg.norm(hand[:, None] - self._places[:, :3], axis=2)
+        away = np.linalg.norm(hand[:, None] - self._places[:, :3], axis=2) - way[:, None] / N_GRID
         speed = np.where(away <= self._places[:, 3], self._places[:, 4], np.inf).min(axis=1)
         return minimum_filter1d(speed / np.maximum(way, 1e-6), 3, mode="nearest")
+
+    def excess(self, plan: JointPlan) -> float:
+        """Largest ratio of the tip's speed to that of a place it is at, every 5 ms of a plan."""
+        times_s = sample_times(plan.duration_s, 0.005)
+        hand = self._arm.skeleton(plan.sampled(times_s)[0])[:, -1]
+        speed = np.linalg.norm(np.gradient(hand, times_s, axis=0), axis=1)[:, None]
+        there = np.linalg.norm(hand[:, None] - self._places[:, :3], axis=2) < self._places[:, 3]
+        return float(np.max(speed / self._places[:, 4], initial=0.0, where=there))
 
 
 def parse_places(texts: Sequence[str]) -> Floats:

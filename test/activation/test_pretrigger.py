@@ -84,6 +84,32 @@ def test_the_hand_is_slow_at_a_place_on_its_way(mode, target, expected):
     np.testing.assert_allclose(plan.end, target, atol=1e-6)
 
 
+def hand_of(plan, arm):
+    """Where the hand is (T, 3) [m], and its speed (T,) [m/s], every ms."""
+    hand_m = arm.forward_kinematics(plan.sampled(np.arange(0.0, plan.duration_s, 1e-3))[0])
+    hand_m = hand_m[:, :3, 3]
+    return hand_m, np.linalg.norm(np.gradient(hand_m, 1e-3, axis=0), axis=1)
+
+
+def test_the_hand_is_slow_at_a_place_also_where_it_still_joins_its_path():
+    arm, places = Arm.from_urdf(ROBOT.description, tip=ROBOT.tip), None
+    for slow in (False, True):
+        world = make_world(return_home=False, slow_places=places)
+        world.serve("plate")
+        world.run_until(Mode.IDLE)
+        world.task = "idle"
+        world.run(0.2)
+        world.serve("screw")
+        hand_m, speed = hand_of(world.commands[-1].plan, arm)
+        if not slow:
+            fastest = int(np.argmax(speed[:300]))
+            assert speed[fastest] > 0.2
+            place_m = hand_m[fastest]
+            places = SlowPlaces(arm, np.array([[*place_m, 0.05, 0.1]]))
+    at_place = np.linalg.norm(hand_m - place_m, axis=1) < 0.05
+    assert at_place.any() and speed[at_place].max() < 0.106
+
+
 def test_the_arm_goes_ahead_and_the_interaction_starts_from_there():
     world = ahead()
     assert world.activation.active_task == "" and world.activation.pretrigger.label == "screw"
