@@ -11,7 +11,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import JointLimits
-from intent_recognition.motion import Offset
+from intent_recognition.motion import JointPlan, JointReference, decay, sample_times
 from intent_recognition.promp import minimum_jerk
 
 REACTION_SHARE = 0.15
@@ -89,11 +89,18 @@ def shortest_s(way_rad: Floats, limits: JointLimits) -> float:
 
 
 def arm_motion(
-    start_rad: Floats, goal_rad: Floats, duration_s: float
-) -> tuple[Floats, Floats, Floats]:
-    """Times (T,) [s], positions and velocities (T, d) of a motion from rest to rest."""
-    times = np.linspace(0.0, duration_s, max(int(np.ceil(duration_s / 0.05)), 2) + 1)
-    still = np.zeros_like(start_rad)
-    positions, velocities = Offset(start_rad - goal_rad, still, still, duration_s).sample(times)
-    velocities[-1] = 0.0
-    return times, goal_rad + positions, velocities
+    start: JointReference, goal_rad: Floats, duration_s: float, limits: JointLimits
+) -> JointPlan:
+    """To a posture (d,) at rest in so much time [s], or in as much as the limits ask for."""
+    offset = decay(
+        start.position - goal_rad,
+        start.velocity,
+        start.acceleration,
+        max_velocity=limits.velocity,
+        max_acceleration=limits.acceleration,
+        shortest_s=max(duration_s, shortest_s(start.position - goal_rad, limits)),
+    )
+    times = sample_times(offset.duration_s, 0.05)
+    positions, velocities = offset.sample(times)
+    still = np.zeros_like(times)
+    return JointPlan(times, goal_rad + positions, velocities, still, still, "home")

@@ -17,15 +17,18 @@ from intent_recognition.dashboard.moved_arm import ArmFinder, MovedArm
 from intent_recognition.dashboard.synthetic_demonstration import (
     SyntheticDemonstration,
     arm_motion,
-    shortest_s,
 )
 from intent_recognition.errors import KinematicsError
+from intent_recognition.motion import JointPlan, JointReference
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import TrajectoryBuilder, to_pose, to_stamp
-from intent_recognition.nodes.runtime import CLOCK_BACK_NS, steady_timer
+from intent_recognition.nodes.runtime import CLOCK_BACK_NS, elapsed_s, steady_timer
 
 RATE_HZ = 100.0
 """Rate of the published poses [Hz]: that of the shipped recordings."""
+FOLLOWS_RAD = 0.4
+"""An arm farther from where it is asked to be than this [rad] does not follow. Convention: as
+`max_tracking_error`."""
 SILENT_ARM = "The arm's joint states have stopped."
 
 
@@ -55,6 +58,7 @@ class Teleoperation:
         self._last_ns = 0
         self._arm_sent_s = -np.inf
         self._hand: Floats | None = None
+        self._sent: tuple[JointPlan, float] | None = None
 
     @property
     def holds_wrist(self) -> bool:
@@ -124,16 +128,31 @@ class Teleoperation:
         return self._found().posture_at(np.asarray(position, dtype=float), self.measured())
 
     def send_arm(self, goal: Floats, duration_s: float) -> float:
-        """Send the arm to a posture (n,), from rest to rest.
+        """Send the arm to a posture (n,), from the motion under way or from rest.
 
         Returns:
             How long it takes [s]: longer than duration_s where its limits ask for that.
         """
-        arm, start = self._found(), self.measured()
-        duration_s = max(duration_s, shortest_s(goal - start, arm.limits))
-        motion = arm_motion(start, goal, duration_s)
+        arm, start = self._found(), self._reference()
+        plan = arm_motion(start, goal, duration_s, arm.limits)
+        motion = plan.times_s, plan.positions, plan.velocities
         self._arm.publish(TrajectoryBuilder(arm.joint_names).build(0, *motion))
-        return duration_s
+        self._sent = plan, elapsed_s(self._node)
+        return plan.duration_s
+
+    def _reference(self) -> JointReference:
+        """Where the arm is asked to be now; at rest where it is if that is far from there."""
+        measured = self.measured()
+        if self._sent is not None:
+            plan, sent_s = self._sent
+            since_s = elapsed_s(self._node) - sent_s
+            asked = plan.at(since_s)
+            near = np.shape(plan.end) == np.shape(measured) and (
+                np.abs(asked.position - measured).max() < FOLLOWS_RAD
+            )
+            if near and 0.0 <= since_s < plan.duration_s:
+                return asked
+        return JointReference.at_rest(measured)
 
     def _speaks(self, arm: MovedArm) -> bool:
         """Whether its joint states are recent: where it is planned from must be where it is."""

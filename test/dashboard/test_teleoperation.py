@@ -2,6 +2,7 @@
 """What the page asks of the graph: motions of arm and wrist, and services."""
 
 import time
+from copy import deepcopy
 from unittest.mock import Mock
 
 import numpy as np
@@ -14,18 +15,18 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.dashboard import teleoperation as module
 from intent_recognition.dashboard.cell import CellState, PersonState
 from intent_recognition.dashboard.commands import Commands
 from intent_recognition.dashboard.synthetic_demonstration import (
     SyntheticDemonstration,
     arm_motion,
     sample_demonstration,
-    shortest_s,
 )
 from intent_recognition.dashboard.teleoperation import SILENT_ARM, Teleoperation
 from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, RATE_TOLERANCE
-from intent_recognition.motion import Offset
+from intent_recognition.motion import JointReference, Offset
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from sim_bridge.arm import TrajectoryCommand, find_robot
@@ -202,9 +203,10 @@ def test_goals_of_wrist_and_hand_shift_together(start, goal, seed):
 
 def test_the_arm_moves_from_rest_to_rest_within_its_time():
     start, goal = np.zeros(7), np.linspace(-1.0, 1.0, 7)
-    times, q, qd = arm_motion(start, goal, 1.7)
+    plan = arm_motion(JointReference.at_rest(start), goal, 1.7, LWR_LIMITS)
+    times, q, qd = plan.times_s, plan.positions, plan.velocities
     assert times[0] == 0.0
-    assert times[-1] == 1.7
+    assert times[-1] == pytest.approx(1.7)
     assert np.allclose(q[[0, -1]], [start, goal])
     assert np.allclose(qd[[0, -1]], 0.0)
     slopes = (q[2:] - q[:-2]) / (times[2:] - times[:-2])[:, None]
@@ -214,11 +216,34 @@ def test_the_arm_moves_from_rest_to_rest_within_its_time():
 @given(st.integers(0, 1000))
 def test_the_shortest_motion_keeps_the_limits_and_reaches_one(seed):
     start, goal = np.random.default_rng(seed).uniform(LWR_LIMITS.lower, LWR_LIMITS.upper, (2, 7))
-    duration = shortest_s(goal - start, LWR_LIMITS)
-    motion = Offset(start - goal, np.zeros(7), np.zeros(7), duration).largest()
+    plan = arm_motion(JointReference.at_rest(start), goal, 0.0, LWR_LIMITS)
+    motion = Offset(start - goal, np.zeros(7), np.zeros(7), plan.duration_s).largest()
     shares = np.array(motion) / (LWR_LIMITS.velocity, LWR_LIMITS.acceleration)
     assert 0.98 < shares.max() <= 1.0 + RATE_TOLERANCE
-    TrajectoryCommand.validated(JOINT_NAMES, *arm_motion(start, goal, duration))
+    TrajectoryCommand.validated(JOINT_NAMES, plan.times_s, plan.positions, plan.velocities)
+
+
+def test_what_is_dragged_on_goes_on_at_the_speed_it_has(monkeypatch):
+    """A controller takes a new command at once: a start at rest would be a jump of velocity."""
+    state, sent, now_s = CellState(description=PANDA.description), [], [0.0]
+    monkeypatch.setattr(module, "elapsed_s", lambda node: now_s[0])
+    node = Mock()
+    node.create_publisher().publish = lambda message: sent.append(deepcopy(message))
+    teleoperation = Teleoperation(node, state, hand_link=PANDA.tip)
+    state.take_joints(PANDA.joint_names, PANDA.ready, np.inf)
+    goal = np.array(PANDA.ready) + 0.3
+    teleoperation.send_arm(goal, 1.0)
+    plan = arm_motion(JointReference.at_rest(PANDA.ready), goal, 1.0, teleoperation._found().limits)
+    for now_s[0], follows in ((0.4, True), (0.45, False)):
+        asked = plan.at(now_s[0])
+        state.take_joints(PANDA.joint_names, asked.position - (0.02 if follows else 0.5), np.inf)
+        teleoperation.send_arm(goal + 0.1, 1.0)
+        first = sent[-1].points[0]
+        if follows:
+            assert np.abs(asked.velocity).min() > 0.1
+            np.testing.assert_allclose([first.positions, first.velocities], asked[:2], atol=1e-9)
+    assert not np.any(first.velocities)
+    np.testing.assert_allclose(first.positions, asked.position - 0.5)
 
 
 def test_the_arm_follows_the_human():
