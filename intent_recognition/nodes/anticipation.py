@@ -25,6 +25,7 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     joint_values,
     message_class,
+    of_other_joints,
     stamp_ns,
     to_joint_state,
 )
@@ -98,7 +99,8 @@ class PostureInput:
     def _take(self, group: int, entry: DofEntry, raw: bool, message: Any) -> None:
         now_ns = self._node.get_clock().now().nanoseconds
         stamp = stamp_of(entry, message, now_ns)
-        if stamp is None:
+        by_name = isinstance(message, JointState) and "*" not in "".join(entry.joints)
+        if stamp is None or (by_name and of_other_joints(message, entry.joints)):
             return
         self._use(
             group, entry.topic, stamp, partial(extract, entry, message.pose if raw else message)
@@ -106,7 +108,7 @@ class PostureInput:
 
     def _take_joints(self, group: int, entry: DofEntry, message: JointState) -> None:
         """The hand of the arm that is there, from its joints."""
-        if (arm := self.hand.arm) is None:
+        if (arm := self.hand.arm) is None or of_other_joints(message, arm.joint_names):
             return
 
         def hand() -> Floats:

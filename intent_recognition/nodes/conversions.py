@@ -140,6 +140,11 @@ def joint_values(message: JointState, joints: Sequence[str], field: str = "posit
     return np.array([values[index[joint]] for joint in joints], dtype=np.float64)
 
 
+def of_other_joints(message: JointState, joints: Sequence[str]) -> bool:
+    """Whether a message is of other joints alone, such as those of a gripper's driver."""
+    return bool(message.name) and not {*joints} & {*message.name}
+
+
 def measured_values(message: JointState, joints: Sequence[str], field: str) -> Floats | None:
     """The same, or None where nothing was measured: the field is empty, or NaN for all of them.
 

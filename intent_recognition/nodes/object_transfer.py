@@ -21,12 +21,13 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import MessageError, one_line
-from intent_recognition.kinematics import Arm
+from intent_recognition.kinematics import Arm, read_ranges
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     duration_s,
     joint_values,
     measured_values,
+    of_other_joints,
     position_array,
     stamp_ns,
 )
@@ -70,6 +71,7 @@ class ObjectTransfer(Node):
         self._hand = HandInput(self, self._diagnostics)
         self._machine = TransferMachine(values["patience"])
         self._estimator: LoadEstimator | None = None
+        self._open_m = np.inf
         self._task, self._until_ns, self._executes = "", 0, False
         self._people: dict[str, deque[tuple[int, Floats, float]]] = {}
         self._wrench: tuple[int, str, Floats] | None = None
@@ -100,8 +102,13 @@ class ObjectTransfer(Node):
         if arm is None:
             self._diagnostics.reject("no_robot_description", no_description("joint_states"))
             return
+        if of_other_joints(message, arm.joint_names):
+            return
         if self._estimator is None or self._estimator.arm is not arm:
             self._estimator = LoadEstimator(arm)
+            ranges = read_ranges(self._hand.description).joints
+            ends = [ranges.get(finger, (0.0, np.inf))[1] for finger in self._fingers]
+            self._open_m = float(np.mean(ends)) if ends else np.inf
         situation = self._situation(message, arm, self._estimator)
         if situation is None:
             return
@@ -145,6 +152,7 @@ class ObjectTransfer(Node):
             toward,
             estimator.rise_m_s2,
             estimator.doubt_n if measured is None else 0.0,
+            self._open_m,
         )
 
     def _request(self) -> Request:

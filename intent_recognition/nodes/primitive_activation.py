@@ -28,7 +28,12 @@ from intent_recognition.nodes.activation_inputs import (
 from intent_recognition.nodes.activation_output import ActivationOutput
 from intent_recognition.nodes.activation_parameters import AT_REST, ActivationParameters
 from intent_recognition.nodes.command_action import CommandAction
-from intent_recognition.nodes.conversions import joint_values, measured_values, stamp_ns
+from intent_recognition.nodes.conversions import (
+    joint_values,
+    measured_values,
+    of_other_joints,
+    stamp_ns,
+)
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput, no_description
 from intent_recognition.nodes.lifecycle import ManagedNode
@@ -52,7 +57,9 @@ from intent_recognition.promp import Trajectory
 
 TASKS, PREDICTION = "intent/tasks", "intent/robot_trajectory"
 """Streams that are noted together for all people."""
-SENDERS = {TASKS: "estimator or tracker", "joint_states": "arm driver"}
+OF_ARM = "joint_states of the arm"
+"""Stream of those that are not of other joints alone, such as a gripper's."""
+SENDERS = {TASKS: "estimator or tracker", OF_ARM: "arm driver"}
 """Streams that never pause while all is well, and who is dead if they do."""
 
 
@@ -241,6 +248,9 @@ class PrimitiveActivation(ManagedNode):
         return arm.rest if home is None or len(home) != arm.n_joints else home
 
     def _on_joint_states(self, message: JointState) -> None:
+        if of_other_joints(message, self.joint_names or message.name):
+            return
+        self.diagnostics.tick(OF_ARM)
         if not self.active:
             return
         try:

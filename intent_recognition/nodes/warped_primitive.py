@@ -23,7 +23,12 @@ from intent_recognition.errors import IntentError, MessageError, one_line
 from intent_recognition.kinematics import JOINT_NAMES, follow_poses, forward_kinematics, jacobian
 from intent_recognition.model import ARRIVED, load_pouring_skill
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import TrajectoryBuilder, joint_values, to_joint_state
+from intent_recognition.nodes.conversions import (
+    TrajectoryBuilder,
+    joint_values,
+    of_other_joints,
+    to_joint_state,
+)
 from intent_recognition.nodes.diagnostics import Diagnostics, values_of
 from intent_recognition.nodes.object_messages import seen_container
 from intent_recognition.nodes.parameters import declare
@@ -74,6 +79,8 @@ class WarpedPrimitiveNode(Node):
         self._diagnostics.tick(name)
 
     def _on_joint_states(self, message: JointState) -> None:
+        if of_other_joints(message, JOINT_NAMES):
+            return
         try:
             joints = joint_values(message, JOINT_NAMES)
         except IntentError as error:

@@ -104,6 +104,7 @@ class Situation(NamedTuple):
     toward: Floats | None = None  # horizontal unit vector to the person (3,); None if unknown
     rise_m_s2: float = 0.0  # acceleration of the hand upward, as late as the force
     doubt_n: float = 0.0  # how wrong the vertical force may be, as late
+    open_m: float = np.inf  # half opening of fingers that are fully open
 
     @property
     def heaviness(self) -> float:
@@ -164,7 +165,8 @@ class TransferMachine:
             self._opened_s = now.time_s
         step_s = min(max(step_s, 0.0), 0.02)  # the share does not jump after a gap
         self._time_s = now.time_s
-        carries = -now.force_n[2] > 0.5 * LIGHTEST_N and now.half_opening_m >= EMPTY_M
+        grips = EMPTY_M <= now.half_opening_m < now.open_m - EMPTY_M
+        carries = -now.force_n[2] > 0.5 * LIGHTEST_N and grips
         if first and carries and self.holding is Holding.EMPTY:
             self.carry()  # for a node that died; on nothing the fingers close, and open again
         reach = SHARE_PER_S * step_s

@@ -180,8 +180,11 @@ def test_the_estimator_hears_where_the_hand_is(harness, panda, dofs):
     harness.spin_until(lambda: inputs.hand.arm is not None)
     state = to_joint_state(panda.robot.joint_names, panda.home, np.zeros(7), time_ns=START_NS)
     joints.publish(state)
-    joints.publish(to_joint_state(["other"], [0.0], [0.0], time_ns=START_NS + 1))
+    joints.publish(to_joint_state(["finger"], [0.0], [0.0], time_ns=START_NS + 1))
+    half = [*panda.robot.joint_names[:3], "finger"]
+    joints.publish(to_joint_state(half, np.zeros(4), np.zeros(4), time_ns=START_NS + 2))
     harness.spin_until(lambda: inputs._diagnostics.rejected("posture_missing_dof"))
+    assert inputs._diagnostics.rejected("posture_missing_dof") == 1
     (observation,) = taken
     assert (observation.stamp_ns, observation.group) == (START_NS, 0)
     np.testing.assert_allclose(observation.values, HOME_HAND_M, atol=1e-6)

@@ -197,7 +197,7 @@ def test_messages_without_what_is_needed_are_counted(harness, capfd):
     cell.tell("joint_states", no_velocity, lambda: counts.rejected("bad_joint_states"))
     assert "velocity: expected 7 values" in capfd.readouterr().err
     for message, reason in (
-        (JointState(name=["other"], position=[0.0]), "bad_joint_states"),
+        (JointState(name=["other", names[0]], position=[0.0] * 2), "bad_joint_states"),
         (JointState(name=names, position=[np.nan] * 7, velocity=still), "not_finite"),
         (JointState(name=names, position=still, velocity=still), "no_effort"),
         (JointState(name=names, position=still, velocity=still, effort=[np.nan] * 7), "no_effort"),
@@ -215,7 +215,26 @@ def test_messages_without_what_is_needed_are_counted(harness, capfd):
 
 def test_joint_states_without_a_position_of_the_fingers_are_refused(harness):
     cell = Cell(harness, fingers=["finger"])
+    cell.node._on_joints(JointState(name=["finger"], position=[0.01]))  # of its own driver
+    assert not cell.node._diagnostics.rejected("bad_joint_states")
     message = JointState(name=[*ROBOT.joint_names, "finger"])
     message.position, message.velocity = ROBOT.ready.tolist(), [0.0] * 7
     counts = cell.node._diagnostics
     cell.tell("joint_states", message, lambda: counts.rejected("bad_joint_states") == 1)
+
+
+@pytest.mark.parametrize(("half_m", "holding"), [(0.02, Holding.CARRYING), (0.04, Holding.EMPTY)])
+def test_what_weighs_on_fingers_that_stand_fully_open_is_not_between_them(harness, half_m, holding):
+    """As for a node that was restarted."""
+    panda, fingers = find_robot("panda"), ["panda_finger_joint1", "panda_finger_joint2"]
+    node = Cell(harness, fingers=fingers).node
+    node._hand._take(String(data=panda.description))
+    arm, still = node._hand.arm, np.zeros(7)
+    torque = (
+        arm.inverse_dynamics(panda.ready, still, still) - arm.jacobian(panda.ready)[:3].T @ HANGS
+    )
+    message = JointState(name=[*panda.joint_names, *fingers], velocity=[0.0] * 9)
+    message.position = [*panda.ready, half_m, half_m]
+    message.effort = [*torque, 0.0, 0.0]
+    node._on_joints(message)
+    assert node._machine.holding is holding

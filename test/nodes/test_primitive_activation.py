@@ -308,6 +308,8 @@ def test_a_sender_that_died_is_named_within_a_second(graph, dead, monkeypatch):
         return [s.message for r in reports for s in r.status if s.name == "primitive_activation"]
 
     def speak(*streams):
+        fingers = to_joint_state(["finger"], [0.0], time_ns=graph.now_ns)
+        graph.send(graph.joints, fingers, "joint_states")  # of a driver that lives
         for stream in streams:
             (graph.send_tasks if stream == "intent/tasks" else graph.send_joints)()
         return True
@@ -329,3 +331,4 @@ def test_a_sender_that_died_is_named_within_a_second(graph, dead, monkeypatch):
     graph.harness.spin_until(
         lambda: speak(*both) and "silent" not in messages()[-1], what="the end of the silence"
     )
+    assert not graph.rejected("joint_states_incomplete")

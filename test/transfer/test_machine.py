@@ -137,6 +137,8 @@ def test_who_begins_with_an_object_between_the_fingers_does_not_open_them():
     assert first.holding is Holding.CARRYING and first.grip_n > WEIGHT_N
     (open_,) = Course().run(STEP_S, Request.NOTHING, (0.0, 0.0, 0.0), half_opening_m=0.02)
     assert open_.holding is Holding.EMPTY and open_.grip_n == 0.0
+    (wide,) = Course().run(STEP_S, Request.NOTHING, half_opening_m=0.04, open_m=0.04)
+    assert wide.holding is Holding.EMPTY  # what weighs is not between the fingers
     course = Course()
     assert course.run(STEP_S, Request.NOTHING, half_opening_m=0.02)[0].grip_n > 0.0
     assert course.run(0.3, Request.NOTHING, half_opening_m=0.0)[-1].grip_n == 0.0
