@@ -4,7 +4,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
-from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -84,8 +83,6 @@ class ActivationParameters:
         self.of_hand, self.taught_link = False, ""
         self.taught = Taught()
         self.entries: Sequence[DofEntry] = ()
-        self._least_end_std: dict[str, float] = {}
-        self._learned_end_std: dict[str, dict[str, float]] = {}
         self._decision()
 
     @property
@@ -114,11 +111,6 @@ class ActivationParameters:
         if self._values["model"]:
             model = _read_model(self._values["model"], names)
             self.entries = entries = model.dofs.controlled
-            self._learned_end_std = end_std_limits(model.library)
-            self._least_end_std = {
-                label: least_end_std(model.library, k).get("rad", 0.0)
-                for k, label in enumerate(model.labels)
-            }
             of_model = model.dofs.controlled_message_names
             self.of_hand = is_hand(of_model)
             self.taught = Taught(model.library)
@@ -159,8 +151,11 @@ class ActivationParameters:
 
     def never_certain(self) -> dict[str, float]:
         """Tasks of the model that are never acted on, and how uncertain their ends stay [rad]."""
-        limit = self._values["max_end_std"] or inf
-        return {label: std for label, std in self._least_end_std.items() if std > limit}
+        limit, library = self._values["max_end_std"], self.taught.library
+        if library is None or not limit:
+            return {}
+        least = (least_end_std(library, k).get("rad", 0.0) for k in range(library.n_tasks))
+        return {k: std for k, std in zip(library.labels, least, strict=True) if std > limit}
 
     def settings(self, names: tuple[str, ...], starts: dict[str, Floats]) -> ActivationSettings:
         """How to act, for these joints.
@@ -196,12 +191,12 @@ class ActivationParameters:
         )
 
     def _decision(self) -> DecisionSettings:
-        value = self._values
+        value, library = self._values, self.taught.library
         return DecisionSettings(
             threshold=value["threshold"] or USUAL_THRESHOLD,
             n_observations=value["n_observations"],
             max_end_std_rad=value["max_end_std"] or None,
-            learned_end_std=self._learned_end_std,
+            learned_end_std={} if library is None else end_std_limits(library),
             release_below=value["release_below"],
             min_evidence=value["min_evidence"],
             risk=self.risk,

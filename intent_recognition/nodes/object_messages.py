@@ -37,49 +37,43 @@ def cloud_arrays(message: PointCloud2) -> tuple[NDArray, NDArray | None]:
         got = f"{len(message.data)} bytes, {n} points of {message.point_step}"
         cure = "Set width, height, point_step and row_step to what data holds."
         raise MessageError.about("data", f"{expected} bytes", got, cure)
-    rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.row_step)
-    rows = rows[:, : message.width * message.point_step].reshape(n, message.point_step)
+    wanted = [*POSITION, *NORMAL] if all(name in fields for name in NORMAL) else [*POSITION]
     order = ">" if message.is_bigendian else "<"
-    points = np.column_stack([_column(rows, fields[name], order) for name in POSITION])
-    if not all(name in fields for name in NORMAL):
-        return points, None
-    return points, np.column_stack([_column(rows, fields[name], order) for name in NORMAL])
+    try:
+        formats = [order + TYPES[fields[name].datatype] for name in wanted]
+        offsets = [fields[name].offset for name in wanted]
+        size = {"offsets": offsets, "itemsize": message.point_step}
+        layout = np.dtype({"names": wanted, "formats": formats, **size})  # type: ignore[call-overload]
+    except (KeyError, ValueError) as error:
+        cure = "Use FLOAT32, and set offset and point_step to what data holds."
+        expected = f"known types inside a point of {message.point_step} bytes"
+        raise MessageError.about("fields", expected, error, cure) from error
+    if not n:
+        return np.empty((0, 3)), np.empty((0, 3)) if len(wanted) > 3 else None
+    rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.row_step)
+    table = np.ascontiguousarray(rows[:, : message.width * message.point_step]).view(layout)
+    with np.errstate(invalid="ignore"):  # bytes that are a signalling NaN
+        columns = np.column_stack([table[name].ravel().astype(float) for name in wanted])
+    return columns[:, :3], columns[:, 3:] if len(wanted) > 3 else None
 
 
 def to_labelled_cloud(
     header: Header, points: NDArray, normals: NDArray, labels: NDArray
 ) -> PointCloud2:
     """Message of points (n, 3), normals (n, 3) and labels (n,), 28 bytes a point."""
-    names = [*POSITION, *NORMAL]
-    table = np.zeros(len(points), [*((name, "<f4") for name in names), (LABEL, "<u4")])
-    for index, name in enumerate(POSITION):
-        table[name] = points[:, index]
-        table[NORMAL[index]] = normals[:, index]
-    table[LABEL] = labels
+    kinds = {**dict.fromkeys((*POSITION, *NORMAL), "<f4"), LABEL: "<u4"}
+    table = np.zeros(len(points), list(kinds.items()))
+    for name, column in zip(kinds, (*points.T, *normals.T, labels), strict=True):
+        table[name] = column
+    types = {"<f4": PointField.FLOAT32, "<u4": PointField.UINT32}
     fields = [
-        PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
-        for index, name in enumerate(names)
+        PointField(name=name, offset=4 * k, datatype=types[kind], count=1)
+        for k, (name, kind) in enumerate(kinds.items())
     ]
-    fields.append(PointField(name=LABEL, offset=24, datatype=PointField.UINT32, count=1))
     message = PointCloud2(header=header, height=1, width=len(points), fields=fields, is_dense=True)
     message.point_step, message.row_step = table.itemsize, table.nbytes
     message.data = table.tobytes()
     return message
-
-
-def _column(rows: NDArray, field: PointField, order: str) -> NDArray:
-    if field.datatype not in TYPES:
-        cure = "Use FLOAT32."
-        raise MessageError.about(f"field {field.name}", "a known type", field.datatype, cure)
-    kind = np.dtype(order + TYPES[field.datatype])
-    if field.offset + kind.itemsize > rows.shape[1]:
-        cure = "Set offset and point_step to what data holds."
-        got = f"offset {field.offset}"
-        expected = f"inside a point of {rows.shape[1]} bytes"
-        raise MessageError.about(f"field {field.name}", expected, got, cure)
-    cells = np.ascontiguousarray(rows[:, field.offset : field.offset + kind.itemsize])
-    with np.errstate(invalid="ignore"):  # bytes that are a signalling NaN
-        return cells.view(kind)[:, 0].astype(float)
 
 
 PERCENTS = tuple(range(100, 0, -5))

@@ -78,7 +78,7 @@ def test_malformed_clouds_are_named():
         (lambda m: setattr(m, "data", b"1234"), "bytes"),
         (lambda m: setattr(m, "point_step", 40), "bytes"),
         (lambda m: setattr(m.fields[1], "datatype", 99), "known type"),
-        (lambda m: setattr(m.fields[2], "offset", 27), "offset 27"),
+        (lambda m: setattr(m.fields[2], "offset", 27), "requires 31 bytes"),
     ):
         message = message_of(scanned("tumbler"))
         spoil(message)
