@@ -26,14 +26,15 @@ RESTAMP = "Play recordings with --restamp, or with --clock to nodes with use_sim
 """Cure of stamps that are long past."""
 
 
-class _Estimate(NamedTuple):
+class TaskEstimate(NamedTuple):
     """One message of task probabilities."""
 
     labels: Sequence[str]
     probabilities: Floats
     log_evidence: Floats | None
 
-    def repeats(self, other: "_Estimate | None") -> bool:
+    def repeats(self, other: "TaskEstimate | None") -> bool:
+        """Whether it says the same as another one."""
         return other is not None and (
             list(self.labels) == list(other.labels)
             and np.array_equal(self.probabilities, other.probabilities)
@@ -75,7 +76,7 @@ class EstimatorInbox:
         self.unused = False
         self.idle_since_ns = 0
         self._stamp_ns: int | None = None
-        self._estimate: _Estimate | None = None
+        self._estimate: TaskEstimate | None = None
         self._received_ns = 0
 
     def forget_interaction(self) -> None:
@@ -127,21 +128,13 @@ class EstimatorInbox:
         """The largest probability of the last observation."""
         return 0.0 if self._estimate is None else float(np.max(self._estimate.probabilities))
 
-    def take_tasks(
-        self,
-        now_ns: int,
-        stamp_ns: int,
-        labels: Sequence[str],
-        probabilities: Floats,
-        log_evidence: Floats | None = None,
-    ) -> bool:
+    def take_tasks(self, now_ns: int, stamp_ns: int, estimate: TaskEstimate) -> bool:
         """Take the probabilities of one observation; False if their stamp rules them out.
 
         Several bodies measured at one time give several estimates with one stamp, which differ
         during a movement and agree at rest. A repeated estimate during a movement means that the
         sender is stuck. Only a later stamp ends a silence.
         """
-        estimate = _Estimate(labels, probabilities, log_evidence)
         if stamp_ns <= 0:
             self._reject("zero_stamp", "intent/tasks without a stamp")
         elif self.is_ahead(now_ns, stamp_ns, "intent/tasks"):
@@ -156,7 +149,7 @@ class EstimatorInbox:
             return True
         return False
 
-    def _decide(self, now_ns: int, stamp_ns: int, estimate: _Estimate) -> None:
+    def _decide(self, now_ns: int, stamp_ns: int, estimate: TaskEstimate) -> None:
         labels, probabilities, log_evidence = estimate
         end_std = None
         if self.prediction is not None and 0 < len(labels) == len(probabilities):

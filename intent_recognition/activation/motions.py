@@ -152,14 +152,15 @@ class Motions:
         settings, people = self._common.settings, self.people
         separation, places = settings.separation, settings.slow_places
         ceiling = kept = None
-        for k, stretch in enumerate((*_STRETCHES, None)):
+        met = False
+        for stretch in (*_STRETCHES, None):
             if plan is None:
                 break
             near = separation is not None and separation.worst_excess(plan, start_ns, people) > 1.0
-            kept = kept if near else plan
+            kept, met = (kept if near else plan), met or near
             # on the path they are kept to 2 %; what joins it comes on top
             if not near and (places is None or places.excess(plan) <= 1.05):
-                self._counts["slowed by person"] += k > 0 and bool(people)
+                self._counts["slowed by person"] += met
                 return plan
             if stretch is None:
                 break

@@ -4,10 +4,9 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from intent_recognition.activation.inbox import EstimatorInbox
+from intent_recognition.activation.inbox import EstimatorInbox, TaskEstimate
 from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import PredictedInteraction
-from intent_recognition.array_types import Floats
 from intent_recognition.recognition import DecisionState
 
 
@@ -83,14 +82,7 @@ class People:
             inbox.forget_interaction()
 
     def take_tasks(
-        self,
-        person: str,
-        helped: bool,
-        now_ns: int,
-        stamp_ns: int,
-        labels: Sequence[str],
-        probabilities: Floats,
-        log_evidence: Floats | None = None,
+        self, person: str, helped: bool, now_ns: int, stamp_ns: int, estimate: TaskEstimate
     ) -> DecisionState | None:
         """What is decided by an observation; None where it is ruled out (`EstimatorInbox`).
 
@@ -101,7 +93,7 @@ class People:
             inbox.forget_interaction()
         needed = inbox.needed()
         request = self._request(person, needed) if self.named and needed else None
-        if not inbox.take_tasks(now_ns, stamp_ns, labels, probabilities, log_evidence):
+        if not inbox.take_tasks(now_ns, stamp_ns, estimate):
             return None
         if self.named and not inbox.decision.idle:
             inbox.order(None)

@@ -23,7 +23,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from intent_recognition.activation.correcting import Correcting
-from intent_recognition.activation.inbox import EstimatorInbox
+from intent_recognition.activation.inbox import EstimatorInbox, TaskEstimate
 from intent_recognition.activation.parts import Parts
 from intent_recognition.activation.settings import ActivationSettings, Common
 from intent_recognition.activation.states import (
@@ -154,9 +154,8 @@ class Activation:
             ArgumentError: what `decide` cannot take.
         """
         helped = isinstance(self.state, UNDER_WAY) and person == self._helped
-        decision = self.people.take_tasks(
-            person, helped, now_ns, stamp_ns, labels, probabilities, log_evidence
-        )
+        estimate = TaskEstimate(labels, probabilities, log_evidence)
+        decision = self.people.take_tasks(person, helped, now_ns, stamp_ns, estimate)
         if decision is None:
             return
         if decision.event:

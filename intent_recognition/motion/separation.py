@@ -215,8 +215,8 @@ class SlowPlaces:
         return minimum_filter1d(speed / np.maximum(way, 1e-6), 3, mode="nearest")
 
     def excess(self, plan: JointPlan) -> float:
-        """Largest ratio of the tip's speed to that of a place it is at, every 5 ms of a plan."""
-        times_s = sample_times(plan.duration_s, 0.005)
+        """Largest ratio of the tip's speed to that of a place it is at, every 10 ms of a plan."""
+        times_s = sample_times(plan.duration_s, 0.01)
         hand = self._arm.skeleton(plan.sampled(times_s)[0])[:, -1]
         speed = np.linalg.norm(np.gradient(hand, times_s, axis=0), axis=1)[:, None]
         there = np.linalg.norm(hand[:, None] - self._places[:, :3], axis=2) < self._places[:, 3]

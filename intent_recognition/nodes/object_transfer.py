@@ -103,6 +103,7 @@ class ObjectTransfer(Node):
             self._diagnostics.reject("no_robot_description", no_description("joint_states"))
             return
         if of_other_joints(message, arm.joint_names):
+            self._diagnostics.tick("joint_states of other joints")
             return
         if self._estimator is None or self._estimator.arm is not arm:
             self._estimator = LoadEstimator(arm)
