@@ -11,8 +11,8 @@ STRENGTH = 4.0
 REGRESSION_STRENGTHS = (30.0, 100.0, 10.0, 3.0, 1.0)
 """The same for each task's own covariance, from which the controlled agent's regression comes; the
 first where nothing can be left out (docs/decisions/covariance_target.md)."""
-INDEPENDENT = (0.0, 0.01)
-"""Independent parts of these weights' variance that are tried
+INDEPENDENT = (0.0, 0.01, 0.1, 0.3)
+"""Independent parts of the observed weights' variance in it that are tried
 (docs/decisions/covariance_target.md)."""
 RIDGES = (1e-3, 1e-2, 1e-4)
 """Variances of an observed weight that are taken to be chance in ridge regression, in parts of the
@@ -38,7 +38,7 @@ class Hyperparameters(NamedTuple):
     borrowed: float = OTHERS_SAMPLE_SIZE
     # equivalent sample size of this target, in demonstrations
     strength: float = REGRESSION_STRENGTHS[0]
-    # part of a weight's variance in it that no other weight shares
+    # part of an observed weight's variance in it that no other weight shares
     independent: float = INDEPENDENT[0]
     lag: float = 0.0  # how much later in phase the controlled agent follows, in it
     ridge: float = 0.0  # as in `TargetSettings`

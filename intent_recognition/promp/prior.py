@@ -14,8 +14,8 @@ correlation along the phase. It is positive semidefinite by the Schur product th
 coupling of the agents at one phase is not diluted by other phases, as it is in a Kronecker product.
 
 Where the controlled agent follows the observed one after a lag, R_k couples the observed DOFs at
-phase k with the controlled ones at k + lag. A part of each weight's variance may be independent of
-all others.
+phase k with the controlled ones at k + lag. A part of each observed weight's variance may be
+independent of all others.
 
 `strength` is the equivalent sample size of the target in demonstrations, as in an inverse-Wishart
 prior. `learn` chooses it by leave-one-out prediction (`learning.selection`).
@@ -63,10 +63,11 @@ class TargetSettings(NamedTuple):
 
     Attributes:
         borrowed: equivalent sample size of all other tasks together, in demonstrations.
-        independent: variance of each weight that no other shares, in parts of its DOF's.
+        independent: variance of each observed weight that no other shares, in parts of its DOF's:
+            chance, which tells nothing of the controlled ones.
         lag: how much later in phase the controlled DOFs follow the observed ones, from 0 to below
             1.
-        n_observed: number of observed DOFs, which come first; counts with a lag or a ridge.
+        n_observed: number of observed DOFs, which come first; 0 where there are no others.
         ridge: variance of an observed weight that is chance, in parts of the square of its DOF's
             range, where slopes come from the demonstrations alone (`promp.ridge`); 0 where they
             come from the target, too.
@@ -177,7 +178,8 @@ def structured_target(
     alike, of_range = assumed.alike, np.sqrt(floor)[:, None]
     squares = (amplitude / of_range) ** 2
     amplitude = of_range * np.sqrt((1.0 - alike) * squares + alike * squares.mean(axis=0))
-    floor = floor + assumed.independent * np.mean(amplitude**2, axis=1)
+    observed = np.arange(len(floor)) < (assumed.n_observed or len(floor))
+    floor = floor + assumed.independent * observed * np.mean(amplitude**2, axis=1)
     return StructuredTarget(amplitude, dofs, basis, floor, earlier)
 
 
@@ -347,7 +349,7 @@ def predictive_covariance(
     def left(one: Scatter) -> Scatter:
         return Scatter(unexplained @ one.matrix @ unexplained.T, (1.0 - spent) * one.freedom)
 
-    simple = TargetSettings(assumed.borrowed, assumed.independent)
+    simple = TargetSettings(assumed.borrowed)
     certain = predictive_covariance(
         left(own), left(pooled), n, floor[n_observed:], strength, simple
     )

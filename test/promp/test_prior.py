@@ -98,12 +98,14 @@ def test_target_keeps_a_coupling_that_changes_along_the_phase(rng):
     np.testing.assert_allclose(across[[0, 10, -1]], [1.0, 0.0, -1.0], atol=0.2)
 
 
-def test_what_is_independent_is_added_to_each_variance(rng):
+@pytest.mark.parametrize(("n_observed", "parts"), [(0, [0.1, 0.1]), (1, [0.1, 0.0])])
+def test_what_is_independent_is_added_to_each_observed_variance(rng, n_observed, parts):
     weights = rng.normal(size=(30, 2, 5)) * np.array([1.0, 3.0])[:, None]
     own, floor = scatter_of(weights), weight_floor(weights)
     usual = structured_target(own, own, floor)
-    apart = structured_target(own, own, floor, TargetSettings(independent=0.1))
-    of_dof = 0.1 * np.mean(usual.amplitude**2, axis=1)
+    assumed = TargetSettings(independent=0.1, n_observed=n_observed)
+    apart = structured_target(own, own, floor, assumed)
+    of_dof = parts * np.mean(usual.amplitude**2, axis=1)
     added = apart.covariance() - usual.covariance()
     np.testing.assert_allclose(added, np.diag(np.repeat(of_dof, 5)), atol=1e-12)
 
