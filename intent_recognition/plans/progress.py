@@ -143,12 +143,12 @@ class WorkProgress:
         needed = 1.0 - np.exp(done.astype(np.float64) @ self._log_in_order.T)
         return np.asarray(needed * ~done)
 
-    def _due(self, done: Flags) -> Floats:
+    def _due(self, done: Flags, liked: Floats) -> Floats:
         """Share of each step in what comes next where these are done, (M, n), or all zero."""
         left_out = self._left_out(done)
         present = self._share * (1.0 - left_out) * ~done
         log_free = np.log1p(-self.plan.before * present[:, :, None]).sum(axis=1)
-        weight = np.exp(log_free) * self._share * ~done * (self._last @ self._after)
+        weight = np.exp(log_free) * self._share * ~done * liked
         return np.asarray(weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300))
 
     def _choice(self) -> tuple[Floats, Floats, Floats]:
@@ -163,7 +163,8 @@ class WorkProgress:
         known = 1.0 - plan.wrong - plan.repeated * begun
         again = done @ self._of_task
         again = plan.repeated * again / np.maximum(again.sum(axis=1, keepdims=True), 1.0)
-        into, fresh = self._due(done), self._due(np.zeros_like(done[:1]))
+        into = self._due(done, self._last @ self._after)
+        fresh = self._due(np.zeros_like(done[:1]), self._after[-1])
         step, anew = known * (1.0 - over) * into, known * over * fresh
         rest = np.maximum(1.0 - (step + anew).sum(axis=1) - again.sum(axis=1), 0.0)
         undone = (~done).astype(np.float64) @ self._of_task

@@ -36,6 +36,17 @@ def test_a_chain_is_followed_and_begins_anew():
     assert state(progress) == {"a": "done", "b": "done", "c": "may come", "d": "later"}
 
 
+def test_each_assembly_begins_as_people_like_to_begin():
+    """The ratio of two first steps is that of their strengths, whatever came last before."""
+    steps = (WorkStep("a", "a", after={"": 4.0}), WorkStep("b", "b", after={"a": 9.0}))
+    progress = WorkProgress(WorkPlan(steps, repeated=0.0, wrong=0.0), LABELS)
+    for label in "baba":
+        p = progress.next_tasks()
+        if label == "b":
+            assert p[0] / p[1] == pytest.approx(4.0)
+        progress.take(sure(label, p=1.0))
+
+
 def test_an_order_that_is_allowed_is_followed():
     plan = WorkPlan(STEPS, {("a", "d"): 1.0, ("b", "d"): 1.0, ("c", "d"): 1.0})
     for order in ("abcd", "cbad", "bacd"):
