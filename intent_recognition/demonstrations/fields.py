@@ -162,7 +162,7 @@ def _ns(stamp: Any) -> int:
 @lru_cache(maxsize=256)
 def joint_indices(wanted: tuple[str, ...], names: tuple[str, ...]) -> list[int | None]:
     """Where each joint of an entry is among the names in a message; None where it is not once."""
-    found = {name: k for k, name in enumerate(names) if names.count(name) == 1}
+    found = {joint: names.index(joint) for joint in wanted if names.count(joint) == 1}
     return [_matching(joint, names) if "*" in joint else found.get(joint) for joint in wanted]
 
 

@@ -274,7 +274,7 @@ def _absent_joints(entry: DofEntry, messages: Sequence[Any]) -> str:
         return f"no joint {', '.join(absent)}: the topic has {', '.join(there) or 'no names'}"
     if all(None in joint_indices(entry.joints, names) for names in groups):
         said = "; ".join(", ".join(names) for names in groups)
-        return f"no message has all joints, they have {said}: write an entry for those of each"
+        return f"no message has all joints once, they have {said}: write an entry for those of each"
     has = [q for q in QUANTITIES if any(len(getattr(message, q)) for message in messages)]
     if entry.quantity in has:
         return ""

@@ -374,7 +374,7 @@ def test_joints_that_are_never_in_one_message_and_a_missing_quantity_are_named(t
     content = DOFS.to_dict()
     (entry,) = content["controlled"]
     for bag, names, says in (
-        (both, ["a", "g"], "no message has all joints, they have a, b; g: write an entry for"),
+        (both, ["a", "g"], "no message has all joints once, they have a, b; g: write an entry for"),
         (write_pairs(tmp_path / "effort", poses, effort), ["a"], "no position: the topic has effo"),
         (write_pairs(tmp_path / "bare", poses, bare), ["a"], "no joint a: the topic has no names"),
     ):
