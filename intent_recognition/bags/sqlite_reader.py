@@ -68,12 +68,13 @@ class SqliteReader:
         self.start_time, self.end_time = (int(time_ns or 0) for time_ns in times.fetchone())
 
     def _connect(self) -> sqlite3.Connection:
-        with self.path.open("rb") as file:
-            head = file.read(32)
-        if self.path.stat().st_size < int.from_bytes(head[28:32], "big") * _page(head):
-            raise ValueError("a database that is cut off")
         folder = self.path.resolve().parent  # with the log SQLite writes another file beside it
         mode = "mode=ro" if is_open(self.path) and os.access(folder, os.W_OK) else "immutable=1"
+        with self.path.open("rb") as file:
+            head = file.read(32)
+        size = int.from_bytes(head[28:32], "big") * _page(head)
+        if mode != "mode=ro" and self.path.stat().st_size < size:  # a log may have the rest
+            raise ValueError("a database that is cut off")
         return sqlite3.connect(f"file:{quote(str(self.path.resolve()))}?{mode}", uri=True)
 
     def close(self) -> None:

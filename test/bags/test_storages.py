@@ -408,6 +408,9 @@ def test_a_database_with_a_log_and_an_unknown_definition_is_read_whole(tmp_path,
         file.execute("INSERT INTO message_definitions VALUES (NULL, 'a/msg/B', 'unknown', '', '')")
         file.commit()
         shutil.copytree(tmp_path / "bag", tmp_path / "50% #2")
+    with (tmp_path / "50% #2/bag.db3").open("r+b") as killed:  # while it wrote the log back
+        killed.seek(28)
+        killed.write((1000).to_bytes(4, "big"))  # pages, most of them in the log alone
     reader = BagReader(tmp_path / "50% #2")
     times_ns = [m.log_time_ns for m in reader.raw_messages()]
     assert times_ns == [*(ns for _, ns, _ in contents()), *[late] * 2 * COUNT]
