@@ -156,6 +156,8 @@ def open_landmarks(path: Path) -> Table:
         frames = [{"index": k, **v} if isinstance(v, dict) else v for k, v in found]
     elif isinstance(content, dict) and "Timebase" in content:
         return _read(path, partial(_of_qualisys, path), content)
+    elif isinstance(content, dict):
+        frames = _read(path, _of_pandas, content) or frames
     if isinstance(content, dict) and not isinstance(frames, list):
         return table_of(path, _read(path, _of_lists, content), **_about(path, content))
     if not isinstance(frames, list) or not frames:
@@ -240,6 +242,21 @@ def _numbered(content: Mapping[str, Any]) -> list[str]:
     return sorted(content, key=lambda key: int(found[key][2]))  # type: ignore[index]
 
 
+def _of_pandas(content: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Rows, with their `index`, of a table that pandas wrote as `split`, `columns` or `index`."""
+    if {"columns", "index", "data"} <= content.keys():
+        names = [n if isinstance(n, str) else ".".join(map(str, n)) for n in content["columns"]]
+        rows = (dict(zip(names, row, strict=True)) for row in content["data"])
+        return [{"index": at, **row} for at, row in zip(content["index"], rows, strict=True)]
+    inside = [list(one) if isinstance(one, dict) else [] for one in content.values()] or [[]]
+    if not inside[0] or any(keys != inside[0] for keys in inside):
+        return []
+    if not (by_row := all(key[:1].isdigit() for key in content)):
+        by_row = all(key[:1].isdigit() for key in inside[0])
+        content = {at: {k: one[at] for k, one in content.items()} for at in inside[0]}
+    return [{"index": at, **row} for at, row in content.items()] if by_row else []
+
+
 def _of_lists(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     """Columns of lists by their names: numbers or texts (T,), places (..., d) as `NAME.x`, ..."""
     lists = dict(_lists(content))
@@ -262,11 +279,9 @@ def _of_lists(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
 
 
 def _lists(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, list[Any]]]:
-    """Lists, and mappings from numbers, in mappings within one another, by their paths."""
+    """Lists in mappings within one another, by their paths."""
     for key, value in content.items():
-        if isinstance(value, dict) and value and all(map(str.isdecimal, value)):
-            yield before + key, [*value.values()]
-        elif isinstance(value, dict):
+        if isinstance(value, dict):
             yield from _lists(value, f"{before}{key}.")
         elif isinstance(value, list) and value:
             yield before + key, value

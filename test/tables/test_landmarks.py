@@ -158,6 +158,7 @@ PLACES = (PLACE / 1000).tolist()
 AT = TIMES_S.tolist()
 ROWS_OF = [dict(zip("xyz", place, strict=True)) for place in PLACES]
 BY_AXIS = {axis: [row[axis] for row in ROWS_OF] for axis in "xyz"}
+FLIPPED = [place[::-1] for place in PLACES]
 COLUMNS = {"t": AT, **BY_AXIS, "what": ["give"] * ROWS}
 CUP = dict.fromkeys("xyz", 0.1)
 
@@ -185,6 +186,12 @@ OF_WRIST = {
         ["data.x", "data.y", "data.z", "data.t"],
     ),
     "as pandas numbers them": ({k: dict(enumerate(v)) for k, v in COLUMNS.items()}, [*"xyz"]),
+    "split by pandas": ({"columns": [*"zyx"], "index": AT, "data": FLIPPED}, [*"xyz", "index"]),
+    "columns of pandas": (
+        {axis: dict(zip(AT, values, strict=True)) for axis, values in BY_AXIS.items()},
+        [*"xyz", "index"],
+    ),
+    "rows of pandas": (dict(zip(AT, ROWS_OF, strict=True)), [*"xyz", "index"]),
     "rows without names": (np.column_stack([TIMES_S, PLACE / 1000]).tolist(), [*"1230"]),
     "lists with numbers in their names": (
         {"t0": AT, **{f"q{k}": BY_AXIS[axis] for k, axis in enumerate("xyz")}},
