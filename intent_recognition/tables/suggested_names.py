@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.array_types import Floats
-from intent_recognition.signals import spelled
+from intent_recognition.signals import FIRST_CLOCK_S, spelled
 from intent_recognition.tables.cells import LENGTHS
 from intent_recognition.tables.suggested_entries import SeenColumn
 from intent_recognition.tables.times import TIME_NAME
@@ -171,10 +171,11 @@ def is_joint(name: str) -> bool:
 def counts_rows(column: SeenColumn) -> bool:
     """Whether a column counts rows, as frames and indices do."""
     first, steps = column.values[0], np.diff(column.values)
-    is_count = are_counts(steps) and 0.0 <= first <= steps[0] and first % 1.0 == 0.0
+    is_count = are_counts(column, steps) and 0.0 <= first <= steps[0] and first % 1.0 == 0.0
     return is_count or bool(COUNT_NAME.search(column.name))
 
 
-def are_counts(steps: Floats) -> bool:
-    """Whether steps are those of a count: all the same whole number, as of every second row."""
-    return bool(steps.size and steps[0] >= 1.0 and steps[0] % 1.0 == 0.0 and np.ptp(steps) == 0.0)
+def are_counts(column: SeenColumn, steps: Floats) -> bool:
+    """Whether steps are a count's, not a clock's: one whole number, as of every second row."""
+    is_even = steps.size and column.values[0] < FIRST_CLOCK_S and np.ptp(steps) == 0.0
+    return bool(is_even and steps[0] >= 1.0 and steps[0] % 1.0 == 0.0)

@@ -263,7 +263,7 @@ def _time(
     dates = next((name for name, cells in labels.items() if _are_later(table, name, cells)), "")
     named = [c for c in columns.values() if c.name == "0" or TIME_NAME.search(c.name)]
     first = [] if dates or any(map(TIME_NAME.search, labels)) else [*columns.values()][:1]
-    even = [c for c in first if c.name not in places and _is_even(np.diff(c.values)[inside])]
+    even = [c for c in first if c.name not in places and _is_even(c, np.diff(c.values)[inside])]
     for column in [*named, *even]:
         steps = np.diff(column.values)[inside]
         if not steps.size:
@@ -271,10 +271,9 @@ def _time(
         if np.all(steps < 0.0):
             return {"column": column.name}, "it decreases: reverse the rows of the file"
         said_unit = table.time_unit_of(column.name)
-        is_clock = TIME_NAME.search(column.name) and column.values[0] > 1.0
         is_named = column.name != "0" and TIME_NAME.search(column.name)
-        by_one = np.all(steps == 1.0) and not is_clock
-        if not said_unit and (by_one or (are_counts(steps) and not is_named)):  # counts rows
+        by_one = steps[0] == 1.0 and column.values[0] <= 1.0
+        if not said_unit and are_counts(column, steps) and (by_one or not is_named):
             continue
         later = steps > 0.0
         often = np.mean(later) > (MOSTLY if np.any(steps < 0.0) else REPEATED)
@@ -302,9 +301,10 @@ def _are_later(table: Table, name: str, cells: Sequence[str]) -> bool:
     return ns.size > 1 and bool(np.all(np.diff(ns) > 0))
 
 
-def _is_even(steps: Floats) -> bool:
+def _is_even(column: SeenColumn, steps: Floats) -> bool:
     """Whether numbers go on by nearly the same steps, which do not count: time in any language."""
-    return bool(steps.size and steps.min() > 0.8 * steps.max() > 0.0) and not are_counts(steps)
+    is_even = steps.size and steps.min() > 0.8 * steps.max() > 0.0
+    return bool(is_even) and not are_counts(column, steps)
 
 
 def _are_nanoseconds(values: Floats) -> bool:

@@ -375,6 +375,7 @@ def test_a_place_is_told_from_a_rotation_a_speed_and_a_command(head, place, tmp_
         (",x,y,z", lambda t: f"{100 * t:.0f}", None),
         ("t,x,y,z", lambda t: f"{100 * t:.0f}", None),
         ("t,x,y,z", lambda t: f"{70_000 + 100 * t:.0f}", {"column": "t", "unit": "ms"}),
+        ("n,x,y,z", lambda t: f"{1.7e12 + 1000 * t:.0f}", {"column": "n", "unit": "ms"}),
         ("t_ms,x,y,z", lambda t: f"{100 * t:.0f}", {"column": "t_ms", "unit": "ms"}),
     ],
 )
