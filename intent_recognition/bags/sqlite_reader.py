@@ -109,7 +109,8 @@ class DamagedSqliteReader(SqliteReader):
             head[28:32] = pages.to_bytes(4, "big")  # those that are there
             stream.seek(0)
             stream.write(head)
-        file = sqlite3.connect(f"file:{quote(str(copy))}?immutable=1", uri=True)
+        name = f"file:{quote(str(copy))}?immutable=1"  # in a transaction an error ends all reading
+        file = sqlite3.connect(name, uri=True, isolation_level=None)
         columns = "id, topic_id, timestamp, data"
         file.execute(f"CREATE TEMP TABLE kept ({columns}, PRIMARY KEY (id))")
         for order in ("ASC", "DESC"):

@@ -396,6 +396,10 @@ def test_of_a_database_that_is_cut_off_the_messages_before_are_read(tmp_path):
         assert not BagReader(tmp_path / "cut.db3").is_finished
         counts.append(len(found))
     assert counts == sorted(counts) and counts[-1] > COUNT
+    page = data.rindex(bytes(whole[len(whole) // 2][-1])) // 4096 * 4096
+    (tmp_path / "cut.db3").write_bytes(data[:page] + bytes(4096) + data[page + 4096 :])
+    found = raw(tmp_path / "cut.db3", BagReader)
+    assert len(found) < len(whole) and {whole[0], whole[-1]} <= {*found} <= {*whole}
 
 
 def test_a_database_with_a_log_and_an_unknown_definition_is_read_whole(tmp_path, monkeypatch):
