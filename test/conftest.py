@@ -165,9 +165,9 @@ def bounded(numbers: dict[str, object]) -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="class")  # of a function alone, also where Hypothesis draws many examples
 def usually_left_out(usual) -> Iterator[None]:
-    """Learn as outside of tests, from here to the end of the file."""
+    """Learn as outside of tests."""
     with bounded(usual):
         yield
 
