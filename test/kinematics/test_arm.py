@@ -4,10 +4,12 @@
 import sys
 from collections import Counter
 from functools import cache
+from pathlib import Path
 
 import numpy as np
+import pybullet_data
 import pytest
-from kinematics.robots import ROBOTS
+from kinematics.robots import lwr_urdf
 from kinematics.test_forward import twist
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
@@ -22,6 +24,14 @@ from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, forward_
 from intent_recognition.kinematics.inverse import BRANCHES, solve
 from intent_recognition.kinematics.limits import within_position_limits
 
+DATA = Path(pybullet_data.getDataPath())
+ROBOTS = {
+    "lwr": lwr_urdf(),
+    "panda": DATA / "franka_panda/panda.urdf",
+    "iiwa": DATA / "kuka_iiwa/model.urdf",
+    "xarm": DATA / "xarm/xarm6_robot.urdf",
+}
+"""Name to a URDF's path or text."""
 LIMIT = '<limit lower="-2" upper="1" velocity="2" effort="9"/>'
 N_POSES = 200
 

@@ -21,7 +21,6 @@ from intent_recognition.nodes.conversions import joint_values, stamp_ns, to_pose
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
-from sim_bridge.nodes.lwr_sim import LwrSim
 from sim_bridge.scenarios.toolbox.scene import handover_point
 
 LONGEST_STEP_S = 0.02
@@ -132,6 +131,8 @@ class Cell:
 
     def start_nodes(self, model: Path, factor: float) -> None:
         """All nodes in this process; simulated time waits for the observations to be taken."""
+        from sim_bridge.nodes.lwr_sim import LwrSim  # needs PyBullet: replays do not
+
         node, simulated = self.harness.node, {"use_sim_time": True}
         named = simulated | {"model": str(model)}
         self.ingest = node(MocapIngest, **simulated)
