@@ -42,8 +42,8 @@ def cloud_arrays(message: PointCloud2) -> tuple[NDArray, NDArray | None]:
     try:
         formats = [order + TYPES[fields[name].datatype] for name in wanted]
         offsets = [fields[name].offset for name in wanted]
-        size = {"offsets": offsets, "itemsize": message.point_step}
-        layout = np.dtype({"names": wanted, "formats": formats, **size})  # type: ignore[call-overload]
+        parts = {"names": wanted, "formats": formats, "offsets": offsets}
+        layout = np.dtype(parts | {"itemsize": message.point_step})  # type: ignore[call-overload]
     except (KeyError, ValueError) as error:
         cure = "Use FLOAT32, and set offset and point_step to what data holds."
         expected = f"known types inside a point of {message.point_step} bytes"

@@ -40,6 +40,13 @@ def test_of_two_the_order_with_the_least_expected_waiting_is_chosen(drawn):
     assert cost[chosen] <= min(cost.values()) + 1e-9
 
 
+@given(st.lists(st.tuples(times, st.floats(0.1, 1.0)), min_size=2, max_size=5), st.randoms())
+def test_the_order_of_the_requests_does_not_matter(drawn, random):
+    requests = [request(f"p{k}", *one) for k, one in enumerate(drawn)]
+    mixed = random.sample(requests, len(requests))
+    assert first_to_help(requests, START_NS) == first_to_help(mixed, START_NS)
+
+
 @given(st.integers(0, 10**6), st.integers(2, 4))
 def test_nobody_starves_however_often_others_need_the_arm(seed, n):
     """The others ask anew at once with a shorter task, which minimal sums of waiting prefer."""

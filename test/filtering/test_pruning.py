@@ -166,7 +166,8 @@ def test_an_excluded_task_is_pruned_and_stays_impossible():
     library, _, observations = scene(8, n_tasks=40)
     prior = np.full(40, 1.0 / 39.0)
     prior[3] = 0.0
-    hypotheses = make_prior_grid(library, prior, N_SCALES)
+    with np.errstate(all="raise"):
+        hypotheses = make_prior_grid(library, prior, N_SCALES)
     run = MovementFilter(library, hypotheses, START_NS, prune=True)
     for observation in observations:
         run.observe(observation)
