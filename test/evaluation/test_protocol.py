@@ -92,6 +92,16 @@ def test_the_json_is_the_contracts_with_a_number_everywhere_but_after_the_end(id
 
 
 @pytest.mark.slow
+def test_baselines_of_a_shifted_demonstration():
+    """Three are predicted from two alike and one off by 0.4, that one from three alike."""
+    four = [exact(f"d{i}", "a", 0.3, shift=0.4 * (i == 3)) for i in range(4)]
+    found = evaluate(four, make_folds(some(4), "loo"), SETTINGS, unknown_tasks=False)
+    row = found["prediction"]["known_phase"]["0.5"]
+    assert row["rmse_mean_of_task"] == pytest.approx((3 * 0.4 / 3 + 0.4) / 4, rel=1e-9)
+    assert row["rmse_nearest_neighbour"] == pytest.approx(0.4 / 4, rel=1e-9)
+
+
+@pytest.mark.slow
 def test_several_units_give_one_number_each_in_their_own_unit():
     def with_hand(recording: Demonstration, factor: float) -> Demonstration:
         own = recording.controlled[0]
