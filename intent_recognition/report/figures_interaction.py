@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 OBSERVED, PREDICTED, TUBE = INK, PREDICTED_COLOUR, "#f5dfe5"
-DOTTED = (0, (1, 1.5))
 
 
 @styled
@@ -70,6 +69,7 @@ def thin(values: Floats, count: int = 400) -> Floats:
 
 
 def _events(axes: "Axes", trace: Mapping) -> None:
-    for key, label, line in (("decision_s", "decision", "-"), ("end_s", "human's end", DOTTED)):
+    dotted = (0, (1, 1.5))
+    for key, label, line in (("decision_s", "decision", "-"), ("end_s", "human's end", dotted)):
         if trace.get(key) is not None:
             axes.axvline(trace[key], color=SOFT, linewidth=1.2, linestyle=line, label=label)

@@ -85,7 +85,7 @@ def test_what_was_executed_is_what_is_costed_and_logged(trained, tmp_path):
     np.testing.assert_allclose(read.controlled[0].values[-1], one.joints_rad[-1], atol=1e-12)
     np.testing.assert_allclose(read.observed[0].values[-1], one.person_m[-1], atol=1e-12)
     beside = np.array([0.1, -0.2, 0.3])
-    elsewhere = TaskPractice(trained, DOFS, TASK, beside_m=beside)
+    elsewhere = TaskPractice(trained, DOFS, TASK, beside_m=beside - 0.1, moved_m=[0.1] * 3)
     (there, *_) = elsewhere.rollout(space.mean, np.random.default_rng(1))
     gap = np.linalg.norm(there.hand_m[-1] - one.person_m[-1] - beside)
     assert there.outcome["distance_m"] == pytest.approx(gap, abs=1e-3)

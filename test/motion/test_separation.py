@@ -22,8 +22,8 @@ SETTINGS = SeparationSettings()
 FAR = np.array([5.0, 0.0, 0.5])
 
 
-def person(position, start_ns=0, std=0.0):
-    times_ns = start_ns + np.array([0, 10_000_000_000])
+def person(position, std=0.0):
+    times_ns = np.array([0, 10_000_000_000])
     return PredictedPerson(times_ns, np.tile(position, (2, 1)), np.full(2, std))
 
 

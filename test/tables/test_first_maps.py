@@ -31,10 +31,10 @@ def qualisys():
     return json.dumps({"File": "a.qtm", "Timebase": time, **bodies})
 
 
-def of_ports(places=PLACE):
+def of_ports():
     """NDI's, a row for each tool."""
     rows = ["Frame,Frame time (s),Port,Status,Tx,Ty,Tz\n"]
-    for k, one in enumerate(places):
+    for k, one in enumerate(PLACE):
         rows += [f"{k},{TIMES_S[k]:.3f},{port},OK,{','.join(map(str, place))}\n"
                  for port, place in (("0A", one), ("0B", [1, 2, 3]))]  # fmt: skip
     return "".join(rows)
