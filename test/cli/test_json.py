@@ -35,7 +35,7 @@ COMMANDS = {
     "segment": ("segment", "bag", "--model", "model.npz", "--output", "NEW"),
     "warp": ("warp", "mug", "bowl.stl"),
     "experiments": ("experiments", "stub", "--output", "NEW"),
-    "improve": (),  # a rollout takes seconds: test_warp
+    "improve": (),  # a rollout takes seconds: test_warp_and_improve
 }
 MORE = (("inspect", "bags"), ("inspect", "model.npz"))
 

@@ -30,7 +30,7 @@ WRITTEN = ("--output", "--report", "--json", "--record")
 NOT_RUN = {
     "demo": "takes minutes; test/cli/test_demo_arms.py",
     "experiments": "takes minutes; test/cli/test_experiments.py (but `--list`, which is run)",
-    "improve": "takes minutes, or a person; test/cli/test_warp.py",
+    "improve": "takes minutes, or a person; test/cli/test_warp_and_improve.py",
     "teach": "needs a person and a running graph; test/cli/test_teach.py",
     "keep": "needs an execution that was corrected; test/nodes/test_task_teacher.py",
     "undo": "needs a library that was taught; test/cli/test_teach.py",
