@@ -81,7 +81,7 @@ def test_in_the_assembly_an_arm_is_in_a_persons_place(run, arm):
     ("tree", "length_m", "options", "tip", "where"),
     [
         ("ur", 0.16, (), "tool0", [0.0, 0.0, 0.0]),
-        ("so101", 0.09, (), "gripper_link", [0.5, -0.1, 0.15]),
+        ("so100", 0.09, (), "Fixed_Jaw", [0.5, -0.1, 0.15]),
         ("pr2_right", 0.16, ("--base", "torso", "--tip", "r_palm"), "r_palm", [0.0, 0.0, 0.0]),
     ],
 )
