@@ -99,7 +99,7 @@ class PostureInput:
     def _take(self, group: int, entry: DofEntry, raw: bool, message: Any) -> None:
         now_ns = self._node.get_clock().now().nanoseconds
         stamp = stamp_of(entry, message, now_ns)
-        by_name = isinstance(message, JointState) and "*" not in "".join(entry.joints)
+        by_name = entry.joints and "*" not in "".join(entry.joints)
         if stamp is None or (by_name and of_other_joints(message, entry.joints)):
             return
         self._use(

@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from intent_recognition.demonstrations import load_dofs
+from intent_recognition.bags import JOINT_STATE
+from intent_recognition.demonstrations import DofEntry, load_dofs
 from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import PostureInput
@@ -188,3 +189,6 @@ def test_the_estimator_hears_where_the_hand_is(harness, panda, dofs):
     (observation,) = taken
     assert (observation.stamp_ns, observation.group) == (START_NS, 0)
     np.testing.assert_allclose(observation.values, HOME_HAND_M, atol=1e-6)
+    by_number = DofEntry("joint_states", JOINT_STATE, ("position[0]",), unit="rad")
+    inputs._take(0, by_number, False, to_joint_state(half, np.ones(4), time_ns=START_NS + 3))
+    assert taken[-1].values == [1.0]
