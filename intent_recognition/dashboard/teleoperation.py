@@ -14,11 +14,9 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.moved_arm import ArmFinder, MovedArm
-from intent_recognition.dashboard.synthetic_demonstration import (
-    SyntheticDemonstration,
-    arm_motion,
-)
+from intent_recognition.dashboard.synthetic_demonstration import SyntheticDemonstration, arm_motion
 from intent_recognition.errors import KinematicsError
+from intent_recognition.kinematics import POSITION_TOLERANCE_RAD, position_violation
 from intent_recognition.motion import JointPlan, JointReference
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import TrajectoryBuilder, to_pose, to_stamp
@@ -133,8 +131,12 @@ class Teleoperation:
         Returns:
             How long it takes [s]: longer than duration_s where its limits ask for that.
         """
-        arm, start = self._found(), self._reference()
-        plan = arm_motion(start, goal, duration_s, arm.limits)
+        arm, moving = self._found(), self._reference()
+        rest = JointReference.at_rest(self.measured())
+        for start, wanted_s in ((moving, duration_s), (moving, 0.1), (rest, duration_s)):
+            plan = arm_motion(start, goal, wanted_s, arm.limits)
+            if np.all(position_violation(plan.positions, arm.limits) <= POSITION_TOLERANCE_RAD):
+                break  # a slow motion may go past its goal, and past a limit beside it
         motion = plan.times_s, plan.positions, plan.velocities
         self._arm.publish(TrajectoryBuilder(arm.joint_names).build(0, *motion))
         self._sent = plan, elapsed_s(self._node)

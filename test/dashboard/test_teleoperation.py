@@ -25,7 +25,12 @@ from intent_recognition.dashboard.synthetic_demonstration import (
 )
 from intent_recognition.dashboard.teleoperation import SILENT_ARM, Teleoperation
 from intent_recognition.errors import KinematicsError
-from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, RATE_TOLERANCE
+from intent_recognition.kinematics import (
+    JOINT_NAMES,
+    LWR_LIMITS,
+    RATE_TOLERANCE,
+    position_violation,
+)
 from intent_recognition.motion import JointReference, Offset
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
@@ -223,13 +228,20 @@ def test_the_shortest_motion_keeps_the_limits_and_reaches_one(seed):
     TrajectoryCommand.validated(JOINT_NAMES, plan.times_s, plan.positions, plan.velocities)
 
 
-def test_what_is_dragged_on_goes_on_at_the_speed_it_has(monkeypatch):
-    """A controller takes a new command at once: a start at rest would be a jump of velocity."""
+@pytest.fixture
+def dragged(monkeypatch):
+    """The page's hand on an arm, its state, what it sends, and the time [s] in a list."""
     state, sent, now_s = CellState(description=PANDA.description), [], [0.0]
     monkeypatch.setattr(module, "elapsed_s", lambda node: now_s[0])
     node = Mock()
     node.create_publisher().publish = lambda message: sent.append(deepcopy(message))
     teleoperation = Teleoperation(node, state, hand_link=PANDA.tip)
+    return teleoperation, state, sent, now_s
+
+
+def test_what_is_dragged_on_goes_on_at_the_speed_it_has(dragged):
+    """A controller takes a new command at once: a start at rest would be a jump of velocity."""
+    teleoperation, state, sent, now_s = dragged
     state.take_joints(PANDA.joint_names, PANDA.ready, np.inf)
     goal = np.array(PANDA.ready) + 0.3
     teleoperation.send_arm(goal, 1.0)
@@ -244,6 +256,24 @@ def test_what_is_dragged_on_goes_on_at_the_speed_it_has(monkeypatch):
             np.testing.assert_allclose([first.positions, first.velocities], asked[:2], atol=1e-9)
     assert not np.any(first.velocities)
     np.testing.assert_allclose(first.positions, asked.position - 0.5)
+
+
+@pytest.mark.parametrize("there_s", [0.5, 0.7])
+def test_what_is_dragged_to_a_limit_does_not_pass_it(dragged, there_s):
+    """From a motion toward it, one that takes its time would go past its goal."""
+    teleoperation, state, sent, now_s = dragged
+    limits = PANDA.limits
+    state.take_joints(PANDA.joint_names, limits.upper - 0.6, np.inf)
+    now_s[0] = there_s * teleoperation.send_arm(limits.upper - 0.02, 0.8)
+    asked = teleoperation._sent[0].at(now_s[0])
+    state.take_joints(PANDA.joint_names, asked.position, np.inf)
+    goal = np.minimum(asked.position + 0.05, limits.upper)
+    slow = arm_motion(asked, goal, 1.5, limits).positions
+    assert position_violation(slow, limits).max() > 0.01
+    teleoperation.send_arm(goal, 1.5)
+    rows = np.array([point.positions for point in sent[-1].points])
+    assert position_violation(rows, limits).max() < 1e-9
+    np.testing.assert_allclose(rows[-1], goal)
 
 
 def test_the_arm_follows_the_human():
