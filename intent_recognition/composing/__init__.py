@@ -17,7 +17,6 @@ from intent_recognition.composing.sequences import (
 )
 from intent_recognition.composing.via_points import (
     HAND,
-    USUAL_STD,
     ViaPoint,
     read_via_points,
     write_via_points,

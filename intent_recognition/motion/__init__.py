@@ -2,7 +2,7 @@
 """From a predicted path to commands: retiming, plans, blending."""
 
 from intent_recognition.motion.bending import Spread
-from intent_recognition.motion.blending import Offset, decay
+from intent_recognition.motion.blending import decay
 from intent_recognition.motion.clearance import Clearance, ClearPath, Obstruction
 from intent_recognition.motion.correction import Correction, Via, phase_of, with_via
 from intent_recognition.motion.deviation import DeviationDetector, TrackedMotion, calibrate_detector

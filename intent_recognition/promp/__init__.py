@@ -56,5 +56,5 @@ from intent_recognition.promp.prior import (
 )
 from intent_recognition.promp.risk import NO_ODDS, LeftOutOdds, Risk, conformal_bound, risk_of
 from intent_recognition.promp.trajectory import Trajectory, check_points, dof_variance, rollout
-from intent_recognition.promp.weights import WeightFit, fit_weights
+from intent_recognition.promp.weights import fit_weights
 from intent_recognition.signals import NONE

@@ -69,7 +69,6 @@ def thin(values: Floats, count: int = 400) -> Floats:
 
 
 def _events(axes: "Axes", trace: Mapping) -> None:
-    dotted = (0, (1, 1.5))
-    for key, label, line in (("decision_s", "decision", "-"), ("end_s", "human's end", dotted)):
+    for key, label, line in (("decision_s", "decision", "-"), ("end_s", "human's end", ":")):
         if trace.get(key) is not None:
             axes.axvline(trace[key], color=SOFT, linewidth=1.2, linestyle=line, label=label)

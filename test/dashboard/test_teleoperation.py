@@ -31,7 +31,8 @@ from intent_recognition.kinematics import (
     RATE_TOLERANCE,
     position_violation,
 )
-from intent_recognition.motion import JointReference, Offset
+from intent_recognition.motion import JointReference
+from intent_recognition.motion.blending import Offset
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from sim_bridge.arm import TrajectoryCommand, find_robot
