@@ -152,14 +152,16 @@ class Motions:
         settings, people = self._common.settings, self.people
         separation, places = settings.separation, settings.slow_places
         ceiling = kept = None
-        met = False
+        met, least = False, np.inf
         for stretch in (*_STRETCHES, None):
             if plan is None:
                 break
             near = separation is not None and separation.worst_excess(plan, start_ns, people) > 1.0
-            kept, met = (kept if near else plan), met or near
+            met, excess = met or near, 0.0 if places is None else places.excess(plan)
+            if not near and excess < least:  # slower is not always slower there
+                kept, least = plan, excess
             # on the path they are kept to 2 %; what joins it comes on top
-            if not near and (places is None or places.excess(plan) <= 1.05):
+            if not near and excess <= 1.05:
                 self._counts["slowed by person"] += met
                 return plan
             if stretch is None:

@@ -110,6 +110,24 @@ def test_the_hand_is_slow_at_a_place_also_where_it_still_joins_its_path():
     assert at_place.any() and speed[at_place].max() < 0.106
 
 
+def test_no_slower_way_is_taken_that_is_faster_at_a_place(monkeypatch):
+    arm, plans, excess = Arm.from_urdf(ROBOT.description, tip=ROBOT.tip), [], SlowPlaces.excess
+    places = None
+    for looks in (False, False, True):
+        monkeypatch.setattr(SlowPlaces, "excess", excess if looks else lambda *_: 0.0)
+        world = make_world(return_home=False, slow_places=places)
+        world.serve("plate")
+        world.run_until(Mode.IDLE)
+        world.task = "idle"
+        world.run(0.2)
+        world.serve("screw")
+        plans.append(world.commands[-1].plan)
+        half = arm.forward_kinematics(plans[0].sampled([0.5 * plans[0].duration_s])[0])[0, :3, 3]
+        places = SlowPlaces(arm, np.array([[*half, 0.03, 0.1]]))
+    _, quick, slow = (excess(places, plan) for plan in plans)
+    assert 1.05 < slow < quick
+
+
 def test_the_arm_goes_ahead_and_the_interaction_starts_from_there():
     world = ahead()
     assert world.activation.active_task == "" and world.activation.pretrigger.label == "screw"
