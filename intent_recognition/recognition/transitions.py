@@ -243,11 +243,11 @@ class Expectation:
             self.prior = self._fixed_prior
             return
         self.prior = library.task_prior
-        if self._transitions:
-            self.prior = next_task_prior(library.transition_prior, memory, library.task_prior)
         if self.progress is not None:
             planned = self.progress.next_tasks()
             self.prior = HABIT_TRUST * planned + (1.0 - HABIT_TRUST) * library.task_prior
+        elif self._transitions:
+            self.prior = next_task_prior(library.transition_prior, memory, library.task_prior)
         if self._step in library.labels:
             step = np.eye(library.n_tasks)[library.labels.index(self._step)]
             self.prior = HABIT_TRUST * step + (1.0 - HABIT_TRUST) * self.prior
