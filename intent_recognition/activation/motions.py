@@ -14,7 +14,6 @@ from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import position_violation
 from intent_recognition.motion import (
     BEGINNING,
-    N_GRID,
     Clearance,
     ClearPath,
     JointPath,
@@ -152,7 +151,7 @@ class Motions:
         settings, people = self._common.settings, self.people
         separation, places = settings.separation, settings.slow_places
         ceiling = kept = None
-        met, least = False, np.inf
+        met, least, stretched = False, np.inf, 1.0
         for stretch in (*_STRETCHES, None):
             if plan is None:
                 break
@@ -166,13 +165,17 @@ class Motions:
                 return plan
             if stretch is None:
                 break
-            newer = np.full(N_GRID + 1, np.inf)
             if near and separation is not None:
                 times_ns = phase_times_ns(plan, start_ns)
                 there, _, _ = plan.sampled((times_ns - start_ns) * 1e-9)
                 ceilings = [separation.rate_ceiling(path, times_ns, who, there) for who in people]
                 newer = _HEADROOM * np.min(ceilings, axis=0)
-            ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
+                ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
+            elif ceiling is not None:
+                ceiling = _HEADROOM * ceiling
+            elif stretch == stretched:
+                continue  # the plan would be the same
+            stretched = stretch
             plan = again(ceiling, stretch)
         return kept
 

@@ -18,7 +18,7 @@ from intent_recognition.motion.plan import (
 )
 from intent_recognition.motion.planning import brake_along, plan_interaction, stop_plan
 from intent_recognition.motion.point_to_point import posture_plan
-from intent_recognition.motion.retiming import N_GRID, NominalTiming
+from intent_recognition.motion.retiming import NominalTiming
 from intent_recognition.motion.separation import (
     PredictedPerson,
     Separation,

@@ -91,16 +91,21 @@ def hand_of(plan, arm):
     return hand_m, np.linalg.norm(np.gradient(hand_m, 1e-3, axis=0), axis=1)
 
 
+def second_plan(places):
+    """The way to a second task, from where the first one ended."""
+    world = make_world(return_home=False, slow_places=places)
+    world.serve("plate")
+    world.run_until(Mode.IDLE)
+    world.task = "idle"
+    world.run(0.2)
+    world.serve("screw")
+    return world.commands[-1].plan
+
+
 def test_the_hand_is_slow_at_a_place_also_where_it_still_joins_its_path():
     arm, places = Arm.from_urdf(ROBOT.description, tip=ROBOT.tip), None
     for slow in (False, True):
-        world = make_world(return_home=False, slow_places=places)
-        world.serve("plate")
-        world.run_until(Mode.IDLE)
-        world.task = "idle"
-        world.run(0.2)
-        world.serve("screw")
-        hand_m, speed = hand_of(world.commands[-1].plan, arm)
+        hand_m, speed = hand_of(second_plan(places), arm)
         if not slow:
             fastest = int(np.argmax(speed[:300]))
             assert speed[fastest] > 0.2
@@ -115,13 +120,7 @@ def test_no_slower_way_is_taken_that_is_faster_at_a_place(monkeypatch):
     places = None
     for looks in (False, False, True):
         monkeypatch.setattr(SlowPlaces, "excess", excess if looks else lambda *_: 0.0)
-        world = make_world(return_home=False, slow_places=places)
-        world.serve("plate")
-        world.run_until(Mode.IDLE)
-        world.task = "idle"
-        world.run(0.2)
-        world.serve("screw")
-        plans.append(world.commands[-1].plan)
+        plans.append(second_plan(places))
         half = arm.forward_kinematics(plans[0].sampled([0.5 * plans[0].duration_s])[0])[0, :3, 3]
         places = SlowPlaces(arm, np.array([[*half, 0.03, 0.1]]))
     _, quick, slow = (excess(places, plan) for plan in plans)
