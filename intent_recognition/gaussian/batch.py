@@ -103,20 +103,20 @@ class GaussianBatch:
             variance: of the new ones, those beyond N, (R, P, M - N); None without any.
         """
         n_dofs, old = self._shape
-        if variance is None:
-            columns, padding = _first_weights(n_dofs, old, n_basis)
-            state = np.take(self.state[index], columns, axis=1)
-            state[:, padding] = 0.0
-            return GaussianBatch(state, n_dofs, n_basis)
+        if n_basis == old:
+            return GaussianBatch(self.state[index].copy(), n_dofs, old)
+        kept = min(old, n_basis)
         mean, covariance = self.moments(index)
         n, size = len(mean), n_dofs * n_basis
-        means = np.zeros((n, len(variance), n_dofs, n_basis))
-        wide = np.zeros((*means.shape, n_dofs, n_basis))
-        means[..., :old] = mean.reshape(n, 1, n_dofs, old)
-        wide[..., :old, :, :old] = covariance.reshape(n, 1, n_dofs, old, n_dofs, old)
-        dof, own = np.arange(n_dofs)[:, None], np.arange(old, n_basis)
-        wide[:, :, dof, own, dof, own] = variance
-        return GaussianBatch.of(means.reshape(-1, size), wide.reshape(-1, size, size), n_basis)
+        means = np.zeros((n, 1 if variance is None else len(variance), n_dofs, n_basis))
+        whole = np.zeros((*means.shape, n_dofs, n_basis))
+        means[..., :kept] = mean.reshape(n, 1, n_dofs, old)[..., :kept]
+        blocks = covariance.reshape(n, 1, n_dofs, old, n_dofs, old)
+        whole[..., :kept, :, :kept] = blocks[..., :kept, :, :kept]
+        if variance is not None:
+            dof, own = np.arange(n_dofs)[:, None], np.arange(old, n_basis)
+            whole[:, :, dof, own, dof, own] = variance
+        return GaussianBatch.of(means.reshape(-1, size), whole.reshape(-1, size, size), n_basis)
 
     def condition(
         self,
@@ -170,16 +170,6 @@ def _layout(size: int) -> tuple[Integers, Integers]:
     stored = column >= line // 4 * 4
     upper = np.triu((size - 1 + np.cumsum(stored).reshape(stored.shape))[:, :size])
     return np.flatnonzero(stored), upper + np.triu(upper, 1).T
-
-
-@cache
-def _first_weights(n_dofs: int, old: int, n_basis: int) -> tuple[Integers, Integers]:
-    """Where a state with the first of the weights of each DOF is in the whole one; its padding."""
-    first = np.arange(n_dofs * old).reshape(n_dofs, old)[:, :n_basis].ravel()
-    line, column = np.divmod(_layout(len(first))[0], -(-len(first) // 4) * 4)
-    padding = len(first) + np.flatnonzero(column >= len(first))
-    line, column = first[line], first[np.minimum(column, len(first) - 1)]
-    return np.r_[first, _layout(n_dofs * old)[1][line, column]], padding
 
 
 def _packed(covariance: NDArray) -> NDArray:
