@@ -23,7 +23,8 @@ class Bank(NamedTuple):
 
 def bank_of(run: MovementFilter) -> Bank:
     """All hypotheses of a filter, none of which lags any more."""
-    tasks = [run.task(task).moments() for task in range(run.library.n_tasks + 1)]
+    index = [run.rows_of(task) for task in range(run.library.n_tasks + 1)]
+    tasks = [run.table.courses(some).moments() for some in index]
     mean, covariance = (np.concatenate(part) for part in zip(*tasks, strict=True))
     return Bank(mean, covariance, run.log_evidence)
 

@@ -12,3 +12,4 @@ from intent_recognition.filtering.grid import (
     make_prior_grid,
 )
 from intent_recognition.filtering.posterior import TaskPosterior, answered, task_posterior
+from intent_recognition.filtering.prediction import TaskPrediction

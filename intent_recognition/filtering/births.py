@@ -190,17 +190,16 @@ class Births:
             table.condition(measurement, np.arange(first, table.n))
             self._give_birth_to_delays(now_s, log_evidence, onset)
 
-    def of_task(self, task: int) -> tuple[GaussianBatch, Floats, Floats]:
-        """A task's n born hypotheses: weights without offsets, durations, probabilities, (n,).
+    def outweighs(self, task: int, log_evidence: Floats) -> bool:
+        """Whether a task is more probable by those born than by those of the onset."""
+        return bool(self.log_joint[task] > self.onset_log_joint(log_evidence)[task])
 
-        A duration reaches from the movement's onset to its end.
-        """
-        rows = self.table.rows
-        joint = np.where(rows["task"] == task, self.table.log_joint, -np.inf)
+    def of_task(self, task: int) -> tuple[Integers, Floats]:
+        """Where the table has n of a task that count, and their probabilities given it, (n,)."""
+        joint = np.where(self.table.rows["task"] == task, self.table.log_joint, -np.inf)
         weight = np.exp(joint - np.max(joint))
         index = np.flatnonzero(weight > NEGLIGIBLE_SHARE)
-        until_s = rows["onset_s"][index] + rows["duration_s"][index]
-        return self.table.courses(index), until_s, weight[index] / weight[index].sum()
+        return index, weight[index] / weight[index].sum()
 
     def _settle(self, total: Floats) -> None:
         """Give those that are judged from now on their share of what all are worth, (K + 1,)."""

@@ -32,12 +32,7 @@ from intent_recognition.gaussian import (
     log_sum,
     student_log_density,
 )
-from intent_recognition.promp import (
-    StartPosture,
-    TaskLibrary,
-    Trajectory,
-    largest_by_unit,
-)
+from intent_recognition.promp import StartPosture, TaskLibrary, largest_by_unit
 from intent_recognition.signals import Observation, every_second
 
 PRUNE_FROM = 512
@@ -118,7 +113,6 @@ class MovementFilter:
         self._follows = np.ones(n_tasks, dtype=bool)
         self._posterior: TaskPosterior | None = None
         self._predictions: dict[int, TaskPrediction] = {}
-        self._controlled: dict[tuple[int, int], tuple[StartPosture | None, Trajectory]] = {}
         for observation in past:
             self.observe(observation)
 
@@ -146,7 +140,6 @@ class MovementFilter:
                 self.births.observe(measurement, self.table, self.log_evidence)
             self._posterior = None
             self._predictions.clear()
-            self._controlled.clear()
         self.observations.append(observation)
         if len(self.observations) > 2**14:  # 160 s at 100 Hz, kept for a change of library
             self.observations = every_second(self.observations)
@@ -218,45 +211,28 @@ class MovementFilter:
         """Numbers of the tasks that lag."""
         return np.flatnonzero(self._seen < self.n_used)
 
-    def task(self, task: int) -> GaussianBatch:
-        """Weights of a task's hypotheses of the onset, which does not lag any more: (S, ...)."""
+    def rows_of(self, task: int) -> Integers:
+        """Where the table has a task, which does not lag any more, (S,)."""
         if self._prunes:
             self._catch_up(np.where(np.arange(len(self._seen)) == task, -np.inf, np.inf))
             self._follows[task] = True
-        return self.table.courses(task * self.grid.n_scales + np.arange(self.grid.n_scales))
+        return self._rows_of(np.array([task]))
 
     def prediction(self, task: int) -> TaskPrediction:
         """What the observations so far say about the movement, if it is of a task (or none).
 
         By the hypotheses of the onset, or by those born since if they are more probable.
         """
-        if task in self._predictions:
-            return self._predictions[task]
-        births, n_scales, seen = self.births, self.grid.n_scales, self._measurements
-        elapsed_s = max((one.elapsed_s for one in seen), default=0.0)
-        if (
-            births is not None
-            and births.log_joint[task] > births.onset_log_joint(self.log_evidence)[task]
-        ):
-            hypotheses = births.of_task(task)
-            deviations, seen = self.table.deviations(0, 0), []
-        else:
-            weights, some = self.task(task), slice(task * n_scales, (task + 1) * n_scales)
-            share = self.grid.duration_weights(self.table.rows["log_evidence"])[task]
-            hypotheses = weights, self.grid.duration_s[some], share
-            deviations = self.table.deviations(some.start, some.stop)
-        positions = [one for one in seen if not one.derivative]
-        found = TaskPrediction(self.library, task, *hypotheses, deviations, elapsed_s, positions)
-        self._predictions[task] = found
-        return found
-
-    def controlled(self, task: int, n_points: int, start: StartPosture | None = None) -> Trajectory:
-        """The controlled agent's whole interaction under a task, as `TaskPrediction.controlled`."""
-        asked = task, n_points
-        if asked not in self._controlled or self._controlled[asked][0] is not start:
-            found = self.prediction(task).controlled(n_points, start)
-            self._controlled[asked] = start, read_only(found)
-        return self._controlled[asked][1]
+        if task not in self._predictions:
+            births, table = self.births, self.table
+            if births is not None and births.outweighs(task, self.log_evidence):
+                table, (index, share) = births.table, births.of_task(task)
+            else:
+                index = self.rows_of(task)
+                share = self.grid.duration_weights(table.rows["log_evidence"])[task]
+            found = TaskPrediction(self.library, task, table, index, share, self._measurements)
+            self._predictions[task] = found
+        return self._predictions[task]
 
     def mixture_at(
         self,
@@ -281,9 +257,9 @@ class MovementFilter:
         )
         return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
 
-    def end_std(self, task: int, start: StartPosture | None = None) -> dict[str, float]:
+    def end_std(self, task: int) -> dict[str, float]:
         """Largest standard deviation of the end predicted for a task over the DOFs of each unit."""
-        std = self.controlled(task, 1, start).std[-1]
+        std = self.prediction(task).controlled(1).std[-1]
         return largest_by_unit(std, self.library.controlled_units)
 
 

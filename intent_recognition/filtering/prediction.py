@@ -5,10 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
-from intent_recognition.filtering.deviations import Deviations, deviations_at
+from intent_recognition.array_types import Floats, Integers, read_only
+from intent_recognition.filtering.deviations import deviations_at
 from intent_recognition.filtering.observation_model import Measurement
-from intent_recognition.gaussian import Gaussian, GaussianBatch, symmetrize, whiten_innovation
+from intent_recognition.filtering.table import HypothesisTable
+from intent_recognition.gaussian import Gaussian, symmetrize, whiten_innovation
 from intent_recognition.promp import (
     StartPosture,
     TaskLibrary,
@@ -34,12 +35,10 @@ class TaskPrediction:
     Args:
         library: the learned tasks.
         task: number of the task; K is none, which has no controlled agent.
-        weights: of S filtered hypotheses of the task.
-        durations_s: of the whole movement under each, (S,).
+        table: of hypotheses.
+        index: the S rows of the task, (S,).
         duration_weights: their posterior probabilities, (S,).
-        deviations: what was believed of their phase deviations.
-        elapsed_s: time of the last observation after onset.
-        seen: the measurements of positions, whose residuals couple the agents; none where the
+        seen: the measurements so far. Residuals of positions couple the agents, but where the
             hypotheses have offsets, which explain them.
     """
 
@@ -47,20 +46,19 @@ class TaskPrediction:
         self,
         library: TaskLibrary,
         task: int,
-        weights: GaussianBatch,
-        durations_s: Floats,
+        table: HypothesisTable,
+        index: Integers,
         duration_weights: Floats,
-        deviations: Deviations,
-        elapsed_s: float,
-        seen: Sequence[Measurement] = (),
+        seen: Sequence[Measurement],
     ):
-        self.library, self.task, self.weights, self.elapsed_s = library, task, weights, elapsed_s
-        coupling = library.coupling if task < library.n_tasks else None
+        self.library, self.task, self.duration_weights = library, task, duration_weights
+        self.weights, self._deviations = table.courses(index), table.deviations(index)
+        self.durations_s = table.rows["onset_s"][index] + table.rows["duration_s"][index]
+        self.elapsed_s = max((one.elapsed_s for one in seen), default=0.0)
+        coupling = library.coupling if task < library.n_tasks and not table.has_offsets else None
         coupled = coupling is not None and bool(np.any(coupling.gain[task]))
-        self._seen = seen if coupled else ()
-        self.durations_s, self.duration_weights = durations_s, duration_weights
-        self._deviations = deviations
-        self._relative = durations_s[:, None] / library.usual_s[task]
+        self._seen = [one for one in seen if coupled and not one.derivative]
+        self._relative = self.durations_s[:, None] / library.usual_s[task]
         self._likely = np.flatnonzero(duration_weights > NEGLIGIBLE_SHARE)
         self._share = duration_weights[self._likely] / duration_weights[self._likely].sum()
 
@@ -210,7 +208,7 @@ class TaskPrediction:
             positions, variance = positions + shift, variance * unexplained
             if n_points > 1:
                 velocities = velocities + np.gradient(shift, times_s, axis=0)
-        return Trajectory(times_s, positions, velocities, np.sqrt(variance))
+        return read_only(Trajectory(times_s, positions, velocities, np.sqrt(variance)))
 
     def observed(self, n_points: int) -> Trajectory:
         """The rest of the observed agent's movement; its end alone when that is due, or for one.

@@ -61,6 +61,7 @@ class HypothesisTable:
 
     Attributes:
         n: rows in use.
+        has_offsets: whether `settling` is above 0.
         deviation: probability of each phase deviation, (room, E).
     """
 
@@ -68,9 +69,10 @@ class HypothesisTable:
         model = library.phase_deviation
         steady = replace(STEADY, duration_exponent=model.duration_exponent)
         self._model, self._settling = steady if settling else model, settling
+        self.has_offsets = settling > 0
         self._usual_s = library.usual_s
         self._basis, n_dofs, n_basis = library.basis, library.n_observed, library.basis.n_basis
-        self._shape = n_dofs, n_basis + OFFSET_BASIS * bool(settling)
+        self._shape = n_dofs, n_basis + OFFSET_BASIS * self.has_offsets
         # The system hands out memory when it is touched: now, not later. It
         # begins with a cache line: updates of blocks across two take a tenth longer.
         shape = room, state_width(n_dofs * self._shape[1])
@@ -120,7 +122,7 @@ class HypothesisTable:
         batch = GaussianBatch(self._state[: self.n], *self._shape)
         density, likelihood = batch.condition(self.linear(measurement, rows), deviation, index)
         rows["seen"] += 1
-        if self._settling:
+        if self.has_offsets:
             density = np.where(rows["seen"] > self._settling, density, 0.0)
         rows["log_evidence"] += density
         if index is not None:
@@ -141,7 +143,7 @@ class HypothesisTable:
             course = basis.derivative_matrix(phase) * rate[:, None, None]
         else:
             course = basis.design_matrix(phase)
-        if self._settling:
+        if self.has_offsets:
             since_s, rate = measurement.elapsed_s - rows["birth_s"], rows["rate"]
             offset = fading(since_s, rate, derivative=measurement.derivative)
             anew = rows["kind"] == AFRESH
@@ -176,15 +178,16 @@ class HypothesisTable:
         """
         return GaussianBatch(self._state, *self._shape).resized(index, self._basis.n_basis)
 
-    def deviations(self, first: int, stop: int) -> Deviations:
-        """What was believed of rows that were always conditioned together."""
+    def deviations(self, index: Integers) -> Deviations:
+        """What was believed of neighbouring rows that were always conditioned together."""
+        ends = index[0], index[-1] + 1
         found = [
             (elapsed_s, filtered[some], likelihood[some])
-            for elapsed_s, index, filtered, likelihood in self._history
-            if (some := slice(*np.searchsorted(index, (first, stop)))).stop > some.start
+            for elapsed_s, conditioned, filtered, likelihood in self._history
+            if (some := slice(*np.searchsorted(conditioned, ends))).stop > some.start
         ]
         if not found:
-            empty = np.zeros((0, stop - first, 1))
+            empty = np.zeros((0, len(index), 1))
             return Deviations(np.zeros(0), empty, empty)
         times_s, filtered, likelihood = zip(*found, strict=True)
         return Deviations(np.maximum.accumulate(times_s), np.array(filtered), np.array(likelihood))

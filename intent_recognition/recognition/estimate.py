@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats, brief, read_only
-from intent_recognition.filtering import MovementFilter, TaskPosterior
+from intent_recognition.filtering import MovementFilter, TaskPosterior, TaskPrediction
 from intent_recognition.plots import (
     Axes,
     Figure,
@@ -18,7 +18,7 @@ from intent_recognition.plots import (
     name_lines,
     new_panels,
 )
-from intent_recognition.promp import NONE, TaskLibrary, Trajectory
+from intent_recognition.promp import NONE, StartPosture, TaskLibrary, Trajectory
 from intent_recognition.recognition.start_posture import OnsetPosture
 
 
@@ -136,7 +136,8 @@ class Predictor:
 
     def __init__(self, posture: OnsetPosture):
         self._posture = posture
-        self._last: tuple[Trajectory, Prediction] | None = None
+        # by number of points: the last one, and what it was made from
+        self._last: dict[int, tuple[TaskPrediction, StartPosture | None, Prediction]] = {}
 
     def controlled(
         self, taught: TaskLibrary, run: MovementFilter, task: int, n_points: int
@@ -146,16 +147,15 @@ class Predictor:
         `taught` is the library in the known context; the movement is filtered with the library in
         use.
         """
-        library = run.library
+        library, of_task, last = run.library, run.prediction(task), self._last.get(n_points)
         start, used, turns = self._posture.at_onset(taught, task, run.onset_ns)
-        along = run.controlled(task, n_points, start)
-        if self._last is None or self._last[0] is not along or self._last[1].start != used:
+        if last is None or (last[0], last[2].start) != (of_task, used) or last[1] is not start:
+            along = of_task.controlled(n_points, start)
             turned = along._replace(positions=along.positions + turns)
             names, units = library.controlled_names, library.controlled_units
-            label = library.labels[task]
-            found = Prediction(label, run.onset_ns, turned, used, names, units)
-            self._last = along, read_only(found)
-        return self._last[1]
+            found = Prediction(library.labels[task], run.onset_ns, turned, used, names, units)
+            self._last[n_points] = last = of_task, start, read_only(found)
+        return last[2]
 
     def controlled_at(
         self, taught: TaskLibrary, run: MovementFilter, known: Floats, times_s: Floats

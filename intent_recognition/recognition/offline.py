@@ -87,11 +87,11 @@ def predict_controlled(
     run = _filtered(library, _hypotheses(library, duration_s), times_s, human, onset_s)
     if task is None:
         known = run.posterior(run.observations[-1].stamp_ns).probabilities[:-1]
-        return run.controlled(int(np.argmax(known)), n_points)
+        return run.prediction(int(np.argmax(known))).controlled(n_points)
     if task not in library.labels:
         cure = "Learn it first, or pass None for the most probable task."
         raise ArgumentError.about("task", f"one of {library.labels}", task, cure)
-    return run.controlled(library.labels.index(task), n_points)
+    return run.prediction(library.labels.index(task)).controlled(n_points)
 
 
 def _hypotheses(library: TaskLibrary, duration_s: float | None) -> PriorGrid:

@@ -96,7 +96,7 @@ def test_a_pruned_task_comes_back_as_if_it_had_never_been_pruned(seed, filtered)
     observe((pruned, whole), observations[:70])
     expected = bank_of(whole)
     for task in pruned.pruned_tasks[:1]:  # one alone, then all others
-        one = pruned.task(int(task))
+        one = pruned.table.courses(pruned.rows_of(int(task)))
         block = slice(task * N_SCALES, (task + 1) * N_SCALES)
         np.testing.assert_allclose(one.mean, expected.mean[block], **ROUNDING)
         assert task not in pruned.pruned_tasks

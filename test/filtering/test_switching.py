@@ -11,7 +11,13 @@ from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 from simulation import START_NS, draw_weights, make_library
 
-from intent_recognition.filtering import MovementFilter, births, make_prior_grid, rates
+from intent_recognition.filtering import (
+    MovementFilter,
+    TaskPrediction,
+    births,
+    make_prior_grid,
+    rates,
+)
 from intent_recognition.filtering.rates import AFRESH
 from intent_recognition.filtering.table import ending, fading
 from intent_recognition.signals.observation import Observation
@@ -145,14 +151,15 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch, 
     times_s = np.arange(0.0, 1.2, 0.1)
     values = changed(library, rng, (0, 1), 0.4, times_s)
     run = filtered(library, times_s, values)
-    _, durations_s, weight = run.births.of_task(1)
-    assert np.isclose(weight.sum(), 1.0)
+    born = TaskPrediction(library, 1, run.births.table, *run.births.of_task(1), [])
+    durations_s = born.durations_s
+    assert np.isclose(born.duration_weights.sum(), 1.0)
     # Nothing passes on at the first observation; those of the fifth come fourth, and stay there.
     born, at = 4, 3
     density = [evidence_of(run, 1)[at]]
     observe(run, 1.2, values[-1])
     density.append(evidence_of(run, 1)[at])
-    later = run.births.of_task(1)[0]
+    later = run.births.table.courses(run.births.of_task(1)[0])
 
     p, n, noise = 3, library.basis.n_basis, library.noise_variance[0]
     size = p * (n + 3)
@@ -233,7 +240,8 @@ def test_who_is_delayed_goes_on_with_all_that_was_seen(library, rng, monkeypatch
     run = filtered(library, times_s[:9], values[:9])
     before = evidence_of(run, task)
     observe(run, times_s[9], values[9])
-    bank, durations_s, _ = run.births.of_task(task)
+    found = TaskPrediction(library, task, run.births.table, *run.births.of_task(task), [])
+    bank, durations_s = found.weights, found.durations_s
     usual_s = run.births.usual_s
     (late,) = np.flatnonzero(np.isclose(durations_s, duration_s + 0.12 * usual_s))
 
@@ -266,8 +274,8 @@ def test_a_change_is_followed_with_births_and_not_without(library, rng, monkeypa
         posterior(filtered(library, times_s, values, switching=False), 1.95).probabilities[1] < 0.5
     )
     truth = library.primitive(1)
-    end = followed.controlled(1, 1).positions[-1]
-    other = followed.controlled(0, 1).positions[-1]
+    end = followed.prediction(1).controlled(1).positions[-1]
+    other = followed.prediction(0).controlled(1).positions[-1]
     goal = library.basis.design_matrix(np.ones(1)) @ truth.weights.mean.reshape(5, -1)[3:].T
     assert np.linalg.norm(end - goal) < 0.5 * np.linalg.norm(other - goal)
     assert 1.4 < believed.duration_s[1] < 2.8 and 0.7 < believed.phase[1] <= 1.0

@@ -219,9 +219,9 @@ def test_asking_late_equals_asking_all_the_time(rng):
     for observation in seen(library, rng, 20):
         late.observe(observation)
         always.observe(observation)
-        assert np.all(np.isfinite(always.controlled(0, 9).positions))
+        assert np.all(np.isfinite(always.prediction(0).controlled(9).positions))
     start = StartPosture(np.zeros(2), np.full(2, 1e-4))
-    ours, theirs = (run.controlled(0, 9, start) for run in (late, always))
+    ours, theirs = (run.prediction(0).controlled(9, start) for run in (late, always))
     for one, other in zip(ours, theirs, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
     assert late.prediction(0) is late.prediction(0)
@@ -233,7 +233,8 @@ def test_asking_late_equals_asking_all_the_time(rng):
     np.testing.assert_allclose(mean, own_mean, rtol=1e-9)
     np.testing.assert_allclose(std**2, own_square - own_mean**2, rtol=1e-6, atol=1e-9)
     np.testing.assert_array_equal(late.prediction(0).controlled(9, start).positions, ours.positions)
-    assert late.end_std(0, start) == {"rad": pytest.approx(ours.std[-1].max())}
+    end_std = late.prediction(0).controlled(1).std[-1].max()
+    assert late.end_std(0) == {"rad": pytest.approx(end_std)}
 
 
 @pytest.mark.parametrize("follows", [True, False])

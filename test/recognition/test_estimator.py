@@ -207,7 +207,7 @@ def test_answers_that_are_given_again_cannot_be_changed(library, truth, rng):
         *estimate.posterior[:-1],
         *estimate.posterior.timing,
         *estimator.predict_controlled().trajectory,
-        *estimator._run.controlled(1, 50),
+        *estimator._run.prediction(1).controlled(50),
         *(library.observed_mean, library.observed_covariance, library.usual_s),
         *(library.observed_dofs(0), library.basis.centers, library.phase_deviation.grid),
     ]

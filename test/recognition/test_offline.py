@@ -34,7 +34,8 @@ def test_it_is_the_posterior_of_the_bank(library, recording):
     assert found.task == library.labels[1]
     assert sum(found.task_probabilities.values()) == pytest.approx(1.0)
     predicted = predict_controlled(library, times_s[:half], human[:half])
-    np.testing.assert_allclose(predicted.positions, run.controlled(1, 50).positions, atol=1e-9)
+    expected = run.prediction(1).controlled(50).positions
+    np.testing.assert_allclose(predicted.positions, expected, atol=1e-9)
 
 
 def test_a_known_duration_is_one_hypothesis_per_task(library, recording):
