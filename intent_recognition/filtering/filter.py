@@ -148,7 +148,7 @@ class MovementFilter:
         """What the observations so far say of task and progress at a stamp."""
         elapsed_s = (stamp_ns - self.onset_ns) * 1e-9
         if self._posterior is None:
-            born = () if self.births is None else (self.births.table, self.births.log_stay)
+            born = () if self.births is None else (self.births.table.rows, self.births.log_stay)
             posterior = task_posterior(self.log_evidence, self.grid, elapsed_s, *born)
             self._posterior = read_only(posterior)
         return self._posterior.at(elapsed_s)

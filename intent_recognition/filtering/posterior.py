@@ -19,11 +19,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.array_types import Floats, Integers, brief
 from intent_recognition.filtering.grid import PriorGrid
-from intent_recognition.filtering.table import HypothesisTable
+from intent_recognition.filtering.table import COLUMNS
 from intent_recognition.gaussian import log_sum
+
+NONE_BORN = np.zeros(0, dtype=COLUMNS)
+"""Rows of no hypothesis."""
 
 
 class CourseTimes(NamedTuple):
@@ -73,7 +77,7 @@ def task_posterior(
     log_evidence: Floats,
     grid: PriorGrid,
     elapsed_s: float,
-    born: HypothesisTable | None = None,
+    born: NDArray[np.void] = NONE_BORN,
     log_stay: float = 0.0,
 ) -> TaskPosterior:
     """Posterior of the tasks, marginal over the durations (Maeda et al. 2014, Eq. 9-11).
@@ -82,31 +86,27 @@ def task_posterior(
         log_evidence: log density of the observations under each hypothesis of the onset, (B,).
         grid: of tasks and durations.
         elapsed_s: time since onset.
-        born: hypotheses that were born on the way; None without any.
+        born: rows of hypotheses that were born on the way, (n,).
         log_stay: log of what those of the onset have kept of their tasks.
     """
     log_prior, onset = grid.log_task_prior, grid.log_task_joint(log_evidence)
     onset[:-1] += log_stay
     possible, none = np.isfinite(onset), len(onset) - 1
     scale_weights = grid.duration_weights(log_evidence)
-    task, begin_s = np.repeat(np.arange(none + 1), grid.n_scales), np.zeros(len(grid.duration_s))
-    timing = CourseTimes(task, scale_weights.ravel(), begin_s, grid.duration_s)
-    total = onset.copy()
-    if born is not None:
-        some = np.isfinite(born.log_joint)
-        rows, joint = born.rows[some], born.log_joint[some]
-        np.logaddexp.at(total, rows["task"], joint)
-    log_known, power = float(log_sum(total[:-1])), grid.task_evidence
-    log_task = onset.copy()
+    born = born[np.isfinite(born["log_prior"])]
+    joint, of_born, total = born["log_prior"] + born["log_evidence"], born["task"], onset.copy()
+    np.logaddexp.at(total, of_born, joint)
+    kept = np.where(possible, np.exp(onset - np.where(possible, total, 0.0)), 1.0)
+    timing = CourseTimes(
+        np.append(np.repeat(np.arange(none + 1), grid.n_scales), of_born),
+        np.append(scale_weights * kept[:, None], np.exp(joint - total[of_born])),
+        np.append(np.zeros(len(grid.duration_s)), born["onset_s"]),
+        np.append(grid.duration_s, born["duration_s"]),
+    )
+    log_known, power, log_task = float(log_sum(total[:-1])), grid.task_evidence, onset.copy()
     log_task[:-1] = counted_joint(onset[:-1], log_prior[:-1] + log_stay, log_known, power)
-    if born is not None:
-        counted = counted_joint(joint, rows["log_birth"], log_known, power)
-        np.logaddexp.at(log_task, rows["task"], np.where(rows["task"] < none, counted, joint))
-        kept = np.where(possible, np.exp(onset - np.where(possible, total, 0.0)), 1.0)
-        of_born = rows["task"], np.exp(joint - total[rows["task"]]), rows["onset_s"]
-        timing = timing._replace(weight=timing.weight * kept[task])
-        both = zip(timing, (*of_born, rows["duration_s"]), strict=True)
-        timing = CourseTimes(*map(np.concatenate, both))
+    counted = counted_joint(joint, born["log_birth"], log_known, power)
+    np.logaddexp.at(log_task, of_born, np.where(of_born < none, counted, joint))
     with np.errstate(invalid="ignore"):
         log_task[:-1] += np.nan_to_num(log_known - log_sum(log_task[:-1]))
         counted = np.where(possible, log_task - log_prior, -np.inf)

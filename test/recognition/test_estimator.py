@@ -56,7 +56,7 @@ def test_between_used_observations_the_phase_goes_on(library, truth, rng):
         unused, n_used = unused + (run.n_used == n_used), run.n_used
         elapsed_s = (observation.stamp_ns - estimate.onset_ns) * 1e-9
         expected = task_posterior(
-            run.log_evidence, run.grid, elapsed_s, run.births.table, run.births.log_stay
+            run.log_evidence, run.grid, elapsed_s, run.births.table.rows, run.births.log_stay
         )
         np.testing.assert_allclose(estimate.phase[:-1], expected.phase[:-1], atol=1e-12)
         np.testing.assert_allclose(estimate.probabilities, expected.probabilities, atol=1e-12)
