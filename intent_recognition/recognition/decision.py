@@ -34,6 +34,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError, check_type, check_whole, number
+from intent_recognition.gaussian import log_sum
 from intent_recognition.promp import NONE, USUAL_END_STD, Risk, TaskLibrary, end_std_limits, risk_of
 from intent_recognition.recognition.arguments import LIBRARY_CURE
 
@@ -214,8 +215,7 @@ def decide(
         return DecisionState(event=event, idle=True), ""
     best = int(np.argmax(p))
     sure = labels[best] != NONE and settings.is_sure(labels, p, best)
-    sure = sure and evidence_share(labels, best, log_evidence) >= settings.min_evidence
-    sure = sure and not favours_none(labels, log_evidence)
+    sure = sure and is_evident(settings, labels, best, log_evidence)
     candidate = labels[best] if sure else ""
     n_for = (state.n_for + 1 if candidate == state.candidate else 1) if candidate else 0
     certain = is_certain(settings, end_std, labels[best])
@@ -238,37 +238,31 @@ def least_certain_unit(settings: DecisionSettings, end_std: Mapping[str, float],
     )
 
 
-def evidence_share(labels: Sequence[str], task: int, log_evidence: Floats | None) -> float:
-    """Share of a task in the likelihood of all tasks, `none` aside; 1 where it is not known.
+def is_evident(
+    settings: DecisionSettings, labels: Sequence[str], task: int, log_evidence: Floats | None
+) -> bool:
+    """Whether the movement itself speaks for a task; yes where its evidence is not known.
+
+    The task has at least `min_evidence` among the tasks, and none explains the movement no better
+    than the tasks do on average. The estimator's evidence of none counts beyond a margin only, so
+    that the early part of a reach, which looks like many tasks, favours neither side.
 
     Args:
+        settings: when to act.
         labels: of the K tasks and none.
         task: place of its label.
         log_evidence: log density of the movement under each, (K + 1,).
     """
     if log_evidence is None or np.shape(log_evidence) != (len(labels),):
-        return 1.0
-    known = np.array([label != NONE for label in labels])
-    e = np.where(known, np.asarray(log_evidence, dtype=np.float64), -np.inf)
-    if not np.isfinite(np.max(e)):  # nor where one is NaN
-        return 0.0
-    share = np.exp(e - np.max(e))
-    return float(share[task] / share.sum())
-
-
-def favours_none(labels: Sequence[str], log_evidence: Floats | None) -> bool:
-    """Whether none explains a movement better than the tasks do on average; no where unknown.
-
-    The estimator's evidence of none counts beyond a margin only, so that the early part of a
-    reach, which looks like many tasks, favours neither side.
-    """
-    if log_evidence is None or np.shape(log_evidence) != (len(labels),):
+        return True
+    e, none = np.asarray(log_evidence, dtype=np.float64), list(labels).index(NONE)
+    known = np.delete(e, none)  # not empty: the task is one of them
+    total = float(log_sum(known))
+    if not np.isfinite(total):
         return False
-    e = np.asarray(log_evidence, dtype=np.float64)
-    none = list(labels).index(NONE)
-    known = np.delete(e, none)  # not empty: `decide` asks about one of them
     even = 1e-6  # rounding, and what the margin leaves of it
-    return bool(np.logaddexp.reduce(known) - np.log(known.size) < e[none] - even)
+    favours_none = total - np.log(known.size) < e[none] - even
+    return bool(np.exp(e[task] - total) >= settings.min_evidence and not favours_none)
 
 
 def uncertain_end(

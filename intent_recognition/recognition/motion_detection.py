@@ -188,9 +188,9 @@ class MotionDetector:
 
         The speed is the slope of three samples at least within the window of its settings.
         """
-        for group, (settings, past) in enumerate(zip(self.settings, self.pasts, strict=True)):
-            least_hz = max(2.0 / settings.window_s, LEAST_RATE_HZ)
-            for samples in past.active_samples(settings.rest_s, settings.window_s):
+        for group, signal in enumerate(self._active()):
+            for settings, samples, _ in signal:
+                least_hz = max(2.0 / settings.window_s, LEAST_RATE_HZ)
                 steps_s = np.diff(samples.stamps_ns) * 1e-9
                 if len(steps_s) and np.median(steps_s) * least_hz > 1.0 + 1e-6:
                     return SparseSignal(group, float(1.0 / np.median(steps_s)), least_hz)
@@ -204,13 +204,13 @@ class MotionDetector:
         if self.waits_for_rest:
             self.waits_for_rest = not self._at_rest()
             return None
-        onsets = []
-        for settings, past in zip(self.settings, self.pasts, strict=True):
-            for samples in past.active_samples(settings.rest_s, settings.window_s):
-                onset = detect_onset(settings, *samples.arrays())
-                if onset is not None:
-                    onsets.append(samples.first_ns + round(onset * 1e9))
-        return min(onsets, default=None)
+        onsets_ns = [
+            samples.first_ns + round(onset * 1e9)
+            for signal in self._active()
+            for settings, samples, _ in signal
+            if (onset := detect_onset(settings, *samples.arrays())) is not None
+        ]
+        return min(onsets_ns, default=None)
 
     def stopped_ns(self) -> int | None:
         """Stamp at which a signal stopped for a moment, when it surely moves again; else None.

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """When a task activates, stays, switches and is let go."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.promp import LeftOutOdds, risk_of
 from intent_recognition.recognition import DecisionSettings, DecisionState, decide
-from intent_recognition.recognition.decision import evidence_share, possible_tasks, uncertain_end
+from intent_recognition.recognition.decision import is_evident, possible_tasks, uncertain_end
 
 LABELS = ("plate", "screw", "none")
 SURE = {"plate": (0.95, 0.04, 0.01), "screw": (0.02, 0.97, 0.01), "none": (0.03, 0.02, 0.95)}
@@ -185,7 +187,7 @@ def test_a_habit_alone_activates_nothing():
             state, active = decide(SETTINGS, state, LABELS, expected, {"rad": 0.1}, e)
         assert (active == "plate") == activates, evidence
     for unknown in ([np.nan, 0.0, 0.0], [-np.inf, -np.inf, 0.0]):
-        assert evidence_share(LABELS, 0, np.array(unknown)) == 0.0
+        assert not is_evident(SETTINGS, LABELS, 0, np.array(unknown))
 
 
 def test_evidence_is_no_further_condition_where_all_tasks_are_expected_alike(rng):
@@ -195,7 +197,8 @@ def test_evidence_is_no_further_condition_where_all_tasks_are_expected_alike(rng
         p /= p.sum()
         best = int(np.argmax(p))
         if LABELS[best] != "none" and p[best] >= SETTINGS.threshold:
-            assert evidence_share(LABELS, best, log_evidence) >= SETTINGS.threshold - 1e-12
+            asked = replace(SETTINGS, min_evidence=SETTINGS.threshold - 1e-12)
+            assert is_evident(asked, LABELS, best, np.append(log_evidence[:-1], -99.0))
 
 
 RISK = risk_of(LeftOutOdds(tuple(np.linspace(-1.0, 2.0, 40)), ("",) * 40), 0.05)
