@@ -236,38 +236,37 @@ class Births:
         if n_tasks > MAX_TASKS:
             joint = np.logaddexp(self.log_joint, left)[:-1]
             tasks = np.sort(np.argpartition(joint, -MAX_TASKS)[-MAX_TASKS:])
-        of_all, (fading, ending) = np.append(tasks, n_tasks), self._newborn(tasks)
-        which, rate, duration = _combined(len(of_all), len(FADINGS), len(self._offsets))
-        task = of_all[which]
-        is_none = task == n_tasks
-        pace = log_pace(self._grid, log_evidence, self._offsets) - np.log(len(FADINGS))
-        self.table.add(
-            fading,
-            len(self._offsets),
-            kind=TURN,
-            task=task,
-            onset_s=np.where(is_none, birth_s, 0.0),
-            duration_s=self._durations_s(task, self._offsets[duration]),
-            birth_s=birth_s,
-            rate=self._rates[rate],
-            log_share=pace[is_none.astype(np.int64), duration],
-        )
-        if not may_begin_anew(birth_s / self.usual_s):
-            return
-        which, duration = _combined(len(tasks), len(REACH_OFFSETS))
+        fading, ending = self._newborn(tasks)
+        self._add(TURN, np.append(tasks, n_tasks), fading, birth_s, log_evidence)
+        if may_begin_anew(birth_s / self.usual_s):
+            self._add(AFRESH, tasks, ending, birth_s, log_evidence)
+
+    def _add(
+        self, kind: int, tasks: Integers, state: Floats, birth_s: float, log_evidence: Floats
+    ) -> None:
+        """Add a kind of newborn hypotheses of some tasks (k,), with offsets of R rates, (k R, ...).
+
+        Courses afresh begin at their birth, as that of none does.
+        """
+        afresh = kind == AFRESH
+        offsets = REACH_OFFSETS if afresh else self._offsets
+        n_rates = len(state) // len(tasks)
+        which, rate, at = _combined(len(tasks), n_rates, len(offsets))
         task = tasks[which]
-        duration_s = REACH_PART * self._durations_s(task, REACH_OFFSETS[duration])
-        pace = log_pace(self._grid, log_evidence, REACH_OFFSETS)[0]
+        is_none = task == self._library.n_tasks
+        duration_s = np.exp(self._log_mean[task] + self._log_std[task] * offsets[at])
+        duration_s *= REACH_PART if afresh else 1.0
+        pace = log_pace(self._grid, log_evidence, offsets) - np.log(n_rates)
         self.table.add(
-            ending,
-            len(REACH_OFFSETS),
-            kind=AFRESH,
+            state,
+            len(offsets),
+            kind=kind,
             task=task,
-            onset_s=birth_s,
+            onset_s=np.where(is_none | afresh, birth_s, 0.0),
             duration_s=duration_s,
             birth_s=birth_s,
-            rate=1.0 / (self._moving[task] * duration_s),
-            log_share=pace[duration],
+            rate=1.0 / (self._moving[task] * duration_s) if afresh else self._rates[rate],
+            log_share=pace[is_none.astype(np.int64), at],
         )
 
     def _newborn(self, tasks: Integers) -> tuple[Floats, Floats]:
@@ -293,12 +292,12 @@ class Births:
         """Add copies of the most probable hypothesis of a known task, set back in time."""
         n_tasks, table = self._library.n_tasks, self.table
         joint = self._grid.log_prior + log_evidence + self.log_stay
-        joint[onset.rows["task"] == n_tasks] = -np.inf
-        of_born = np.where(table.rows["task"] < n_tasks, table.log_joint, -np.inf)
-        if of_born.max() > joint.max():
-            parents, best = table, int(np.argmax(of_born))
-        else:
-            parents, best = onset, int(np.argmax(joint))
+        joint, of_born = (
+            np.where(those.rows["task"] < n_tasks, one, -np.inf)
+            for those, one in ((onset, joint), (table, table.log_joint))
+        )
+        parents, known = (table, of_born) if of_born.max() > joint.max() else (onset, joint)
+        best = int(np.argmax(known))
         row, course = parents.rows[best].copy(), parents.courses(np.array([best]))
         rate, delay = _combined(len(FADINGS), len(DELAYS))
         table.add(
@@ -312,9 +311,6 @@ class Births:
             rate=self._rates[rate],
             log_share=-np.log(len(delay)),
         )
-
-    def _durations_s(self, task: Integers, offset: Floats) -> Floats:
-        return np.asarray(np.exp(self._log_mean[task] + self._log_std[task] * offset))
 
     def _remember_start(self, measurement: Measurement) -> None:
         """Keep where the movement began: the course of another task would have begun there, too."""

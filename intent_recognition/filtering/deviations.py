@@ -25,7 +25,7 @@ def deviations_at(
 
     Hypotheses have durations of the whole movement, (S,).
     """
-    seen_s, filtered, likelihood = deviations
+    seen_s, filtered, _ = deviations
     prior = deviation_prior(model)
     if not len(seen_s) or len(prior) == 1:
         return np.tile(prior, (len(durations_s), len(times_s), 1))
@@ -33,7 +33,7 @@ def deviations_at(
         smoothed = filtered[-1][:, None]
         seen_s = seen_s[-1:]
     else:
-        smoothed = _smoothed(model, durations_s, seen_s, filtered, likelihood)
+        smoothed = _smoothed(model, durations_s, deviations)
     after = np.clip(np.searchsorted(seen_s, times_s), 0, len(seen_s) - 1)
     before = np.maximum(after - 1, 0)
     gap = np.maximum(seen_s[after] - seen_s[before], 1e-9)
@@ -45,14 +45,9 @@ def deviations_at(
     return found
 
 
-def _smoothed(
-    model: PhaseDeviation,
-    durations_s: Floats,
-    times_s: Floats,
-    filtered: Floats,
-    likelihood: Floats,
-) -> Floats:
+def _smoothed(model: PhaseDeviation, durations_s: Floats, deviations: Deviations) -> Floats:
     """Deviations at the measurements given all of them, (S, n, E): the backward recursion."""
+    times_s, filtered, likelihood = deviations
     later, smoothed = np.ones_like(filtered[0]), []
     moved = deviation_transition(model, np.diff(times_s)[:, None] / durations_s)
     for k in range(len(times_s) - 1, -1, -1):
