@@ -44,10 +44,11 @@ def as_observation(
     )
 
 
-def check_observation(observation: object) -> None:
-    """Refuse what is no observation, such as an array of numbers."""
+def check_observation(observation: Observation) -> str | None:
+    """Refuse what is no observation, such as an array of numbers; "zero_stamp" without a stamp."""
     cure = "Pass an array of numbers to `observe`, or to `observe_controlled`."
     check_type("observation", observation, Observation, cure)
+    return "zero_stamp" if observation.stamp_ns <= 0 else None
 
 
 def measured_part(observation: Observation, n_dofs: int) -> Observation | None:

@@ -140,8 +140,7 @@ class IntentEstimator:
         late, the clock was set back (a recording is played again): the estimator resets and
         follows the new clock.
         """
-        check_observation(observation)
-        return "zero_stamp" if observation.stamp_ns <= 0 else self._defect(observation)
+        return check_observation(observation) or self._defect(observation)
 
     def _defect(self, observation: Observation) -> str | None:
         """`reason_to_reject` of an observation whose clock may begin anywhere."""
@@ -237,8 +236,7 @@ class IntentEstimator:
 
         Groups count the controlled signals, in the order of the DOF file.
         """
-        check_observation(observation)
-        return "zero_stamp" if observation.stamp_ns <= 0 else self._posture.take(observation)
+        return check_observation(observation) or self._posture.take(observation)
 
     def observe_context(self, values: ArrayLike) -> None:
         """Take what is known of the scene, from now on and for the movement under way.
@@ -266,8 +264,7 @@ class IntentEstimator:
         movement under way is filtered anew, at most every `CONTEXT_PERIOD_S` and `CONTEXT_SHARE` of
         its time so far. Groups count the context signals, in the order of the DOF file.
         """
-        check_observation(observation)
-        reason = "zero_stamp" if observation.stamp_ns <= 0 else self._context.take(observation)
+        reason = check_observation(observation) or self._context.take(observation)
         self.first_samples.misfit = self._context.misfit
         return reason
 

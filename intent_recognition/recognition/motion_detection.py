@@ -63,10 +63,6 @@ class Stops:
 
     def __init__(self, settings: OnsetSettings):
         self._settings = settings
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget everything."""
         self._moved_ns = self._again_ns = 0
         self._velocity: Floats | None = None
         self._dofs: tuple[int, ...] = ()
@@ -156,7 +152,7 @@ class MotionDetector:
     def use(self, settings: Sequence[OnsetSettings]) -> None:
         """Go on with the settings of another library."""
         self.settings = settings
-        self._stops = [Stops(own) for own in settings]
+        self.forget_stops()
         for past, own in zip(self.pasts, settings, strict=True):
             past.keep(past_s(own))
         self._now.clear()
@@ -173,8 +169,7 @@ class MotionDetector:
 
     def forget_stops(self) -> None:
         """Forget when the signals moved: a movement begins."""
-        for stops in self._stops:
-            stops.clear()
+        self._stops = [Stops(own) for own in self.settings]
 
     def add(self, observation: Observation) -> None:
         """Take an observation that is not late."""

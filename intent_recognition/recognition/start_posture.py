@@ -87,22 +87,13 @@ class PostureHistory:
         """Whether every signal has gone beyond a stamp, so that `at` cannot change any more."""
         return all(samples and samples[-1][0] >= stamp_ns for samples in self._samples)
 
-    def clear(self) -> None:
-        """Forget all samples."""
-        self._samples.clear()
-
 
 class OnsetPosture:
     """The posture at onset of the movement under way, as a task's prediction may use it."""
 
-    _onset_ns: int
-    _final: bool
-    _position: Floats | None
-    _known: dict[int, tuple[StartPosture | None, str, Floats]]
-
     def __init__(self, *, used: bool) -> None:
-        self._used, self._history = used, PostureHistory()
-        self._forget_onset(0)
+        self._used = used
+        self.clear()
 
     def take(self, observation: Observation) -> str | None:
         """Take a sample; returns why it was not taken, as a diagnostics key, or None."""
@@ -123,11 +114,12 @@ class OnsetPosture:
 
     def _forget_onset(self, onset_ns: int) -> None:
         self._onset_ns, self._final = onset_ns, False
-        self._position, self._known = None, {}
+        self._position: Floats | None = None
+        self._known: dict[int, tuple[StartPosture | None, str, Floats]] = {}
 
     def clear(self) -> None:
         """Forget everything."""
-        self._history.clear()
+        self._history = PostureHistory()
         self._forget_onset(0)
 
     def library_changed(self) -> None:

@@ -232,7 +232,10 @@ def test_reset_forgets_everything(library, truth, rng):
     fresh = feed(IntentEstimator(library), observations)
     estimator = IntentEstimator(library)
     feed(estimator, observations[: len(observations) // 2])
+    posture = Observation(observations[-1].stamp_ns, 0, np.zeros(library.n_controlled))
+    assert estimator.update_controlled(posture) is None
     estimator.reset()
+    assert estimator.update_controlled(posture._replace(stamp_ns=START_NS)) is None
     assert estimator.predict_controlled() is None
     assert estimator.predict_observed() is None and estimator.predicted_end_std() is None
     for a, b in zip(feed(estimator, observations), fresh, strict=True):  # old stamps again

@@ -49,8 +49,6 @@ def test_signals_are_joined_in_order_and_bad_samples_refused_with_the_reason():
     assert taken.take(95 * MS, 0, np.array([1.0])) is None
     np.testing.assert_array_equal(taken.at(100 * MS), [1.0, 2.0, 3.0])
     assert not taken.passed(100 * MS)
-    taken.clear()
-    assert taken.at(100 * MS) is None
     taken = history((100, 0, [1.0]))
     assert taken.take(110 * MS, 0, np.array([np.nan])) == "not_finite"
     assert taken.take(100 * MS, 0, np.array([5.0])) == "stamp_not_increasing"
