@@ -95,6 +95,11 @@ class OnsetPosture:
         self._used = used
         self.clear()
 
+    def _forget_onset(self, onset_ns: int) -> None:
+        self._onset_ns, self._final = onset_ns, False
+        self._position: Floats | None = None
+        self._known: dict[int, tuple[StartPosture | None, str, Floats]] = {}
+
     def take(self, observation: Observation) -> str | None:
         """Take a sample; returns why it was not taken, as a diagnostics key, or None."""
         if not self._used:
@@ -111,11 +116,6 @@ class OnsetPosture:
             self._position = self._history.at(onset_ns)
             self._final = self._history.passed(onset_ns)
             self.library_changed()
-
-    def _forget_onset(self, onset_ns: int) -> None:
-        self._onset_ns, self._final = onset_ns, False
-        self._position: Floats | None = None
-        self._known: dict[int, tuple[StartPosture | None, str, Floats]] = {}
 
     def clear(self) -> None:
         """Forget everything."""
