@@ -76,14 +76,17 @@ class TaskPrediction:
         model, durations = self.library.phase_deviation, self.durations_s
         return deviations_at(model, durations, self._deviations, times_s)
 
-    def phases_at(self, times_s: Floats) -> Floats:
-        """Probability of each tabulated reference phase of the controlled agent, (S, T, G)."""
-        model, durations = self.library.phase_deviation, self.durations_s
-        if model.controlled_follows:
-            phase = reference_phase(model, times_s / durations[:, None], self._relative)
-            return _tabulated(phase, self.deviations_at(times_s))
-        phase = steady_phase(model, times_s / durations[:, None], self._relative)[..., None]
-        return _tabulated(phase, np.ones_like(phase))
+    def phases_at(self, times_s: Floats, *, controlled: bool = True) -> Floats:
+        """Probability of each tabulated reference phase of an agent, (S, T, G)."""
+        return _tabulated(*self._phases(times_s, controlled))
+
+    def _phases(self, times_s: Floats, controlled: bool) -> tuple[Floats, Floats]:
+        """Reference phases of an agent at times (T,), and their probabilities, (S, T, E) each."""
+        model, into = self.library.phase_deviation, times_s / self.durations_s[:, None]
+        if controlled and not model.controlled_follows:
+            phase = steady_phase(model, into, self._relative)[..., None]
+            return phase, np.ones_like(phase)
+        return reference_phase(model, into, self._relative), self.deviations_at(times_s)
 
     def mixture_at(
         self, times_s: Floats, start: StartPosture | None = None
@@ -177,12 +180,10 @@ class TaskPrediction:
         if coupling is None or not self._seen:
             return np.zeros((len(self.durations_s), *shape)), np.ones(shape)
         seen_s, values = _values(self._seen, self.library.n_observed)
-        model, durations = self.library.phase_deviation, self.durations_s
-        phase = reference_phase(model, seen_s / durations[:, None], self._relative)
         design = self.library.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
         of_dofs = self.weights.mean.reshape(len(self.durations_s), self.library.n_observed, -1)
         path = design @ np.swapaxes(of_dofs, 1, 2)
-        residuals = values - _tabulated(phase, self.deviations_at(seen_s)) @ path
+        residuals = values - self.phases_at(seen_s, controlled=False) @ path
         residuals[np.broadcast_to(np.isnan(values), residuals.shape)] = 0.0
         weights, known = residual_weights(seen_s, times_s, float(coupling.decay_s[self.task]))
         shift = weights @ residuals @ coupling.gain[self.task].T
@@ -242,9 +243,8 @@ class TaskPrediction:
             mean = steady_phase(model, times_s / self.duration_s, relative)
             variance = np.zeros_like(mean)
         else:
-            share = self._share[:, None, None] * self.deviations_at(times_s)[self._likely]
-            recorded = times_s / self.durations_s[self._likely, None]
-            phase = reference_phase(model, recorded, self._relative[self._likely])
+            phase, share = (part[self._likely] for part in self._phases(times_s, controlled))
+            share = self._share[:, None, None] * share
             mean = np.einsum("ste,ste->t", share, phase)
             variance = np.maximum(np.einsum("ste,ste->t", share, phase**2) - mean**2, 0.0)
         if times_s[-1] <= times_s[0]:
