@@ -18,7 +18,7 @@ from intent_recognition.plots import (
     name_lines,
     new_panels,
 )
-from intent_recognition.promp import NONE, StartPosture, TaskLibrary, Trajectory
+from intent_recognition.promp import NONE, StartPosture, Trajectory
 from intent_recognition.recognition.start_posture import OnsetPosture
 
 
@@ -139,16 +139,10 @@ class Predictor:
         # by number of points: the last one, and what it was made from
         self._last: dict[int, tuple[TaskPrediction, StartPosture | None, Prediction]] = {}
 
-    def controlled(
-        self, taught: TaskLibrary, run: MovementFilter, task: int, n_points: int
-    ) -> Prediction:
-        """The controlled agent's whole interaction under a task.
-
-        `taught` is the library in the known context; the movement is filtered with the library in
-        use.
-        """
+    def controlled(self, run: MovementFilter, task: int, n_points: int) -> Prediction:
+        """The controlled agent's whole interaction under a task."""
         library, of_task, last = run.library, run.prediction(task), self._last.get(n_points)
-        start, used, turns = self._posture.at_onset(taught, task, run.onset_ns)
+        start, used, turns = self._posture.at_onset(task)
         if last is None or (last[0], last[2].start) != (of_task, used) or last[1] is not start:
             along = of_task.controlled(n_points, start)
             turned = along._replace(positions=along.positions + turns)
@@ -157,16 +151,14 @@ class Predictor:
             self._last[n_points] = last = of_task, start, read_only(found)
         return last[2]
 
-    def controlled_at(
-        self, taught: TaskLibrary, run: MovementFilter, known: Floats, times_s: Floats
-    ) -> Trajectory:
+    def controlled_at(self, run: MovementFilter, known: Floats, times_s: Floats) -> Trajectory:
         """Where the controlled agent is at some times, over all known tasks; see `controlled`.
 
         Times (T,) are on the clock of the observations; `known` are probabilities of the tasks,
         (K,).
         """
         known = np.maximum(known, 1e-12)  # above zero also where `none` is certain
-        given = [self._posture.at_onset(taught, task, run.onset_ns) for task in range(len(known))]
+        given = [self._posture.at_onset(task) for task in range(len(known))]
         since_s = np.maximum(times_s - run.onset_ns * 1e-9, 0.0)
         half_s = 0.005  # velocities are taken from both sides
         around_s = np.concatenate([since_s, since_s + half_s, since_s - half_s])

@@ -77,7 +77,7 @@ class IntentEstimator:
         check_type("library", library, TaskLibrary, LIBRARY_CURE)
         self._context = KnownContext(library)
         self._n_scales, self._switching = n_scales, switching
-        self._posture = OnsetPosture(used=start_posture)
+        self._posture = OnsetPosture(library, used=start_posture)
         self._predictor = Predictor(self._posture)
         self.expectation = Expectation(library, task_prior, transitions, forget_after_s)
         self._detector = MotionDetector(library.observed_groups, library.onset)
@@ -301,7 +301,7 @@ class IntentEstimator:
         run, task = self._most_probable()
         if run is None or task == self.library.n_tasks:
             return None
-        return self._predictor.controlled(self.taught, run, task, n_points)
+        return self._predictor.controlled(run, task, n_points)
 
     def _most_probable(self) -> tuple[MovementFilter | None, int]:
         """The filter of the movement under way, None at rest, and its most probable task."""
@@ -329,7 +329,7 @@ class IntentEstimator:
         if self._run is None or self._posterior is None:
             return rest_poses(self.library, self.expectation.prior, times)
         known = self._posterior.probabilities[:-1]
-        return self._predictor.controlled_at(self.taught, self._run, known, times)
+        return self._predictor.controlled_at(self._run, known, times)
 
     def predicted_end_std(self) -> dict[str, float] | None:
         """Largest standard deviation of `predict_controlled`'s end over the DOFs of each unit."""
@@ -400,7 +400,7 @@ class IntentEstimator:
         turned = self._turns.change(library)
         self._detector.use(library.onset)
         self._detector.change_past(turned)
-        self._posture.library_changed()
+        self._posture.use(taught)
         self._movements = Movements(library, grid, switching=self._switching)
         if self._run is not None:
             seen = [turned(observation) for observation in self._run.observations]

@@ -91,8 +91,8 @@ class PostureHistory:
 class OnsetPosture:
     """The posture at onset of the movement under way, as a task's prediction may use it."""
 
-    def __init__(self, *, used: bool) -> None:
-        self._used = used
+    def __init__(self, library: TaskLibrary, *, used: bool) -> None:
+        self._library, self._used = library, used
         self.clear()
 
     def _forget_onset(self, onset_ns: int) -> None:
@@ -115,26 +115,26 @@ class OnsetPosture:
         if not self._final:
             self._position = self._history.at(onset_ns)
             self._final = self._history.passed(onset_ns)
-            self.library_changed()
+            self._known.clear()
 
     def clear(self) -> None:
         """Forget everything."""
         self._history = PostureHistory()
         self._forget_onset(0)
 
-    def library_changed(self) -> None:
-        """Another library has other starts."""
+    def use(self, library: TaskLibrary) -> None:
+        """Go on with another library, which has other starts."""
+        self._library = library
         self._known.clear()
 
-    def at_onset(
-        self, library: TaskLibrary, task: int, onset_ns: int
-    ) -> tuple[StartPosture | None, str, Floats]:
+    def at_onset(self, task: int) -> tuple[StartPosture | None, str, Floats]:
         """What to condition on, and POSTURE_USED, POSTURE_OUTSIDE or POSTURE_UNKNOWN.
 
         Third, the whole turns by which the arm is away from where the task was learned, (Q,) [rad].
         """
-        self.find(onset_ns)
-        position, none = self._position, np.zeros(library.n_controlled)
+        self.find(self._onset_ns)
+        library, position = self._library, self._position
+        none = np.zeros(library.n_controlled)
         if position is None or position.shape != none.shape:
             return None, POSTURE_UNKNOWN, none
         if task not in self._known:
