@@ -15,6 +15,7 @@ matrices as large as a component has members, or as there are axes if those are 
 """
 
 from collections.abc import Iterator
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -59,14 +60,7 @@ class Components(NamedTuple):
 
     def select(self, which: slice | Integers) -> "Components":
         """Some of the B mixtures."""
-        return Components(
-            self.log_weight[which],
-            self.count[which],
-            self.mean[which],
-            self.diagonal[which],
-            self.rows[which],
-            self.row_weight[which],
-        )
+        return Components(*map(itemgetter(which), self))
 
     def covariance(self, points: Floats) -> Floats:
         """The covariances as matrices, (B, K, r, r)."""
