@@ -77,6 +77,17 @@ def test_layouts_show_topics_that_are_there(name, parse, n_topics):
     assert [s for s in shown if not any(f"{s}/".startswith(f"{topic}/") for topic in TOPICS)] == []
 
 
+def test_foxglove_places_every_panel_once():
+    content = json.loads(text("foxglove.json"))
+    parts, placed = [content["layout"]], []
+    for part in parts:
+        if isinstance(part, str):
+            placed.append(part)
+        else:
+            parts += part["first"], part["second"]
+    assert sorted(placed) == sorted(content["configById"])
+
+
 def test_rviz_listens_to_relative_topics_as_they_are_offered():
     shown = yaml.safe_load(share_path("config/intent.rviz").read_text(encoding="utf-8"))
     found = {
