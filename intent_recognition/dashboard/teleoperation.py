@@ -11,6 +11,7 @@ from rclpy.publisher import Publisher
 from rclpy.timer import Timer
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.activation import ActivationSettings
 from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.moved_arm import ArmFinder, MovedArm
@@ -24,9 +25,6 @@ from intent_recognition.nodes.runtime import CLOCK_BACK_NS, elapsed_s, steady_ti
 
 RATE_HZ = 100.0
 """Rate of the published poses [Hz]: that of the shipped recordings."""
-FOLLOWS_RAD = 0.4
-"""An arm farther from where it is asked to be than this [rad] does not follow. Convention: as
-`max_tracking_error`."""
 SILENT_ARM = "The arm's joint states have stopped."
 
 
@@ -150,7 +148,7 @@ class Teleoperation:
             since_s = elapsed_s(self._node) - sent_s
             asked = plan.at(since_s)
             near = np.shape(plan.end) == np.shape(measured) and (
-                np.abs(asked.position - measured).max() < FOLLOWS_RAD
+                np.abs(asked.position - measured).max() < ActivationSettings.max_tracking_error_rad
             )
             if near and 0.0 <= since_s < plan.duration_s:
                 return asked
