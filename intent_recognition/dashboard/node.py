@@ -98,9 +98,9 @@ class Dashboard(Node):
         heard = {topic: topic for topic in stored} | {topics[0]: topics[-1]}
         free = [t for t in stored if t not in NEVER_PLAYED and not self.count_publishers(heard[t])]
         if not free:
-            cure = "Stop the nodes that publish its topics, or the page's own wrist."
+            cure = "Untick Take the wrist on the tab Teach, or stop the nodes that publish them."
             taken = ", ".join(stored)
-            raise BagError.about("recording", "a topic that is free", f"only {taken}", cure)
+            raise BagError.about("Play", "a topic that nobody publishes", f"only {taken}", cure)
         values = {
             "bag": str(bag),
             "start_offset": offset_s,
