@@ -121,7 +121,7 @@ def load_yaml(text: str) -> Any:
         raise
     except Exception as error:  # dates, numbers and keys that are none raise what they meet
         reason = " ".join(str(error).split()).replace(' in "<unicode string>",', " at")
-        raise UntrustedError(reason or type(error).__name__) from error
+        raise UntrustedError(f"none ({reason or type(error).__name__})") from error
 
 
 class YamlChecks(NamedTuple):
