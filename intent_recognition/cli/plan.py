@@ -3,9 +3,9 @@
 they take. The estimator's parameter `plan` takes it (docs/plans.md).
 
 # from session bags in which boxes are built one after the other
-intent plan learn bags/sessions --first plate_handover -o box.yaml
+intent plan learn bags/sessions --first plate_handover --output box.yaml
 # from written sessions
-intent plan learn sessions.yaml -o shelf.yaml
+intent plan learn sessions.yaml --output shelf.yaml
 # what it says
 intent plan show shelf.yaml
 """
@@ -56,7 +56,9 @@ def _add_actions(parser: argparse.ArgumentParser) -> None:
         first={"default": ""},
         pause={"type": number(float, 0.0), "default": FORGET_AFTER_S},
         seed={"type": number(int, 0), "default": 0},
-    ).add_argument("-o", "--output", type=a_path, required=True, metavar="PLAN.yaml")
+    ).add_argument(
+        *("-o", "--output"), type=a_path, required=True, metavar="PLAN.yaml", help="plan to write"
+    )
     text = """
         Print a plan.
 
