@@ -60,8 +60,8 @@ intent demo --scenario cell --arm panda
 # an arm in the second of two people's place
 intent demo --scenario assembly --arm panda
 # a task made of parts: the arm goes on by itself
-intent demo --sequences config/examples/toolbox_sequence.yaml --headless --task-list
-  plate_handover,plate_handover,screw_handover
+intent demo --sequences config/examples/toolbox_sequence.yaml --headless
+  --task-list plate_handover,plate_handover,screw_handover
 # what was learned from recordings of your own, as their people move
 intent demo --arm panda --dashboard --model mine.npz --recordings held_out
 # the arm pours with other cups and bowls

@@ -118,7 +118,7 @@ def add_command(
     """
     about, *sections = textwrap.dedent(text).strip().split("\n\n")
     examples = sections.pop() if sections and sections[-1].startswith("#") else ""
-    shown = textwrap.indent(re.sub(r"\n +", " ", examples), "  ")
+    shown = textwrap.indent(re.sub(r"\n +", r" \\\n    ", examples), "  ")
     parser = subparsers.add_parser(
         name,
         help=COMMANDS.get(name) or about[:1].lower() + about[1:].rstrip("."),

@@ -6,7 +6,8 @@ topics TOPIC  topics to record (default: all there are)
 --task TASK   label of the demonstration
 
 # a demonstration of a task
-intent record --task give_bracket --output demos/give_bracket_00 /mocap/wrist/pose /joint_states
+intent record --task give_bracket --output demos/give_bracket_00
+  /mocap/wrist/pose /joint_states
 # everything there is
 intent record --output session_00
 """

@@ -36,6 +36,7 @@ def printed(capsys):
 def test_every_command_explains_itself(command, printed):
     text = printed(command, "--help")
     assert text.startswith(f"usage: intent {command}") and len(text.splitlines()) > 5
+    assert max(map(len, text.partition("\nexamples:")[2].splitlines()), default=0) <= 80
 
 
 def parsers():
