@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pieces of the page as HTML text: bars, a table of nodes, remarks."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from itertools import cycle
@@ -27,18 +28,45 @@ PERSON_COLOURS = ("#2b5163", "#8c3b57", "#4d6a1f", "#5b4a9c", "#7d4b1e", "#1f6e6
 FORCE_COLOURS = dict(zip((*FORCES, SENSOR), PALETTE, strict=False))
 GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", NONE_COLOUR
 LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
-PHONE = "<style>@media (max-width: 36em) {[style*='width: 20em'] {width: 100vw !important}}</style>"
-"""viser's panel for narrow windows is as wide as they are."""
-FONT = "font-family:Inter,system-ui,sans-serif;font-variant-numeric:tabular-nums"
-SMALL = f"font-size:.84em;color:{SOFT}"
-COLUMNS = "minmax(0, 12em) minmax(1.5em, 1fr) 3.2em 2.6em"
+STYLE = f"""<style>
+@media (max-width: 36em) {{[style*='width: 20em'] {{width: 100vw !important}}}}
+.i-block {{font: .92em/1.4 Inter, system-ui, sans-serif; font-variant-numeric: tabular-nums;
+           color: {INK}; padding: .15em 1.1em .15em .75em}}
+.i-soft {{color: {SOFT}}}
+.i-small {{font-size: .84em; font-weight: 400; color: {SOFT}}}
+.i-bars, .i-item {{display: grid; margin: .3em 0}}
+.i-bars {{grid-template-columns: minmax(0, 12em) minmax(1.5em, 1fr) 3.2em 2.6em; gap: .5em;
+          align-items: center}}
+.i-bars > :nth-child(n+3) {{text-align: right}}
+.i-task {{display: flex; white-space: pre}}
+.i-task > :first-child {{overflow: hidden; text-overflow: ellipsis}}
+.i-bar {{background: {RULE}; border-radius: 3px; height: .95em}}
+.i-bar > * {{display: block; height: 100%; border-radius: 3px}}
+.i-now {{padding: .1em 0 .4em; line-height: 1.7}}
+.i-row {{display: flex; flex-wrap: wrap; gap: .1em .9em; margin: .2em 0}}
+.i-row > *, .i-chip {{white-space: nowrap}}
+.i-banner {{color: white; border-radius: 5px; padding: .5em .75em; font-weight: 600}}
+.i-notice {{position: fixed; left: 0; bottom: .6em; max-width: 28em; z-index: 100}}
+.i-way {{border-left: 3px solid {RULE}; padding: .1em 0 .1em .7em; margin: .6em 0}}
+.i-block code {{background: {RULE}; border-radius: 3px; font-size: .92em; padding: 0 .3em;
+                overflow-wrap: anywhere}}
+.i-way code {{display: block; padding: .25em .5em; margin-top: .25em}}
+.i-head {{font-weight: 600; margin: .4em 0 .2em}}
+.i-block table {{border-collapse: collapse; font-size: .94em}}
+.i-block :is(th, td) {{padding: .2em .5em .2em 0; vertical-align: top; white-space: pre-line}}
+.i-block th {{white-space: nowrap; text-align: left; color: {SOFT}; font-weight: 500}}
+.i-node {{border-left: 4px solid; padding: .15em 0 .15em .6em; margin: .45em 0}}
+.i-chip {{color: white; border-radius: 9px; padding: .08em .6em; font-weight: 600}}
+.i-item {{grid-template-columns: 1.5em 1fr}}
+.i-item > :first-child {{font-weight: 600}}
+</style>"""
+"""Looks of all pieces; viser's panel for narrow windows is as wide as they are."""
 STEP_LOOKS = {
     "done": ("&#10003;", GOOD, "400"),
     "forgotten": ("!", BAD, "600"),
     "may come": ("&rarr;", INK, "600"),
-    "later": ("", SOFT, "400"),
 }
-"""Mark, colour and weight of a step of a plan."""
+"""Mark, colour and weight of a step of a plan that is not for later."""
 MAY_END = frozenset({"bag_player", "bag_recorder", "coworker_sim"})
 """Nodes that end when their work is done: their silence is no alarm."""
 
@@ -59,24 +87,16 @@ def bars(
         running = " &#9679;" if label == active and label else ""
         progress = "" if label == NONE else f"{max(float(phase), 0.0):.2f}"
         rows.append(
-            f'<div style="display:grid;grid-template-columns:{COLUMNS};gap:.5em;'
-            f'align-items:center;margin:.3em 0;font-weight:{strong}">'
-            '<span style="display:flex;white-space:pre">'
-            f'<span style="overflow:hidden;text-overflow:ellipsis">{escape(readable(label))}</span>'
+            f'<div class="i-bars" style="font-weight:{strong}">'
+            f'<span class="i-task"><span>{escape(readable(label))}</span>'
             f'<span style="color:{colour}">{running}</span></span>'
-            f'<span style="background:{RULE};border-radius:3px;height:.95em">'
-            f'<span style="display:block;height:100%;border-radius:3px;background:{colour};'
+            f'<span class="i-bar"><span style="background:{colour};'
             f'width:{100 * float(chance):.1f}%"></span></span>'
-            f'<span style="text-align:right">{float(chance):.0%}</span>'
-            f'<span style="text-align:right;color:{SOFT}">{progress}</span></div>'
+            f'<span>{float(chance):.0%}</span><span class="i-soft">{progress}</span></div>'
         )
-    titles = (
-        f'<div style="display:grid;grid-template-columns:{COLUMNS};gap:.5em;align-items:end">'
-        f'<span style="{SMALL}">{head or "task"}</span>'
-        f'<span style="{SMALL};grid-column:span 2">probability</span>'
-        f'<span style="{SMALL};text-align:right">phase</span></div>'
-    )
-    return _block(titles + "".join(rows))
+    titles = (head or "task", "probability", "", "phase")
+    cells = "".join(f'<span class="i-small">{title}</span>' for title in titles)
+    return _block(f'<div class="i-bars">{cells}</div>{"".join(rows)}')
 
 
 def now_line(state: CellState, colours: Mapping[str, str], people: Mapping[str, str]) -> str:
@@ -93,9 +113,9 @@ def now_line(state: CellState, colours: Mapping[str, str], people: Mapping[str, 
         coworker = f"<br>coworker: {task_chip(state.truth) if state.truth else '-'}"
     if state.helped and (asked := state.asked):
         said = f"{ASKED} when this was decided: {escape(asked)}"
-        why = f'<div style="{SMALL};margin-top:.3em">{said}</div>'
+        why = f'<div class="i-small">{said}</div>'
     rows = " &nbsp; ".join(parts) + coworker + why
-    return _block(f'<div style="padding:.1em 0 .4em;line-height:1.7">{rows}</div>')
+    return _block(f'<div class="i-now">{rows}</div>')
 
 
 def plan(of: WorkPlan | None, progress: Mapping[str, str]) -> str:
@@ -107,17 +127,13 @@ def plan(of: WorkPlan | None, progress: Mapping[str, str]) -> str:
     lines = []
     for k, step in enumerate(of.steps):
         now = progress.get(step.name, "")
-        mark, colour, weight = STEP_LOOKS.get(now, STEP_LOOKS["later"])
+        mark, colour, weight = STEP_LOOKS.get(now, ("", SOFT, "400"))
         after = [readable(name) for name, waits in zip(names, direct[:, k], strict=True) if waits]
         notes = [now] if now == "forgotten" else []
         notes += [f"after {', '.join(after)}"] if after else []
         notes += [f"in {step.share:.0%}"] if step.share < 1.0 else []
-        note = (
-            f' <span style="{SMALL};font-weight:400">{escape("; ".join(notes))}</span>'
-            if notes
-            else ""
-        )
-        lines.append(_item(mark, escape(readable(step.name)) + note, colour, weight))
+        note = f'<span class="i-small">{escape("; ".join(notes))}</span>'
+        lines.append(_item(mark, f"{escape(readable(step.name))} {note}", colour, weight))
     return _block("".join(lines))
 
 
@@ -139,8 +155,8 @@ def transfer(of: TransferState, fresh: bool) -> str:
 
 def _in_a_row(parts: Iterable[str]) -> str:
     """Pieces of HTML beside one another, where there is room."""
-    spans = "".join(f'<span style="white-space:nowrap">{part}</span>' for part in parts)
-    return f'<div style="display:flex;flex-wrap:wrap;gap:.1em .9em;margin:.2em 0">{spans}</div>'
+    spans = "".join(f"<span>{part}</span>" for part in parts)
+    return f'<div class="i-row">{spans}</div>'
 
 
 def nodes_table(nodes: Mapping[str, NodeHealth], now_s: float) -> str:
@@ -164,21 +180,17 @@ def may_end(name: str) -> bool:
 
 def remark(text: str) -> str:
     """A quiet sentence."""
-    return _block(f'<span style="color:{SOFT}">{escape(text)}</span>')
+    return _block(f'<span class="i-soft">{escape(text)}</span>')
 
 
 def banner(text: str, colour: str = BAD) -> str:
     """A sentence that must be seen."""
-    return _block(
-        f'<div style="background:{colour};color:white;border-radius:5px;padding:.5em .75em;'
-        f'font-weight:600">{escape(text)}</div>'
-    )
+    return _block(f'<div class="i-banner" style="background:{colour}">{escape(text)}</div>')
 
 
 def notice(text: str, colour: str = BAD) -> str:
     """A sentence that must be seen, at the window's corner: the panel's buttons stay in place."""
-    look = "position:fixed;left:0;bottom:.6em;max-width:28em;z-index:100"
-    return f'<div style="{look}">{banner(text, colour)}</div>'
+    return f'<div class="i-notice">{banner(text, colour)}</div>'
 
 
 def steps(lines: Sequence[str], done: int | None = None) -> str:
@@ -199,36 +211,20 @@ def steps(lines: Sequence[str], done: int | None = None) -> str:
 
 def ways(title: str, lines: Sequence[str]) -> str:
     """Why there is nothing to show, and what to do about it, commands below."""
-    items = "".join(
-        f'<div style="border-left:3px solid {RULE};padding:.1em 0 .1em .7em;margin:.6em 0">'
-        f"{_with_code(line, 'display:block;padding:.25em .5em;margin-top:.25em')}</div>"
-        for line in lines
-    )
-    return _block(f'<div style="font-weight:600;margin:.2em 0 .4em">{escape(title)}</div>{items}')
+    items = "".join(f'<div class="i-way">{_with_code(line)}</div>' for line in lines)
+    return _block(f'<div class="i-head">{escape(title)}</div>{items}')
 
 
 def heading(text: str) -> str:
     """A small title."""
-    return _block(f'<div style="font-weight:600;margin:.5em 0 .1em">{escape(text)}</div>')
+    return ways(text, ())
 
 
 def table(head: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
     """A small table of texts, which may have several lines."""
-    look = "padding:.2em .5em .2em 0;vertical-align:top;white-space:"
-    cells = "".join(
-        f'<th style="{look}nowrap;text-align:left;color:{SOFT};font-weight:500">'
-        f"{escape(title)}</th>"
-        for title in head
-    )
-    body = "".join(
-        "<tr>"
-        + "".join(f'<td style="{look}pre-line">{escape(cell)}</td>' for cell in row)
-        + "</tr>"
-        for row in rows
-    )
-    return _block(
-        f'<table style="border-collapse:collapse;font-size:.94em"><tr>{cells}</tr>{body}</table>'
-    )
+    lines = [("th", head), *(("td", row) for row in rows)]
+    cells = ("".join(f"<{kind}>{escape(text)}</{kind}>" for text in line) for kind, line in lines)
+    return _block(f"<table>{''.join(f'<tr>{row}</tr>' for row in cells)}</table>")
 
 
 def _node(name: str, health: NodeHealth, now_s: float) -> str:
@@ -239,9 +235,9 @@ def _node(name: str, health: NodeHealth, now_s: float) -> str:
     message = told if silent else escape(health.message)
     details = "" if silent else _details(health.values)
     return (
-        f'<div style="border-left:4px solid {colour};padding:.15em 0 .15em .6em;margin:.45em 0">'
+        f'<div class="i-node" style="border-color:{colour}">'
         f'<b>{escape(name)}</b> <span style="color:{BAD if alarm else SOFT}">{message}</span>'
-        f'<div style="color:{SOFT};font-size:.84em">{details}</div></div>'
+        f'<div class="i-small">{details}</div></div>'
     )
 
 
@@ -271,10 +267,7 @@ def _number(text: str, form: str) -> str:
 
 def chip(label: str, colour: str) -> str:
     """A label in white on a colour."""
-    return (
-        f'<span style="background:{colour};color:white;border-radius:9px;'
-        f'padding:.08em .6em;font-weight:600;white-space:nowrap">{escape(label)}</span>'
-    )
+    return f'<span class="i-chip" style="background:{colour}">{escape(label)}</span>'
 
 
 def people_colours(names: Iterable[str]) -> dict[str, str]:
@@ -285,22 +278,14 @@ def people_colours(names: Iterable[str]) -> dict[str, str]:
 def _item(mark: str, content: str, colour: str, weight: str) -> str:
     """A line of a list: a mark, and HTML."""
     return (
-        f'<div style="display:grid;grid-template-columns:1.5em 1fr;margin:.3em 0;color:{colour}">'
-        f'<span style="font-weight:600">{mark}</span>'
+        f'<div class="i-item" style="color:{colour}"><span>{mark}</span>'
         f'<span style="font-weight:{weight}">{content}</span></div>'
     )
 
 
-def _with_code(text: str, look: str = "padding:0 .3em") -> str:
-    parts = escape(text).split("`")
-    style = f"background:{RULE};border-radius:3px;font-size:.92em;overflow-wrap:anywhere;{look}"
-    return "".join(
-        f'<code style="{style}">{part}</code>' if k % 2 else part for k, part in enumerate(parts)
-    )
+def _with_code(text: str) -> str:
+    return re.sub("`(.*?)`", r"<code>\1</code>", escape(text))
 
 
 def _block(content: str) -> str:
-    return (
-        f'<div style="{FONT};color:{INK};font-size:.92em;line-height:1.4;padding:.15em .75em">'
-        f"{content}</div>"
-    )
+    return f'<div class="i-block">{content}</div>'

@@ -98,7 +98,7 @@ class DashboardPage:
             brand_color=(72, 104, 130),  # a slate that no task has
         )
         gui.set_panel_label(TITLE)
-        gui.add_html(markup.PHONE)
+        gui.add_html(markup.STYLE)
         self._banner = gui.add_html("", visible=False)
         self._now = gui.add_html("", visible=False)
         tabs = gui.add_tab_group()
