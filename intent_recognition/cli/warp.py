@@ -8,8 +8,6 @@ target TARGET      file of a mesh or point cloud
 --report OUT.html  write a page with figures (without a name: %(const)s)
 --mapping          label: carry the source's labels to the target's points; point: move the source's
                    points onto the target (default: %(default)s)
---neighbours K     nearest points that vote on a label (default: 1)
---points POINTS    points used of the target (default: %(default)s)
 --scale SCALE      factor from the target's unit to metres, such as 0.001
 --toward X Y Z     place of the other container [m]
 --viewpoint X Y Z  where the camera was [m], for clouds without normals
@@ -42,7 +40,7 @@ from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, busy, make_console, say
 from intent_recognition.cli.options import number
 from intent_recognition.errors import ArgumentError
-from intent_recognition.objects import N_POINTS, find_object, load_object, load_target
+from intent_recognition.objects import find_object, load_object, load_target
 from intent_recognition.warping import (
     Grasp,
     ObjectModel,
@@ -68,8 +66,6 @@ ROWS = (
 OPTIONS = {
     "report": {"nargs": "?", "const": Path("warp.html")},
     "mapping": {"choices": ("label", "point"), "default": "label"},
-    "neighbours": {"type": number(int, 1), "default": 1},
-    "points": {"type": number(int, 1), "default": N_POINTS},
     "scale": {"type": number(float, 1e-9, 1e9), "default": 1.0},
     "toward": number(float),
     "viewpoint": number(float),
@@ -82,10 +78,10 @@ def run(args: argparse.Namespace) -> int:
     output.check_outputs(args, "report")
     source = ObjectModel.learn(load_object(find_object(str(args.source))))
     viewpoint = None if args.viewpoint is None else np.array(args.viewpoint)
-    target = load_target(args.target, args.points, args.scale, viewpoint, args.seed)
+    target = load_target(args.target, scale=args.scale, viewpoint=viewpoint, seed=args.seed)
     start_s = time.perf_counter()
     try:
-        warped = warp_object(source, target.cloud, args.mapping, args.neighbours)
+        warped = warp_object(source, target.cloud, args.mapping)
         if target.surface is not None:
             check_wall(warped, target.surface)
         toward = None if args.toward is None else np.array(args.toward)

@@ -31,7 +31,7 @@ def bowl(tmp_path):
 def test_json_is_near_the_truth(bowl, capsys):
     """Metres, cubic metres and radians; both mappings."""
     container, path = bowl
-    for options in (["--grasp"], ["--grasp", "--mapping", "point", "--neighbours", "3"]):
+    for options in (["--grasp"], ["--grasp", "--mapping", "point"]):
         assert main(["warp", "mug", str(path), "--json", "--toward", "1", "0", "0", *options]) == 0
         found = json.loads(capsys.readouterr().out)
         assert found["volume_m3"] == pytest.approx(container.inner_volume_m3, rel=0.05)
@@ -62,7 +62,7 @@ def test_a_table_and_a_report(bowl, tmp_path, capsys):
 
 @pytest.mark.parametrize(
     "option",
-    ["--points=0", "--points=-5", "--neighbours=0", "--seed=-1", "--scale=0", "--scale=inf"],
+    ["--seed=-1", "--scale=0", "--scale=inf"],
 )
 def test_a_number_that_cannot_be_is_refused_and_no_fault_of_the_mesh(option, refused):
     said = refused("warp", "mug", "bowl.stl", option)
