@@ -2,21 +2,15 @@
 """Train on a part of the recordings and score on the rest, in turn.
 
 what is scored:
---protocol loo|kfold:K|logo:KEY|temporal[:F]|holdout:FOLDER  loo (default): leave one recording out
-                                                             at a time; kfold:K: K folds, by index
-                                                             modulo K; logo:KEY: leave one group out
-                                                             at a time, by a key of custom_data;
-                                                             temporal:F: train on the first share F
-                                                             (0.7 if not given) of each task's
-                                                             recordings, by name; holdout:FOLDER:
-                                                             train on BAG and test on FOLDER
---test FOLDER                                                the same as --protocol holdout:FOLDER
---start-posture                                              whether predictions use the posture in
-                                                             which the controlled agent starts
-                                                             (default: off)
---unknown-tasks                                              also leave every task out in turn: are
-                                                             its movements taken for another's?
-                                                             (default: on)
+--protocol P     loo (default): leave one recording out at a time; kfold:K: K folds, by index modulo
+                 K; logo:KEY: leave one group out at a time, by a key of custom_data; temporal:F:
+                 train on the first share F (0.7 if not given) of each task's recordings, by name;
+                 holdout:FOLDER: train on BAG and test on FOLDER
+--test FOLDER    the same as --protocol holdout:FOLDER
+--start-posture  whether predictions use the posture in which the controlled agent starts (default:
+                 off)
+--unknown-tasks  also leave every task out in turn: are its movements taken for another's? (default:
+                 on)
 
 what is written:
 --report OUT.html  write an HTML report

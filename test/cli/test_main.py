@@ -33,10 +33,11 @@ def printed(capsys):
 
 
 @pytest.mark.parametrize("command", cli.COMMANDS)
-def test_every_command_explains_itself(command, printed):
+def test_every_command_explains_itself(command, printed, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
     text = printed(command, "--help")
     assert text.startswith(f"usage: intent {command}") and len(text.splitlines()) > 5
-    assert max(map(len, text.partition("\nexamples:")[2].splitlines()), default=0) <= 80
+    assert max(map(len, text.splitlines())) <= 80
 
 
 def parsers():
