@@ -5,6 +5,7 @@ from functools import lru_cache
 from html import escape
 
 from docutils import nodes
+from matplotlib import rc_context
 from matplotlib.font_manager import FontProperties
 from matplotlib.path import Path
 from matplotlib.textpath import TextPath
@@ -26,7 +27,8 @@ def drawing(formula: str) -> str:
         ValueError: matplotlib's mathtext, a part of LaTeX, does not know something in it.
     """
     one_line = " ".join(formula.split())
-    outline = TextPath((0, 0), f"${one_line}$", size=SIZE, prop=FONT)
+    with rc_context({"text.parse_math": True}):  # which the examples of the gallery switch off
+        outline = TextPath((0, 0), f"${one_line}$", size=SIZE, prop=FONT)
     box = outline.cleaned(curves=False).get_extents().padded(MARGIN)  # of lines: far faster
     place = f"{box.x0:.0f} {-box.y1:.0f} {box.width:.0f} {box.height:.0f}"
     style = (

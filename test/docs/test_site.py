@@ -8,6 +8,7 @@ from importlib.util import find_spec
 
 import pytest
 from docs.shown import PAGES, ROOT
+from matplotlib import rc_context
 from programs import output_of
 
 import intent_recognition as ir
@@ -75,3 +76,11 @@ def test_formulae_are_drawn(site):
         text = (site / page.relative_to(ROOT)).with_suffix(".html").read_text(encoding="utf-8")
         assert text.count('<svg class="formula"') == source.count("```math"), page
         assert "$$" not in text, page
+
+
+def test_a_formula_is_drawn_whatever_the_style_of_the_gallery(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "tools"))
+    formulae = pytest.importorskip("formulae")
+    drawn = formulae.drawing.__wrapped__(r"\dfrac{1}{2}")
+    with rc_context({"text.parse_math": False}):
+        assert formulae.drawing.__wrapped__(r"\dfrac{1}{2}") == drawn
