@@ -19,10 +19,10 @@ from intent_recognition.dashboard.cell import (
 )
 from intent_recognition.plans import LIKELY_BEFORE, WorkPlan
 from intent_recognition.promp import NONE
-from intent_recognition.report import INK, NONE_COLOUR, PALETTE, readable
+from intent_recognition.report import INK, NONE_COLOUR, PALETTE, SOFT, readable
 from intent_recognition.transfer import Holding
 
-SOFT, RULE = "#5a6777", "#e3e8ee"
+RULE = "#e3e8ee"
 PERSON_COLOURS = ("#2b5163", "#8c3b57", "#4d6a1f", "#5b4a9c", "#7d4b1e", "#1f6e66", INK, "#6a5f6d")
 """Of people, one after the other: darker than those of tasks."""
 FORCE_COLOURS = dict(zip((*FORCES, SENSOR), PALETTE, strict=False))
