@@ -100,7 +100,7 @@ def histogram_figure(
     figure, axes = new_axes(5.6, 3.7)
     look: Look = {"edgecolor": "white", "linewidth": 0.6, "stacked": True}
     look |= {"color": [colours[task] for task in values], "label": [*map(readable, values)]}
-    edges = np.histogram_bin_edges(everything, bins=20)
+    edges = np.histogram_bin_edges(np.append(everything, end), bins=30)  # bars of one value, too
     axes.hist(list(values.values()), bins=list(edges), **look)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(visible=False, axis="x")

@@ -131,6 +131,11 @@ def test_nothing_measured_still_draws():
         assert to_svg(figure)
 
 
+def test_the_bar_of_a_single_value_is_wide_enough_to_be_seen():
+    axes = arrivals({"plate": [2.8]}).axes[0]
+    assert min(bar.get_width() for bar in axes.patches) > 0.02 * np.ptp(axes.get_xlim())
+
+
 def test_what_is_predicted_and_decided_has_the_colour_of_no_task(trace):
     lines = {line.get_color() for line in transfer_figure(trace).axes[0].lines}
     assert len(lines) > 1 and not lines & set(PALETTE)
