@@ -27,7 +27,7 @@ from intent_recognition.report.demo_figures import (
 )
 from intent_recognition.report.drawing import readable, svg_figure
 from intent_recognition.report.figures_session import hand_error_figure
-from intent_recognition.report.interaction_table import cells, fields_of
+from intent_recognition.report.interaction_table import fields_of
 
 LARGEST_FORCE_N = 15.0
 """That a person may have to bear in a transfer [N] (docs/transfer.md)."""
@@ -172,7 +172,8 @@ def _table(records: Sequence[InteractionRecord], summary: DemoSummary) -> html.T
         "decided: after onset. share: of the human's movement at the decision. arrival: after the"
         f" human's end. {summary.missed + of_changed} missed."
     )
-    return html.TableBlock(columns, (cells(one, fields) for one in records), caption, missed)
+    rows = [[field.cell(one) for field in fields] for one in records]
+    return html.TableBlock(columns, rows, caption, missed)
 
 
 def _settings(settings: Mapping[str, object]) -> tuple[html.Block, ...]:

@@ -71,7 +71,7 @@ def rmse_figure(panels: Mapping[str, Series], unit: str, segment: str = "movemen
             style = {"linestyle": line, "markersize": 5.5, "markeredgecolor": "white"}
             numbers = np.asarray(values, dtype=float)
             axes.plot(percent, numbers, label=label, color=colour, marker=marker, **style)
-        axes.set_title(PHASE_NAMES.get(phase, phase))
+        axes.set_title(PHASE_NAMES[phase])
         axes.set_xlabel(_observed(segment))
         axes.margins(y=0.12)
     grid[0].set_ylabel(f"RMSE [{unit}]")
@@ -164,16 +164,11 @@ def roc_figure(unknown: Sequence[float], known: Sequence[float], area: float) ->
     return figure
 
 
-def _draw_phase(axes: "Axes", phase: str, at: ScoreValues, values: ScoreValues) -> None:
-    style = PHASE_STYLES.get(phase, {"color": PALETTE[2], "marker": "^"})
-    style = {"markersize": 5.5, "clip_on": False, "zorder": 3} | style  # whole at the axis, too
-    axes.plot(at, values, label=PHASE_NAMES.get(phase, phase), **style)
-
-
 def _phases(axes: "Axes", series: Series, segment: str) -> None:
     for phase, (fractions, values) in series.items():
-        percent = 100 * np.asarray(fractions, dtype=float)
-        _draw_phase(axes, phase, percent, np.asarray(values, dtype=float))
+        percent, numbers = 100 * np.asarray(fractions, dtype=float), np.asarray(values, dtype=float)
+        look = {"markersize": 5.5, "clip_on": False, "zorder": 3}  # whole at the axis, too
+        axes.plot(percent, numbers, label=PHASE_NAMES[phase], **(look | PHASE_STYLES[phase]))
     axes.set(xlabel=_observed(segment), xlim=(0, 103))
 
 

@@ -48,8 +48,3 @@ def _note(record: InteractionRecord) -> str:
 def fields_of(records: Sequence[InteractionRecord]) -> tuple[Field, ...]:
     """The columns of a session's table: those in which any record has something."""
     return tuple(field for field in FIELDS if any(map(field.cell, records)))
-
-
-def cells(record: InteractionRecord, fields: Sequence[Field]) -> tuple[str | None, ...]:
-    """One text per field; None where nothing was measured."""
-    return tuple(field.cell(record) for field in fields)

@@ -13,7 +13,7 @@ from rich.console import Console
 from intent_recognition.cli.demo import table_of
 from intent_recognition.evaluation import HandError, InteractionRecord
 from intent_recognition.evaluation.session_summary import hand_error, summarise, summary_line
-from intent_recognition.report.interaction_table import FIELDS, cells, fields_of
+from intent_recognition.report.interaction_table import FIELDS, fields_of
 
 RELAXED = settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 PLATE, HOLD, SCREW = "plate_handover", "hold_screwdriver", "screw_handover"
@@ -95,7 +95,7 @@ def test_changes_of_mind_stand_apart():
     assert summary.changed_hand_error == HandError(1, 5.0, None)
     assert summary_line(summary).startswith(summary_line(alone))
     assert summary_line(summary).endswith("changes followed 2/3 with hand error 5.0 +- - cm")
-    notes = [cells(record, fields_of(changed))[-1] for record in changed]
+    notes = [fields_of(changed)[-1].cell(record) for record in changed]
     assert notes[0] == "began as hold_screwdriver"
     assert notes[1].startswith("MISSED began as plate_handover")
 
@@ -114,7 +114,7 @@ def test_who_waits_for_the_one_arm_was_recognised_all_the_same():
 
 def test_the_table_shows_the_numbers():
     one = record(3, HOLD, note="hesitated")
-    texts = dict(zip((field.title for field in FIELDS), cells(one, FIELDS), strict=True))
+    texts = {field.title: field.cell(one) for field in FIELDS}
     assert texts == {
         "#": "3",
         "true task": "hold screwdriver",
@@ -130,7 +130,7 @@ def test_the_table_shows_the_numbers():
     }
     assert "handed over" not in {field.title for field in fields_of([one])}
     by_force = replace(one, handed_over=True, transfer_s=0.5)
-    assert cells(by_force, fields_of([by_force]))[-2:] == ("+0.50", "hesitated")
+    assert [f.cell(by_force) for f in fields_of([by_force])][-2:] == ["+0.50", "hesitated"]
 
 
 @pytest.mark.parametrize("width", [80, 120])

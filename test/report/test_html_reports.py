@@ -17,7 +17,7 @@ from intent_recognition.report.evaluation_report import (
     write_evaluation_report,
 )
 from intent_recognition.report.html import Figure, KeyNumbers, Row, TableBlock, render
-from intent_recognition.report.interaction_table import cells, fields_of
+from intent_recognition.report.interaction_table import fields_of
 
 pytestmark = pytest.mark.usefixtures("laid_out_roughly")
 LABELS = ["hold_screwdriver", "plate_handover", "screw_handover", "none"]
@@ -119,7 +119,8 @@ def test_other_tasks_than_the_papers_are_not_compared_with_it(session, undrawn):
 def test_the_demo_table_is_the_records(session, page):
     records, _ = session
     table = blocks_of(page, TableBlock)[0]
-    assert table.rows == tuple(cells(record, fields_of(records)) for record in records)
+    fields = fields_of(records)
+    assert table.rows == tuple(tuple(f.cell(record) for f in fields) for record in records)
     assert table.marked == [4]
 
 
