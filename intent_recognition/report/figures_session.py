@@ -123,7 +123,7 @@ def posterior_figure(
     labels: Sequence[str],
     shares: Sequence[Floats],
     probabilities: Sequence[Floats],
-    decisions: Sequence[float | None] | None = None,
+    decisions: Sequence[float | None],
 ) -> "Figure":
     """Task posteriors over the share of the movement: one panel per true task, a line each.
 
@@ -138,7 +138,6 @@ def posterior_figure(
     panels = sorted(set(tasks))
     figure = new_figure(max(5.6, 3.7 * len(panels)), 3.3)
     grid = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
-    decisions = decisions or [None] * len(tasks)
     for axes, true in zip(grid, panels, strict=True):
         chosen = [i for i, task in enumerate(tasks) if task == true]
         for column, label in enumerate(labels):
