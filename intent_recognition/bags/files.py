@@ -129,10 +129,11 @@ def find_files(
             notes.append(f"empty: {files.pop().name}")
     else:
         files = [_packed_or_not(path / PureWindowsPath(name).name) for name in metadata.files]
-    missing = [file.name for file in files if not file.is_file()]
-    if tolerant and missing:
-        notes.append(f"missing: {', '.join(missing)}")
-        files = [file for file in files if file.is_file()] or storage_files(path)
+    missing, there = [file.name for file in files if not file.is_file()], storage_files(path)
+    renamed = len(missing) == len(files) == len(there)
+    if missing and (tolerant or renamed):
+        notes.append(f"missing: {', '.join(missing)}" + "; renamed" * renamed)
+        files = [file for file in files if file.is_file()] or there
         missing = []
     if missing or not files:
         cure = "Copy the whole directory of the bag."

@@ -109,7 +109,7 @@ def inspect_bag(path: str | Path) -> BagSummary:
     elif not times_ns:  # the headers of damaged chunks tell of what is lost
         times_ns = [reader.start_ns]
     parts = list(split_session(markers, {}, str(path))) if markers else []
-    is_empty = not reader.damage and not any(topic.count for topic in topics)
+    is_empty = reader.is_finished and not (reader.damage or any(topic.count for topic in topics))
     return BagSummary(
         path=str(path),
         task=task_of(reader),

@@ -114,6 +114,18 @@ def test_several_damaged_places(whole, damaged, tmp_path):
     assert (path / "bag_0.mcap").read_bytes() == bytes(data)
 
 
+def test_messages_of_a_chunk_that_says_other_times_are_saved(whole, damaged, tmp_path):
+    data = bytearray(content(whole))
+    for block in scan_file(whole[0] / "bag_0.mcap").blocks[3:5]:
+        data[block.offset + 9 : block.offset + 25] = bytes(16)
+    path = damaged(bytes(data))
+    with pytest.raises(BagError, match="times of the chunk and of its messages disagree"):
+        list(BagReader(path).raw_messages())
+    report = recover(path, tmp_path / "saved")
+    assert raw(tmp_path / "saved", BagReader) == whole[1] and len(report.damage) == 2
+    assert (report.start_ns, report.end_ns) == (whole[1][0][2], whole[1][-1][2])
+
+
 def test_the_only_chunk_cut_in_half_gives_its_first_part(tmp_path, shared_data):
     source = shared_data / "hri_yumi" / "demo_0000"
     messages = raw(source, BagReader)
@@ -172,6 +184,17 @@ def test_what_came_in_place_of_a_bag_is_told_in_words(whole, damaged):
         list(BagReader(path).raw_messages())
     (path / "metadata.yaml").write_text("rosbag2_bagfile_information: {version: 9}")
     with pytest.raises(BagError, match="got none named 'relative_file_paths'"):
+        BagReader(path)
+
+
+def test_a_bag_whose_file_was_renamed_is_read(whole, damaged):
+    path = damaged(content(whole))
+    (path / "bag_0.mcap").rename(path / "monday.mcap")
+    reader = BagReader(path)
+    assert raw(path, BagReader) == whole[1] and reader.custom_data["task"] == "plate"
+    assert reader.notes == ["missing: bag_0.mcap; renamed"]
+    (path / "more.mcap").write_bytes(content(whole))
+    with pytest.raises(BagError, match="got no bag_0.mcap"):
         BagReader(path)
 
 

@@ -149,14 +149,12 @@ class McapFile:
         """Messages of a block whose topics are known; none of a broken one if tolerant."""
         try:
             table = read_messages(view, block)
-            times_ns = table.log_times_ns
-            if times_ns.size and not (
-                block.start_ns <= int(times_ns.min()) and int(times_ns.max()) <= block.end_ns
-            ):
-                raise ValueError("times of the chunk and of its messages disagree")
         except PARSE_ERRORS as error:
             self._note(block, str(error), error)
             return MessageTable.empty()
+        times_ns = table.log_times_ns
+        if np.any((times_ns < block.start_ns) | (times_ns > block.end_ns)):
+            self._note(block, "times of the chunk and of its messages disagree")
         unknown = set(np.unique(table.channels).tolist()) - self.scan.channels.keys()
         for number in sorted(unknown):
             self._note(block, f"nothing tells the topic of channel {number}")
