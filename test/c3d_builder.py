@@ -20,6 +20,7 @@ def c3d_file(
     repeat=False,
     analog_stated=0,
     analog=0,
+    analog_rate=0.0,
     order="<",
     more=(),
     used=None,
@@ -38,6 +39,7 @@ def c3d_file(
         repeat: whether parameters are there twice.
         analog_stated: analog values of a frame that the header states; there are none.
         analog: channels, whose scales and names the file does not say.
+        analog_rate: values of each channel a second, also where there is none; 0 for none said.
         order: of bytes, "<" of Intel or ">" of SGI.
         more: further parameters of the points, names and texts.
         used: how many points parameters say there are, not the header; 0 for no such parameter.
@@ -56,6 +58,8 @@ def c3d_file(
     body += _parameter(order, 1, "RATE", 4, [], struct.pack(f"{order}f", rate))
     body += _parameter(order, 1, "DATA_START", 2, [], START)
     body += _parameter(order, 2, "USED", 2, [], struct.pack(f"{order}H", analog))
+    if analog_rate:
+        body += _parameter(order, 2, "RATE", 4, [], struct.pack(f"{order}f", analog_rate))
     for k in range(0, count, 255):
         body += _texts(order, 1, f"LABELS{k // 255 + 1 if k else ''}", labels[k : k + 255])
     for name, values in dict(more).items():

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.errors import MissingPackageError, optional
-from intent_recognition.tables.c3d_reading import MOST_STATED
 from intent_recognition.tables.isolated import read_isolated
 from intent_recognition.tables.table import Table, unusable, without_subjects
 
@@ -26,10 +25,11 @@ def open_c3d(path: Path) -> Table:
         if find_spec("c3d") is None:
             raise
     found = read_isolated("c3d_reading.py", path, "a C3D file", ("read", "read_again"))
-    points, read = found["points"], len(found["points"])
-    if len(points) > MOST_STATED:  # read to the end of the last block, which zeros fill up
-        points = points[: 1 + int(np.flatnonzero(np.any(points != 0.0, axis=(1, 2)))[-1:].sum())]
-    count, rate, said = points.shape[1], float(found["rate"]), int(found["said"])
+    points, read, said = found["points"], len(found["points"]), int(found["said"])
+    if read > said > 0:  # to the end of the last block, which zeros fill up
+        some = np.flatnonzero(np.any(points[said:] != 0.0, axis=(1, 2)))[-1:] + 1
+        points = points[: said + int(some.sum())]
+    count, rate = points.shape[1], float(found["rate"])
     if not count:
         cure = "Export the markers; forces and angles as CSV."
         raise unusable(path, "markers", "none: analog channels and rotations are not read", cure)

@@ -69,8 +69,12 @@ def _by_ezc3d(library: Any, path: str) -> Arrays:
 
 
 def _by_c3d(library: Any, path: str) -> Arrays:
+    # It would refuse a rate of analog channels that are not there.
+    library.Reader._check_metadata = lambda _: None
     with Path(path).open("rb") as stream:
         reader = library.Reader(stream)
+        values = reader.analog_used * reader.analog_per_frame
+        _check_frame(path, reader.point_used, values, reader.point_scale)
         units = reader.get("POINT:UNITS")
         named = [key for key in ("LABELS", "LABELS2", "LABELS3") if reader.get(f"POINT:{key}")]
         labels = {key: reader.get(f"POINT:{key}").string_array.ravel() for key in named}

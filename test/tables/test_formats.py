@@ -134,7 +134,8 @@ def test_more_than_255_markers_and_lax_headers(tmp_path):
     names = [f"M{k}" for k in range(300)]
     (found,) = imported(c3d_of(tmp_path, points, labels=names), three("M280"))
     assert np.allclose(found.samples[0].values, (PLACE + 100.0) / 1000)
-    for options in ({"repeat": True}, {"analog_stated": 9}, {"order": ">"}):
+    sgi = {"order": ">"}
+    for options in ({"repeat": True}, {"analog_stated": 9}, sgi, {**sgi, "analog_rate": 100.0}):
         (tmp_path / "b.c3d").write_bytes(c3d_file(PLACE[:, None], labels=["W"], **options))
         (found,) = imported(tmp_path / "b.c3d", three("W"))
         assert np.allclose(found.samples[0].values, PLACE / 1000)
@@ -148,6 +149,7 @@ MISFITS = {
     "no frame": ({}, "/mocap/wrist/pose: empty: no samples with a time of its own"),
     "rate": ({"said_rate": 50.0}, "its header says 50 Hz, POINT:RATE 100: that is taken"),
     "frames": ({"said_frames": 20}, "20 of 30 frames: its parameters state no more"),
+    "frames of zeros": ({"said_frames": 400}, ""),
     "no count": ({"used": 0}, ""),
 }  # fmt: skip
 """Headers and parameters that do not fit each other, and what is said."""
