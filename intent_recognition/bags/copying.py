@@ -115,18 +115,17 @@ def recover(source: str | Path, output: str | Path) -> RecoveryReport:
         cure = "Record it again."
         raise BagError.about(str(source), "a message that can be read", f"none: {why}", cure)
     counts: Counter[str] = Counter()
-    first_ns = last_ns = first.log_time_ns
+    start_ns = end_ns = first.log_time_ns
     with BagWriter(output, reader.custom_data, flush_period_s=None) as writer:
         declare_topics(writer, reader, undefined)
         for message in chain([first], messages):
             writer.write_raw(message)
             counts[message.topic] += 1
-            first_ns, last_ns = min(first_ns, message.log_time_ns), max(last_ns, message.log_time_ns)
+            at_ns = message.log_time_ns
+            start_ns, end_ns = min(start_ns, at_ns), max(end_ns, at_ns)
     damage = tuple(sorted(reader.damage, key=lambda found: found.offset))
     notes = (*reader.notes, *undefined.values())
-    return RecoveryReport(
-        str(source), str(output), dict(counts), first_ns, last_ns, damage, notes
-    )
+    return RecoveryReport(str(source), str(output), dict(counts), start_ns, end_ns, damage, notes)
 
 
 def _undefined(reader: BagReader) -> dict[str, str]:

@@ -15,15 +15,13 @@ from rosbags.rosbag1 import Reader
 from intent_recognition.bags.mcap.chunk import LATEST_NS, McapBlock, MessageTable
 from intent_recognition.bags.mcap.file import Item, complete_schemas
 from intent_recognition.bags.mcap.scan import Damage, FileScan
+from intent_recognition.bags.messages import RECOVER
 from intent_recognition.bags.ros1_reader import UnindexedReader
 from intent_recognition.bags.sqlite_reader import DamagedSqliteReader, SqliteReader, is_open
 from intent_recognition.errors import BagError, one_line
 
-CURES = {
-    False: "Save what is left with sqlite3 FILE .recover, or record it again.",
-    True: "Record it again.",
-}
-"""Against a damaged file, of SQLite and of ROS 1."""
+NOT_CLOSED = "not indexed"
+"""What the library says of a bag of ROS 1 that was not closed, and is whole but for its end."""
 RENAMED = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
 """Types of ROS 1 that ROS 2 has under another name."""
 READERS: dict[bool, tuple[Callable[[Path], Reader | SqliteReader], ...]] = {
@@ -107,18 +105,21 @@ class RosbagsFile:
 
     @contextmanager
     def _open(self) -> Iterator[Reader | SqliteReader]:
-        try:
-            reader = self._readers[0](self.path)
-            reader.open()
-        except Exception as error:  # the library raises what it meets
-            if len(self._readers) == 1:
-                raise self._error(error, 0) from error
-            self._readers, self.scan.is_finished = self._readers[1:], False
-            with self._open() as reader:
-                if not reader.message_count:
-                    raise self._error(error, 0) from error
-                yield reader
-            return
+        errors: list[Exception] = []
+        for make in self._readers:
+            try:
+                reader = make(self.path)
+                reader.open()
+                if reader.message_count or not errors:
+                    break
+            except Exception as error:  # the library raises what it meets
+                errors.append(error)
+        else:
+            raise self._error(errors[0], 0) from errors[0]
+        if errors:
+            self._readers, self.scan.is_finished = [make], False
+            if self._tolerant and NOT_CLOSED not in str(errors[0]):
+                self._damage.append(Damage(0, one_line(errors[0])))
         try:
             yield reader
         finally:
@@ -147,4 +148,5 @@ class RosbagsFile:
     def _error(self, error: Exception, last_ns: int) -> BagError:
         place = f"{self.path}: after {last_ns} ns" if last_ns else str(self.path)
         expected = "a bag of ROS 1" if self._is_ros1 else "a bag in SQLite"
-        return BagError.about(place, expected, one_line(error), CURES[self._is_ros1])
+        cure = RECOVER if last_ns else "Record it again."
+        return BagError.about(place, expected, one_line(error), cure)

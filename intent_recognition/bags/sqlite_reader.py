@@ -2,18 +2,27 @@
 """Read a `.db3` of rosbag2, of any distribution and also one that its recorder never closed."""
 
 import os
-import shutil
 import sqlite3
 from collections.abc import Collection, Iterator
 from contextlib import suppress
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from typing import Any
 from urllib.parse import quote
 
 from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat
 
 FORMATS = {"ros2msg": MessageDefinitionFormat.MSG, "ros2idl": MessageDefinitionFormat.IDL}
-TABLES = "SELECT name FROM sqlite_master WHERE type = 'table'"
+TABLES = {
+    "topics": "id, name, type, serialization_format, offered_qos_profiles, type_description_hash",
+    "messages": "id, topic_id, timestamp, data",
+    "message_definitions": "id, topic_type, encoding, encoded_message_definition, hash",
+}
+"""Tables of rosbag2 and their columns; older releases have fewer."""
+LEAF = 13
+"""Kind of a page that holds rows of a table."""
+WIDTHS = (0, 1, 2, 3, 4, 6, 8, 8, 0, 0, 0, 0)
+"""Bytes of a number by its kind."""
 
 
 def is_open(path: Path) -> bool:
@@ -22,10 +31,10 @@ def is_open(path: Path) -> bool:
     return log.is_file() and log.stat().st_size > 0
 
 
-def _page(head: bytes | bytearray) -> int:
-    """Bytes of a page, by the head of a file; 1 stands for 2^16."""
+def _page(head: bytes) -> int:
+    """Bytes of a page, by the head of a file, where 1 stands for 2^16; or else the usual ones."""
     size = int.from_bytes(head[16:18], "big")
-    return 2**16 if size == 1 else max(size, 1)
+    return {1: 2**16}.get(size, size if size in (2**k for k in range(9, 16)) else 2**12)
 
 
 class SqliteReader:
@@ -33,21 +42,20 @@ class SqliteReader:
     files with a type that the recorder knew no definition of.
     """
 
-    table = "messages"
-
     def __init__(self, path: Path):
         self.path = path
 
     def open(self) -> None:
         """Open it; what its topics are, and how many messages there are when."""
         self._file = self._connect()
-        tables = {name for (name,) in self._file.execute(TABLES)}
+        listed = "SELECT name FROM sqlite_master WHERE type = 'table'"
+        tables = {name for (name,) in self._file.execute(listed)}
         if not {"topics", "messages"} <= tables:
             raise ValueError(f"tables {', '.join(sorted(tables))}, not topics and messages")
         asked = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
         definitions = self._file.execute(asked) if "message_definitions" in tables else ()
         said = {name: (form, text) for name, form, text in definitions}
-        counted = f"SELECT topic_id, COUNT(*) FROM {self.table} GROUP BY topic_id"
+        counted = "SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id"
         counts = dict(self._file.execute(counted).fetchall())
         self.connections = []
         topics = self._file.execute("SELECT * FROM topics ORDER BY id")
@@ -55,7 +63,7 @@ class SqliteReader:
         for row in topics:
             one = dict(zip(names, row, strict=True))
             if not (isinstance(one["name"], str) and isinstance(one["type"], str)):
-                raise ValueError(f"topic {one['id']} without a name and a type")
+                continue
             form, text = said.get(one["type"], ("", ""))  # both may be anything
             definition = MessageDefinition(
                 FORMATS.get(form, MessageDefinitionFormat.NONE), str(text)
@@ -63,8 +71,10 @@ class SqliteReader:
             digest, count = one.get("type_description_hash", ""), counts.get(one["id"], 0)
             more = (definition, digest, count, one.get("offered_qos_profiles", ""), self)
             self.connections.append(Connection(one["id"], one["name"], one["type"], *more))
+        for number in counts.keys() - {one.id for one in self.connections}:
+            raise ValueError(f"topic {number} without a name and a type")
         self.message_count = sum(counts.values())
-        times = self._file.execute(f"SELECT MIN(timestamp), MAX(timestamp) + 1 FROM {self.table}")
+        times = self._file.execute("SELECT MIN(timestamp), MAX(timestamp) + 1 FROM messages")
         self.start_time, self.end_time = (int(time_ns or 0) for time_ns in times.fetchone())
 
     def _connect(self) -> sqlite3.Connection:
@@ -85,7 +95,7 @@ class SqliteReader:
         """Messages of some topics in the order of their times."""
         topics = {one.id: one for one in wanted}
         asked = (
-            f"SELECT topic_id, timestamp, data FROM {self.table} WHERE topic_id IN"
+            "SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN"
             f" ({', '.join('?' * len(topics))}) ORDER BY timestamp, id"
         )
         for number, at_ns, data in self._file.execute(asked, list(topics)):
@@ -93,30 +103,89 @@ class SqliteReader:
 
 
 class DamagedSqliteReader(SqliteReader):
-    """As its base of a copy of a file that is cut off or damaged: of the messages it has those from
-    both ends of their table up to the first that cannot be read.
+    """As its base of a file that is cut off or damaged: all rows that are whole, wherever they are.
+
+    The leaves of the trees of tables, by https://sqlite.org/fileformat2.html, 1.6 and 2.1.
     """
 
-    table = "kept"
-
     def _connect(self) -> sqlite3.Connection:
-        self._folder = TemporaryDirectory(prefix="intent_read_")  # removed with this object
-        copy = Path(shutil.copyfile(self.path, Path(self._folder.name) / "copy.db3"))
-        with copy.open("r+b") as stream:
-            head = bytearray(stream.read(32))
-            head[18:20] = b"\1\1"  # without a log
-            pages = copy.stat().st_size // _page(head)
-            head[28:32] = pages.to_bytes(4, "big")  # those that are there
-            stream.seek(0)
-            stream.write(head)
-        name = f"file:{quote(str(copy))}?immutable=1"  # in a transaction an error ends all reading
-        file = sqlite3.connect(name, uri=True, isolation_level=None)
-        columns = "id, topic_id, timestamp, data"
-        file.execute(f"CREATE TEMP TABLE kept ({columns}, PRIMARY KEY (id))")
-        for order in ("ASC", "DESC"):
-            asked = f"SELECT {columns} FROM messages NOT INDEXED ORDER BY id {order}"
-            with suppress(sqlite3.DatabaseError):
-                for row in file.execute(asked):
-                    file.execute("INSERT OR IGNORE INTO kept VALUES (?, ?, ?, ?)", row)
-                break
+        file = sqlite3.connect("")  # a file of its own, removed with the connection
+        for name, columns in TABLES.items():
+            file.execute(f"CREATE TABLE {name} ({columns}, PRIMARY KEY (id))")
+        with self.path.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
+            for number, row in _rows(data):
+                match row:
+                    case None, int(), int(), bytes():
+                        name = "messages"
+                    case None, str(), str(kind), str(), *_ if "/msg/" in kind:
+                        name = "topics"
+                    case None, str(), str(), str(), str():
+                        name = "message_definitions"
+                    case _:
+                        continue
+                values = [number, *row[1:], "", ""][: TABLES[name].count(",") + 1]
+                marks = ", ".join("?" * len(values))
+                file.execute(f"INSERT OR IGNORE INTO {name} VALUES ({marks})", values)
         return file
+
+
+def _rows(data: mmap) -> Iterator[tuple[int, list[Any]]]:
+    """Number and values of each row of a file that can be read."""
+    size = _page(data[:32])
+    used: set[int] = set()
+    for start in range(0, len(data), size):
+        head = start + 100 * (start == 0)
+        count = int.from_bytes(data[head + 3 : head + 5], "big") if data[head] == LEAF else 0
+        for k in range(count):
+            cell = int.from_bytes(data[head + 8 + 2 * k : head + 10 + 2 * k], "big")
+            with suppress(IndexError, ValueError):
+                length, at = _varint(data, start + cell)
+                number, at = _varint(data, at)
+                yield number, _values(_content(data, at, length, size, used))
+
+
+def _content(data: mmap, at: int, length: int, size: int, used: set[int]) -> bytes:
+    """A row's bytes, of which a page holds no more than a part; the rest is in a chain of pages."""
+    least = (size - 12) * 32 // 255 - 23
+    part = least + (length - least) % (size - 4)
+    here = length if length <= size - 35 else part if part <= size - 35 else least
+    pieces, after = [data[at : at + here]], data[at + here : at + here + 4]
+    for _ in range(-(-(length - here) // (size - 4))):
+        page = int.from_bytes(after, "big") - 1
+        if not 0 <= page * size < len(data) or page in used:
+            raise ValueError("no such page, or one of another row")
+        used.add(page)
+        after = data[page * size : page * size + 4]
+        pieces.append(data[page * size + 4 : (page + 1) * size])
+    return b"".join(pieces)[:length]
+
+
+def _values(content: bytes) -> list[Any]:
+    """The values of a row: whole numbers, texts, bytes, and None for others."""
+    end, at = _varint(content, 0)
+    kinds: list[int] = []
+    values: list[Any] = []
+    while at < end:
+        kind, at = _varint(content, at)
+        kinds.append(kind)
+    for kind in kinds:
+        n = (kind - 12) // 2 if kind >= 12 else WIDTHS[kind]
+        part, at = content[at : at + n], at + n
+        if kind >= 12:
+            values.append(part.decode() if kind % 2 else part)
+        else:
+            whole = kind - 8 if kind in (8, 9) else int.from_bytes(part, "big", signed=True)
+            values.append(whole if kind not in (0, 7) else None)
+    if at != len(content):
+        raise ValueError("a row of another length than its values")
+    return values
+
+
+def _varint(data: bytes | mmap, at: int) -> tuple[int, int]:
+    """A number of up to nine bytes of seven bits, and where it ends."""
+    value = 0
+    for k in range(at, at + 8):
+        value = value << 7 | data[k] & 0x7F
+        if data[k] < 0x80:
+            return value, k + 1
+    return value << 8 | data[at + 8], at + 9

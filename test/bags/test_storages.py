@@ -38,7 +38,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
 from intent_recognition.bags import BagReader, recover
-from intent_recognition.bags.definitions import definition
+from intent_recognition.bags.definitions import definition, serialize
 from intent_recognition.bags.messages import complete_schema, schema_decoder
 from intent_recognition.cli.main import main
 from intent_recognition.demonstrations import find_bags
@@ -400,6 +400,18 @@ def test_of_a_database_that_is_cut_off_the_messages_before_are_read(tmp_path):
     (tmp_path / "cut.db3").write_bytes(data[:page] + bytes(4096) + data[page + 4096 :])
     found = raw(tmp_path / "cut.db3", BagReader)
     assert len(found) < len(whole) and {whole[0], whole[-1]} <= {*found} <= {*whole}
+    assert recover(tmp_path / "cut.db3", tmp_path / "saved").damage[0].reason.endswith("malformed")
+    long = pose(0, frame_id="w" * 20_000), pose(1, frame_id="w" * 70_000)  # over several pages
+    with contextlib.closing(sqlite3.connect(tmp_path / "bag/bag.db3")) as file:
+        rows = [(START_NS + k, serialize(POSE, one)) for k, one in enumerate(long)]
+        file.executemany("INSERT INTO messages VALUES (NULL, 1, ?, ?)", rows)
+        file.commit()
+    data = (tmp_path / "bag/bag.db3").read_bytes()
+    (tmp_path / "cut.db3").write_bytes(bytes(4096) + data[4096:])
+    whole = raw(tmp_path / "bag", BagReader)
+    assert raw(tmp_path / "cut.db3", BagReader) == whole
+    report = recover(tmp_path / "cut.db3", tmp_path / "all")
+    assert report.message_count == len(whole) and "not a database" in report.damage[0].reason
 
 
 def test_a_database_with_a_log_and_an_unknown_definition_is_read_whole(tmp_path, monkeypatch):
