@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from heapq import merge
 from itertools import pairwise
-from operator import attrgetter
+from operator import itemgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -151,31 +151,28 @@ class BagReader:
         wanted = None if topics is None else {topic.lstrip("/") for topic in topics}
         for group in self._groups:
             streams = [self._of_file(file, wanted) for file in group]
-            merged = merge(*streams, key=attrgetter("log_time_ns"))
-            yield from (one for one in merged if one.publish_time_ns >= 0)
+            merged = merge(*streams, key=itemgetter(0))
+            yield from (message for _, message in merged if message is not None)
 
     def _of_file(
         self, file: McapFile | RosbagsFile, wanted: set[str] | None
-    ) -> Iterator[RawMessage]:
+    ) -> Iterator[tuple[int, RawMessage | None]]:
+        """Times and messages of a file; the first time, without one, is that of its begin, before
+        which nothing is read of it, and no damage met.
+        """
         converters = {
             c.id: converter(c.message_encoding, file.scan.schemas.get(c.schema_id))
             for c in file.scan.channels.values()
         }
-        start_ns, _ = file.scan.span_ns
-        yield RawMessage("", "", start_ns, -1, b"")  # no message: it is not read before its time
+        yield file.scan.span_ns[0], None
         for item in file.items(wanted):
             schema = file.schemas[item.channel.id]
             data = self._converted(item, converters[item.channel.id])
             if data is None:
                 continue
-            yield RawMessage(
-                item.channel.topic,
-                schema.name if schema else "",
-                item.log_time_ns,
-                item.publish_time_ns,
-                data,
-                item.sequence,
-            )
+            kind, at_ns = schema.name if schema else "", item.log_time_ns
+            about = (item.channel.topic, kind, at_ns, item.publish_time_ns)
+            yield at_ns, RawMessage(*about, data, item.sequence)
 
     def _converted(self, item: Item, convert: Callable[[bytes], bytes]) -> bytes | None:
         """A message in CDR; None of a damaged one if tolerant."""
