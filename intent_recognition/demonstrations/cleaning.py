@@ -110,12 +110,7 @@ def clean_columns(
         if rows.size < accepted.size:
             rejected[STAMP_NOT_INCREASING] += accepted.size - rows.size
     else:
-        publishers = np.zeros(stamps_ns.size, np.int64)
-        if isinstance(columns, JointColumns):
-            of_parts = _publishers([part.names for part in columns.parts])
-            for part, publisher in zip(columns.parts, of_parts, strict=True):
-                publishers[part.rows] = publisher
-        rows, rejected = _increasing_of_each(stamps_ns, publishers)
+        rows, rejected = _increasing_of_each(stamps_ns, publishers_in(columns))
     return TopicSamples(
         stamps_ns[rows], columns.log_times_ns[rows], columns, rows, rejected, frames
     )
@@ -226,6 +221,16 @@ def publishers_of(type_name: str, messages: Sequence[Any]) -> Integers:
     if type_name == TRANSFORMS:
         return _publishers([[t.child_frame_id for t in m.transforms] for m in messages])
     return np.zeros(len(messages), np.int64)
+
+
+def publishers_in(columns: Columns) -> Integers:
+    """As `publishers_of` from columns."""
+    publishers = np.zeros(columns.stamps_ns.size, np.int64)
+    if isinstance(columns, JointColumns):
+        of_parts = _publishers([part.names for part in columns.parts])
+        for part, publisher in zip(columns.parts, of_parts, strict=True):
+            publishers[part.rows] = publisher
+    return publishers
 
 
 def _publishers(names: Sequence[Sequence[str]]) -> Integers:

@@ -7,20 +7,29 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 
+from intent_recognition.array_types import Integers
 from intent_recognition.bags import (
     JOINT_STATE,
     POSE,
     BagMessage,
     BagReader,
+    Columns,
     Damage,
     JointColumns,
     TopicInfo,
     decode,
 )
-from intent_recognition.demonstrations.cleaning import clean_topic, is_raw_pose, publishers_of
+from intent_recognition.demonstrations.cleaning import (
+    clean_columns,
+    clean_topic,
+    is_raw_pose,
+    publishers_in,
+    publishers_of,
+)
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.reading import iter_demonstrations
@@ -98,12 +107,18 @@ def inspect_bag(path: str | Path) -> BagSummary:
     markers: list[BagMessage] = []
     times_ns: list[int] = []
     marker = find_marker_topic(reader)
+    quick = [info.name for info in reader.topics.values() if info.type in (POSE, JOINT_STATE)]
+    columns = reader.columns(quick)
     for info in reader.topics.values():
-        messages, not_finite, undecodable = _decoded(reader, info)
-        topics.append(_summarise(info, messages, not_finite, undecodable))
-        times_ns += [message.log_time_ns for message in messages]
-        if info.name.lstrip("/") == marker:
-            markers = messages
+        if (found := columns.get(info.name.lstrip("/"))) is not None:
+            stream = _of_columns(info, found)
+        else:
+            messages, not_finite, undecodable = _decoded(reader, info)
+            stream = _of_messages(info, messages, not_finite, undecodable)
+            if info.name.lstrip("/") == marker:
+                markers = messages
+        topics.append(_summarise(info, stream))
+        times_ns += [int(stream.log_times_ns[k]) for k in (0, -1) if stream.log_times_ns.size]
     if not reader.damage:
         times_ns = [reader.start_ns, reader.end_ns]
     elif not times_ns:  # the headers of damaged chunks tell of what is lost
@@ -187,16 +202,43 @@ def _decoded(reader: BagReader, info: TopicInfo) -> tuple[list[BagMessage], int,
     return messages, not_finite, undecodable
 
 
-def _summarise(
+class _Stream(NamedTuple):
+    """What the messages of a topic that can be decoded say of it."""
+
+    stamps_ns: Integers  # (T,)
+    log_times_ns: Integers  # (T,), in order
+    publishers: Integers  # (T,)
+    rejected: Mapping[str, int]
+    not_finite: int
+    undecodable: int = 0
+
+
+def _of_columns(info: TopicInfo, columns: Columns) -> _Stream:
+    if isinstance(columns, JointColumns):
+        numbers = [np.hstack(part[3:]) for part in columns.parts]
+    else:
+        numbers = [np.hstack([columns.positions, columns.orientations])]
+    not_finite = sum(int(np.sum(~np.isfinite(rows).all(axis=1))) for rows in numbers)
+    rejected = clean_columns(info.name, columns).rejected
+    times_ns = columns.stamps_ns, columns.log_times_ns
+    return _Stream(*times_ns, publishers_in(columns), rejected, not_finite)
+
+
+def _of_messages(
     info: TopicInfo, messages: list[BagMessage], not_finite: int, undecodable: int
-) -> TopicSummary:
+) -> _Stream:
     rejected: Mapping[str, int] = {}
-    if messages and (hasattr(messages[0].message, "header") or is_raw_pose(info.name, info.type)):
+    if messages and hasattr(messages[0].message, "header"):
         rejected = clean_topic(info.name, info.type, messages).rejected
     stamps = np.array([m.stamp_ns for m in messages], dtype=np.int64)
     log_times = np.array([m.log_time_ns for m in messages], dtype=np.int64)
-    logged = stamps + clock_shift_ns((log_times - stamps)[stamps > 0])
     publishers = publishers_of(info.type, [m.message for m in messages])
+    return _Stream(stamps, log_times, publishers, rejected, not_finite, undecodable)
+
+
+def _summarise(info: TopicInfo, stream: _Stream) -> TopicSummary:
+    stamps, log_times, publishers, rejected, not_finite, undecodable = stream
+    logged = stamps + clock_shift_ns((log_times - stamps)[stamps > 0])
     own = [np.sort(logged[(stamps > 0) & (publishers == p)]) for p in np.unique(publishers)]
     before = np.concatenate([np.empty(0, np.int64), *(times_ns[:-1] for times_ns in own)])
     steps = [np.diff(times_ns) * 1e-9 for times_ns in own if times_ns.size > 1]
@@ -207,7 +249,7 @@ def _summarise(
     return TopicSummary(
         name=info.name,
         type=info.type,
-        count=len(messages) + undecodable,
+        count=stamps.size + undecodable,
         rate_hz=1.0 / median_s if median_s > 0 else 0.0,
         gaps=tuple((int(before[i]), float(steps_s[i])) for i in at),
         longest_gap_s=float(steps_s.max(initial=0.0)),
