@@ -179,13 +179,22 @@ def _way(base: str, tip: str, above: Mapping[str, ET.Element]) -> list[ET.Elemen
 
 
 def _mimics(joints: list[ET.Element]) -> tuple[Mimic, ...]:
-    mimics = []
+    """Joints that copy others; one that copies a copy is one of that copy's master."""
+    mimics: dict[str, Mimic] = {}
     for joint in joints:
         if (found := joint.find("mimic")) is not None:
             name, master = joint.get("name", ""), found.get("joint", "")
             multiplier = _number(joint, found, "multiplier", 1.0)
-            mimics.append(Mimic(name, master, multiplier, _number(joint, found, "offset", 0.0)))
-    return tuple(mimics)
+            offset = _number(joint, found, "offset", 0.0)
+            mimics[name] = Mimic(name, master, multiplier, offset)
+    for name in mimics:
+        passed = {name}
+        while (own := mimics[name]).master in mimics.keys() - passed:
+            passed.add(own.master)
+            above = mimics[own.master]
+            factor, shift = own.multiplier * above.multiplier, own.multiplier * above.offset
+            mimics[name] = Mimic(name, above.master, factor, own.offset + shift)
+    return tuple(mimics.values())
 
 
 def _number(

@@ -29,6 +29,9 @@ DEFAULT_SPEED = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.1}
 arms and lifts of common robots, so that a plan is slow rather than impossible."""
 DEFAULT_EFFORT = {"revolute": 50.0, "continuous": 50.0, "prismatic": 500.0}
 """Likewise the largest effort [Nm, N]. Convention: of the middle joints of common arms."""
+BEFORE_XML = "\ufeff \r\n\t"
+"""What may stand before XML, and no parser takes."""
+XACRO = "{http://www.ros.org/wiki/xacro}"
 _SIX = dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), 1)
 _NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -53,24 +56,20 @@ def read_urdf(source: str | Path) -> str:
     Raises:
         ArgumentError: the file cannot be read.
     """
-    if isinstance(source, str) and _is_xml(source):
-        return source.lstrip("\ufeff")
+    if isinstance(source, str) and (text := source.lstrip(BEFORE_XML)).startswith("<"):
+        return text
     path = as_path("robot", source)
-    if path.suffix == ".xacro":
+    if path.suffix.lower() == ".xacro":
         return _expanded(path)
     try:
-        text = read_text(path, 10 * MOST_TEXT)
-        if not _is_xml(text):
+        text = read_text(path, 10 * MOST_TEXT).lstrip(BEFORE_XML)
+        if not text.startswith("<"):
             raise UntrustedError("another kind of file")
         return text
     except (OSError, ValueError) as error:
         cure = "Give the path of a URDF, or its text."
         got = error if isinstance(error, OSError) else f"{source}: {error}"
         raise ArgumentError.about("robot", "a URDF", got, cure) from error
-
-
-def _is_xml(text: str) -> bool:
-    return text.lstrip("\ufeff \r\n\t").startswith("<")
 
 
 def _expanded(path: Path) -> str:
@@ -114,6 +113,9 @@ def parse_urdf(source: str | Path) -> ET.Element:
     """
     root = parse_xml(read_urdf(source))
     links, joints = root.findall("link"), root.findall("joint")
+    if any(element.tag.startswith(XACRO) for element in root.iter()):
+        cure = "Name it FILE.xacro, or expand it: xacro FILE > robot.urdf."
+        raise ArgumentError.about("robot", "a URDF", "one of xacro that is not expanded", cure)
     if root.tag != "robot" or not links:
         got = f"<{root.tag}>" if root.tag != "robot" else "no link"
         raise ArgumentError.about("robot", "a URDF: <robot> with links", got, "Check the file.")

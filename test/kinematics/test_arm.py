@@ -56,6 +56,7 @@ BEND = joint("bend", "revolute", "d", "e", axis="0 1 0", xyz="0.4 0 0")
 COPY = joint(
     "copy", "revolute", "e", "f", LIMIT + '<mimic joint="bend" multiplier="-2" offset="0.5"/>'
 )
+XACRO = '<x:include xmlns:x="http://www.ros.org/wiki/xacro" filename="arm.xacro"/>'
 MIXED = robot(TURN, LIFT, TOOL, BEND, COPY)
 
 
@@ -75,6 +76,10 @@ def test_every_kind_of_joint_is_a_product_of_exponentials():
     arm = Arm.from_urdf(MIXED)
     assert arm.joint_names == ("turn", "lift", "bend")
     assert (arm.base, arm.tip) == ("a", "f")
+    again = LIMIT + '<mimic joint="copy" multiplier="0.5" offset="0.1"/>'
+    again = joint("again", "revolute", "f", "g", again)
+    of_a_copy = Arm.from_urdf(robot(TURN, LIFT, TOOL, BEND, COPY, again, links="abcdefg"))
+    assert of_a_copy.joint_names == arm.joint_names
     for turn, lift, bend in np.random.default_rng(0).uniform(-1, 0.5, (5, 3)):
         expected = (
             homogeneous((0, 0, 0.3), (0, 0, 0))
@@ -88,6 +93,9 @@ def test_every_kind_of_joint_is_a_product_of_exponentials():
             @ expm(twist((0, 0, 0.5 - 2.0 * bend), (0, 0, 0)))
         )
         np.testing.assert_allclose(arm.forward_kinematics([turn, lift, bend]), expected, atol=1e-12)
+        copied = homogeneous((0, 0, 0.3), (0, 0, 0)) @ expm(twist((0, 0, 0.35 - bend), (0, 0, 0)))
+        found = of_a_copy.forward_kinematics([turn, lift, bend])
+        np.testing.assert_allclose(found, expected @ copied, atol=1e-12)
 
 
 @pytest.mark.parametrize("source", [MIXED, ROBOTS["lwr"]], ids=["mixed", "lwr"])
@@ -248,6 +256,7 @@ def test_a_continuous_joint_turns_on():
         (__file__, {}, "robot: .*test_arm.py: another kind of file"),
         ("<robot", {}, "robot: expected a URDF.*xacro"),
         ("<sdf><link/></sdf>", {}, "got <sdf>"),
+        (robot(XACRO, links="a"), {}, "one of xacro that is not expanded. Name it FILE.xacro"),
         (MIXED, {"tip": "hand"}, "tip: expected a link of a, b, c, d, e, f, got hand"),
         (MIXED, {"base": "f", "tip": "b"}, "tip: expected a link below f"),
         (MIXED, {"tip": "a"}, "tip: expected a link beyond a moving joint"),

@@ -91,7 +91,10 @@ def test_descriptions_with_a_mark_in_degrees_or_none():
     (tree, *_) = TREES.values()
     text = urdf(tree.branches)
     kept = {"tip": tree.asked or None, "base": tree.base or None}
-    found = [Arm.from_urdf(one, **kept).joint_names for one in (text, f"\ufeff{text}")]
+    found = [
+        Arm.from_urdf(one, **kept).joint_names
+        for one in (text, f"\ufeff\n <?xml version='1.0'?>{text}")
+    ]
     assert found[0] == found[1]
     with pytest.raises(ArgumentError, match="robot: expected a path, got one of type NoneType"):
         Arm.from_urdf(None)
