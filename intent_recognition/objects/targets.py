@@ -23,6 +23,9 @@ N_SURFACE_POINTS = 100_000
 MOSTLY_SOLID = 0.8
 """Share of its convex hull above which a mesh counts as closed on top. Convention: a container
 with walls fills less."""
+APART = 0.05
+"""Share of its area that may be of bodies apart from a mesh's largest one, which are left out.
+Convention: specks of a scan, not another object."""
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".xyz")
 """Kinds that are read. Others of trimesh are archives and XML, which may unpack without end."""
 NEEDED = "a mesh file (.obj, .ply, .stl, .off, .glb, .gltf) or a cloud (.ply, .xyz)"
@@ -120,6 +123,7 @@ def mesh_target(
         solid.merge_vertices(merge_tex=True, merge_norm=True)
     if not solid.area > 0.0:
         raise ArgumentError.about("mesh", "an area above 0", solid.area, "Export it again.")
+    _leave_out_apart(solid)
     _wind(solid)
     share = _hull_share(solid)
     is_sheet = share > MOSTLY_SOLID and _is_sheet(solid)
@@ -136,6 +140,29 @@ def mesh_target(
     kept = slice(None, None, max(1, N_SURFACE_POINTS // n_points))
     cloud = ObjectCloud(surface.points[kept][:n_points], surface.normals[kept][:n_points])
     return Target(cloud, surface, wall_m)
+
+
+def _leave_out_apart(solid: "trimesh.Trimesh") -> None:
+    """Keep the largest body, and those whose boxes touch that of what is kept, such as a handle."""
+    trimesh = optional("trimesh")
+
+    nodes = np.arange(len(solid.faces))
+    bodies = trimesh.graph.connected_components(solid.face_adjacency, nodes=nodes, min_len=1)
+    lows = np.array([solid.triangles[body].min((0, 1)) for body in bodies])
+    highs = np.array([solid.triangles[body].max((0, 1)) for body in bodies])
+    areas = np.array([solid.area_faces[body].sum() for body in bodies])
+    kept, n_kept = areas == areas.max(), 0
+    while n_kept < kept.sum():
+        n_kept = kept.sum()
+        low, high = lows[kept].min(0), highs[kept].max(0)
+        kept |= np.all((lows <= high) & (highs >= low), axis=1)
+    if kept.all():
+        return
+    if areas[~kept].sum() > APART * areas.sum():
+        got = f"{np.count_nonzero(~kept)} beside it, apart from it"
+        raise ArgumentError.about("mesh", "one object", got, "Export one at a time.")
+    solid.update_faces(np.sort(np.concatenate([bodies[k] for k in np.flatnonzero(kept)])))
+    solid.remove_unreferenced_vertices()
 
 
 def _wind(solid: "trimesh.Trimesh") -> None:

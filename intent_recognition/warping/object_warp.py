@@ -212,7 +212,7 @@ def check_scan(points: Floats) -> None:
     """Refuse points (n, 3) that cannot be one cup or bowl in metres."""
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
     if not 0.01 < extent < 1.5:
-        cure = "Give points in metres; millimetres are scaled by 0.001."
+        cure = "Give points in metres: millimetres are scaled by 0.001, centimetres by 0.01."
         expected = "a cup or bowl of 0.01 to 1.5 m"
         raise ArgumentError.about("points", expected, f"{extent:.3g} m across", cure)
     offsets = points - points.mean(0)

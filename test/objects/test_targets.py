@@ -7,7 +7,7 @@ import pytest
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects import load_object, load_target
 from intent_recognition.objects.file import find_object
-from intent_recognition.warping import ObjectModel, pouring_parameters, warp_object
+from intent_recognition.warping import ObjectModel, Part, pouring_parameters, warp_object
 
 trimesh = pytest.importorskip("trimesh")
 RADIUS_M, DEPTH_M, WALL_M = 0.037, 0.095, 0.003
@@ -30,14 +30,23 @@ def flipped(mesh):
     return trimesh.Trimesh(mesh.vertices, faces, process=False)
 
 
+def beside(mesh, size_m=0.01):
+    """A box stands beside it, apart from it."""
+    box = trimesh.creation.box(
+        [size_m] * 3, trimesh.transformations.translation_matrix([0.3, 0, 0])
+    )
+    return trimesh.util.concatenate([mesh, box])
+
+
 @pytest.mark.parametrize("wall_m", [WALL_M, 0.0])
-@pytest.mark.parametrize("change", [lambda mesh: mesh, flipped])
+@pytest.mark.parametrize("change", [lambda mesh: mesh, flipped, beside])
 def test_a_cup_has_its_volume_and_wall_however_it_is_wound(wall_m, change, tmp_path):
     change(cup(wall_m)).export(tmp_path / "cup.obj")
     target = load_target(tmp_path / "cup.obj")
     mug = ObjectModel.learn(load_object(find_object("mug")))
-    volume_m3 = pouring_parameters(warp_object(mug, target.cloud), None).volume_m3
-    assert volume_m3 == pytest.approx(VOLUME_M3, rel=0.03)
+    warped = warp_object(mug, target.cloud)
+    assert pouring_parameters(warped, None).volume_m3 == pytest.approx(VOLUME_M3, rel=0.03)
+    assert not (warped.labels == Part.HANDLE).any()
     assert target.wall_m == pytest.approx(wall_m, abs=2e-4)
 
 
@@ -45,3 +54,6 @@ def test_a_body_without_a_cavity_is_still_closed(tmp_path):
     trimesh.creation.cylinder(RADIUS_M, DEPTH_M).export(tmp_path / "solid.obj")
     with pytest.raises(ArgumentError, match="closed on top"):
         load_target(tmp_path / "solid.obj")
+    beside(cup(WALL_M), 0.06).export(tmp_path / "two.obj")
+    with pytest.raises(ArgumentError, match="expected one object, got 1 beside it"):
+        load_target(tmp_path / "two.obj")
