@@ -2,13 +2,16 @@
 """Read a bag of ROS 1 without its index, which a recorder writes at the end."""
 
 import os
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
+from mmap import ACCESS_READ, mmap
+from typing import BinaryIO
 
 from rosbags.interfaces import Connection
-from rosbags.rosbag1 import Reader
+from rosbags.rosbag1 import Reader, ReaderError
 from rosbags.rosbag1.reader import (
     ChunkInfo,
     Header,
@@ -18,42 +21,76 @@ from rosbags.rosbag1.reader import (
     read_uint32,
 )
 
+CHUNK = re.compile(rb"(?s)....(?:....compression=|\x04\0\0\0op=\x05)")
+"""The beginning of a chunk: the length of its header, and the first field, as two writers order
+them.
+"""
+
+
+class IndexedReader(Reader):
+    """As its base, which passes over messages that an index does not name where it should."""
+
+    def open(self) -> None:
+        """Open it.
+
+        Raises:
+            ReaderError: the index is missing or damaged.
+        """
+        super().open()
+        said = sum(sum(info.connection_counts.values()) for info in self.chunk_infos)
+        if said != (found := sum(map(len, self.indexes.values()))):
+            raise ReaderError(f"its index names {found} of {said} messages")
+
 
 class UnindexedReader(Reader):
-    """As its base of a bag whose end, with the index, is missing or damaged: it reads whole chunks
-    from the start to the first that is none, and of one still open the messages in it.
+    """As its base of a bag whose index is missing or damaged: it reads all chunks that are whole,
+    and of one that is not the messages before the damage.
     """
 
     def open(self) -> None:
         """Open it, and make the index anew."""
         self.bio = file = self.path.open("rb")
-        size = file.seek(0, os.SEEK_END)
-        file.seek(0)
         file.readline()
+        at = file.tell()
         known: dict[int, Connection] = {}
         indexes: dict[int, list[IndexData]] = defaultdict(list)
-        with suppress(Exception):  # the library raises what it meets: the end, or damage
-            while True:
-                at = file.tell()
-                if Header.read(file).get_uint8("op") != RecordType.CHUNK:
-                    file.seek(read_uint32(file), os.SEEK_CUR)
-                    continue
-                file.seek(at)
-                chunk = self.read_chunk()
-                if not chunk.datasize or chunk.datapos + chunk.datasize > size:  # it is open
-                    chunk = chunk._replace(datasize=size - chunk.datapos)
-                file.seek(chunk.datapos)
-                content = chunk.decompressor(read_bytes(file, chunk.datasize))
-                self.chunks[at], self.bio = chunk, BytesIO(content)
-                with suppress(Exception):
-                    for number, entry in self._records(at, known):
-                        indexes[number].append(entry)
-                self.bio = file
+        with mmap(file.fileno(), 0, access=ACCESS_READ) as view:
+            while 0 <= at < len(view):
+                try:
+                    at = self._pass(file, at, len(view), known, indexes)
+                except Exception:  # the library raises what it meets: the end, or damage
+                    at = found.start() if (found := CHUNK.search(view, at + 1)) else -1
         self.indexes = {number: sorted(indexes[number]) for number in known}
         counts = {number: len(index) for number, index in self.indexes.items()}
         self.connections = [one._replace(msgcount=counts[one.id]) for one in known.values()]
         if times_ns := [entry.time for index in self.indexes.values() for entry in index]:
             self.chunk_infos = [ChunkInfo(0, min(times_ns), max(times_ns) + 1, counts)]
+
+    def _pass(
+        self,
+        file: BinaryIO,
+        at: int,
+        size: int,
+        known: dict[int, Connection],
+        indexes: dict[int, list[IndexData]],
+    ) -> int:
+        """Take in the record at a place, if it is a chunk; where the next one begins."""
+        file.seek(at)
+        if Header.read(file).get_uint8("op") != RecordType.CHUNK:
+            return file.seek(read_uint32(file), os.SEEK_CUR)
+        file.seek(at)
+        chunk = self.read_chunk()
+        if not chunk.datasize or chunk.datapos + chunk.datasize > size:  # it is open
+            chunk = chunk._replace(datasize=size - chunk.datapos)
+        file.seek(chunk.datapos)
+        content = read_bytes(file, chunk.datasize)
+        with suppress(Exception):
+            self.bio = BytesIO(chunk.decompressor(content))
+            self.chunks[at] = chunk
+            for number, entry in self._records(at, known):
+                indexes[number].append(entry)
+        self.bio = file
+        return chunk.datapos + chunk.datasize
 
     def _records(self, chunk: int, known: dict[int, Connection]) -> Iterator[tuple[int, IndexData]]:
         """Connection and place of each message in a chunk; its connections become known."""

@@ -16,7 +16,7 @@ from intent_recognition.bags.mcap.chunk import LATEST_NS, McapBlock, MessageTabl
 from intent_recognition.bags.mcap.file import Item, complete_schemas
 from intent_recognition.bags.mcap.scan import Damage, FileScan
 from intent_recognition.bags.messages import RECOVER
-from intent_recognition.bags.ros1_reader import UnindexedReader
+from intent_recognition.bags.ros1_reader import IndexedReader, UnindexedReader
 from intent_recognition.bags.sqlite_reader import DamagedSqliteReader, SqliteReader, is_open
 from intent_recognition.errors import BagError, one_line
 
@@ -26,7 +26,7 @@ RENAMED = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
 """Types of ROS 1 that ROS 2 has under another name."""
 READERS: dict[bool, tuple[Callable[[Path], Reader | SqliteReader], ...]] = {
     False: (SqliteReader, DamagedSqliteReader),
-    True: (Reader, UnindexedReader),
+    True: (IndexedReader, UnindexedReader),
 }
 """By whether a bag is of ROS 1: of a whole one, and of one that is cut off or damaged."""
 ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
@@ -36,7 +36,7 @@ class RosbagsFile:
     """A `.db3`, or a `.bag` that the library rosbags reads, with the methods and attributes of
     `McapFile`.
 
-    A tolerant reader notes the first damage and ends there.
+    A tolerant reader notes the first damage and goes on with what is whole.
     """
 
     def __init__(self, path: Path, kind: str, *, tolerant: bool, damage: list[Damage]):
@@ -46,6 +46,7 @@ class RosbagsFile:
         self._readers = list(READERS[self._is_ros1])
         self._tolerant, self._damage = tolerant, damage
         self._counts: Counter[int] = Counter()
+        self._ids: dict[tuple[int, str], int] = {}
         with self._open() as reader:
             for number, one in enumerate(reader.connections, 1):
                 self._define(number, one)
@@ -77,14 +78,13 @@ class RosbagsFile:
 
     def items(self, wanted: set[str] | None) -> Iterator[Item]:
         """As `McapFile.items`."""
-        last_ns = 0
+        last_ns = given = 0
         with self._open() as reader:
             picked = [
                 one
                 for one in reader.connections
                 if wanted is None or one.topic.lstrip("/") in wanted
             ]
-            ids = {self._key(one): k for k, one in enumerate(reader.connections, 1)}
             messages = enumerate(reader.messages(picked) if picked else ())
             while True:
                 try:
@@ -97,10 +97,14 @@ class RosbagsFile:
                         raise self._error(error, last_ns) from error
                     if damage not in self._damage:
                         self._damage.append(damage)
+                    if make := self._readers[1:]:
+                        self._readers = make
+                        yield from islice(self.items(wanted), given, None)
                     return
                 if not 0 <= last_ns < LATEST_NS:
                     continue
-                channel = self.scan.channels[ids[self._key(one)]]
+                channel = self.scan.channels[self._ids[one.id, one.topic]]
+                given += 1
                 yield Item(last_ns, 0, row, last_ns, 0, bytes(data), channel)
 
     @contextmanager
@@ -126,10 +130,6 @@ class RosbagsFile:
             with suppress(Exception):
                 reader.close()
 
-    @staticmethod
-    def _key(one: Connection) -> tuple[int, str]:
-        return one.id, one.topic
-
     def _define(self, number: int, one: Connection) -> None:
         form = "ros1msg" if self._is_ros1 else ENCODINGS.get(one.msgdef.format, "")
         kind = RENAMED.get(one.msgtype, one.msgtype)
@@ -144,6 +144,7 @@ class RosbagsFile:
             schema_id=number,
         )
         self._counts[number] = one.msgcount
+        self._ids[one.id, one.topic] = number
 
     def _error(self, error: Exception, last_ns: int) -> BagError:
         place = f"{self.path}: after {last_ns} ns" if last_ns else str(self.path)

@@ -357,6 +357,25 @@ def test_of_a_bag_of_ros1_that_was_not_closed_all_whole_messages_are_saved(compr
     assert counts == sorted(counts) and counts[-1] == 2 * COUNT and len(set(counts)) > 3
 
 
+@pytest.mark.parametrize("compression", Ros1Writer.CompressionFormat)
+def test_of_a_damaged_bag_of_ros1_all_other_chunks_are_saved(compression, tmp_path):
+    write_ros1(tmp_path / "a.bag", compression)
+    data, whole = (tmp_path / "a.bag").read_bytes(), raw(tmp_path / "a.bag", BagReader)
+    middle = [m.start() for m in re.finditer(b"compression=", data)][3]
+    for k, (start, length) in enumerate([(middle + 200, 1), (middle - 400, 300)]):
+        changed = bytes(255 - byte for byte in data[start : start + length])
+        (tmp_path / "b.bag").write_bytes(data[:start] + changed + data[start + length :])
+        report = recover(tmp_path / "b.bag", tmp_path / f"saved{k}")
+        saved = raw(tmp_path / f"saved{k}", BagReader)
+        assert {*saved} < {*whole} and saved[-1] == whole[-1] and len(report.damage) == 1
+        assert len(saved) > len(whole) - 14  # messages of two chunks
+        try:
+            found = raw(tmp_path / "b.bag", BagReader)
+        except BagError:
+            continue
+        assert found == saved and not BagReader(tmp_path / "b.bag").is_finished
+
+
 def test_messages_of_ros1_in_mcap(tmp_path):
     write_ros1(tmp_path / "a.bag")
     about = {}
