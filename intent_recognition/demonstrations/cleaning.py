@@ -104,11 +104,12 @@ def clean_columns(
     frames = frame_names(columns.frame_ids) if isinstance(columns, PoseColumns) else ()
     if isinstance(columns, PoseColumns) and is_raw_pose(topic, POSE):
         settings = _settings(columns, extrinsics)
-        columns, accepted, rejected = ingest_poses(settings, columns)
         frames = frame_names([settings.world_frame])
-        rows = _longest_increasing(stamps_ns, accepted)
-        if rows.size < accepted.size:
-            rejected[STAMP_NOT_INCREASING] += accepted.size - rows.size
+        ordered, (kept, left_out) = np.zeros_like(stamps_ns), _increasing(stamps_ns)
+        ordered[kept] = stamps_ns[kept]  # one without a stamp is passed over
+        columns, rows, rejected = ingest_poses(settings, replace(columns, stamps_ns=ordered))
+        columns, rejected[ZERO_STAMP] = replace(columns, stamps_ns=stamps_ns), 0
+        rejected = rejected + left_out
     else:
         rows, rejected = _increasing_of_each(stamps_ns, publishers_in(columns))
     return TopicSamples(
@@ -258,16 +259,14 @@ def _increasing_of_each(stamps_ns: Integers, publishers: Integers) -> tuple[Inte
 def _increasing(stamps_ns: Integers) -> tuple[Integers, Counter[str]]:
     """Rows whose stamp is positive and later than all before, and counts of the others.
 
-    Where that leaves out more than 5 %, after one stamp in the future, as many as can be in order
-    stay.
+    Where more than these can be in order, such as after one stamp in the future, those stay.
     """
     positive = np.flatnonzero(stamps_ns > 0)
     stamps = stamps_ns[positive]
     latest_ns = np.maximum.accumulate(stamps)
     accepted = np.flatnonzero(np.diff(latest_ns, prepend=0) > 0)
-    if accepted.size < 0.95 * stamps.size:
-        most = _most_in_order(stamps)
-        accepted = most if accepted.size < 0.95 * most.size else accepted
+    if accepted.size < stamps.size and accepted.size < (most := _most_in_order(stamps)).size:
+        accepted = most
     return positive[accepted], _counter(
         {
             ZERO_STAMP: stamps_ns.size - stamps.size,
@@ -290,12 +289,6 @@ def _most_in_order(stamps_ns: Integers) -> Integers:
         found.append(row)
         row = int(before[row])
     return np.array(found[::-1], dtype=np.int64)
-
-
-def _longest_increasing(stamps_ns: Integers, rows: Integers) -> Integers:
-    """Those in the longest part with increasing stamps: a clock may have been set back."""
-    breaks = np.flatnonzero(np.diff(stamps_ns[rows]) <= 0) + 1
-    return max(np.split(rows, breaks), key=len)
 
 
 def _counter(counts: Mapping[str, int]) -> Counter[str]:

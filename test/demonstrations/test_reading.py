@@ -96,14 +96,17 @@ def test_bad_poses_are_dropped_and_counted_as_the_node_does(tmp_path):
     assert demonstration.observed[0].stamps_ns.size == 34
 
 
-def test_one_joint_state_from_the_future_does_not_cost_those_after_it(tmp_path):
-    states = [joints(i) for i in range(60)]
-    states[10] = joints(10, stamp_ns=START_NS + 3_600_000_000_000)
-    bag = write_pairs(tmp_path / "demo", [pose(i) for i in range(60)], states)
+@pytest.mark.parametrize("side", ["observed", "controlled"])
+@pytest.mark.parametrize("at", [10, 57])
+def test_one_sample_from_the_future_does_not_cost_those_after_it(at, side, tmp_path):
+    poses, states = ([make(i) for i in range(60)] for make in (pose, joints))
+    odd = poses if side == "observed" else states
+    odd[at]["header"]["stamp"] += 3_600_000_000_000
+    bag = write_pairs(tmp_path / "demo", poses, states)
     (demonstration,), _ = read(bag, DOFS)
     assert demonstration.rejected == {"stamp_not_increasing": 1}
-    expected = START_NS + STEP_NS * np.delete(np.arange(60), 10)
-    np.testing.assert_array_equal(demonstration.controlled[0].stamps_ns, expected)
+    expected = START_NS + STEP_NS * np.delete(np.arange(60), at)
+    np.testing.assert_array_equal(getattr(demonstration, side)[0].stamps_ns, expected)
 
 
 @pytest.mark.parametrize("is_clock_simulated", [False, True])
