@@ -74,20 +74,17 @@ def half_volume_angle(
     Raises:
         ArgumentError: the surface encloses nothing, or no tilt leaves half of it.
     """
-    triangles = (vertices - lip)[faces]
-    volumes = _signed_volumes(triangles)
-    half = 0.5 * float(volumes.sum())
+    volume = surface_volume(vertices, faces)
+    surface = (vertices, faces, lip, up, outward)
 
     def surplus(angle: float) -> float:
-        normal = np.cos(angle) * up - np.sin(angle) * outward
-        return _below(triangles @ normal, volumes) - half
+        return float(shares_left(*surface, np.array([angle]))[0]) - 0.5
 
-    if not half > 0.0 or surplus(0.0) <= 0.0 or surplus(np.pi) >= 0.0:
+    if not volume > 0.0 or surplus(0.0) <= 0.0 or surplus(np.pi) >= 0.0:
         raise ArgumentError.about(
             "vertices, lip",
             "a closed inner surface below its lip",
-            f"{2.0 * half * 1e6:.3g} ml, of which {(surplus(0.0) + half) * 1e6:.3g} ml are "
-            "below the lip",
+            f"{volume * 1e6:.3g} ml, not half of which are below the lip",
             "Wind the faces outward and take a lip point on the opening.",
         )
     return float(brentq(surplus, 0.0, np.pi, xtol=1e-6))
