@@ -33,7 +33,7 @@ def find_bags(path: Path, above: frozenset[Path] = frozenset()) -> list[Path]:
     if own == [path]:
         return own
     inside = above | {path.resolve()}
-    own += [file for file in path.glob("*.bag") if file.is_file()]
+    own += [f for end in ("", ".active") for f in path.glob(f"*.bag{end}") if f.is_file()]
     folders = [
         folder
         for folder in path.iterdir()

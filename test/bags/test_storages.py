@@ -484,8 +484,11 @@ def test_files_in_a_folder_are_recordings_unless_they_are_numbered_parts(tmp_pat
         if name.endswith(".zst"):
             path.with_name(name).write_bytes(zstandard.compress(path.read_bytes()))
             path.unlink()
+    write_ros1(tmp_path / "a.bag")
+    shutil.copy(tmp_path / "a.bag", tmp_path / "b.bag.active")  # as a killed recorder names it
     names = [path.name for path in find_bags(tmp_path)]
-    assert names == ["give_01.mcap", "give_02.mcap", "plate.mcap.zst"]
+    bags = ["a.bag", "b.bag.active", "give_01.mcap", "give_02.mcap", "plate.mcap.zst"]
+    assert names == bags
     with pytest.raises(BagError, match="a folder of 3 bags"):
         BagReader(tmp_path)
     folder, messages = tmp_path / "parts", contents()
