@@ -3,23 +3,15 @@
 endless.
 """
 
-import re
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import get_types_from_msg
 
 LONGEST_DEFINITION = 100_000
-"""Bytes of a definition with those of all types it contains. Convention: Jazzy's longest have 4000,
-with their comments 20 000."""
-_SEPARATOR = re.compile(r"^=+\s*$", re.MULTILINE)
-_FIELD = re.compile(r"^(?P<type>[\w/]+)(<=\d+)?(?P<array>\[(?P<bound><=)?(?P<size>\d*)\])?\s+\w")
-
-
-class _Field(NamedTuple):
-    """A field: its type, how often it stands there, and whether the message says how often."""
-
-    type: str
-    times: int
-    is_sequence: bool
+"""Bytes of a definition with those of all types it contains, which are parsed in 3 s. Convention:
+Jazzy's longest have 4000, with their comments 20 000."""
 
 
 class _Size(NamedTuple):
@@ -39,56 +31,31 @@ def check_definition(name: str, text: str) -> None:
     """
     if len(text) > LONGEST_DEFINITION:
         raise ValueError(f"a definition of {len(text)} bytes, more than {LONGEST_DEFINITION}")
-    first, *others = _SEPARATOR.split(text)
-    types = {name: _fields(first)}
-    for other in others:
-        head, _, body = other.strip().partition("\n")
-        types[head.removeprefix("MSG:").strip()] = _fields(body)
-    if (count := sum(map(len, types.values()))) > 2000:
+    types = get_types_from_msg(text, name)
+    if (count := sum(len(fields) for _, fields in types.values())) > 2000:
         raise ValueError(f"a definition of {count} fields, more than 2000")
-    _size(name, types, {}, 0)
+    _size(next(iter(types)), types, {}, 0)
 
 
-def _fields(text: str) -> list[_Field]:
-    found = []
-    for line in text.splitlines():
-        content = line.partition("#")[0].strip()
-        match = _FIELD.match(content)
-        if match and "=" not in content.removeprefix(match[0]).split("#")[0].replace("<=", ""):
-            fixed = match["array"] is not None and not match["bound"] and match["size"]
-            if fixed and len(match["size"]) > 9:
-                raise ValueError(f"an array of {match['size'][:20]} values")
-            is_sequence = match["array"] is not None and not fixed
-            found.append(_Field(match["type"], int(match["size"]) if fixed else 1, is_sequence))
-    return found
-
-
-def _size(
-    name: str, types: Mapping[str, list[_Field]], known: dict[str, _Size], depth: int
-) -> _Size:
+def _size(name: str, types: Mapping[str, Any], known: dict[str, _Size], depth: int) -> _Size:
     if depth > 16:  # Jazzy's deepest have 6
         raise ValueError("more than 16 types within one another")
-    fields = types.get(name)
-    if fields is None:  # a number, a text or a type that is not defined; its parser says so
+    if name not in types:  # one that is not defined; its parser says so
         return _Size(1, 1)
     if name not in known:
         values = size = 0
-        for field in fields:
-            inner = _size(_find(field.type, types), types, known, depth + 1)
-            if field.is_sequence and not inner.bytes:
-                raise ValueError(f"a sequence of {field.type}, which has no bytes")
-            values += 1 if field.is_sequence else field.times * inner.values
-            size += 1 if field.is_sequence else field.times * inner.bytes
+        for _, (node, detail) in types[name][1]:
+            times, is_sequence = 1, node == Nodetype.SEQUENCE
+            if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+                (node, detail), times = detail
+            inner = _Size(1, 1)
+            if node == Nodetype.NAME:
+                inner = _size(detail, types, known, depth + 1)
+            if is_sequence and not inner.bytes:
+                raise ValueError(f"a sequence of {detail}, which has no bytes")
+            values += 1 if is_sequence else times * inner.values
+            size += 1 if is_sequence else times * inner.bytes
             if values > 1_000_000:  # a covariance has 36
                 raise ValueError("messages of more than 1000000 values")
         known[name] = _Size(max(values, 1), size)
     return known[name]
-
-
-def _find(name: str, types: Mapping[str, list[_Field]]) -> str:
-    """A type as the definition names it: with its package, or without."""
-    if name in types:
-        return name
-    short = name.replace("/msg/", "/")
-    ends = f"/{short.rsplit('/', 1)[-1]}"
-    return next((n for n in types if n.replace("/msg/", "/") == short or n.endswith(ends)), name)
