@@ -21,6 +21,8 @@ KINDS = {MAGIC: ".mcap", b"SQLite format 3\0": ".db3", b"#ROSBAG V2.0": ".bag"}
 """Storage of a recording by the first bytes of its files: ROS 2's two, and that of ROS 1."""
 GZ = ".gz"
 PACKED = (".zstd", ".zst", GZ)
+RENAMED = "renamed"
+"""How a note begins of files that have other names than metadata.yaml says."""
 PATTERNS = [f"*{kind}{packed}" for kind in (".mcap", ".db3") for packed in ("", *PACKED)]
 """Files that make a folder a bag."""
 
@@ -132,7 +134,7 @@ def find_files(
     missing, there = [file.name for file in files if not file.is_file()], storage_files(path)
     renamed = len(missing) == len(files) == len(there)
     if missing and (tolerant or renamed):
-        notes.append(f"missing: {', '.join(missing)}" + "; renamed" * renamed)
+        notes.append(f"{RENAMED if renamed else 'missing'}: {', '.join(missing)}")
         files = [file for file in files if file.is_file()] or there
         missing = []
     if missing or not files:

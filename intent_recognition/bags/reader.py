@@ -16,6 +16,7 @@ from intent_recognition.bags.cdr.columns import Columns, ColumnsBuilder
 from intent_recognition.bags.definitions import Definition
 from intent_recognition.bags.files import (
     PACKED,
+    RENAMED,
     find_files,
     find_metadata,
     is_bag,
@@ -81,6 +82,11 @@ class BagReader:
         self.notes.extend([*notes, *more])
         said = {t.name: t.type for t in self.metadata.topics} if self.metadata else {}
         self._files = [self._file(f, said) for f in files]
+        said_ns = self.metadata.start_ns if self.metadata else 0
+        renamed = any(note.startswith(RENAMED) for note in more)
+        if renamed and not tolerant and said_ns not in (0, self.start_ns):
+            got, cure = f"others than {FILE_NAME} is about", "Copy the whole directory of the bag."
+            raise BagError.about(str(self.path), "the files of the bag", got, cure)
         self._groups = _overlapping(self._files)
         self.is_finished = all(file.scan.is_finished for file in self._files)
         if not self.is_finished:

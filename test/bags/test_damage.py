@@ -192,7 +192,12 @@ def test_a_bag_whose_file_was_renamed_is_read(whole, damaged):
     (path / "bag_0.mcap").rename(path / "monday.mcap")
     reader = BagReader(path)
     assert raw(path, BagReader) == whole[1] and reader.custom_data["task"] == "plate"
-    assert reader.notes == ["missing: bag_0.mcap; renamed"]
+    assert reader.notes == ["renamed: bag_0.mcap"]
+    text = (path / "metadata.yaml").read_text()
+    (path / "metadata.yaml").write_text(text.replace("_epoch: 17", "_epoch: 16"))
+    with pytest.raises(BagError, match=r"got others than metadata\.yaml is about"):
+        BagReader(path)
+    (path / "metadata.yaml").write_text(text)
     (path / "more.mcap").write_bytes(content(whole))
     with pytest.raises(BagError, match=r"got no bag_0\.mcap"):
         BagReader(path)
