@@ -9,7 +9,6 @@ from itertools import pairwise
 import numpy as np
 import zstandard
 
-from intent_recognition.array_types import Integers
 from intent_recognition.bags.mcap.chunk import (
     CHECKSUM,
     CHUNK_BYTES,
@@ -22,16 +21,13 @@ from intent_recognition.bags.mcap.chunk import (
     message_positions,
     message_table,
 )
-from intent_recognition.bags.mcap.records import MESSAGE_HEADER, gather, record_positions
+from intent_recognition.bags.mcap.records import gather, record_positions
 
 LARGE_BYTES = 2**18
 """From this size on [bytes] decompressing in place is faster than copying (measured)."""
 UNKNOWN, KNOWN, WANTED = range(3)
-CHANNEL, LOG_NS = (
-    sum(MESSAGE_HEADER[field].itemsize for field in before)
-    for before in (("opcode", "length"), ("opcode", "length", "channel", "sequence"))
-)
-"""Offsets of the channel and of the log time in a message record [bytes]."""
+CHANNEL = 9
+"""Offset of the channel in a message record [bytes]."""
 
 
 def groups(blocks: Iterable[McapBlock]) -> Iterator[list[McapBlock]]:
@@ -75,26 +71,10 @@ class GroupReader:
         if np.any(positions[np.searchsorted(positions, begins, side="right") - 1] != begins):
             raise ValueError("a chunk ends inside of a record")
         positions = message_positions(data, positions)
-        self._check_times(blocks, data, positions, edges)
         kinds = self._kinds[gather(data, positions + CHANNEL, 2).view("<u2")]
         if not kinds.all():
             raise ValueError("nothing tells the topic of a channel")
         return message_table(data, positions[kinds == WANTED])
-
-    def _check_times(
-        self, blocks: Sequence[McapBlock], data: memoryview, positions: Integers, edges: Integers
-    ) -> None:
-        """The times of the messages at `positions` (n,), in blocks between `edges`."""
-        log_ns = gather(data, positions + LOG_NS, 8).view("<u8")
-        first = np.searchsorted(positions, edges)
-        filled = np.flatnonzero(np.diff(first))
-        if not filled.size:
-            return
-        said = np.array([(block.start_ns, block.end_ns) for block in blocks], np.uint64)[filled]
-        if np.any(np.minimum.reduceat(log_ns, first[filled]) < said[:, 0]) or np.any(
-            np.maximum.reduceat(log_ns, first[filled]) > said[:, 1]
-        ):
-            raise ValueError("times of a chunk and of its messages disagree")
 
     def _fill(self, block: McapBlock, target: memoryview) -> None:
         """Write the records of a block to its place."""
