@@ -113,12 +113,12 @@ def inspect_bag(path: str | Path) -> BagSummary:
         if (found := columns.get(info.name.lstrip("/"))) is not None:
             stream = _of_columns(info, found)
         else:
-            messages, not_finite, undecodable = _decoded(reader, info)
-            stream = _of_messages(info, messages, not_finite, undecodable)
+            messages, stream = _decoded(reader, info)
             if info.name.lstrip("/") == marker:
                 markers = messages
         topics.append(_summarise(info, stream))
-        times_ns += [int(stream.log_times_ns[k]) for k in (0, -1) if stream.log_times_ns.size]
+        if stream.log_times_ns.size:
+            times_ns += [int(stream.log_times_ns.min()), int(stream.log_times_ns.max())]
     if not reader.damage:
         times_ns = [reader.start_ns, reader.end_ns]
     elif not times_ns:  # the headers of damaged chunks tell of what is lost
@@ -179,34 +179,11 @@ def _all_dofs(reader: BagReader) -> DofSpec | None:
     return DofSpec(tuple(bodies), tuple(arms)) if bodies and arms else None
 
 
-def _decoded(reader: BagReader, info: TopicInfo) -> tuple[list[BagMessage], int, int]:
-    """Messages of a topic, of images and clouds their headers; how many of them are not finite, and
-    of others that cannot be decoded.
-    """
-    try:
-        decoder = reader.decoder(info.name, info.type)
-    except BagError:
-        return [], 0, info.message_count
-    messages, not_finite, undecodable = [], 0, 0
-    for raw in reader.raw_messages([info.name]):
-        try:
-            found = decode(raw, decoder)
-        except MessageError:
-            undecodable += 1
-            continue
-        not_finite += not _is_finite(found.message)
-        header = getattr(found.message, "header", None)
-        if len(raw.data) > 2**14 and header is not None and info.type not in (POSE, JOINT_STATE):
-            found = replace(found, message=SimpleNamespace(header=header))
-        messages.append(found)
-    return messages, not_finite, undecodable
-
-
 class _Stream(NamedTuple):
     """What the messages of a topic that can be decoded say of it."""
 
     stamps_ns: Integers  # (T,)
-    log_times_ns: Integers  # (T,), in order
+    log_times_ns: Integers  # (T,)
     publishers: Integers  # (T,)
     rejected: Mapping[str, int]
     not_finite: int
@@ -224,16 +201,32 @@ def _of_columns(info: TopicInfo, columns: Columns) -> _Stream:
     return _Stream(*times_ns, publishers_in(columns), rejected, not_finite)
 
 
-def _of_messages(
-    info: TopicInfo, messages: list[BagMessage], not_finite: int, undecodable: int
-) -> _Stream:
+def _decoded(reader: BagReader, info: TopicInfo) -> tuple[list[BagMessage], _Stream]:
+    """Messages of a topic, of images and clouds their headers."""
+    messages, not_finite, undecodable = [], 0, 0
+    try:
+        decoder, recorded = reader.decoder(info.name, info.type), reader.raw_messages([info.name])
+    except BagError:
+        decoder, recorded, undecodable = repr, iter(()), info.message_count
+    for raw in recorded:
+        try:
+            found = decode(raw, decoder)
+        except MessageError:
+            undecodable += 1
+            continue
+        not_finite += not _is_finite(found.message)
+        header = getattr(found.message, "header", None)
+        if len(raw.data) > 2**14 and header is not None and info.type not in (POSE, JOINT_STATE):
+            found = replace(found, message=SimpleNamespace(header=header))
+        messages.append(found)
     rejected: Mapping[str, int] = {}
     if messages and hasattr(messages[0].message, "header"):
         rejected = clean_topic(info.name, info.type, messages).rejected
-    stamps = np.array([m.stamp_ns for m in messages], dtype=np.int64)
-    log_times = np.array([m.log_time_ns for m in messages], dtype=np.int64)
+    stamps_ns = np.array([m.stamp_ns for m in messages], dtype=np.int64)
+    log_times_ns = np.array([m.log_time_ns for m in messages], dtype=np.int64)
     publishers = publishers_of(info.type, [m.message for m in messages])
-    return _Stream(stamps, log_times, publishers, rejected, not_finite, undecodable)
+    stream = _Stream(stamps_ns, log_times_ns, publishers, rejected, not_finite, undecodable)
+    return messages, stream
 
 
 def _summarise(info: TopicInfo, stream: _Stream) -> TopicSummary:
