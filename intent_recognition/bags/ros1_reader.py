@@ -4,7 +4,6 @@
 import os
 import re
 from collections import defaultdict
-from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
 from mmap import ACCESS_READ, mmap
@@ -52,28 +51,21 @@ class UnindexedReader(Reader):
         self.bio = file = self.path.open("rb")
         file.readline()
         at = file.tell()
-        known: dict[int, Connection] = {}
-        indexes: dict[int, list[IndexData]] = defaultdict(list)
+        self._known: dict[int, Connection] = {}
+        self.indexes = defaultdict(list)
         with mmap(file.fileno(), 0, access=ACCESS_READ) as view:
             while 0 <= at < len(view):
                 try:
-                    at = self._pass(file, at, len(view), known, indexes)
+                    at = self._pass(file, at, len(view))
                 except Exception:  # the library raises what it meets: the end, or damage
                     at = found.start() if (found := CHUNK.search(view, at + 1)) else -1
-        self.indexes = {number: sorted(indexes[number]) for number in known}
+        self.indexes = {number: sorted(self.indexes[number]) for number in self._known}
         counts = {number: len(index) for number, index in self.indexes.items()}
-        self.connections = [one._replace(msgcount=counts[one.id]) for one in known.values()]
+        self.connections = [one._replace(msgcount=counts[one.id]) for one in self._known.values()]
         if times_ns := [entry.time for index in self.indexes.values() for entry in index]:
             self.chunk_infos = [ChunkInfo(0, min(times_ns), max(times_ns) + 1, counts)]
 
-    def _pass(
-        self,
-        file: BinaryIO,
-        at: int,
-        size: int,
-        known: dict[int, Connection],
-        indexes: dict[int, list[IndexData]],
-    ) -> int:
+    def _pass(self, file: BinaryIO, at: int, size: int) -> int:
         """Take in the record at a place, if it is a chunk; where the next one begins."""
         file.seek(at)
         if Header.read(file).get_uint8("op") != RecordType.CHUNK:
@@ -87,22 +79,21 @@ class UnindexedReader(Reader):
         with suppress(Exception):
             self.bio = BytesIO(chunk.decompressor(content))
             self.chunks[at] = chunk
-            for number, entry in self._records(at, known):
-                indexes[number].append(entry)
+            self._take_in(at)
         self.bio = file
         return chunk.datapos + chunk.datasize
 
-    def _records(self, chunk: int, known: dict[int, Connection]) -> Iterator[tuple[int, IndexData]]:
-        """Connection and place of each message in a chunk; its connections become known."""
+    def _take_in(self, chunk: int) -> None:
+        """Note the place of each message in a chunk, and its connections."""
         while self.bio is not None:
             at = self.bio.tell()
             header = Header.read(self.bio)
             if header.get_uint8("op") == RecordType.CONNECTION:
                 self.bio.seek(at)
                 one = self.read_connection()
-                known[one.id] = one
+                self._known[one.id] = one
                 continue
             read_bytes(self.bio, read_uint32(self.bio))
             if header.get_uint8("op") == RecordType.MSGDATA:
-                number = header.get_uint32("conn")
-                yield number, IndexData(header.get_time("time"), chunk, at)
+                entry = IndexData(header.get_time("time"), chunk, at)
+                self.indexes[header.get_uint32("conn")].append(entry)
