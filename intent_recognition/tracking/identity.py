@@ -27,7 +27,8 @@ that what was believed of them is forgotten everywhere."""
 NOBODY = ""
 """The person of a body whose person is not known."""
 
-
+NEW = -math.log(1e-3)
+"""Negative log-likelihood of somebody new in a frame. Convention: some ten people a minute."""
 ACCELERATION_STD_M_S2 = 2.0
 """Of a tracked point between two frames, and while it is not seen [m/s^2]. Moving hands of the
 shipped toolbox demonstrations imply 0.65 over gaps of 0.1 s and 0.3 over 0.3 s; with 1.5 exchanges
@@ -100,11 +101,8 @@ def identify(
         track.label != before[track.person] and track.label in before.values() for track in tracks
     )
     for label in labels:
-        if found[label] or label in held:
-            continue
-        leaps = next((t for t in tracks if t.label == label), None)
-        if leaps is not None:  # farther than anybody moves: for the gate of `ingest_pose`
-            found[label] = leaps.person
+        # a label that leaps farther than anybody moves is nobody's, until its person is lost
+        if found[label] or label in held or any(track.label == label for track in tracks):
             continue
         found[label] = _name(label, tracks, positions)
         mean, covariance = np.stack([seen[label], np.zeros(3)]), np.diag([POSITION_STD_M**2, 1.0])
@@ -149,7 +147,7 @@ def _assignment(tracks: list[Track], positions: list[Floats]) -> tuple[Floats, l
     costs = np.full((n + m, m + n), np.inf)
     costs[n:, m:] = 0.0
     np.fill_diagonal(costs[:n, m:], -math.log(0.05))  # the tracker does not see a person
-    np.fill_diagonal(costs[n:, :m], -math.log(1e-3))  # some ten people a minute
+    np.fill_diagonal(costs[n:, :m], NEW)
     for i, track in enumerate(tracks):
         variance = track.covariance[0, 0] + POSITION_STD_M**2
         density = 1.5 * math.log(2.0 * math.pi * variance)
@@ -161,9 +159,12 @@ def _assignment(tracks: list[Track], positions: list[Floats]) -> tuple[Floats, l
 
 
 def _alike(costs: Floats, columns: list[int], least: float) -> set[int]:
-    """Tracks that could as well be exchanged with another one."""
+    """Tracks that could as well be exchanged with another one, or with somebody new."""
     n = len(columns)
-    m, alike = costs.shape[1] - n, set[int]()
+    m = costs.shape[1] - n
+    alike = {
+        i for i, j in enumerate(columns) if j < m and NEW + costs[i, m + i] - costs[i, j] < least
+    }
     for i, k in combinations(range(n), 2):
         now = costs[i, columns[i]] + costs[k, columns[k]]
         # Not seen is a column of each track's own.

@@ -131,13 +131,24 @@ def shifted(people, n_frames):
     return people._replace(tracks=tuple(tracks))
 
 
-def test_a_leap_of_one_label_stays_with_its_person():
+def test_a_leap_of_one_label_is_nobodys():
     paths = crossing(0.3)
     all_frames = list(frames(paths, np.random.default_rng(6)))
     all_frames[100]["anna"] = np.array([9.0, 9.0, 9.0])
     found, people = follow(all_frames)
+    assert found.pop(100) == {"anna": NOBODY, "ben": "ben"}
     assert all(persons == {"anna": "anna", "ben": "ben"} for persons in found)
     assert len(people.tracks) == 2
+
+
+@pytest.mark.parametrize("off_m", [0.4, 0.7])
+def test_who_comes_under_the_label_of_one_just_gone_is_not_that_person(off_m):
+    """Within reach of whom the tracker lost 0.3 s ago, or too far for that, but not too fast."""
+    still = {"anna": np.zeros((100, 3))}
+    _, people = follow(frames(still, np.random.default_rng(8)))
+    comes = {"anna": np.array([[0.0, off_m, 0.0]])}
+    found, _ = follow(frames(comes, np.random.default_rng(9)), shifted(people, 130))
+    assert found == [{"anna": NOBODY}]
 
 
 @given(st.integers(0, 10**6), st.integers(1, 5))
