@@ -35,10 +35,18 @@ Assembly = tuple[DoneTask, ...]
 
 
 def write_plan(plan: WorkPlan) -> str:
-    """The YAML of a plan, as `read_plan` takes it."""
+    """The YAML of a plan, as `read_plan` takes it.
+
+    Raises:
+        ArgumentError: a step has a name that the file cannot hold.
+    """
     steps = []
     for step in plan.steps:
-        row: dict[str, Any] = {"step": step.name, "task": step.task, "share": step.share}
+        row: dict[str, Any] = {
+            "step": _named("plan", step.name),
+            "task": step.task,
+            "share": step.share,
+        }
         row |= {"who": dict(step.who)} if step.who else {}
         row |= {"objects": dict(step.objects)} if step.objects else {}
         row |= {"duration": step.duration_s} if step.duration_s else {}
@@ -74,19 +82,17 @@ def read_plan(text: str) -> WorkPlan:
         ArgumentError: it is none.
     """
     content = CHECKS.load("plan", text)
-    if not isinstance(content, Mapping) or not isinstance(content.get("steps"), list):
+    steps = content.get("steps") if isinstance(content, Mapping) else None
+    if not isinstance(steps, list) or not steps:
         CHECKS.refuse("plan", "steps: [...]", content)
     CHECKS.keys("plan", content, PLAN_KEYS)
-    # the belief and the sampled orders grow with their square
-    if not 0 < len(content["steps"]) <= 60:
-        CHECKS.refuse("plan", "1 to 60 steps", len(content["steps"]))
     numbers = {
         key: CHECKS.number(f"plan, {key}", content[key], 0.0)
         for key in ("repeated", "wrong")
         if key in content
     }
     return WorkPlan(
-        tuple(_step(f"plan, step {k + 1}", one) for k, one in enumerate(content["steps"])),
+        tuple(_step(f"plan, step {k + 1}", one) for k, one in enumerate(steps)),
         _relations("plan, order", content.get("order")),
         _relations("plan, by_hand", content.get("by_hand")),
         n_assemblies=int(CHECKS.number("plan, assemblies", content.get("assemblies", 0), 0.0)),
@@ -159,18 +165,25 @@ def _step(place: str, content: Any) -> WorkStep:
     if not isinstance(content, Mapping) or not {"step", "task"} & set(content):
         CHECKS.refuse(place, "a step and its task", content)
     CHECKS.keys(place, content, STEP_KEYS)
-    name = str(content.get("step", content.get("task")))
-    if not name or BEFORE.strip() in name:
-        CHECKS.refuse(place, "a name without <", name)
+    name = content.get("step", content.get("task"))
+    task = content.get("task", name)
+    if not {type(name), type(task)} <= {str, int}:
+        CHECKS.refuse(place, "texts as step and task", content)
     return WorkStep(
-        name,
-        str(content.get("task", name)),
+        _named(place, str(name)),
+        str(task),
         CHECKS.number(f"{place}, share", content.get("share", 1.0), 0.0),
         _numbers(f"{place}, who", content.get("who")),
         _numbers(f"{place}, objects", content.get("objects")),
         CHECKS.number(f"{place}, duration", content.get("duration", 0.0), 0.0),
         _numbers(f"{place}, after", content.get("after")),
     )
+
+
+def _named(place: str, name: str) -> str:
+    if not name or name != name.strip() or BEFORE.strip() in name:
+        CHECKS.refuse(place, "a name without < and spaces around it", repr(name))
+    return name
 
 
 def _relations(place: str, content: Any) -> dict[Pair, float]:

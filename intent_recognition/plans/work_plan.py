@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, nearest
 
 SURE = 1.0 - 1e-6
 """Largest probability that a step must come before another. Numerical safeguard."""
@@ -74,11 +74,17 @@ class WorkPlan:
     def __post_init__(self) -> None:
         if len(set(self.names)) != len(self.steps):
             _refuse("steps", "different names", ", ".join(self.names))
-        unknown = {name for pair in (*self.order, *self.by_hand) for name in pair} - set(self.names)
-        if unknown:
-            _refuse(
-                "order and by_hand", f"steps of {', '.join(self.names)}", ", ".join(sorted(unknown))
-            )
+        if len(self.steps) > 60:  # the belief and the sampled orders grow with their square
+            _refuse("steps", "at most 60", len(self.steps))
+        named = [(f"step {step.name}, after", ("", *self.names), step.after) for step in self.steps]
+        relations = {name for pair in (*self.order, *self.by_hand) for name in pair}
+        for argument, known, used in (("order and by_hand", self.names, relations), *named):
+            for name in sorted(set(used).difference(known)):
+                cure = nearest(name, self.names, "docs/plans.md describes plans.")
+                expected = f"steps of {', '.join(self.names)}"
+                raise ArgumentError.about(argument, expected, repr(name), cure)
+        if loops := [first for first, then in (*self.order, *self.by_hand) if first == then]:
+            _refuse("order and by_hand", "relations of two steps", f"{loops[0]} < {loops[0]}")
         for name, p in (
             *((step.name, step.share) for step in self.steps),
             *((" < ".join(pair), p) for pair, p in (*self.order.items(), *self.by_hand.items())),
@@ -131,7 +137,10 @@ class WorkPlan:
             (names[kept[i]], names[kept[j]]): float(among[i, j])
             for i, j in np.argwhere(among > 0.0)
         }
-        steps = tuple(self.steps[k] for k in kept)
+        steps = tuple(
+            replace(step, after={k: v for k, v in step.after.items() if k in ("", *chosen)})
+            for step in (self.steps[k] for k in kept)
+        )
         return replace(self, steps=steps, order=order, by_hand=by_hand)
 
 

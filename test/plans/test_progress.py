@@ -43,7 +43,7 @@ def test_each_assembly_begins_as_people_like_to_begin():
     for label in "baba":
         p = progress.next_tasks()
         if label == "b":
-            assert p[0] / p[1] == pytest.approx(4.0)
+            assert p[0] / p[1] == pytest.approx(4.0, rel=0.02)  # b may be left out
         progress.take(sure(label, p=1.0))
 
 
@@ -66,6 +66,16 @@ def test_a_step_that_was_left_out_is_forgotten_until_it_is_done():
     assert state(progress)["b"] == "forgotten"
     progress.take(sure("b"))
     assert state(progress) == {"a": "done", "b": "done", "c": "done", "d": "may come"}
+
+
+@pytest.mark.parametrize("share", [0.97, 1.0])
+def test_also_a_step_of_every_assembly_can_be_forgotten(share):
+    steps = tuple(WorkStep(name, name, share) for name in "abcd")
+    by_hand = dict.fromkeys(CHAIN.order, 1.0)
+    progress = WorkProgress(WorkPlan(steps, by_hand=by_hand), LABELS)
+    for label in "ac":
+        progress.take(sure(label))
+    assert state(progress) == {"a": "done", "b": "forgotten", "c": "done", "d": "may come"}
 
 
 def test_a_misrecognised_step_is_set_right_by_those_after_it():

@@ -31,7 +31,9 @@ def test_the_second_time_comes_after_the_first():
 
 
 def test_steps_left_out_of_the_labels_keep_what_they_imply():
-    plan = WorkPlan(STEPS, {("a", "b"): 0.9, ("b", "c"): 0.9}).of(("a", "c"))
+    steps = (*STEPS[:2], WorkStep("c", "c", after={"b": 2.0, "a": 3.0, "": 4.0}))
+    plan = WorkPlan(steps, {("a", "b"): 0.9, ("b", "c"): 0.9}).of(("a", "c"))
+    assert plan.steps[1].after == {"a": 3.0, "": 4.0}
     assert plan.names == ("a", "c") and plan.before[0, 1] == pytest.approx(0.81)
 
 
@@ -47,6 +49,9 @@ def test_a_covering_implies_what_was_left_out(rng):
     ("steps", "order", "said"),
     [
         (STEPS, {("a", "z"): 0.5}, "z"),
+        (STEPS, {("a", "a"): 0.5}, "a < a"),
+        ((WorkStep("lid", "a"), WorkStep("b", "b", after={"lit": 2.0})), {}, r"b, after.*lid\?"),
+        (tuple(WorkStep(str(k), "a") for k in range(61)), {}, "60"),
         (STEPS, {("a", "b"): 1.5}, "1.5"),
         (STEPS, {("a", "b"): 0.9, ("b", "a"): 0.9}, "a, b"),
         ((*STEPS, STEPS[0]), {}, "different names"),
@@ -61,6 +66,12 @@ def test_what_is_written_is_read():
     steps = (*STEPS, WorkStep("a 2", "a", 0.5, {"anna": 1.0}, {"screw": 2.0}, 3.25, {"b": 2.0}))
     plan = WorkPlan(steps, {("a", "b"): 0.875}, {("b", "c"): 1.0}, 0.01, 0.02, 7)
     assert read_plan(write_plan(plan)) == plan
+
+
+@pytest.mark.parametrize("name", ["", "a ", "a<b"])
+def test_what_could_not_be_read_is_not_written(name):
+    with pytest.raises(ArgumentError, match="without <"):
+        write_plan(WorkPlan((WorkStep(name, "a"),)))
 
 
 def test_a_plan_by_hand_needs_only_steps():
@@ -78,6 +89,8 @@ def test_a_plan_by_hand_needs_only_steps():
         "steps: [{step: a, colour: 1}]",
         "steps: [{step: a, share: much}]",
         "steps: [{step: a<b}]",
+        "steps: [{step: [a]}]",
+        "steps: [{step: a, task: {b: 1}}]",
         "steps: [{step: a}, {step: b}]\norder: {a: 1}",
         "steps: [{step: a}, {step: b}]\norder: {a < b < a: 1}",
         "steps: [{step: a}]\nother: 1",
