@@ -12,9 +12,10 @@ from intent_recognition.improvement import (
     CovarianceSearch,
     Practice,
     Search,
-    attempt,
     compare,
     load_cost,
+    mean_cost,
+    next_point,
     settled_point,
 )
 from sim_bridge.scenarios.pouring import PouringPractice, read_demonstrated, short_skill
@@ -100,8 +101,9 @@ def practise(
     points, costs = np.empty((0, space.n_axes)), np.empty(0)
     for number in range(n_rollouts):
         rng = np.random.default_rng([seed, number])
-        made = attempt(practice, search, cost, points, costs, rng)
-        points, costs = np.vstack([points, made.point]), np.append(costs, made.cost)
+        point = next_point(search, space, points, costs, practice.keeps_limits)
+        rollouts = practice.rollout(space.weights(point), rng)
+        points, costs = np.vstack([points, point]), np.append(costs, mean_cost(cost, rollouts))
     settled = space.weights(settled_point(search, space, points, costs, practice.keeps_limits))
     found = compare(practice, cost, settled, N_CHECKS)
     outcomes = found.outcome_before, found.outcome_after

@@ -6,6 +6,7 @@ from intent_recognition.improvement.search import (
     CovarianceSearch,
     Search,
     SearchSpace,
+    next_point,
     search_space,
     settled_point,
 )
@@ -13,8 +14,8 @@ from intent_recognition.improvement.session import (
     STATE,
     Practice,
     PracticeSession,
-    attempt,
     compare,
+    mean_cost,
 )
 from intent_recognition.improvement.task_practice import (
     N_PHASES,

@@ -54,14 +54,6 @@ class Practice(Protocol):
         """Write a rollout as a bag, or as several below the folder."""
 
 
-class Attempt(NamedTuple):
-    """One try: the point (k,), what was executed, and the mean cost of that."""
-
-    point: Floats
-    rollouts: Sequence[Rollout]
-    cost: float
-
-
 class PracticeComparison(NamedTuple):
     """Mean cost and mean outcome of the start and of some weights, in the same fresh executions."""
 
@@ -69,24 +61,6 @@ class PracticeComparison(NamedTuple):
     after: float
     outcome_before: Mapping[str, float]
     outcome_after: Mapping[str, float]
-
-
-def attempt(
-    practice: Practice,
-    search: Search,
-    cost: Cost,
-    points: Floats,
-    costs: Floats,
-    rng: np.random.Generator,
-) -> Attempt:
-    """Try the next point after those tried (n, k) and their costs (n,).
-
-    Raises:
-        ArgumentError: the cost function failed, or the primitive's mean breaks the limits.
-    """
-    point = next_point(search, practice.space, points, costs, practice.keeps_limits)
-    rollouts = practice.rollout(practice.space.weights(point), rng)
-    return Attempt(point, rollouts, mean_cost(cost, rollouts))
 
 
 def compare(practice: Practice, cost: Cost, weights: Floats, count: int) -> PracticeComparison:
@@ -170,13 +144,15 @@ class PracticeSession:
         """
         number, practice = len(self.tried), self._practice
         rng = np.random.default_rng([int(self.about["seed"]), number])
-        made = attempt(practice, self._search, self._cost, self.points, self.costs, rng)
+        point = self.next()
+        rollouts = practice.rollout(practice.space.weights(point), rng)
+        cost = mean_cost(self._cost, rollouts)
         bag = self.folder / ROLLOUTS / f"{number:03d}"
         if bag.exists():
             shutil.rmtree(bag)  # of a process that was ended before it was kept
-        practice.write(bag, made.rollouts, {"rollout": str(number), "cost": f"{made.cost:.6g}"})
+        practice.write(bag, rollouts, {"rollout": str(number), "cost": f"{cost:.6g}"})
         name = bag.relative_to(self.folder).as_posix()
-        return self.keep(made.point, made.cost, name, mean_outcome(made.rollouts))
+        return self.keep(point, cost, name, mean_outcome(rollouts))
 
     def next(self) -> Floats:
         """The point (k,) to try next."""
