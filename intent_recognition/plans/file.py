@@ -9,12 +9,10 @@ from typing import Any, NamedTuple
 import yaml
 
 from intent_recognition.errors import ArgumentError, nearest
-from intent_recognition.plans.work_plan import Pair, WorkPlan, WorkStep
-from intent_recognition.untrusted import YamlChecks
+from intent_recognition.plans.work_plan import CHECKS, Pair, WorkPlan, WorkStep
 
 BEFORE = " < "
 STEP_KEYS = ("step", "task", "share", "who", "objects", "duration", "after")
-CHECKS = YamlChecks("docs/plans.md describes plans.")
 PLAN_KEYS = ("assemblies", "repeated", "wrong", "steps", "order", "by_hand")
 
 

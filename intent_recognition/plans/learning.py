@@ -34,7 +34,7 @@ from intent_recognition.plans.work_plan import (
     WorkPlan,
     WorkStep,
     closure,
-    covering,
+    listed,
 )
 
 JUMPS = USUAL_SLIP
@@ -82,10 +82,7 @@ def learn_plan(
     before = np.minimum(sample_orders(sequences, len(steps), rng, N_SAMPLES), SURE)
     liked = habits(sequences, before)
     names = [task if k == 1 else f"{task} {k}" for task, k in steps]
-    rounded = np.round(covering(np.where(before < FOLLOWS, 0.0, before)), 3)
-    order = {
-        (names[i], names[j]): float(rounded[i, j]) for i, j in np.argwhere(rounded > 0.0).tolist()
-    }
+    relations = listed(names, np.where(before < FOLLOWS, 0.0, before))
     total = sum(map(len, found))
     slips = sum(step is None for one in found for step in one) / 2.0
     rate = round((slips + USUAL_SLIP * SLIP_WEIGHT) / (total + SLIP_WEIGHT), 4)
@@ -95,7 +92,7 @@ def learn_plan(
             replace(_step(name, step, done, found), after=_listed(names, liked[:, k]))
             for k, (name, step) in enumerate(zip(names, steps, strict=True))
         ),
-        order,
+        {pair: float(np.round(p, 3)) for pair, p in relations.items()},
         kept,
         repeated=rate,
         wrong=rate,

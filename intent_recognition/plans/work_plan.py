@@ -11,6 +11,9 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, nearest
+from intent_recognition.untrusted import YamlChecks
+
+CHECKS = YamlChecks("docs/plans.md describes plans.")
 
 SURE = 1.0 - 1e-6
 """Largest probability that a step must come before another. Numerical safeguard."""
@@ -73,18 +76,18 @@ class WorkPlan:
 
     def __post_init__(self) -> None:
         if len(set(self.names)) != len(self.steps):
-            _refuse("steps", "different names", ", ".join(self.names))
+            CHECKS.refuse("steps", "different names", ", ".join(self.names))
         if len(self.steps) > 60:  # the belief and the sampled orders grow with their square
-            _refuse("steps", "at most 60", len(self.steps))
+            CHECKS.refuse("steps", "at most 60", len(self.steps))
         named = [(f"step {step.name}, after", ("", *self.names), step.after) for step in self.steps]
         relations = {name for pair in (*self.order, *self.by_hand) for name in pair}
         for argument, known, used in (("order and by_hand", self.names, relations), *named):
             for name in sorted(set(used).difference(known)):
-                cure = nearest(name, self.names, "docs/plans.md describes plans.")
+                cure = nearest(name, self.names, CHECKS.cure)
                 expected = f"steps of {', '.join(self.names)}"
                 raise ArgumentError.about(argument, expected, repr(name), cure)
         if loops := [first for first, then in (*self.order, *self.by_hand) if first == then]:
-            _refuse("order and by_hand", "relations of two steps", f"{loops[0]} < {loops[0]}")
+            CHECKS.refuse("order and by_hand", "relations of two steps", f"{loops[0]} < {loops[0]}")
         for name, p in (
             *((step.name, step.share) for step in self.steps),
             *((" < ".join(pair), p) for pair, p in (*self.order.items(), *self.by_hand.items())),
@@ -93,7 +96,7 @@ class WorkPlan:
             ("repeated and wrong", self.repeated + self.wrong),
         ):
             if not 0.0 <= p <= 1.0:
-                _refuse(name, "a probability in [0, 1]", p)
+                CHECKS.refuse(name, "a probability in [0, 1]", p)
         circle = np.argwhere(np.minimum(self.before, self.before.T) > LIKELY_BEFORE)
         if circle.size:
             names = [self.names[k] for k in sorted(set(circle[:, 0]))]
@@ -132,11 +135,7 @@ class WorkPlan:
         names, before = self.names, self.before
         chosen = {names[k] for k in kept}
         by_hand = {pair: p for pair, p in self.by_hand.items() if chosen.issuperset(pair)}
-        among = covering(before[np.ix_(kept, kept)])
-        order = {
-            (names[kept[i]], names[kept[j]]): float(among[i, j])
-            for i, j in np.argwhere(among > 0.0)
-        }
+        order = listed([names[k] for k in kept], before[np.ix_(kept, kept)])
         steps = tuple(
             replace(step, after={k: v for k, v in step.after.items() if k in ("", *chosen)})
             for step in (self.steps[k] for k in kept)
@@ -166,8 +165,10 @@ def covering(before: Floats, tolerance: float = FOLLOWS) -> Floats:
     return kept
 
 
-def _refuse(argument: str, expected: str, got: object) -> None:
-    raise ArgumentError.about(argument, expected, got, "docs/plans.md describes plans.")
+def listed(names: Sequence[str], before: Floats) -> dict[Pair, float]:
+    """The relations of steps by name, without those that follow from the others."""
+    kept = covering(before)
+    return {(names[i], names[j]): float(kept[i, j]) for i, j in np.argwhere(kept > 0.0)}
 
 
 def ordered(plan: WorkPlan, first: str, then: str, must: bool) -> WorkPlan:
@@ -182,12 +183,7 @@ def ordered(plan: WorkPlan, first: str, then: str, must: bool) -> WorkPlan:
     before[i, j] = must
     if must and before[j, i] > 0.0:
         before[j, i] = by_hand[then, first] = 0.0
-    names = plan.names
-    order = {
-        (names[a], names[b]): float(before[a, b])
-        for a, b in np.argwhere(covering(before) > 0.0)
-        if (names[a], names[b]) not in by_hand
-    }
+    order = {pair: p for pair, p in listed(plan.names, before).items() if pair not in by_hand}
     return replace(plan, order=order, by_hand=by_hand)
 
 

@@ -107,8 +107,7 @@ def identify(
         found[label] = _name(label, tracks, positions)
         mean, covariance = np.stack([seen[label], np.zeros(3)]), np.diag([POSITION_STD_M**2, 1.0])
         tracks.append(Track(found[label], label, stamp_ns, mean, covariance))
-    for name in held:
-        found.update({name: NOBODY} if name in found else {})
+    found |= dict.fromkeys(held.keys() & found.keys(), NOBODY)
     undone, unknown = people.n_undone + exchanged, people.n_unknown + bool(unsure)
     return Identities(tuple(tracks), held, undone, unknown), found
 

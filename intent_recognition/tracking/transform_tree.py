@@ -3,6 +3,7 @@
 
 from bisect import bisect_left, insort
 from itertools import pairwise
+from operator import itemgetter
 
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -63,12 +64,12 @@ class TransformTree:
         track = self._moving.setdefault(child, [])
         if track and stamp_ns < track[-1][0] - KEPT_NS:  # a clock that went back
             track.clear()
-        at = bisect_left(track, stamp_ns, key=_stamp)
+        at = bisect_left(track, stamp_ns, key=itemgetter(0))
         if at < len(track) and track[at][0] == stamp_ns:
             track[at] = stamp_ns, transform
             return
-        insort(track, (stamp_ns, transform), key=_stamp)
-        del track[: bisect_left(track, track[-1][0] - KEPT_NS, key=_stamp)]
+        insort(track, (stamp_ns, transform), key=itemgetter(0))
+        del track[: bisect_left(track, track[-1][0] - KEPT_NS, key=itemgetter(0))]
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> RigidTransform:
         """Pose of the frame `source` in the frame `target` at a time.
@@ -110,7 +111,7 @@ class TransformTree:
         if child in self._fixed:
             return self._fixed[child]
         track = self._moving[child]
-        after = bisect_left(track, stamp_ns, key=_stamp)
+        after = bisect_left(track, stamp_ns, key=itemgetter(0))
         if after == len(track):
             late_s = (stamp_ns - track[-1][0]) * 1e-9
             text = f"frame {child!r} is told up to {late_s:.3f} s before the pose"
@@ -123,10 +124,6 @@ class TransformTree:
             raise NoTransformError("before_transforms", text)
         (start_ns, start), (end_ns, end) = track[after - 1 : after + 1]
         return interpolate(start, end, (stamp_ns - start_ns) / (end_ns - start_ns))
-
-
-def _stamp(sample: tuple[int, RigidTransform]) -> int:
-    return sample[0]
 
 
 def compose(outer: RigidTransform, inner: RigidTransform) -> RigidTransform:
