@@ -116,7 +116,8 @@ class WarpedPrimitive:
         path = self.mean_path(at)
         above = at[np.hypot(path[:, 0], path[:, 1]) < 1.0]
         first, last = (above[0], above[-1]) if len(above) else (0.5, 0.5)
-        share = np.maximum((first - at) / first, 0.0) + np.maximum((at - last) / (1.0 - last), 0.0)
+        share = np.maximum(first - at, 0.0) / (first or 1.0)  # none where it begins above it
+        share += np.maximum(at - last, 0.0) / ((1.0 - last) or 1.0)
         apart = (at[:, None] - at) / 0.15  # smooth over this phase
         own = np.outer(share, share) * np.exp(-0.5 * apart**2)
         # as far from the opening as the demonstrations begin

@@ -19,7 +19,7 @@ from intent_recognition.warping.object_warp import warp_object
 from intent_recognition.warping.opening import _bearing, _looks_into
 from intent_recognition.warping.parameters import lip_point, pouring_parameters, tilt_reference
 from intent_recognition.warping.pour_level import LEFT_WHEN_EMPTY, emptying
-from intent_recognition.warping.rim import Rim
+from intent_recognition.warping.rim import N_HARMONICS, Rim, _fit_harmonics
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
 
 names = st.sampled_from(CONTAINER_NAMES)
@@ -192,6 +192,20 @@ def test_the_radius_of_a_rim_does_not_depend_on_how_densely_it_is_seen():
         outline = np.stack([0.03 * np.cos(turns), 0.05 * np.sin(turns)], axis=1)
         found.append(Rim(np.zeros(3), np.eye(3), outline, 0.1).radius_m)
     assert found[1] == pytest.approx(found[0], rel=1e-4)
+
+
+def test_the_outline_of_a_rim_is_smooth_and_its_centre_and_thickness_are_free():
+    rng, orders = np.random.default_rng(3), np.arange(1, N_HARMONICS + 1)
+    angles, outward = rng.uniform(-np.pi, np.pi, 60), rng.uniform(-1.0, 1.0, 60)
+    radii = 0.04 + 0.01 * rng.normal(size=60)
+    turns = np.exp(1j * np.outer(angles, orders))
+    design = np.column_stack([np.ones(60), turns.real, turns.imag, outward])
+    weight = np.where(orders == 1, 0.0, np.sqrt(0.02) * orders)
+    penalty = np.diag([0.0, *weight, *weight, 0.0])
+    expected = np.linalg.lstsq(
+        np.vstack([design, penalty]), np.r_[radii, np.zeros(len(penalty))], rcond=None
+    )[0]
+    np.testing.assert_allclose(_fit_harmonics(angles, radii, outward), expected, rtol=1e-6)
 
 
 def test_an_opening_looks_into_what_faces_it():
