@@ -73,7 +73,7 @@ class Diagnostics:
     `publishers <stream>`, `lifecycle` of a lifecycle node, and what the node set with `value`.
     Publishing runs on a steady clock, so it continues while simulated time stands still.
     A status warns of what is missing for `PATIENCE_S`: /clock, or messages of a stream that the
-    node needs while simulated time, if it has that, goes on.
+    node needs while simulated time, if it has that, goes on; and of a second /clock.
 
     A lifecycle node reports in every state. Tests pass a clock of their own [s].
     """
@@ -253,6 +253,8 @@ class Diagnostics:
                 " it, or unset use_sim_time"
             )
         found = []
+        if self._simulated_ns is not None and (n := self._node.count_publishers("/clock")) > 1:
+            found.append(f"{n} nodes publish /clock: end all but one")
         for subscription, stream in self._watched:
             silent_s = min(self.silent_s(stream), now_s - self._stood_s)
             if stream in self._needed and silent_s > PATIENCE_S:

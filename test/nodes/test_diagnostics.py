@@ -16,6 +16,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from ros_harness import node_with
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 
@@ -115,6 +116,9 @@ def test_a_status_warns_of_simulated_time_without_a_clock(harness):
     assert level == WARN and message.startswith("waiting for /clock: let one")
     harness.set_clock(harness.nodes[-1], 10**9)
     assert hear(diagnostics, clock, "tasks") == (OK, "running")
+    harness.publisher(Clock, "/clock")
+    harness.spin_until(lambda: harness.probe.count_publishers("/clock") == 2, what="another")
+    assert diagnostics.report().message == "2 nodes publish /clock: end all but one"
 
 
 def test_rejections_are_logged_once_a_second_for_each_reason(harness, monkeypatch):
