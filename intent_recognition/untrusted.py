@@ -67,12 +67,12 @@ def read_text(path: Path, most_bytes: int = MOST_TEXT) -> str:
 
     Raises:
         OSError: it cannot be read.
-        UntrustedError: it is no regular file, too large, or no UTF-8.
+        UntrustedError: it is no regular file, too large, or no UTF-8, or its name holds a NUL.
     """
-    check_regular(path, most_bytes)
     try:
+        check_regular(path, most_bytes)
         return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
+    except ValueError as error:
         raise UntrustedError(str(error)) from error
 
 

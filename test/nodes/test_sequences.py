@@ -171,9 +171,10 @@ def test_a_plan_is_told_expected_and_changed(harness, tmp_path):
     harness.spin_until(lambda: told[-1].message == "no plan", what="no plan")
 
 
-def test_a_plan_must_be_there(harness, tmp_path):
+@pytest.mark.parametrize("name", ["none.yaml", "\0"])
+def test_a_plan_must_be_there(harness, tmp_path, name):
     with pytest.raises(ArgumentError, match=r"plan .*: expected a file"):
-        node_of(harness, tmp_path, str(tmp_path / "none.yaml"))
+        node_of(harness, tmp_path, str(tmp_path / name))
 
 
 def test_the_plan_in_force_is_saved_where_it_came_from(harness, tmp_path):
