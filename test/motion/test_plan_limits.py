@@ -10,7 +10,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.motion import NominalTiming, make_path, plan_interaction, posture_plan
-from intent_recognition.motion.plan import JointReference, position_range, within
+from intent_recognition.motion.plan import BEGINNING, JointReference, position_range, within
+from intent_recognition.motion.planning import _join
 from intent_recognition.motion.point_to_point import brake_plan
 from sim_bridge.arm import RejectedTrajectoryError, TrajectoryCommand
 
@@ -80,6 +81,19 @@ def test_the_range_of_positions_is_that_of_the_curve(seed):
         reached = cubic(np.concatenate([times, turns[np.isfinite(turns)]]))
         assert lowest[j] == pytest.approx(reached.min(), abs=1e-9)
         assert highest[j] == pytest.approx(reached.max(), abs=1e-9)
+
+
+def test_joining_a_path_leaves_it_more_than_half_of_the_limits():
+    path = make_path(np.linspace(0.0, 2.0, 9), HOME + np.linspace(0.0, 0.3, 9)[:, None], LIMITS)
+    start = JointReference.at_rest(path.spline(0.0))
+    np.testing.assert_array_equal(_join(path, start, BEGINNING, LIMITS).largest(), 0.0)
+    shares = []
+    for far_rad in np.geomspace(0.01, 3.0, 80):
+        away = start._replace(position=start.position + far_rad * np.eye(7)[3])
+        speed, acceleration = _join(path, away, BEGINNING, LIMITS).largest()
+        shares.append((speed / LIMITS.velocity, acceleration / LIMITS.acceleration))
+    most = np.max(shares, axis=(0, 2))
+    assert np.all(most <= [0.35, 0.4]) and np.all(most >= [0.345, 0.39])
 
 
 def test_a_curve_that_leaves_the_limits_between_its_samples_is_in_excess():

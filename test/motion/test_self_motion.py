@@ -83,3 +83,5 @@ def test_the_next_prediction_goes_on_turned_with_its_own_hand():
     away = found.path.spline(PHASES) - newer.spline(PHASES)
     same = first.path.spline(PHASES) - PATH.spline(PHASES)
     np.testing.assert_allclose(away, same, atol=0.1)
+    beyond = ClearPath(PATH, turn=Turn(0.2, np.full(7, 3.0)))
+    assert clearance(spreads=OF_HAND).clear(newer, "plate", 0.2, LIMITS, beyond).path is newer
