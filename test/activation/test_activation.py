@@ -122,6 +122,17 @@ def test_an_arm_that_still_joins_its_path_at_the_end_holds_from_its_rest_on():
     assert world.now_ns >= last.end_ns + 500_000_000
 
 
+def test_a_prediction_of_another_task_does_not_move_the_one_under_way():
+    world = executing(0.3)
+    world.speaks = False
+    for _ in range(20):
+        told = world.now_ns, world.now_ns, LABELS, world.probabilities()
+        world.activation.take_tasks(*told)
+        world.activation.take_prediction(world.now_ns, prediction("screw", world.onset_ns))
+        world.step()
+    assert len(world.commands) == 1 and world.activation.active_task == "plate"
+
+
 def test_a_short_silence_is_nothing_and_a_longer_one_resumes():
     world = executing(hold_s=3.0)
     world.speaks = False
