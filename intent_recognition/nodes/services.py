@@ -22,7 +22,7 @@ def answer(response: Response, action: Callable[[], str]) -> Response:
     try:
         response.message = action()
         response.success = True
-    except IntentError as error:
+    except (IntentError, OSError) as error:
         response.success = False
         response.message = str(error)
     return response

@@ -223,6 +223,9 @@ def test_bad_requests_say_what_is_wrong_and_leave_the_model(harness, tmp_path, m
     assert values_of(cell.teacher.diagnostics.report())[WAITING] == "0"
     assert len(list(undone.iterdir())) == 3
     assert not cell.call("discard").success
+    (lock := tmp_path / "mine" / ".lock").unlink()
+    lock.mkdir()  # as where the disk fails
+    assert "Is a directory" in cell.call("undo").message
 
 
 def test_a_library_is_asked_for(harness):
