@@ -4,12 +4,11 @@
 from functools import partial
 from typing import Any
 
-from intent_recognition.demonstrations import check_label
 from intent_recognition.errors import BagError
-from intent_recognition.nodes.parameters import declare
+from intent_recognition.nodes.parameters import declare, keep_live
 from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.services import serve
-from intent_recognition.nodes.topic_recorder import TopicRecorder, refuse_label
+from intent_recognition.nodes.topic_recorder import TopicRecorder, check_task
 
 
 class BagRecorder(TopicRecorder):
@@ -18,9 +17,8 @@ class BagRecorder(TopicRecorder):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("bag_recorder", **kwargs)
         topics: list[str] = declare(self, "bag_recorder")["topics"]
-        if label := self.get_parameter("task").value:
-            check_label(label)
-        self.add_on_set_parameters_callback(refuse_label)
+        check_task({"task": self.get_parameter("task").value})
+        keep_live(self, ["task"], check_task, lambda _: None)
         self.done = False
         self.exit_code = 0
         serve(self, "start", self.start)

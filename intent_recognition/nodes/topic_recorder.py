@@ -8,9 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSReliabilityPolicy
 
 from intent_recognition.bags import (
@@ -21,10 +19,11 @@ from intent_recognition.bags import (
     rosbag2_profile,
 )
 from intent_recognition.demonstrations import check_label
-from intent_recognition.errors import BagError, IntentError, ResourceBusyError, one_line
+from intent_recognition.errors import BagError, IntentError, ResourceBusyError
 from intent_recognition.nodes.bag_listener import BagListener
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import PATIENCE_S, Diagnostics, Level
+from intent_recognition.nodes.parameters import Changes
 from intent_recognition.nodes.qos import keep_last
 from intent_recognition.nodes.runtime import simulated_ns, steady_timer
 from intent_recognition.registry import ANSWERS
@@ -289,12 +288,7 @@ class TopicRecorder(Node):
         self.gave_up()
 
 
-def refuse_label(changes: Sequence[Parameter]) -> SetParametersResult:
+def check_task(changes: Changes) -> None:
     """Refuse a parameter `task` that cannot name a task; empty means none."""
-    try:
-        for change in changes:
-            if change.name == "task" and change.value:
-                check_label(str(change.value))
-    except BagError as error:
-        return SetParametersResult(successful=False, reason=one_line(error))
-    return SetParametersResult(successful=True)
+    if changes["task"]:
+        check_label(changes["task"])
