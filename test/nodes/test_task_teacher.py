@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from corrected_execution import execute
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from estimator_graph import message_for
 from geometry_msgs.msg import PoseStamped
 from model_builder import make_dofs, perform, true_library
 from nav_msgs.msg import Odometry
@@ -15,9 +16,8 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
-from simulation import gathered
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
@@ -28,7 +28,6 @@ from intent_recognition.errors import (
     ResourceBusyError,
     TrainingError,
 )
-from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import TO_KEEP, TO_UNDO, WAITING
 from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.model.task_folder import Change
@@ -43,7 +42,7 @@ from intent_recognition.nodes.diagnostics import MODEL, key_values, values_of
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.task_teacher import TaskTeacher
 from intent_recognition.share import share_path
-from intent_recognition.signals.observation import merge
+from intent_recognition.signals.observation import Observation, merge
 from sim_bridge.arm import describe_robot
 
 DOFS = make_dofs()
@@ -59,16 +58,6 @@ def movement(seed, *sides, task=2):
     recording = perform(TRUTH, task, seed)
     signals = [signal for side in sides for signal in getattr(recording, side)]
     return [(int(o.stamp_ns) + seed * LATER_NS, o.group, o.values) for o in merge(signals)]
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    """A model of two tasks, with statistics."""
-    path = tmp_path_factory.mktemp("old") / "model.npz"
-    settings = TrainingSettings(n_basis=10)
-    trained = gathered([perform(TRUTH, seed % 2, seed) for seed in range(8)], settings)
-    save_model(path, Model(trained.library, DOFS), trained)
-    return path
 
 
 class Cell:
@@ -112,13 +101,8 @@ class Cell:
         """Let the estimator see a movement; returns labels and the highest probability of each."""
         self.tasks.clear()
         for stamp, _, values in movement(seed, "observed"):
-            message = Odometry()
-            message.header.stamp = to_stamp(stamp)
-            message.header.frame_id = "world"
-            message.pose.pose = to_pose(values, UPRIGHT)
-            message.pose.covariance[0::7][:3] = [4e-6] * 3
             seen = len(self.tasks)
-            self.human.publish(message)
+            self.human.publish(message_for(DOFS, Observation(stamp, 0, values)))
             self.harness.spin_until(lambda n=seen: len(self.tasks) > n)
         return list(self.tasks[-1].name), np.max([m.position for m in self.tasks], axis=0)
 
@@ -336,90 +320,3 @@ def test_an_execution_is_recorded_judged_and_kept(harness, tmp_path, model):
         for one in skills[-3:]
     ]
     assert marked == [[True, False], [False, True], [False, False]]
-
-
-def practising(harness, library, model):
-    """A teacher that practises, and its services."""
-    values = {"library": str(library), "model": str(model), "task": OLD[0], "practice_cost": "time"}
-    teacher = harness.node(TaskTeacher, **values, practice_rollouts=14)
-
-    def call(service, kind=Trigger, **fields):
-        return harness.call(kind, f"task_teacher/{service}", kind.Request(**fields))
-
-    return teacher, call
-
-
-@pytest.mark.slow
-def test_practice_begins_ends_goes_on_and_is_accepted_by_services(harness, tmp_path, model):
-    teacher, call = practising(harness, tmp_path / "mine", model)
-    before = teacher.folder.model_path.read_bytes()
-    assert "Practise first" in call("accept").message
-    assert "Begin one first" in call("practise", SetBool, data=False).message
-    assert call("practise", SetBool, data=True).success
-    assert "End it first" in call("practise", SetBool, data=True).message
-    harness.spin_until(lambda: teacher.diagnostics._values.get("practice"))
-    assert call("practise", SetBool, data=False).success
-    done = len(teacher.practice._begun.session.tried)
-    assert 0 < done < 14
-    assert call("start").success  # while something is recorded, it waits
-    assert call("practise", SetBool, data=True).success
-    teacher.practice.step()
-    assert len(teacher.practice._begun.session.tried) == done
-    assert call("discard").success
-    harness.spin_until(lambda: not teacher.practice.running)
-    shown = values_of(teacher.diagnostics.report())
-    assert shown["practice"] == f"{OLD[0]}, 14 of 14"
-    assert teacher.folder.model_path.read_bytes() == before
-    answer = call("accept")
-    assert answer.success, answer.message
-    assert teacher.folder.history()[-1].action == "improve"
-    assert call("undo").success
-    assert teacher.folder.model_path.read_bytes() == before
-    teacher.set_parameters([Parameter("practice_cost", value="/tmp/mine.py")])
-    assert "one of distance, time, thumbs" in call("practise", SetBool, data=True).message
-    teacher.set_parameters([Parameter("practice_beside", value="1 2")])
-    teacher.set_parameters([Parameter("practice_cost", value="time")])
-    assert "three numbers" in call("practise", SetBool, data=True).message
-
-
-@pytest.mark.slow
-def test_thumbs_of_the_page_judge_the_points_that_the_estimator_tries(harness, tmp_path, model):
-    teacher, call = practising(harness, tmp_path / "mine", model)
-    teacher.set_parameters([Parameter("practice_cost", value="thumbs")])
-    assert "an estimator" in call("practise", SetBool, data=True).message
-    estimator = harness.node(IntentEstimatorNode, model=str(model))
-    active = harness.publisher(String, "intent/active_task", qos.LATCHED)
-    feedback = harness.publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
-    harness.connect(active, feedback)
-    harness.spin_until(teacher.estimator_runs)
-    recorder, log = teacher.executions, teacher.executions.executions
-
-    def judge(thumbs):
-        feedback.publish(
-            DiagnosticStatus(name=OLD[0], values=[KeyValue(key="thumbs", value=thumbs)])
-        )
-
-    def execute(n):
-        active.publish(String(data=OLD[0]))
-        harness.spin_until(lambda: recorder.is_recording)
-        active.publish(String(data=""))
-        harness.spin_until(lambda: len(log.all()) == n)
-
-    execute(1)
-    teacher.set_parameters([Parameter("practice_rollouts", value=2)])
-    assert call("practise", SetBool, data=True).success
-    harness.spin_until(lambda: teacher.practice._judged_before)
-    judge("up")  # of an execution from before: it does not count
-    harness.spin_until(lambda: log.all()[0].values.get("thumbs"))
-    session, library = teacher.practice._begun.session, str(teacher.folder.model_path)
-    assert not session.tried
-    assert estimator.get_parameter("model").value == str(teacher.practice.trial) != library
-    execute(2)
-    judge("down")
-    harness.spin_until(lambda: len(session.tried) == 1 and teacher.practice._judged_before)
-    execute(3)
-    judge("up")
-    harness.spin_until(lambda: estimator.get_parameter("model").value == library)
-    assert session.costs.tolist() == [1.0, 0.0]
-    assert [one.bag for one in session.tried] == [one.bag for one in log.all()[1:]]
-    assert np.abs(session.points[0]).max() == 0.0 < np.abs(session.points[1]).max()
