@@ -10,9 +10,16 @@ from scipy.interpolate import CubicHermiteSpline
 
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.motion import NominalTiming, make_path, plan_interaction, posture_plan
-from intent_recognition.motion.plan import BEGINNING, JointReference, position_range, within
-from intent_recognition.motion.planning import _join
+from intent_recognition.motion.plan import (
+    BEGINNING,
+    JointReference,
+    position_range,
+    scaled_limits,
+    within,
+)
+from intent_recognition.motion.planning import _join, _path_bounds
 from intent_recognition.motion.point_to_point import brake_plan
+from intent_recognition.motion.retiming import N_GRID, speed_limits
 from sim_bridge.arm import RejectedTrajectoryError, TrajectoryCommand
 
 seeds = st.integers(0, 10_000)
@@ -92,6 +99,11 @@ def test_joining_a_path_leaves_it_more_than_half_of_the_limits():
         away = start._replace(position=start.position + far_rad * np.eye(7)[3])
         speed, acceleration = _join(path, away, BEGINNING, LIMITS).largest()
         shares.append((speed / LIMITS.velocity, acceleration / LIMITS.acceleration))
+    away = start._replace(position=start.position + 3.0)
+    over = _join(path, away, BEGINNING, LIMITS)._replace(duration_s=0.01)  # takes more than all
+    tenth, share = scaled_limits(LIMITS, 0.1, 0.1), np.ones(N_GRID)
+    left = speed_limits(path, tenth.velocity, tenth.acceleration, share, None)
+    np.testing.assert_allclose(_path_bounds(path, over, LIMITS, share, None).cap, left.cap)
     most = np.max(shares, axis=(0, 2))
     assert np.all(most <= [0.35, 0.4]) and np.all(most >= [0.345, 0.39])
 

@@ -12,7 +12,7 @@ from scan_builder import scanned
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.warping.cavity import _levels, _thickness
+from intent_recognition.warping.cavity import FLOOR_TO_WALL, _levels, _profile, _thickness
 from intent_recognition.warping.frame import N_LEVELS
 from intent_recognition.warping.object_model import ObjectCloud, Part
 from intent_recognition.warping.object_warp import warp_object
@@ -183,6 +183,22 @@ def test_a_wall_is_as_thick_as_it_may_be():
         inner[:, 1] = outer[:, 0] = depth
         found = _thickness(inner, outer, SimpleNamespace(radius_m=0.04))
         assert found == pytest.approx(expected * 0.04)
+
+
+def test_where_the_floor_is_not_seen_the_cavity_follows_the_wall_outside():
+    """A cone, its inside seen to half of the depth, with a wall of 3 mm."""
+    rim, depth = SimpleNamespace(radius_m=0.04, depth_m=0.1), np.linspace(0.004, 0.1, 25)
+    inside = 0.04 - 0.1 * depth
+    inner, outer = np.stack([inside, depth], 1)[:12], np.stack([depth, inside + 0.003], 1)
+    found, height = _profile(inner, outer, None, True, rim)
+    floor_m = 0.1 - FLOOR_TO_WALL * 0.003
+    assert height == 0.1 and np.all(np.diff(found[:-1, 1]) > 0.0)
+    np.testing.assert_allclose(found[:-2, 0], 0.04 - 0.1 * found[:-2, 1], atol=2e-5)
+    assert len(found) == 3 + np.sum(depth < floor_m)
+    np.testing.assert_allclose(found[-2:], [[found[-3, 0], floor_m], [0.0, floor_m]], atol=1e-4)
+    found, height = _profile(inner, outer, 0.099, False, rim)
+    assert height == pytest.approx(0.099 + FLOOR_TO_WALL * 0.003, abs=1e-4)
+    np.testing.assert_array_equal(found, [[0.04, 0.0], *inner, [0.0, 0.099]])
 
 
 def test_the_radius_of_a_rim_does_not_depend_on_how_densely_it_is_seen():
