@@ -18,7 +18,7 @@ from intent_recognition.filtering import (
     make_prior_grid,
     rates,
 )
-from intent_recognition.filtering.rates import AFRESH, DELAY
+from intent_recognition.filtering.rates import AFRESH, DELAY, TURN
 from intent_recognition.filtering.table import ending, fading
 from intent_recognition.signals.observation import Observation
 
@@ -314,8 +314,12 @@ def test_of_many_tasks_the_probable_ones_are_born_in_a_bounded_number(library, r
     assert born[3] and born.sum() < 5
 
 
-def test_delays_are_of_the_course_that_is_followed_since_the_change(library, rng):
+def test_delays_are_of_the_course_that_is_followed_and_shares_are_whole(library, rng):
     times_s = np.arange(0.0, 2.0, 0.02)
     run = filtered(library, times_s, changed(library, rng, (0, 1), 0.6, times_s))
     rows = run.births.table.rows
     assert set(rows["task"][rows["kind"] == DELAY]) == {1}
+    newest = rows[rows["birth_s"] == rows["birth_s"].max()]
+    for kind, task in ((DELAY, 1), (TURN, 0), (TURN, 3)):  # all that passes to them, once
+        born = newest[(newest["kind"] == kind) & (newest["task"] == task)]
+        assert np.exp(born["log_share"]).sum() == pytest.approx(1.0)
