@@ -12,7 +12,13 @@ from scan_builder import scanned
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.warping.cavity import FLOOR_TO_WALL, _levels, _profile, _thickness
+from intent_recognition.warping.cavity import (
+    FLOOR_TO_WALL,
+    _levels,
+    _profile,
+    _thickness,
+    fit_cavity,
+)
 from intent_recognition.warping.frame import N_LEVELS
 from intent_recognition.warping.object_model import ObjectCloud, Part
 from intent_recognition.warping.object_warp import warp_object
@@ -199,6 +205,25 @@ def test_where_the_floor_is_not_seen_the_cavity_follows_the_wall_outside():
     found, height = _profile(inner, outer, 0.099, False, rim)
     assert height == pytest.approx(0.099 + FLOOR_TO_WALL * 0.003, abs=1e-4)
     np.testing.assert_array_equal(found, [[0.04, 0.0], *inner, [0.0, 0.099]])
+
+
+@pytest.mark.parametrize("base_seen", [True, False])
+def test_a_base_that_is_not_seen_is_below_the_floor(base_seen):
+    """A beaker with a wall of 3 mm, whose floor is as deep as its wall was seen."""
+    turns, depth = (part.ravel() for part in np.mgrid[0:6.28:60j, 0.001:0.1:60j])
+    around, flat = np.stack([0.0 * turns, np.cos(turns), np.sin(turns)], 1), 0.3 * depth
+    down, disc = depth[:, None] * [-1.0, 0.0, 0.0], np.array([-0.1, 0.0, 0.0])
+    sides = [(0.03 * around + down, -around), (0.033 * around + down, around)]
+    sides.append((flat[:, None] * around + disc, np.tile([1.0, 0.0, 0.0], (3600, 1))))
+    if base_seen:
+        base = 1.1 * flat[:, None] * around + 1.04 * disc
+        sides.append((base, np.tile([-1.0, 0.0, 0.0], (3600, 1))))
+    corners = np.arange(48) * 2.0 * np.pi / 48
+    outline = 0.03 * np.stack([np.cos(corners), np.sin(corners)], 1)
+    rim = Rim(np.zeros(3), np.eye(3), outline, 0.104 if base_seen else 0.1)
+    found = fit_cavity(*map(np.concatenate, zip(*sides, strict=True)), rim)
+    expected = 0.104 if base_seen else 0.1 + FLOOR_TO_WALL * 0.003
+    assert found.height_m == pytest.approx(expected, abs=3e-4)
 
 
 def test_the_radius_of_a_rim_does_not_depend_on_how_densely_it_is_seen():
