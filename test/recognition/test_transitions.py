@@ -168,7 +168,7 @@ def test_a_plan_says_what_is_expected_and_outlasts_silence(rng):
     )
     assert np.argmax(expectation.prior) == 1 and expectation.ratio is not None
     p = np.array([0.02, 0.96, 0.01, 0.01])
-    broken_off = TaskPosterior(p, *[np.zeros(4)] * 4)
+    broken_off = TaskPosterior(p, *[np.zeros(4)] * 4)._replace(phase=np.full(4, 0.85))
     expectation.remember(START_NS, broken_off)
     assert np.argmax(expectation.prior) == 1
     expectation.remember(START_NS, broken_off._replace(phase=DONE))
