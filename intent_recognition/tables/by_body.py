@@ -4,7 +4,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import count
+from itertools import chain, count
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from intent_recognition.tables.table import Table, check_columns
 
 OF_BODY = re.compile(
     r"(?i)(?:rigid[_ ]?body|body(?:[_ ]?part)?|marker|joint|segment|landmark|key[_ ]?point|sensor"
-    r"|tracker|tracking|track|tag|device|child_frame|topic|port|tool|handle)"
+    r"|tracker|tracking|track|tag|device|child(?:_frame)?|topic|port|tool|handle|station)"
     r"(?:[_ ]?(?:name|type|id))?"
 )
 """The column that says which body a row is of."""
@@ -48,7 +48,7 @@ def by_body(table: Table) -> Table:
             break
     else:
         return table
-    for column in columns:
+    for column in chain(columns, map(_joined, [columns])):  # all: seconds with nanoseconds
         moments, moment = _distinct(column)
         unique = len(np.unique(moment * len(bodies) + body)) == len(body)
         if unique and len(body) >= ROWS_A_MOMENT * len(moments):
@@ -96,6 +96,11 @@ def _distinct(values: Values) -> tuple[list[str], Integers]:
     numbers: dict[str, int] = {}
     rows = [numbers.setdefault(str(value).strip(), len(numbers)) for value in values.tolist()]
     return list(numbers), np.array(rows, dtype=np.int64)
+
+
+def _joined(columns: Sequence[Values]) -> Values:
+    """Each row of several columns as one text (T,)."""
+    return np.array([" ".join(map(str, row)) for row in zip(*columns, strict=True)])
 
 
 def _ranks(moments: Sequence[str]) -> Integers:

@@ -17,6 +17,8 @@ MOST_BYTES = 2**28
 MOST_DOFS = 20
 """Rows of an array that may be columns which were saved as rows. Convention: two arms with a hand
 have some more, a recording has far more samples."""
+MOST_OF_POSE = 7
+"""Elements of a place or a pose in an array (T, n, d) of several bodies: a place, a quaternion."""
 SMOOTH = 0.1
 """Roughness below which numbers go on from one to the next. Convention: that of a sine with 14
 samples a period."""
@@ -394,7 +396,7 @@ def _arrays(group: Any) -> dict[str, NDArray[Any]]:
         if item.dtype.names and item.ndim == 1:
             fields = [field for field in item.dtype.names if item.dtype[field].base.kind in "fiub"]
             found.update({f"{dotted}.{field}": np.asarray(item[field]) for field in fields})
-        is_of_places = item.ndim == 3 and item.shape[2] <= 4
+        is_of_places = item.ndim == 3 and (item.shape[2] <= MOST_OF_POSE or item.shape[1] in (1, 3))
         # wider rows are compressed images, as ALOHA keeps them
         if item.ndim == 2 and item.dtype == np.uint8 and item.shape[1] > 256:
             return

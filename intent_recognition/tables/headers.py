@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from intent_recognition.tables.cells import with_point
-from intent_recognition.tables.table import without_subjects
+from intent_recognition.tables.table import is_unit, without_subjects
 from intent_recognition.tables.times import PER_UNIT, unit_of_times
 
 OF_VICON = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
@@ -193,6 +193,7 @@ def levels(rows: Rows) -> Header | None:
     count = len(rows[at])
     heads = [[cell.strip() for cell in (*row, *[""] * count)[:count]] for row in rows[:at]]
     own = heads.pop()[0] if len(heads) > 2 and not any(heads[-1][1:]) else ""  # of pandas' index
+    below = heads.pop() if len(heads) > 2 and all(map(is_unit, filter(None, heads[-1]))) else []
     axes = {match[1].lower() for cell in heads[-1:] for match in map(AXIS.fullmatch, cell) if match}
     if len(heads) < 2 or not {"x", "y"} <= axes:
         return None
@@ -204,7 +205,8 @@ def levels(rows: Rows) -> Header | None:
     first = next((name for name in firsts if name not in PER_UNIT), "".join(firsts[:1]))
     names = [".".join(filter(None, (row[k] for row in (*above, heads[-1])))) for k in range(count)]
     names = [first, *names[1:]] if first else names
-    units = {0: heads[-1][0]} if unit_of_times(heads[-1][0]) else {}
+    units = {k: unit for k, unit in enumerate(below) if unit}
+    units = units or ({0: heads[-1][0]} if unit_of_times(heads[-1][0]) else {})
     return Header(tuple(names), at, {"must_say": True, "units": units})
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.tables.by_body import by_body
 from intent_recognition.tables.cells import MISSING, Values, with_point
-from intent_recognition.tables.headers import OF_VICON, Header, known_header
+from intent_recognition.tables.headers import NUMBER, OF_VICON, Header, known_header
 from intent_recognition.tables.table import Table, check_columns, is_unit, unusable
 from intent_recognition.tables.times import TIME_NAME
 
@@ -155,20 +155,32 @@ def _goes_on(*cells: str, evenly: bool) -> bool:
 
 
 def _numbered(header: Header, rows: Iterable[list[str]]) -> Iterator[tuple[int, list[str]]]:
-    """Rows below a header with their numbers: blank lines and comments are no rows, and those at
-    which nothing was measured are counted and left out.
+    """Rows below a header with their numbers: blank lines, comments, and what has a text for a
+    number at the end, alone or below a blank line, are no rows, and those at which nothing was
+    measured are counted and left out.
     """
     number = -1
+    before, is_apart = "", False
+    held: list[tuple[int, list[str]]] = []  # texts alone, perhaps at the end
     for row in rows:
         is_blank = not any(cell.strip() for cell in row)
         if is_blank and header.ends_blank and number >= 0:
             break
         is_comment = len(row) != len(header.names) and row and row[0].startswith(COMMENTS)
+        is_apart |= is_blank
         if (is_blank and len(row) < 2) or is_comment:
             continue
         number += 1
-        if not is_blank:
-            yield number, row
+        if is_blank:
+            continue
+        held.append((number, row))
+        is_alone = is_apart or not any(row[1:])
+        first = row[0].strip()
+        if not (
+            is_alone and NUMBER.fullmatch(before) and not _is_number(first) and first[0].isalpha()
+        ):
+            yield from held
+            held, before, is_apart = [], first, False
 
 
 def _ends_line(path: Path) -> bool:
@@ -250,11 +262,30 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
     if len(names) >= LEAST_CELLS and names == tuple(map(str, range(len(names)))):
         return Header(names, 1)  # as pandas writes columns that have no names
     if all(map(_is_number, names)) or _is_row(names, head[1:3]):
-        return Header(tuple(map(str, range(len(names)))), 0)
+        return Header(_of_joint_states(names) or tuple(map(str, range(len(names)))), 0)
     second = len(head) > 1 and _is_second_line(head[1:])
     below = [cell.strip().strip("[]()") for cell in head[1]] if second else []
-    units = {k: unit for k, unit in enumerate(below) if is_unit(unit)}
+    said = {k: unit for k, unit in enumerate(below) if unit}
+    are_units = 2 * sum(map(is_unit, said.values())) >= len(said)
+    units = {k: unit for k, unit in said.items() if are_units or is_unit(unit)}
     return Header(names, 1 + second, {"units": units})
+
+
+def _of_joint_states(row: Sequence[str]) -> tuple[str, ...]:
+    """Columns of JointState as `ros2 topic echo --csv` writes it: names above, positions, ...."""
+    texts = [k for k, cell in enumerate(row) if cell and not _is_number(cell)]
+    count = len(row) - 3
+    joints = next((n for n in range(2, count) if texts and texts[-1] == 2 + n), 0)
+    parts, more = divmod(count, joints) if joints else (0, 1)
+    if more or not 2 <= parts <= 4 or texts[-joints:] != [*range(3, 3 + joints)]:
+        return ()
+    kinds = ("name", "position", "velocity", "effort")[:parts]
+    return (
+        "sec",
+        "nanosec",
+        "frame_id",
+        *(f"{kind}.{j}" for kind in kinds for j in row[3 : 3 + joints]),
+    )
 
 
 def _elements(cell: str) -> list[str]:

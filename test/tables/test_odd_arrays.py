@@ -17,6 +17,12 @@ from intent_recognition.tables.import_map import ImportMap
 
 ARRAYS = {
     "places of landmarks (T, n, 3)": ({"w": np.stack([PLACE, PLACE / 1000], axis=1)}, "w.1.{}"),
+    "poses of bodies (T, n, 7)": (
+        {"w": np.dstack([np.stack([PLACE, PLACE / 1000], axis=1), np.full((ROWS, 2, 4), 0.5)])},
+        "w.1.{}",
+    ),
+    "one body (T, 1, d)": ({"w": PLACE[:, None] / 1000}, "w.{}"),
+    "landmarks (T, 3, n)": ({"w": np.repeat(PLACE[..., None] / 1000, 9, axis=2)}, "w.8.{}"),
     "an image beside it": ({"w": PLACE / 1000, "i": np.zeros((ROWS, 8, 8))}, "w.{}"),
     "fields": (
         {"w": np.rec.fromarrays([TIMES_S, PLACE / 1000], dtype=[("s", "f8"), ("at", "f8", 3)])},
