@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from intent_recognition.array_types import Floats
 from intent_recognition.signals import FIRST_CLOCK_S, spelled
@@ -14,14 +13,29 @@ from intent_recognition.tables.cells import LENGTHS
 from intent_recognition.tables.suggested_entries import SeenColumn
 from intent_recognition.tables.times import TIME_NAME
 
-COUNT_NAME = re.compile(r"(?i)(frame|index|idx|row|sample|counter)#?$")
-COMMANDED = re.compile(r"(?i)(?:^|[./])actions?(?:[./]|$)")
+COUNT_NAME = re.compile(r"(?i)(frame|index|idx|row|sample|count(?:er)?)#?$")
+COMMANDED = re.compile(r"(?i)(?:^|[./_])actions?(?:[./]|$)")
 """What columns are called that were commanded, not measured."""
+COMMANDS = {
+    "target",
+    "desired",
+    "des",
+    "commanded",
+    "command",
+    "cmd",
+    "setpoint",
+    "planned",
+    "ref",
+    "d",
+}
+MEASURED = {"actual", "measured", "msr", "state"}
+"""Words in names of columns by which what is commanded differs from what is measured."""
+WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 NO_JOINT = re.compile(
     r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag)|gyr|secs?\b"
-    r"|header|vel|effort|torque|current|temp|force|quality|error|gripper|\bjaw"
-    r"|likelihood|confidence|visib|score|residual|\bRot\[|quat|orient|cube_pos|^states\.\d"
-    r"|(?:^|[\W_])(?:cos|sin)(?:[\W_]|$)|wrench|gravity|rgb|colou?r|voltage|pressure|reward"
+    r"|header|vel|speed|(?:^|[\W_])(?:d+q|qd+)(?:[\W_\d]|$)|effort|torque|(?:^|[\W_])tau(?:[\W_\d]|$)|current|temp|force|quality|error|gripper|\bjaw"
+    r"|likelihood|conf(?!ig)|strength|visib|score|covariance|twist|residual|\bRot\[|quat|orient|axis_?angle|cube_pos|^states\.\d|^env_states"
+    r"|(?:^|[\W_])(?:cos|sin)(?:[\W_]|$)|wrench|gravity|rgb|colou?r|voltage|pressure|reward|bits|register|scaling"
     rf"|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
 )
 """What columns are called that move and are no position of a joint of an arm."""
@@ -61,11 +75,27 @@ PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[wxyzWXYZ])$")
 AXIS_FIRST = re.compile(r"(?P<axis>[xyzXYZ])[._ ]?(?P<body>\d+|[A-Z].*|(?<=[._ ])\D.*)")
 """Names such as `x1`, `xWrist` and `x_wrist`."""
 NO_PLACE = re.compile(
-    r"(?i)rotation|orientation|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)"
+    r"(?i)rotation|orientation|twist|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)"
     r"|(?:rot|vel|dot|std|omega|ang|angle|force|moment|power|torque)s?[\W_]?$"
 )
+TURN = re.compile(
+    r"(?i)(?P<body>.*?)[\W_]*(?:(?:[xyz]?rot(?:ation)?|orientation|euler|rpy|axis_?angle)"
+    r"(?:[\W_]*(?:angle|vec(?:tor)?)s?)?[\W_]*(?:[wxyz\d]\]?)?|[orq][wxyz]"
+    r"|(?:rot)?(?:roll|pitch|yaw)|[abcwpr]|az(?:imuth)?|el(?:evation)?|ro)"
+)
+"""Angles of a body, beside its place."""
+PLACE_WORD = re.compile(
+    r"(?:(?:^|[\W_]+)(?i:pos(?:ition)?|loc(?:ation)?|pose|trans(?:lation)?|xyz|t|p)|(?<=[a-z])Pos(?:ition)?)?[\W_]*$"
+)
+"""What follows the body in the names of its place."""
 OTHERS = (NO_JOINT, NO_PLACE, NO_PLACE_IN_ARRAY)
-NO_PLACE_BEFORE_AXIS = re.compile(r"(?i)(?:^|[\W_])[ravwfmg]$")
+NUMBERED = re.compile(r"(?P<body>.*?)[._\[( ]*(?P<at>\d+(?:[._,\]\[]+\d+)?)[\])]?")
+"""Elements of any array, `q1`, `q.1`, `q[1]`, `m12`, `m_1_2`, `m[1][2]`, no names."""
+OF_MATRIX = [[f"{i}{j}" for i in range(k, k + 4) for j in range(k, k + 4)] for k in (0, 1)]
+OF_MATRIX += [[str(k) for k in range(16)]]
+"""Numbers of the elements of a matrix of a pose."""
+OF_ARM = re.compile(r"(?i)shoulder|elbow")
+NO_PLACE_BEFORE_AXIS = re.compile(r"(?i)(?:^|[\W_])[ravwfmgq]$")
 """Letters right before an axis that speak of an angle, a velocity, a force, ..., as in `rx`."""
 
 
@@ -89,17 +119,24 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
         for match in filter(None, (last, AXIS_FIRST.fullmatch(bare))):
             if not NO_PLACE.search(match["body"]):
                 found.setdefault(match["body"], {})[match["axis"].lower()] = name
-    matrices = _of_matrices(columns)
-    bodies = {body: names[:3, 3].tolist() for body, names in matrices.items()}
-    parts = {name for names in matrices.values() for name in names.flat}
+    poses = _poses(columns)
+    bodies = {body: place for body, (place, _) in poses.items()}
+    parts = {name for both in poses.values() for names in both for name in names}
+    sizes_of = Counter(NUMBERED.sub(r"\g<body>", name) for name in columns if OF_ARM.search(name))
+    is_arm = any(size != 3 for size in sizes_of.values())  # whose wrist_1 to wrist_3 are joints
     arrays: dict[str, set[int]] = {}  # sizes of the last axes
     for body, axes in found.items():
         arrays.setdefault(body.rpartition(".")[0], set()).add(len(axes))
     for body, axes in found.items():
         sizes = POSE_SIZES if POSE_NAME.search(body) else POSE_SIZES[:1]
-        are_elements = set(axes) == set(map(str, range(len(axes))))
+        one = int(set(axes) == {*"123"} and not is_arm and ELEMENTS.match(axes["1"]) is not None)
+        are_elements = set(axes) == set(map(str, range(one, one + len(axes))))
         is_pose = are_elements and len(axes) in sizes
-        if are_elements and len(arrays[body.rpartition(".")[0]]) == 1 and LANDMARK.match(axes["0"]):
+        if (
+            are_elements
+            and len(arrays[body.rpartition(".")[0]]) == 1
+            and LANDMARK.match(min(axes.values()))
+        ):
             is_pose |= len(axes) == 2
             is_pose |= len(axes) == 4 and _are_seen(*(columns[axes[k]] for k in sorted(axes)))
         in_image = set(axes) == set("xy") and body.rstrip("._ ")
@@ -111,47 +148,83 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
 
 def _are_seen(*columns: SeenColumn) -> bool:
     """Whether the last of four columns may say how sure the place in the others is."""
-    values = np.column_stack([column.values for column in columns])
-    values = values[np.isfinite(values).all(axis=1)]
-    is_quaternion = np.all(np.abs(np.linalg.norm(values, axis=1) - 1.0) < 0.01)
-    return bool(np.all((values[:, 3] >= 0.0) & (values[:, 3] <= 1.0)) and not is_quaternion)
+    last = columns[3].values[np.isfinite(columns[3].values)]
+    by_name = {column.name: column for column in columns}
+    return bool(np.all((last >= 0.0) & (last <= 1.0))) and not _quaternions(by_name, [*by_name])
 
 
-def _of_matrices(columns: Mapping[str, SeenColumn]) -> dict[str, NDArray[np.str_]]:
-    """Columns (4, 4) of matrices of poses: of arrays (T, 4, 4), or (T, 16), also transposed ones,
-    as libfranka has them.
+def _poses(columns: Mapping[str, SeenColumn]) -> dict[str, tuple[list[str], list[str]]]:
+    """Columns of the place, and of the orientation, of poses in arrays: of matrices (T, 4, 4), or
+    (T, 16), also transposed ones, as libfranka has them, and of quaternions before or behind a
+    place. Columns without names are one array.
     """
-    found: dict[str, NDArray[np.str_]] = {}
+    arrays: dict[str, dict[str, str]] = {}
     for name in columns:
-        for last in (".3.3", "15", "15]"):
-            kind = [f".{k // 4}.{k % 4}" if "." in last else last.replace("15", str(k))
-                    for k in range(16)]  # fmt: skip
-            names = np.array([name.removesuffix(last) + end for end in kind]).reshape(4, 4)
-            if name.endswith(last) and set(names.flat) <= set(columns):
-                sizes = np.reshape([columns[one].farthest for one in names.flat], (4, 4))
-                body = name.removesuffix(last).rstrip("._[")
-                for matrix, of in ((names, sizes), (names.T, sizes.T)):
-                    if of[3].tolist() == [0.0, 0.0, 0.0, 1.0]:
-                        found.setdefault(body, matrix)
+        if match := NUMBERED.fullmatch(name):
+            *before, last = re.findall(r"\d+", match["at"])
+            arrays.setdefault(match["body"], {})["".join([*before, last])] = name
+            if before:
+                arrays.setdefault(f"{match['body']}.{before[0]}", {})[last] = name
+    found: dict[str, tuple[list[str], list[str]]] = {}
+    for body, elements in arrays.items():
+        names = [*elements.values()]
+        for kind in filter(lambda kind: {*kind} == {*elements}, OF_MATRIX):
+            matrix = np.array([elements[at] for at in kind]).reshape(4, 4)
+            sizes = np.reshape([columns[name].farthest for name in matrix.flat], (4, 4))
+            for one, of in ((matrix, sizes), (matrix.T, sizes.T)):
+                if of[3].tolist() == [0.0, 0.0, 0.0, 1.0]:
+                    found.setdefault(body, (one[:3, 3].tolist(), names))
+        free = 0
+        for at in _quaternions(columns, names) if not body or len(names) == 7 else ():
+            start = at - 3 if at - 3 >= free else at + 4
+            free = max(start + 3, at + 4)
+            found[body or names[at]] = (names[start : start + 3], names[at : at + 4])
+    return found
+
+
+def _quaternions(columns: Mapping[str, SeenColumn], names: Sequence[str]) -> list[int]:
+    """Where four columns after one another, some of which change, are of length 1."""
+    found: list[int] = []
+    for at in range(len(names) - 3):
+        four = [columns[name] for name in names[at : at + 4]]
+        few = [one.values[:: max(1, one.values.size // 1000)] for one in four]
+        lengths = np.linalg.norm(few, axis=0)
+        lengths = lengths[np.isfinite(lengths)]
+        is_one = lengths.size and np.all(np.abs(lengths - 1.0) < 0.01)
+        if is_one and any(one.moves for one in four) and at >= (found[-1] + 4 if found else 0):
+            found.append(at)
     return found
 
 
 def orientations_of(columns: Mapping[str, SeenColumn], bodies: Collection[str]) -> set[str]:
-    """Columns of an orientation: those of an array behind its place, quaternions, matrices."""
+    """Columns of an orientation: those of an array behind its place, quaternions, matrices, angles
+    beside a place.
+    """
     found = {name: ELEMENTS.match(name) or LANDMARK.fullmatch(name) for name in columns}
     matches = {name: match for name, match in found.items() if match}
     rest = {n for n, match in matches.items() if match["body"] in bodies and match["element"] > "2"}
-    axes = {name: match for name in columns if (match := PLACES.match(UNIT_END.sub("", name)))}
-    of = Counter(match["body"] for match in axes.values())
-    turning = {m["body"] for m in axes.values() if m["axis"] in "wW" and of[m["body"]] == 4}
-    rest |= {name for names in _of_matrices(columns).values() for name in names.flat}
-    return rest | {name for name, match in axes.items() if match["body"] in turning}
+    rest |= {name for _, names in _poses(columns).values() for name in names}
+    others = [name for name in columns if name not in rest]
+    rest |= {name for at in _quaternions(columns, others) for name in others[at : at + 4]}
+    owners = {*bodies, *(PLACE_WORD.sub("", body) for body in bodies)}
+    turns = {name: TURN.fullmatch(UNIT_END.sub("", name)) for name in columns}
+    return rest | {name for name, match in turns.items() if match and match["body"] in owners}
 
 
 def is_marker_of(body: str, bodies: Sequence[str]) -> bool:
     """Whether a body is a marker `BODY:MARKER` of another one."""
     owner, colon, _ = body.partition(":")
     return bool(colon) and any(other.split(".")[0] == owner for other in bodies)
+
+
+def commanded(names: Collection[str]) -> list[str]:
+    """Columns that are commanded, as their names say, beside the same ones as measured."""
+    words = {name: [word.lower() for word in WORD.findall(name)] for name in names}
+    bare = {
+        name: tuple(w for w in of if w not in COMMANDS | MEASURED) for name, of in words.items()
+    }
+    measured = {bare[name] for name, of in words.items() if not COMMANDS & {*of}}
+    return [name for name, of in words.items() if COMMANDS & {*of} and bare[name] in measured]
 
 
 def array_of(name: str) -> str:

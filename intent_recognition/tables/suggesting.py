@@ -5,6 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -34,6 +35,7 @@ from intent_recognition.tables.suggested_names import (
     are_counts,
     array_of,
     bodies_of,
+    commanded,
     counts_rows,
     is_joint,
     is_marker_of,
@@ -54,6 +56,9 @@ LATER = re.compile(r"(?i)next(_obs)?[./]")
 MOSTLY, REPEATED = 0.9, 0.3
 """Share of times that must be later than those before: where some go back, and where some repeat.
 Convention: a file has few demonstrations on end; a clock may be three times slower than rows."""
+LEAST_MS = 5.0
+"""Even steps from 0 on that may be milliseconds without saying so, not every n-th row. Convention:
+robots log at 200 Hz or less, or say it."""
 NO_RATE = "not in the file: give the rate in Hz"
 """Comment of a time that is not used until somebody corrects it."""
 
@@ -143,7 +148,8 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     rows = max(sizes, key=lambda size: sizes[size] * size, default=0)
     columns = {name: one for name, one in columns.items() if one.values.size == rows}
     later = [name for name in columns if LATER.match(name)]
-    columns = {name: one for name, one in columns.items() if name not in later}
+    meant = commanded(columns)
+    columns = {name: one for name, one in columns.items() if name not in (*later, *meant)}
     cut = _cut(table, columns, labels)
     bodies = {b: names for b, names in bodies_of(columns).items() if is_length(table, names[0])}
     places = {column for body in bodies.values() for column in body}
@@ -151,8 +157,14 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     used = {str(time.get("column", "")), str(time.get("nanoseconds", "")), cut, *places}
     used |= (turning := orientations_of(columns, bodies))
     joints = [c for c in columns.values() if c.moves and c.name not in used and not counts_rows(c)]
-    others = [c.name for c in joints if not (is_joint(c.name) and is_angle(table, c.name))]
+    others = [
+        c.name
+        for c in joints
+        if not (is_joint(c.name) and is_angle(table, c.name)) or np.unique(c.values).size < 3
+    ]
     joints = [c for c in joints if c.name not in others]
+    arrays = [array_of(joint.name) for joint in joints]
+    arrays = [array * (arrays.count(array) > 3) for array in arrays]  # not wrist_1 to wrist_3
     still = [c.name for c in columns.values() if not c.moves and c.name not in used]
     moving = [body for body, names in bodies.items() if any(columns[n].moves for n in names)]
     often = max((columns[bodies[body][0]].seen for body in moving), default=0.0)
@@ -168,8 +180,8 @@ def _suggest(kind: FileKind, name: str) -> _Part:
         for body in moving[:MOST_BODIES]
     ]
     arm = [
-        joints_entry(table, list(array)) + own
-        for _, array in groupby(joints[:MOST_JOINTS], key=lambda joint: array_of(joint.name))
+        joints_entry(table, [joint for _, joint in array]) + own
+        for _, array in groupby(zip(arrays, joints[:MOST_JOINTS], strict=False), key=itemgetter(0))
     ]
     left_out = []
     for title, names in (
@@ -179,6 +191,7 @@ def _suggest(kind: FileKind, name: str) -> _Part:
         ("Markers of these bodies", markers),
         ("Seldom seen", seldom),
         ("The same, a step later", later),
+        ("The same, as commanded", meant),
         ("There twice: name them by number", _twice(table)),
         ("More bodies that move", moving[MOST_BODIES:]),
         ("More columns that move", [c.name for c in joints[MOST_JOINTS:]]),
@@ -272,8 +285,8 @@ def _time(
             return {"column": column.name}, "it decreases: reverse the rows of the file"
         said_unit = table.time_unit_of(column.name)
         is_named = column.name != "0" and TIME_NAME.search(column.name)
-        by_one = steps[0] == 1.0 and column.values[0] <= 1.0
-        if not said_unit and are_counts(column, steps) and (by_one or not is_named):
+        by_few = steps[0] < LEAST_MS and column.values[0] <= steps[0]
+        if not said_unit and are_counts(column, steps) and (by_few or not is_named):
             continue
         later = steps > 0.0
         often = np.mean(later) > (MOSTLY if np.any(steps < 0.0) else REPEATED)

@@ -6,7 +6,8 @@ import json
 import numpy as np
 import pytest
 import yaml
-from tables.odd_files import PLACE, ROWS, TIMES_S, cells, plain, table
+from scipy.spatial.transform import Rotation
+from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, plain, table
 from tables.test_suggestions import suggested
 
 from intent_recognition.tables import import_demonstrations, suggest_map
@@ -49,6 +50,33 @@ def numbered_anew():
     ])  # fmt: skip
 
 
+TURNS = Rotation.from_rotvec(np.outer(TIMES_S, [0.5, 0.1, 0.0]))
+QUATERNIONS = TURNS.as_quat()
+
+
+def listed(head, *more, end=""):
+    """A CSV of times, the wrist [m], and further columns; a head without names has none."""
+    columns = np.column_stack([TIMES_S, WRIST, *more])
+    rows = [",".join(f"{cell:.9f}" for cell in row) for row in columns]
+    return "\n".join([*filter(None, [head]), *rows, end])
+
+
+def matrices():
+    """Of poses, by row and column."""
+    poses = np.tile(np.eye(4), (ROWS, 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = TURNS.as_matrix(), WRIST
+    head = ",".join(["t", *(f"m{i}{k}" for i in range(4) for k in range(4))])
+    rows = np.column_stack([TIMES_S, poses.reshape(-1, 16)]).tolist()
+    return "\n".join([head, *(",".join(map(str, row)) for row in rows)])
+
+
+def of_frames(head, form):
+    both = [f"{form.format(k / 100, k // 100, k % 100)},{n},{','.join(map(str, p))}\n"
+            for k, one in enumerate(WRIST.tolist())
+            for n, p in (("wrist", one), ("cup", [1, 2, 3]))]  # fmt: skip
+    return "".join([f"{head},child,x,y,z\n", *both])
+
+
 STO = "DataRate=100\nDataType=Vec3\nversion=3\nUnits=m\nendheader\ntime\twrist\tcup"
 NDI = "Number of frames: 200\nFrequency: 100 Hz\nUnits: mm\nFrame,w x,w y,w z"
 
@@ -62,6 +90,18 @@ NDI = "Number of frames: 200\nFrequency: 100 Hz\nUnits: mm\nFrame,w x,w y,w z"
         ("a.csv", table(NDI, lambda k: [str(k + 1), *cells(k)])),
         ("a.csv", "# sample rate: 30 Hz\n" + plain(head="time,x,y,z")),  # of another device
         ("b.json", numbered_anew()),
+        ("a.csv", listed("t,x,y,z,yaw,pitch,roll", SHARE, SHARE, SHARE)),
+        ("a.csv", listed("t,X,Y,Z,A,B,C", SHARE, SHARE, SHARE)),
+        ("a.csv", listed("t,a Tx,a Ty,a Tz,a Q0,a Qx,a Qy,a Qz", np.roll(QUATERNIONS, 1, 1))),
+        ("a.csv", listed("", QUATERNIONS)),  # without names
+        ("a.csv", matrices()),
+        ("a.csv", of_frames("stamp,parent", "{0},w")),
+        ("a.csv", of_frames("sec,nsec", "{1},{2}0000000")),
+        ("a.csv", listed("t,pos_1,pos_2,pos_3,done,dq_1,dq_2", TIMES_S > 1, SHARE, SHARE)),
+        ("a.csv", listed("time,x,y,z,EMG\ns,m,m,m,V", SHARE)),
+        ("a.csv", listed(",w,,,cup,,\ntime,x,y,z,x,y,z\ns,m,m,m,m,m,m", WRIST + 1)),
+        ("a.csv", listed("t,x,y,z", end="Note: dark,,,\nBy Ann,,,\n,,,\n")),
+        ("a.csv", listed("t,x,y,z", end="\nMean,1,2,3\nSD,1,2,3\n")),
     ],
 )
 def test_the_wrist_of_an_exported_file_is_suggested(name, content, tmp_path):
@@ -73,6 +113,16 @@ def test_the_wrist_of_an_exported_file_is_suggested(name, content, tmp_path):
     np.testing.assert_allclose(first.values[seen], WRIST[seen], atol=1e-8)
     np.testing.assert_allclose(first.stamps_ns - first.stamps_ns[0], 1e9 * TIMES_S, atol=1)
     assert not any(samples.entry.joints for samples in found.samples)
+
+
+def test_columns_that_are_never_there_together_are_no_quaternion(tmp_path):
+    """Topics at times of their own, as PlotJuggler writes them."""
+    rows = [
+        f"{t},{q},{q},{q},,\n{t + 0.005},,,,{q},{q}"
+        for t, q in zip(TIMES_S, SHARE[:, 0], strict=True)
+    ]
+    (tmp_path / "a.csv").write_text("\n".join(["t,x,y,z,q1,q2", *rows]))
+    assert "joints: [q1, q2]" in suggest_map(tmp_path / "a.csv")
 
 
 @pytest.mark.parametrize(

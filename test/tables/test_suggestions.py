@@ -72,6 +72,30 @@ def test_joints_are_not_called_by_a_unit_that_is_converted(columns, joints, tmp_
     assert content["observed"][0]["columns"] == list(columns)
 
 
+UR = ["base", "shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3"]
+
+
+@pytest.mark.parametrize(
+    ("head", "joints"),
+    [
+        (",".join(["t", *UR]), UR),
+        ("t,target_q_0,target_q_1,actual_q_0,actual_q_1", ["actual_q_0", "actual_q_1"]),
+        ("t,q[0],q[1],q_d[0],q_d[1],dq[0],tau_J[1]", ["q_0", "q_1"]),
+        ("t,MeasuredJ1,MeasuredJ2,PlannedJ1,PlannedJ2", ["MeasuredJ1", "MeasuredJ2"]),
+        ("t,hip_pitch,hip_roll,hip_yaw", ["hip_pitch", "hip_roll", "hip_yaw"]),
+        ("", ["a", "b"]),  # ros2 topic echo
+    ],
+)
+def test_joints_are_those_that_were_measured_in_one_entry(head, joints, tmp_path):
+    values = [f"{0.2 + k * s:.6f}" for k in range(1, 8) for s in SHARE[:, 0]]
+    columns = [values[k * ROWS : (k + 1) * ROWS] for k in range(head.count(",") or 6)]
+    times = [f"{k / 100}" if head else f"7,{k}000000,base,a,b" for k in range(ROWS)]
+    lines = [",".join(row) for row in zip(times, *columns, strict=True)]
+    content, *_ = suggested_csv(tmp_path, "\n".join([*filter(None, [head]), *lines]))
+    assert [one["joints"] for one in content["observed"]] == [joints]
+    assert "controlled" not in content and "columns_unit" not in content["observed"][0]
+
+
 def test_a_unit_that_is_unknown_is_asked_for_when_it_is_imported(tmp_path):
     (tmp_path / "a.csv").write_text(plain(head="t,x,y,z\ns,km,km,km"))
     content = yaml.safe_load(suggest_map(tmp_path / "a.csv"))
@@ -208,9 +232,9 @@ def test_angles_of_bodies_are_named_with_their_bodies(tmp_path):
         one[k][5] = str(k / 10)
     path = tmp_path / "a.tsv"
     path.write_text(table(head, lambda k: one[k] * 2, "\t"))
-    content, _, _ = suggested(path)
-    *_, joints = content["controlled"]
-    assert joints["joints"] == ["cup_Yaw", "wrist_Yaw"] and joints["columns_unit"] == "deg"
+    content, text, _ = suggested(path)
+    assert not any("joints" in one for one in content["controlled"])
+    assert "# Orientations: cup.Roll, cup.Pitch, cup.Yaw, cup.Rot[0]" in text
 
 
 def test_joints_of_two_files_have_names_of_their_own(tmp_path):
@@ -374,6 +398,8 @@ def test_a_place_is_told_from_a_rotation_a_speed_and_a_command(head, place, tmp_
         (",x,y,z", lambda t: f"2024-01-31 10:00:{t:06.3f}", {"column": "0"}),
         (",x,y,z", lambda t: f"{100 * t:.0f}", None),
         ("t,x,y,z", lambda t: f"{100 * t:.0f}", None),
+        ("time,x,y,z", lambda t: f"{400 * t:.0f}", None),  # every fourth row, or milliseconds
+        ("time,x,y,z", lambda t: f"{1000 * t:.0f}", {"column": "time", "unit": "ms"}),
         ("t,x,y,z", lambda t: f"{70_000 + 100 * t:.0f}", {"column": "t", "unit": "ms"}),
         ("n,x,y,z", lambda t: f"{1.7e12 + 1000 * t:.0f}", {"column": "n", "unit": "ms"}),
         ("t_ms,x,y,z", lambda t: f"{100 * t:.0f}", {"column": "t_ms", "unit": "ms"}),
