@@ -104,6 +104,10 @@ NUMBERED = re.compile(r"(?P<task>.+?)(?P<date>(?:[_\- ]\d{6,})?)(?P<between>[_\-
 """Names such as `give_bracket_07` and `give_20240131_100000`."""
 STREAM = re.compile(r"(?P<recording>.+[_\- ]\d+)(?P<end>[_\- ]\D+)")
 """Names such as `give_07_wrist`, beside `give_07_cup`."""
+CONDITION = re.compile(
+    r"(?i).(?:fast|slow|normal|near|far|high|low|easy|hard|pre|post|good|bad|success|fail(?:ed)?)"
+)
+"""Ends of names that say how a recording was done, not of what it is."""
 NO_TASK = re.compile(
     r"(?i)(?:demo|demonstration|traj|trajectory|episode|ep|trial|take|rec|recording|run|data|log"
     r"|p|s|sub|subj|subject|participant|person|user|day|ses|session)?[\W_\d]*"
@@ -178,7 +182,8 @@ def _streams(files: Sequence[Path]) -> dict[str, list[Path]]:
     if others and all(of.keys() == first.keys() for of in others):
         tables = [open_table(next(iter(of.values()))) for of in found.values()]
         differ = len({table.names for table in tables}) == len(tables)
-        if differ or len({table.read([0])[0].size for table in tables}) == 1:
+        are_takes = any(map(CONDITION.fullmatch, found))
+        if differ or (not are_takes and len({t.read([0])[0].size for t in tables}) == 1):
             return {end: [*of.values()] for end, of in found.items()}
     return {"": [*files]}
 

@@ -223,7 +223,7 @@ def _is_of_image(frames: Sequence[Points]) -> bool:
 
 def _about(path: Path, content: Any) -> dict[str, Any]:
     """The rate and the unit that stand beside the frames, as attributes of the table."""
-    said = content if isinstance(content, dict) else {}
+    said = {key.lower(): v for key, v in content.items()} if isinstance(content, dict) else {}
     unit = next((said[key] for key in UNIT if isinstance(said.get(key), str)), "")
     rate = next((said[key] for key in RATES if isinstance(said.get(key), int | float | str)), None)
     defaults = {} if rate is None else {"time": {"rate": _read(path, float, rate)}}

@@ -16,20 +16,10 @@ from intent_recognition.tables.times import TIME_NAME
 COUNT_NAME = re.compile(r"(?i)(frame|index|idx|row|sample|count(?:er)?)#?$")
 COMMANDED = re.compile(r"(?i)(?:^|[./_])actions?(?:[./]|$)")
 """What columns are called that were commanded, not measured."""
-COMMANDS = {
-    "target",
-    "desired",
-    "des",
-    "commanded",
-    "command",
-    "cmd",
-    "setpoint",
-    "planned",
-    "ref",
-    "d",
-}
-MEASURED = {"actual", "measured", "msr", "state"}
-"""Words in names of columns by which what is commanded differs from what is measured."""
+COMMANDS = {"target", "desired", "des", "commanded", "command", "cmd", "setpoint", "planned", "ref",
+            "d", "next"}  # fmt: skip
+MEASURED = {"actual", "measured", "msr", "state", "obs", "observation", "observations"}
+"""Words in names by which what is commanded, or comes a step later, differs from the measured."""
 WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 NO_JOINT = re.compile(
     r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag)|gyr|secs?\b"
@@ -72,8 +62,10 @@ UNIT_END = re.compile(
 )
 """A unit at the end of a name."""
 PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[wxyzWXYZ])$")
-AXIS_FIRST = re.compile(r"(?P<axis>[xyzXYZ])[._ ]?(?P<body>\d+|[A-Z].*|(?<=[._ ])\D.*)")
-"""Names such as `x1`, `xWrist` and `x_wrist`."""
+AXIS_FIRST = re.compile(
+    r"(?:[pP](?:os)?_?)?(?P<axis>[xyzXYZ])[._ ]?(?P<body>\d+|[A-Z].*|(?<=[._ ])\D.*)"
+)
+"""Names such as `x1`, `Px1`, `xWrist` and `x_wrist`."""
 NO_PLACE = re.compile(
     r"(?i)rotation|orientation|twist|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)"
     r"|(?:rot|vel|dot|std|omega|ang|angle|force|moment|power|torque)s?[\W_]?$"
@@ -196,19 +188,21 @@ def _quaternions(columns: Mapping[str, SeenColumn], names: Sequence[str]) -> lis
     return found
 
 
-def orientations_of(columns: Mapping[str, SeenColumn], bodies: Collection[str]) -> set[str]:
+def orientations_of(
+    columns: Mapping[str, SeenColumn], bodies: Mapping[str, Sequence[str]]
+) -> set[str]:
     """Columns of an orientation: those of an array behind its place, quaternions, matrices, angles
     beside a place.
     """
-    found = {name: ELEMENTS.match(name) or LANDMARK.fullmatch(name) for name in columns}
-    matches = {name: match for name, match in found.items() if match}
-    rest = {n for n, match in matches.items() if match["body"] in bodies and match["element"] > "2"}
+    arrays = {array_of(place[0]) for place in bodies.values()} - {""}
+    rest = {name for name in columns if array_of(name) in arrays}
     rest |= {name for _, names in _poses(columns).values() for name in names}
     others = [name for name in columns if name not in rest]
     rest |= {name for at in _quaternions(columns, others) for name in others[at : at + 4]}
     owners = {*bodies, *(PLACE_WORD.sub("", body) for body in bodies)}
     turns = {name: TURN.fullmatch(UNIT_END.sub("", name)) for name in columns}
-    return rest | {name for name, match in turns.items() if match and match["body"] in owners}
+    rest |= {name for name, match in turns.items() if match and match["body"] in owners}
+    return rest - {name for place in bodies.values() for name in place}
 
 
 def is_marker_of(body: str, bodies: Sequence[str]) -> bool:
@@ -218,7 +212,7 @@ def is_marker_of(body: str, bodies: Sequence[str]) -> bool:
 
 
 def commanded(names: Collection[str]) -> list[str]:
-    """Columns that are commanded, as their names say, beside the same ones as measured."""
+    """Columns that are commanded, or come later, as their names say, beside the measured ones."""
     words = {name: [word.lower() for word in WORD.findall(name)] for name in names}
     bare = {
         name: tuple(w for w in of if w not in COMMANDS | MEASURED) for name, of in words.items()

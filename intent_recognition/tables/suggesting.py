@@ -51,8 +51,6 @@ MOST_JOINTS, MOST_BODIES = 16, 8
 delete the others."""
 NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
 """What the nanoseconds beside a column of whole seconds are called."""
-LATER = re.compile(r"(?i)next(_obs)?[./]")
-"""What columns are called that hold the next row's, as robomimic and LeRobot have them."""
 MOSTLY, REPEATED = 0.9, 0.3
 """Share of times that must be later than those before: where some go back, and where some repeat.
 Convention: a file has few demonstrations on end; a clock may be three times slower than rows."""
@@ -75,7 +73,7 @@ def suggest_map(source: Path) -> str:
         return suggest_of_bags(source, bags)
     kinds = file_kinds(source, find_tables(source))
     several = len(kinds) > 1
-    parts = [_suggest(kind, kind.name if several else "") for kind in kinds]
+    parts = [part for kind in kinds for part in _suggest(kind, kind.name if several else "")]
     parts.sort(key=lambda part: not part.bodies)  # the person first
     entries = _distinct([entry for part in parts for entry in (*part.bodies, *part.others)])
     if not entries:
@@ -98,8 +96,8 @@ def suggest_map(source: Path) -> str:
         *entries[0],
         *(["controlled:"] if others else []),
         *others,
-        *parts[0].times,
-        *parts[0].tasks,
+        *(line for part in parts for line in part.times),
+        *next((part.tasks for part in parts if part.tasks), []),
         *(line for part in parts for line in part.left_out),
     ]
     return "\n".join(lines) + "\n"
@@ -139,17 +137,50 @@ class _Part(NamedTuple):
     left_out: list[str]
     texts: list[str]
 
+    @property
+    def has_entries(self) -> bool:
+        return bool(self.bodies or self.others)
 
-def _suggest(kind: FileKind, name: str) -> _Part:
-    """The part of a kind of file, whose entries name it if it has a name."""
+
+def _suggest(kind: FileKind, name: str) -> list[_Part]:
+    """The parts of a kind of file: of most of its numbers, and of columns of another length, such
+    as at another rate, with times of their own.
+    """
+    columns, labels, texts_ = _columns(kind.table)
+    of_size: dict[int, dict[str, SeenColumn]] = {}
+    for one in columns.values():
+        if one.values.size > 1:
+            of_size.setdefault(one.values.size, {})[one.name] = one
+    in_order = sorted(of_size, key=lambda size: -len(of_size[size]) * size)
+    main, *others = [of_size[size] for size in in_order] or [{}]
+    found = _part(kind, name, main, labels)
+    rest = [_part(kind, name, of, {}, is_main=False) for of in others]
+    left = [
+        name for of, part in zip(others, rest, strict=True) if not part.has_entries for name in of
+    ]
+    left_out = [*found.left_out, *_line("Of other lengths", left)]
+    rest = [part for part in rest if part.has_entries]
+    return [found._replace(texts=texts_, left_out=left_out), *rest]
+
+
+def _line(title: str, names: Sequence[str]) -> list[str]:
+    """A comment that lists columns, none where there are none."""
+    more = [f"and {len(names) - MOST_LISTED} more"] if names[MOST_LISTED:] else []
+    return [f"# {title}: {', '.join([*names[:MOST_LISTED], *more])}"] if names else []
+
+
+def _part(
+    kind: FileKind,
+    name: str,
+    columns: Mapping[str, SeenColumn],
+    labels: Mapping[str, list[str]],
+    is_main: bool = True,
+) -> _Part:
+    """The part of columns of one length, whose entries name the file if it has a name."""
     table = kind.table
-    columns, labels, texts_ = _columns(table)
-    sizes = Counter(column.values.size for column in columns.values() if column.values.size > 1)
-    rows = max(sizes, key=lambda size: sizes[size] * size, default=0)
-    columns = {name: one for name, one in columns.items() if one.values.size == rows}
-    later = [name for name in columns if LATER.match(name)]
-    meant = commanded(columns)
-    columns = {name: one for name, one in columns.items() if name not in (*later, *meant)}
+    rows = max((one.values.size for one in columns.values()), default=0)
+    later = commanded(columns)
+    columns = {name: one for name, one in columns.items() if name not in later}
     cut = _cut(table, columns, labels)
     bodies = {b: names for b, names in bodies_of(columns).items() if is_length(table, names[0])}
     places = {column for body in bodies.values() for column in body}
@@ -173,7 +204,9 @@ def _suggest(kind: FileKind, name: str) -> _Part:
     moving = [b for b in moving if b not in (*seldom, *markers)]
     time_line = f"time: {flow(time)}  # {time_note}"
     time_line = f"# {time_line}" if time_note == NO_RATE else time_line
-    own = [f"    file: {flow(name)}", f"    {time_line}"] if name else []
+    own = [f"    file: {flow(name)}"] * bool(name) + [f"    {time_line}"] * bool(
+        name or not is_main
+    )
     farthest = max((columns[n].farthest for body in moving for n in bodies[body]), default=0.0)
     found = [
         body_entry(table, columns, body, bodies[body], farthest, name) + own
@@ -183,31 +216,32 @@ def _suggest(kind: FileKind, name: str) -> _Part:
         joints_entry(table, [joint for _, joint in array]) + own
         for _, array in groupby(zip(arrays, joints[:MOST_JOINTS], strict=False), key=itemgetter(0))
     ]
-    left_out = []
-    for title, names in (
-        ("They do not move", still),
-        ("They move, and are no positions", others),
-        ("Orientations", [n for n in columns if n in turning]),
-        ("Markers of these bodies", markers),
-        ("Seldom seen", seldom),
-        ("The same, a step later", later),
-        ("The same, as commanded", meant),
-        ("There twice: name them by number", _twice(table)),
-        ("More bodies that move", moving[MOST_BODIES:]),
-        ("More columns that move", [c.name for c in joints[MOST_JOINTS:]]),
-    ):
-        if names:
-            more = [f"and {len(names) - MOST_LISTED} more"] if names[MOST_LISTED:] else []
-            left_out.append(f"# {title}: {', '.join([*names[:MOST_LISTED], *more])}")
+    if not is_main and (cut or "column" not in time):
+        found = arm = []
+    left_out = [
+        line
+        for title, names in (
+            ("They do not move", still),
+            ("They move, and are no positions", others),
+            ("Orientations", [n for n in columns if n in turning]),
+            ("Markers of these bodies", markers),
+            ("Seldom seen", seldom),
+            ("The same, a step later, or as commanded", later),
+            ("There twice: name them by number", _twice(table) if is_main else []),
+            ("More bodies that move", moving[MOST_BODIES:]),
+            ("More columns that move", [c.name for c in joints[MOST_JOINTS:]]),
+        )
+        for line in _line(title, names)
+    ]
     return _Part(
         f"{kind.first}: {rows} rows, {len(table.names)} columns.",
-        table.notes,
+        table.notes if is_main else (),
         found,
         arm,
-        [] if name else [time_line],
-        [*_of_texts(kind, labels, used, cut)],
+        [] if name or not is_main else [time_line],
+        [*_of_texts(kind, labels, used, cut)] if is_main else [],
         left_out,
-        texts_,
+        [],
     )
 
 

@@ -90,6 +90,7 @@ NDI = "Number of frames: 200\nFrequency: 100 Hz\nUnits: mm\nFrame,w x,w y,w z"
         ("a.csv", table(NDI, lambda k: [str(k + 1), *cells(k)])),
         ("a.csv", "# sample rate: 30 Hz\n" + plain(head="time,x,y,z")),  # of another device
         ("b.json", numbered_anew()),
+        ("b.json", json.dumps({"frameRate": 100, "rows": [{"w": one} for one in WRIST.tolist()]})),
         ("a.csv", listed("t,x,y,z,yaw,pitch,roll", SHARE, SHARE, SHARE)),
         ("a.csv", listed("t,X,Y,Z,A,B,C", SHARE, SHARE, SHARE)),
         ("a.csv", listed("t,a Tx,a Ty,a Tz,a Q0,a Qx,a Qy,a Qz", np.roll(QUATERNIONS, 1, 1))),

@@ -200,6 +200,17 @@ def test_a_map_is_suggested_of_what_was_measured_not_commanded(tmp_path):
     assert "# They move, and are no positions: action.0" in text
 
 
+def test_what_was_recorded_at_another_rate_has_its_own_times(tmp_path):
+    joints = np.repeat(SHARE, 5, axis=0) * [1.0, 2.0]
+    arrays = {"human/time": TIMES_S, "human/wrist_pos": PLACE / 1000, "masses": np.arange(3.0)}
+    arrays |= {"robot/time": np.arange(len(joints)) / 500, "robot/q": joints}
+    _, text, (found,) = suggested(h5(tmp_path / "a.h5", arrays))
+    np.testing.assert_array_equal(found.samples[0].values, PLACE / 1000)
+    np.testing.assert_array_equal(found.samples[1].values, joints)
+    assert [samples.stamps_ns[5] - samples.stamps_ns[0] for samples in found.samples] == [5e7, 1e7]
+    assert "# Of other lengths: masses" in text
+
+
 def test_times_that_begin_anew_in_each_demonstration_are_known(tmp_path):
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "a.hdf5", "w") as file:
@@ -344,7 +355,7 @@ def test_arrays_have_units_of_their_own_and_bodies_one(tmp_path):
     arrays = {"wrist": PLACE, "tray_pos": near, "q": np.repeat(SHARE, 6, axis=1), "t": TIMES_S}
     np.savez(tmp_path / "a.npz", **arrays, **{"next_obs.tray_pos": near})
     _, text, (found,) = suggested(tmp_path / "a.npz")
-    assert "# The same, a step later: next_obs.tray_pos.0" in text
+    assert "# The same, a step later, or as commanded: next_obs.tray_pos.0" in text
     for samples, wanted in zip(
         found.samples, (PLACE / 1000, near / 1000, arrays["q"]), strict=True
     ):
@@ -379,6 +390,7 @@ def test_a_table_of_ros2_topic_echo_has_its_time(tmp_path):
         ("t,wrench.0,wrench.1,wrench.2,cup.0,cup.1,cup.2", "cup"),
         ("t,arm_joints.0,arm_joints.1,arm_joints.2,RWRA[0],RWRA[1],RWRA[2]", "RWRA"),
         ("t,hand_px,hand_py,hand_pz", "hand_px"),
+        ("t,Px1,Py1,Pz1", "Px1"),
     ],
 )
 def test_a_place_is_told_from_a_rotation_a_speed_and_a_command(head, place, tmp_path):
@@ -471,16 +483,22 @@ def test_a_joint_whose_name_ends_like_an_axis_is_a_joint(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("rows", "head"), [(ROWS, "t,x,y,z"), (ROWS - 1, "t,a x,a y,a z"), (ROWS - 1, "t,x,y,z")]
+    ("rows", "head", "end"),
+    [
+        (ROWS, "t,x,y,z", "wrist"),
+        (ROWS - 1, "t,a x,a y,a z", "wrist"),
+        (ROWS - 1, "t,x,y,z", "wrist"),
+        (ROWS, "t,x,y,z", "fast"),
+    ],
 )
-def test_files_with_one_number_are_of_one_recording(rows, head, tmp_path):
-    """Those of other lengths and the same columns are tasks of a person."""
+def test_files_with_one_number_are_of_one_recording(rows, head, end, tmp_path):
+    """Those of other lengths and the same columns, or done otherwise, are tasks of a person."""
     for k in range(2):
-        (tmp_path / f"give_{k}_wrist.csv").write_text(plain())
+        (tmp_path / f"give_{k}_{end}.csv").write_text(plain())
         lines = plain(head=head.replace("a ", "cup ")).splitlines(keepends=True)
         (tmp_path / f"give_{k}_cup.csv").write_text("".join(lines[: rows + 1]))
     content, _, found = suggested(tmp_path)
-    if rows < ROWS and "a" not in head:
+    if end == "fast" or (rows < ROWS and "a" not in head):
         assert len(found) == 4 and "controlled" not in content
         return
     assert content["observed"][0]["topic"] == "/mocap/cup/pose"
