@@ -14,16 +14,17 @@ from intent_recognition.tables.suggested_entries import SeenColumn
 from intent_recognition.tables.times import TIME_NAME
 
 COUNT_NAME = re.compile(r"(?i)(frame|index|idx|row|sample|count(?:er)?)#?$")
-COMMANDED = re.compile(r"(?i)(?:^|[./_])actions?(?:[./]|$)")
+COMMANDED = re.compile(r"(?i)(?:^|[./_])actions?(?:[._/]|$)")
 """What columns are called that were commanded, not measured."""
 COMMANDS = {"target", "desired", "des", "commanded", "command", "cmd", "setpoint", "planned", "ref",
-            "d", "next"}  # fmt: skip
-MEASURED = {"actual", "measured", "msr", "state", "obs", "observation", "observations"}
+            "d", "next", "w"}  # fmt: skip
+MEASURED = {"actual", "measured", "msr", "state", "obs", "observation", "observations", "q"}
 """Words in names by which what is commanded, or comes a step later, differs from the measured."""
 WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 NO_JOINT = re.compile(
     r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag)|gyr|secs?\b"
-    r"|header|vel|speed|(?:^|[\W_])(?:d+q|qd+)(?:[\W_\d]|$)|effort|torque|(?:^|[\W_])tau(?:[\W_\d]|$)|current|temp|force|quality|error|gripper|\bjaw"
+    r"|header|vel|speed|dot[\W_\d]*$|(?:^|[\W_])(?:d+q|qd+|tau|ctrl|control)(?:[\W_\d]|$)"
+    r"|eff(?:ort|_)|torque|current|temp|force|quality|error|gripper|\bjaw"
     r"|likelihood|conf(?!ig)|strength|visib|score|covariance|twist|residual|\bRot\[|quat|orient|axis_?angle|cube_pos|^states\.\d|^env_states"
     r"|(?:^|[\W_])(?:cos|sin)(?:[\W_]|$)|wrench|gravity|rgb|colou?r|voltage|pressure|reward|bits|register|scaling"
     rf"|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
@@ -83,9 +84,16 @@ PLACE_WORD = re.compile(
 OTHERS = (NO_JOINT, NO_PLACE, NO_PLACE_IN_ARRAY)
 NUMBERED = re.compile(r"(?P<body>.*?)[._\[( ]*(?P<at>\d+(?:[._,\]\[]+\d+)?)[\])]?")
 """Elements of any array, `q1`, `q.1`, `q[1]`, `m12`, `m_1_2`, `m[1][2]`, no names."""
-OF_MATRIX = [[f"{i}{j}" for i in range(k, k + 4) for j in range(k, k + 4)] for k in (0, 1)]
-OF_MATRIX += [[str(k) for k in range(16)]]
-"""Numbers of the elements of a matrix of a pose."""
+OF_MATRIX = [
+    ((rows, width), kind)
+    for rows, width in ((4, 4), (3, 4), (3, 3))
+    for k in (0, 1)
+    for kind in (
+        [f"{i}{j}" for i in range(k, k + rows) for j in range(k, k + width)],
+        [str(n) for n in range(k, k + rows * width)],
+    )
+]
+"""Shapes of matrices of poses and of rotations, and the numbers of their elements."""
 OF_ARM = re.compile(r"(?i)shoulder|elbow")
 NO_PLACE_BEFORE_AXIS = re.compile(r"(?i)(?:^|[\W_])[ravwfmgq]$")
 """Letters right before an axis that speak of an angle, a velocity, a force, ..., as in `rx`."""
@@ -112,7 +120,7 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
             if not NO_PLACE.search(match["body"]):
                 found.setdefault(match["body"], {})[match["axis"].lower()] = name
     poses = _poses(columns)
-    bodies = {body: place for body, (place, _) in poses.items()}
+    bodies = {body: place for body, (place, _) in poses.items() if place}
     parts = {name for both in poses.values() for names in both for name in names}
     sizes_of = Counter(NUMBERED.sub(r"\g<body>", name) for name in columns if OF_ARM.search(name))
     is_arm = any(size != 3 for size in sizes_of.values())  # whose wrist_1 to wrist_3 are joints
@@ -147,8 +155,8 @@ def _are_seen(*columns: SeenColumn) -> bool:
 
 def _poses(columns: Mapping[str, SeenColumn]) -> dict[str, tuple[list[str], list[str]]]:
     """Columns of the place, and of the orientation, of poses in arrays: of matrices (T, 4, 4), or
-    (T, 16), also transposed ones, as libfranka has them, and of quaternions before or behind a
-    place. Columns without names are one array.
+    (T, 16), also transposed ones, as libfranka has them, (T, 3, 4), or (T, 3, 3) without a place,
+    and of quaternions before or behind a place. Columns without names are one array.
     """
     arrays: dict[str, dict[str, str]] = {}
     for name in columns:
@@ -160,12 +168,15 @@ def _poses(columns: Mapping[str, SeenColumn]) -> dict[str, tuple[list[str], list
     found: dict[str, tuple[list[str], list[str]]] = {}
     for body, elements in arrays.items():
         names = [*elements.values()]
-        for kind in filter(lambda kind: {*kind} == {*elements}, OF_MATRIX):
-            matrix = np.array([elements[at] for at in kind]).reshape(4, 4)
-            sizes = np.reshape([columns[name].farthest for name in matrix.flat], (4, 4))
-            for one, of in ((matrix, sizes), (matrix.T, sizes.T)):
-                if of[3].tolist() == [0.0, 0.0, 0.0, 1.0]:
-                    found.setdefault(body, (one[:3, 3].tolist(), names))
+        for shape, kind in OF_MATRIX if len(names) in (9, 12, 16) else ():
+            if {*kind} != {*elements}:
+                continue
+            matrix = np.array([elements[at] for at in kind]).reshape(shape)
+            for one in (matrix, matrix.T) if shape == (4, 4) else (matrix,):
+                last = [columns[name].farthest for name in one[3:].flat]
+                is_unit = all(_is_unit([columns[name] for name in row[:3]]) for row in one[:3])
+                if is_unit and last in ([], [0.0, 0.0, 0.0, 1.0]):
+                    found.setdefault(body, (one[:3, 3:].ravel().tolist(), names))
         free = 0
         for at in _quaternions(columns, names) if not body or len(names) == 7 else ():
             start = at - 3 if at - 3 >= free else at + 4
@@ -179,13 +190,18 @@ def _quaternions(columns: Mapping[str, SeenColumn], names: Sequence[str]) -> lis
     found: list[int] = []
     for at in range(len(names) - 3):
         four = [columns[name] for name in names[at : at + 4]]
-        few = [one.values[:: max(1, one.values.size // 1000)] for one in four]
-        lengths = np.linalg.norm(few, axis=0)
-        lengths = lengths[np.isfinite(lengths)]
-        is_one = lengths.size and np.all(np.abs(lengths - 1.0) < 0.01)
-        if is_one and any(one.moves for one in four) and at >= (found[-1] + 4 if found else 0):
+        is_free = at >= (found[-1] + 4 if found else 0)
+        if is_free and any(one.moves for one in four) and _is_unit(four):
             found.append(at)
     return found
+
+
+def _is_unit(columns: Sequence[SeenColumn]) -> bool:
+    """Whether the rows of some columns are vectors of length 1."""
+    few = [one.values[:: max(1, one.values.size // 1000)] for one in columns]
+    lengths = np.linalg.norm(few, axis=0)
+    lengths = lengths[np.isfinite(lengths)]
+    return bool(lengths.size and np.all(np.abs(lengths - 1.0) < 0.01))
 
 
 def orientations_of(

@@ -324,7 +324,7 @@ def _time(
             continue
         later = steps > 0.0
         often = np.mean(later) > (MOSTLY if np.any(steps < 0.0) else REPEATED)
-        if often and (unit := usual_unit(steps[later], said_unit)):
+        if often and (unit := usual_unit(steps[later], said_unit, np.nanmin(column.values))):
             rate_hz = NANOSECONDS / (PER_UNIT[unit] * float(np.median(steps[later])))
             odd = "" if np.all(later) else f", {np.sum(~later)} times repeat or go back"
             return {"column": column.name, "unit": unit}, f"{rate_hz:.4g} Hz then{odd}"

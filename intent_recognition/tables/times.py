@@ -106,13 +106,17 @@ def unit_of_times(name: str) -> str:
     return found.lastgroup or "" if found else ""
 
 
-def usual_unit(steps: Floats, said: str = "") -> str:
-    """The unit that is said, or else in which steps between samples are usual; "" for none."""
+def usual_unit(steps: Floats, said: str = "", first: float = 0.0) -> str:
+    """The unit that is said, or else in which steps between samples are usual, and the first time
+    is before 2038; "" for none.
+    """
     step = float(np.median(steps)) if steps.size else 0.0
     if said and SHORTEST_PERIOD_S <= step * PER_UNIT[said] / NANOSECONDS <= LONGEST_PERIOD_S:
         return said
     periods_s = {unit: step * per / NANOSECONDS for unit, per in PER_UNIT.items()}
     least_s, most_s = USUAL_PERIODS_S
+    most_ns = max(EPOCHS_NS) + LAST_NS
+    periods_s = {unit: of for unit, of in periods_s.items() if first * PER_UNIT[unit] < most_ns}
     usual = [unit for unit, period_s in periods_s.items() if least_s <= period_s <= most_s]
     return min(usual, key=lambda unit: periods_s[unit] > SLOW_S, default="")
 

@@ -141,6 +141,14 @@ def test_ticks_of_100_ns_are_times(since, year, tmp_path):
     assert stamps[0] / 1e9 / 86400 / 365.2425 + 1970 == pytest.approx(year, abs=0.1)
 
 
+def test_ticks_at_100_hz_are_no_microseconds(tmp_path):
+    at = lambda t: f"{638_000_000_000_000_000 + round(1e7 * t)}"  # noqa: E731
+    (tmp_path / "a.csv").write_text(plain(head="Timestamp,x,y,z", at=at))
+    _, _, (found,) = suggested(tmp_path / "a.csv")
+    stamps = found.samples[0].stamps_ns
+    np.testing.assert_allclose(stamps - stamps[0], 1e9 * TIMES_S, atol=100)
+
+
 @pytest.mark.parametrize(("head", "step"), [(",x,y,z", 2), ("n,x,y,z", 4), ("row,x,y,z", 10)])
 def test_a_count_of_every_second_row_is_no_time_and_no_joint(head, step, tmp_path):
     (tmp_path / "a.csv").write_text(plain(head=head, at=lambda t: f"{100 * step * t:.0f}"))
@@ -175,12 +183,22 @@ def test_how_sure_landmarks_are_is_no_place_and_no_joint(array, axes, tmp_path):
     np.testing.assert_allclose(values[1:], WRIST[1:, :axes])
 
 
-@pytest.mark.parametrize("is_transposed", [False, True])
-@pytest.mark.parametrize("shape", [(4, 4), (16,)])
+@pytest.mark.parametrize(
+    ("shape", "is_transposed"),
+    [
+        ((4, 4), False),
+        ((4, 4), True),
+        ((16,), False),
+        ((16,), True),
+        ((3, 4), False),
+        ((12,), False),
+    ],
+)
 def test_matrices_of_poses_are_known_however_they_lie(shape, is_transposed, tmp_path):
     matrices = np.tile(np.eye(4), (ROWS, 1, 1))
-    matrices[:, :3, 3] = WRIST
-    array = (np.swapaxes(matrices, 1, 2) if is_transposed else matrices).reshape(-1, *shape)
+    matrices[:, :3, :3], matrices[:, :3, 3] = TURNS.as_matrix(), WRIST
+    matrices = (np.swapaxes(matrices, 1, 2) if is_transposed else matrices).reshape(ROWS, -1)
+    array = matrices[:, : np.prod(shape)].reshape(-1, *shape)
     np.savez(tmp_path / "a.npz", t=TIMES_S, O_T_EE=array, q=np.cos(TIMES_S)[:, None] * np.ones(7))
     content, text, (found,) = suggested(tmp_path / "a.npz")
     np.testing.assert_array_equal(found.samples[0].values, WRIST)

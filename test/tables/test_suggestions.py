@@ -81,6 +81,7 @@ UR = ["base", "shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3"]
         (",".join(["t", *UR]), UR),
         ("t,target_q_0,target_q_1,actual_q_0,actual_q_1", ["actual_q_0", "actual_q_1"]),
         ("t,q[0],q[1],q_d[0],q_d[1],dq[0],tau_J[1]", ["q_0", "q_1"]),
+        ("t,j1_q,j2_q,j1_w,j2_w,theta1dot,eff_j1,ctrl0", ["j1_q", "j2_q"]),
         ("t,MeasuredJ1,MeasuredJ2,PlannedJ1,PlannedJ2", ["MeasuredJ1", "MeasuredJ2"]),
         ("t,hip_pitch,hip_roll,hip_yaw", ["hip_pitch", "hip_roll", "hip_yaw"]),
         ("", ["a", "b"]),  # ros2 topic echo
