@@ -74,7 +74,7 @@ NO_PLACE = re.compile(
 TURN = re.compile(
     r"(?i)(?P<body>.*?)[\W_]*(?:(?:[xyz]?rot(?:ation)?|orientation|euler|rpy|axis_?angle)"
     r"(?:[\W_]*(?:angle|vec(?:tor)?)s?)?[\W_]*(?:[wxyz\d]\]?)?|[orq][wxyz]"
-    r"|(?:rot)?(?:roll|pitch|yaw)|[abcwpr]|az(?:imuth)?|el(?:evation)?|ro)"
+    r"|(?:rot)?(?:roll|pitch|yaw)|(?-i:[ABCWPR])|az(?:imuth)?|el(?:evation)?|ro)"
 )
 """Angles of a body, beside its place."""
 PLACE_WORD = re.compile(
@@ -233,8 +233,11 @@ def commanded(names: Collection[str]) -> list[str]:
     bare = {
         name: tuple(w for w in of if w not in COMMANDS | MEASURED) for name, of in words.items()
     }
-    measured = {bare[name] for name, of in words.items() if not COMMANDS & {*of}}
-    return [name for name, of in words.items() if COMMANDS & {*of} and bare[name] in measured]
+    said = {
+        name for name, of in words.items() if COMMANDS & {w for k, w in enumerate(of) if k or w[1:]}
+    }
+    measured = {bare[name] for name in words if name not in said}
+    return [name for name in words if name in said and bare[name] in measured]
 
 
 def array_of(name: str) -> str:

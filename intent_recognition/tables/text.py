@@ -36,6 +36,8 @@ LONGEST_LINE = 2**16
 of six characters."""
 HEAD_ROWS = 60
 """Rows that are looked at for a header. Convention: OpenSim's have some thirty."""
+MOST_NOTES = 10
+"""Rows at the end that may be notes, or means and the like. Convention."""
 UNIT_LINE = re.compile(r"(?i)(?:length |position )?units? [\[(]?([^\s\])]+)[\])]?")
 """A line that says the unit of all columns."""
 RATE_LINE = re.compile(
@@ -161,7 +163,7 @@ def _numbered(header: Header, rows: Iterable[list[str]]) -> Iterator[tuple[int, 
     """
     number = -1
     before, is_apart = "", False
-    held: list[tuple[int, list[str]]] = []  # texts alone, perhaps at the end
+    held: list[tuple[int, list[str]]] = []  # perhaps notes at the end
     for row in rows:
         is_blank = not any(cell.strip() for cell in row)
         if is_blank and header.ends_blank and number >= 0:
@@ -174,11 +176,10 @@ def _numbered(header: Header, rows: Iterable[list[str]]) -> Iterator[tuple[int, 
         if is_blank:
             continue
         held.append((number, row))
-        is_alone = is_apart or not any(row[1:])
         first = row[0].strip()
-        if not (
-            is_alone and NUMBER.fullmatch(before) and not _is_number(first) and first[0].isalpha()
-        ):
+        is_note = first[:1].isalpha() and not _is_number(first) and NUMBER.fullmatch(before)
+        is_alone = is_apart or not any(map(str.strip, row[1:]))
+        if not (is_note and is_alone) or len(held) > MOST_NOTES:
             yield from held
             held, before, is_apart = [], first, False
 

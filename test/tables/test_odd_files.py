@@ -93,6 +93,12 @@ def test_rows_at_which_nothing_was_measured_take_their_time(name, tmp_path):
     np.testing.assert_array_equal(samples.stamps_ns - samples.stamps_ns[0], seen * 10**7)
 
 
+def test_many_rows_with_texts_below_a_blank_line_are_no_notes(tmp_path):
+    content = table("phase,t,x,y,z", lambda k: ["1" if k < 90 else "b", f"{k / 100}", *cells(k)])
+    content = content.replace("\nb", "\n\nb", 1)
+    check_wrist(imported_csv(tmp_path, content, unit="mm"), times_atol=1)
+
+
 def test_cells_that_are_missing_at_the_end_of_a_row_were_not_measured(tmp_path):
     rows = table("t,x,y,z,in", lambda k: [f"{TIMES_S[k]}", *cells(k)[: 1 if 60 <= k < 80 else 3]])
     expected = np.where((np.arange(ROWS) // 20 == 3)[:, None] & [False, True, True], np.nan, PLACE)

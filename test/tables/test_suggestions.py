@@ -84,6 +84,7 @@ UR = ["base", "shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3"]
         ("t,j1_q,j2_q,j1_w,j2_w,theta1dot,eff_j1,ctrl0", ["j1_q", "j2_q"]),
         ("t,MeasuredJ1,MeasuredJ2,PlannedJ1,PlannedJ2", ["MeasuredJ1", "MeasuredJ2"]),
         ("t,hip_pitch,hip_roll,hip_yaw", ["hip_pitch", "hip_roll", "hip_yaw"]),
+        ("t,j,d_j", ["j", "d_j"]),  # of a hand d
         ("", ["a", "b"]),  # ros2 topic echo
     ],
 )
