@@ -42,7 +42,7 @@ slower is no faster than people permit nearby; slower than that, it would still 
 arm comes near somebody else."""
 
 _Planner = Callable[[Floats | None, float], JointPlan | None]
-"""From ceilings of the phase rate (G + 1,) [1/s], or none, and how many times longer an offset
+"""From ceilings of the phase rate (G,) [1/s], or none, and how many times longer an offset
 takes than it must, to a plan; None where there is none."""
 
 
@@ -132,8 +132,8 @@ class Motions:
                 rate_ceiling = always if rate_ceiling is None else np.minimum(always, rate_ceiling)
             if rate_ceiling is not None and progress.rate > 0.0:
                 brake = stop_plan(path, start, limits, progress)
-                grid = np.linspace(0.0, 1.0, len(rate_ceiling))
-                braking = np.interp(grid, brake.phase, brake.phase_rate, left=progress.rate)
+                begins = np.arange(len(rate_ceiling)) / len(rate_ceiling)
+                braking = np.interp(begins, brake.phase, brake.phase_rate, left=progress.rate)
                 rate_ceiling = np.maximum(rate_ceiling, braking)
             return plan_interaction(path, timing, start, limits, progress, rate_ceiling, stretch)
 

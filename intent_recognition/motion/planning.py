@@ -63,7 +63,7 @@ def plan_interaction(
         limits: position, velocity and acceleration limits, as scaled as wanted.
         progress: of the plan before; what it explains of the start's motion is not left to the
             offset.
-        rate_ceiling: largest phase rate at each point of the path's grid (G + 1,) [1/s].
+        rate_ceiling: largest phase rate in each interval of the path's grid (G,) [1/s].
         stretch: factor on the time in which the start's offset from the path decays.
 
     Returns:

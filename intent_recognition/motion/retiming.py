@@ -59,8 +59,8 @@ def speed_limits(
 ) -> SpeedLimits:
     """Bounds on the speed along a path that has these limits (n,) left [rad/s, rad/s^2].
 
-    `share` (G,) is that of both to use in each interval; `rate_ceiling` the largest rate at each
-    point of the grid (G + 1,) [1/s].
+    `share` (G,) is that of both to use in each interval; `rate_ceiling` (G,) the largest rate in it
+    [1/s].
     """
     grid = np.linspace(0.0, 1.0, N_GRID + 1)
     first, second = path.derivative(grid), path.derivative(grid, 1)
@@ -75,9 +75,10 @@ def speed_limits(
     b = np.hstack([b[:-1], b[1:], np.zeros_like(own)])
     # at most six times as fast as predicted: bounds s' where no joint moves
     fastest = np.minimum((max_velocity / slope).min(axis=1), 6.0 / path.duration_s) ** 2
+    fastest = np.minimum(fastest[:-1], fastest[1:])
     if rate_ceiling is not None:
         fastest = np.minimum(fastest, rate_ceiling**2)
-    fastest = np.minimum(fastest[:-1], fastest[1:]) * share**2
+    fastest *= share**2
     ceiling = np.minimum(fastest, np.minimum(room[:-1], room[1:]) * share)
     return SpeedLimits(a, b, tuple(_backward(a, b, ceiling).tolist()))
 

@@ -18,13 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter1d
 
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion.path import JointPath
-from intent_recognition.motion.plan import JointPlan, sample_times
+from intent_recognition.motion.plan import STEP_S, JointPlan, sample_times
 from intent_recognition.motion.retiming import N_GRID
 
 
@@ -102,7 +101,8 @@ class Separation:
         person: PredictedPerson,
         positions: Floats | None = None,
     ) -> Floats:
-        """Largest phase rate (G + 1,) [1/s] on the grid of a path, where the arm is at some times.
+        """Largest phase rate (G,) [1/s] in the intervals of a path's grid, where the arm is at its
+        points at some times (G + 1,).
 
         Then it is at positions (G + 1, n) [rad], off the path where it has not joined it yet; None:
         on the path. The shorter distance counts.
@@ -114,8 +114,8 @@ class Separation:
         if positions is not None:
             there = self.distance_m(self.arm.skeleton(positions), times_ns, person)
             distance = np.minimum(distance, there)
-        allowed = permitted_speed(distance, self.settings)
-        return np.asarray(allowed / np.maximum(speed, 1e-6), dtype=np.float64)
+        rate = permitted_speed(distance, self.settings) / np.maximum(speed, 1e-6)
+        return np.asarray(np.minimum(rate[:-1], rate[1:]), dtype=np.float64)
 
     def distance_m(self, points: Floats, times_ns: NDArray, person: PredictedPerson) -> Floats:
         """Distance of the arm from the near side of the tube (S,) [m].
@@ -192,6 +192,10 @@ def phase_times_ns(plan: JointPlan, start_ns: int) -> Floats:
     return start_ns + 1e9 * plan.times_s[np.minimum(first, len(plan.times_s) - 1)]
 
 
+_N_LOOKS = 5
+"""In an interval of the grid, at the speed near places. Convention: 2 mm of a path of 1 m."""
+
+
 class SlowPlaces:
     """Bounds the speed of an arm's tip at places (n, 5) in the frame of its base.
 
@@ -202,17 +206,20 @@ class SlowPlaces:
         self._arm, self._places = arm, places
 
     def rate_ceiling(self, path: JointPath) -> Floats:
-        """Largest phase rate (G + 1,) [1/s] on the grid of a path; infinite away from all.
+        """Largest phase rate (G,) [1/s] in the intervals of a path's grid; infinite away from all.
 
-        A place begins and ends one point of the grid early and late; its rim may be touched between
-        two.
+        The hand is looked at `_N_LOOKS` times in each. A place begins and ends half a look and two
+        samples of a plan outside: what is faster at the next sample speeds up before it.
         """
-        phase = np.linspace(0.0, 1.0, N_GRID + 1)
+        phase = np.linspace(0.0, 1.0, _N_LOOKS * N_GRID + 1)
         hand = self._arm.skeleton(path.spline(phase))[:, -1]
         way = np.linalg.norm(np.gradient(hand, phase, axis=0), axis=1)
-        away = np.linalg.norm(hand[:, None] - self._places[:, :3], axis=2) - way[:, None] / N_GRID
-        speed = np.where(away <= self._places[:, 3], self._places[:, 4], np.inf).min(axis=1)
-        return minimum_filter1d(speed / np.maximum(way, 1e-6), 3, mode="nearest")
+        away = np.linalg.norm(hand[:, None] - self._places[:, :3], axis=2)
+        reach = self._places[:, 3] + 2.0 * STEP_S * self._places[:, 4]
+        there = away <= reach + 0.5 * way[:, None] * phase[1]
+        speed = np.where(there, self._places[:, 4], np.inf).min(axis=1) / np.maximum(way, 1e-6)
+        least = speed[:-1].reshape(N_GRID, _N_LOOKS).min(axis=1)
+        return np.asarray(np.minimum(least, speed[_N_LOOKS::_N_LOOKS]))
 
     def excess(self, plan: JointPlan) -> float:
         """Largest ratio of the tip's speed to that of a place it is at, every 10 ms of a plan."""

@@ -116,13 +116,13 @@ def test_an_arm_off_its_path_is_as_slow_as_where_it_is_permits():
     ceiling = separation.rate_ceiling(PATH, times, who)
     np.testing.assert_array_equal(separation.rate_ceiling(PATH, times, who, on_path), ceiling)
     off = separation.rate_ceiling(PATH, times, who, beside)
-    distance = separation.distance_m(ARM.skeleton(beside), times, who)
-    nearer = distance < separation.distance_m(ARM.skeleton(on_path), times, who)
-    permitted = permitted_speed(distance, SETTINGS)
-    speed = permitted_speed(separation.distance_m(ARM.skeleton(on_path), times, who), SETTINGS)
-    expected = np.where(nearer, ceiling * permitted / speed, ceiling)
-    assert np.any(nearer & (permitted < speed))
-    np.testing.assert_allclose(off, expected)
+    points = ARM.skeleton(on_path)
+    way = np.linalg.norm(np.gradient(points, phase, axis=0), axis=2).max(axis=1)
+    distances = [separation.distance_m(one, times, who) for one in (points, ARM.skeleton(beside))]
+    assert 0 < np.sum(distances[1] < distances[0]) < len(phase)
+    for found, distance in ((ceiling, distances[0]), (off, np.minimum(*distances))):
+        rate = permitted_speed(distance, SETTINGS) / way
+        np.testing.assert_allclose(found, np.minimum(rate[:-1], rate[1:]))
 
 
 def test_the_bound_holds_between_samples_and_is_tight():

@@ -9,11 +9,12 @@ from intent_recognition.kinematics import LWR_LIMITS, Arm
 from intent_recognition.motion import NominalTiming, SlowPlaces, make_path, parse_places
 from intent_recognition.motion.plan import JointReference, scaled_limits
 from intent_recognition.motion.planning import plan_interaction
+from intent_recognition.motion.retiming import N_GRID
 from sim_bridge.arm import find_robot
 from sim_bridge.scenarios.toolbox import HOME
 
 LIMITS = scaled_limits(LWR_LIMITS)
-SPEED_M_S = 0.1
+SPEED_M_S, WAY_M = 0.1, 0.5
 
 
 @pytest.mark.parametrize(("phase", "radius_m"), [(0.5, 0.03), (0.505, 0.002)])
@@ -38,10 +39,12 @@ def test_the_hand_keeps_the_speed_at_a_place_and_is_as_fast_as_before_elsewhere(
         hand = arm.forward_kinematics(np.array([plan.at(t).position for t in times_s]))[:, :3, 3]
         speed = np.linalg.norm(np.gradient(hand, times_s, axis=0), axis=1)
         at_place = np.linalg.norm(hand - place_m, axis=1) < radius_m
-        speeds.append((speed[at_place].max(), speed[~at_place].max()))
-    (free, fastest), (slow, elsewhere) = speeds
+        slow_way = np.sum(speed[speed < 1.2 * SPEED_M_S]) * 1e-3
+        speeds.append((speed[at_place].max(), speed[~at_place].max(), slow_way))
+    (free, fastest, at_ends), (slow, elsewhere, slow_way) = speeds
     assert free > 3.0 * SPEED_M_S
     assert slow < 1.01 * SPEED_M_S
+    assert slow_way - at_ends < 2.0 * radius_m + WAY_M / N_GRID * 2.0
     assert elsewhere > 0.7 * fastest
     assert plans[0].end == pytest.approx(plans[1].end)
 
