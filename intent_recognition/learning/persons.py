@@ -92,7 +92,7 @@ def between_people(grouped: Grouped, floor: Floats, strength: float) -> tuple[Fl
     """Covariances E within and B between people, (d, d) each.
 
     With few people, the DOFs in which they differ are mostly chance: B is shrunk towards equal
-    variation in all of them, which counts as many people as the target.
+    variation in all of them, which counts as `strength` people.
 
     Args:
         grouped: scatter by whose demonstrations they are.
@@ -100,7 +100,9 @@ def between_people(grouped: Grouped, floor: Floats, strength: float) -> tuple[Fl
         strength: equivalent sample size of the target that both are shrunk towards.
     """
     within = shared_covariance(grouped.within, floor, strength)
-    alike = strength / (strength + grouped.n_groups - 1)
+    n_means = grouped.between.freedom
+    alike = strength / (strength + n_means)
+    strength *= n_means / (grouped.n_groups - 1)  # each person is one draw, in all tasks
     means = shared_covariance(grouped.between, floor, strength, alike)
     root = cholesky(within, name="covariance within people")
     scaled = np.linalg.solve(root, np.linalg.solve(root, means).T)

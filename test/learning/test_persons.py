@@ -87,6 +87,14 @@ def test_a_stranger_varies_as_people_do_where_they_differ(rng):
     assert np.trace(found) == pytest.approx(np.trace(alike), rel=0.25)
 
 
+def test_more_tasks_of_the_same_people_tell_no_more_of_how_people_differ(rng):
+    task = of_people(rng, rng.normal(size=(8, SIZE)), 5, 0.2)
+    once, often = (
+        between_people(group_scatter(n * [task], observed_weights), FLOOR, 8.0)[1] for n in (1, 6)
+    )
+    assert np.linalg.norm(often - once) < 0.2 * np.linalg.norm(once)
+
+
 def test_durations_of_a_stranger_vary_as_people_do(rng):
     """Of many people with many demonstrations: the variances within and between them."""
     paces = 0.5 * rng.normal(size=200)
