@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gaussian distributions: every way to condition them (dense, batched), and mixtures."""
+"""Gaussian distributions and mixtures, conditioned one at a time or in batches."""
 
 from intent_recognition.gaussian.batch import KERNEL, GaussianBatch, LinearMeasurement, state_width
 from intent_recognition.gaussian.gaussian_mixture import (

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * One measurement y = H w + e conditions n Gaussians over the weights w of P DOFs with N basis functions each, together
- * with the phase deviation of each, which has E values (E = 1: the plain update, Maeda et al. 2014, Eq. 6). `batch.py`
- * says the same in numpy, and calls this. Each covariance is read once and written once.
+ * Conditions n Gaussians over the weights w of P DOFs with N basis functions each on one measurement y = H w + e,
+ * together with the phase deviation of each, which takes E values (E = 1: the plain update, Maeda et al. 2014, Eq. 6).
+ * `batch.py` calls this, and has the same update in numpy. Each covariance is read once and written once.
  *
- * A row of the state holds the D = P N means and then the upper triangle of the covariance, line by line. Lines come in
- * blocks of four, which begin at the same column and end at a multiple of four, so that they are handled together.
+ * A row of the state holds the D = P N means and then the upper triangle of the covariance, line by line. Four lines at
+ * a time begin at the same column and end at a multiple of four, so that they can be handled together.
  */
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
@@ -13,21 +13,21 @@
 #include <string.h>
 
 #define INLINE static inline __attribute__((always_inline))
-#define FETCH(address) __builtin_prefetch(address, 0, 2) /* as near as L2: L1 has too few places for what is awaited */
+#define FETCH(address) __builtin_prefetch(address, 0, 2) /* into L2: L1 has too few buffers for pending loads */
 
 typedef Py_ssize_t Size;
-typedef double Four __attribute__((vector_size(32), aligned(8), may_alias)); /* of GCC and Clang */
+typedef double Four __attribute__((vector_size(32), aligned(8), may_alias)); /* extension of GCC and Clang */
 #define four(at) (*(const Four *)(at))
 typedef struct {
     Size n_rows, n, P, N, m, E, D, columns, width; /* columns: D, rounded up to four */
     double *state, *deviation, *density, *likelihood, *scratch;
     const double *transition, *rows, *values, *noise;
     const int64_t *index, *dofs;
-    Size values_step, noise_step; /* 0 where all share them */
+    Size values_step, noise_step; /* 0 if all Gaussians share the values or the noise */
     double exponent, freedom, constant;
 } Work;
 
-/* Where line a begins behind the means; its first column is a, rounded down to four. */
+/* Offset of line a of the covariance, counted from the end of the means; its first column is a, rounded down to four. */
 INLINE Size line_at(Size columns, Size a) {
     Size block = a / 4;
     return 4 * block * columns - 8 * block * (block - 1) + (a % 4) * (columns - 4 * block);
@@ -41,7 +41,7 @@ INLINE double dot(Size n, const double *a, const double *b) {
     return sum;
 }
 
-/* The part of H C that `count` lines from a on give: what they say of the columns, and the columns of them. */
+/* Add to out = h C the terms of `count` lines from a on: the stored elements, and their mirror images below them. */
 INLINE void project_lines(Size columns, Size count, Size a, const double *c, const double *h, Size first, Size last,
                           double *restrict out) {
     Size length = columns - a, begin = a + 4 > first / 4 * 4 ? a + 4 : first / 4 * 4;
@@ -58,7 +58,7 @@ INLINE void project_lines(Size columns, Size count, Size a, const double *c, con
     for (Size k = 0; k < count; k++) out[a + k] += (sums[k][0] + sums[k][1]) + (sums[k][2] + sums[k][3]);
 }
 
-/* The covariance of a DOF's value with all weights, its row of H C; h is zero but for the DOF's weights. */
+/* The covariance of a DOF's value with all weights, its row of H C; h is zero outside [first, last), the DOF's weights. */
 INLINE void project(Size D, Size columns, const double *upper, const double *h, Size first, Size last,
                     double *restrict out) {
     Size a = 0;
@@ -68,7 +68,7 @@ INLINE void project(Size D, Size columns, const double *upper, const double *h, 
     if (a < D && a < last) project_lines(columns, D - a, a, upper + line_at(columns, a), h, first, last, out);
 }
 
-/* `count` lines from a on, less V^T V for one row of V, or for three. */
+/* Subtract V^T V from `count` lines from a on, for one row of V (step = 0) or for three. */
 INLINE void subtract_lines(Size columns, Size count, Size a, double *restrict c, const double *restrict v, Size step) {
     Size length = columns - a;
     for (Size k = 0; k < count; k++, c += length) {
@@ -81,7 +81,7 @@ INLINE void subtract_lines(Size columns, Size count, Size a, double *restrict c,
     }
 }
 
-/* The covariance of the values of two DOFs that share a row. */
+/* The covariance of the values of two DOFs with the same row of basis functions. */
 INLINE double between(Size columns, Size N, const double *upper, const double *row, Size one, Size other) {
     Size i = one < other ? one : other, j = one < other ? other : one;
     double sum = 0.0;
@@ -92,7 +92,7 @@ INLINE double between(Size columns, Size N, const double *upper, const double *r
     return sum;
 }
 
-/* rows <- L^-1 rows for S = L L^T (m, m), of which the upper triangle is used and becomes L^T; 0: not positive definite. */
+/* rows <- L^-1 rows for S = L L^T (m, m), whose upper triangle becomes L^T. Returns 0 if S is not positive definite. */
 INLINE int whiten(Size m, Size width, double *restrict S, double *restrict rows) {
     for (Size i = 0; i < m; i++) {
         if (!(S[i * m + i] > 0.0 && S[i * m + i] < INFINITY)) return 0;
@@ -115,7 +115,7 @@ INLINE double log_density(const Work *w, double squares, const double *L) {
     return w->constant - log_scale - 0.5 * (w->freedom + w->m) * log1p(squares / w->freedom);
 }
 
-/* What the measurement says of the deviation of a row: changes it, and adds what it leaves open to the noise. */
+/* Update the phase deviation of Gaussian h, and add the covariance that the uncertain phase induces to the noise. */
 INLINE int weigh(const Work *w, Size h, const double *mean, double *deviation, double *noise, double *row, double *S,
                  double *apart, double *own, double *moved) {
     Size m = w->m, N = w->N, E = w->E;
@@ -164,7 +164,7 @@ INLINE int weigh(const Work *w, Size h, const double *mean, double *deviation, d
     return 1;
 }
 
-/* Returns -1, or the first hypothesis whose innovation covariance is not positive definite. */
+/* Returns the first Gaussian whose innovation covariance is not positive definite, or -1. */
 INLINE Size condition_all(const Work *w) {
     const Size m = w->m, N = w->N, E = w->E, D = w->D, columns = w->columns, step = columns + 1;
     double *V = w->scratch, *S = V + m * step, *noise = S + m * m, *h_row = noise + m * m, *apart = h_row + columns,
@@ -209,7 +209,7 @@ static Size condition_anywhere(const Work *w) { return condition_all(w); }
 __attribute__((target("avx2,fma"))) static Size condition_avx2(const Work *w) { return condition_all(w); }
 #endif
 
-/* Whether nothing can go wrong on the way: what is measured is finite, and every noise positive definite. */
+/* Returns the first Gaussian with a value or row that is not finite or noise that is not positive definite, or -1. */
 static Size refused(const Work *w) {
     Size n_values = w->values_step ? w->n * w->m : w->m, n_noises = w->noise_step ? w->n : 1;
     for (Size k = 0; k < n_values; k++)

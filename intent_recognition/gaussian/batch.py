@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many Gaussians over the weights, conditioned in place on one measurement after the other.
 
-Weights and phase deviation are conditioned together. A measurement weighs the deviations by how
-well each explains it. The weights are then conditioned on it once, at the expected basis functions,
-with the covariance that the uncertain phase induces as additional noise (assumed-density
+Weights and phase deviation are conditioned together. First, each phase deviation is weighted by the
+likelihood of the measurement under it. Then the weights are conditioned once, at the expected basis
+functions; the covariance that the uncertain phase induces is added to the noise (assumed-density
 filtering). With a single deviation this is the exact update (Maeda et al. 2014, Eq. 6).
 
-The work is done by `_kernel.c` where it was built, else by `_condition`, which says the same.
+The compiled `_kernel.c` does the work where it was built, else `_condition`, its equal in numpy.
 """
 
 import os
@@ -29,7 +29,7 @@ from intent_recognition.gaussian.linalg import (
 from intent_recognition.gaussian.normal import Gaussian
 
 KERNEL = os.environ.get("INTENT_KERNEL", "")
-"""The update in use, "c" or "numpy": what INTENT_KERNEL says, else "c" where it was built."""
+"""The update in use, "c" or "numpy": as INTENT_KERNEL demands, else "c" where it was built."""
 if KERNEL not in ("", "c", "numpy"):
     raise ArgumentError.about("INTENT_KERNEL", "c or numpy", KERNEL, "Unset it.")
 if KERNEL != "numpy":
@@ -48,25 +48,25 @@ if KERNEL != "numpy":
 
 
 class LinearMeasurement(NamedTuple):
-    """One measurement y = H w + e, as n Gaussians over the weights take it."""
+    """One measurement y = H w + e of m values, for n Gaussians over the weights."""
 
-    dofs: Integers  # index of the DOF behind each value, (m,), in any order; one may come twice
-    rows: Floats  # of the basis functions at each phase deviation, shared by the DOFs, (n, E, N)
-    values: Floats  # (m,), or (n, m) for values of their own
-    noise_covariance: Floats  # (m, m), or (n, m, m) for noise of their own, positive definite
-    # of the deviation since the measurement before, (n, E, E); None at the first one
+    dofs: Integers  # index of the DOF of each value, (m,), in any order; a DOF may occur twice
+    rows: Floats  # basis functions at each phase deviation, the same for all DOFs, (n, E, N)
+    values: Floats  # (m,), or (n, m) if they differ between the Gaussians
+    noise_covariance: Floats  # positive definite, (m, m), or (n, m, m) if it differs between them
+    # transition matrices of the deviation since the last measurement, (n, E, E); None at the first
     transition: Floats | None = None
-    exponent: float = 1.0  # of the evidence in the posterior of the deviation
-    degrees_of_freedom: float = inf  # of the Student density that the evidence is computed with
+    exponent: float = 1.0  # power of the likelihood in the posterior of the deviation
+    degrees_of_freedom: float = inf  # of the Student density of the measurement; normal if infinite
 
 
 class GaussianBatch:
     """n Gaussians over the D = P N weights of P DOFs with N basis functions each.
 
     Attributes:
-        state: (n, ...): means, then the upper triangles of the covariances line by line, so that a
-            covariance is symmetric to the last bit (`state_width`).
-        mean: the means, (n, D), a part of it.
+        state: one row per Gaussian, (n, `state_width`): its mean, then the upper triangle of its
+            covariance line by line, so that the covariance is symmetric to the last bit.
+        mean: means, (n, D), a view of `state`.
     """
 
     def __init__(self, state: Floats, n_dofs: int, n_basis: int):
@@ -75,18 +75,18 @@ class GaussianBatch:
 
     @classmethod
     def of(cls, mean: Floats, covariance: Floats, n_basis: int) -> "GaussianBatch":
-        """From means (n, D) and covariances (n, D, D), copied."""
+        """Batch with copies of means (n, D) and covariances (n, D, D)."""
         state = np.concatenate([mean, _packed(covariance)], axis=1)
         return cls(state, mean.shape[1] // n_basis, n_basis)
 
     def moments(self, index: Integers | slice = slice(None)) -> tuple[Floats, Floats]:
-        """Means (k, D) and covariances (k, D, D) of some, copied."""
+        """Copies of the means (k, D) and covariances (k, D, D) of k selected Gaussians."""
         state, size = self.state[index], self._size
         covariance = np.take(state, _layout(size)[1].ravel(), axis=1)
         return state[:, :size].copy(), covariance.reshape(len(state), size, size)
 
     def mixture(self, weight: Floats) -> Gaussian:
-        """Mean and covariance of their mixture by weights (n,) (Ewerton et al. 2015, Eq. 14)."""
+        """Moments of the mixture with these weights, (n,) (Ewerton et al. 2015, Eq. 14)."""
         both = weight @ self.state
         mean = both[: self._size]
         apart = (self.mean - mean) * np.sqrt(weight)[:, None]
@@ -95,12 +95,12 @@ class GaussianBatch:
     def resized(
         self, index: Integers | slice, n_basis: int, variance: Floats | None = None
     ) -> "GaussianBatch":
-        """Copies with the first weights of each DOF, and R times with new, independent ones.
+        """Copy Gaussians R times, cut to M weights per DOF or extended to M by independent ones.
 
         Args:
-            index: of which, n of them.
+            index: the Gaussians to copy.
             n_basis: weights per DOF of a copy, M.
-            variance: of the new ones, those beyond N, (R, P, M - N); None without any.
+            variance: of the M - N new weights, of mean zero, (R, P, M - N); None if R is 1.
         """
         n_dofs, old = self._shape
         if n_basis == old:
@@ -124,16 +124,16 @@ class GaussianBatch:
         deviation: Floats | None = None,
         index: Integers | None = None,
     ) -> tuple[Floats, Floats]:
-        """Condition on a measurement, in place; on an error nothing has changed.
+        """Condition k Gaussians on a measurement, in place; an error leaves them unchanged.
 
         Args:
-            measurement: of those that are conditioned, k of them.
-            deviation: probability of each phase deviation, (n, E), changed, too; None for a single
-                one.
-            index: which to condition, (k,), each once; None for all.
+            measurement: with rows for the k Gaussians only.
+            deviation: probability of each phase deviation, (n, E), updated in place; None for one.
+            index: the Gaussians to condition, (k,), without repeats; None for all.
 
         Returns:
-            Log density of the measurement, (k,), and what the deviations were weighed with, (k, E).
+            Log density of the measurement, (k,), and the factor by which the probability of each
+            deviation was multiplied before it was normalised, (k, E).
 
         Raises:
             ShapeError: the arrays do not fit each other.
@@ -157,14 +157,14 @@ class GaussianBatch:
 
 @cache
 def _layout(size: int) -> tuple[Integers, Integers]:
-    """What is stored of a covariance of D weights, padded to a multiple of four columns.
+    """Layout of the stored upper triangle of a covariance of D weights.
 
-    Lines come in blocks of four, which begin at one column and end at a multiple of four: the
-    compiled update handles them together.
+    Columns are padded to a multiple of four. Four lines at a time begin at the same column, so that
+    the compiled update can handle them together.
 
     Returns:
-        Places in the flat, padded covariance, in order; and where in a state each element is,
-        (D, D).
+        Flat indices of the stored elements in the padded covariance, in the order of storage; and
+        the index of each element of the covariance in a state, (D, D).
     """
     line, column = np.arange(size)[:, None], np.arange(-(-size // 4) * 4)
     stored = column >= line // 4 * 4
@@ -173,7 +173,7 @@ def _layout(size: int) -> tuple[Integers, Integers]:
 
 
 def _packed(covariance: NDArray) -> NDArray:
-    """What is stored of covariances (n, D, D)."""
+    """Stored elements of covariances (n, D, D), one row each."""
     n, size, _ = covariance.shape
     whole = np.pad(covariance, ((0, 0), (0, 0), (0, -size % 4)))
     return np.take(whole.reshape(n, -1), _layout(size)[0], axis=1)
@@ -181,14 +181,14 @@ def _packed(covariance: NDArray) -> NDArray:
 
 @cache
 def state_width(size: int) -> int:
-    """Numbers of a state with D weights."""
+    """Length of the state of a Gaussian over D weights."""
     return size + len(_layout(size)[0])
 
 
 def _checked(
     measurement: LinearMeasurement, n: int, n_deviations: int, n_basis: int
 ) -> LinearMeasurement:
-    """The measurement as the update reads it: the border of all that follows."""
+    """Measurement with contiguous arrays of the types that the update reads, shapes checked."""
     m, transition = len(measurement.dofs), measurement.transition
     dofs = np.ascontiguousarray(measurement.dofs, dtype=np.int64)
     rows, values, noise = (
@@ -212,7 +212,7 @@ def _checked(
 def _condition(
     batch: GaussianBatch, measurement: LinearMeasurement, deviation: Floats, index: Integers
 ) -> tuple[Floats, Floats]:
-    """What `_kernel.c` does, without it."""
+    """The update of `_kernel.c` in numpy."""
     dofs, rows, values, noise, transition, exponent, freedom = measurement
     mean, covariance = batch.moments(index)
     n, size, n_basis = *mean.shape, rows.shape[2]
@@ -221,7 +221,7 @@ def _condition(
     known = mean.reshape(n, n_dofs, n_basis)[:, dofs].swapaxes(1, 2)
 
     def whitened(row, noise, innovation):  # type: ignore[no-untyped-def]
-        """H C and, after it, an innovation (n, m, k), times L^-1; half the log determinant."""
+        """L^-1 [H C, innovation] for S = L L^T and innovations (n, m, k); half of log det S."""
         cross = np.matmul(row[:, None, None], blocks)[:, :, 0]
         by_dof = cross.reshape(n, len(dofs), n_dofs, n_basis)[:, :, dofs]
         own = np.matmul(by_dof, row[:, None, :, None])[..., 0]
@@ -242,7 +242,7 @@ def _condition(
     likelihood = np.exp(exponent * (density - best))
     moved = moved * likelihood
     moved /= moved.sum(axis=1, keepdims=True)
-    if rows.shape[1] > 1:  # else nothing is left open, and this is what was found
+    if rows.shape[1] > 1:  # with a single deviation, `found` is final: no phase uncertainty
         row = np.matmul(moved[:, None], rows)[:, 0]
         expected = np.matmul(moved[:, None], apart)
         apart -= expected

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One mixture of Gaussians as a value: density, responsibilities, conditioning, moments.
+"""A Gaussian mixture: density, responsibilities, conditioning, moments; and how it is fitted.
 
-And starts to fit it from: k-means from k-means++ centres, many times over.
+Fits start from the clusters of k-means, run many times from k-means++ centres.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from intent_recognition.gaussian.mixture import CovariancePrior, fit_mixture, on
 from intent_recognition.gaussian.normal import Gaussian, condition, log_density
 
 RELATIVE_FLOOR = 1e-6
-"""Variance floor in units of the mean variance of the points. Convention: it bounds the condition
+"""Default variance floor, relative to the mean variance of the points. It bounds the condition
 number where a component has fewer points than dimensions, and is far below any measurement noise.
 """
 
@@ -29,8 +29,8 @@ class GaussianMixture:
     """A mixture of K Gaussians over vectors (d,).
 
     Attributes:
-        weights: mixture weights p(k), (K,), they sum to one.
-        components: p(w | k), K of them, each over (d,).
+        weights: mixture weights p(k), (K,), which sum to one.
+        components: the K Gaussians p(w | k), each over vectors (d,).
 
     Raises:
         ShapeError: there are not as many weights as components.
@@ -60,7 +60,7 @@ class GaussianMixture:
 
     @property
     def most_probable(self) -> Gaussian:
-        """The component of the largest weight, to act on (Ewerton et al. 2015, Eq. 12)."""
+        """Component with the largest weight (Ewerton et al. 2015, Eq. 12)."""
         return self.components[int(np.argmax(self.weights))]
 
     @property
@@ -73,11 +73,11 @@ class GaussianMixture:
         return Gaussian(mean, symmetrize(within + apart.T @ apart))
 
     def log_density(self, points: ArrayLike) -> Floats:
-        """Log density of points (n, d), (n,)."""
+        """Log density (n,) of points (n, d)."""
         return np.asarray(np.logaddexp.reduce(self._log_joint(points), axis=1))
 
     def responsibilities(self, points: ArrayLike) -> Floats:
-        """p(k | point) of points (n, d), (n, K) (Ewerton et al. 2015, Eq. 7)."""
+        """Responsibilities p(k | point), (n, K), for points (n, d) (Ewerton et al. 2015, Eq. 7)."""
         joint = self._log_joint(points)
         return np.asarray(np.exp(joint - np.logaddexp.reduce(joint, axis=1)[:, None]))
 
@@ -86,8 +86,8 @@ class GaussianMixture:
     ) -> tuple[GaussianMixture, float]:
         """Condition on y = H w + noise (Ewerton et al. 2015, Eq. 11-14).
 
-        Every component is conditioned, and weighted by its evidence. Eq. 13 as printed integrates
-        over p(w | k*); the observation belongs there too.
+        Every component is conditioned, and its weight multiplied by its evidence. Eq. 13 as printed
+        integrates over p(w | k*); it should be the posterior, p(w | k*, D).
 
         Args:
             observation_matrix: H, (m, d).
@@ -131,17 +131,17 @@ def fit_gaussian_mixture(
 ) -> GaussianMixture:
     """Fit a mixture by expectation maximisation.
 
-    Ewerton et al. 2015, Eq. 7-10, Algorithm 1. EM runs from `n_starts` starts of k-means, all in
-    one batch; the likeliest fit is kept. Use `learn_mixture` to find the tasks in demonstrations:
-    it regularises the components and chooses their number.
+    Ewerton et al. 2015, Eq. 7-10, Algorithm 1. EM runs from `n_starts` results of k-means in one
+    batch; the fit of the highest likelihood is kept. To find the tasks in demonstrations, use
+    `learn_mixture`: it regularises the components and chooses their number.
 
     Args:
         points: (n, d).
         n_components: K, at most n.
-        rng: for the starts.
-        n_starts: how many starts of k-means.
-        variance_floor: added to every variance, in the square of the points' unit; None takes
-            `RELATIVE_FLOOR` of the mean variance of the points.
+        rng: source of the k-means++ centres.
+        n_starts: number of runs of k-means.
+        variance_floor: added to every variance, in the squared unit of the points; by default
+            `RELATIVE_FLOOR` times the mean variance of the points.
 
     Raises:
         ShapeError: the points are not an array (n, d).
@@ -168,7 +168,7 @@ def fit_gaussian_mixture(
 
 
 def _checked_points(points: ArrayLike, n_dimensions: int | None = None) -> Floats:
-    """Points as an array (n, d) of finite numbers, checked."""
+    """Points as an array (n, d), checked to be finite."""
     checked = np.asarray(points, dtype=np.float64)
     if checked.ndim != 2 or n_dimensions not in (None, checked.shape[1]):
         expected = f"shape (n, {'d' if n_dimensions is None else n_dimensions})"
@@ -182,11 +182,11 @@ def _checked_points(points: ArrayLike, n_dimensions: int | None = None) -> Float
 def kmeans_starts(
     points: Floats, n_components: int, n_starts: int, rng: np.random.Generator
 ) -> Integers:
-    """Labels of n points (n, r) from `n_starts` independent runs, (n_starts, n).
+    """Labels of n points (n, r) from `n_starts` independent runs of k-means, (n_starts, n).
 
-    Centres are drawn by k-means++ (Arthur and Vassilvitskii 2007): each next one with probability
-    proportional to the squared distance from those drawn. A cluster that loses all its points is
-    given the point farthest from its centre, as long as there are enough different points.
+    Centres are drawn by k-means++ (Arthur and Vassilvitskii 2007): the probability of a point is
+    proportional to its squared distance from the nearest centre so far. A cluster that loses all
+    its points takes the point farthest from its own centre, if there are enough different points.
     """
     n = len(points)
     squares = np.sum(points**2, axis=1)
@@ -195,7 +195,7 @@ def kmeans_starts(
     for start in range(n_starts):
         centers = _plus_plus(distance, n_components, rng)
         labels[start] = np.argmin(distance[centers], axis=0)
-        for _ in range(10):  # EM refines what comes of it
+        for _ in range(10):  # enough: EM refines the result
             moved = _lloyd(distance, labels[start], n_components)
             if np.array_equal(moved, labels[start]):
                 break
@@ -204,7 +204,7 @@ def kmeans_starts(
 
 
 def _plus_plus(distance: Floats, n_components: int, rng: np.random.Generator) -> list[int]:
-    """Indices of the points drawn as centres, from squared distances (n, n)."""
+    """Indices of the points that k-means++ draws as centres, given squared distances (n, n)."""
     centers = [int(rng.integers(len(distance)))]
     nearest = distance[centers[0]].copy()
     for _ in range(n_components - 1):
@@ -218,7 +218,7 @@ def _plus_plus(distance: Floats, n_components: int, rng: np.random.Generator) ->
 
 
 def _lloyd(distance: Floats, labels: Integers, n_components: int) -> Integers:
-    """One step of k-means by distances alone: |x - mean|^2 from those between the points."""
+    """Labels after one step of k-means, computed from the squared distances of the points alone."""
     share = (labels == np.arange(n_components)[:, None]).astype(float)
     count = share.sum(axis=1)
     share /= np.maximum(count, 1.0)[:, None]

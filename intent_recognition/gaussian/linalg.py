@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The delicate numerics, once: factors of covariances, solves, log densities, affine spans."""
+"""Shared numerics: factors of covariances, triangular solves, log densities, affine spans."""
 
 from math import inf, isfinite, lgamma, log, pi
 from typing import NamedTuple
@@ -19,7 +19,7 @@ def symmetrize(matrix: Floats) -> Floats:
 def cholesky(matrix: Floats, *, name: str = "covariance") -> Floats:
     """Lower Cholesky factor of symmetric positive definite matrices, (..., d, d).
 
-    No jitter is added: a matrix that is not positive definite is the caller's to regularise.
+    No jitter is added: the caller regularises a matrix that is not positive definite.
 
     Raises:
         ArgumentError: the matrix is not positive definite or not finite.
@@ -38,7 +38,7 @@ def cholesky(matrix: Floats, *, name: str = "covariance") -> Floats:
 
 
 def covariance_root(covariance: Floats) -> Floats:
-    """L with L L^T a covariance (d, d), which may be singular; negative eigenvalues count as 0."""
+    """L with L L^T = covariance (d, d), which may be singular; negative eigenvalues count as 0."""
     values, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
@@ -68,9 +68,9 @@ def half_log_det(factor: Floats) -> Floats:
 def student_log_density(
     squares: Floats, log_scale: Floats, dimension: int, degrees_of_freedom: float = inf
 ) -> Floats:
-    """Log density of a Student distribution over m values, (...); normal for infinite freedom.
+    """Log density (...) of a Student distribution over m values; normal if freedom is infinite.
 
-    Of squared Mahalanobis distances (...), and half the log determinant of the scale matrix, (...).
+    Takes squared Mahalanobis distances (...) and half of the scale matrix' log determinant (...).
     """
     nu, m = degrees_of_freedom, dimension
     if nu == inf:
@@ -80,9 +80,9 @@ def student_log_density(
 
 
 def log_sum(log_terms: Floats) -> Floats:
-    """Log of the sum of exponentials along the last axis, (..., n): (...); none is infinite.
+    """Log of the sum of exponentials along the last axis, (..., n): (...); terms may be -inf.
 
-    Four times as fast as `np.logaddexp.reduce` for hundreds of rows, and as `logsumexp` of SciPy.
+    For hundreds of rows four times as fast as `np.logaddexp.reduce` and as SciPy's `logsumexp`.
     """
     best = np.max(log_terms, axis=-1, keepdims=True)
     best = np.where(best > -inf, best, 0.0)
@@ -91,18 +91,18 @@ def log_sum(log_terms: Floats) -> Floats:
 
 
 class AffineSpan(NamedTuple):
-    """n vectors of length d as coordinates in the at most n - 1 dimensions they span.
+    """Coordinates of n vectors of length d in their affine span, of at most n - 1 dimensions.
 
-    `vectors = mean + coordinates @ axes`; distances and inner products of deviations are kept.
+    `vectors = mean + coordinates @ axes`; distances and inner products of deviations are the same.
     """
 
-    mean: Floats  # of the vectors, (d,)
-    axes: Floats  # orthonormal principal axes, (r, d), that of the largest variance first
-    coordinates: Floats  # (n, r), zero on average
+    mean: Floats  # mean of the vectors, (d,)
+    axes: Floats  # orthonormal principal axes, (r, d), in order of falling variance
+    coordinates: Floats  # (n, r), with mean zero
 
 
 def affine_span(vectors: Floats) -> AffineSpan:
-    """Coordinates of vectors (n, d) along their principal axes; r is their rank, 0 if all equal."""
+    """Coordinates of vectors (n, d) along their r principal axes; r is 0 if all are equal."""
     mean = vectors.mean(axis=0)
     left, values, axes = np.linalg.svd(vectors - mean, full_matrices=False)
     scale = max(float(values[0]) if values.size else 0.0, float(np.abs(mean).max(initial=0.0)))

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gaussian mixtures by expectation maximisation, many fits of few points in one batch.
+"""Gaussian mixtures by expectation maximisation: many fits to few points in one batch.
 
 The covariance of a component with responsibilities r_i that sum to m is
 
     (sum_i r_i (y_i - mu)(y_i - mu)^T + strength * T) / (m + strength) + floor * I,
 
-with T diagonal, the component's own variance along each axis leaning on that of all components.
-With strength 0 it is textbook EM (Ewerton et al. 2015, Eq. 7-10) with a floor. In orthonormal
-coordinates of the points' affine span it is then the very same as in the full space, since all
-components have the floor in all other directions. With strength it is maximum a posteriori.
+where T is diagonal: the component's variance along each axis, shrunk toward that of all components.
+With strength 0 this is textbook EM (Ewerton et al. 2015, Eq. 7-10) with a floor. The result is then
+the same in orthonormal coordinates of the points' affine span as in the full space, because all
+components have the floor in all other directions. With strength > 0 it is maximum a posteriori.
 
-A covariance is a diagonal plus one rank-one term per member: determinants and inverses take
-matrices as large as a component has members, or as there are axes if those are fewer.
+A covariance is a diagonal plus one rank-one term per member. Determinants and inverses therefore
+need matrices whose size is the number of members or the number of axes, whichever is smaller.
 """
 
 from collections.abc import Iterator
@@ -29,18 +29,17 @@ from intent_recognition.gaussian.linalg import (
 )
 
 NUMBERS_AT_ONCE = 250_000
-"""Largest size of one array, in numbers; more fits are computed in batches. Convention: 2 MB."""
+"""Largest size of one array, in numbers (2 MB); more fits are computed in several batches."""
 EMPTY = 1e-8
-"""Responsibility below which a component is dropped: its weight is zero from then on. Convention.
-"""
+"""Sum of responsibilities below which a component is dropped: its weight is then zero."""
 
 
 class CovariancePrior(NamedTuple):
-    """What is known of a component's covariance before its members are seen."""
+    """Prior of a component's covariance."""
 
     floor: float  # variance added along every axis, positive
     strength: float = 0.0  # equivalent sample size of T, in points
-    # equivalent sample size, within T, of the variance over all components together
+    # equivalent sample size, within T, of the pooled variance of all components, in points
     shared: float = 0.0
 
 
@@ -51,15 +50,15 @@ class Components(NamedTuple):
     """
 
     log_weight: Floats  # log mixture weights, (B, K), minus infinity for a dropped component
-    # sum of responsibilities, (B, K)
+    # sums of responsibilities, (B, K)
     count: Floats  # type: ignore[assignment]  # hides tuple.count
     mean: Floats  # (B, K, r)
     diagonal: Floats  # (B, K, r)
     rows: Integers  # indices of the members, (B, K, M)
-    row_weight: Floats  # weights of their outer products, zero where rows only fill up, (B, K, M)
+    row_weight: Floats  # weights of their outer products, (B, K, M); zero for padding
 
     def select(self, which: slice | Integers) -> "Components":
-        """Some of the B mixtures."""
+        """Selected ones of the B mixtures."""
         return Components(*map(itemgetter(which), self))
 
     def covariance(self, points: Floats) -> Floats:
@@ -70,11 +69,11 @@ class Components(NamedTuple):
 
 
 class MixtureFit(NamedTuple):
-    """What EM converged to."""
+    """Result of EM from B starts."""
 
     responsibilities: Floats  # (B, n, K); zero for points left out
     log_likelihood: Floats  # mean over the points that were not left out, (B,)
-    components: Components  # the mixtures, from these responsibilities
+    components: Components  # the mixtures that follow from the responsibilities
 
     @property
     def labels(self) -> Integers:
@@ -83,7 +82,7 @@ class MixtureFit(NamedTuple):
 
 
 def one_hot(labels: Integers, n_components: int) -> Floats:
-    """Responsibilities 0 and 1 from labels (..., n), (..., n, K)."""
+    """Responsibilities of 0 and 1, (..., n, K), from labels (..., n)."""
     return (labels[..., None] == np.arange(n_components)).astype(float)
 
 
@@ -93,7 +92,7 @@ def maximisation(points: Floats, responsibilities: Floats, prior: CovariancePrio
     Args:
         points: (n, r).
         responsibilities: (B, n, K), zero for a point that is left out.
-        prior: of the covariances.
+        prior: prior of the covariances.
     """
     share = np.ascontiguousarray(np.swapaxes(responsibilities, 1, 2))
     count = share.sum(axis=2)
@@ -113,7 +112,7 @@ def maximisation(points: Floats, responsibilities: Floats, prior: CovariancePrio
     n_members = max(int(np.count_nonzero(weight, axis=2).max()), 1)
     rows = np.argpartition(-weight, n_members - 1, axis=2)[..., :n_members]
     share_of_all = np.where(present, count, 0.0) / total
-    share_of_all[~present.any(axis=1)] = 1.0  # no points at all: no component is ruled out
+    share_of_all[~present.any(axis=1)] = 1.0  # without any points, no component is ruled out
     with np.errstate(divide="ignore"):
         log_weight = np.log(share_of_all)
     return Components(
@@ -139,7 +138,7 @@ def _by_axes(points: Floats, components: Components) -> tuple[Floats, Floats]:
 
 
 def _by_members(points: Floats, components: Components) -> tuple[Floats, Floats]:
-    """The same by the matrix inversion lemma, for fewer members than axes."""
+    """As `_by_axes`, but by the matrix inversion lemma: faster with fewer members than axes."""
     scale = 1.0 / np.sqrt(components.diagonal)[:, :, None, :]
     scaled = (points - components.mean[:, :, None, :]) * scale
     members = (points[components.rows] - components.mean[:, :, None, :]) * scale
@@ -163,17 +162,17 @@ def fit_mixture(
     n_iterations: int = 100,
     tolerance: float = 1e-6,
 ) -> MixtureFit:
-    """EM (Ewerton et al. 2015, Algorithm 1) from B starts, each until it converges.
+    """Run EM (Ewerton et al. 2015, Algorithm 1) from B starts, each until it converges.
 
-    A component that becomes empty is dropped; one with a single member keeps the prior's
-    covariance. But for the prior, the likelihood never falls.
+    A component that becomes empty is dropped; one with a single member keeps the covariance of the
+    prior. With negligible floor and strength, the likelihood never falls.
 
     Args:
         points: (n, r).
         responsibilities: the starts, (B, n, K); a point whose row is zero is left out.
-        prior: of the covariances.
-        n_iterations: at most.
-        tolerance: a fit has converged when its mean log likelihood changes by less.
+        prior: prior of the covariances.
+        n_iterations: largest number of iterations.
+        tolerance: a fit has converged when its mean log likelihood changes by no more than this.
     """
     n_fits, n, n_components = responsibilities.shape
     found = np.array(responsibilities, dtype=np.float64)
@@ -186,7 +185,7 @@ def fit_mixture(
 
 
 def batches(n_items: int, numbers_each: int) -> Iterator[slice]:
-    """Slices of so many items that an array with `numbers_each` for each stays small."""
+    """Slices of items, so short that arrays of `numbers_each` numbers per item stay small."""
     size = max(1, NUMBERS_AT_ONCE // max(numbers_each, 1))
     for first in range(0, n_items, size):
         yield slice(first, first + size)
@@ -199,7 +198,7 @@ def _iterate(
     n_iterations: int,
     tolerance: float,
 ) -> tuple[Floats, Floats]:
-    """EM of one batch: responsibilities and log likelihoods."""
+    """Responsibilities and mean log likelihoods after EM of one batch."""
     found = responsibilities.copy()
     included = found.sum(axis=2) > 0
     n_included = np.maximum(included.sum(axis=1), 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The multivariate normal distribution: density, marginal, conditioning, products, mixtures."""
+"""The multivariate normal distribution: density, marginal, conditioning, regression, products."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Gaussian(NamedTuple):
 
 
 def log_density(distribution: Gaussian, value: Floats) -> Floats:
-    """Log density of values (..., d) under distributions, whose arrays may be batches: (...)."""
+    """Log density (...) of values (..., d) under one distribution or a batch of them."""
     factor = cholesky(distribution.covariance)
     whitened = solve_lower(factor, (value - distribution.mean)[..., None])[..., 0]
     squares = np.sum(whitened**2, axis=-1)
@@ -37,11 +37,11 @@ def log_density(distribution: Gaussian, value: Floats) -> Floats:
 
 
 def marginal(distribution: Gaussian, index: Integers) -> Gaussian:
-    """Distribution of some of the elements.
+    """Marginal distribution of some elements.
 
     Args:
-        distribution: over (d,).
-        index: which elements to keep, (m,).
+        distribution: distribution over vectors (d,).
+        index: elements to keep, (m,).
     """
     return Gaussian(distribution.mean[index], distribution.covariance[np.ix_(index, index)])
 
@@ -53,15 +53,15 @@ def whiten_innovation(
     *,
     name: str = "innovation covariance",
 ) -> tuple[Floats, Floats, Floats]:
-    """Whiten an innovation and its covariance with what is conditioned (Maeda et al. 2014, Eq. 6).
+    """Whiten H P and the innovation by the innovation covariance (Maeda et al. 2014, Eq. 6).
 
-    The posterior mean is then m + cross^T innovation, its covariance P - cross^T cross.
+    With the whitened ones the posterior is N(m + cross^T innovation, P - cross^T cross).
 
     Args:
         innovation_covariance: S = H P H^T + R, (..., m, m).
         cross: H P, (..., m, d).
         innovation: y - H m, (..., m).
-        name: of S, for the error.
+        name: name of S in the error message.
 
     Returns:
         L^-1 H P, (..., m, d), and L^-1 (y - H m), (..., m), for S = L L^T; and
@@ -83,11 +83,11 @@ def condition(
 ) -> tuple[Gaussian, float]:
     """Condition on y = H w + noise.
 
-    Maeda et al. 2014, Eq. 6, with the prior covariance in the gain. An unobserved quantity has no
-    row in H.
+    Maeda et al. 2014, Eq. 6, with the prior covariance in the gain. H has no rows for unobserved
+    quantities.
 
     Args:
-        prior: distribution of w (d,).
+        prior: distribution of w, (d,).
         observation_matrix: H, (m, d).
         observation: y, (m,).
         noise_covariance: R, (m, m), positive definite.
@@ -129,9 +129,9 @@ class Regression(NamedTuple):
 
 
 def regression(joint: Gaussian, n_source: int) -> Regression:
-    """The conditional of the last elements of a joint Gaussian on its first `n_source`.
+    """Regression of the last elements of a joint Gaussian on its first `n_source`.
 
-    For the weights of Maeda et al. 2014, Eq. 4: w_c | w_o = mu_c + S_co S_oo^-1 (w_o - mu_o).
+    For the weights of Maeda et al. 2014, Eq. 4: E[w_c | w_o] = mu_c + S_co S_oo^-1 (w_o - mu_o).
     """
     source, target = slice(0, n_source), slice(n_source, None)
     factor = (cholesky(joint.covariance[source, source]), True)
@@ -143,7 +143,7 @@ def regression(joint: Gaussian, n_source: int) -> Regression:
 
 
 def expected_distance(precision: Floats, apart: Floats, covariance: Floats) -> Floats:
-    """E[x^T precision x] of x ~ N(apart, covariance), (...), for d elements."""
+    """E[x^T precision x] for x ~ N(apart, covariance) of d elements, (...)."""
     turned = np.matmul(precision, apart[..., None])[..., 0]
     return np.sum(apart * turned, axis=-1) + np.sum(precision * covariance, axis=(-2, -1))
 
@@ -151,8 +151,8 @@ def expected_distance(precision: Floats, apart: Floats, covariance: Floats) -> F
 def product(factors: Sequence[Gaussian], powers: Sequence[float]) -> Gaussian:
     """The normal distribution whose density is proportional to prod_i N(x; m_i, P_i)^a_i.
 
-    Its precision is the sum of a_i P_i^-1, so that a power of zero leaves a factor out. Powers are
-    not negative, and not all zero.
+    Its precision is the sum of a_i P_i^-1, so a power of zero leaves a factor out. Powers must not
+    be negative, nor all zero.
 
     Raises:
         ArgumentError: a covariance is not positive definite.

@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The region of some standard deviations about a path, as triangles to draw."""
+"""The region of two standard deviations about a path, as triangles to draw."""
 
 import numpy as np
 
 from intent_recognition.array_types import Floats, Integers
 
 N_RINGS, N_SIDES = 16, 10
-"""Rings of a tube, and corners of each. Convention."""
+"""Number of rings of a tube, and of corners of each ring."""
 
 
 def tube_rings(
     path: Floats, std: Floats, *, n_rings: int = N_RINGS, n_sides: int = N_SIDES
 ) -> Floats:
-    """Rings about a path (T, 3) [m], each on the ellipsoid of two standard deviations of its point.
+    """Rings about a path (T, 3) [m], evenly spaced along its samples.
 
-    These are along the axes, (T, 3) [m]. Rings are evenly spaced along the path, with so many
-    points each.
+    The points of a ring lie on the ellipsoid of two standard deviations about its centre. `std`
+    holds the standard deviations along the coordinate axes, (T, 3) [m].
 
     Returns:
         Vertices (n_rings, n_sides, 3) [m].
@@ -34,10 +34,10 @@ def tube_rings(
 
 
 def tube_faces(n_rings: int = N_RINGS, n_sides: int = N_SIDES) -> Integers:
-    """Triangles of the rings' flattened vertices, counter-clockwise seen from outside.
+    """Triangles between the rings, counter-clockwise seen from outside.
 
     Returns:
-        Indices (2 (n_rings - 1) n_sides, 3).
+        Indices of the flattened vertices, (2 (n_rings - 1) n_sides, 3).
     """
     ring, side = np.indices((n_rings - 1, n_sides))
     low, low_next = (ring * n_sides + (side + k) % n_sides for k in (0, 1))
@@ -47,7 +47,7 @@ def tube_faces(n_rings: int = N_RINGS, n_sides: int = N_SIDES) -> Integers:
 
 
 def _across(centre: Floats) -> tuple[Floats, Floats]:
-    """Two unit vectors across the path at each of its points, turning as little as possible."""
+    """Two unit vectors perpendicular to the path at each of its points, which turn little."""
     along = np.gradient(centre, axis=0)
     centred = centre - centre.mean(axis=0)
     flattest = np.linalg.svd(centred, full_matrices=True)[2][-1]
@@ -61,5 +61,5 @@ def _across(centre: Floats) -> tuple[Floats, Floats]:
 
 
 def _other(axis: Floats) -> int:
-    """The coordinate axis least along a vector."""
+    """Index of the coordinate axis that is least parallel to a vector."""
     return int(np.argmin(np.abs(axis)))
