@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recursive conditioning of every hypothesis over task, duration and phase; births; pruning."""
+"""The filter of a movement: hypotheses over task, duration and phase, their birth and pruning."""
 
 from intent_recognition.filtering.births import NEGLIGIBLE
 from intent_recognition.filtering.deviations import Deviations, deviations_at

@@ -1,33 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hypotheses that are born while a movement is under way: changes of mind, detours, delays.
 
-As in interacting multiple models (Blom and Bar-Shalom 1988), what a person does may change on the
-way. Rates are relative to how long the tasks usually take. A newborn hypothesis takes its share of
-what all hypotheses are worth. A new task takes it from all others, and the old task again, for a
-detour on its way; its pace, the duration in standard deviations of the task's, is as probable as
-the pace of the movement so far. What is none of the tasks begins at its birth, wherever the hand
-is. The hypotheses that were there from the onset pay for what they pass on.
+As in interacting multiple models (Blom and Bar-Shalom 1988), a person may change the course on the
+way. Rates are per usual duration of the tasks. A newborn hypothesis receives a share of the
+probability of existing ones: a turn to another task from all other tasks, a detour from its own
+task. Its pace (the duration in standard deviations of its task's) is as probable as that pace is
+for the movement so far. An unknown movement begins at its birth, wherever the hand is. What is
+passed on is taken from the hypotheses of the onset.
 
 A hypothesis born at a time t follows the course w that its task would have had from the movement's
 start, plus an offset that begins where the hand is at t and fades:
 
     y(t + s) = psi(z) w + (a (1 + r s) + b s + c s^2 / 2) exp(-r s) + noise.
 
-This is a critically damped spring of rate r (a and b: the offset and its velocity at birth) with
-an initial push that fades as fast (c). a, b and c are weights beside w, so that the same Gaussian
-update filters them (Maeda et al. 2014, Eq. 6).
+The offset is a critically damped spring of rate r: a and b are its position and velocity at birth,
+c is an initial push that fades at the same rate. a, b and c are weights beside w, so the same
+Gaussian update filters them (Maeda et al. 2014, Eq. 6).
 
-Who turns may also begin anew, and reach for another task's goal as for any, by a fresh course
-within the time T of a reach:
+A person who turns to another task may also begin a new reach, with duration T, from the present
+position of the hand:
 
     y(t + s) = psi(s / T) w + h(s / R) (a, b R, c R^2),
 
-with the quintics h of least jerk, that end at rest with the course, after the part R of T in which
-it moves.
+where h are the quintics of least jerk. The offset ends at rest after R, the part of T in which the
+mean course moves.
 
-After a delay a person goes on with the same movement. Such a hypothesis is a copy of the most
-probable one, with all that the path has told of its weights, whose clock is set back; a small
-offset makes up for the step.
+After a delay a person continues the same movement. Such a hypothesis is a copy of the most probable
+one, with its weights as filtered so far and its clock set back; a small offset absorbs the step.
 """
 
 import numpy as np
@@ -51,51 +50,51 @@ from intent_recognition.gaussian import GaussianBatch, LinearMeasurement
 from intent_recognition.promp import TaskLibrary
 
 REACH_PART = 0.87
-"""Part of its task's duration that a course afresh takes. Convention: no rest, a shorter way."""
+"""Duration of a new reach relative to its task's: shorter, with a shorter way and no rest."""
 REACH_OFFSETS = np.array([-1.0, 0.0, 1.0])
-"""Durations of these, in standard deviations of the task's log duration. Convention."""
+"""Durations of new reaches, in standard deviations of the task's log duration from its mean."""
 REACH_SCALE = np.array([1.0, 2.0, 4.0])
-"""Standard deviations of a, b T and c T^2, in those of the offset a. Convention: as of least jerk.
-"""
+"""Prior standard deviations of a, b T and c T^2 of a reach, relative to that of the offset a, for
+the usual duration T of the tasks: as in movements of least jerk."""
 DELAYS = (0.05, 0.12, 0.25)
 """Lengths of a delay, in usual durations of the tasks (docs/decisions/change_of_mind.md)."""
 N_DURATIONS = 7
-"""Durations per task at each birth. Convention: offsets make up for what lies between."""
+"""Durations per task at each birth; offsets make up for durations in between."""
 FADINGS = (12.0, 30.0)
 """Rates at which an offset fades, per usual duration of the tasks: gone after two fifths and a
 sixth of it (docs/decisions/change_of_mind.md)."""
 PUSH = 0.5
-"""Standard deviation of the push c, in standard deviations of the offset a times r^2.
-Convention."""
+"""Prior standard deviation of the push c, relative to that of the offset a times r^2."""
 BIRTHS_EVERY = 2
-"""Used observations of each signal between births (docs/decisions/change_of_mind.md)."""
+"""Number of used observations per signal from one birth to the next
+(docs/decisions/change_of_mind.md)."""
 SETTLING = 2
-"""Observations of each signal that a newborn hypothesis takes its offset and velocity from, and is
-not judged by."""
+"""Observations per signal that initialise a newborn hypothesis' offset and its velocity; they do
+not count as evidence."""
 NEGLIGIBLE = 14.0
-"""Nats below all others together at which a born hypothesis is pruned
+"""Nats below the sum of all hypotheses at which a born hypothesis is pruned
 (docs/decisions/change_of_mind.md)."""
 MAX_HYPOTHESES, LEAST_HYPOTHESES = 150, 60
-"""Born hypotheses kept, newborn ones aside; and of many DOFs at least
-(docs/decisions/change_of_mind.md)."""
+"""Largest number of born hypotheses, not counting newborn ones; and its lower limit where many DOFs
+reduce it (docs/decisions/change_of_mind.md)."""
 MAX_FLOATS = 1_500_000
-"""Numbers in the covariances of those that are kept. Convention: it bounds the time of an
-observation."""
+"""Size of all born hypotheses' covariances, in numbers, above which fewer are kept: bounds the time
+per observation."""
 MAX_TASKS = 8
-"""Tasks that hypotheses are born of at a time, the most probable ones. Convention: likewise."""
+"""Largest number of tasks per birth, the most probable ones; bounds the time per observation."""
 
 
 class Births:
-    """The born hypotheses of one movement after the other, in memory that is used again.
+    """The born hypotheses of a movement; the memory is reused for the next movement.
 
     Args:
         library: the learned tasks.
-        grid: of the hypotheses of the onset.
-        prior: weights of the tasks and none before anything is observed.
+        grid: prior grid of the hypotheses of the onset.
+        prior: prior of the observed weights under each task and none.
 
     Attributes:
-        usual_s: how long the tasks usually take.
-        table: their rows.
+        usual_s: geometric mean of the tasks' median durations [s].
+        table: table of the born hypotheses.
     """
 
     def __init__(self, library: TaskLibrary, grid: PriorGrid, prior: GaussianBatch):
@@ -124,15 +123,15 @@ class Births:
         self.clear()
 
     def clear(self, log_weight: Floats | None = None) -> None:
-        """Begin with another movement: nothing is born yet.
+        """Remove all born hypotheses: another movement begins.
 
         Args:
-            log_weight: log of what the posterior of the known tasks will be multiplied by, (K,).
-                It is known of the task at the onset: who turns to another one keeps it.
+            log_weight: log of the factors by which the posterior of the known tasks will be
+                multiplied, (K,). A hypothesis that turns keeps the factor of its first task.
         """
         self.table.clear()
         known = np.zeros(self._library.n_tasks) if log_weight is None else log_weight
-        # Two tasks that cannot be may be compared.
+        # Finite, because the difference of two infinite ones would be NaN.
         self._log_weight = np.append(np.maximum(known, -700.0), 0.0)
         self._first: list[tuple[NDArray, NDArray, NDArray]] = []  # DOFs, values and noise
         self._states: tuple[Integers, Floats, Floats] | None = None
@@ -140,23 +139,23 @@ class Births:
 
     @property
     def log_joint(self) -> Floats:
-        """Log of prior and density of all observations, of the K tasks and none, (K + 1,)."""
+        """Log joint of the born hypotheses of each task and of none, (K + 1,)."""
         total = np.full(self._library.n_tasks + 1, -np.inf)
         np.logaddexp.at(total, self.table.rows["task"], self.table.log_joint)
         return total
 
     @property
     def log_stay(self) -> float:
-        """Log probability with which a task of the onset passed nothing on to tasks."""
+        """Log of the share that a task's hypotheses of the onset have not passed on to tasks."""
         return log_stay(self._last_s / self.usual_s, self._library.switch_margin)
 
     def onset_log_joint(self, log_evidence: Floats) -> Floats:
-        """Log joint of the hypotheses of the onset less what they passed on, (K + 1,).
+        """Log joint of the hypotheses of the onset, less what they passed on, (K + 1,).
 
-        What was none of the tasks from the onset stays so.
+        A movement that was unknown from the onset stays unknown.
 
         Args:
-            log_evidence: log density of all observations under them, (B,).
+            log_evidence: log density of all observations under each of them, (B,).
         """
         left = self._grid.log_task_joint(log_evidence)
         left[:-1] += self.log_stay
@@ -165,12 +164,12 @@ class Births:
     def observe(
         self, measurement: Measurement, onset: HypothesisTable, log_evidence: Floats
     ) -> None:
-        """Condition on a measurement; prune what is hopeless, and give birth to new hypotheses.
+        """Condition on a measurement, prune, and give birth to new hypotheses.
 
         Args:
-            measurement: as the hypotheses of the onset took it.
+            measurement: the measurement on which `onset` was conditioned last.
             onset: the hypotheses of the onset.
-            log_evidence: see `onset_log_joint`; this measurement is among the observations.
+            log_evidence: as for `onset_log_joint`, with this measurement included.
         """
         self._remember_start(measurement)
         now_s, table = measurement.elapsed_s, self.table
@@ -191,18 +190,18 @@ class Births:
             self._give_birth_to_delays(now_s, log_evidence, onset)
 
     def outweighs(self, task: int, log_evidence: Floats) -> bool:
-        """Whether a task is more probable by those born than by those of the onset."""
+        """Whether a task's born hypotheses are together more probable than those of the onset."""
         return bool(self.log_joint[task] > self.onset_log_joint(log_evidence)[task])
 
     def of_task(self, task: int) -> tuple[Integers, Floats]:
-        """Where the table has n of a task that count, and their probabilities given it, (n,)."""
+        """Rows of a task's born hypotheses, negligible ones left out; their probabilities, (n,)."""
         joint = np.where(self.table.rows["task"] == task, self.table.log_joint, -np.inf)
         weight = np.exp(joint - np.max(joint))
         index = np.flatnonzero(weight > NEGLIGIBLE_SHARE)
         return index, weight[index] / weight[index].sum()
 
     def _settle(self, total: Floats) -> None:
-        """Give those that are judged from now on their share of what all are worth, (K + 1,)."""
+        """Give hypotheses that have settled their share of the log joint of all, (K + 1,)."""
         rows = self.table.rows
         settled = np.flatnonzero(rows["seen"] == self._settling)
         if len(settled):
@@ -219,7 +218,7 @@ class Births:
             rows["log_birth"][settled] = passed - np.logaddexp.reduce(total[:-1])
 
     def _hopeless(self, total: float) -> Flags:
-        """What explains far less than all together, and the worst of too many."""
+        """Hypotheses to prune, (n,): negligible ones, and the least probable of too many."""
         rows, joint = self.table.rows, self.table.log_joint
         settled = rows["seen"] >= self._settling
         joint += self._grid.none_margin * (rows["task"] == self._library.n_tasks)
@@ -230,7 +229,7 @@ class Births:
         return hopeless
 
     def _give_birth(self, birth_s: float, log_evidence: Floats, left: Floats) -> None:
-        """Add newborn hypotheses of the most probable tasks, and of none."""
+        """Add turns to the most probable tasks and to none, and new reaches of these tasks."""
         n_tasks = self._library.n_tasks
         tasks = np.arange(n_tasks)
         if n_tasks > MAX_TASKS:
@@ -244,9 +243,9 @@ class Births:
     def _add(
         self, kind: int, tasks: Integers, state: Floats, birth_s: float, log_evidence: Floats
     ) -> None:
-        """Add a kind of newborn hypotheses of some tasks (k,), with offsets of R rates, (k R, ...).
+        """Add newborn hypotheses of one kind for k tasks, from states for R rates each, (k R, ...).
 
-        Courses afresh begin at their birth, as that of none does.
+        New reaches and unknown movements begin at their birth.
         """
         afresh = kind == AFRESH
         offsets = REACH_OFFSETS if afresh else self._offsets
@@ -270,10 +269,10 @@ class Births:
         )
 
     def _newborn(self, tasks: Integers) -> tuple[Floats, Floats]:
-        """Weights of those born of tasks and none, with offsets that fade, and of tasks, that end.
+        """States of newborn turns to some tasks and to none, and of newborn reaches of the tasks.
 
-        The courses begin where the movement began, but for none, which begins at its birth. They
-        are the same at each birth until another DOF is seen for the first time.
+        Courses of known tasks are conditioned on where the movement began. The states stay the same
+        from birth to birth until another DOF is measured for the first time.
         """
         if self._states is None or not np.array_equal(tasks, self._states[0]):
             basis, known = self._library.basis, np.arange(len(tasks))
@@ -289,7 +288,7 @@ class Births:
     def _give_birth_to_delays(
         self, birth_s: float, log_evidence: Floats, onset: HypothesisTable
     ) -> None:
-        """Add copies of the most probable hypothesis of a known task, set back in time."""
+        """Add delayed copies of the most probable hypothesis of the known tasks."""
         n_tasks, table = self._library.n_tasks, self.table
         joint = self._grid.log_prior + log_evidence + self.log_stay
         joint, of_born = (
@@ -313,7 +312,7 @@ class Births:
         )
 
     def _remember_start(self, measurement: Measurement) -> None:
-        """Keep where the movement began: the course of another task would have begun there, too."""
+        """Keep the first position of each DOF: every task's course is taken to begin there."""
         known = [dof for dofs, _, _ in self._first for dof in dofs]
         new = np.array([dof not in known for dof in measurement.dofs])
         if new.any() and not measurement.derivative:
@@ -323,5 +322,5 @@ class Births:
 
 
 def _combined(*sizes: int) -> list[Integers]:
-    """Numbers of all combinations of so many things each, the last changing fastest."""
+    """Indices of all combinations of ranges of these sizes; the last index changes fastest."""
     return [index.ravel() for index in np.indices(sizes)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What measurements say of the phase deviation of hypotheses, at any time: smoothing."""
+"""Smoothing: the phase deviation of hypotheses at any time, given all measurements."""
 
 from typing import NamedTuple
 
@@ -10,12 +10,12 @@ from intent_recognition.promp import PhaseDeviation, deviation_prior, deviation_
 
 
 class Deviations(NamedTuple):
-    """What was believed of some hypotheses' phase deviation, one measurement after the other."""
+    """Filtered phase deviation of S hypotheses at each of n measurements."""
 
-    # of the n measurements after onset, (n,), ascending; a late one has the time of the one before
+    # times of the measurements after onset, (n,), ascending; a late one takes the one before
     times_s: Floats
     filtered: Floats  # probability of each deviation given the measurements so far, (n, S, E)
-    likelihood: Floats  # what each measurement weighed the deviations with, (n, S, E)
+    likelihood: Floats  # tempered likelihood of each deviation, up to scale, (n, S, E)
 
 
 def deviations_at(
@@ -23,7 +23,7 @@ def deviations_at(
 ) -> Floats:
     """Probability of each deviation at times after onset (T,) given all observations, (S, T, E).
 
-    Hypotheses have durations of the whole movement, (S,).
+    `durations_s` are the hypotheses' durations of the whole movement, (S,).
     """
     seen_s, filtered, _ = deviations
     prior = deviation_prior(model)
@@ -46,7 +46,7 @@ def deviations_at(
 
 
 def _smoothed(model: PhaseDeviation, durations_s: Floats, deviations: Deviations) -> Floats:
-    """Deviations at the measurements given all of them, (S, n, E): the backward recursion."""
+    """Deviations at the measurements given all of them, (S, n, E), by backward recursion."""
     times_s, filtered, likelihood = deviations
     later, smoothed = np.ones_like(filtered[0]), []
     moved = deviation_transition(model, np.diff(times_s)[:, None] / durations_s)

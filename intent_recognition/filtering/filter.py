@@ -4,14 +4,14 @@
 An observation passes through the observation model into the table of hypotheses. Task, progress and
 both agents' trajectories are read off the same table.
 
-Pruning is lag: tasks of negligible posterior are not conditioned, and catch up when they matter, as
-far as they do. A measurement cannot be more probable under any task than at the peak of its own
-noise, because an innovation covariance H S H^T + R is never smaller than R. So
+Pruning is lag: tasks of negligible posterior are not conditioned, and catch up once they matter. A
+measurement has its highest possible density, under any task, at the peak of its own noise, because
+an innovation covariance H S H^T + R is never smaller than R. So
 
     log p(all so far | task)  <=  log p(until it lagged | task) + sum of -1/2 log det(2 pi R),
 
-and while this bound is negligible, so is the task. `none` never lags, and tasks are compared with
-each other only, because the evidence of none counts beyond a margin only.
+and while this bound is negligible, so is the task. `none` never lags. Tasks are compared with each
+other only, not with none, whose evidence counts beyond a margin only.
 """
 
 from collections.abc import Iterable
@@ -36,13 +36,13 @@ from intent_recognition.promp import StartPosture, TaskLibrary, largest_by_unit
 from intent_recognition.signals import Observation, every_second
 
 PRUNE_FROM = 512
-"""Fewer hypotheses are never pruned. Measured: fewer are filtered in less time than it takes to
-choose among them (docs/speed.md)."""
+"""Least number of hypotheses for pruning. Measured: filtering fewer than this takes less time than
+choosing among them (docs/speed.md)."""
 PRUNE_BELOW = 160.0
-"""A task lags from where its log posterior is this far below the most probable task's.
+"""Nats below the most probable task at which a task begins to lag.
 
-Measured over whole movements with 900 to 4,500 hypotheses: of 60 to 240 it takes the least time, or
-within a tenth of it; what lags sooner has to catch up too often.
+Measured over whole movements with 900 to 4,500 hypotheses: the time is within a tenth of the least
+among values from 60 to 240. With lower values, tasks have to catch up too often.
 """
 
 
@@ -51,17 +51,17 @@ class MovementFilter:
 
     Args:
         library: the learned tasks.
-        grid: of tasks and durations.
-        onset_ns: stamp from which phases count.
-        prune: let tasks lag whose posterior is negligible, when there are many.
-        task_weight: factors that the posterior of the known tasks may be multiplied by (another
-            p(s)), (K,): what is negligible is so with and without them.
+        grid: prior grid of tasks and durations.
+        onset_ns: stamp at which the movement began; phases count from it.
+        prune: let tasks of negligible posterior lag if there are `PRUNE_FROM` hypotheses or more.
+        task_weight: factors by which the posterior of the known tasks may be multiplied (another
+            p(s)), (K,). A task lags only if it is negligible both with and without them.
         switching: follow a person who turns to another task on the way (`births`).
 
     Attributes:
         table: the hypotheses of the onset.
-        births: those that were born on the way; None without `switching`.
-        observations: of the movement.
+        births: the hypotheses born since; None without `switching`.
+        observations: the observations of the movement.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class MovementFilter:
         self.library, self.grid, n = library, grid, len(grid.duration_s)
         self._prunes = prune and n >= PRUNE_FROM
         self._prune_below = PRUNE_BELOW / grid.task_evidence
-        # by which a lagging task stays below: e^-40 is less than the rounding of a probability
+        # margin by which a lagging task stays below: e^-40 is less than a probability's rounding
         self._negligible_below = 40.0 / grid.task_evidence
         self.table = HypothesisTable(n, library)
         prior = library.observed_mean, library.observed_covariance
@@ -88,9 +88,9 @@ class MovementFilter:
     def restart(
         self, onset_ns: int, task_weight: Floats | None = None, past: Iterable[Observation] = ()
     ) -> None:
-        """Begin with another movement, in the memory of the one before.
+        """Begin another movement in the same memory.
 
-        `past` is what has been observed of it; the others are as of the class.
+        `past` holds its observations so far; the other arguments are those of the class.
         """
         grid, n_tasks = self.grid, len(self._prior.state)
         self.onset_ns, self.task_weight = onset_ns, task_weight
@@ -109,7 +109,7 @@ class MovementFilter:
         if self.births is not None:
             self.births.clear(self._log_weight)
         self._measurements: list[Measurement] = []
-        self._peaks = np.zeros(1)  # highest log density of so many measurements
+        self._peaks = np.zeros(1)  # highest log density of the first 0, 1, ... measurements
         self._follows = np.ones(n_tasks, dtype=bool)
         self._posterior: TaskPosterior | None = None
         self._predictions: dict[int, TaskPrediction] = {}
@@ -118,12 +118,12 @@ class MovementFilter:
 
     @property
     def n_used(self) -> int:
-        """How many observations were used."""
+        """Number of observations that were used."""
         return len(self._measurements)
 
     @property
     def _seen(self) -> Integers:
-        """On how many of them each task was conditioned, (K + 1,)."""
+        """Number of measurements on which each task was conditioned, (K + 1,)."""
         return np.asarray(self.table.rows["seen"][:: self.grid.n_scales])
 
     def observe(self, observation: Observation) -> None:
@@ -141,11 +141,11 @@ class MovementFilter:
             self._posterior = None
             self._predictions.clear()
         self.observations.append(observation)
-        if len(self.observations) > 2**14:  # 160 s at 100 Hz, kept for a change of library
+        if len(self.observations) > 2**14:  # 160 s at 100 Hz; needed when the library changes
             self.observations = every_second(self.observations)
 
     def posterior(self, stamp_ns: int) -> TaskPosterior:
-        """What the observations so far say of task and progress at a stamp."""
+        """Posterior of task and progress at a stamp, given the observations so far."""
         elapsed_s = (stamp_ns - self.onset_ns) * 1e-9
         if self._posterior is None:
             born = () if self.births is None else (self.births.table.rows, self.births.log_stay)
@@ -154,7 +154,7 @@ class MovementFilter:
         return self._posterior.at(elapsed_s)
 
     def _condition(self, measurement: Measurement) -> None:
-        """Condition the tasks that do not lag; choose anew which do."""
+        """Condition the tasks that do not lag, then choose again which tasks lag."""
         index = None if self._follows.all() else self._rows_of(np.flatnonzero(self._follows))
         self.table.condition(measurement, index)
         self._measurements.append(measurement)
@@ -166,7 +166,7 @@ class MovementFilter:
             self._follows[:-1] &= self._bound()[:-1] > limit[:-1] - self._prune_below
 
     def _catch_up(self, limit: Floats) -> None:
-        """Condition tasks on what they missed, until their bound is not above a limit, (K + 1,)."""
+        """Condition tasks on missed measurements until their bound is below a limit, (K + 1,)."""
         wanted = (self._seen < self.n_used) & (self._bound() >= limit)
         while wanted.any():
             k = int(self._seen[wanted].min())
@@ -179,16 +179,16 @@ class MovementFilter:
         return (tasks[:, None] * n_scales + np.arange(n_scales)).ravel()
 
     def _bound(self, tasks: Integers | slice = slice(None)) -> Floats:
-        """Log joint of some tasks, or where they lag a bound on it, (k,)."""
+        """Log joint of k tasks, or an upper bound on it for tasks that lag, (k,)."""
         joint = self.table.log_joint.reshape(-1, self.grid.n_scales)[tasks]
         missed = self._peaks[-1] - self._peaks[self._seen[tasks]]
         return log_sum(joint) + missed
 
     def _limit(self) -> Floats:
-        """What the log joint of each task is compared with, (K + 1,); that of none matters always.
+        """Log joint with which that of each task is compared, (K + 1,); -inf for none.
 
-        The most probable known task's, under the posterior as it is and multiplied by the task
-        weights. The tasks that hypotheses are born of are to be known exactly, too.
+        It is that of the most probable known task, with or without the task weights, whichever is
+        lower. It is lower still if needed to keep the tasks of which hypotheses are born exact.
         """
         exact = np.where(self._seen == self.n_used, self._bound(), -np.inf)[:-1]
         weighed = (exact + self._log_weight).max() - self._log_weight
@@ -200,7 +200,7 @@ class MovementFilter:
 
     @property
     def log_evidence(self) -> Floats:
-        """Log density of all observations under each hypothesis, (B,); a bound where it lags."""
+        """Log density of all observations under each hypothesis, (B,); a bound if its task lags."""
         found: Floats = self.table.rows["log_evidence"].copy()
         if self._prunes:
             found += np.repeat(self._peaks[-1] - self._peaks[self._seen], self.grid.n_scales)
@@ -208,20 +208,20 @@ class MovementFilter:
 
     @property
     def pruned_tasks(self) -> Integers:
-        """Numbers of the tasks that lag."""
+        """Indices of the tasks that lag."""
         return np.flatnonzero(self._seen < self.n_used)
 
     def rows_of(self, task: int) -> Integers:
-        """Where the table has a task, which does not lag any more, (S,)."""
+        """Rows of a task in the table, (S,), once it has caught up."""
         if self._prunes:
             self._catch_up(np.where(np.arange(len(self._seen)) == task, -np.inf, np.inf))
             self._follows[task] = True
         return self._rows_of(np.array([task]))
 
     def prediction(self, task: int) -> TaskPrediction:
-        """What the observations so far say about the movement, if it is of a task (or none).
+        """Prediction under a task (or none, K), given the observations so far.
 
-        By the hypotheses of the onset, or by those born since if they are more probable.
+        Made from the hypotheses of the onset, or from those born since if they are more probable.
         """
         if task not in self._predictions:
             births, table = self.births, self.table
@@ -243,12 +243,11 @@ class MovementFilter:
         """Mean and standard deviation of the controlled agent over all tasks, (T, Q) each.
 
         Args:
-            times_s: after onset, (T,).
+            times_s: times after onset, (T,).
             task_weights: probabilities of the K tasks, not all zero, (K,).
-            start: measured posture of the controlled agent at onset, one for each task or one for
-                all.
+            start: measured posture of the controlled agent at onset, one per task or one for all.
         """
-        likely = np.flatnonzero(task_weights > 1e-3 * task_weights.max())  # others hardly count
+        likely = np.flatnonzero(task_weights > 1e-3 * task_weights.max())  # others are negligible
         starts = start if isinstance(start, list) else [start] * len(task_weights)
         share = task_weights[likely] / task_weights[likely].sum()
         moments = [self.prediction(int(k)).mixture_at(times_s, starts[k]) for k in likely]
@@ -258,13 +257,13 @@ class MovementFilter:
         return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
 
     def end_std(self, task: int) -> dict[str, float]:
-        """Largest standard deviation of the end predicted for a task over the DOFs of each unit."""
+        """Largest standard deviation of a task's predicted end among the DOFs of each unit."""
         std = self.prediction(task).controlled(1).std[-1]
         return largest_by_unit(std, self.library.controlled_units)
 
 
 def _peak(measurement: Measurement) -> float:
-    """Highest log density that a measurement can have under any hypothesis."""
+    """Highest log density of a measurement under any hypothesis."""
     factor = cholesky(measurement.noise_covariance, name="noise covariance")
     at_peak = student_log_density(
         np.zeros(()), half_log_det(factor), len(factor), measurement.freedom

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The prior grid: tasks by durations, from which the hypotheses of a movement begin."""
+"""The prior grid of tasks and durations: the hypotheses at the onset of a movement."""
 
 from typing import NamedTuple
 
@@ -11,18 +11,18 @@ from intent_recognition.gaussian import log_sum
 from intent_recognition.promp import STUDENT_FREEDOM, TaskLibrary
 
 N_SCALES = 15
-"""Durations per task (docs/prediction.md)."""
+"""Number of durations per task (docs/prediction.md)."""
 
 
 class PriorGrid(NamedTuple):
-    """K + 1 tasks (none last) by S durations, flattened task by task; B of them."""
+    """B = (K + 1) S hypotheses: K + 1 tasks (none last) by S durations, flattened task by task."""
 
-    n_scales: int  # S
+    n_scales: int  # number of durations per task, S
     duration_s: Floats  # duration of the whole interaction under each hypothesis, (B,)
-    log_prior: Floats  # log prior probability of each, (B,); sums to one as probabilities
+    log_prior: Floats  # log prior probabilities of the hypotheses, which sum to one, (B,)
     duration_evidence: float = 1.0  # exponent of the evidence in the posterior of the duration
     task_evidence: float = 1.0  # exponent of the evidence of the tasks against each other
-    # evidence that a known task must have over none before it counts, in nats
+    # evidence [nats] of the known tasks against none, either way, that does not count
     none_margin: float = 0.0
 
     @property
@@ -31,14 +31,14 @@ class PriorGrid(NamedTuple):
         return self.log_task_joint(0.0)
 
     def log_task_joint(self, log_evidence: Floats | float) -> Floats:
-        """Log of prior and density of the observations, (B,), of each task and none, (K + 1,)."""
+        """Log joint of the tasks and none, (K + 1,), from the hypotheses' log evidence (B,)."""
         joint = (self.log_prior + log_evidence).reshape(-1, self.n_scales)
         return log_sum(joint)
 
     def duration_weights(self, log_evidence: Floats) -> Floats:
-        """Posterior probability of each duration given its task, (K + 1, S), by log evidence (B,).
+        """Posterior probabilities of the durations given the task, (K + 1, S), from evidence (B,).
 
-        An impossible task has its prior's durations: it can still be asked for.
+        A task of prior zero has them too, since a caller may ask for its prediction.
         """
         log_prior = self.log_prior.reshape(-1, self.n_scales)
         possible = np.isfinite(log_prior).any(axis=1, keepdims=True)
@@ -56,11 +56,11 @@ def make_prior_grid(
 
     Args:
         library: the learned tasks.
-        task_prior: p(s) of the K tasks, summing to one; the library's own when None.
-        n_scales: durations per task, at least 1.
+        task_prior: probabilities p(s) of the K tasks; None takes the library's.
+        n_scales: number of durations per task, at least 1.
 
     Raises:
-        ArgumentError: the prior is not one over K tasks, or there is no duration.
+        ArgumentError: the prior is not K probabilities that sum to one, or `n_scales` is below 1.
     """
     prior = library.task_prior if task_prior is None else np.asarray(task_prior)
     n_tasks = library.n_tasks
@@ -83,7 +83,7 @@ def make_prior_grid(
 
 
 def fixed_prior_grid(library: TaskLibrary, duration_s: float) -> PriorGrid:
-    """One hypothesis per task, all of a known duration: the phase is known."""
+    """Grid of one hypothesis per task, all with the same known duration, so the phase is known."""
     duration = np.full(library.n_tasks + 1, float(duration_s))
     return make_prior_grid(library, n_scales=1)._replace(duration_s=duration)
 
@@ -95,8 +95,8 @@ def log_durations(library: TaskLibrary) -> tuple[Floats, Floats]:
 
 
 def duration_offsets(n_scales: int) -> tuple[Floats, Floats]:
-    """Durations of a task, up to 2.5 standard deviations of their logarithm to either side of the
-    median, in these; log probabilities (S,).
+    """Durations of a task, as standard deviations of log duration from the median (at most 2.5),
+    and their log probabilities, (S,) each.
     """
     offsets = np.linspace(-2.5, 2.5, n_scales) if n_scales > 1 else np.zeros(1)
     log_weight = -0.5 * (STUDENT_FREEDOM + 1.0) * np.log1p(offsets**2 / STUDENT_FREEDOM)
@@ -104,12 +104,12 @@ def duration_offsets(n_scales: int) -> tuple[Floats, Floats]:
 
 
 def log_pace(grid: PriorGrid, log_evidence: Floats, offsets: Floats) -> Floats:
-    """Log probability of the durations of newborn hypotheses of a task, and of none, (2, S').
+    """Log probabilities of the durations of a task's newborn hypotheses, and of none's, (2, S').
 
     Args:
-        grid: of the hypotheses of the onset.
-        log_evidence: density of all observations under them, (B,).
-        offsets: of the durations, in standard deviations of their logarithm, (S',).
+        grid: prior grid of the hypotheses of the onset.
+        log_evidence: log density of all observations under each of them, (B,).
+        offsets: durations of the newborn, in standard deviations of log duration, (S',).
     """
     at, log_prior = duration_offsets(grid.n_scales)
     own = grid.log_task_joint(log_evidence)[:-1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From an observation to a measurement: the DOFs that were observed, and their noise."""
+"""From observations to measurements: the index of each observed DOF, and the noise."""
 
 from math import inf, isfinite
 from typing import NamedTuple
@@ -12,21 +12,21 @@ from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Observation
 
 SPACING = 0.4995
-"""Least time between two used observations of the same DOFs, in parts of the correlation time:
-half of it, and a thousandth of slack for stamps (docs/decisions/one_filter.md)."""
+"""Least time between two used observations of the same DOFs, relative to the correlation time: half
+of it, less a thousandth of slack for stamps (docs/decisions/one_filter.md)."""
 
 
 class Measurement(NamedTuple):
-    """One observation as the filter takes it."""
+    """One observation in the form that the filter conditions on."""
 
     elapsed_s: float  # time since onset
-    interval_s: float  # time since the measurement before, zero or more; infinite at the first one
-    dofs: Integers  # index of the observed DOF behind each value, (m,)
+    interval_s: float  # time since the last measurement, zero or more; infinite at the first
+    dofs: Integers  # index of the observed DOF of each value, (m,)
     values: Floats  # (m,)
-    noise_covariance: Floats  # of the values, (m, m), positive definite
-    derivative: bool  # whether velocities were measured
-    # degrees of freedom of the density that the evidence is computed with. Where a movement begins
-    # counts in full: the heavy tails are for what people do on the way, and a movement that begins
+    noise_covariance: Floats  # covariance of the values' noise, (m, m), positive definite
+    derivative: bool  # whether the values are velocities
+    # Degrees of freedom of the Student density that gives the evidence. First positions have a
+    # normal density: heavy tails allow for deviations on the way, but a movement that begins
     # elsewhere is not a known one.
     freedom: float = inf
 
@@ -34,8 +34,8 @@ class Measurement(NamedTuple):
 class ObservationModel:
     """Turns the observations of one movement into measurements; phases count from its onset.
 
-    Observations of the same DOFs closer together than half of the library's `correlation_time_s`
-    say nothing new about what a primitive leaves unexplained; of them the first is used.
+    An observation is left out if it follows a used one of the same DOFs within half of the
+    library's `correlation_time_s`: their residuals are correlated, so it would add little.
     """
 
     def __init__(self, library: TaskLibrary, onset_ns: int):
@@ -46,10 +46,10 @@ class ObservationModel:
         self._last_s = -inf
 
     def measurement(self, observation: Observation) -> Measurement | None:
-        """An observation with its noise; None if it follows too closely on the last one.
+        """Measurement with its noise; None if the observation follows too closely on another.
 
-        The noise of positions grows as samples get denser (`TaskLibrary.noise_covariance`); the
-        model remembers when each DOF was last measured. The sender's covariance is added.
+        The noise of positions grows with the rate of the samples (`TaskLibrary.noise_covariance`),
+        so the model remembers when each DOF was last measured. The sender's covariance is added.
 
         Raises:
             ShapeError: values, DOFs and covariance do not fit each other.
@@ -85,7 +85,7 @@ class ObservationModel:
 
 
 def check_observation(dofs: Integers, values: Floats, noise_covariance: Floats) -> None:
-    """Refuse values and noise that do not go with the DOFs, or are not finite."""
+    """Refuse values or noise that do not fit the DOFs, and values that are not finite."""
     m = len(dofs)
     if np.shape(values) != (m,) or np.shape(noise_covariance)[-2:] != (m, m):
         expected = f"shapes ({m},) and ({m}, {m}) for {m} observed values"

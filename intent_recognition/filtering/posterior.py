@@ -4,14 +4,13 @@
 Eq. 11 as printed forgets the past; here the posterior after one observation is the prior of the
 next, which in log space is a running sum.
 
-People's progress is not linear in time, so that under every constant duration the innovations are
-correlated, and their product is surer of the duration than it should be. The posterior of the
-duration therefore takes the evidence to a power (`duration_evidence`; 1 is Bayes' rule as it
-stands).
+People's progress is not linear in time. Under every constant duration the innovations are therefore
+correlated, and the product of their densities is overconfident about the duration. The posterior of
+the duration raises the evidence to a power (`duration_evidence`; 1 is plain Bayes' rule).
 
-For the same reason the evidence of the tasks against each other counts to a power, too
-(`task_evidence`). Evidence between the known tasks together and `none` counts beyond a margin
-instead, which is learned from movements of tasks that were left out (`learning.unknown_task`).
+For the same reason, the evidence of the tasks against each other is raised to a power
+(`task_evidence`). The evidence of all known tasks against `none` counts only beyond a margin, which
+is learned from held-out tasks (`learning.unknown_task`).
 """
 
 from __future__ import annotations
@@ -27,38 +26,38 @@ from intent_recognition.filtering.table import COLUMNS
 from intent_recognition.gaussian import log_sum
 
 NONE_BORN = np.zeros(0, dtype=COLUMNS)
-"""Rows of no hypothesis."""
+"""Empty array of rows: no hypothesis was born."""
 
 
 class CourseTimes(NamedTuple):
-    """When n hypotheses say that the course of their tasks began, and how long it takes."""
+    """Begin and duration of the course under each of n hypotheses."""
 
-    task: Integers  # number of the task of each, (n,)
-    weight: Floats  # their probabilities given the task, (n,)
-    begin_s: Floats  # when it began, after onset, (n,)
-    course_s: Floats  # how long it takes, (n,)
+    task: Integers  # index of the task of each hypothesis, (n,)
+    weight: Floats  # probabilities of the hypotheses given their task, (n,)
+    begin_s: Floats  # when the course began, after onset, (n,)
+    course_s: Floats  # duration of the course, (n,)
 
     def expected(self, values: Floats) -> Floats:
-        """What is expected given the task, (K + 1,), of what each hypothesis says, (n,)."""
+        """Expectation given each task, (K + 1,), of values under the hypotheses, (n,)."""
         return np.bincount(self.task, self.weight * values).astype(np.float64)
 
     def phase(self, elapsed_s: float) -> Floats:
-        """Expected phase given the task, so long after onset, (K + 1,)."""
+        """Expected phase given each task at a time after onset, (K + 1,)."""
         return self.expected(np.clip((elapsed_s - self.begin_s) / self.course_s, 0.0, 1.0))
 
 
 @brief
 class TaskPosterior(NamedTuple):
-    """What is believed about task and phase after some observations.
+    """Posterior of task and phase after some observations.
 
     Attributes:
-        probabilities: of the K tasks and none, (K + 1,); sums to one.
-        log_evidence: log p(observations | task), phase marginalised, (K + 1,); that of none is
-            what counts beyond the margin.
-        phase: expected phase given the task, (K + 1,).
-        duration_s: expected duration given the task, (K + 1,).
+        probabilities: probabilities of the K tasks and none, (K + 1,), which sum to one.
+        log_evidence: log p(observations | task), phase marginalised, (K + 1,), with `task_evidence`
+            and `none_margin` applied.
+        phase: expected phase given each task, (K + 1,).
+        duration_s: expected duration given each task, (K + 1,).
         scale_weights: p(duration | task, observations), (K + 1, S); rows sum to one.
-        timing: of all hypotheses, from which the phase at other times follows.
+        timing: timing of all hypotheses, which gives the phase at other times.
     """
 
     probabilities: Floats
@@ -69,7 +68,7 @@ class TaskPosterior(NamedTuple):
     timing: CourseTimes | None = None
 
     def at(self, elapsed_s: float) -> TaskPosterior:
-        """The same so long after onset, while nothing new is observed."""
+        """The posterior at another time after onset, without new observations."""
         return self if self.timing is None else self._replace(phase=self.timing.phase(elapsed_s))
 
 
@@ -84,10 +83,10 @@ def task_posterior(
 
     Args:
         log_evidence: log density of the observations under each hypothesis of the onset, (B,).
-        grid: of tasks and durations.
+        grid: prior grid of tasks and durations.
         elapsed_s: time since onset.
-        born: rows of hypotheses that were born on the way, (n,).
-        log_stay: log of what those of the onset have kept of their tasks.
+        born: rows of the hypotheses born since, (n,).
+        log_stay: log of the share that hypotheses of the onset have not passed on.
     """
     log_prior, onset = grid.log_task_prior, grid.log_task_joint(log_evidence)
     onset[:-1] += log_stay
@@ -120,9 +119,9 @@ def task_posterior(
 
 
 def answered(posterior: TaskPosterior, task: int) -> TaskPosterior:
-    """The posterior after a person has said which task it is.
+    """Posterior after a person has said which task it is.
 
-    An answer names the right task with a probability of 0.99, and any other thing as often as any.
+    An answer is right with a probability of 0.99; wrong answers are all equally probable.
     """
     n, right = len(posterior.probabilities), 0.99
     log_likelihood = np.full(n, np.log((1.0 - right) / (n - 1)))
@@ -134,10 +133,9 @@ def answered(posterior: TaskPosterior, task: int) -> TaskPosterior:
 
 
 def counted_none(log_evidence: Floats, log_prior: Floats, margin: float) -> float:
-    """Log evidence of none, the known tasks' factor over it counting beyond the margin only.
+    """Log evidence of none such that the known tasks' Bayes factor counts beyond a margin only.
 
-    Of log evidence and prior of the K tasks and none, (K + 1,) each, and a margin in nats, 0 or
-    more.
+    Takes log evidence and log prior of the K tasks and none, (K + 1,) each; margin >= 0 [nats].
     """
     known = log_prior[:-1] - np.logaddexp.reduce(log_prior[:-1]) + log_evidence[:-1]
     total = np.logaddexp.reduce(known)
@@ -147,15 +145,15 @@ def counted_none(log_evidence: Floats, log_prior: Floats, margin: float) -> floa
 
 
 def counted_joint(log_joint: Floats, log_prior: Floats, log_total: float, power: float) -> Floats:
-    """Log joint of hypotheses whose evidence against all others counts to a power.
+    """Log joint of hypotheses with their evidence against all others raised to a power.
 
-    Their prior, as that of a change of mind, counts as it is.
+    Their prior, such as that of a change of mind, is not raised to it.
 
     Args:
-        log_joint: log of prior and density of the observations, (n,).
-        log_prior: log of the former in parts of all hypotheses, (n,).
-        log_total: log joint of these together.
-        power: in (0, 1].
+        log_joint: log of prior times density of the observations, (n,).
+        log_prior: log of the prior relative to all hypotheses, (n,).
+        log_total: log joint of all hypotheses together.
+        power: exponent of the evidence, in (0, 1].
     """
     if power == 1.0:
         return log_joint
@@ -163,10 +161,10 @@ def counted_joint(log_joint: Floats, log_prior: Floats, log_total: float, power:
 
 
 def beyond_margin(log_factor: Floats, margin: float) -> Floats:
-    """What a log Bayes factor L of known tasks over none counts beyond a margin b, (...) [nats].
+    """Part of a log Bayes factor L of known tasks over none beyond a margin b, (...) [nats].
 
     log(1 + exp(L - b)) - log(1 + exp(-L - b)): L - b far above the margin b, L + b far below -b,
-    nearly zero between; L itself for a margin of zero.
+    nearly zero between them; L itself for a margin of zero.
     """
     above = np.logaddexp(0.0, np.asarray(log_factor) - margin)
     return above - np.logaddexp(0.0, -np.asarray(log_factor) - margin)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One task's trajectories, from the hypotheses of a movement under way."""
+"""Trajectories of both agents under one task, from the hypotheses of a movement under way."""
 
 from collections.abc import Sequence
 
@@ -22,11 +22,10 @@ from intent_recognition.promp import (
 )
 
 N_PHASES = 201
-"""Reference phases at which a mixture's trajectories are tabulated. Convention: half a percent of a
-movement apart."""
+"""Number of reference phases at which a mixture's trajectories are tabulated: every 0.5 %."""
 NEGLIGIBLE_SHARE = 1e-4
-"""Posterior probability of a duration, or share of the most probable hypothesis' that a born one
-has, below which it is left out of a prediction. Convention: a hundred of them are one percent."""
+"""Probability below which a hypothesis is left out of a prediction: the posterior of its duration
+or, for born ones, the ratio to their task's most probable. A hundred of them are one percent."""
 
 
 class TaskPrediction:
@@ -34,12 +33,12 @@ class TaskPrediction:
 
     Args:
         library: the learned tasks.
-        task: number of the task; K is none, which has no controlled agent.
-        table: of hypotheses.
-        index: the S rows of the task, (S,).
-        duration_weights: their posterior probabilities, (S,).
-        seen: the measurements so far. Residuals of positions couple the agents, but where the
-            hypotheses have offsets, which explain them.
+        task: index of the task; K is none, which has no controlled agent.
+        table: table of hypotheses.
+        index: rows of the task in the table, (S,).
+        duration_weights: posterior probabilities of these rows, (S,).
+        seen: the measurements so far. The residuals of positions couple the agents, unless the
+            hypotheses have offsets, which explain the residuals.
     """
 
     def __init__(
@@ -68,7 +67,7 @@ class TaskPrediction:
         return float(self.duration_weights @ self.durations_s)
 
     def observed_weights(self) -> Gaussian:
-        """Observed weights, durations marginalised by matching moments."""
+        """Posterior of the observed weights, durations marginalised by moment matching."""
         return self.weights.mixture(self.duration_weights)
 
     def deviations_at(self, times_s: Floats) -> Floats:
@@ -91,10 +90,10 @@ class TaskPrediction:
     def mixture_at(
         self, times_s: Floats, start: StartPosture | None = None
     ) -> tuple[Floats, Floats]:
-        """Mean and mean square of the controlled agent at true times after onset, (T, Q) each.
+        """Mean and mean square of the controlled agent at times after onset, (T, Q) each.
 
-        The mean square includes the noise (Ewerton et al. 2015, Eq. 14, over durations and
-        phase deviations), and the coupling of the residuals (`promp.coupling`).
+        Both are over durations and phase deviations (Ewerton et al. 2015, Eq. 14) and include the
+        coupling of the residuals (`promp.coupling`); the mean square includes the noise.
         """
         library, likely, share = self.library, self._likely, self._share
         mean, covariance = self._controlled_weights(start)
@@ -111,10 +110,10 @@ class TaskPrediction:
     def _controlled_weights(
         self, start: StartPosture | None, *, together: bool = False
     ) -> tuple[Floats, Floats]:
-        """As `promp.controlled_weights`, of k likely durations, within each controlled DOF alone.
+        """As `promp.controlled_weights` for k likely durations, with covariances within DOFs only.
 
-        They are as far from the start as the durations take them; all durations together count as
-        one.
+        The displacement from the start is scaled to each duration. With `together`, all durations
+        are merged into one by moment matching, k = 1.
 
         Returns:
             Means (k, Q, N) and covariances (k, Q, N, N).
@@ -147,7 +146,7 @@ class TaskPrediction:
         return self._displaced(mean, own - np.einsum("krqn,krqm->kqnm", cross, cross))
 
     def _displaced(self, mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
-        """Controlled weights of k likely durations as far from the start as these take them."""
+        """Controlled weights (k, ...) with displacements from the start scaled to the durations."""
         library = self.library
         if not (library.displacement_exponent or library.delay_s):
             return mean, covariance
@@ -157,7 +156,7 @@ class TaskPrediction:
         return mean, scaling @ covariance @ scaling.swapaxes(2, 3)
 
     def _along(self, phase: Floats, start: StartPosture | None) -> tuple[Floats, Floats, Floats]:
-        """Positions, their slopes over the phase, and variances of the controlled agent, (T, Q)."""
+        """Positions, their derivatives by phase, and variances of the controlled agent, (T, Q)."""
         library, basis = self.library, self.library.basis
         displaced = bool(library.displacement_exponent or library.delay_s)
         means, covariance = self._controlled_weights(start, together=not displaced)
@@ -171,9 +170,9 @@ class TaskPrediction:
         return design @ mean.T, basis.derivative_matrix(phase) @ mean.T, variance
 
     def _coupled(self, times_s: Floats) -> tuple[Floats, Floats]:
-        """What the observed residuals add to the controlled agent, and the variance they leave.
+        """Shift of the controlled agent by the observed residuals, and unexplained variance.
 
-        The first under each hypothesis, (S, T, Q); the second a share of the variance, (T, Q).
+        The shift is per hypothesis, (S, T, Q); the second is a share of the variance, (T, Q).
         """
         shape = len(times_s), self.library.n_controlled
         coupling = self.library.coupling
@@ -190,12 +189,12 @@ class TaskPrediction:
         return shift, 1.0 - known[:, None] * coupling.explained[self.task]
 
     def controlled(self, n_points: int, start: StartPosture | None = None) -> Trajectory:
-        """The controlled agent's whole interaction at n points in time, or for one its end alone.
+        """The controlled agent's whole interaction at n points in time; for one point, its end.
 
-        It is given its measured posture at onset.
+        It is conditioned on `start`, the agent's measured posture at onset.
 
         Raises:
-            ArgumentError: there is no point.
+            ArgumentError: `n_points` is below 1.
         """
         check_points(n_points)
         duration_s = self.duration_s
@@ -212,10 +211,10 @@ class TaskPrediction:
         return read_only(Trajectory(times_s, positions, velocities, np.sqrt(variance)))
 
     def observed(self, n_points: int) -> Trajectory:
-        """The rest of the observed agent's movement; its end alone when that is due, or for one.
+        """The rest of the observed agent's movement; its end alone if overdue or for one point.
 
         Raises:
-            ArgumentError: there is no point.
+            ArgumentError: `n_points` is below 1.
         """
         check_points(n_points)
         library, duration_s = self.library, self.duration_s
@@ -232,9 +231,9 @@ class TaskPrediction:
         return Trajectory(times_s, design @ per_dof, slope * rate[:, None], np.sqrt(variance))
 
     def _path(self, times_s: Floats, *, controlled: bool = False) -> tuple[Floats, Floats, Floats]:
-        """Expected progress: reference phase, its variance, and phase per second, each (T,).
+        """Expected reference phase, its variance, and its rate [1/s], each (T,).
 
-        It never goes back, and is at the end at the last of the times.
+        The phase never decreases, and is 1 at the last of the times.
         """
         model = self.library.phase_deviation
         steady = controlled and not model.controlled_follows
@@ -255,9 +254,9 @@ class TaskPrediction:
 
 
 def _tabulated(phase: Floats, probability: Floats) -> Floats:
-    """Probability of each of `N_PHASES` phases from that of some between them, (..., E): (..., G).
+    """Probabilities of the `N_PHASES` tabulated phases, (..., G), from those of phases (..., E).
 
-    Each is shared by the two next to it, so that their mean stays.
+    Each probability is divided between the two neighbouring phases, so that the mean is kept.
     """
     place = phase * (N_PHASES - 1)
     cell = np.minimum(place.astype(np.int64), N_PHASES - 2)
@@ -273,7 +272,7 @@ def _tabulated(phase: Floats, probability: Floats) -> Floats:
 
 
 def _values(seen: Sequence[Measurement], n_observed: int) -> tuple[Floats, Floats]:
-    """Times of measurements, ascending, (n,), and what was measured, NaN where nothing, (n, P)."""
+    """Ascending times of measurements, (n,), and their values, NaN if not measured, (n, P)."""
     times_s = np.unique([one.elapsed_s for one in seen])
     values = np.full((len(times_s), n_observed), np.nan)
     for one in seen:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often people turn, begin anew, make detours and are delayed: what passes to the newborn.
+"""Rates of turns, new reaches, detours and delays, and the shares that newborn hypotheses receive.
 
-And how long reaches that begin anew move.
+Also the part of its duration in which a new reach moves.
 """
 
 import numpy as np
@@ -10,35 +10,35 @@ from intent_recognition.array_types import Floats
 from intent_recognition.promp import TaskLibrary
 
 SWITCH_RATE = 0.04
-"""Rate at which a person turns to another task, per usual duration of the tasks
+"""Rate of turns to another task, per usual duration of the tasks, as all rates here
 (docs/decisions/change_of_mind.md)."""
 REACH_RATE = 0.0025
-"""Rate at which a person begins anew with another task, likewise."""
+"""Rate of new reaches for the goal of another task."""
 REACH_UNTIL = 0.6
-"""Part of a usual duration after which nobody does: of who turns later too little is seen to tell
-the goal (docs/decisions/change_of_mind.md)."""
+"""Time after onset, in usual durations, after which no new reach is assumed: of later ones too
+little is seen to recognise the goal (docs/decisions/change_of_mind.md)."""
 DETOUR_RATE = 0.03
-"""Rate at which a person goes on with the same task in another way, likewise."""
+"""Rate of detours: the same task goes on by another way."""
 DELAY_RATE = 0.3
-"""Rate at which a person is delayed, and goes on with the same movement later, likewise."""
+"""Rate of delays: the same movement goes on later."""
 NONE_RATE = 0.3
-"""Rate at which a known movement becomes one of no task, likewise; its evidence counts beyond the
+"""Rate at which a known movement becomes an unknown one; the evidence of this counts beyond the
 library's margin only."""
 
 TURN, DELAY, AFRESH = range(3)
-"""Kinds of birth: into the course so far of a task, a delayed copy, both with an offset that fades
-as a spring; into a course that begins now, with one that ends at rest."""
+"""Kinds of birth. A turn joins the course of a task, a delay copies a hypothesis; their offsets
+fade as a spring. A reach begins afresh at its birth, and its offset ends at rest."""
 
 
 def may_begin_anew(passed: float) -> bool:
-    """Whether somebody begins anew so long after the onset, in usual durations."""
+    """Whether a new reach may begin at this time after onset, in usual durations."""
     return passed <= REACH_UNTIL
 
 
 def log_stay(passed: float, switch_margin: float) -> float:
-    """Log probability with which a task of the onset has passed nothing on to tasks.
+    """Log of the share that a task's hypotheses of the onset have not passed on to tasks.
 
-    Time has passed since then, in usual durations; margin as of `birth_shares`.
+    `passed` is the time since onset in usual durations, `switch_margin` as for `birth_shares`.
     """
     turned = SWITCH_RATE * passed + REACH_RATE * min(passed, REACH_UNTIL)
     turned *= float(np.exp(-switch_margin))
@@ -53,16 +53,16 @@ def birth_shares(
     none_margin: float = 0.0,
     switch_margin: float = 0.0,
 ) -> Floats:
-    """Log of what passes in a time to the newborn hypotheses of each task and of none, (3, K + 1).
+    """Log of the shares that newborn hypotheses of each task and of none receive, (3, K + 1).
 
-    By kind: `TURN` (for the old task a detour), `DELAY`, and `AFRESH`.
+    Rows are the kinds of birth: `TURN` (a detour for the same task), `DELAY` and `AFRESH`.
 
     Args:
-        total: log joint of the tasks and none, everything together, (K + 1,).
-        log_prior: of the tasks, (K,).
-        passed: the time, in usual durations.
-        none_margin: evidence that a known task must have over none before it counts, in nats.
-        switch_margin: evidence that another task must have over the old one, likewise.
+        total: log joint of each task and of none over all hypotheses, (K + 1,).
+        log_prior: log prior of the tasks, (K,).
+        passed: time since the last birth, in usual durations.
+        none_margin: nats subtracted from the share of none.
+        switch_margin: nats subtracted from the shares of turns and reaches to another task.
     """
     known, n_tasks = total[:-1], len(total) - 1
     everything = np.logaddexp.reduce(known)
@@ -78,13 +78,13 @@ def birth_shares(
 
 
 def moving_parts(library: TaskLibrary, scale: Floats) -> Floats:
-    """Part of each task's duration in which its mean course moves, as by least jerk, (K,).
+    """Part of each task's duration in which its mean course moves, as a reach of least jerk, (K,).
 
-    The observed DOFs are measured in a scale, (P,).
+    `scale` makes the observed DOFs comparable, (P,): distances are in units of it.
     """
     phase = np.linspace(0.0, 1.0, 201)
     mean = library.observed_mean.reshape(len(library.observed_mean), len(scale), -1)[:-1]
     course = np.einsum("tn,kpn->ktp", library.basis.design_matrix(phase), mean) / scale
     way = np.linalg.norm(np.diff(course, axis=1), axis=2).cumsum(axis=1)
     done = np.argmax(way >= 0.99 * way[:, -1:], axis=1)
-    return np.asarray(np.minimum(phase[1:][done] / 0.894, 1.0))  # least jerk has done so much there
+    return np.asarray(np.minimum(phase[1:][done] / 0.894, 1.0))  # least jerk is 99 % done there

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hypotheses of a movement: a table with a row for each.
+"""The hypotheses of a movement: a table with one row per hypothesis.
 
-A row is a task, a timing, and what is believed of the weights and of the phase deviation under
-them. Rows of the onset, rows born on the way and delays differ in their columns only.
+A row is a task, a timing, and the posterior of the weights and of the phase deviation under them.
+Hypotheses of the onset, turns, reaches and delays differ in their columns only.
 
-A measurement is y = H w + e. A row of H holds the basis functions, or for a velocity their
-derivative, at the phase that a hypothesis gives to the time of measurement, in the block of the DOF
-that was measured; what was not measured has no row. A hypothesis that was born on the way has three
-more weights per DOF, those of its offset (`fading`).
+A measurement is y = H w + e. A row of H holds the basis functions (for a velocity, their time
+derivatives) at the phase of the measurement under the hypothesis, in the block of the measured DOF.
+DOFs that were not measured have no row. A hypothesis born on the way has three more weights per
+DOF, those of its offset (`fading`, `ending`).
 """
 
 from dataclasses import replace
@@ -31,37 +31,37 @@ from intent_recognition.promp import (
 )
 
 OFFSET_BASIS = 3
-"""Weights of an offset: position and velocity at birth, and a push."""
+"""Number of weights of an offset: position and velocity at birth, and a push or acceleration."""
 COLUMNS = np.dtype(
     [
-        ("task", np.int64),  # K is none
-        ("kind", np.int64),  # of birth (`rates`)
-        ("seen", np.int64),  # measurements it was conditioned on
-        ("onset_s", np.float64),  # where its phase begins, after the movement's onset
+        ("task", np.int64),  # index of the task; K is none
+        ("kind", np.int64),  # kind of birth (`rates`)
+        ("seen", np.int64),  # number of measurements it was conditioned on
+        ("onset_s", np.float64),  # time at which its phase is zero, after the movement's onset
         ("duration_s", np.float64),
-        ("birth_s", np.float64),
-        ("rate", np.float64),  # of the spring of its offset, or 1 / T of a reach [1/s]
-        ("log_share", np.float64),  # of what passes to its kind
+        ("birth_s", np.float64),  # time of its birth, after the movement's onset
+        ("rate", np.float64),  # rate of its offset's spring, or 1 / R of a reach [1/s]
+        ("log_share", np.float64),  # log of its share among the newborn of its kind and task
         ("log_prior", np.float64),
-        ("log_birth", np.float64),  # the same in parts of what everything was worth at birth
-        ("log_evidence", np.float64),  # density of the measurements that it is judged by
+        ("log_birth", np.float64),  # its log prior relative to all known tasks when it settled
+        ("log_evidence", np.float64),  # log density of all measurements after it settled
     ]
 )
-"""Columns of a hypothesis beside its state and the probabilities of its phase deviation."""
+"""Columns of a hypothesis besides its state and the probabilities of its phase deviation."""
 
 
 class HypothesisTable:
-    """Rows of hypotheses over P DOFs, in memory that is used again and again.
+    """Rows of hypotheses over P DOFs, in memory that is reused.
 
     Args:
-        room: rows at most.
+        room: largest number of rows.
         library: the learned tasks, with the prior of the phase deviation.
-        settling: how many measurements rows take their offsets from, weights that stand for the
-            phase deviation, and are not judged by; 0 where they have none.
+        settling: number of measurements that initialise a row's offset and do not count as
+            evidence; 0 for rows without offsets. Offsets replace the phase deviation.
 
     Attributes:
-        n: rows in use.
-        has_offsets: whether `settling` is above 0.
+        n: number of rows in use.
+        has_offsets: whether rows have offsets.
         deviation: probability of each phase deviation, (room, E).
     """
 
@@ -73,8 +73,8 @@ class HypothesisTable:
         self._usual_s = library.usual_s
         self._basis, n_dofs, n_basis = library.basis, library.n_observed, library.basis.n_basis
         self._shape = n_dofs, n_basis + OFFSET_BASIS * self.has_offsets
-        # The system hands out memory when it is touched: now, not later. It
-        # begins with a cache line: updates of blocks across two take a tenth longer.
+        # Touch the memory now, so that it is not allocated on first use. Align it to a cache line:
+        # updates of blocks that cross two lines take a tenth longer.
         shape = room, state_width(n_dofs * self._shape[1])
         memory = np.full(room * shape[1] + 8, 0.0)
         self._state = memory[-memory.ctypes.data // 8 % 8 :][: room * shape[1]].reshape(shape)
@@ -84,7 +84,7 @@ class HypothesisTable:
         self.clear()
 
     def clear(self) -> None:
-        """Begin with another movement."""
+        """Remove all rows: another movement begins."""
         self.n = 0
         self._history: list[tuple[float, Integers, NDArray, NDArray]] = []
 
@@ -95,17 +95,17 @@ class HypothesisTable:
 
     @property
     def log_joint(self) -> Floats:
-        """Log prior and density of the observations, (n,)."""
+        """Log of prior times density of the observations, (n,)."""
         return self.rows["log_prior"] + self.rows["log_evidence"]
 
     def add(self, state: Floats, times: int = 1, **columns: object) -> slice:
-        """Add rows that have seen nothing; returns where they are.
+        """Add rows without measurements, and return their slice of the table.
 
         Args:
-            state: of their weights, (k, ...), as in `GaussianBatch`.
-            times: rows of each state, one after the other.
-            columns: of `COLUMNS`, a number or (k times,) each; what is left out is zero, and the
-                prior that of the impossible.
+            state: prior of their weights, (k, ...), as in `GaussianBatch`.
+            times: number of consecutive rows per state.
+            columns: values of `COLUMNS`, a number or (k times,) each. The default is zero, and for
+                `log_prior` minus infinity.
         """
         new = slice(self.n, self.n + len(state) * times)
         self.n = new.stop
@@ -116,7 +116,7 @@ class HypothesisTable:
         return new
 
     def condition(self, measurement: Measurement, index: Integers | None = None) -> None:
-        """Condition rows on a measurement: those of an index, ascending, or all."""
+        """Condition rows on a measurement: the rows of an ascending index, or all."""
         where = slice(self.n) if index is None else index
         rows, deviation = self._columns[where], self.deviation[: self.n]
         batch = GaussianBatch(self._state[: self.n], *self._shape)
@@ -133,7 +133,7 @@ class HypothesisTable:
             self._history.append(step)
 
     def linear(self, measurement: Measurement, rows: NDArray[np.void]) -> LinearMeasurement:
-        """A measurement as the hypotheses of some rows (n,) take it."""
+        """The linear measurement of the weights under the hypotheses of some rows, (n,)."""
         model, basis, duration_s = self._model, self._basis, rows["duration_s"]
         into = (measurement.elapsed_s - rows["onset_s"]) / duration_s
         relative = duration_s / self._usual_s[rows["task"]]
@@ -163,23 +163,22 @@ class HypothesisTable:
         )
 
     def drop(self, which: Flags) -> None:
-        """Drop rows (n,); the last of the others take their places."""
+        """Remove the rows where `which` (n,) is true; the last rows kept fill the gaps."""
         self.n -= int(np.count_nonzero(which))
         free, moved = np.flatnonzero(which[: self.n]), self.n + np.flatnonzero(~which[self.n :])
         for array in (self._state, self.deviation, self._columns):
             array[free] = array[moved]
 
     def courses(self, index: Integers) -> GaussianBatch:
-        """The weights of some rows, without those of their offsets; a copy.
+        """Copy of the weights of some rows, without the weights of their offsets.
 
-        Only the observed block of the weights is filtered (Maeda et al. 2014, Eq. 6-8):
-        observations do not touch the rest, which follows by regression when asked for
-        (`promp.controlled_weights`).
+        Only the observed block of the weights is filtered (Maeda et al. 2014, Eq. 6-8). The
+        controlled block follows from it by regression (`promp.controlled_weights`).
         """
         return GaussianBatch(self._state, *self._shape).resized(index, self._basis.n_basis)
 
     def deviations(self, index: Integers) -> Deviations:
-        """What was believed of neighbouring rows that were always conditioned together."""
+        """Filtered deviations of adjacent rows that were always conditioned together."""
         ends = index[0], index[-1] + 1
         found = [
             (elapsed_s, filtered[some], likelihood[some])
@@ -194,11 +193,11 @@ class HypothesisTable:
 
 
 def fading(since_s: Floats, rate: Floats, *, derivative: bool = False) -> Floats:
-    """What remains of an offset of one, of its velocity and of its push, (n, 3).
+    """Factors of a, b and c in an offset that fades as a spring, (n, 3).
 
-    A critically damped spring of rate r [1/s] (n,) with an initial push that fades as fast, at
-    times s since birth (n,), below 0 as at 0: (a (1 + r s) + b s + c s^2 / 2) exp(-r s); or its
-    derivative by time [1/s].
+    The offset (a (1 + r s) + b s + c s^2 / 2) exp(-r s) is a critically damped spring of rate r
+    [1/s], (n,), with an initial push c, at times s since birth, (n,); s below 0 counts as 0. With
+    `derivative`, factors in its time derivative [1/s].
     """
     s = np.maximum(since_s, 0.0)
     if derivative:
@@ -209,10 +208,10 @@ def fading(since_s: Floats, rate: Floats, *, derivative: bool = False) -> Floats
 
 
 def ending(since_s: Floats, rate: Floats, *, derivative: bool = False) -> Floats:
-    """What remains of an offset of one, of its velocity and of its acceleration, (n, 3).
+    """Factors of the position, velocity and acceleration at birth in an offset that ends, (n, 3).
 
-    The quintics of least jerk that end at rest after T = 1 / rate (Flash and Hogan 1985), at times
-    since birth (n,), below 0 as at 0; or their derivatives by time [1/s].
+    They are the quintics of least jerk that end at rest after R = 1 / rate (Flash and Hogan 1985),
+    at times since birth, (n,); below 0 counts as 0. With `derivative`, their time derivatives.
     """
     u = np.clip(since_s * rate, 0.0, 1.0)
     left = 1.0 - u
