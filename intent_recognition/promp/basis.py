@@ -21,7 +21,7 @@ class NormalizedRBFBasis:
         width: standard deviation of each Gaussian in units of the spacing between centres.
 
     Raises:
-        ArgumentError: fewer than 3 basis functions, no whole number, or a width not above 0.
+        ArgumentError: `n_basis` is below 3 or not a whole number, or `width` is not positive.
     """
 
     n_basis: int = 20
@@ -45,12 +45,12 @@ class NormalizedRBFBasis:
         return self.width / (self.n_basis - 1)
 
     def design_matrix(self, phase: Floats) -> Floats:
-        """Basis functions at phases (...,): (..., N); outside [0, 1] those of the nearer end."""
+        """Basis functions at phases (...,): (..., N). Phases are clipped to [0, 1]."""
         phase = np.minimum(np.maximum(phase, 0.0), 1.0)
         values = (phase[..., None] - self.centers) / self.scale
         values *= values
         values *= -0.5
-        if self.width < 0.05:  # between the centres all of them would underflow
+        if self.width < 0.05:  # between two centres all functions would underflow
             values -= np.maximum.reduce(values, axis=-1, keepdims=True)
         np.exp(values, out=values)
         values /= np.add.reduce(values, axis=-1, keepdims=True)
@@ -69,19 +69,19 @@ class NormalizedRBFBasis:
         return gradient * inside[..., None]
 
     def scaling(self, factor: Floats | float) -> Floats:
-        """What scales displacements from the start by factors (...,), of weights: (..., N, N).
+        """Matrices that scale displacements from the start by factors (...,): (..., N, N).
 
-        A position q(z) becomes q(0) + factor (q(z) - q(0)).
+        Applied to weights, a position q(z) becomes q(0) + factor (q(z) - q(0)).
         """
-        start = self.design_matrix(np.zeros(1))  # all weights alike make a constant
+        start = self.design_matrix(np.zeros(1))  # equal weights give a constant position
         by = np.asarray(factor, dtype=np.float64)[..., None, None]
         return np.asarray(by * np.eye(self.n_basis) + (1.0 - by) * start, dtype=np.float64)
 
     def shifting(self, later: Floats | float) -> Floats:
-        """What moves trajectories later in phase by (...,), of weights: (..., N, N).
+        """Matrices that delay trajectories in phase by (...,): (..., N, N).
 
-        A position q(z) becomes q(z - later), by least squares over the phase. A slight penalty
-        on bends (convention) keeps the weights of wide basis functions small.
+        Applied to weights, a position q(z) becomes q(z - later), by least squares over the phase. A
+        slight penalty on curvature keeps the weights of wide basis functions small.
         """
         by = np.asarray(later, dtype=np.float64)[..., None]
         if not np.any(by):

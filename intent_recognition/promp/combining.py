@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Primitives combined: via points, co-activation, and blending over time.
+"""Modulation and combination of primitives: via points, co-activation, blending over time.
 
 The operators of Paraschos et al. 2013, "Probabilistic Movement Primitives", Section 2.2, and
 Paraschos et al. 2018, "Using Probabilistic Movement Primitives in Robotics" (modulation by
@@ -25,13 +25,13 @@ from intent_recognition.signals import as_numbers
 
 @brief
 class Blend(NamedTuple):
-    """The trajectory of some DOFs that primitives give together.
+    """Blended trajectory of m DOFs.
 
     Attributes:
-        times_s: (T,).
-        positions: mean, (T, m).
-        velocities: derivative of the mean, per second, (T, m).
-        covariance: of the positions at each time, measurement noise included, (T, m, m).
+        times_s: times, (T,).
+        positions: mean positions, (T, m).
+        velocities: derivatives of the mean positions, per second, (T, m).
+        covariance: covariance of the positions at each time with measurement noise, (T, m, m).
     """
 
     times_s: Floats
@@ -55,32 +55,32 @@ def via_point(
     velocity: bool = False,
     keep_observed: bool = True,
 ) -> InteractionProMP:
-    """A primitive that passes through a point: any DOFs, at any time, as exactly as asked for.
+    """Make a primitive pass through a point of any DOFs, at any time, with a given covariance.
 
-    The weights are conditioned on the point with the covariance of the wish alone (Paraschos et al.
-    2013, "modulation of via-points"): w' = w + L (y - H w), L = P H^T (R + H P H^T)^-1. With no
-    covariance the mean passes through the point; DOFs with an infinite variance are ignored.
-    The robot's other DOFs and times follow by their correlation.
+    The weights are conditioned on the point with this covariance, without measurement noise
+    (Paraschos et al. 2013, "modulation of via-points"): w' = w + L (y - H w) with
+    L = P H^T (R + H P H^T)^-1. Without a covariance, the mean passes through the point exactly.
+    DOFs of infinite variance are ignored. Other DOFs and times of the robot follow by correlation.
 
-    A wish for the robot is no evidence about the person: with controlled DOFs alone, the observed
-    ones stay as they are, and w, P are the robot's weights given the person's, whatever these are.
-    Conditioning on the person before or after comes to the same.
+    A point for the robot is no evidence about the person. If all its DOFs are controlled, the
+    distribution of the observed weights stays the same, and w, P are those of the robot's weights
+    given the person's. The point and observations of the person may be conditioned on in any order.
 
     Args:
-        primitive: to modulate; it stays as it is.
-        time_s: when, from 0 to `duration_s`; the end for an end point [s].
+        primitive: primitive to modulate; it is not changed.
+        time_s: time of the point, from 0 to `duration_s` [s].
         values: the point, (m,), in the units of the DOFs, per second with `velocity`.
-        dofs: m numbers, counted from 0 over the observed, then the controlled ones; None for all
-            controlled ones.
-        covariance: how exactly, (m, m), variances (m,) of which some may be infinite, or None.
+        dofs: m indices, counted from 0 over the observed, then the controlled DOFs; None for all
+            controlled DOFs.
+        covariance: covariance (m, m), or variances (m,), of which some may be infinite; None for 0.
         velocity: whether the point is a velocity.
         keep_observed: False takes the point as evidence about the person too, as
-            `InteractionProMP.condition` does; so does naming an observed DOF.
+            `InteractionProMP.condition` does; so does a point with an observed DOF.
 
     Raises:
         ShapeError: the arrays do not fit each other.
         ArgumentError: a number is not finite, there is no such DOF or time, or the primitive has no
-            freedom left to pass there, as where it was conditioned exactly before.
+            variance left there, for example since it was conditioned exactly before.
     """
     index = _index(primitive, dofs)
     if not 0.0 <= time_s <= primitive.duration_s:
@@ -119,16 +119,16 @@ def via_point(
 def co_activate(
     primitives: Sequence[InteractionProMP], activations: Sequence[float]
 ) -> InteractionProMP:
-    """One primitive that does justice to several at once: the product of their distributions.
+    """Combine primitives into one: the product of their distributions.
 
-    p(w) is proportional to prod_i p_i(w)^a_i (Paraschos et al. 2013, "combination"): where one is
-    sure and another is not, the sure one decides. Activations that sum to 1 leave a primitive
-    combined with itself as it is. The result can be conditioned as any primitive. Duration and
-    measurement noise are the means, weighted by the activations.
+    p(w) is proportional to prod_i p_i(w)^a_i (Paraschos et al. 2013, "combination"), so that the
+    primitive of the smallest variance dominates. A primitive combined with itself stays the same if
+    the activations sum to 1. The result can be conditioned like any primitive. Its duration and
+    measurement noise are averages weighted by the activations.
 
     Args:
-        primitives: of the same DOFs and basis functions.
-        activations: a_i of each, not negative, not all zero.
+        primitives: primitives of the same DOFs and basis functions.
+        activations: a_i, one per primitive, not negative and not all zero.
 
     Raises:
         ArgumentError: the primitives do not fit each other, or no activation is above zero.
@@ -153,24 +153,24 @@ def blend(
     starts_s: Sequence[float] | None = None,
     dofs: Sequence[int] | None = None,
 ) -> Blend:
-    """Go over from one primitive to another while the movement lasts.
+    """Blend primitives by activations that change during the movement.
 
-    At each time the positions' distribution is proportional to prod_i p_i(y_t)^a_i(t) (Paraschos et
-    al. 2013, "blending"): precisions add up, weighted by the activations. Where one primitive is
-    much surer than another, it decides from a small activation on. The paper multiplies positions
-    and velocities together and lets a controller follow; here the velocity is the derivative of the
-    blended mean, so that a position controller can follow the pair. Both are continuous where the
-    activations have continuous rates (`smooth_switch`).
+    The distribution of positions at each time is proportional to prod_i p_i(y_t)^a_i(t) (Paraschos
+    et al. 2013, "blending"): precisions add up, weighted by the activations. A primitive of much
+    smaller variance than the others dominates even at a small activation. The paper multiplies the
+    joint distributions of positions and velocities for a feedback controller; here the velocity is
+    the derivative of the blended mean, so that a position controller can follow both. Position and
+    velocity are continuous if the rates of the activations are (`smooth_switch`).
 
     Args:
-        primitives: K, of the same DOFs. Before its start and after its end a primitive stands
-            still where it begins and ends.
-        times_s: increasing, (T,) [s].
-        activations: (T, K), not negative, not all zero at any time.
-        rates: their derivatives, (T, K) [1/s]; None differentiates them numerically.
-        starts_s: when each begins [s]; None for all at 0.
-        dofs: m numbers, counted from 0 over the observed, then the controlled ones; None for all
-            controlled ones: what the person does is not ours to blend.
+        primitives: K primitives of the same DOFs. Before its start and after its end, a primitive
+            rests at its first and last position.
+        times_s: increasing times, (T,) [s].
+        activations: activations, (T, K), not negative, not all zero at any time.
+        rates: derivatives of the activations, (T, K) [1/s]; None differentiates numerically.
+        starts_s: time at which each primitive begins [s]; None for all at 0.
+        dofs: m indices, counted from 0 over the observed, then the controlled DOFs; None for all
+            controlled DOFs.
 
     Raises:
         ShapeError: the arrays do not fit each other.
@@ -212,30 +212,30 @@ def blend(
 
 
 def minimum_jerk(share: ArrayLike) -> Floats:
-    """Progress 10 s^3 - 15 s^4 + 6 s^5 (Flash and Hogan 1985) after shares s of the time (...).
+    """Minimum-jerk progress 10 s^3 - 15 s^4 + 6 s^5 (Flash and Hogan 1985) at shares s of time.
 
-    It is 0 before and 1 after; velocity and acceleration are zero at both ends.
+    It is 0 below s = 0 and 1 above s = 1, with zero velocity and acceleration at both ends.
     """
     s = np.clip(np.asarray(share, dtype=np.float64), 0.0, 1.0)
-    return np.minimum(s**3 * (10.0 + s * (-15.0 + 6.0 * s)), 1.0)  # rounding may go beyond
+    return np.minimum(s**3 * (10.0 + s * (-15.0 + 6.0 * s)), 1.0)  # rounding may exceed 1
 
 
 def smooth_switch(times_s: ArrayLike, at_s: float, over_s: float) -> tuple[Floats, Floats]:
-    """Activations of two primitives, the second taking over from the first.
+    """Activations of two primitives, of which the second takes over from the first.
 
-    The second's is `minimum_jerk` of the share of the time that has passed, the first's the rest:
-    continuous up to the second derivative.
+    The second activation is `minimum_jerk` over the duration of the change, the first is one minus
+    it: both are continuous up to the second derivative.
 
     Args:
-        times_s: (T,) [s].
+        times_s: times, (T,) [s].
         at_s: middle of the change [s].
-        over_s: its length, above zero [s].
+        over_s: duration of the change, above zero [s].
 
     Returns:
-        Activations (T, 2), and their rates (T, 2) [1/s], as `blend` takes them.
+        Activations (T, 2) and their rates (T, 2) [1/s], for `blend`.
 
     Raises:
-        ArgumentError: the change has no length.
+        ArgumentError: `over_s` is not above zero.
     """
     if not over_s > 0.0:
         raise ArgumentError.about("over_s", "a time above zero", over_s, "Give a longer one.")
@@ -263,12 +263,12 @@ def _moments(primitive: InteractionProMP, times_s: Floats, dofs: Integers) -> tu
 
 
 def _times(matrices: Floats, vectors: Floats) -> Floats:
-    """The product of each of T matrices with its vector, (T, D)."""
+    """Product of each of T matrices with its vector, (T, D)."""
     return np.asarray(np.einsum("tij,tj->ti", matrices, vectors))
 
 
 def _index(primitive: InteractionProMP, dofs: Sequence[int] | None) -> Integers:
-    """Numbers of DOFs, checked; None for the controlled ones."""
+    """Checked indices of DOFs; those of the controlled DOFs for None."""
     index = np.array(range(primitive.n_observed, primitive.n_dofs) if dofs is None else dofs, int)
     if not index.size or index.min() < 0 or index.max() >= primitive.n_dofs:
         expected = f"numbers from 0 to {primitive.n_dofs - 1}"
@@ -291,7 +291,7 @@ def _activations(values: ArrayLike, shape: tuple[int, ...]) -> Floats:
 
 
 def _check_same(primitives: Sequence[InteractionProMP]) -> None:
-    """Make sure that weights of the primitives mean the same."""
+    """Refuse primitives of different basis functions or DOFs."""
     first = primitives[0] if primitives else None
     if first is None or any(
         one.basis != first.basis or one.n_dofs != first.n_dofs or one.n_observed != first.n_observed

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of the scene, such as where a box stands, jointly Gaussian with the weights.
+"""The context: properties of the scene, such as the place of a box, that the weights depend on.
 
-A context c (M,) is constant in time. With the weights w of a task it has the joint distribution
+A context c (M,) is constant in time. It is jointly Gaussian with the weights w of a task,
 
     c ~ N(m, S),    w | c ~ N(mu + G (c - m), V),    w ~ N(mu, V + G S G^T),
 
-of which a library holds the marginal of w. Knowing c, or a part of it, conditions the weights; not
-knowing it leaves them as they are. G comes from nu demonstrations, so that the weights are less
-certain in a context far from those shown: the conditional of their Student predictive has the
-covariance of the Gaussian one times 1 + d^2 / nu, with d the Mahalanobis distance of the context.
+of which a library holds the marginal of w. A known context, or a known part of it, conditions the
+weights; an unknown one leaves them unchanged. G is estimated from nu demonstrations, so the weights
+are less certain in a context far from those shown: the Student predictive given c has the
+covariance of the Gaussian one times 1 + d^2 / nu, where d is the Mahalanobis distance of c.
 
-A context says nothing about the task by itself: it is what the demonstrator set up, and p(c | task)
-is how the recordings were arranged, not how often a task is done in a scene.
+A context is no evidence about the task: the demonstrator chose it, so p(c | task) tells how the
+recordings were arranged, not how often a task is done in a scene.
 """
 
 from collections.abc import Sequence
@@ -26,24 +26,24 @@ from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian import cholesky, solve_lower, symmetrize
 
 CONTEXT_STRENGTH = 0.1
-"""Equivalent sample size, in demonstrations, of the prior that the weights do not depend on the
-context: one standard deviation of it moves them by about three of what it leaves. Convention."""
+"""Equivalent sample size, in demonstrations, of the prior on the gain. Under this prior, one
+standard deviation of the context moves the weights by about three of their remaining ones."""
 
 
 class Given(NamedTuple):
-    """How known contexts change the weights of K tasks."""
+    """Changes of the weights of K tasks by a known context."""
 
-    shift: Floats  # of the means, (K, d)
-    reduction: Floats  # of the covariances, (K, d, d)
-    scale: Floats  # factor of what remains of the covariances, (K,)
+    shift: Floats  # shift of the means, (K, d)
+    reduction: Floats  # reduction of the covariances, (K, d, d)
+    scale: Floats  # factor of the reduced covariances, (K,)
 
 
 @dataclass(frozen=True)
 class ContextModel:
-    """Context of K tasks, M numbers."""
+    """Joint distribution of a context of M numbers with the weights of K tasks."""
 
-    names: tuple[str, ...]  # of the M numbers
-    units: tuple[str, ...]
+    names: tuple[str, ...]  # names of the M numbers
+    units: tuple[str, ...]  # units of the M numbers
     mean: Floats  # m, (K, M)
     covariance: Floats  # S, (K, M, M)
     gain: Floats  # G, (K, D N, M)
@@ -52,12 +52,12 @@ class ContextModel:
 
     @property
     def tolerance(self) -> Floats:
-        """Changes of the context that make no difference, (M,)."""
+        """Largest changes of the context that are taken for noise, (M,)."""
         least = np.min(np.diagonal(self.covariance, axis1=1, axis2=2), axis=0)
         return 0.05 * np.sqrt(least)
 
     def given(self, values: Floats) -> Given:
-        """Condition the weights on a context (M,); NaN for what is not known."""
+        """Condition the weights on a context (M,), NaN for unknown numbers."""
         known = np.flatnonzero(np.isfinite(values))
         factor = cholesky(self.covariance[:, known[:, None], known], name="covariance of context")
         cross = np.matmul(self.gain, self.covariance[:, :, known])
@@ -72,10 +72,10 @@ class ContextModel:
 
 
 def as_context(context: ArrayLike, names: Sequence[str]) -> Floats:
-    """The values (M,) of a context; NaN for what is not known.
+    """Checked values (M,) of a context, NaN for unknown numbers.
 
     Raises:
-        ShapeError: it is not one number for each of the names.
+        ShapeError: `context` is not one number per name.
         ArgumentError: a number is infinite.
     """
     values = np.array(context, dtype=np.float64)

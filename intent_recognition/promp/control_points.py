@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controlled agent given the observed one, and via points of it alone.
+"""Via points of the controlled agent that leave the observed agent unchanged.
 
-The operator is that of `combining.via_point` (Paraschos et al. 2013, Section 2.2; Paraschos et al.
-2018): the point conditions what the controlled agent does given the observed one, whose weights
-keep their distribution. So a whole library passes through points, and recognises what it did.
+As in `combining.via_point` (Paraschos et al. 2013, Section 2.2; Paraschos et al. 2018), a point
+conditions the controlled weights given the observed ones. The distribution of the observed weights
+stays the same. A whole library can thus pass through points and recognise tasks as before.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,9 +27,9 @@ from intent_recognition.promp.library import TaskLibrary
 
 
 class ControlPoint(NamedTuple):
-    """Where the controlled agent shall be at a phase: M q = y, as exactly as R says."""
+    """Desired position of the controlled agent at a phase: M q = y with covariance R."""
 
-    phase: float  # of the task, in [0, 1]
+    phase: float  # phase of the task, in [0, 1]
     matrix: Floats  # M, (m, Q): rows of the identity for DOFs, a Jacobian for a hand
     values: Floats  # y, (m,)
     covariance: Floats  # R, (m, m), positive definite
@@ -38,11 +38,11 @@ class ControlPoint(NamedTuple):
 def condition_controlled(
     joint: Gaussian, n_observed: int, matrix: Floats, point: Floats, spread: Floats
 ) -> Gaussian:
-    """The observed weights as they are, the controlled ones given them conditioned on a point.
+    """Condition the controlled weights on a point; the observed weights keep their distribution.
 
     Args:
-        joint: of (w_o, w_c).
-        n_observed: weights w_o.
+        joint: joint distribution of (w_o, w_c).
+        n_observed: number of observed weights.
         matrix: H of the controlled weights, (m, n_c).
         point: y, (m,).
         spread: R, (m, m).
@@ -60,15 +60,15 @@ def condition_controlled(
 def condition_response(
     rule: Regression, matrix: Floats, point: Floats, spread: Floats
 ) -> Regression:
-    """The robot's answer to a person, w_c | w_o = b + A w_o + e, that passes through a point.
+    """Condition the robot's regression on the person, w_c | w_o = b + A w_o + e, on a point.
 
-    With C the covariance of e, the gain K = C H^T (H C H^T + R)^-1 does not depend on w_o, so that
-    A becomes (1 - K H) A, b becomes b + K (y - H b), and C becomes C - K H C (Paraschos et al.
-    2013, "modulation of via-points", given the person). What is observed of the person before or
-    after tells the same.
+    With C the covariance of e, the gain K = C H^T (H C H^T + R)^-1 does not depend on w_o. Hence A
+    becomes (1 - K H) A, b becomes b + K (y - H b), and C becomes C - K H C (Paraschos et al. 2013,
+    "modulation of via-points", given the person). The result is the same whether the person is
+    observed before or after.
 
     Args:
-        rule: b, A and C, as `TaskLibrary.regressions` has them.
+        rule: A, b and C, as in `TaskLibrary.regressions`.
         matrix: H of the controlled weights, (m, n_c).
         point: y, (m,).
         spread: R, (m, m).
@@ -80,7 +80,7 @@ def condition_response(
 
 
 def controlled_at(library: TaskLibrary, task: int, phase: float) -> Gaussian:
-    """Distribution of a task's controlled positions at a phase, over all people, (Q,), (Q, Q)."""
+    """Prior distribution of a task's controlled positions at a phase, (Q,) and (Q, Q)."""
     row, size = library.basis.design_matrix(np.array([phase]))[0], library.n_observed_weights
     mean = library.weight_mean[task, size:].reshape(library.n_controlled, -1) @ row
     shape = (library.n_controlled, len(row), library.n_controlled, len(row))
@@ -89,10 +89,9 @@ def controlled_at(library: TaskLibrary, task: int, phase: float) -> Gaussian:
 
 
 def distance_to(library: TaskLibrary, task: int, point: ControlPoint) -> float:
-    """Mahalanobis distance of a point from where the task is at its phase, over all people.
+    """Mahalanobis distance of a point from the prior of the task at the point's phase.
 
-    In standard deviations of M q and of the wish together: sqrt(r^T (M S M^T + R)^-1 r) with
-    r = y - M m.
+    The covariances of M q and of the point add up: sqrt(r^T (M S M^T + R)^-1 r) with r = y - M m.
     """
     mean, covariance = controlled_at(library, task, point.phase)
     spread = symmetrize(point.matrix @ covariance @ point.matrix.T) + point.covariance
@@ -101,11 +100,11 @@ def distance_to(library: TaskLibrary, task: int, point: ControlPoint) -> float:
 
 
 def through(library: TaskLibrary, points: Mapping[int, Sequence[ControlPoint]]) -> TaskLibrary:
-    """The library whose tasks pass through points; without any, itself.
+    """Make tasks of a library pass through points; without points, return the library itself.
 
-    The distribution of the observed weights stays what it is, so that what is recognised does.
-    Residuals are not coupled, displacements do not grow with the duration, and a delay is a share
-    of it: all else would move the controlled agent away from the points.
+    The distribution of the observed weights stays the same, and so does recognition. The residuals'
+    coupling, the scaling of displacements with the duration and the fixed delay are dropped: they
+    would move the controlled agent away from the points.
     """
     if not any(points.values()):
         return library

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Coupling of what the weights leave unexplained of both agents, local in time.
+"""Coupling of the two agents' residuals (positions less the primitives), local in time.
 
 The residuals of the observed and the controlled agent, r_o and r_c, are jointly Gaussian and
 stationary, with the covariance B exp(-|t - t'| / tau) between two times (a separable
@@ -8,8 +8,7 @@ follows by the regression
 
     E[r_c(t)] = G E[r_o(t)],    G = B_co B_oo^-1,
 
-in which E[r_o(t)] interpolates the observed residuals between the measurements and decays after the
-last one.
+where E[r_o(t)] interpolates the observed residuals between measurements and decays after the last.
 """
 
 from typing import NamedTuple
@@ -20,13 +19,13 @@ from intent_recognition.array_types import Floats
 
 
 class ResidualCoupling(NamedTuple):
-    """How the residual of the controlled agent follows that of the observed one, in each task.
+    """Regression of the controlled agent's residual on the observed agent's, for each task.
 
     Attributes:
-        gain: regression of the controlled on the observed residual, (K, Q, P); zero where
-            demonstrations that were left out do not speak for one.
-        explained: share of the controlled agent's variance that it explains at a measurement,
-            (K, Q), at least 0 and below 1.
+        gain: coefficients of the regression, G, (K, Q, P); zero where held-out demonstrations do
+            not support one.
+        explained: share of the controlled agent's variance that the regression explains at a
+            measurement, (K, Q), in [0, 1).
         decay_s: time after which the residuals' correlation has fallen to 1/e [s], (K,).
     """
 
@@ -42,18 +41,18 @@ class ResidualCoupling(NamedTuple):
 
 
 def residual_weights(seen_s: Floats, times_s: Floats, decay_s: float) -> tuple[Floats, Floats]:
-    """Expected residual at some times from those at the measurements.
+    """Weights of the measured residuals in the expected residual at other times.
 
-    The conditional mean of an Ornstein-Uhlenbeck process, which is Markov: only the measurements
-    before and after a time count.
+    They give the conditional mean of an Ornstein-Uhlenbeck process. It is Markov, so only the last
+    measurement before a time and the first one after it have weight.
 
     Args:
-        seen_s: of the n measurements, ascending, at least one.
-        times_s: (T,).
+        seen_s: ascending times of the n measurements, at least one.
+        times_s: times of the expected residual, (T,).
         decay_s: time after which the correlation has fallen to 1/e.
 
     Returns:
-        What each measurement counts, (T, n), and the share of the variance that is known, (T,).
+        Weights (T, n), and the share of the residual's variance that is known, (T,).
     """
     n, rows = len(seen_s), np.arange(len(times_s))
     after = np.searchsorted(seen_s, times_s)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The interaction primitive of one task: one Gaussian over the weights of both agents.
 
-This is the model of Maeda et al. 2014 at known phase, for use from arrays. The online estimator
-filters many tasks and durations at once (`filtering`); for one task of known duration it gives what
-`InteractionProMP.condition` gives.
+This is the model of Maeda et al. 2014 at known phase, for arrays. The online estimator filters many
+tasks and durations at once (`filtering`); for one task of known duration its result is that of
+`InteractionProMP.condition`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class InteractionProMP:
         basis: the N basis functions of each DOF.
         weights: joint distribution of all weights, (D N,), grouped by DOF, observed DOFs first
             (Maeda et al. 2014, Eq. 4).
-        n_observed: P.
+        n_observed: number of observed DOFs, P.
         noise_variance: variance of a measured position about the trajectory, per DOF, (D,), in the
             squared unit of the DOF.
         duration_s: duration of the interaction [s]; the phase is time since onset divided by it.
@@ -49,13 +49,13 @@ class InteractionProMP:
         return len(self.noise_variance)
 
     def observation_matrix(self, phase: ArrayLike, dofs: Sequence[int]) -> Floats:
-        """H of positions of some DOFs, (T m, D N): row t m + k is DOF `dofs[k]` at `phase[t]`.
+        """Observation matrix H of positions of m DOFs, (T m, D N).
 
-        A DOF that is not observed has no row.
+        Row t m + k is DOF `dofs[k]` at `phase[t]`; other DOFs have no row.
 
         Args:
-            phase: (T,), or a number for one.
-            dofs: numbers of m DOFs, counted from 0 over the observed, then the controlled ones.
+            phase: T phases, (T,), or a number for one.
+            dofs: m indices, counted from 0 over the observed, then the controlled DOFs.
         """
         design = self.basis.design_matrix(np.atleast_1d(np.asarray(phase, dtype=np.float64)))
         select = np.eye(self.n_dofs)[list(dofs)]
@@ -71,13 +71,13 @@ class InteractionProMP:
     ) -> tuple[InteractionProMP, float]:
         """Condition on measured positions at known phases (Maeda et al. 2014, Eq. 6).
 
-        The learned noise counts as independent from sample to sample.
+        The learned noise is taken as independent from sample to sample.
 
         Args:
             phase: phases of the samples in [0, 1], (T,), or a number for one sample.
             values: measured positions, (T, m), or (m,) for one sample, in the units of the DOFs.
-            dofs: which DOFs were measured, m numbers counted from 0 over the observed, then the
-                controlled ones; None for all observed ones.
+            dofs: m indices of the measured DOFs, counted from 0 over the observed, then the
+                controlled DOFs; None for all observed DOFs.
             covariance: measurement covariance of one sample, (m, m), added to `noise_variance`.
 
         Returns:
@@ -101,7 +101,7 @@ class InteractionProMP:
             cure = "Pass one phase per sample."
             raise ShapeError.about("phase", "a number or shape (T,)", phases.shape, cure)
         phases = _finite("phase", phases, phases.shape)
-        if np.any(np.abs(phases - 0.5) > 0.5 + 1e-6):  # a stamp is rounded
+        if np.any(np.abs(phases - 0.5) > 0.5 + 1e-6):  # stamps are rounded
             expected, cure = "numbers in [0, 1]", "Divide times since onset by the duration."
             raise ArgumentError.about("phase", expected, phase, cure)
         observed = _finite("values", values, shape)
@@ -120,8 +120,8 @@ class InteractionProMP:
     def predict_controlled(self, n_points: int = 50) -> Trajectory:
         """Trajectory of the controlled DOFs at T evenly spaced times from onset to end, (T, Q).
 
-        Its standard deviation is that of a position that would be measured: uncertain weights and
-        noise (Maeda et al. 2014, Eq. 8).
+        Its standard deviation is that of a measured position: it includes the uncertain weights and
+        the noise (Maeda et al. 2014, Eq. 8).
         """
         return self._predict(slice(self.n_observed, None), n_points)
 
@@ -134,7 +134,7 @@ class InteractionProMP:
 
 
 def _finite(argument: str, values: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """An argument as an array of the given shape, all of it finite."""
+    """An argument as an array, checked to be finite and of the given shape."""
     array = as_numbers(argument, values)
     if array.shape != shape:
         cure = "Pass one row per sample and one column per DOF."

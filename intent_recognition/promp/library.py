@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was learned: one interaction primitive per task, with timing, noise and the none model."""
+"""The learned model: one interaction primitive per task, with timing, noise and the none model."""
 
 from __future__ import annotations
 
@@ -39,40 +39,41 @@ class TaskLibrary:
         observed_units, controlled_units: their units.
         weight_mean: (K, D N).
         weight_covariance: predictive covariance of the next demonstration's weights, (K, D N, D N).
-        noise_variance: residual variance per DOF, (D,), as training left it unexplained.
+        noise_variance: variance of the training residuals per DOF, (D,).
         noise_scale: factor of the observed DOFs' noise variance in the filter.
-        correlation_time_s: time over which residuals are taken to be one piece of evidence.
+        correlation_time_s: time within which residuals count as one piece of evidence.
         log_duration_mean, log_duration_std: timing prior per task, log seconds, (K,).
-        task_prior: p(s), (K,), sums to one.
+        task_prior: probabilities p(s), (K,), which sum to one.
         transition_prior: p(next task | last task), (K + 1, K); the last row is for no last task.
         none_mean, none_covariance: observed weights of any human movement, (P N,), (P N, P N).
-        none_log_duration: mean and standard deviation of its timing, (2,).
+        none_log_duration: mean and standard deviation of the log duration of none, (2,).
         none_prior: prior probability that a movement is none of the tasks.
-        none_margin: evidence that a known task must have over none before it counts, in nats.
-        switch_margin: evidence that a change of mind must have over staying before it counts, in
+        none_margin: evidence of the known tasks against none that does not count, in nats.
+        switch_margin: evidence that a change of task must have over staying before it counts, in
             nats.
-        n_demonstrations: per task, (K,).
+        n_demonstrations: number of demonstrations per task, (K,).
         observed_groups: number of DOFs of each observed signal, in order; they sum to P.
-        onset: how movement onset is detected, one for each observed signal.
+        onset: settings of onset detection, one per observed signal.
         duration_evidence: exponent of the evidence in the posterior of a movement's duration.
         task_evidence: exponent of the evidence of the tasks against each other.
-        observed_weight_covariance: prior covariance of the observed weights in the filter, which
-            the tasks share but for the uncertainty of their means, (K, P N, P N); None for that of
-            `weight_covariance`.
+        observed_weight_covariance: prior covariance of the observed weights in the filter, (K, P N,
+            P N), which differs between tasks only by the uncertainty of their means; None for that
+            in `weight_covariance`.
         phase_deviation: prior of a person's phase deviation from steady progress.
-        evidence_freedom: degrees of freedom of the Student density that the evidence of an
-            observation is computed with; infinite for the normal density.
-        provenance: where it came from: bags, settings, version, score.
-        left_out_odds: what demonstrations that were left out say about the risk of acting.
-        context: how the weights depend on what is known of the scene; None where nothing is, or
-            where it has been used (`given`).
-        coupling: of what the weights leave unexplained of both agents; None for none.
-        regression_variance: of the coefficients by which a task's observed weights tell its
-            controlled ones (`Regressions.uncertainty`).
-        usual_log_duration: what durations of the tasks and none are relative to in
-            `promp.steady_phase`, log seconds, (K + 1,); None for the means of their timing priors.
-        displacement_exponent: of the relative duration in how far the controlled agent goes.
-        delay_s: how much later the controlled agent copies the observed one, in any duration [s].
+        evidence_freedom: degrees of freedom of the Student density that gives the evidence of an
+            observation; infinite for the normal density.
+        provenance: origin of the library: bags, settings, version, score.
+        left_out_odds: odds of held-out demonstrations, which bound the risk of acting.
+        context: dependence of the weights on the scene; None if none was learned, or if the weights
+            are already conditioned on it (`given`).
+        coupling: coupling of both agents' residuals; None for none.
+        regression_variance: variance of the coefficients in the regression of the controlled on the
+            observed weights (`Regressions.uncertainty`).
+        usual_log_duration: log seconds of the tasks' and none's usual durations, (K + 1,), for
+            relative durations (`promp.steady_phase`); None for the means of their timing priors.
+        displacement_exponent: the controlled agent's displacement is proportional to the relative
+            duration to this power.
+        delay_s: delay of the controlled agent behind the observed one, whatever the duration [s].
     """
 
     labels: tuple[str, ...]
@@ -124,17 +125,17 @@ class TaskLibrary:
 
     @property
     def context_names(self) -> tuple[str, ...]:
-        """Names of the M numbers of the context; none where there is no context to give."""
+        """Names of the M numbers of the context; empty if there is no context to give."""
         return self.context.names if self.context else ()
 
     def given(self, context: ArrayLike) -> TaskLibrary:
-        """The library in a known context: its weights conditioned on it, no task more probable.
+        """The library with weights conditioned on a known context; the task prior is unchanged.
 
         Args:
-            context: (M,), in the order of `context_names`; NaN for what is not known.
+            context: M numbers in the order of `context_names`, (M,); NaN for unknown ones.
 
         Raises:
-            ShapeError: it is not one number for each of `context_names`.
+            ShapeError: `context` is not one number for each of `context_names`.
             ArgumentError: a number is infinite.
         """
         values = as_context(context, self.context_names)
@@ -173,7 +174,7 @@ class TaskLibrary:
 
     @property
     def n_observed_weights(self) -> int:
-        """P N."""
+        """Number of observed weights, P N."""
         return self.n_observed * self.basis.n_basis
 
     @property
@@ -183,21 +184,21 @@ class TaskLibrary:
 
     @cached_property
     def usual_s(self) -> Floats:
-        """What durations of the tasks and none are relative to, in seconds, (K + 1,)."""
+        """Usual durations of the tasks and none, to which others are relative, (K + 1,) [s]."""
         usual = self.usual_log_duration
         if usual is None:
             usual = np.r_[self.log_duration_mean, self.none_log_duration[0]]
         return read_only(np.exp(usual))
 
     def in_durations(self, task: int, durations_s: Floats | float) -> Floats:
-        """What takes controlled weights of the usual duration to durations (...): (..., N, N)."""
+        """Matrices that convert controlled weights to durations (...), per DOF: (..., N, N)."""
         durations_s, usual_s = np.asarray(durations_s, dtype=np.float64), self.usual_s[task]
         factor = (durations_s / usual_s) ** self.displacement_exponent
         later = self.delay_s * (1.0 / durations_s - 1.0 / usual_s)
         return self.basis.shifting(later) @ self.basis.scaling(factor)
 
     def primitive(self, task: int) -> InteractionProMP:
-        """The interaction primitive of task number `task`, at steady progress.
+        """Interaction primitive of the task with index `task`, at steady progress.
 
         Raises:
             ArgumentError: there is no such task.
@@ -215,7 +216,7 @@ class TaskLibrary:
         """Draw each task's mean movement with bands of two standard deviations; needs matplotlib.
 
         Returns:
-            The figure: a column for each task, a row for each agent's DOFs of one unit.
+            The figure, with a column per task, and a row per agent and unit.
         """
         n, names = self.n_observed, (*self.observed_names, *self.controlled_names)
         rows = [("observed", *run) for run in by_unit(self.observed_units)]
@@ -241,13 +242,13 @@ class TaskLibrary:
 
     @cached_property
     def observed_mean(self) -> Floats:
-        """Prior means of the observed weights, tasks then none, (K + 1, P N)."""
+        """Prior means of the observed weights of the tasks, then of none, (K + 1, P N)."""
         known = self.weight_mean[:, : self.n_observed_weights]
         return read_only(np.vstack([known, self.none_mean]))
 
     @cached_property
     def observed_covariance(self) -> Floats:
-        """Prior covariances of the observed weights, tasks then none, (K + 1, P N, P N)."""
+        """Prior covariances of the observed weights of the tasks, then none, (K + 1, P N, P N)."""
         size, known = self.n_observed_weights, self.observed_weight_covariance
         if known is None:
             known = self.weight_covariance[:, :size, :size]
@@ -255,10 +256,10 @@ class TaskLibrary:
 
     @cached_property
     def regressions(self) -> Regressions:
-        """Regression of the controlled weights on the observed ones, one for each task.
+        """Regression of the controlled weights on the observed ones for each task.
 
-        Observations touch only the observed weights; the controlled ones follow exactly when asked
-        for: N(A w_o + b, C), C times `Regressions.uncertainty`.
+        Only the observed weights are filtered. The controlled ones follow exactly as
+        N(A w_o + b, u C), with u from `Regressions.uncertainty`.
         """
         parts = self.weight_mean, self.weight_covariance, self.n_observed_weights
         return Regressions(*parts, self.regression_variance)
@@ -267,8 +268,8 @@ class TaskLibrary:
         """Indices of the observed DOFs of a signal, (m,).
 
         Args:
-            group: which observed signal.
-            dofs: which of its DOFs, counted from its first; None means all.
+            group: index of the observed signal.
+            dofs: indices of its DOFs, counted from its first; None means all.
         """
         all_dofs = self._dofs_of_groups[group]
         return all_dofs if dofs is None else all_dofs[list(dofs)]
@@ -281,8 +282,8 @@ class TaskLibrary:
     def noise_covariance(self, dofs: Integers, interval_s: float) -> Floats:
         """Noise of one observation of the observed DOFs `dofs`, (m, m).
 
-        What a primitive leaves unexplained is correlated in time. Samples closer together than
-        `correlation_time_s` share one piece of evidence: their variance grows as they get denser.
+        Residuals are correlated in time. Samples closer together than `correlation_time_s` share
+        one piece of evidence, so their noise variance grows in proportion to their rate.
 
         Args:
             dofs: indices of the observed DOFs, (m,).

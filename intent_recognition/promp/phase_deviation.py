@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The phase deviation: how far a person is ahead of, or behind, steady progress.
 
-At a recorded phase u, the share of the movement's duration that has passed, a person has reached
-the reference phase u + s(u) e. The phase deviation e is a stationary Ornstein-Uhlenbeck process of
-unit scale along u, so that hesitations and hurries pass again. Its stationary distribution is
-Student's, because a few demonstrations show few of the long ones. The scale s(u) is learned from
-the warps that align the demonstrations (`learning.timing`). The deviation is filtered on a grid,
-beside the Gaussian over the weights.
+At recorded phase u, the elapsed share of the movement's duration, a person has reached the
+reference phase u + s(u) e. The phase deviation e is a stationary Ornstein-Uhlenbeck process of unit
+scale along u, so hesitation and hurry decay. Its stationary distribution is Student's, because few
+demonstrations show few long hesitations. The scale s(u) is learned from the warps that align the
+demonstrations (`learning.timing`). The deviation is filtered on a grid, together with the Gaussian
+over the weights.
 """
 
 from dataclasses import dataclass
@@ -17,12 +17,11 @@ import numpy as np
 from intent_recognition.array_types import Floats, read_only
 
 N_DEVIATIONS, DEVIATION_SPAN = 15, 3.5
-"""Values of the phase deviation on its grid, and the reach of that to either side, in scales
+"""Number of values of the phase deviation on its grid, and the largest value, in units of the scale
 (docs/decisions/one_filter.md)."""
 STUDENT_FREEDOM = 4.0
-"""Degrees of freedom of the Student distributions of the phase deviation, of the log duration, as
-new people are often slower or faster than any demonstration, and of evidence
-(docs/decisions/one_filter.md)."""
+"""Degrees of freedom of the Student distributions of phase deviation, log duration and evidence:
+new people are often slower or faster than any demonstration (docs/decisions/one_filter.md)."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +29,14 @@ class PhaseDeviation:
     """Prior of a person's phase deviation.
 
     Attributes:
-        deviation_std: scale at even recorded phases from 0 to 1, (U,); with zeros, progress is
-            steady and there is a single deviation.
+        deviation_std: scale at U evenly spaced recorded phases from 0 to 1, (U,); if all are zero,
+            progress is steady and there is a single deviation.
         correlation: recorded phase after which the autocorrelation has fallen to 1/e.
-        evidence: exponent of an observation's likelihood in the posterior of the deviation;
-            residuals last along a movement, so that its samples are not independent.
-        controlled_follows: whether the controlled agent deviates with the observed one; if not, it
-            keeps steady progress.
-        duration_exponent: of the relative duration in the odds of the phase (`steady_phase`).
+        evidence: exponent of an observation's likelihood in the posterior of the deviation, because
+            residuals are correlated along a movement.
+        controlled_follows: whether the controlled agent deviates with the observed one; if not, its
+            progress is steady.
+        duration_exponent: power of the relative duration in the odds of the phase (`steady_phase`).
     """
 
     deviation_std: Floats
@@ -48,7 +47,7 @@ class PhaseDeviation:
 
     @cached_property
     def grid(self) -> Floats:
-        """Values of the phase deviation in its scales, (E,)."""
+        """Values of the phase deviation in units of its scale, (E,)."""
         if not np.any(self.deviation_std):
             return read_only(np.zeros(1))
         return read_only(np.linspace(-DEVIATION_SPAN, DEVIATION_SPAN, N_DEVIATIONS))
@@ -68,19 +67,19 @@ STEADY = PhaseDeviation(np.zeros(2), 1.0, 1.0)
 
 
 def deviation_prior(phase_deviation: PhaseDeviation) -> Floats:
-    """Probability of each phase deviation before anything is seen, (E,)."""
+    """Prior probability of each phase deviation, (E,)."""
     return _student(phase_deviation.grid)
 
 
 def deviation_transition(phase_deviation: PhaseDeviation, passed: Floats) -> Floats:
-    """Transition of the phase deviation while recorded phase passes, (..., E, E), rows sum to one.
+    """Transition matrices of the phase deviation, (..., E, E), whose rows sum to one.
 
-    It keeps the prior, and two transitions one after the other equal that of their sum, however
-    short they are, so that it does not matter how often one looks.
+    The prior is stationary under them, and two transitions in a row equal the transition over their
+    sum, so the frequency of observations does not matter.
 
     Args:
         phase_deviation: prior of the phase deviation.
-        passed: recorded phase, (...); less than zero counts as zero.
+        passed: change of the recorded phase, (...); below zero counts as zero.
     """
     grid = phase_deviation.grid
     if len(grid) == 1:
@@ -90,7 +89,7 @@ def deviation_transition(phase_deviation: PhaseDeviation, passed: Floats) -> Flo
     kernel = np.exp(-share[..., None] * decay) @ modes
     kernel = kernel.reshape(*share.shape, len(grid), len(grid))
     np.maximum(kernel, 0.0, out=kernel)
-    kernel += 1e-12 * _student(grid)  # so that none is ruled out
+    kernel += 1e-12 * _student(grid)  # rules out no deviation
     kernel /= kernel.sum(axis=-1, keepdims=True)
     return kernel
 
@@ -100,14 +99,14 @@ def steady_phase(
 ) -> Floats:
     """Reference phases without a deviation, in [0, 1]: (...).
 
-    People who take longer do not do everything more slowly. The odds z / (1 - z) of the reference
-    phase are those of the recorded one times a power of the relative duration: with an exponent of
-    1 a movement begins at the same speed however long it takes, with -1 it ends so.
+    A longer movement is not slower throughout. The odds z / (1 - z) of the reference phase are
+    those of the recorded phase times a power of the relative duration. With an exponent of 1, the
+    speed at the beginning does not depend on the duration; with -1, the speed at the end does not.
 
     Args:
-        phase_deviation: with the exponent.
+        phase_deviation: prior with the exponent.
         recorded: recorded phases, (...); clipped to [0, 1].
-        relative: duration in parts of what the task usually takes, of a shape that goes with them.
+        relative: duration relative to the usual one of the task; broadcast against `recorded`.
     """
     recorded = np.minimum(np.maximum(recorded, 0.0), 1.0)
     if not phase_deviation.duration_exponent:
@@ -119,7 +118,7 @@ def steady_phase(
 def steady_rate(
     phase_deviation: PhaseDeviation, recorded: Floats, relative: Floats | float
 ) -> Floats:
-    """Derivative of `steady_phase` by the recorded phase, zero beyond [0, 1]: (...)."""
+    """Derivative of `steady_phase` by the recorded phase, zero outside [0, 1]: (...)."""
     within = (recorded >= 0.0) & (recorded <= 1.0)
     factor = relative**phase_deviation.duration_exponent
     return np.where(within, factor / (1.0 + (factor - 1.0) * np.clip(recorded, 0.0, 1.0)) ** 2, 0.0)
@@ -128,7 +127,7 @@ def steady_rate(
 def reference_phase(
     phase_deviation: PhaseDeviation, recorded: Floats, relative: Floats | float = 1.0
 ) -> Floats:
-    """Reference phases of all deviations, clipped to [0, 1]: (..., E).
+    """Reference phases under all deviations, clipped to [0, 1]: (..., E).
 
     The arguments are those of `steady_phase`.
     """
@@ -140,17 +139,17 @@ def reference_phase(
 
 
 def _student(grid: Floats) -> Floats:
-    """Probabilities of deviations under their prior, (E,)."""
+    """Prior probabilities of the deviations of a grid, (E,)."""
     weight = (1.0 + grid**2 / STUDENT_FREEDOM) ** (-0.5 * (STUDENT_FREEDOM + 1.0))
     return weight / weight.sum()
 
 
 @lru_cache(maxsize=4)
 def _modes(n_deviations: int) -> tuple[Floats, Floats]:
-    """Modes of an Ornstein-Uhlenbeck process on a grid: decay (E,), transitions flat (E, E E).
+    """Modes of an Ornstein-Uhlenbeck process on a grid: decay rates (E,), flat matrices (E, E E).
 
-    Neighbours i and j change places at a rate of sqrt(p_j / p_i), which keeps the prior p by
-    detailed balance; rates are relative to that of the slowest mode, the process's own.
+    The rate from i to a neighbour j is sqrt(p_j / p_i): by detailed balance, the prior p is
+    stationary. Decay rates are relative to that of the slowest mode that decays.
     """
     root = np.sqrt(_student(np.linspace(-DEVIATION_SPAN, DEVIATION_SPAN, n_deviations)))
     generator = np.eye(n_deviations, k=1) + np.eye(n_deviations, k=-1)

@@ -13,15 +13,15 @@ from intent_recognition.promp.trajectory import dof_variance
 from intent_recognition.signals import SPATIAL_UNITS, TURNS
 
 USUAL_END_STD = {"rad": 0.35, "m": 0.1}
-"""Largest standard deviation of a predicted end that is acted on, by unit, in [rad] and [m]
+"""Largest standard deviation of a predicted end at which the robot acts [rad, m]
 (docs/decisions/end_certainty.md)."""
 CERTAIN_END = 1.5
-"""Where a whole movement leaves more than that, its standard deviation may be this many times as
-large (docs/decisions/end_certainty.md)."""
+"""Least value of that limit, relative to the standard deviation that a wholly observed movement
+leaves (docs/decisions/end_certainty.md)."""
 
 
 class StartPosture(NamedTuple):
-    """The controlled agent's measured position at onset: (Q,) and its variance (Q,)."""
+    """Measured position of the controlled agent at onset, (Q,), and its variance, (Q,)."""
 
     position: Floats
     variance: Floats
@@ -32,18 +32,18 @@ def controlled_weights(
 ) -> Gaussian:
     """Controlled weights given the task and the filtered observed weights.
 
-    N(A m_o + b, u C + A P_o A^T), exact (`TaskLibrary.regressions`), with u for the uncertain
-    coefficients A (`Regressions.uncertainty`). A start posture is one
-    more observation of the controlled weights at phase 0; it does not bear on the task.
+    They are N(A m_o + b, u C + A P_o A^T), exactly (`TaskLibrary.regressions`), where u accounts
+    for the uncertain coefficients A (`Regressions.uncertainty`). A start posture is one more
+    observation of the controlled weights, at phase 0; it does not influence recognition.
 
     Args:
         library: the learned tasks.
-        task: its number.
+        task: index of the task.
         observed: filtered observed weights, (P N,) and (P N, P N).
-        start: measured posture at onset; None where it is not known.
+        start: measured posture at onset; None if it is not known.
 
     Returns:
-        (Q N,) and (Q N, Q N).
+        Mean (Q N,) and covariance (Q N, Q N).
     """
     matrix, offset, covariance = library.regressions[task]
     mean = matrix @ observed.mean + offset
@@ -58,7 +58,7 @@ def controlled_weights(
 
 
 def largest_by_unit(std: Floats, units: Sequence[str]) -> dict[str, float]:
-    """The largest of some standard deviations (d,) over the DOFs of each unit."""
+    """Largest of the standard deviations (d,) among the DOFs of each unit."""
     largest: dict[str, float] = {}
     for value, unit in zip(std.tolist(), units, strict=True):
         largest[unit] = max(value, largest.get(unit, value))
@@ -66,9 +66,9 @@ def largest_by_unit(std: Floats, units: Sequence[str]) -> dict[str, float]:
 
 
 def angle_starts(library: TaskLibrary) -> tuple[float | None, ...]:
-    """Where each DOF that is an angle begins, observed ones first; None for other DOFs.
+    """Start of each DOF that is an angle, observed ones first; None for other DOFs.
 
-    Half-way between the tasks' extreme means: all tasks were learned in one turn about it.
+    It is half-way between the extreme mean starts of the tasks: all were learned within one turn.
     """
     start = library.basis.design_matrix(np.zeros(1))[0]
     mean = library.weight_mean.reshape(library.n_tasks, len(library.units), -1) @ start
@@ -78,10 +78,10 @@ def angle_starts(library: TaskLibrary) -> tuple[float | None, ...]:
 
 
 def controlled_spread(library: TaskLibrary) -> Floats:
-    """How far the demonstrations go in the unit of each controlled DOF, (Q,).
+    """Spread of the demonstrations in the unit of each controlled DOF, (Q,).
 
-    Standard deviation over all tasks, phases and demonstrations, the largest of the DOFs that have
-    the unit: what a constant is measured by where it can be in neither metres nor radians.
+    It is the standard deviation over all tasks, phases and demonstrations, and the largest among
+    the DOFs of one unit. Constants for units other than m and rad are relative to it.
     """
     n, size = library.n_controlled, library.n_observed_weights
     mean = library.weight_mean[:, size:].reshape(library.n_tasks, n, -1)
@@ -92,11 +92,11 @@ def controlled_spread(library: TaskLibrary) -> Floats:
 
 
 def least_end_std(library: TaskLibrary, task: int, *, start_known: bool = True) -> dict[str, float]:
-    """Least uncertainty of a task's predicted end, however much is observed, by unit.
+    """Least standard deviation of a task's predicted end, however much is observed, by unit.
 
-    Largest standard deviation over the controlled DOFs of each unit when the observed weights are
-    known exactly, and they and the duration are as far from their means as those of a person
-    usually are; with `start_known` the controlled agent's start, too.
+    It is the largest among the controlled DOFs of a unit if the observed weights are known exactly
+    and, like the duration, are about one standard deviation from their means. With `start_known`,
+    the controlled agent's start is known exactly, too.
     """
     n, size = library.n_controlled, library.n_observed_weights
     usual = np.linalg.cholesky(library.weight_covariance[task, :size, :size]).sum(axis=1)
@@ -111,13 +111,13 @@ def least_end_std(library: TaskLibrary, task: int, *, start_known: bool = True) 
 
 
 def end_std_limits(library: TaskLibrary) -> dict[str, dict[str, float]]:
-    """What is asked of the certainty of each task's predicted end, by label and unit.
+    """Largest accepted standard deviation of each task's predicted end, by label and unit.
 
-    `USUAL_END_STD`, but never what even the whole movement cannot give: at least `CERTAIN_END`
-    times the least standard deviation that observing it leaves.
+    It is `USUAL_END_STD`, or `CERTAIN_END` times the standard deviation that observing the whole
+    movement leaves, whichever is larger.
     """
     spread = zip(library.controlled_units, controlled_spread(library).tolist(), strict=True)
-    # about what 0.1 m are of a reach
+    # about as large as 0.1 m is for a reach
     share = {unit: 0.5 * std for unit, std in spread if unit not in SPATIAL_UNITS}
     usual = USUAL_END_STD | share
     return {

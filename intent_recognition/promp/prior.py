@@ -1,21 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The covariance of few weight vectors, regularised on purpose.
+"""Regularised covariance of few weight vectors.
 
-With D demonstrations the sample covariance (Maeda et al. 2014, Eq. 5) has rank D - 1 at most, while
-the weights have (P + Q) N = 100 to 250 elements. It is shrunk toward a target whose structure says
-what demonstrations of one task have in common: at each phase the DOFs of both agents deviate
-together in one way, and deviations last along the phase in one way for all DOFs. Between weight k
-of DOF d and weight l of DOF e the target's covariance is
+The sample covariance of n demonstrations (Maeda et al. 2014, Eq. 5) has rank n - 1 at most, while
+the weights have (P + Q) N = 100 to 250 elements. It is shrunk toward a structured target, which
+assumes a correlation between the DOFs of both agents at each phase, and one correlation along the
+phase for all DOFs. The target's covariance between weight k of DOF d and weight l of DOF e is
 
     a_dk a_el C_kl (F_k F_l^T)_de,   F_k F_k^T = R_k,
 
 with a the amplitudes, R_k (D, D) the correlation over DOFs near phase k and C (N, N) the
-correlation along the phase. It is positive semidefinite by the Schur product theorem, and the
-coupling of the agents at one phase is not diluted by other phases, as it is in a Kronecker product.
+correlation along the phase. It is positive semidefinite by the Schur product theorem. Unlike in a
+Kronecker product, the coupling of the agents at one phase is not diluted by other phases.
 
-Where the controlled agent follows the observed one after a lag, R_k couples the observed DOFs at
-phase k with the controlled ones at k + lag. A part of each observed weight's variance may be
-independent of all others.
+If the controlled agent follows the observed one after a lag, R_k couples the observed DOFs at phase
+k with the controlled ones at k + lag. A part of each observed weight's variance may be independent
+of all others.
 
 `strength` is the equivalent sample size of the target in demonstrations, as in an inverse-Wishart
 prior. `learn` chooses it by leave-one-out prediction (`learning.selection`).
@@ -32,46 +31,40 @@ from intent_recognition.promp.ridge import ridge_slopes, with_slopes
 from intent_recognition.signals import SPATIAL_UNITS
 
 FLOOR_OF_RANGE = 1e-3
-"""Smallest standard deviation of a weight, in parts of its DOF's range over all demonstrations.
-
-Convention. It keeps the covariance positive definite when demonstrations are identical or very few.
-"""
+"""Smallest standard deviation of a weight, relative to its DOF's range over all demonstrations. It
+keeps the covariance positive definite when demonstrations are identical or very few."""
 
 OTHERS_SAMPLE_SIZE = 5.0
-"""Equivalent sample size of all other tasks together in a task's target, in demonstrations.
-
-Convention.
-"""
+"""Equivalent sample size of all other tasks together in a task's target, in demonstrations."""
 PHASE_WIDTH, OWN_PHASE_WIDTH = 0.15, 0.03
-"""Width in phase over which the correlation over DOFs is averaged, and where nothing is borrowed
-from other tasks. Convention; validation on held-out demonstrations chooses between the two
-(docs/decisions/covariance_target.md)."""
+"""Widths in phase over which the correlation over DOFs is averaged, with and without borrowing from
+other tasks; held-out validation chooses (docs/decisions/covariance_target.md)."""
 LAGS = np.arange(0.0, 0.26, 0.01)
-"""Lags of the controlled agent behind the observed one that are compared, in phase. Convention: up
-to a quarter of a movement."""
+"""Candidate lags of the controlled agent behind the observed one, in phase: up to a quarter of a
+movement."""
 FEW, SMOOTH_WIDTH = 3.5, 0.1
-"""Equivalent sample size below which the scatter is much inflated, and width in phase of the
-correlation that it is then mixed with (`structured_target`). Convention."""
+"""Equivalent sample size below which the scatter is much inflated, and the width in phase of the
+smooth correlation that is then mixed in (`structured_target`)."""
 
 OBSERVED_INDEPENDENT = 0.03
-"""Independent part of the variance of the observed weights, in the covariance that all tasks share
+"""Independent part of the observed weights' variance in the covariance that all tasks share
 (docs/decisions/covariance_target.md)."""
 
 
 class TargetSettings(NamedTuple):
-    """What a target assumes; validation on held-out demonstrations chooses it.
+    """Assumptions of a target; held-out validation chooses them.
 
     Attributes:
         borrowed: equivalent sample size of all other tasks together, in demonstrations.
-        independent: variance of each observed weight that no other shares, in parts of its DOF's:
-            chance, which tells nothing of the controlled ones.
-        lag: how much later in phase the controlled DOFs follow the observed ones, from 0 to below
-            1.
-        n_observed: number of observed DOFs, which come first; 0 where there are no others.
-        ridge: variance of an observed weight that is chance, in parts of the square of its DOF's
-            range, where slopes come from the demonstrations alone (`promp.ridge`); 0 where they
-            come from the target, too.
-        alike: part in which the DOFs vary alike, in parts of their ranges, and independently.
+        independent: independent variance of each observed weight, relative to that of its DOF: it
+            is random and does not predict the controlled weights.
+        lag: lag in phase of the controlled DOFs behind the observed ones, in [0, 1).
+        n_observed: number of observed DOFs, which come first; 0 if all DOFs are observed.
+        ridge: random variance of an observed weight, relative to its DOF's squared range, in a
+            ridge regression on demonstrations alone (`promp.ridge`); 0 takes the slopes of the
+            shrunk covariance.
+        alike: share, in [0, 1], of a target in which all DOFs vary alike relative to their ranges,
+            and independently of each other.
     """
 
     borrowed: float = OTHERS_SAMPLE_SIZE
@@ -83,26 +76,25 @@ class TargetSettings(NamedTuple):
 
 
 USUAL = TargetSettings()
-"""What is assumed where nothing was chosen."""
+"""Default assumptions of a target."""
 
 
 class Scatter(NamedTuple):
-    """Sum of outer products of weights' deviations from the mean of their task."""
+    """Sum of outer products of the weights' deviations from the means of their tasks."""
 
     matrix: Floats  # (D N, D N), weights grouped by DOF
-    freedom: float  # demonstrations less means, and whatever else, taken from them
+    freedom: float  # demonstrations less estimated means and other estimated parameters
 
 
 class StructuredTarget(NamedTuple):
-    """The factors of the target covariance and its floor."""
+    """Factors of the target covariance, and its floor."""
 
     amplitude: Floats  # standard deviation of each weight, a, (D, N)
-    # correlation over DOFs at each basis function, R, (N, D, D), the controlled ones a lag later
+    # correlation over DOFs at each basis function, R, (N, D, D); of controlled DOFs a lag later
     dofs: Floats
     basis: Floats  # correlation along the basis functions, C, (N, N)
     floor: Floats  # variance added to every weight of a DOF, (D,)
-    # takes all weights to their phases, those of controlled DOFs a lag back, (D N, D N); None
-    # without a lag
+    # matrix that undoes the lag in weights of controlled DOFs, (D N, D N); None without a lag
     earlier: Floats | None = None
 
     def covariance(self) -> Floats:
@@ -124,12 +116,12 @@ class StructuredTarget(NamedTuple):
 def weight_extent(weights: Floats, units: Sequence[str] | None = None) -> Floats:
     """Range of the weights of each DOF over all demonstrations, (D,).
 
-    Where there is none it is 1 m or rad; in another unit it is the widest of this unit's DOFs, and
-    if none of them moves, the largest value among them.
+    A DOF that does not move has a range of 1 m or 1 rad. In other units it has the widest range of
+    the DOFs of its unit or, if none of these moves, their largest absolute value.
 
     Args:
-        weights: (n, D, N).
-        units: of the DOFs, (D,); None for metres and radians.
+        weights: weights of n demonstrations, (n, D, N).
+        units: units of the DOFs, (D,); None for metres and radians.
     """
     of_dof = np.moveaxis(weights, 1, 0).reshape(weights.shape[1], -1)
     extent, size = np.ptp(of_dof, axis=1), np.abs(of_dof).max(axis=1)
@@ -151,17 +143,17 @@ def structured_target(
 ) -> StructuredTarget:
     """Fit a task's target to the deviations of all demonstrations from their tasks' means.
 
-    The task's own demonstrations count fully; all others together as many as are borrowed, or
-    `OTHERS_SAMPLE_SIZE` if there are fewer than `FEW` of the task's own. With n demonstrations in
-    all, amplitudes are inflated by sqrt(1 + i) and the correlation along the phase is mixed with i
-    parts of a smooth one, i = (FEW / n)^6: next to nothing from n = 2 `FEW` on. Four
-    demonstrations, beside the real ones, say that a DOF varies alike at all phases.
+    The task's own demonstrations count fully. All others together count as `assumed.borrowed`
+    demonstrations, or as `OTHERS_SAMPLE_SIZE` if the task has fewer than `FEW` degrees of freedom.
+    With n in total, amplitudes are inflated by sqrt(1 + i), i = (FEW / n)^6, and the correlation
+    along the phase is mixed with i parts of a smooth one: negligible from n = 2 `FEW` on. Variances
+    are shrunk toward the mean over their DOF's weights, with the strength of four demonstrations.
 
     Args:
-        own: scatter of the task the target is for.
-        pooled: sum over all tasks, this one included; some task has two demonstrations.
+        own: scatter of the task.
+        pooled: scatter of all tasks, this one included; some task has two demonstrations.
         floor: variance floor per DOF, (D,).
-        assumed: what it borrows, and how the weights depend on each other.
+        assumed: assumptions of the target.
     """
     borrowed = _borrowed(own, assumed)
     scatter, demonstrations = _borrow(own, pooled, borrowed)
@@ -186,7 +178,7 @@ def structured_target(
 def _correlation_over_dofs(
     scaled: Floats, shape: tuple[int, ...], width: float, assumed: TargetSettings
 ) -> tuple[Floats, Floats | None]:
-    """R and what takes its lag back (`StructuredTarget`), of weights of one variance, (D, N)."""
+    """R, and the matrix that undoes its lag (`StructuredTarget`), from a scaled scatter."""
     (n_dofs, n_basis), earlier = shape, None
     if assumed.lag:
         later = _moved(assumed.lag, assumed.n_observed, n_dofs, n_basis)
@@ -200,7 +192,7 @@ def _correlation_over_dofs(
 
 
 def _correlation_along_phase(scaled: Floats, shape: tuple[int, ...], inflation: float) -> Floats:
-    """C of the same weights, mixed with so many parts of a smooth one."""
+    """C from a scaled scatter, with `inflation` parts of a smooth correlation mixed in."""
     n_dofs, n_basis = shape
     basis = np.einsum("dkdl->kl", scaled.reshape(*shape, *shape)) / n_dofs
     scale = np.sqrt(np.diag(basis) + FLOOR_OF_RANGE**2)
@@ -210,10 +202,10 @@ def _correlation_along_phase(scaled: Floats, shape: tuple[int, ...], inflation: 
 
 
 def explained_by_lag(pooled: Scatter, n_observed: int, floor: Floats) -> Floats:
-    """Share of the controlled DOFs' variance that the observed ones explain, after each of `LAGS`.
+    """Share of the controlled DOFs' variance that the observed ones explain, by lag, (len(LAGS),).
 
-    By ridge regression on the observed DOFs a lag before, on average over the phases, (L,): few
-    demonstrations explain little.
+    It is the mean over the phases of ridge regressions on the observed DOFs a lag before. The
+    penalty grows as demonstrations become fewer.
 
     Args:
         pooled: scatter of all demonstrations about the means of their tasks.
@@ -238,21 +230,21 @@ def explained_by_lag(pooled: Scatter, n_observed: int, floor: Floats) -> Floats:
 
 
 def _averaging(n_basis: int, width: float, lag: float) -> Floats:
-    """Averages over phases of a width, without those where a lag leads past the end, (N, N)."""
+    """Weights of Gaussian averages over phases, except phases that the lag takes past 1, (N, N)."""
     phase = np.linspace(0.0, 1.0, n_basis)
     kernel = np.exp(-0.5 * ((phase[:, None] - phase) / width) ** 2) * (phase + lag <= 1.0 + 1e-9)
     return kernel / kernel.sum(axis=1, keepdims=True)
 
 
 def _later(lag: float, n_basis: int) -> Floats:
-    """Takes weights of a DOF a lag later in phase, interpolated linearly, (N, N)."""
+    """Matrix that takes a DOF's weights a lag later in phase, by linear interpolation, (N, N)."""
     place = np.clip(np.arange(n_basis) + lag * (n_basis - 1), 0.0, n_basis - 1.0)
     apart = np.abs(place[:, None] - np.arange(n_basis))
     return np.asarray(np.maximum(1.0 - apart, 0.0), dtype=np.float64)
 
 
 def _moved(lag: float, n_observed: int, n_dofs: int, n_basis: int) -> Floats:
-    """Takes weights of controlled DOFs a lag later in phase, (D N, D N)."""
+    """Matrix that takes the weights of controlled DOFs a lag later in phase, (D N, D N)."""
     moved: Floats = np.eye(n_dofs * n_basis)
     start = n_observed * n_basis
     moved[start:, start:] = np.kron(np.eye(n_dofs - n_observed), _later(lag, n_basis))
@@ -265,11 +257,11 @@ def without_demonstration(
     """Scatter of a task, and of all tasks, without one demonstration.
 
     Args:
-        pooled: of all tasks; at least two demonstrations beyond their means.
-        own: of the n demonstrations of the task, at least two.
-        deviation: of the demonstration's weights from the mean of all n, (d,).
+        pooled: scatter of all tasks, with at least two degrees of freedom.
+        own: scatter of the n demonstrations of the task, at least two.
+        deviation: deviation of the demonstration's weights from the mean of all n, (d,).
     """
-    part = np.zeros_like(own.matrix)  # nothing varies about the mean of one, not even rounding
+    part = np.zeros_like(own.matrix)  # exactly zero for one demonstration, without rounding
     if own.freedom > 1:
         part = own.matrix - np.outer((own.freedom + 1) / own.freedom * deviation, deviation)
     rest = pooled.matrix - (own.matrix - part)
@@ -281,8 +273,8 @@ def shared_covariance(
 ) -> Floats:
     """Covariance that all tasks share, (d, d).
 
-    Differences between covariances of few demonstrations are mostly due to chance and would tell
-    tasks apart wrongly (linear discriminant analysis; Friedman 1989).
+    Differences between covariances of few demonstrations are mostly random and would distort the
+    evidence between tasks (linear discriminant analysis; Friedman 1989).
 
     Args:
         pooled: scatter of all demonstrations about the means of their tasks.
@@ -296,17 +288,17 @@ def shared_covariance(
 
 
 def observed_block(scatter: Scatter, size: int) -> Scatter:
-    """The scatter of the first `size` weights."""
+    """Scatter of the first `size` weights."""
     return Scatter(scatter.matrix[:size, :size], scatter.freedom)
 
 
 def _borrowed(own: Scatter, assumed: TargetSettings) -> float:
-    """What a task borrows of the others, if they have as much, in demonstrations."""
+    """Largest equivalent sample size that a task borrows from the others, in demonstrations."""
     return OTHERS_SAMPLE_SIZE if own.freedom < FEW else assumed.borrowed
 
 
 def _borrow(own: Scatter, pooled: Scatter, borrowed: float) -> tuple[Floats, float]:
-    """A task's covariance from unbiased ones of its own and all, and its equivalent sample size."""
+    """Covariance of a task from its own scatter and a share of all; its equivalent sample size."""
     others = float(pooled.freedom - own.freedom)
     borrowed = min(borrowed, others)
     share = borrowed / others if others else 0.0
@@ -324,17 +316,17 @@ def predictive_covariance(
 ) -> Floats:
     """Covariance of one more weight vector of a task, (D N, D N).
 
-    (scatter + strength * target) / (freedom + strength), times 1 + 1/n for the uncertain mean.
-    With a ridge the controlled weights follow the observed ones by its slopes instead, and what
-    these leave unexplained has a covariance that is estimated like that of all.
+    It is (scatter + strength * target) / (freedom + strength), times 1 + 1/n for the uncertain
+    mean. With a ridge, the slopes of the controlled on the observed weights are those of the ridge
+    regression, and the covariance of its residuals is estimated in the same way.
 
     Args:
         own: scatter of the task.
-        pooled: sum over all tasks, this one included.
-        n: demonstrations behind the mean, at least 1.
+        pooled: scatter of all tasks, this one included.
+        n: number of demonstrations behind the mean, at least 1.
         floor: variance floor per DOF, (D,).
         strength: equivalent sample size of the target, in demonstrations, positive.
-        assumed: by the target.
+        assumed: assumptions of the target.
     """
     target = structured_target(own, pooled, floor, assumed).covariance()
     covariance = (own.matrix + strength * target) * ((1.0 + 1.0 / n) / (own.freedom + strength))

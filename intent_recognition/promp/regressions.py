@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the controlled weights follow from the observed ones, and how surely."""
+"""Regression of the controlled weights on the observed ones, and its uncertainty."""
 
 import numpy as np
 
@@ -7,17 +7,17 @@ from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import Gaussian, Regression, expected_distance, regression
 
 N_KEPT = 16
-"""Regressions held in memory. Convention: few tasks become the most probable in one movement."""
+"""Largest number of regressions in memory: few tasks become the most probable in one movement."""
 
 
 class Regressions:
-    """Regressions of K tasks, computed when asked for; the most recently used are kept.
+    """Regressions of K tasks, computed on demand; the most recently used are kept.
 
     Args:
-        mean: weights, observed first, (K, D N).
-        covariance: (K, D N, D N).
+        mean: means of the weights, observed first, (K, D N).
+        covariance: covariances of the weights, (K, D N, D N).
         n_observed: number of observed weights.
-        variance: of the coefficients, in parts of C (x) S_oo^-1.
+        variance: variance of the coefficients, as a factor of C (x) S_oo^-1.
     """
 
     def __init__(self, mean: Floats, covariance: Floats, n_observed: int, variance: float = 0.0):
@@ -29,11 +29,11 @@ class Regressions:
         return len(self._mean)
 
     def __getitem__(self, task: int) -> Regression:
-        """N(A w_o + b, C) of a task, negative numbers counting from the end."""
+        """Regression N(A w_o + b, C) of a task; negative indices count from the end."""
         return self._find(task)[0]
 
     def _find(self, task: int) -> tuple[Regression, Floats | None]:
-        """A regression, and S_oo^-1 where its coefficients are uncertain."""
+        """Regression of a task, and S_oo^-1 if its coefficients are uncertain."""
         index, n = range(len(self))[task], self._n_observed
         found = self._kept.pop(index, None)
         if found is None:
@@ -48,14 +48,14 @@ class Regressions:
         return found
 
     def uncertainty(self, task: int, mean: Floats, covariance: Floats) -> Floats:
-        """By what the uncertain coefficients multiply C where the observed weights are so, (...).
+        """Factor by which the uncertain coefficients multiply C at given observed weights, (...).
 
-        1 + r E[(w_o - mu_o)^T S_oo^-1 (w_o - mu_o)], r the variance of the coefficients.
+        It is 1 + r E[(w_o - mu_o)^T S_oo^-1 (w_o - mu_o)], with r the variance of the coefficients.
 
         Args:
-            task: number of the task.
-            mean: of the observed weights, (..., P N).
-            covariance: of them, (..., P N, P N).
+            task: index of the task.
+            mean: means of the observed weights, (..., P N).
+            covariance: covariances of the observed weights, (..., P N, P N).
         """
         _, precision = self._find(task)
         if precision is None:

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Regression of the controlled weights on the observed ones, from demonstrations alone.
+"""Ridge regression of the controlled weights on the observed ones, from demonstrations alone.
 
-A target's regression holds within what its structure expects. A new person is far outside of what
-was shown, and there a part of each slope that is the target's alone is an error of centimetres.
-Ridge regression (Hoerl and Kennard 1970) of the controlled weights on the observed ones has
+The slopes of a shrunk covariance are partly those of its target. A new person may move far from
+what was shown, and there the target's part of a slope is an error of centimetres. Ridge regression
+(Hoerl and Kennard 1970) of the controlled weights on the observed ones has the slopes
 
     A = S_co (S_oo + l R)^-1,
 
-with S the covariance of the demonstrations, R the squares of the DOFs' ranges, and l the variance
-of a weight that is taken to be chance, in parts of it. Directions in which people differ much keep
-their slopes, whatever the target says; those of noise lose theirs.
+with S the covariance of the demonstrations, R the squared ranges of the DOFs, and l the random
+variance of a weight relative to R. Slopes along directions in which people differ much are kept,
+whatever the target; slopes along directions of noise vanish.
 """
 
 import numpy as np
@@ -18,19 +18,19 @@ from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import symmetrize
 
 MOST_SPENT = 0.8
-"""Largest part of the demonstrations that slopes are said to take up. Convention: what they leave
-unexplained is divided by the rest."""
+"""Largest share of the demonstrations that counts as spent on slopes. Scatter of residuals is
+divided by the rest, which must not vanish."""
 
 
 def ridge_slopes(scatter: Floats, chance: Floats, demonstrations: float) -> tuple[Floats, float]:
-    """Slopes A, (Q N, P N), and the part of the demonstrations that they take up.
+    """Slopes A, (Q N, P N), and the share of the demonstrations that is spent on them.
 
-    This part is the effective number of parameters tr(S_oo (S_oo + l R)^-1) over the number of
-    demonstrations (Hastie et al. 2009, Eq. 3.50), `MOST_SPENT` at most.
+    This share is the effective number of parameters tr(S_oo (S_oo + l R)^-1) over the number of
+    demonstrations (Hastie et al. 2009, Eq. 3.50), at most `MOST_SPENT`.
 
     Args:
         scatter: covariance of all weights, observed first, (D N, D N).
-        chance: variance of each observed weight that is chance, l R, (P N,).
+        chance: random variance of each observed weight, l R, (P N,).
         demonstrations: equivalent sample size of the covariance.
     """
     size = len(chance)
@@ -42,12 +42,12 @@ def ridge_slopes(scatter: Floats, chance: Floats, demonstrations: float) -> tupl
 
 
 def with_slopes(known: Floats, slopes: Floats, left: Floats) -> Floats:
-    """Joint covariance (D N, D N) of observed weights and of those that follow them.
+    """Joint covariance of observed and controlled weights with given slopes, (D N, D N).
 
     Args:
-        known: of the observed weights, (P N, P N).
-        slopes: of the others on them, (Q N, P N).
-        left: what they leave unexplained, (Q N, Q N).
+        known: covariance of the observed weights, (P N, P N).
+        slopes: slopes of the controlled on the observed weights, (Q N, P N).
+        left: covariance of the regression's residuals, (Q N, Q N).
     """
     cross = slopes @ known
     return symmetrize(np.block([[known, cross.T], [cross, left + cross @ slopes.T]]))

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How sure one must be of a task, so that a stated share of interactions is acted on wrongly.
+"""Probability of a task at which the robot may act, so that the share of wrong actions is bounded.
 
-Split conformal prediction (Vovk et al. 2005). Each demonstration is followed with a library that
-does not know it. Its score is the largest log odds of the other tasks against its own, at any
-moment. Of a new interaction of the same population the odds against its task exceed the quantile
-of these scores with at most the stated probability, at any moment; so whoever waits until the odds
-for a task exceed that quantile acts wrongly at most as often.
+This is split conformal prediction (Vovk et al. 2005). Each demonstration is filtered with a library
+learned without it. Its score is the largest log odds of the other tasks against its own at any
+moment. In a new interaction of the same population, the odds against its task exceed the quantile
+of these scores at any moment with at most the stated probability. A robot that waits until the odds
+for a task exceed that quantile therefore acts wrongly at most as often.
 
-Interactions of one person are alike. Where demonstrations have groups, the bound is therefore one
-for an interaction of a new group: each group counts once, however many demonstrations it has
+Interactions of one person are alike. If demonstrations have groups, the bound is therefore for an
+interaction of a new group, and each group counts once, however many demonstrations it has
 (hierarchical conformal prediction, Lee, Barber and Willett 2023).
 """
 
@@ -21,20 +21,20 @@ from intent_recognition.array_types import Floats
 
 
 class LeftOutOdds(NamedTuple):
-    """What demonstrations that were left out say about the risk of acting.
+    """Odds of n held-out demonstrations, from which the risk of acting is bounded.
 
     Attributes:
-        odds: largest log odds of the other tasks against the true one along each, (n,).
-        groups: whose demonstration each is, such as a pair of people; "" for nobody's, (n,).
+        odds: largest log odds of the other tasks against the true one in each, (n,).
+        groups: group of each demonstration, such as a pair of people; "" for none, (n,).
     """
 
     odds: tuple[float, ...] = ()
     groups: tuple[str, ...] = ()
 
     def weights(self) -> Floats:
-        """What each counts for, (n,): a group as much as a demonstration of nobody's.
+        """Weights of the demonstrations, (n,): each group, or one without a group, 1 / (G + 1).
 
-        They sum to the share of all groups that is known, G / (G + 1).
+        They sum to G / (G + 1).
         """
         names = [group or f" {k}" for k, group in enumerate(self.groups)]
         _, place, counts = np.unique(names, return_inverse=True, return_counts=True)
@@ -42,28 +42,28 @@ class LeftOutOdds(NamedTuple):
 
     @property
     def n_groups(self) -> int:
-        """G: groups, and demonstrations of nobody's."""
+        """Number G of groups, each demonstration without a group counting as one."""
         return len({group or f" {k}" for k, group in enumerate(self.groups)})
 
 
 NO_ODDS = LeftOutOdds()
-"""Nothing was left out."""
+"""Odds of no demonstrations."""
 
 
 class Risk(NamedTuple):
-    """When to act, and how often that is wrong."""
+    """Threshold at which to act, and the bound on wrong actions that it gives."""
 
-    threshold: float  # probability that a task must have among the tasks
-    max_wrong: float  # the share of interactions that was asked for
-    # largest share that is acted on wrongly, of interactions with new people where people are
-    # known, else of those like the recorded ones
+    threshold: float  # probability that a task must have among the known tasks
+    max_wrong: float  # requested share of interactions with a wrong action
+    # bound on the share of interactions with a wrong action: of interactions with new groups of
+    # people if demonstrations have groups, else of interactions like the recorded ones
     bound: float
-    n_groups: int  # people, or demonstrations where these have no groups, that the bound rests on
-    grouped: bool  # whether these are people
+    n_groups: int  # number of groups, or of demonstrations without a group, behind the bound
+    grouped: bool  # whether any demonstration has a group
 
     @property
     def n_needed(self) -> int:
-        """How many it takes for the bound that was asked for."""
+        """Number of groups needed for the requested bound."""
         return int(np.ceil(1.0 / self.max_wrong - 1e-9)) - 1
 
     def __str__(self) -> str:
@@ -79,14 +79,14 @@ class Risk(NamedTuple):
 
 
 def risk_of(left_out: LeftOutOdds, max_wrong: float) -> Risk:
-    """When to act, so that at most a share of interactions is acted on wrongly.
+    """Threshold at which to act, such that at most a share of interactions has a wrong action.
 
-    Fewer groups than that takes bound the share by 1 / (G + 1); the threshold is extrapolated by a
-    normal distribution then.
+    With too few groups for this share, the bound is 1 / (G + 1), and the threshold is extrapolated
+    by a normal distribution.
 
     Args:
-        left_out: two demonstrations or more.
-        max_wrong: the share, in (0, 0.5].
+        left_out: odds of at least two held-out demonstrations.
+        max_wrong: requested share, in (0, 0.5].
     """
     odds, weights = np.array(left_out.odds), left_out.weights()
     n_groups = left_out.n_groups
@@ -98,16 +98,16 @@ def risk_of(left_out: LeftOutOdds, max_wrong: float) -> Risk:
 
 
 def conformal_bound(values: Floats, accepted: float, weights: Floats | None = None) -> float:
-    """What one more value of the same kind exceeds with at most a probability.
+    """Bound that one more value of the same kind exceeds with at most the accepted probability.
 
-    Whatever the distribution (Vovk et al. 2005). Fewer values than that takes are extrapolated by
-    a normal distribution.
+    It holds for any distribution (Vovk et al. 2005). If there are too few values for this
+    probability, it is extrapolated by a normal distribution.
 
     Args:
-        values: (n,), two or more.
-        accepted: the probability, in (0, 1).
-        weights: probability that one more is like each of them, (n,); they sum to less than one.
-            None for 1 / (n + 1) each.
+        values: two or more values, (n,).
+        accepted: accepted probability, in (0, 1).
+        weights: probability that one more value is like each of these, (n,), which sum to less than
+            one. None for 1 / (n + 1) each.
     """
     n = len(values)
     share = np.full(n, 1.0 / (n + 1.0)) if weights is None else weights

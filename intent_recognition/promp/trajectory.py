@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trajectories: mean and standard deviation over time, from a distribution of the weights."""
+"""Trajectories (mean and standard deviation over time) from a distribution of the weights."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ class Trajectory(NamedTuple):
     """Mean and standard deviation of some DOFs over a grid of times.
 
     Attributes:
-        times_s: (T,).
-        positions: mean, (T, d).
-        velocities: mean, per second, (T, d).
-        std: standard deviation of the position, (T, d).
+        times_s: times, (T,) [s].
+        positions: mean positions, (T, d).
+        velocities: mean velocities, per second, (T, d).
+        std: standard deviations of the positions, (T, d).
     """
 
     times_s: Floats
@@ -31,10 +31,10 @@ class Trajectory(NamedTuple):
 
 
 def check_points(n_points: int) -> None:
-    """Make sure that a trajectory is asked for at one time or more.
+    """Check a number of points.
 
     Raises:
-        ArgumentError: it is not.
+        ArgumentError: `n_points` is not a whole number of at least 1.
     """
     check_whole("n_points", n_points, 1, "Pass 50, or leave it out.")
 
@@ -46,14 +46,14 @@ def rollout(
     duration_s: float,
     noise_variance: Floats,
 ) -> Trajectory:
-    """Trajectory of d DOFs at phases (T,), lasting `duration_s` from phase 0 to 1.
+    """Trajectory of d DOFs at some phases of steady progress.
 
     Args:
         basis: the basis functions.
         weights: distribution of the weights, (d N,).
-        phase: (T,).
+        phase: phases, (T,).
         duration_s: time from phase 0 to 1.
-        noise_variance: residual variance per DOF, added to the variance of the mean, (d,).
+        noise_variance: residual variance per DOF, added to that from the weights, (d,).
     """
     design = basis.design_matrix(phase)
     n_dofs = len(weights.mean) // basis.n_basis
@@ -64,7 +64,7 @@ def rollout(
 
 
 def dof_variance(design: Floats, covariance: Floats) -> Floats:
-    """Variance of each DOF at each row of the design (T, N), given weights' covariance: (T, d)."""
+    """Variance (T, d) of each DOF at each row of a design (T, N), from the weights' covariance."""
     n_basis = design.shape[1]
     n_dofs = len(covariance) // n_basis
     blocks = covariance.reshape(n_dofs, n_basis, n_dofs, n_basis)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Weights of one demonstration by ridge regression, and what they leave unexplained."""
+"""Weights of one demonstration by ridge regression, and the variance of its residuals."""
 
 from typing import NamedTuple
 
@@ -24,14 +24,14 @@ def fit_weights(
 ) -> WeightFit:
     """Ridge regression of trajectories on the basis (Maeda et al. 2014, Eq. 1).
 
-    The penalty is on curvature (second differences of neighbouring weights), so that a straight
-    line is left alone and a gap is bridged smoothly; `ridge` is relative to the data's share of one
-    basis function, so it means the same at any sampling rate.
+    The penalty is on curvature (second differences of neighbouring weights): a straight line has
+    none, and gaps are bridged smoothly. `ridge` is relative to the number of samples per basis
+    function, so its effect does not depend on the sampling rate.
 
     Args:
         basis: the basis functions.
-        phase: (T,) phases in [0, 1] of the samples, any order, gaps allowed.
-        values: (T, d) samples.
+        phase: phases of the samples in [0, 1], (T,), in any order, gaps allowed.
+        values: samples, (T, d).
         ridge: relative weight of the penalty, positive.
 
     Raises:
@@ -49,7 +49,7 @@ def fit_weights(
     penalty = ridge * len(phase) / basis.n_basis
     normal = design.T @ design + penalty * (curvature.T @ curvature)
     normal += 1e-9 * len(phase) / basis.n_basis * np.eye(basis.n_basis)
-    centre = values.mean(axis=0)  # the basis sums to one: a constant is a constant weight
+    centre = values.mean(axis=0)  # the basis sums to one: constant weights give a constant
     apart = values - centre
     weights = cho_solve(cho_factor(normal), design.T @ apart).T
     residuals = apart - design @ weights.T
