@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The warps that bring demonstrations onto a reference: cost, analytic derivatives, descent.
+"""Fit of the warps that bring demonstrations onto a reference: cost, derivatives, descent.
 
 Maeda et al. 2014, Eq. 16, minimise the L1 distance between reference and warped demonstration. Here
-it is the negative logarithm of a posterior: Laplace distributed deviations whose scale per DOF is
-given, and a Gaussian prior on the log rate (`prior_precision`) and on both ends. The corner of the
-absolute value is rounded. The mean deviation of each DOF does not count: a demonstration a hand's
-breadth to the side is not early or late, yet with the plain distance its warp would be bent to make
-up for it.
+the cost is a negative log posterior: Laplace distributed deviations of given scale per DOF, and a
+Gaussian prior on the log rate (`prior_precision`) and on both ends. The corner of the absolute
+value is rounded. The mean deviation of each DOF is subtracted: an offset in space is no difference
+in timing, but the plain distance would bend the warp to reduce it.
 
-All demonstrations descend at once by damped Gauss-Newton steps: a deviation depends on the weights
-through one recorded phase, so the normal equations of a demonstration are (K + 1, K + 1) sums over
-samples of a scalar curvature. Nothing passes from one demonstration to another.
+All demonstrations descend at once by damped Gauss-Newton steps, independently of each other. A
+deviation depends on the weights through one recorded phase, so the normal equations of a
+demonstration are (K + 1, K + 1) sums over samples of a scalar curvature.
 """
 
 from typing import NamedTuple
@@ -29,7 +28,8 @@ ROUNDING = 0.3
 class Curves(NamedTuple):
     """Piecewise cubic demonstrations on an even grid of recorded phases."""
 
-    coefficients: Floats  # of 1, f, f^2, f^3 in each interval, (4, n, T - 1, D); f runs from 0 to 1
+    # coefficients of 1, f, f^2 and f^3 with f from 0 to 1 in each interval, (4, n, T - 1, D)
+    coefficients: Floats
 
     @classmethod
     def through(cls, samples: Floats) -> "Curves":
@@ -40,11 +40,11 @@ class Curves(NamedTuple):
         return cls(np.stack([y0, m0, 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise]))
 
     def of(self, which: NDArray[np.intp]) -> "Curves":
-        """Those of some demonstrations."""
+        """Curves of some of the demonstrations."""
         return Curves(self.coefficients.take(which, axis=1))
 
     def at(self, phase: Floats) -> tuple[Floats, Floats]:
-        """Values and d value / d phase at phases (n, T'), each (n, T', D); held outside [0, 1]."""
+        """Values and d value / d phase, (n, T', D), at phases (n, T'); constant outside [0, 1]."""
         _, n, intervals, n_dofs = self.coefficients.shape
         position = np.clip(phase, 0.0, 1.0) * intervals
         index = np.minimum(position.astype(np.intp), intervals - 1)
@@ -60,18 +60,18 @@ class Curves(NamedTuple):
 
 
 class WarpProblem(NamedTuple):
-    """What the warps of n demonstrations are fitted to."""
+    """Data and priors of the warps of n demonstrations."""
 
     curves: Curves  # the demonstrations, each DOF in units of its typical deviation after alignment
-    reference: Floats  # (T, D) at even reference phases, in the same units
-    basis: Floats  # of the log rate between the reference phases, (T - 1, K)
-    prior_precision: Floats  # of the K weights of the log rate, (K, K)
+    reference: Floats  # reference at even phases, in the same units, (T, D)
+    basis: Floats  # basis functions of the log rate between the reference phases, (T - 1, K)
+    prior_precision: Floats  # prior precision of the K weights of the log rate, (K, K)
     end_std: float  # prior standard deviation of h(0) and of h(1) - 1
     n_independent: float  # samples of a demonstration that count as independent
 
 
 class LocalCost(NamedTuple):
-    """The cost around some parameters: (n,), (n, K + 1) and (n, K + 1, K + 1)."""
+    """Cost, gradient and curvature at some parameters: (n,), (n, K + 1), (n, K + 1, K + 1)."""
 
     cost: Floats
     gradient: Floats
@@ -79,9 +79,9 @@ class LocalCost(NamedTuple):
 
 
 def recorded_phase(basis: Floats, parameters: Floats) -> tuple[Floats, Floats]:
-    """h at the reference phases, (n, T), and the rate between them, (n, T - 1) (Eq. 15).
+    """Recorded phases h at the reference phases, (n, T), and rates between them, (n, T - 1).
 
-    Of a basis (T - 1, K) and parameters (n, K + 1): shift, then weights of the log rate.
+    Eq. 15, for a basis (T - 1, K) and parameters (n, K + 1): shift, then weights of the log rate.
     """
     log_rate = (basis @ parameters[:, 1:, None])[..., 0]
     rate = np.exp(np.clip(log_rate, -MAX_LOG_RATE, MAX_LOG_RATE))
@@ -96,7 +96,7 @@ def recorded_phase(basis: Floats, parameters: Floats) -> tuple[Floats, Floats]:
 def local_cost(problem: WarpProblem, parameters: Floats) -> LocalCost:
     """Cost, its exact gradient, and the Gauss-Newton curvature (Eq. 16 with priors).
 
-    Of parameters (n, K + 1): shift, then weights of the log rate.
+    Parameters (n, K + 1) are the shift, then the weights of the log rate.
     """
     phase, rate = recorded_phase(problem.basis, parameters)
     slope, residual, distance = _deviations(problem, phase)
@@ -131,13 +131,13 @@ def local_cost(problem: WarpProblem, parameters: Floats) -> LocalCost:
 
 
 def total_cost(problem: WarpProblem, parameters: Floats) -> Floats:
-    """The cost alone, (n,); arguments as of `local_cost`."""
+    """Cost alone, (n,); the arguments are those of `local_cost`."""
     phase, _ = recorded_phase(problem.basis, parameters)
     return _cost(problem, parameters, phase, _deviations(problem, phase)[2])
 
 
 def _deviations(problem: WarpProblem, phase: Floats) -> tuple[Floats, Floats, Floats]:
-    """d value / d phase, deviation less its mean, and its rounded absolute value, (n, T, D)."""
+    """d value / d phase, centred deviations, and their rounded absolute values, (n, T, D) each."""
     values, slope = problem.curves.at(phase)
     values -= problem.reference
     values -= np.full((1, phase.shape[1]), 1.0 / phase.shape[1]) @ values
@@ -145,7 +145,7 @@ def _deviations(problem: WarpProblem, phase: Floats) -> tuple[Floats, Floats, Fl
 
 
 def _cost(problem: WarpProblem, parameters: Floats, phase: Floats, distance: Floats) -> Floats:
-    """Deviations and priors added up, (n,)."""
+    """Sum of the costs of deviations and priors, (n,)."""
     weights = parameters[:, 1:]
     ends = parameters[:, 0] ** 2 + (phase[:, -1] - 1.0) ** 2
     rates = np.sum((problem.prior_precision @ weights[..., None])[..., 0] * weights, axis=1)
@@ -157,7 +157,7 @@ def _cost(problem: WarpProblem, parameters: Floats, phase: Floats, distance: Flo
 def descend(problem: WarpProblem, start: Floats, n_iterations: int) -> tuple[Floats, Floats]:
     """Parameters (n, K + 1) and costs (n,) after damped Gauss-Newton steps from a start (n, K + 1).
 
-    No cost ever rises.
+    A step that would increase a cost is not taken.
     """
     parameters = np.array(start)
     local = local_cost(problem, parameters)
@@ -166,7 +166,7 @@ def descend(problem: WarpProblem, start: Floats, n_iterations: int) -> tuple[Flo
     active = np.arange(len(start))
     for _ in range(n_iterations):
         step = _step(local, damping[active])
-        going = -0.5 * np.sum(step * local.gradient, axis=1) > 0.05  # [nats]
+        going = -0.5 * np.sum(step * local.gradient, axis=1) > 0.05  # expected decrease [nats]
         active, step, local = (
             active[going],
             step[going],

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What demonstrations are compared at, and which of them, or which mean, is the reference."""
+"""Resampled demonstrations, the scales that compare their DOFs, and the choice of a reference."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -13,11 +13,11 @@ from intent_recognition.signals import MIN_SAMPLES, Signal
 
 
 class Template(NamedTuple):
-    """What demonstrations are brought onto."""
+    """Reference onto which demonstrations are aligned, and scales of the deviations from it."""
 
-    values: Floats  # (G, D) at even reference phases, in the DOFs' own units
+    values: Floats  # positions at even reference phases, in the DOFs' own units, (G, D)
     # typical absolute deviation of an aligned demonstration per DOF, (D,), in its unit; infinite
-    # for a DOF that never moves, which tells nothing
+    # for a DOF that never moves, so that it has no influence
     scale: Floats
 
 
@@ -26,8 +26,8 @@ def even_trajectory(
 ) -> Floats:
     """All DOFs of a recording at even phases from its start to its end, (n_samples, D).
 
-    Gaps are bridged and ends held, for the comparison only: weights are learned from the samples
-    as they were measured, at the phases their warp gives them.
+    Gaps are interpolated and ends held constant, but for alignment only: weights are learned from
+    the measured samples, at the phases that their warp gives.
 
     Raises:
         ArgumentError: the recording has no duration, or a signal no samples in it.
@@ -46,9 +46,9 @@ def even_trajectory(
 
 
 def resample(trajectories: Sequence[Floats] | Floats, n_grid: int, smoothing: float) -> Floats:
-    """Checked, smoothed and at `n_grid` even phases, (n, n_grid, D).
+    """Check n arrays (T_i, D) at even phases from 0 to 1, and resample them: (n, n_grid, D).
 
-    Of n arrays (T_i, D) at even phases from 0 to 1, by a kernel with a width in phase.
+    They are smoothed by a kernel whose width in phase is `smoothing`.
     """
     arrays = [np.asarray(values, dtype=np.float64) for values in trajectories]
     shapes = [values.shape for values in arrays]
@@ -68,7 +68,7 @@ def resample(trajectories: Sequence[Floats] | Floats, n_grid: int, smoothing: fl
 
 @lru_cache(maxsize=64)
 def _smoother(n_samples: int, n_grid: int, width: float) -> Floats:
-    """Local linear regression with a Gaussian kernel, (n_grid, n_samples): exact on lines."""
+    """Matrix of a local linear regression with a Gaussian kernel, (n_grid, n_samples)."""
     at = np.linspace(0.0, 1.0, n_grid)[:, None]
     offset = np.linspace(0.0, 1.0, n_samples) - at
     kernel = np.exp(-0.5 * (offset / max(width, 0.6 / (n_samples - 1))) ** 2)
@@ -79,9 +79,9 @@ def _smoother(n_samples: int, n_grid: int, width: float) -> Floats:
 def typical_deviation(samples: Floats, deviations: Floats) -> Floats:
     """Scale of each DOF, (D,): median over demonstrations of their mean absolute deviations.
 
-    Deviations from the reference (n, G, D) count from their mean in each demonstration, as in the
-    cost of a warp. A DOF that never moves in the samples (n, G, D), or by less than the smallest
-    normal number, gets infinity.
+    The mean of the deviations from the reference (n, G, D) is subtracted in each demonstration, as
+    in the cost of a warp. The scale is at least 1 % of the DOF's range in the samples (n, G, D),
+    and infinite if the DOF never moves, or by less than the smallest normal number.
     """
     extent = np.ptp(samples.reshape(-1, samples.shape[-1]), axis=0)
     moving = np.any(np.ptp(samples, axis=1) > 1e-9 * np.abs(samples).max(axis=(0, 1)), axis=0)
@@ -92,7 +92,7 @@ def typical_deviation(samples: Floats, deviations: Floats) -> Floats:
 
 
 def medoid(samples: Floats) -> int:
-    """Which demonstration of (n, G, D) has the least L1 distance to all others, DOFs scaled."""
+    """Index of the demonstration, of (n, G, D), with the least scaled L1 distance to the others."""
     extent = np.ptp(samples, axis=(0, 1))
     scaled = samples / np.where(extent > 0, extent, 1.0)
     centred = (scaled - scaled.mean(axis=1, keepdims=True)).reshape(len(samples), -1)
@@ -102,13 +102,13 @@ def medoid(samples: Floats) -> int:
 def choose_reference(
     samples: Floats, reference: str | int | Floats, smoothing: float
 ) -> tuple[Floats, int | None]:
-    """Values (G, D) of the reference asked for, and which demonstration it is.
+    """Values (G, D) of the requested reference, and the index of its demonstration or None.
 
     Args:
         samples: demonstrations, (n, G, D).
-        reference: "mean" or "medoid" (both give the medoid: the mean starts from it), the number
-            of a demonstration, or a trajectory (T, D).
-        smoothing: width of the kernel a trajectory is smoothed with.
+        reference: "mean" or "medoid" (both give the medoid: the mean starts from it), the index of
+            a demonstration, or a trajectory (T, D).
+        smoothing: width of the smoothing kernel for a trajectory, in phase.
     """
     if isinstance(reference, str):
         if reference not in ("mean", "medoid"):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where to start a descent: the best coarse warp of all, by dynamic programming.
+"""Start of the descent: the best coarse warp, by dynamic programming.
 
 A local method (Maeda et al. 2014, Eq. 15-16) ends in the nearest minimum: an oscillation one period
-off stays one period off. The search looks at every monotone path on a coarse lattice under the same
-cost, deviations and rates alike, for all demonstrations at once.
+off stays one period off. The search compares all monotone paths on a coarse lattice by a similar
+cost of deviations and rates, for all demonstrations at once.
 """
 
 import numpy as np
@@ -14,16 +14,16 @@ from intent_recognition.alignment.warp import midpoints
 from intent_recognition.array_types import Floats
 
 STEPS, FINENESS = 32, 4
-"""Reference intervals of the lattice, and recorded ones for each. Convention: they bound the time
-of the search."""
+"""Number of reference intervals of the lattice, and of recorded intervals per reference interval:
+they bound the time of the search."""
 MOVES = np.array([1, 2, 3, 4, 5, 6, 8, 11])
-"""Recorded intervals a reference interval may take: rates from 1/4 to 11/4."""
+"""Numbers of recorded intervals that a reference interval may span: rates from 1/4 to 11/4."""
 
 
 def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> Floats:
     """Parameters (n, K + 1) of smooth warps near the best coarse paths.
 
-    The log rate has a prior standard deviation, and a correlation length in phase.
+    `rate_std` and `rate_correlation` are the log rate's prior std and correlation length in phase.
     """
     at = np.linspace(0, len(problem.reference) - 1, STEPS + 1).round().astype(int)
     reference = (problem.reference[at] - problem.reference.mean(axis=0)).astype(np.float32)
@@ -36,7 +36,7 @@ def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> Fl
     distance = np.sqrt(np.maximum(squares, 0.0, out=squares), out=squares)
     n_moving = np.count_nonzero(np.any(problem.reference != 0.0, axis=0))
     share = problem.n_independent / (STEPS + 1)
-    # sqrt(2 / pi) = 0.8 makes an L1 norm of the L2 norm of Gaussian deviations
+    # sqrt(2 / pi) = 0.8 converts the L2 norm of Gaussian deviations to their expected L1 norm
     distance *= np.float32(0.8 * np.sqrt(n_moving) * share)
     paths = _best_paths(distance, rate_std, rate_correlation, problem.end_std)
     return _smoothed(problem, recorded[paths])
@@ -45,12 +45,12 @@ def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> Fl
 def _best_paths(
     distance: Floats, rate_std: float, rate_correlation: float, end_std: float
 ) -> NDArray[np.intp]:
-    """Recorded index at each reference step, (n, STEPS + 1), of least total cost.
+    """Recorded index at each reference step on the path of least cost, (n, STEPS + 1).
 
     Args:
-        distance: (n, STEPS + 1, J).
+        distance: cost of each pair of reference step and recorded phase, (n, STEPS + 1, J).
         rate_std: prior standard deviation of the log rate.
-        rate_correlation: steps within twice this share one draw of it.
+        rate_correlation: correlation length; steps within twice this length share one log rate.
         end_std: prior standard deviation of both ends.
     """
     n, _, size = distance.shape
@@ -87,7 +87,7 @@ def _smoothed(problem: WarpProblem, paths: Floats) -> Floats:
     precision = problem.prior_precision
     rates = np.diff(paths, axis=1) * STEPS
     ridge = precision * (np.trace(design.T @ design) / np.trace(precision))
-    # Rates of single steps are quantised: their running mean over three steps is used.
+    # Rates of single steps are quantised, so use their running mean over three steps.
     mean = np.stack([np.interp(middle, middle, r) for r in rates])
     mean[:, 1:-1] = (rates[:, :-2] + rates[:, 1:-1] + rates[:, 2:]) / 3.0
     regression = np.linalg.solve(design.T @ design + 0.3 * ridge, design.T)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Time alignment of the demonstrations of one task (Maeda et al. 2014, part III-E).
 
-People run through one movement at different speeds. Each demonstration gets a `Warp` that brings it
-onto a template: one of the demonstrations (the paper's way), a trajectory of the caller's, or the
-mean of the aligned demonstrations, found in turns with the warps and kept at their average timing.
+People perform a movement at different speeds. Each demonstration gets a `Warp` that aligns it with
+a template: one of the demonstrations (as in the paper), a given trajectory, or the mean of the
+aligned demonstrations, estimated in turn with the warps and kept at their average timing.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ from intent_recognition.errors import ArgumentError, ShapeError
 
 @dataclass(frozen=True)
 class AlignmentSettings:
-    """What warps are like before anything is seen, and how they are looked for.
+    """Prior of the warps, and settings of their fit.
 
     Attributes:
         rate_std: prior standard deviation of the log rate (0.2: speeds from 0.8 to 1.2 times the
-            reference's are usual). Smaller values keep recordings more as they are.
-        rate_correlation: phase over which a deviation of the rate lasts (Matern 3/2 length).
+            reference's are usual). Smaller values change the timing of recordings less.
+        rate_correlation: correlation length of the log rate, in phase (Matern 3/2).
         end_std: prior standard deviation of the recorded phases at both ends of the reference.
-        n_independent: samples of a demonstration that count as independent evidence.
-        n_basis: basis functions of the log rate.
-        n_grid: even phases at which trajectories are compared.
-        smoothing: width of the kernel trajectories are smoothed with, in phase.
-        n_iterations: most steps of one descent.
-        n_means: rounds of warps and mean, for the reference "mean".
+        n_independent: number of samples per demonstration that count as independent evidence.
+        n_basis: number of basis functions of the log rate.
+        n_grid: number of even phases at which trajectories are compared.
+        smoothing: width of the kernel that smooths trajectories, in phase.
+        n_iterations: largest number of steps of a descent.
+        n_means: number of alternations of warps and mean, for the reference "mean".
 
     Raises:
         ArgumentError: a setting is out of range.
@@ -84,12 +84,12 @@ class AlignmentSettings:
 
 @brief
 class Alignment(NamedTuple):
-    """Warps of the demonstrations and what they lead to.
+    """Warps of the demonstrations, their template, and the aligned demonstrations.
 
     Attributes:
-        warps: one per demonstration.
-        template: the reference; a later demonstration is brought onto it by `align_to`.
-        reference_index: number of the demonstration that is the reference, None if none is.
+        warps: one warp per demonstration.
+        template: reference and scales; `align_to` aligns later demonstrations with it.
+        reference_index: index of the demonstration that is the reference, None if none is.
         aligned: the smoothed demonstrations at even reference phases, (n, G, D).
     """
 
@@ -99,9 +99,9 @@ class Alignment(NamedTuple):
     aligned: Floats
 
     def reference_phase(self, demonstration: int, recorded: Floats) -> Floats:
-        """Phases to learn a demonstration's samples at, same shape as its recorded phases.
+        """Reference phases of a demonstration's samples, of the shape of their recorded phases.
 
-        What was recorded before the reference begins or after it ends lies outside [0, 1].
+        Samples recorded before the reference begins or after it ends are outside [0, 1].
         """
         return self.warps[demonstration].inverse(recorded)
 
@@ -111,17 +111,17 @@ def align(
     reference: str | int | Floats = "mean",
     settings: AlignmentSettings | None = None,
 ) -> Alignment:
-    """Bring the demonstrations of one task onto a common timing.
+    """Align the demonstrations of one task in time.
 
-    DOFs count by how far demonstrations still differ in them when aligned, so units do not matter
-    and what everybody does alike sets the pace. These scales are estimated on the way.
+    Each DOF is scaled by its typical deviation between aligned demonstrations, which is estimated
+    too. Units therefore do not matter, and DOFs that vary least determine the timing.
 
     Args:
         trajectories: n arrays (T_i, D) at even recorded phases from 0 to 1, DOFs of any units; or
             one array (n, T, D).
-        reference: "mean", "medoid" (the demonstration most like the others), the number of a
+        reference: "mean", "medoid" (the demonstration most like the others), the index of a
             demonstration, or a trajectory (T, D).
-        settings: priors and search.
+        settings: prior of the warps and settings of their fit.
 
     Raises:
         ShapeError: no trajectories, or trajectories that do not fit each other.
@@ -134,7 +134,7 @@ def align(
     if isinstance(reference, str) and reference == "mean":
         template, index = _mean_template(samples, rough, settings), None
     else:
-        some = samples[:: -(-len(samples) // 16)]  # evenly drawn, for medians
+        some = samples[:: -(-len(samples) // 16)]  # at most 16 are enough for medians
         parameters = _fit(some, rough, settings, 4)  # scales need no converged warps
         deviations = _warped(some, parameters, settings) - values
         template = Template(values, typical_deviation(samples, deviations))
@@ -148,15 +148,15 @@ def align_to(
     trajectories: Sequence[Floats] | Floats,
     settings: AlignmentSettings | None = None,
 ) -> tuple[Warp, ...]:
-    """Warps that bring demonstrations onto a known template.
+    """Warps that align demonstrations with a known template.
 
-    Each is independent of the others: it comes out the same alone, in company, and of `align` when
-    it found the template.
+    Each warp is independent of the other demonstrations, and equals that of `align` when this found
+    the template.
 
     Args:
-        template: reference and scales, of `align`.
+        template: reference and scales, from `align`.
         trajectories: as in `align`.
-        settings: those the template was made with.
+        settings: the settings with which the template was made.
 
     Raises:
         ShapeError: trajectories fit neither each other nor the template.
@@ -197,7 +197,7 @@ def _mean_template(samples: Floats, template: Template, settings: AlignmentSetti
 
 
 def _problem(samples: Floats, template: Template, settings: AlignmentSettings) -> WarpProblem:
-    """What warps onto a template are fitted to."""
+    """Data and priors of warps onto a template, DOFs scaled."""
     return WarpProblem(
         Curves.through(samples / template.scale),
         template.values / template.scale,

@@ -20,7 +20,7 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import NormalizedRBFBasis
 
 MAX_LOG_RATE = 6.0
-"""Largest absolute log rate of a warp: beyond it, double precision would no longer tell phases."""
+"""Largest absolute log rate of a warp; beyond it, phases could coincide in double precision."""
 
 
 def midpoints(n_grid: int) -> Floats:
@@ -30,7 +30,7 @@ def midpoints(n_grid: int) -> Floats:
 
 @lru_cache(maxsize=8)
 def slope_basis(n_basis: int, n_grid: int) -> Floats:
-    """Basis functions of the log rate amid `n_grid` even phases, (n_grid - 1, K), read-only."""
+    """Basis functions of the log rate between `n_grid` even phases, (n_grid - 1, K), read-only."""
     design = NormalizedRBFBasis(n_basis, 1.0).design_matrix(midpoints(n_grid))
     design.setflags(write=False)
     return design
@@ -39,15 +39,15 @@ def slope_basis(n_basis: int, n_grid: int) -> Floats:
 @brief
 @dataclass(frozen=True)
 class Warp:
-    """One recording's time, seen from the reference: strictly increasing by construction.
+    """Strictly increasing map from reference phase to recorded phase.
 
-    The rate is constant between grid points, so the map is linear there and its inverse exact;
-    outside [0, 1] it goes on at the rate of its end, so that it can be inverted everywhere.
+    The rate is constant between grid points, so the map is linear there and its inverse exact.
+    Outside [0, 1] it is extrapolated at the rate of that end, so that its inverse is defined too.
 
     Attributes:
         shift: recorded phase at reference phase 0, v0.
-        log_rate: log of d recorded phase / d reference phase in even intervals of the reference
-            phase from 0 to 1, (G - 1,), at least one.
+        log_rate: log of d recorded phase / d reference phase in G - 1 >= 1 even intervals of the
+            reference phase from 0 to 1, (G - 1,).
         recorded: recorded phases at the grid, strictly increasing, (G,), read-only.
 
     Raises:
@@ -71,7 +71,7 @@ class Warp:
 
     @classmethod
     def identity(cls, n_grid: int = 2) -> Warp:
-        """The warp that changes nothing."""
+        """Warp whose recorded phase equals the reference phase."""
         return cls(0.0, np.zeros(n_grid - 1))
 
     @property
@@ -84,19 +84,19 @@ class Warp:
         return _interpolate(np.asarray(phase, dtype=np.float64), self.grid, self.recorded)
 
     def inverse(self, phase: Floats) -> Floats:
-        """Reference phases of recorded phases, same shape: what a demonstration is learned at."""
+        """Reference phases of recorded phases, same shape; weights are learned at these."""
         return _interpolate(np.asarray(phase, dtype=np.float64), self.recorded, self.grid)
 
     def rate(self, phase: Floats) -> Floats:
-        """d recorded phase / d reference phase at reference phases, same shape; positive.
+        """Rate d recorded phase / d reference phase at reference phases, same shape; positive.
 
-        Between the middles of the intervals its logarithm is linear.
+        Its logarithm is interpolated linearly between the middles of the intervals.
         """
         return np.exp(np.interp(phase, midpoints(self.log_rate.size + 1), self.log_rate))
 
 
 def _interpolate(at: Floats, x: Floats, y: Floats) -> Floats:
-    """Piecewise linear through increasing points, going on beyond both ends."""
+    """Piecewise linear interpolation through increasing points, extrapolated at both ends."""
     left = np.minimum(at - x[0], 0.0) * ((y[1] - y[0]) / (x[1] - x[0]))
     right = np.maximum(at - x[-1], 0.0) * ((y[-1] - y[-2]) / (x[-1] - x[-2]))
     return np.interp(at, x, y) + left + right
