@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Skills that a person composes of learned ones: via points, and tasks one after the other."""
+"""Skills composed of learned tasks: via points, and sequences of tasks."""
 
 from intent_recognition.composing.bending import (
     BentLibrary,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Via points as a library takes them: checked against its spread and the limits of the arm."""
+"""Libraries through via points, which are checked against their spread and the arm's limits."""
 
 from collections.abc import Sequence
 
@@ -14,21 +14,20 @@ from intent_recognition.promp import ControlPoint, TaskLibrary, controlled_at, d
 from intent_recognition.signals import POSITION_FIELDS
 
 LARGEST_DISTANCE = 6.0
-"""Mahalanobis distance from what a task does beyond which a via point is refused, in standard
-deviations of both. Convention: the hand of the shipped plate_handover may so be moved by some 9 cm
-at a third of the way, and by 25 to 36 cm at the end (docs/combining.md)."""
+"""Mahalanobis distance from its task beyond which a via point is refused: the plate_handover's hand
+may be moved by some 9 cm at a third of the way, by 25 to 36 at the end (docs/combining.md)."""
 _N_STEPS, _CONVERGED_RAD = 50, 1e-6
-"""Linearisations of a hand at most, and the step at which they end. Measured: 5 to 7 are taken."""
+"""Largest number of linearisations of a hand, and the step at which they end. Measured: 5 to 7."""
 
 
 def check_via_points(
     library: TaskLibrary, points: Sequence[ViaPoint], arm: Arm | None = None
 ) -> None:
-    """Make sure that the tasks can pass through via points of an arm, if that is known.
+    """Check that tasks can pass through via points, within the limits of an arm if it is known.
 
     Raises:
-        ArgumentError: there is no such task or DOF, a point is outside limits, or farther than
-            `LARGEST_DISTANCE` from what the task does, or two contradict each other.
+        ArgumentError: there is no such task or DOF, a point is outside the joints' limits or
+            farther than `LARGEST_DISTANCE` from its task, or two points contradict each other.
         KinematicsError: the hand cannot reach a point.
     """
     asked = _asked(library, points, arm)
@@ -48,10 +47,10 @@ def check_via_points(
 def bend_all(
     library: TaskLibrary, points: Sequence[ViaPoint], arm: Arm | None = None
 ) -> TaskLibrary:
-    """The library through all of some via points.
+    """Library whose tasks pass through all via points.
 
     Raises:
-        IntentError: a task cannot pass through one; see `check_via_points`.
+        IntentError: a task cannot pass through a point; see `check_via_points`.
     """
     return through(library, _by_task(_asked(library, points, arm)))
 
@@ -74,10 +73,10 @@ def _by_task(asked: Sequence[tuple[str, int, ControlPoint]]) -> dict[int, list[C
 
 
 class BentLibrary:
-    """Via points, and how libraries pass through them: `through` is for `IntentEstimator.bend`.
+    """Via points for any library; `through` is the function for `IntentEstimator.bend`.
 
-    The last library does not pass those named in `not_passed`: what could be passed through when it
-    was given may not be in another context, or by a library that has not its task.
+    `not_passed` names the points that the last library could not pass through: a point that was
+    possible when it was given may be impossible in another context, or its task may be missing.
     """
 
     def __init__(self, points: Sequence[ViaPoint] = (), arm: Arm | None = None):
@@ -85,7 +84,7 @@ class BentLibrary:
         self.not_passed: tuple[str, ...] = ()
 
     def through(self, taught: TaskLibrary) -> TaskLibrary:
-        """A library through the points."""
+        """Library through the points, except those that it cannot pass."""
         self.not_passed = ()
         try:
             return bend_all(taught, self.points, self._arm)
@@ -104,11 +103,11 @@ class BentLibrary:
 def control_point(
     library: TaskLibrary, task: int, point: ViaPoint, arm: Arm | None = None
 ) -> ControlPoint:
-    """What a via point asks of a task's controlled DOFs.
+    """Control point of a task's controlled DOFs for a via point.
 
-    The hand of an arm whose joints are predicted is linearised where it meets the point with the
-    least departure from what the task does: the iterated extended Kalman update. For another person
-    the hand then passes by some tenths of a millimetre to 5 mm beside it (docs/combining.md).
+    If joints are predicted, the position of the hand is linearised at the most probable posture
+    given the point, by the iterated extended Kalman update. For other movements of the person, the
+    hand then misses the point by some tenths of a millimetre to 5 mm (docs/combining.md).
     """
     label, names = f"via point {point.name}", library.controlled_names
     phase = point.phase
@@ -118,7 +117,7 @@ def control_point(
         if phase > 1.0:
             expected = f"a time of at most {duration_s:.2f} s, as {library.labels[task]} takes"
             raise ArgumentError.about(label, expected, f"{point.time_s:g} s", "Name a phase.")
-    # beyond what an arm can do, and well above rounding
+    # finer than any arm's accuracy, and well above rounding
     covariance = np.diag(np.square(np.maximum(point.std, 1e-6)))
     if point.of_hand:
         goal = np.array(point.values[HAND])
@@ -137,7 +136,7 @@ def control_point(
 
 
 def hand_columns(names: Sequence[str]) -> list[int]:
-    """Which controlled DOFs are the position of a hand; none where joints are predicted."""
+    """Indices of the controlled DOFs that are the position of a hand; empty if joints are."""
     columns = [k for k, name in enumerate(names) if name.endswith(POSITION_FIELDS)]
     return columns if len(columns) == len(POSITION_FIELDS) else []
 
@@ -161,7 +160,7 @@ def _at_hand(
     names: tuple[str, ...],
     arm: Arm | None,
 ) -> ControlPoint:
-    """J q = y - f(q*) + J q* at the most probable posture q* given the wish."""
+    """Control point J q = y - f(q*) + J q*, at the most probable posture q* given the via point."""
     if arm is None or not set(arm.joint_names) <= set(names):
         known = "no robot_description" if arm is None else f"one of {', '.join(arm.joint_names)}"
         cure = "Start the arm, or give its joints as dofs."
@@ -180,7 +179,7 @@ def _at_hand(
         if change < _CONVERGED_RAD:
             break
     missed_m = float(np.linalg.norm(arm.forward_kinematics(posture[columns])[:3, 3] - goal))
-    # as `motion.hand_path`
+    # the same tolerance as in `motion.hand_path`
     if change >= _CONVERGED_RAD or missed_m > 0.005 + 3.0 * np.sqrt(np.trace(covariance)):
         cure = "Bring it nearer to where the hand passes."
         got = f"one of which {missed_m:.3f} m are left"
@@ -190,7 +189,7 @@ def _at_hand(
 
 
 def _check_limits(label: str, names: Sequence[str], values: Floats, arm: Arm | None) -> None:
-    """Make sure that joints are within their limits: the arm's, or the LWR's by name."""
+    """Refuse joints outside the limits of the arm, or of an LWR with these joints' names."""
     known = JOINT_NAMES if arm is None else arm.joint_names
     limits = LWR_LIMITS if arm is None else arm.limits
     for name, value in zip(names, values.tolist(), strict=True):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tasks one after the other: what is written of them, and how far a session is in one.
+"""Sequences of tasks: their YAML format, and the progress of a session in a sequence.
 
-A sequence is a prior, not a cage. Its first step begins it when that task is recognised; the next
-step begins when its condition holds, or when it is recognised. Another task leads out of it.
+A sequence begins when the task of its first step is recognised. The next step begins when its
+condition holds, or when its task is recognised. If another task is recognised, the sequence ends.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,19 +17,19 @@ from intent_recognition.untrusted import YamlChecks
 
 RECOGNISED = "recognised"
 IN_REGION = "_in"
-"""What follows the name of a body in the key of a region: `wrist_in`."""
+"""Suffix of the key of a region, after the name of the body: `wrist_in`."""
 CHECKS = YamlChecks("docs/combining.md describes sequences.")
 
 
 @dataclass(frozen=True)
 class Condition:
-    """When a step begins; it also does when its task is recognised.
+    """Condition on which a step begins; it also begins when its task is recognised.
 
     Attributes:
-        body: whose place counts, such as `wrist`; empty for none.
-        center, radius_m: of the region, in the world frame.
-        after_s: time since the step before was done; None for no matter how long.
-        rest_s: time for which the person has been at rest; None where that does not count.
+        body: body that must be in the region, such as `wrist`; empty for none.
+        center, radius_m: centre and radius of the region, in the world frame [m].
+        after_s: least time since the previous step was done; None for any.
+        rest_s: least time for which the person has been at rest; None for any.
     """
 
     body: str = ""
@@ -40,7 +40,7 @@ class Condition:
 
     @property
     def by_itself(self) -> bool:
-        """Whether a step with it may begin without being recognised."""
+        """Whether a step with this condition may begin without being recognised."""
         return bool(self.body) or self.after_s is not None or self.rest_s is not None
 
     def __str__(self) -> str:
@@ -55,9 +55,9 @@ class Step:
     """One task of a sequence.
 
     Attributes:
-        when: what begins it, besides being recognised.
-        within_s: time after the step before for which it is waited for, as long as a habit tells
-            something (`recognition.FORGET_AFTER_S`).
+        task: label of the task.
+        when: condition on which it begins, besides being recognised.
+        within_s: longest wait after the previous step; by default `recognition.FORGET_AFTER_S`.
     """
 
     task: str
@@ -70,13 +70,15 @@ Sequences = Mapping[str, tuple[Step, ...]]
 
 
 class Moment(NamedTuple):
-    """What is known at a time, which never decreases.
+    """State of arm and person at a time.
 
     Attributes:
-        n_started: interactions that the arm has begun so far.
-        active: task of the newest of them, until the arm is home again; empty when there is none.
+        now_s: the time, which never decreases.
+        n_started: number of interactions that the arm has begun so far.
+        active: task of the newest one until the arm is home again; empty if none.
+        arrived: whether the arm is at the end of that task.
         resting_s: how long the person has been at rest; 0 in a movement.
-        places: position (3,) [m] of each body that was measured lately, by name.
+        places: position (3,) [m] of each body with a recent measurement, by name.
     """
 
     now_s: float
@@ -88,18 +90,18 @@ class Moment(NamedTuple):
 
 
 class SequenceProgress(NamedTuple):
-    """How far a session is in a sequence."""
+    """Progress of a session in a sequence."""
 
-    name: str = ""  # of the sequence; empty outside of any
-    step: int = 0  # number of the step that runs or is waited for
-    running: bool = False
-    since_s: float = 0.0
-    ordered: bool = False  # whether its condition has held: it shall begin
-    n_started: int = 0  # interactions that were taken into account
+    name: str = ""  # name of the sequence; empty outside of any
+    step: int = 0  # index of the step that runs or is awaited
+    running: bool = False  # whether the step runs
+    since_s: float = 0.0  # when it began to run or to be awaited
+    ordered: bool = False  # whether its condition has held, so that it is to begin
+    n_started: int = 0  # number of interactions taken into account
 
 
 def advance(sequences: Sequences, progress: SequenceProgress, moment: Moment) -> SequenceProgress:
-    """Take a moment into account; `progress` is that of the moment before."""
+    """Progress after a moment, given the progress at the previous moment."""
     out = SequenceProgress(n_started=moment.n_started)
     if moment.n_started != progress.n_started:
         return _begun(sequences, progress, moment)
@@ -114,7 +116,7 @@ def advance(sequences: Sequences, progress: SequenceProgress, moment: Moment) ->
                 step=progress.step + 1, running=False, since_s=moment.now_s, ordered=False
             )
             return out if last else following
-        if moment.active != step.task:  # it did not get there
+        if moment.active != step.task:  # the step ended before the arm arrived
             again = progress._replace(running=False, since_s=moment.now_s, ordered=False)
             return out if step.when.by_itself else again
         return progress
@@ -126,12 +128,12 @@ def advance(sequences: Sequences, progress: SequenceProgress, moment: Moment) ->
 
 
 def awaited(sequences: Sequences, progress: SequenceProgress) -> Step | None:
-    """The step that runs or is waited for; None outside of any sequence."""
+    """Step that runs or is awaited; None outside of any sequence."""
     return sequences[progress.name][progress.step] if progress.name else None
 
 
 def _begun(sequences: Sequences, progress: SequenceProgress, moment: Moment) -> SequenceProgress:
-    """The arm has begun an interaction: the step waited for, a first step, or neither."""
+    """Progress once the arm has begun an interaction: the awaited step, a first one, or neither."""
     step = awaited(sequences, progress)
     begun = SequenceProgress(
         progress.name, progress.step, True, moment.now_s, False, moment.n_started
@@ -155,9 +157,9 @@ def _holds(when: Condition, moment: Moment, waited_s: float) -> bool:
 
 
 def read_sequences(text: str, labels: Sequence[str] | None = None) -> dict[str, tuple[Step, ...]]:
-    """Sequences of tasks, by name, read from a YAML text.
+    """Read sequences of tasks, by name, from a YAML text.
 
-    Such as::
+    For example::
 
         toolbox:
         - task: plate_handover
@@ -165,12 +167,12 @@ def read_sequences(text: str, labels: Sequence[str] | None = None) -> dict[str, 
           when: {wrist_in: {center: [0.3, 0.4, 0.1], radius: 0.15}}
           within: 30
 
-    `when` is `recognised` (the default), or has `BODY_in`, `after` [s] and `at_rest` [s], all of
-    which must hold. `within` [s] bounds how long a step is waited for. A first step is recognised,
-    and no two sequences begin with the same task.
+    `when` is `recognised` (the default), or has some of `BODY_in`, `after` [s] and `at_rest` [s],
+    all of which must hold. `within` [s] limits the wait for a step. A first step begins only when
+    recognised, and no two sequences begin with the same task.
 
     Raises:
-        ArgumentError: it is none, or its tasks are not among the labels, where these are given.
+        ArgumentError: the text is no such YAML, or a task is not among `labels`, if given.
     """
     content = CHECKS.load("sequences", text)
     if not isinstance(content, Mapping) or not content:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Via points as people give them: by name, for a task or for all, for joints or for the hand."""
+"""Via points as a user writes them: for a task or for all tasks, for joints or for the hand."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,24 +12,23 @@ from intent_recognition.untrusted import YamlChecks
 HAND = "hand"
 """Key of a via point of the hand."""
 USUAL_STD = 0.01
-"""Standard deviation of a via point where none is given, in the unit of its DOFs. Convention: 1 cm,
-or half a degree."""
+"""Default standard deviation of a via point, in the unit of its DOFs: 1 cm, or 0.6 degrees."""
 CHECKS = YamlChecks("docs/combining.md describes them.")
 KEYS = ("name", "task", "phase", "time", HAND, "dofs", "std")
 
 
 @dataclass(frozen=True)
 class ViaPoint:
-    """Where the controlled agent shall pass; `phase` or `time_s` is given, the other is None.
+    """Point that the controlled agent passes; either `phase` or `time_s` is None.
 
     Attributes:
-        name: by which it is replaced and removed.
-        values: by controlled DOF, in their units; for the hand x, y, z [m] in the world frame,
-            under the name `hand`.
-        std: how exactly, one number for each value, in their units.
-        phase: when, as a share of the movement, in [0, 1]; 1 is the end.
-        time_s: when, after onset at the task's usual pace [s].
-        task: label; empty for all tasks.
+        name: name by which the point can be replaced and removed.
+        values: values by controlled DOF, in their units; for the hand x, y, z [m] in the world
+            frame, under the name `hand`.
+        std: standard deviation of each value, in its unit.
+        phase: phase of the task, in [0, 1]; 1 is the end.
+        time_s: time after onset, at the task's usual duration [s].
+        task: label of the task; empty for all tasks.
     """
 
     name: str
@@ -41,7 +40,7 @@ class ViaPoint:
 
     @property
     def of_hand(self) -> bool:
-        """Whether it is one of the hand."""
+        """Whether it is a point of the hand."""
         return HAND in self.values
 
     def __str__(self) -> str:
@@ -54,18 +53,18 @@ class ViaPoint:
 
 
 def read_via_points(text: str) -> tuple[ViaPoint, ...]:
-    """Via points, read from a YAML list.
+    """Read via points from a YAML list.
 
-    Such as::
+    For example::
 
         - {name: bottle, task: plate_handover, phase: 0.6, hand: [0.4, 0.1, 0.3], std: 0.01}
         - {name: elbow, time: 2.5, dofs: {lwr_a4_joint: -1.2}}
 
-    Each has a `name`; `phase` in [0, 1] or `time` [s]; and `hand` or `dofs`. `std` is a number or
-    one for each value; without a `task` it is of all. An empty text has none.
+    Each has a `name`, a `phase` in [0, 1] or a `time` [s], and `hand` or `dofs`. `std` is a number,
+    or a list of one per value. Without a `task`, the point is for all. An empty text has no points.
 
     Raises:
-        ArgumentError: it is no such list.
+        ArgumentError: the text is no such list.
     """
     content = CHECKS.load("via_points", text)
     if content is None:
@@ -80,7 +79,7 @@ def read_via_points(text: str) -> tuple[ViaPoint, ...]:
 
 
 def write_via_points(points: Sequence[ViaPoint]) -> str:
-    """The YAML list of some via points, as `read_via_points` takes it; empty for none."""
+    """YAML list of via points that `read_via_points` reads; empty for no points."""
     if not points:
         return ""
     content = []
