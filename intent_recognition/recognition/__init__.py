@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Online: the posterior of the tasks, transitions, the decision, and the estimator of it all."""
+"""Online recognition: the estimator, onset detection, transition prior, and decision to act."""
 
 from intent_recognition.recognition.decision import (
     MAX_WRONG,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arguments of `IntentEstimator`: what becomes of them, and what is wrong with them."""
+"""Conversion and checks of the arguments of `IntentEstimator`."""
 
 from collections.abc import Sequence
 
@@ -22,9 +22,9 @@ def as_observation(
     dofs: Sequence[int] | None,
     covariance: ArrayLike | None,
 ) -> Observation:
-    """The observation of some arrays, as far as `observation_error` does not look at them.
+    """Observation from the arguments of `IntentEstimator.observe`, in part checked.
 
-    Arguments are those of `IntentEstimator.observe`, and how many DOFs each signal has.
+    The checks of `values_defect` and `covariance_defect` follow. `sizes` are the signals' DOFs.
     """
     check_whole("signal", signal, 0, "`observed_groups` lists the signals.", len(sizes) - 1)
     n_dofs = sizes[signal]
@@ -45,16 +45,16 @@ def as_observation(
 
 
 def check_observation(observation: Observation) -> str | None:
-    """Refuse what is no observation, such as an array of numbers; "zero_stamp" without a stamp."""
+    """Refuse objects other than observations, such as arrays; return "zero_stamp" if unstamped."""
     cure = "Pass an array of numbers to `observe`, or to `observe_controlled`."
     check_type("observation", observation, Observation, cure)
     return "zero_stamp" if observation.stamp_ns <= 0 else None
 
 
 def measured_part(observation: Observation, n_dofs: int) -> Observation | None:
-    """The DOFs that are not NaN, of a signal of so many; None where there are none.
+    """Observation of the DOFs that are not NaN, of a signal of `n_dofs`; None if all are NaN.
 
-    As it is where values or covariance do not fit: `observation_error` says why.
+    If values or covariance do not fit, it is returned unchanged for `observation_error`.
     """
     covariance, m = observation.covariance, len(observation.dofs or range(n_dofs))
     if np.shape(observation.values) != (m,):
@@ -65,9 +65,9 @@ def measured_part(observation: Observation, n_dofs: int) -> Observation | None:
 
 
 def as_posture(n_controlled: int, stamp_s: float, values: ArrayLike, signal: int) -> Observation:
-    """The observation of the controlled agent, as far as `observation_error` does not look at it.
+    """Observation from the arguments of `IntentEstimator.observe_controlled`, in part checked.
 
-    Arguments are those of `IntentEstimator.observe_controlled`, and the number of controlled DOFs.
+    `PostureHistory.take` checks the rest. `n_controlled` is the number of controlled DOFs.
     """
     position = as_numbers("values", values)
     if position.ndim != 1 or len(position) > n_controlled:
@@ -81,7 +81,7 @@ def as_posture(n_controlled: int, stamp_s: float, values: ArrayLike, signal: int
 def observation_error(
     reason: str, observation: Observation, n_dofs: int, misfit: Misfit | None = None
 ) -> ArgumentError:
-    """The error for a defect of an observation of a signal of so many DOFs, or of its unit."""
+    """Error for a defect (a diagnostics key) of an observation of a signal of `n_dofs`."""
     if reason == "unit" and misfit is not None:
         return ArgumentError(misfit.reason)
     m = n_dofs if observation.dofs is None else len(observation.dofs)
@@ -102,7 +102,7 @@ def observation_error(
 
 
 def as_times(times_s: ArrayLike) -> Floats:
-    """Times (T,) [s], or a number for one, all finite."""
+    """Times as a finite array (T,) [s], also from a single number."""
     times = np.atleast_1d(as_numbers("times_s", times_s))
     if times.ndim != 1:
         raise ShapeError.about("times_s", "shape (T,)", times.shape, "Pass one time each.")
@@ -112,17 +112,17 @@ def as_times(times_s: ArrayLike) -> Floats:
 
 
 def values_defect(observation: Observation, n_dofs: int) -> str | None:
-    """What is wrong with the values of a signal of so many DOFs, as a diagnostics key, or None."""
+    """Defect of the values of a signal of `n_dofs`, as a diagnostics key, or None."""
     expected = n_dofs if observation.dofs is None else len(observation.dofs)
     if np.shape(observation.values) != (expected,):
         return "wrong_size"
-    if not np.all(np.abs(observation.values) < 1e12):  # NaN, and what leaves no digits of squares
+    if not np.all(np.abs(observation.values) < 1e12):  # or NaN; larger squares lose all precision
         return "not_finite"
     return None
 
 
 def covariance_defect(observation: Observation, past: SignalPast) -> str | None:
-    """What is wrong with the covariance of values that are right, likewise."""
+    """Defect of the covariance of valid values, as a diagnostics key, or None."""
     covariance, m = observation.covariance, len(observation.values)
     if covariance is None:
         return "no_covariance" if observation.derivative else None
@@ -133,7 +133,7 @@ def covariance_defect(observation: Observation, past: SignalPast) -> str | None:
 
 
 def check_same_dofs(known: TaskLibrary, other: TaskLibrary) -> None:
-    """Refuse a library that cannot take the place of another: of other DOFs, or another context."""
+    """Refuse a library that cannot replace another one: its DOFs or its context differ."""
     check_type("library", other, TaskLibrary, LIBRARY_CURE)
     for name in (
         "observed_names",

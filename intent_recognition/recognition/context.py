@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of the scene while the estimator runs: it may come late, and change."""
+"""The context while the estimator runs: it may become known late, and change."""
 
 from collections import defaultdict
 
@@ -11,20 +11,19 @@ from intent_recognition.recognition.observed import context_misfit
 from intent_recognition.signals import CLOCK_RESET_AFTER, LateSamples, Misfit, Observation
 
 CONTEXT_PERIOD_S = 0.2
-"""Least time between two changes of context in one movement, which is filtered anew at each [s].
-Convention: a prediction is not acted on faster."""
+"""Least time between two changes of context in a movement, each of which filters it anew [s]."""
 CONTEXT_SHARE = 0.25
-"""The same as a share of the movement so far, so that the work is bounded where a thing is carried:
-filtering 100 observations anew takes some 0.1 to 0.2 s. Measured."""
+"""Least time between two changes, as a share of the movement so far: bounds the work while an
+object is carried. Measured: filtering 100 observations anew takes some 0.1 to 0.2 s."""
 
 
 class KnownContext:
-    """The context of a library, if it has one, as far as it is known: not before something comes.
+    """The known part of a library's context; nothing is known at first.
 
     Attributes:
-        learned: that library, whatever is known.
-        values: of the context, (M,); NaN for what is not known.
-        misfit: why the last values were refused as in another unit, None if it was not.
+        learned: the library before it is conditioned on the context.
+        values: values of the context, (M,); NaN for unknown numbers.
+        misfit: why the last values seem to be in another unit; None if they do not.
     """
 
     def __init__(self, library: TaskLibrary):
@@ -33,14 +32,14 @@ class KnownContext:
         self.misfit: Misfit | None = None
 
     def use(self, library: TaskLibrary) -> None:
-        """Go on with another library of the same context, in what is known of it (`given`)."""
+        """Switch to another library of the same context; known values stay in use (`given`)."""
         self.learned = library
         self._used, self._used_at_ns = self.values.copy(), 0
         self._newest_ns: dict[int, int] = {}
         self._late = defaultdict[int, LateSamples](LateSamples)
 
     def know(self, values: Floats) -> Misfit | None:
-        """Know these (M,), NaN for what is not known, or say why they are in another unit."""
+        """Set the values (M,), NaN for unknown numbers; return a misfit if the unit seems wrong."""
         model = self.learned.context
         self.misfit = None if model is None else context_misfit(model, values)
         if self.misfit is None:
@@ -48,9 +47,9 @@ class KnownContext:
         return self.misfit
 
     def take(self, observation: Observation) -> str | None:
-        """Take a sample; returns why it was not taken, as a diagnostics key, or None.
+        """Take a sample; return a diagnostics key if it was refused, else None.
 
-        Its `group` counts the context signals, in the order of the DOF file.
+        Its `group` is the index of the context signal, in the order of the DOF file.
         """
         model, newest_ns = self.learned.context, self._newest_ns.get(observation.group, 0)
         if model is None or not 0 <= observation.group < len(model.groups):
@@ -77,11 +76,11 @@ class KnownContext:
         return None
 
     def forget_stamps(self) -> None:
-        """What comes next may be earlier; what is known of the scene stays."""
+        """Forget the stamps, so that earlier samples are accepted; known values stay."""
         self._newest_ns, self._used_at_ns = {}, 0
 
     def changed(self) -> bool:
-        """Whether more is known than was used, or something else."""
+        """Whether the known values differ from those in use."""
         model = self.learned.context
         if model is None:
             return False
@@ -89,16 +88,16 @@ class KnownContext:
         return bool(np.any(~same & ~(np.isnan(self.values) & np.isnan(self._used))))
 
     def due(self, stamp_ns: int, onset_ns: int) -> bool:
-        """Whether a movement under way since an onset is to be filtered anew."""
+        """Whether to filter the movement since an onset anew, in a changed context."""
         waited_ns = abs(stamp_ns - self._used_at_ns)
         least_ns = max(CONTEXT_PERIOD_S * 1e9, CONTEXT_SHARE * (stamp_ns - onset_ns))
         return waited_ns >= least_ns and self.changed()
 
     def apply(self, stamp_ns: int = 0) -> TaskLibrary:
-        """Use what is known from a stamp on: the library in this context."""
+        """Take the known values into use from a stamp on; return the library in this context."""
         self._used, self._used_at_ns = self.values.copy(), stamp_ns
         return self.given(self.learned)
 
     def given(self, library: TaskLibrary) -> TaskLibrary:
-        """A library of the same context in what is known of it."""
+        """A library of the same context, conditioned on the known values."""
         return library if library.context is None else library.given(self.values)

@@ -1,26 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a recognised task is sure enough to act on, and when to let go of it again.
+"""The decision when to act on a recognised task, and when to withdraw it.
 
-One pure function, used by the activation node and by a replay of a recording alike:
+`decide` is a pure function, used by the activation node and by replays of recordings:
 
-- a task activates when it has been sure enough for `n_observations` consecutive observations, with
-  at least `min_evidence` of the movement's own evidence among the tasks and no evidence for none,
-  and the standard deviation of its predicted end point is at most what the task's demonstrations
-  allow to ask for, or a limit in rad and m that is given. Sure enough is a probability among the
-  tasks that bounds the share of wrong actions (`promp.risk_of`), with `none` improbable; or, where
-  no such bound was learned or another one is asked for, a probability of at least `threshold`;
-- once active it stays so, also while the human holds still, until the interaction is over (the
-  estimator reports idle) or the evidence turns against it;
-- evidence turns against it when another task, or none, has been more probable than
-  1 - `release_below` for `n_observations` consecutive observations: near their goals tasks may be
-  alike, and the robot goes on while nothing else is as probable. If another task fulfils the
-  conditions above by then, it takes over ("switched"), otherwise nothing is active ("withdrawn":
-  none of the tasks, or not yet clear which) until some task fulfils them.
+- A task activates when it was probable and evident enough at `n_observations` consecutive
+  observations, and its predicted end is certain enough. Probable: its probability among the tasks
+  bounds the share of wrong actions (`promp.risk_of`), and `none` is improbable; without such a
+  `risk`, its probability is at least `threshold`. Evident: it has at least `min_evidence` of the
+  movement's own evidence among the tasks, which does not favour none. Certain: the standard
+  deviation of the end is within the limit learned for the task, or given in rad and m.
+- An active task stays active, even while the human holds still, until the interaction is over (the
+  estimator reports idle) or the evidence turns against it.
+- The evidence turns against it when another task, or none, has been more probable than
+  1 - `release_below` for `n_observations` consecutive observations. Near their goals, tasks may be
+  alike, so the robot continues while nothing else is that probable. If another task fulfils the
+  conditions above by then, it takes over ("switched"). Otherwise nothing is active ("withdrawn")
+  until a task fulfils them.
 
-Both counts make a single odd observation harmless; the gap between `threshold` and
-`release_below` keeps a task from flickering. Asking for evidence keeps a habit from moving the
-arm: a task that is probable because it usually comes next still has to be seen, and a movement
-that nobody taught is no less unknown for coming when a known one is expected.
+Both counts make a single outlier harmless, and the gap between `threshold` and `release_below`
+keeps a task from flickering. `min_evidence` keeps a habit from moving the arm: a task that is
+probable because it usually comes next still has to be seen, and an unknown movement stays unknown
+even when a known one is expected.
 """
 
 from __future__ import annotations
@@ -39,35 +39,35 @@ from intent_recognition.promp import NONE, USUAL_END_STD, Risk, TaskLibrary, end
 from intent_recognition.recognition.arguments import LIBRARY_CURE
 
 USUAL_THRESHOLD, MAX_NONE = 0.9, 0.1
-"""Probability from which a task is acted on where the risk of it is not known, and that of none up
-to which one is. Convention: the threshold leaves so much to none."""
+"""Least probability at which to act on a task without a learned risk, and largest probability of
+none at which to act with one: the rest that the threshold leaves."""
 MAX_WRONG = 0.05
-"""Share of interactions that may be acted on wrongly. Convention."""
+"""Default limit of the share of interactions with a wrong action."""
 
 _SENDER = "Check the sender and its settings."
-"""Cure of numbers that came from elsewhere."""
+"""Cure in errors about received numbers."""
 
 
 @dataclass(frozen=True)
 class DecisionSettings:
-    """When to act.
+    """Settings of the decision to act.
 
     Attributes:
-        threshold: probability a task must reach, in (0.5, 1], where there is no `risk`.
-        n_observations: consecutive observations for which it must hold (or fail), at least 1.
-        max_end_std_rad: largest standard deviation of the predicted end point over the
-            controlled DOFs in radians; infinity for no limit, None for the learned one
+        threshold: probability that a task must reach if there is no `risk`, in (0.5, 1].
+        n_observations: number of consecutive observations to activate or release, at least 1.
+        max_end_std_rad: largest standard deviation of the predicted end over the controlled DOFs in
+            radians; infinity for no limit, None for the learned one
             (docs/decisions/end_certainty.md).
         max_end_std_m: the same over the controlled DOFs in metres.
-        learned_end_std: the learned limits, by task and unit (`end_std_limits`); a task that is
-            not among them has `USUAL_END_STD`.
-        release_below: the active task is let go where another one, or none, is more probable than
+        learned_end_std: learned limits by task and unit (`end_std_limits`); other tasks have
+            `USUAL_END_STD`.
+        release_below: the active task is released if another one, or none, is more probable than
             one minus this, in [0, threshold).
-        min_evidence: least share of the likelihood among the tasks, in [0, 1): what the task's
-            probability would be if all tasks were equally probable beforehand.
-        idle_margin: idle means probability of `none` >= 1 - idle_margin.
-        risk: from which probability on a task may be acted on, learned from demonstrations that
-            were left out; None for `threshold`.
+        min_evidence: least share of the likelihood among the tasks, in [0, 1): the probability that
+            the task would have if the prior of the tasks were uniform.
+        idle_margin: the estimator is idle if the probability of `none` >= 1 - idle_margin.
+        risk: threshold that bounds the share of wrong actions, learned from held-out
+            demonstrations; None for `threshold`.
     """
 
     threshold: float = USUAL_THRESHOLD
@@ -102,7 +102,7 @@ class DecisionSettings:
         return bool(none <= MAX_NONE and p[task] >= self.risk.threshold * (1.0 - none))
 
     def max_end_std(self, unit: str, task: str) -> float:
-        """Largest standard deviation of a task's predicted end in a unit; 0 in an unknown unit."""
+        """Largest accepted standard deviation of a task's end in a unit; 0 for unknown units."""
         fixed = {"rad": self.max_end_std_rad, "m": self.max_end_std_m}.get(unit)
         if fixed is not None:
             return fixed
@@ -111,14 +111,14 @@ class DecisionSettings:
 
 
 def decision_settings(library: TaskLibrary, max_wrong: float = MAX_WRONG) -> DecisionSettings:
-    """The default settings, with what was learned of a library's tasks.
+    """Default settings, with the limits and the risk learned for a library.
 
     Args:
         library: the learned tasks.
-        max_wrong: share of interactions that may be acted on wrongly, in (0, 0.5].
+        max_wrong: largest accepted share of interactions with a wrong action, in (0, 0.5].
 
     Raises:
-        ArgumentError: `library` is none, or `max_wrong` no share in (0, 0.5].
+        ArgumentError: `library` is no `TaskLibrary`, or `max_wrong` is not in (0, 0.5].
     """
     check_type("library", library, TaskLibrary, LIBRARY_CURE)
     return DecisionSettings(
@@ -127,10 +127,10 @@ def decision_settings(library: TaskLibrary, max_wrong: float = MAX_WRONG) -> Dec
 
 
 def learned_risk(library: TaskLibrary, max_wrong: float = MAX_WRONG) -> Risk | None:
-    """From which probability to act; None where the library was learned without left-out odds.
+    """Threshold at which to act; None if the library has no odds of held-out demonstrations.
 
     Raises:
-        ArgumentError: `max_wrong` is no share in (0, 0.5].
+        ArgumentError: `max_wrong` is not in (0, 0.5].
     """
     if not 0.0 < number(max_wrong) <= 0.5:
         _refuse("max_wrong", "a share in (0, 0.5]", max_wrong)
@@ -140,11 +140,11 @@ def learned_risk(library: TaskLibrary, max_wrong: float = MAX_WRONG) -> Risk | N
 def possible_tasks(
     settings: DecisionSettings, labels: Sequence[str], probabilities: Floats
 ) -> tuple[str, ...]:
-    """The tasks that a movement may be, the most probable first: a conformal set.
+    """Conformal set of the tasks that a movement may be, the most probable first.
 
-    The true one is in it throughout the movement, but for the share of interactions that `risk`
-    bounds. Without a risk, the tasks that `threshold` does not rule out. Labels, none among them,
-    have probabilities (n_labels,).
+    It contains the true task throughout the movement, except in the share of interactions that
+    `risk` bounds. Without a risk, it contains the tasks that `threshold` does not rule out. The
+    labels include none; their probabilities are (n_labels,).
     """
     p = _checked(labels, probabilities)
     known = np.array([label != NONE for label in labels])
@@ -155,17 +155,17 @@ def possible_tasks(
 
 
 class DecisionState(NamedTuple):
-    """What the decision remembers from one observation to the next.
+    """State of the decision from one observation to the next.
 
     Attributes:
-        active: label of the active task, empty when there is none.
-        candidate: label that was sure enough at the last observation, or empty.
-        n_for: for how many consecutive observations.
-        n_against: for how many consecutive observations another one, or none, was more probable
-            than 1 - release_below.
-        event: what the last observation did: "activated", "switched", "withdrawn", "over"
-            (the interaction ended: the estimator is idle) or empty.
-        idle: whether the last observation found the estimator idle.
+        active: label of the active task; empty if there is none.
+        candidate: label that was probable and evident enough at the last observation; else empty.
+        n_for: number of consecutive observations with this candidate.
+        n_against: number of consecutive observations at which another task, or none, was more
+            probable than 1 - release_below.
+        event: effect of the last observation: "activated", "switched", "withdrawn", "over" (the
+            interaction ended: the estimator is idle) or empty.
+        idle: whether the estimator was idle at the last observation.
     """
 
     active: str = ""
@@ -189,25 +189,25 @@ def decide(
     end_std: Mapping[str, float] | None,
     log_evidence: Floats | None = None,
 ) -> tuple[DecisionState, str]:
-    """Take one observation into account.
+    """Update the decision by one observation.
 
     Args:
-        settings: when to act.
-        state: as returned for the observation before; `DecisionState()` at the start.
-        labels: task labels, `none` among them.
-        probabilities: their probabilities, (n_labels,), summing to 1.
-        end_std: largest standard deviation at the predicted end of the most probable task over the
-            controlled DOFs of each unit, {"rad": ...}; None if it was not predicted, which never
-            suffices to activate unless there is no limit, and changes nothing for an active task.
-        log_evidence: log p(observations | label), (n_labels,), up to a common constant; None
-            where the sender gave none, which asks for no share of it.
+        settings: settings of the decision.
+        state: state after the last observation; `DecisionState()` at the start.
+        labels: labels of the tasks and `none`.
+        probabilities: probabilities of the labels, (n_labels,), which sum to 1.
+        end_std: largest standard deviation of the most probable task's predicted end among the
+            controlled DOFs of each unit, {"rad": ...}. None if it was not predicted: then no task
+            activates unless there are no limits, and an active task stays active.
+        log_evidence: log p(observations | label), (n_labels,), up to a common constant; None if it
+            is not known, which skips the check of `min_evidence`.
 
     Returns:
-        The new state, and its active task (empty when there is none).
+        The new state, and its active task (empty if there is none).
 
     Raises:
         ShapeError: labels and probabilities differ in number.
-        ArgumentError: `none` is missing, or a probability is no probability.
+        ArgumentError: `none` is missing, or the probabilities are not in [0, 1] or sum not to 1.
     """
     p = _checked(labels, probabilities)
     if p[list(labels).index(NONE)] >= 1.0 - settings.idle_margin:
@@ -232,7 +232,7 @@ def is_certain(settings: DecisionSettings, end_std: Mapping[str, float] | None, 
 
 
 def least_certain_unit(settings: DecisionSettings, end_std: Mapping[str, float], task: str) -> str:
-    """The unit in which a task's predicted end is the most uncertain, compared with its limit."""
+    """Unit in which a task's predicted end is the most uncertain relative to its limit."""
     return max(
         end_std, key=lambda unit: end_std[unit] / max(settings.max_end_std(unit, task), 1e-300)
     )
@@ -241,26 +241,26 @@ def least_certain_unit(settings: DecisionSettings, end_std: Mapping[str, float],
 def is_evident(
     settings: DecisionSettings, labels: Sequence[str], task: int, log_evidence: Floats | None
 ) -> bool:
-    """Whether the movement itself speaks for a task; yes where its evidence is not known.
+    """Whether the evidence of the movement favours a task; true if the evidence is not known.
 
-    The task has at least `min_evidence` among the tasks, and none explains the movement no better
-    than the tasks do on average. The estimator's evidence of none counts beyond a margin only, so
-    that the early part of a reach, which looks like many tasks, favours neither side.
+    The task must have at least `min_evidence` among the tasks, and the evidence of none must not
+    exceed the mean evidence of the tasks. The estimator's evidence of none counts beyond a margin
+    only, so the early part of a reach, which resembles many tasks, favours neither.
 
     Args:
-        settings: when to act.
-        labels: of the K tasks and none.
-        task: place of its label.
-        log_evidence: log density of the movement under each, (K + 1,).
+        settings: settings of the decision.
+        labels: labels of the K tasks and none.
+        task: index of the task's label.
+        log_evidence: log density of the movement under each label, (K + 1,).
     """
     if log_evidence is None or np.shape(log_evidence) != (len(labels),):
         return True
     e, none = np.asarray(log_evidence, dtype=np.float64), list(labels).index(NONE)
-    known = np.delete(e, none)  # not empty: the task is one of them
+    known = np.delete(e, none)  # not empty, since it includes the task
     total = float(log_sum(known))
     if not np.isfinite(total):
         return False
-    even = 1e-6  # rounding, and what the margin leaves of it
+    even = 1e-6  # tolerance for rounding, and for the small slope of evidence within the margin
     favours_none = total - np.log(known.size) < e[none] - even
     return bool(np.exp(e[task] - total) >= settings.min_evidence and not favours_none)
 
@@ -268,9 +268,9 @@ def is_evident(
 def uncertain_end(
     settings: DecisionSettings, state: DecisionState, end_std: Mapping[str, float] | None
 ) -> str:
-    """Why a task that was recognised is not active: text for people, or empty.
+    """Message that a recognised task is not active because its end is uncertain, or empty.
 
-    Of the state that `decide` returned, and what it was given of the end.
+    `state` is the one that `decide` returned for this `end_std`.
     """
     recognised = state.candidate and state.n_for >= settings.n_observations
     if not recognised or state.active == state.candidate:
@@ -288,7 +288,7 @@ def uncertain_end(
 def _follow(
     settings: DecisionSettings, state: DecisionState, labels: Sequence[str], p: Floats, ready: str
 ) -> tuple[str, int, str]:
-    """Active task, its count of contrary observations, and what happened."""
+    """New active task, count of contrary observations, and event."""
     if not state.active:
         return ready, 0, "activated" if ready else ""
     others = np.array([label != state.active for label in labels])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the online estimator gives: the estimate after an observation, and predictions."""
+"""Results of the online estimator: the estimate after an observation, and predictions."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ class Estimate(NamedTuple):
     """Task, phase and onset after an observation.
 
     Attributes:
-        stamp_ns: of the observation.
-        moving: whether a movement is under way; when not, `none` is certain and the rest is zero.
-        onset_ns: when it began, 0 when idle.
-        probabilities: of the K tasks and none, (K + 1,), in the order of `labels`.
+        stamp_ns: stamp of the observation.
+        moving: whether a movement is under way; if not, `none` is certain and the rest is zero.
+        onset_ns: stamp at which the movement began; 0 at rest.
+        probabilities: probabilities of the K tasks and none, (K + 1,), in the order of `labels`.
         phase: expected phase given each task, (K + 1,).
-        log_evidence: of each task since onset, (K + 1,).
-        posterior: the whole of it, None when idle.
-        labels: of the K tasks, and "none".
+        log_evidence: log evidence of each task since onset, (K + 1,).
+        posterior: the whole posterior; None at rest.
+        labels: labels of the K tasks, and "none".
     """
 
     stamp_ns: int
@@ -46,7 +46,7 @@ class Estimate(NamedTuple):
     labels: tuple[str, ...]
 
     def __repr__(self) -> str:
-        """When, and what is most probable; the arrays are attributes."""
+        """Stamp and most probable task; the arrays are attributes."""
         if not self.moving:
             return f"<Estimate at {self.stamp_ns * 1e-9:.3f} s: at rest>"
         best = int(np.argmax(self.probabilities))
@@ -57,7 +57,7 @@ class Estimate(NamedTuple):
 
     @classmethod
     def idle(cls, stamp_ns: int, labels: tuple[str, ...]) -> Estimate:
-        """The estimate at rest, with the labels of the K tasks and none."""
+        """Estimate at rest, with the labels of the K tasks and none."""
         zero, certain = np.zeros(len(labels)), np.zeros(len(labels))
         certain[-1] = 1.0
         return cls(stamp_ns, False, 0, certain, zero, zero.copy(), None, labels)
@@ -66,7 +66,7 @@ class Estimate(NamedTuple):
     def of(
         cls, stamp_ns: int, onset_ns: int, posterior: TaskPosterior, labels: tuple[str, ...]
     ) -> Estimate:
-        """The estimate of a movement under way."""
+        """Estimate of a movement under way."""
         shown = posterior.probabilities, posterior.phase, posterior.log_evidence
         return cls(stamp_ns, True, onset_ns, *shown, posterior, labels)
 
@@ -84,7 +84,7 @@ class Estimate(NamedTuple):
         """Draw the probability of each task and of "none" as bars; needs matplotlib.
 
         Args:
-            axes: to draw into; a new figure by default.
+            axes: axes to draw into; those of a new figure by default.
 
         Returns:
             The axes.
@@ -101,19 +101,19 @@ class Prediction(NamedTuple):
     """Trajectory of one agent under the most probable task."""
 
     task: str
-    onset_ns: int  # the stamp from which the trajectory's times count
+    onset_ns: int  # stamp from which the trajectory's times count
     trajectory: Trajectory  # means and standard deviations
-    # what became of the controlled agent's posture at onset: POSTURE_USED, POSTURE_OUTSIDE,
-    # POSTURE_UNKNOWN, or empty for the observed agent
+    # use of the controlled agent's posture at onset: POSTURE_USED, POSTURE_OUTSIDE (of the trained
+    # starts), POSTURE_UNKNOWN, or empty for the observed agent
     start: str = ""
-    names: tuple[str, ...] = ()  # of the d DOFs of the trajectory
-    units: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()  # names of the d DOFs of the trajectory
+    units: tuple[str, ...] = ()  # units of the DOFs
 
     def plot(self) -> Figure:
         """Draw the trajectory with bands of two standard deviations; needs matplotlib.
 
         Returns:
-            The figure: a panel for each unit.
+            The figure, with a panel per unit.
         """
         mean, std = self.trajectory.positions, self.trajectory.std
         names = self.names or tuple(f"DOF {k}" for k in range(mean.shape[1]))
@@ -129,18 +129,18 @@ class Prediction(NamedTuple):
 
 
 class Predictor:
-    """Predicts the movement under way; remembers the last prediction while nothing changes.
+    """Predicts the movement under way; keeps the last prediction until its inputs change.
 
-    It knows the controlled agent's posture at onset.
+    `posture` is the controlled agent's posture at onset.
     """
 
     def __init__(self, posture: OnsetPosture):
         self._posture = posture
-        # by number of points: the last one, and what it was made from
+        # by number of points: inputs of the last prediction, and the prediction
         self._last: dict[int, tuple[TaskPrediction, StartPosture | None, Prediction]] = {}
 
     def controlled(self, run: MovementFilter, task: int, n_points: int) -> Prediction:
-        """The controlled agent's whole interaction under a task."""
+        """Trajectory of the controlled agent over the whole interaction, under a task."""
         library, of_task, last = run.library, run.prediction(task), self._last.get(n_points)
         start, used, turns = self._posture.at_onset(task)
         if last is None or (last[0], last[2].start) != (of_task, used) or last[1] is not start:
@@ -152,15 +152,14 @@ class Predictor:
         return last[2]
 
     def controlled_at(self, run: MovementFilter, known: Floats, times_s: Floats) -> Trajectory:
-        """Where the controlled agent is at some times, over all known tasks; see `controlled`.
+        """Trajectory of the controlled agent at some times (T,), as a mixture over known tasks.
 
-        Times (T,) are on the clock of the observations; `known` are probabilities of the tasks,
-        (K,).
+        Times are on the clock of the observations; `known` are the tasks' probabilities, (K,).
         """
-        known = np.maximum(known, 1e-12)  # above zero also where `none` is certain
+        known = np.maximum(known, 1e-12)  # above zero even if `none` is certain
         given = [self._posture.at_onset(task) for task in range(len(known))]
         since_s = np.maximum(times_s - run.onset_ns * 1e-9, 0.0)
-        half_s = 0.005  # velocities are taken from both sides
+        half_s = 0.005  # velocities are central differences
         around_s = np.concatenate([since_s, since_s + half_s, since_s - half_s])
         mean, std = run.mixture_at(around_s, known, [start for start, _, _ in given])
         mean, after, before = np.split(mean, 3)
@@ -169,7 +168,7 @@ class Predictor:
         return Trajectory(times_s, mean + turns, velocities, std[: len(times_s)])
 
     def observed(self, run: MovementFilter, task: int, n_points: int) -> Prediction:
-        """The rest of the observed agent's movement under a task by its number, or none, K."""
+        """The rest of the observed agent's movement, under the task with an index, or none, K."""
         library, trajectory = run.library, run.prediction(task).observed(n_points)
         names, units = library.observed_names, library.observed_units
         label = (*library.labels, NONE)[task]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The online estimator: onset, recognition and prediction from one observation after the other.
+"""The online estimator: onset, recognition and prediction from a stream of observations.
 
-The node and `intent replay` run this class, so that their numbers are equal. It reads no clock: all
+The node and `intent replay` run the same class, so their results are equal. It reads no clock: all
 times are stamps of measurements.
 """
 
@@ -44,23 +44,23 @@ class IntentEstimator:
 
     Args:
         library: the learned tasks.
-        task_prior: p(s), (K,), always, sums to one; when None, the library's transition prior after
-            the task before (`transitions`).
-        n_scales: durations of each task that are filtered.
+        task_prior: fixed probabilities p(s), (K,), which sum to one; None for the library's
+            transition prior given the last task (`transitions`).
+        n_scales: number of durations per task in the filter.
         transitions: use the transition prior; else p(s) is the library's task prior.
-        forget_after_s: time after a movement from which the task before tells nothing any more.
-        start_posture: condition trajectories on the controlled agent's posture at onset, where
-            `observe_controlled` has shown it.
+        forget_after_s: time after a movement at which the last task is forgotten [s].
+        start_posture: condition trajectories on the controlled agent's posture at onset, if
+            `observe_controlled` has received it.
         switching: follow a person who turns to another task on the way, or begins the next one
             without a rest; if not, a movement is of one task, from rest to rest.
 
     Attributes:
-        taught: the library in the known context.
-        library: in use: what `bend` makes of it.
-        first_samples: judges the units of the first samples.
+        taught: the library, conditioned on the known context.
+        library: the library in use, which `bend` makes from `taught`.
+        first_samples: check of the units of the first samples.
 
     Raises:
-        ArgumentError: library is not a `TaskLibrary`, or the prior is not one over its tasks.
+        ArgumentError: library is not a `TaskLibrary`, or `task_prior` is not one over its tasks.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class IntentEstimator:
         self._use(library, lambda taught: taught, task_prior)
 
     def __repr__(self) -> str:
-        """What it can recognise, and whether a movement is under way."""
+        """Labels of the tasks, and whether a movement is under way."""
         state = "at rest" if self._run is None else "following a movement"
         return f"<IntentEstimator of {first_of(self.library.labels)}: {state}>"
 
@@ -105,11 +105,11 @@ class IntentEstimator:
 
         Args:
             stamp_s: time of measurement [s], on any clock; it must increase within a signal.
-            values: positions of the signal's DOFs, (m,), in the units of the library. What was not
-                measured is NaN, as in `recognize_task`: it is left out, and where nothing was
-                measured the estimate stays what it is.
-            signal: which observed signal was measured, counted from 0.
-            dofs: which of the signal's DOFs were measured, counted from 0; None means all.
+            values: positions of the signal's DOFs, (m,), in the units of the library. NaN marks
+                DOFs that were not measured, as in `recognize_task`: they are left out, and if all
+                are NaN, the estimate does not change.
+            signal: index of the observed signal, counted from 0.
+            dofs: indices of the measured DOFs within the signal, counted from 0; None means all.
             covariance: measurement covariance, (m, m), added to the learned noise.
 
         Returns:
@@ -117,11 +117,11 @@ class IntentEstimator:
 
         Raises:
             ShapeError: values or covariance do not fit the signal.
-            ArgumentError: a number is infinite, the covariance is not one, there is no such
-                signal, the first samples are in another unit than was learned (millimetres,
+            ArgumentError: a number is infinite, `covariance` is not positive semidefinite, there is
+                no such signal, the first samples are not in the learned unit (but in millimetres,
                 degrees, stamps in ms), or the stamp is not later than the last. After
-                CLOCK_RESET_AFTER such stamps the clock is taken to have been set back, and the
-                estimator starts anew.
+                CLOCK_RESET_AFTER such stamps, the clock is assumed to have been set back, and the
+                estimator resets.
         """
         sizes, run = [past.n_dofs for past in self._detector.pasts], self._run
         observation = as_observation(sizes, stamp_s, values, signal, dofs, covariance)
@@ -134,16 +134,16 @@ class IntentEstimator:
         return self.update(measured)
 
     def reason_to_reject(self, observation: Observation) -> str | None:
-        """Why `update` cannot take an observation, as a diagnostics key, or None when it can.
+        """Reason why `update` cannot take an observation, as a diagnostics key, or None.
 
-        Call it once for each observation. When CLOCK_RESET_AFTER consecutive observations are
-        late, the clock was set back (a recording is played again): the estimator resets and
-        follows the new clock.
+        Call it once for each observation. After CLOCK_RESET_AFTER consecutive late observations,
+        the clock is assumed to have been set back (a recording is played again): the estimator
+        resets and follows the new clock.
         """
         return check_observation(observation) or self._defect(observation)
 
     def _defect(self, observation: Observation) -> str | None:
-        """`reason_to_reject` of an observation whose clock may begin anywhere."""
+        """As `reason_to_reject`, but a stamp of zero is accepted."""
         past = self._detector.pasts[observation.group]
         wrong = values_defect(observation, past.n_dofs)
         if wrong is None and past.is_late(observation):
@@ -154,10 +154,10 @@ class IntentEstimator:
         return wrong or ("unit" if self.first_samples.refuse(observation) else None)
 
     def update(self, observation: Observation) -> Estimate:
-        """Take one observation that `reason_to_reject` has nothing against.
+        """Take one observation for which `reason_to_reject` is None.
 
         Raises:
-            ArgumentError: it is no `Observation`.
+            ArgumentError: `observation` is no `Observation`.
         """
         check_observation(observation)
         observation = self._turns.bring(observation.copied())
@@ -189,7 +189,7 @@ class IntentEstimator:
         return self._estimate(now_ns)
 
     def _begin(self, onset_ns: int, past: Sequence[Observation]) -> None:
-        """Follow a movement from its onset, of which something has been observed."""
+        """Follow a movement from its onset, given its observations so far."""
         self._posture.find(onset_ns)
         self._run = self._movements.begin(onset_ns, self.expectation.ratio, past)
         self._detector.forget_stops()
@@ -201,13 +201,13 @@ class IntentEstimator:
         return self._posterior
 
     def _end(self, stamp_ns: int) -> None:
-        """Remember the movement under way, which is over."""
+        """End the movement under way, and remember its task."""
         if self._posterior is not None:
             self.expectation.remember(stamp_ns, self._posterior)
         self._run = self._posterior = None
 
     def _estimate(self, stamp_ns: int) -> Estimate:
-        """What the observations up to a stamp have given, or that no movement is under way."""
+        """Estimate from the observations up to a stamp."""
         labels, run, posterior = (*self.library.labels, NONE), self._run, self._posterior
         if run is None or posterior is None:
             return Estimate.idle(stamp_ns, labels)
@@ -215,12 +215,12 @@ class IntentEstimator:
         return Estimate.of(stamp_ns, run.onset_ns, posterior, labels)._replace(phase=phase)
 
     def observe_controlled(self, stamp_s: float, values: ArrayLike, *, signal: int = 0) -> None:
-        """Take the robot's measured position, of which its posture at onset is used.
+        """Take one measured position of the robot; its posture at onset conditions predictions.
 
         Args:
             stamp_s: time of measurement [s], on the clock of `observe`.
             values: positions of the signal's DOFs, (m,), in the units of the library.
-            signal: which controlled signal it is, where there are several.
+            signal: index of the controlled signal, counted from 0.
 
         Raises:
             ShapeError: values are not a vector of at most Q numbers.
@@ -232,24 +232,24 @@ class IntentEstimator:
             raise observation_error(reason, observation, len(observation.values))
 
     def update_controlled(self, observation: Observation) -> str | None:
-        """`observe_controlled`, with a diagnostics key for an error, or None.
+        """As `observe_controlled`, but return a diagnostics key instead of an error, or None.
 
-        Groups count the controlled signals, in the order of the DOF file.
+        The group is the index of the controlled signal, in the order of the DOF file.
         """
         return check_observation(observation) or self._posture.take(observation)
 
     def observe_context(self, values: ArrayLike) -> None:
-        """Take what is known of the scene, from now on and for the movement under way.
+        """Set the context, from now on and for the movement under way.
 
-        It stays known until other values come, also from one movement to the next. Before
-        the first call, predictions are those of any context.
+        It stays until other values come, also from one movement to the next. Before the first call,
+        predictions are marginal over the contexts.
 
         Args:
-            values: (M,), in the order of the library's `context_names`; NaN for what is not known.
+            values: M numbers in the order of the library's `context_names`; NaN for unknown ones.
 
         Raises:
-            ShapeError: it is not one number for each of `context_names`.
-            ArgumentError: a number is infinite, or in another unit than was learned.
+            ShapeError: `values` are not one number for each of `context_names`.
+            ArgumentError: a number is infinite, or not in the learned unit.
         """
         known = as_context(values, self._context.learned.context_names)
         if (misfit := self._context.know(known)) is not None:
@@ -258,26 +258,26 @@ class IntentEstimator:
             self._use_context()
 
     def update_context(self, observation: Observation) -> str | None:
-        """Take a sample of the scene; returns why it was not taken, as a diagnostics key, or None.
+        """Take a sample of the context; return a diagnostics key if it was refused, else None.
 
-        Where it differs by more than noise from what was known (`ContextModel.tolerance`), the
-        movement under way is filtered anew, at most every `CONTEXT_PERIOD_S` and `CONTEXT_SHARE` of
-        its time so far. Groups count the context signals, in the order of the DOF file.
+        If it changes the context by more than noise (`ContextModel.tolerance`), the movement under
+        way is filtered anew, at most every `CONTEXT_PERIOD_S` and `CONTEXT_SHARE` of its time so
+        far. The group is the index of the context signal, in the order of the DOF file.
         """
         reason = check_observation(observation) or self._context.take(observation)
         self.first_samples.misfit = self._context.misfit
         return reason
 
     def bend(self, change: Callable[[TaskLibrary], TaskLibrary]) -> None:
-        """Predict by what a function makes of the library, from now on and in every context.
+        """Use the library that a function makes from `taught`, now and in every later context.
 
-        `composing.BentLibrary` makes one that passes through via points. The observed weights must
-        stay, so that the same is recognised.
+        `composing.BentLibrary` makes one that passes through via points. The distribution of the
+        observed weights must stay the same, so that recognition does not change.
         """
         self._use(self.taught, change, self._task_prior)
 
     def answer(self, task: str) -> None:
-        """Count what a person says the movement under way is, until it ends or is answered anew.
+        """Use a person's answer about the task under way, until it ends or is answered again.
 
         Raises:
             ArgumentError: no movement is under way, or there is no such task.
@@ -289,14 +289,14 @@ class IntentEstimator:
         self._believe(self._run.observations[-1].stamp_ns)
 
     def expect(self, task: str) -> None:
-        """Expect a task next, as sure as a habit; a label that was not learned ends this."""
+        """Expect a task next, with the trust of a habit; an unknown label ends the expectation."""
         self.expectation.expect(task, at_once=self._run is None)
 
     def predict_controlled(self, n_points: int = 50) -> Prediction | None:
-        """The controlled agent's whole interaction from onset, under the most probable task.
+        """Trajectory of the controlled agent from onset to end, under the most probable task.
 
-        None where `estimate.task` is "none", as at rest: there is no task to predict.
-        `predict_controlled_at` always says where the controlled agent is expected.
+        None if `estimate.task` is "none", as at rest: there is no task to predict.
+        `predict_controlled_at` always predicts the controlled agent.
         """
         run, task = self._most_probable()
         if run is None or task == self.library.n_tasks:
@@ -304,22 +304,22 @@ class IntentEstimator:
         return self._predictor.controlled(run, task, n_points)
 
     def _most_probable(self) -> tuple[MovementFilter | None, int]:
-        """The filter of the movement under way, None at rest, and its most probable task."""
+        """Filter of the movement under way, None at rest, and its most probable task."""
         posterior = self._posterior
         return self._run, 0 if posterior is None else int(np.argmax(posterior.probabilities))
 
     def predict_controlled_at(self, times_s: ArrayLike) -> Trajectory:
-        """Where the controlled agent is at some times, task and phase unknown.
+        """Predict the controlled agent at some times, over all tasks and phases.
 
-        Mean and standard deviation of the mixture over the known tasks, durations and phase
-        deviations, `none` left out. Before the onset, and at rest, it is where the next movement is
-        expected to begin, whatever the time: the mean and the spread of the tasks' first postures.
+        The mean and standard deviation are those of the mixture over the known tasks, durations and
+        phase deviations, without `none`. Times before the onset give the start of the movement. At
+        rest, all times give the expected start of the next movement: mean and spread over tasks.
 
         Args:
-            times_s: on the clock of `observe`, (T,), or a number for one [s].
+            times_s: times on the clock of `observe`, (T,), or a number for one [s].
 
         Returns:
-            The poses, with `times_s` as they were asked for.
+            The trajectory at `times_s`.
 
         Raises:
             ShapeError: times_s has more than one dimension.
@@ -332,14 +332,14 @@ class IntentEstimator:
         return self._predictor.controlled_at(self._run, known, times)
 
     def predicted_end_std(self) -> dict[str, float] | None:
-        """Largest standard deviation of `predict_controlled`'s end over the DOFs of each unit."""
+        """Largest standard deviation of `predict_controlled`'s end among the DOFs of each unit."""
         prediction = self.predict_controlled(n_points=1)
         if prediction is None:
             return None
         return largest_by_unit(prediction.trajectory.std[-1], self.library.controlled_units)
 
     def predict_observed(self, n_points: int = 30) -> Prediction | None:
-        """The rest of the observed agent's movement, of the most probable task or none.
+        """The rest of the observed agent's movement, under the most probable task or none.
 
         None at rest.
         """
@@ -347,10 +347,10 @@ class IntentEstimator:
         return None if run is None else self._predictor.observed(run, task, n_points)
 
     def explain(self, task: str | None = None, rival: str | None = None) -> Evidence | None:
-        """Why a task is more probable than another: evidence by observation and observed DOF.
+        """Evidence for a task against a rival, by observation and observed DOF; None at rest.
 
-        None at rest. The movement is filtered anew for each observed DOF. Without labels, the most
-        probable task and its most probable rival are compared (`explain_movement`).
+        The movement is filtered anew for each observed DOF. Without labels, the most probable task
+        is compared with its most probable rival (`explain_movement`).
 
         Raises:
             ArgumentError: there is no such label, or both are the same.
@@ -360,11 +360,11 @@ class IntentEstimator:
         return explain_movement(self._run, self._posterior, task, rival)
 
     def too_sparse(self) -> SparseSignal | None:
-        """A signal with too few samples for a movement to be found; None where all have enough."""
+        """First signal with too low a rate for onset detection; None if all rates suffice."""
         return self._detector.too_sparse()
 
     def reset(self) -> None:
-        """Forget the movement under way and the past, but not what is known of the scene."""
+        """Forget the movement under way and all past samples, but not the context."""
         self._run = self._posterior = None
         self.expectation.reset()
         self._posture.clear()
@@ -373,12 +373,12 @@ class IntentEstimator:
         self._context.forget_stamps()
 
     def swap(self, library: TaskLibrary, task_prior: Floats | None = None) -> None:
-        """Go on with another library; the movement under way is filtered anew from its onset.
+        """Switch to another library; the movement under way is filtered anew from its onset.
 
         Raises:
             DofError: the other library has other DOFs, or another context.
-            ArgumentError: the prior is not one over its tasks, or a plan is followed that has no
-                step of these. Nothing has changed then.
+            ArgumentError: `task_prior` is not one over its tasks, or no step of the plan that is
+                followed is one of its tasks. On an error nothing changes.
         """
         check_same_dofs(self._context.learned, library)
         self._use(self._context.given(library), self._bend, task_prior)

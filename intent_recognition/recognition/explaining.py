@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Why one task is more probable than another: evidence by observation and by observed DOF.
 
-The log odds of two tasks are those before the movement and, by the chain rule, the sum over the
-observations of the log ratio of their predictive densities, p(y_t | y_1 .. y_t-1, task): what the
-innovations are judged by (Maeda et al. 2014, Eq. 9-11). The chain rule holds over the DOFs of an
-observation, too. The filter therefore follows the movement by the first DOF alone, by the first
-two, and so on: what one more DOF adds is its density given those before it in the order of the
-library. Nothing is approximated beyond the filter itself: the parts sum to the log odds that the
-estimator reports. Another order divides the same sum differently.
+The log odds of two tasks are the prior log odds plus, by the chain rule, the sum over observations
+of the log ratio of their predictive densities p(y_t | y_1 .. y_t-1, task) (Maeda et al. 2014,
+Eq. 9-11). The chain rule also holds over the DOFs of an observation. The movement is therefore
+filtered with the first DOF alone, then with the first two, and so on. Each further DOF adds its
+density given the DOFs before it, in the order of the library. There is no approximation beyond the
+filter's own: the parts sum to the log odds that the estimator reports. Another order of the DOFs
+would divide the same sum differently.
 """
 
 from __future__ import annotations
@@ -25,35 +25,35 @@ from intent_recognition.signals import Observation
 
 @brief
 class Evidence(NamedTuple):
-    """What speaks for a task, and against a rival."""
+    """Evidence for a task against a rival."""
 
-    task: str
-    rival: str  # that of the other one
-    names: tuple[str, ...]  # of the P observed DOFs
-    times_s: Floats  # of the n observations after onset, (n,)
-    # what each observation adds to the log odds, by DOF, in nats, (n, P); an observation that the
-    # filter leaves out, since it follows too closely on another, adds nothing
+    task: str  # label of the task
+    rival: str  # label of the other task
+    names: tuple[str, ...]  # names of the P observed DOFs
+    times_s: Floats  # times of the n observations, after onset, (n,)
+    # log odds [nats] that each observation adds, by DOF, (n, P); zero for observations that the
+    # filter leaves out because they follow too closely on another
     by_dof: Floats
-    expected: float  # log odds before the movement, and what a person answered since
+    expected: float  # log odds before the movement, plus those from a person's answer
 
     @property
     def log_odds(self) -> float:
-        """log p(task) / p(rival) after all observations, as the estimator reports it."""
+        """log (p(task) / p(rival)) after all observations, as the estimator reports it."""
         return self.expected + float(self.by_dof.sum())
 
 
 def explain_movement(
     run: MovementFilter, posterior: TaskPosterior, task: str | None = None, rival: str | None = None
 ) -> Evidence:
-    """Evidence of a movement under way.
+    """Evidence for a task against a rival in a movement under way.
 
-    The filter runs once more for each observed DOF.
+    The movement is filtered once more for each observed DOF.
 
     Args:
-        run: its filter, which stays as it is.
-        posterior: what is believed of it.
-        task: label; None for the most probable one but `none`.
-        rival: label; None for the most probable other task, or for none where that is more
+        run: filter of the movement, which is not changed.
+        posterior: posterior of the movement.
+        task: label of the task; None for the most probable known task.
+        rival: label of the rival; None for the most probable other task, or for none if it is more
             probable than the task.
     """
     labels = (*run.library.labels, NONE)
@@ -84,9 +84,9 @@ def explain_movement(
 def without_dofs(
     observation: Observation, library: TaskLibrary, dropped: frozenset[int]
 ) -> Observation | None:
-    """An observation as if some DOFs had not been measured; None where nothing is left.
+    """An observation without some DOFs; None if nothing is left.
 
-    Those dropped are numbers of observed DOFs of the library.
+    `dropped` are indices of observed DOFs of the library.
     """
     dofs = library.observed_dofs(observation.group, observation.dofs)
     lost = [dof in dropped for dof in dofs.tolist()]
@@ -96,7 +96,7 @@ def without_dofs(
 
 
 def _evidence_over_time(like: MovementFilter, n_dofs: int, task: int, rival: int) -> Floats:
-    """Log evidence of a task against a rival after each observation, by the first DOFs, (n,)."""
+    """Log evidence for a task against a rival after each observation, from `n_dofs` DOFs, (n,)."""
     library, found = like.library, []
     dropped = frozenset(range(n_dofs, library.n_observed))
     run = MovementFilter(
@@ -117,7 +117,7 @@ def _evidence_over_time(like: MovementFilter, n_dofs: int, task: int, rival: int
 
 
 def _runner_up(p: Floats, task: int) -> int:
-    """The most probable other task; none where that is more probable than the task."""
+    """Most probable other task; none if it is more probable than the task."""
     none = len(p) - 1
     if p[none] > p[task] or len(p) < 3:
         return none if task != none else int(np.argmax(p[:-1]))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a movement begins, stops and is over, from the last seconds of all observed signals."""
+"""Onset, stops and end of a movement, from the last seconds of all observed signals."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -22,27 +22,26 @@ from intent_recognition.signals import (
 )
 
 HISTORY_S = 2.0
-"""Length of the past in which the onset is looked for [s]. Convention. More is kept where the
-window of a signal's speed is longer than the usual one: `past_s`."""
+"""Length of the past in which the onset is searched [s]; more if the window of a signal's speed is
+longer than the default (`past_s`)."""
 FINISHED_PHASE = 0.99
-"""Expected phase of the most probable task from which a movement at rest is over. Convention."""
+"""Expected phase of the most probable task at which a movement at rest is over."""
 PAUSE_S, PAUSE_SHARE = 1.5, 0.3
-"""Shortest rest in mid-movement that ends it [s], and for long tasks in parts of the expected
-duration. Convention: a hesitation is shorter."""
+"""Shortest rest before its end that ends a movement [s], and the same for long tasks as a share of
+the expected duration: longer than a hesitation."""
 OVERTIME_S = 0.5
-"""Time after its expected end for which a movement that goes on is still the same one [s].
-Convention."""
+"""Longest time after its expected end for which a movement may go on [s]."""
 
 
 class SparseSignal(NamedTuple):
-    """A signal with too few samples for its speed to be known, so that it has no onset."""
+    """A signal whose rate is too low to estimate its speed, so that no onset is detected."""
 
-    group: int  # which observed signal it is
-    rate_hz: float  # how often it is sampled
-    least_hz: float  # how often it would have to be
+    group: int  # index of the observed signal
+    rate_hz: float  # rate of its samples
+    least_hz: float  # lowest rate for onset detection
 
     def warning(self, topic: str) -> str:
-        """What is wrong with the signal on a topic, and the cure."""
+        """Warning about the signal on a topic, with the cure."""
         return (
             f"{topic} comes at {self.rate_hz:.2g} Hz, and no movement is found below"
             f" {self.least_hz:.2g} Hz: raise the tracker's rate, or train on recordings of this one"
@@ -50,16 +49,16 @@ class SparseSignal(NamedTuple):
 
 
 def past_s(settings: OnsetSettings) -> float:
-    """How much of a signal's past tells whether it moves or rests [s].
+    """Length of a signal's past that is kept for onset and rest detection [s].
 
-    A speed is known from half its window on, or of sparse samples from almost a whole one: what
-    a longer window takes is added.
+    A speed is known after half its window, or after almost a whole one if samples are sparse, so
+    1.2 times the excess of the window over the default is added.
     """
     return HISTORY_S + 1.2 * max(settings.window_s - OnsetSettings.window_s, 0.0)
 
 
 class Stops:
-    """Notices the momentary stops of a signal: where a hand turns back, or hesitates."""
+    """Detects momentary stops of a signal, where a hand turns back or hesitates."""
 
     def __init__(self, settings: OnsetSettings):
         self._settings = settings
@@ -70,15 +69,15 @@ class Stops:
     def stopped_ns(
         self, now_ns: int, velocity: Floats | None, dofs: tuple[int, ...] = ()
     ) -> int | None:
-        """Stamp of a stop after which the signal, just now, surely moves again.
+        """Stamp of a stop, once the signal has moved again for `persistence_s`; else None.
 
-        The middle between the last moment at which it moved before and the first at which it does
-        again; of a longer stop, its last `max_backdate_s` count.
+        It is the middle between the last movement before the stop and the first one after it. Only
+        the last `max_backdate_s` of a longer stop count.
 
         Args:
-            now_ns: stamp of its last sample.
-            velocity: there, (m,); None where it is not known.
-            dofs: of which DOFs, (m,); those of others tell nothing of them. Empty for all.
+            now_ns: stamp of the signal's last sample.
+            velocity: velocity at this sample, (m,); None if it is not known.
+            dofs: DOFs of the velocity, (m,), empty for all; different DOFs are not compared.
         """
         settings = self._settings
         if velocity is None:
@@ -103,14 +102,14 @@ class Stops:
 
 
 def least_speed(before: Floats, after: Floats) -> float:
-    """Least norm on the line from one velocity to another, (P,) each: what a gap may hide."""
+    """Least norm on the line between two velocities (P,): a speed that a gap may hide."""
     change = after - before
     into = np.clip(-(before @ change) / np.fmax(change @ change, 1e-300), 0.0, 1.0)
     return float(np.linalg.norm(before + into * change))
 
 
 class _Moving(NamedTuple):
-    """Samples of DOFs that are measured together, and the velocity at their end."""
+    """Samples of DOFs that are measured together, and the velocity at the last sample."""
 
     settings: OnsetSettings
     samples: Samples
@@ -118,19 +117,19 @@ class _Moving(NamedTuple):
 
 
 def is_overdue(elapsed_s: float, posterior: TaskPosterior) -> bool:
-    """Whether a movement has taken longer than its most probable task does."""
+    """Whether a movement goes on for more than `OVERTIME_S` after its task's expected end."""
     best = int(np.argmax(posterior.probabilities))
     late = elapsed_s > float(posterior.duration_s[best]) + OVERTIME_S
     return late and float(posterior.phase[best]) >= FINISHED_PHASE
 
 
 class MotionDetector:
-    """Keeps the last seconds of each signal.
+    """Detects onset, stops and end of movements from the last seconds of each signal.
 
     Attributes:
-        settings: the same; see `use`.
-        pasts: the last seconds of each signal.
-        waits_for_rest: whether no movement can begin before all signals have rested.
+        settings: settings of onset detection of each signal.
+        pasts: last seconds of each signal.
+        waits_for_rest: whether all signals must rest before a movement can begin.
     """
 
     def __init__(self, groups: Sequence[int], settings: Sequence[OnsetSettings]):
@@ -150,7 +149,7 @@ class MotionDetector:
         self.forget_stops()
 
     def use(self, settings: Sequence[OnsetSettings]) -> None:
-        """Go on with the settings of another library."""
+        """Switch to the settings of another library."""
         self.settings = settings
         self.forget_stops()
         for past, own in zip(self.pasts, settings, strict=True):
@@ -158,7 +157,7 @@ class MotionDetector:
         self._now.clear()
 
     def change_past(self, change: Callable[[Observation], Observation]) -> None:
-        """Keep what a function makes of all observations."""
+        """Replace all past observations by what a function returns for them."""
         kept, waits = self.since(NEVER_NS), self.waits_for_rest
         changed = [change(observation) for observation in kept]
         if any(new is not old for new, old in zip(changed, kept, strict=True)):
@@ -168,20 +167,20 @@ class MotionDetector:
             self.waits_for_rest = waits
 
     def forget_stops(self) -> None:
-        """Forget when the signals moved: a movement begins."""
+        """Forget past stops and movements of the signals: a new movement begins."""
         self._stops = [Stops(own) for own in self.settings]
 
     def add(self, observation: Observation) -> None:
         """Take an observation that is not late."""
         self.pasts[observation.group].add(observation)
-        for past in self.pasts:  # of signals that fell silent, too
+        for past in self.pasts:  # also of signals without new samples
             past.forget_before(observation.stamp_ns)
         self._now.clear()
 
     def too_sparse(self) -> SparseSignal | None:
-        """The first signal that is sampled too seldom; None where all are often enough.
+        """First signal with too low a rate for onset detection; None if all rates suffice.
 
-        The speed is the slope of three samples at least within the window of its settings.
+        A speed needs at least three samples within the window of the signal's settings.
         """
         for group, signal in enumerate(self._active()):
             for settings, samples, _ in signal:
@@ -194,7 +193,7 @@ class MotionDetector:
     def find_onset_ns(self) -> int | None:
         """Stamp at which the movement under way began; None at rest.
 
-        After a movement that was overdue, all signals must have rested first: this is noticed here.
+        It also clears `waits_for_rest`, set by an overdue movement, once all signals have rested.
         """
         if self.waits_for_rest:
             self.waits_for_rest = not self._at_rest()
@@ -208,9 +207,9 @@ class MotionDetector:
         return min(onsets_ns, default=None)
 
     def stopped_ns(self) -> int | None:
-        """Stamp at which a signal stopped for a moment, when it surely moves again; else None.
+        """Stamp of the earliest momentary stop after which a signal moves again, else None.
 
-        To be asked after every observation of a movement.
+        Call it after every observation of a movement.
         """
         found = [
             stops.stopped_ns(moving[0].samples.last_ns, moving[0].velocity, moving[0].samples.dofs)
@@ -225,9 +224,9 @@ class MotionDetector:
         return sorted(found, key=lambda o: (o.stamp_ns, o.group, o.derivative))
 
     def ends(self, elapsed_s: float, posterior: TaskPosterior) -> bool:
-        """Whether the movement is over: done and at rest, stopped half-way, or overdue.
+        """Whether the movement is over: done and at rest, in a long pause, or overdue.
 
-        After an overdue one the detector waits for rest.
+        If it is overdue and not at rest, the detector then waits for rest.
         """
         best = int(np.argmax(posterior.probabilities))
         duration_s, phase = float(posterior.duration_s[best]), float(posterior.phase[best])
@@ -239,7 +238,7 @@ class MotionDetector:
         return self._at_rest(min(max(PAUSE_S, PAUSE_SHARE * duration_s), HISTORY_S - 0.1))
 
     def _at_rest(self, rest_s: float | None = None) -> bool:
-        """Whether all signals have rested so long; None for as long as their settings say."""
+        """Whether all signals have rested for `rest_s`, or for the time in their settings."""
         return all(
             is_slow(one.settings, one.velocity)
             and at_rest(one.settings, *one.samples.arrays(), rest_s)
@@ -248,7 +247,7 @@ class MotionDetector:
         )
 
     def _active(self) -> list[list[_Moving]]:
-        """How the DOFs of each signal move since the last observation (`active_samples`)."""
+        """Recent samples and velocities of each signal, by jointly measured DOFs; cached."""
         if not self._now:
             self._now = [
                 [

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The movement under way, and the one that may have begun where the hand last stopped.
+"""The movement under way, and another one that may have begun where the hand last stopped.
 
-Work flows: on the way back from one goal the worker reaches for the next, and never rests. At each
-momentary stop filters start anew, one for each onset that the next movement may have had. The most
-probable one takes over once they recognise a task, where the movement under way was done at the
-stop, or of no task, and is so now. Where nothing is recognised after a stop, as in a wave of the
-hand or a hesitation, the movement under way goes on as if there had been none.
+A worker may reach for the next goal on the way back from the last, without a rest. At a momentary
+stop, new filters start, one for each possible onset of the next movement. The most probable one
+takes over once they recognise a task, if the movement under way was done or unknown at the stop and
+still is. If they recognise nothing, as after a wave of the hand or a hesitation, the movement under
+way continues.
 """
 
 from collections.abc import Iterable
@@ -21,17 +21,17 @@ from intent_recognition.recognition.motion_detection import MotionDetector, is_o
 from intent_recognition.signals import Observation
 
 STOP_LEADS = (0.035, 0.06, 0.085)
-"""A reach after a stop began one of these earlier than the stop, per usual duration of the tasks:
-it first had to halt the hand (docs/decisions/change_of_mind.md). Until then the hand was on another
-way, of which nothing counts."""
+"""Possible times from the onset of a reach to the stop, in usual durations of the tasks: the reach
+first has to halt the hand (docs/decisions/change_of_mind.md). Samples before the stop belong to the
+last movement and are not used."""
 DONE_PHASE = 0.85
-"""Expected phase of the movement under way from which another may have begun. Convention."""
+"""Expected phase of the movement under way from which another may have begun."""
 
 
 class Movements:
-    """Filters of one movement after the other; a second one while another may have begun.
+    """Filter of the movement under way, and filters of the next one, which may have begun.
 
-    `switching` is as of `IntentEstimator`.
+    `switching` is that of `IntentEstimator`.
     """
 
     def __init__(self, library: TaskLibrary, grid: PriorGrid, *, switching: bool):
@@ -45,7 +45,7 @@ class Movements:
     def begin(
         self, onset_ns: int, task_weight: Floats | None, past: Iterable[Observation]
     ) -> MovementFilter:
-        """Filter a movement from its onset; the arguments are those of `MovementFilter.restart`."""
+        """Filter of a movement from its onset; for the arguments, see `MovementFilter.restart`."""
         self._filter.restart(onset_ns, task_weight, past)
         self._stopped = False
         return self._filter
@@ -57,10 +57,10 @@ class Movements:
         task_weight: Floats | None,
         posterior: TaskPosterior | None,
     ) -> MovementFilter | None:
-        """The filter of a movement that began at the last stop, once it takes over.
+        """Filter of a movement that began at the last stop, if it takes over now; else None.
 
-        The posterior is that of the movement so far, after the newest observation; None after one
-        that was overdue. `task_weight` is as of `MovementFilter`.
+        `posterior` is that of the movement so far, after the newest observation; None if this was
+        overdue. `task_weight` is that of `MovementFilter`.
         """
         if not self._switching:
             return None
@@ -80,7 +80,7 @@ class Movements:
         p = np.array([posterior.probabilities for posterior in posteriors])
         odds = p[:, :-1] / np.maximum(p[:, -1:], np.finfo(np.float64).tiny)  # over none, (n, K)
         known = odds.sum(axis=1).mean()
-        if not done or known < USUAL_THRESHOLD * (1.0 + known):  # the decision asks for as much
+        if not done or known < USUAL_THRESHOLD * (1.0 + known):  # as probable as for a decision
             elapsed_s = (stamp_ns - after[0].onset_ns) * 1e-9
             self._stopped = not is_overdue(elapsed_s, posteriors[0])
             return None
@@ -91,7 +91,7 @@ class Movements:
 
 
 def is_done(posterior: TaskPosterior | None) -> bool:
-    """Whether another movement may have begun: this one is done, or of no task."""
+    """Whether another movement may have begun: this one is done or unknown."""
     if posterior is None:
         return True
     best = int(np.argmax(posterior.probabilities))

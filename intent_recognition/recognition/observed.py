@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Observations as they come: in the units, and angles in the turn, that tasks were learned in."""
+"""Check that observations are in the learned units; conversion of angles to the learned turn."""
 
 from collections import deque
 from collections.abc import Callable
@@ -23,23 +23,23 @@ from intent_recognition.signals import (
 )
 
 N_JUDGED = 50
-"""Samples of a signal that can be in no other unit, after which its units are no longer judged.
-Convention: half a second at 100 Hz. A hand that rests at the origin says nothing of its unit."""
+"""Number of unambiguous samples after which a signal's unit is no longer checked: half a second at
+100 Hz. Samples that fit in another unit too, such as at the origin, do not count."""
 N_STEPS = 5
-"""Samples that times are judged by. Convention: one lost sample among them changes nothing."""
+"""Number of samples whose intervals are checked: one lost sample makes no difference."""
 STD_LEARNED = 3.0
-"""Standard deviations about the mean movements that count as learned. Convention: 99.7 % of a
+"""Half-width of the learned range about the mean movements, in standard deviations: 99.7 % of a
 normal distribution."""
 
 
 def context_misfit(model: ContextModel, values: Floats) -> Misfit | None:
-    """Why a context (M,), NaN where it is not known, is hardly in the learned units, if so."""
+    """Misfit of a context (M,), NaN for unknown numbers, with the learned units, or None."""
     spread = STD_LEARNED * np.sqrt(np.diagonal(model.covariance, axis1=1, axis2=2))
     for last, size in zip(np.cumsum(model.groups), model.groups, strict=True):
         dofs = np.arange(last - size, last)[np.isfinite(values[last - size : last])]
         if dofs.size:
             mean, names = model.mean[:, dofs], [model.names[k] for k in dofs]
-            around = np.maximum(spread[:, dofs], 0.5 * np.abs(mean).max())  # few are shown
+            around = np.maximum(spread[:, dofs], 0.5 * np.abs(mean).max())  # few contexts are shown
             learned = Known((mean - around).min(axis=0), (mean + around).max(axis=0))
             if found := learned_misfit(names, model.units[dofs[0]], values[dofs], learned):
                 return found
@@ -47,10 +47,10 @@ def context_misfit(model: ContextModel, values: Floats) -> Misfit | None:
 
 
 class FirstSamples:
-    """Judges the units of the first samples of each observed signal.
+    """Check of the units of the first samples of each observed signal.
 
     Attributes:
-        misfit: of the last sample that was refused.
+        misfit: misfit of the last checked sample; None if it was accepted.
     """
 
     def __init__(self, library: TaskLibrary):
@@ -60,9 +60,9 @@ class FirstSamples:
         self.misfit: Misfit | None = None
 
     def refuse(self, observation: Observation) -> bool:
-        """Whether a sample, or the times of the last ones, are hardly in the learned units.
+        """Whether a sample, or the times of the last samples, seem to be in another unit.
 
-        It has finite positions, or their rates, which are not judged.
+        Values must be finite. Velocities are not checked.
         """
         group = observation.group
         if group not in self._left or observation.derivative:
@@ -78,7 +78,7 @@ class FirstSamples:
 
 
 class _OfSignal:
-    """Judges one signal."""
+    """Check of one signal."""
 
     def __init__(self, library: TaskLibrary, group: int):
         dofs = library.observed_dofs(group)
@@ -88,26 +88,26 @@ class _OfSignal:
         self._stamps_ns = deque[int](maxlen=N_STEPS)
 
     def misfit(self, observation: Observation) -> Misfit | None:
-        """Why it is hardly in the units that were learned; None where it may be."""
+        """Misfit of an observation with the learned units; None if it fits."""
         names, learned = self._of(observation)
         found = learned_misfit(names, self._unit, observation.values, learned)
         return found or self._late(observation.stamp_ns, names)
 
     def may_be_another(self, observation: Observation) -> bool:
-        """Whether its numbers could be places that were learned in another unit, too."""
+        """Whether its values would fit the learned range in another unit, too."""
         return bool(other_units(self._unit, observation.values, self._of(observation)[1]))
 
     def _of(self, observation: Observation) -> tuple[tuple[str, ...], Known]:
-        """Names of the DOFs that were measured, and where they were learned."""
+        """Names of the measured DOFs, and their learned ranges."""
         rows = slice(None) if observation.dofs is None else list(observation.dofs)
         learned = Known(self._learned.lower[rows], self._learned.upper[rows])
         return tuple(self._names[rows].tolist()), learned
 
     def _late(self, stamp_ns: int, names: tuple[str, ...]) -> Misfit | None:
-        """What is certainly wrong with the times of the last samples."""
+        """Misfit of the times of the last samples, if it is certain."""
         stamps = self._stamps_ns
         if stamps and stamp_ns < stamps[-1]:
-            stamps.clear()  # another clock, or DOFs that have times of their own
+            stamps.clear()  # another clock, or DOFs with stamps of their own
         if not stamps or stamp_ns > stamps[-1]:
             stamps.append(stamp_ns)
         if len(stamps) < N_STEPS:
@@ -117,7 +117,7 @@ class _OfSignal:
 
 
 def _learned(library: TaskLibrary, dofs: Integers) -> Known:
-    """Where some observed DOFs were in the demonstrations."""
+    """Learned ranges of some observed DOFs."""
     lower, upper, phases = [], [], np.linspace(0.0, 1.0, 21)
     for mean, covariance in zip(library.weight_mean, library.weight_covariance, strict=True):
         course = rollout(
@@ -130,10 +130,10 @@ def _learned(library: TaskLibrary, dofs: Integers) -> Known:
 
 
 class ObservedTurns:
-    """Takes whole turns out of the angles among the observations of one stream.
+    """Removes whole turns from the angles in a stream of observations.
 
-    The first value of an angle is brought nearest to where the tasks begin; later ones do not jump
-    by whole turns (`signals.turns`), as in training.
+    The first value of an angle is moved to the turn nearest to the tasks' start. In later values,
+    jumps by whole turns are removed (`signals.turns`), as in training.
     """
 
     _last: Floats
@@ -144,10 +144,10 @@ class ObservedTurns:
         self.forget()
 
     def change(self, library: TaskLibrary) -> Callable[[Observation], Observation]:
-        """Go on with another library, whose tasks may begin in another turn.
+        """Switch to another library, whose tasks may begin in another turn.
 
         Returns:
-            What takes the observations that were brought so far into that turn.
+            Function that moves an observation returned by `bring` so far into that turn.
         """
         before, self._library, self._starts = self._starts, library, _starts(library)
         by = whole_turns(np.nan_to_num(self._starts - before), self._turn)
@@ -167,7 +167,7 @@ class ObservedTurns:
         self._seen = np.zeros(len(self._starts), dtype=bool)
 
     def bring(self, observation: Observation) -> Observation:
-        """The observation, its angles in the turn of those before."""
+        """The observation with its angles in the turn of the last observations."""
         dofs = self._library.observed_dofs(observation.group, observation.dofs)
         if observation.derivative or np.all(np.isnan(self._starts[dofs])):
             return observation
@@ -180,6 +180,6 @@ class ObservedTurns:
 
 
 def _starts(library: TaskLibrary) -> Floats:
-    """Where each observed angle begins, (P,); NaN for other DOFs."""
+    """Start of each observed angle, (P,); NaN for other DOFs."""
     starts = angle_starts(library)[: library.n_observed]
     return np.array([np.nan if at is None else at for at in starts])

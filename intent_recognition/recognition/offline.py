@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Task and prediction from the arrays of a movement, whole or in part, without a stream."""
+"""Recognition and prediction from the arrays of a movement, whole or in part."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ def recognize_task(
 ) -> Estimate:
     """Task probabilities of one movement, or of its first part.
 
-    Maeda et al. 2014, Eq. 9-11. `IntentEstimator` does the same over a stream, and finds the onset
-    by itself.
+    Maeda et al. 2014, Eq. 9-11. `IntentEstimator` does the same for a stream, and detects the onset
+    itself.
 
     Args:
         library: the learned tasks.
-        times_s: times of the samples, increasing, (T,) [s].
-        human: positions of the observed DOFs, (T, P), in the units of the library. What was not
-            measured is NaN: it is left out, and nothing is put in its place.
-        onset_s: when the movement began [s]; None for the first sample. Give it where the samples
-            begin at rest, which counts as movement otherwise, and is none that was learned.
+        times_s: increasing times of the samples, (T,) [s].
+        human: positions of the observed DOFs, (T, P), in the units of the library. NaN marks values
+            that were not measured; they are left out, not imputed.
+        onset_s: time at which the movement began [s]; None for the first sample. Pass it if the
+            samples begin at rest: rest before the onset would count as part of the movement.
         duration_s: duration of the whole movement [s]; None marginalises over durations.
 
     Returns:
@@ -48,8 +48,8 @@ def recognize_task(
 
     Raises:
         ShapeError: the arrays do not fit each other or the library.
-        ArgumentError: times do not increase or are no seconds, a value is infinite or in another
-            unit than was learned, or nothing was measured.
+        ArgumentError: times do not increase or seem not to be seconds, a value is infinite or seems
+            not to be in the learned unit, or nothing was measured.
     """
     run = _filtered(library, _hypotheses(library, duration_s), times_s, human, onset_s)
     last_ns = run.observations[-1].stamp_ns
@@ -69,7 +69,7 @@ def predict_controlled(
     """Trajectory of the controlled agent, given a movement or its first part.
 
     It covers the whole interaction; its times count from onset. `IntentEstimator` predicts the same
-    over a stream.
+    for a stream.
 
     Args:
         library: the learned tasks.
@@ -78,7 +78,7 @@ def predict_controlled(
         task: label of the task; None for the most probable one.
         onset_s: as in `recognize_task`.
         duration_s: as in `recognize_task`.
-        n_points: number of points in time, at least 1: the end.
+        n_points: number of points in time, at least 1; a single point is the end.
 
     Raises:
         ShapeError: the arrays do not fit each other or the library.
@@ -95,7 +95,7 @@ def predict_controlled(
 
 
 def _hypotheses(library: TaskLibrary, duration_s: float | None) -> PriorGrid:
-    """The grid of hypotheses: durations of the timing prior, or the one that is known."""
+    """Prior grid with the durations of the timing prior, or with one known duration."""
     check_type("library", library, TaskLibrary, LIBRARY_CURE)
     if duration_s is None:
         return make_prior_grid(library)
@@ -112,7 +112,7 @@ def _filtered(
     human: ArrayLike,
     onset_s: float | None,
 ) -> MovementFilter:
-    """The hypotheses conditioned on the samples from onset on, at least one."""
+    """Filter conditioned on the samples from onset on, of which there must be one."""
     stamps_ns, values = _checked(library, times_s, human)
     onset_ns = int(stamps_ns[0]) if onset_s is None else as_stamp_ns("onset_s", onset_s)
     run, turns = MovementFilter(library, hypotheses, onset_ns), ObservedTurns(library)
@@ -129,7 +129,7 @@ def _filtered(
 
 
 def _checked(library: TaskLibrary, times_s: ArrayLike, human: ArrayLike) -> tuple[Integers, Floats]:
-    """Stamps (T,) and values (T, P), checked."""
+    """Checked stamps (T,) and values (T, P)."""
     times, values = as_numbers("times_s", times_s), as_numbers("human", human)
     expected = f"times_s (T,) and human (T, {library.n_observed})"
     if times.ndim != 1 or not times.size or values.shape != (times.size, library.n_observed):

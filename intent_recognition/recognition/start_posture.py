@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controlled agent's posture at onset: found by stamp, and whether training knows such starts.
+"""The controlled agent's posture at onset, if it is among the trained starts.
 
-It conditions trajectories (`prediction.controlled_weights`), never the task evidence: where the
-robot stands is its own doing.
+It conditions trajectories (`prediction.controlled_weights`), never the evidence of the tasks: the
+robot's own posture tells nothing about the human.
 """
 
 from collections import defaultdict, deque
@@ -30,33 +30,33 @@ from intent_recognition.signals import (
 
 POSTURE_USED, POSTURE_OUTSIDE, POSTURE_UNKNOWN = "used", "outside", "unknown"
 MAX_AGE_S = 0.25
-"""Greatest age of the posture taken for that at onset [s] (docs/anticipation.md)."""
+"""Largest age at onset of a sample that is taken as the posture at onset [s]
+(docs/anticipation.md)."""
 SPAN_S = 4.0
-"""Length of the past that is kept [s]: twice the time by which an onset can be found late."""
+"""Length of the past that is kept [s]: twice the longest delay of onset detection."""
 START_STD = {"m": 0.02, "rad": 0.02}
-"""Standard deviation of a controlled DOF about the posture that it was sent to, by unit: sag and
-calibration of a joint [rad], a wrist that returns to its place [m].
+"""Standard deviation of a controlled DOF about its commanded start, by unit: sag and calibration of
+a joint [rad], a wrist that returns to its place [m].
 
-Convention. Where all demonstrations began in one posture, the learned variance there is that of
-noise alone; conditioned on it, a milliradian at the start becomes centimetres at the end.
+If all demonstrations began in one posture, the learned variance of the start is that of noise
+alone. Without this, a deviation of a milliradian at the start would become centimetres at the end.
 """
 START_SHARE = 0.05
-"""The same in other units, in parts of the demonstrations' own spread in them
-(`promp.controlled_spread`): the bias of a wrench or of a camera. Convention: of a joint that moves
-by 1 rad it is about as much."""
+"""The same for other units, relative to the spread of the demonstrations
+(`promp.controlled_spread`), such as the bias of a wrench or a camera."""
 
 
 class PostureHistory:
-    """The latest samples of the controlled agent, whose DOFs may come on several topics."""
+    """Latest samples of the controlled agent's signals."""
 
     def __init__(self) -> None:
         self._samples: list[deque[tuple[int, Floats]]] = []
         self._late = defaultdict[int, LateSamples](LateSamples)
 
     def take(self, stamp_ns: int, group: int, values: Floats) -> str | None:
-        """Take a sample (m,) of a controlled signal, counted in the order of the DOF file.
+        """Take a sample (m,) of a controlled signal; return a diagnostics key if it was refused.
 
-        Returns why it was not taken, as a diagnostics key, or None.
+        `group` is the index of the signal, in the order of the DOF file.
         """
         while group >= len(self._samples):
             self._samples.append(deque())
@@ -74,7 +74,7 @@ class PostureHistory:
         return None
 
     def at(self, stamp_ns: int) -> Floats | None:
-        """Newest values not after a stamp of all DOFs, (Q,); None where one is missing or old."""
+        """Last values of all DOFs up to a stamp, (Q,); None if one is missing or too old."""
         parts = []
         for samples in self._samples:
             before = next((s for s in reversed(samples) if s[0] <= stamp_ns), None)
@@ -84,12 +84,12 @@ class PostureHistory:
         return np.concatenate(parts) if parts else None
 
     def passed(self, stamp_ns: int) -> bool:
-        """Whether every signal has gone beyond a stamp, so that `at` cannot change any more."""
+        """Whether all signals have samples from a stamp on, so that `at` is final."""
         return all(samples and samples[-1][0] >= stamp_ns for samples in self._samples)
 
 
 class OnsetPosture:
-    """The posture at onset of the movement under way, as a task's prediction may use it."""
+    """Posture at onset of the movement under way, checked against each task's starts."""
 
     def __init__(self, library: TaskLibrary, *, used: bool) -> None:
         self._library, self._used = library, used
@@ -101,7 +101,7 @@ class OnsetPosture:
         self._known: dict[int, tuple[StartPosture | None, str, Floats]] = {}
 
     def take(self, observation: Observation) -> str | None:
-        """Take a sample; returns why it was not taken, as a diagnostics key, or None."""
+        """Take a sample; return a diagnostics key if it was refused, else None."""
         if not self._used:
             return None
         reason = self._history.take(observation.stamp_ns, observation.group, observation.values)
@@ -109,7 +109,7 @@ class OnsetPosture:
         return reason
 
     def find(self, onset_ns: int) -> None:
-        """Keep the posture at the onset of a movement, until it can change no more."""
+        """Look up the posture at the onset of a movement, unless it is already final."""
         if onset_ns != self._onset_ns:
             self._forget_onset(onset_ns)
         if not self._final:
@@ -123,14 +123,14 @@ class OnsetPosture:
         self._forget_onset(0)
 
     def use(self, library: TaskLibrary) -> None:
-        """Go on with another library, which has other starts."""
+        """Switch to another library, which has other starts."""
         self._library = library
         self._known.clear()
 
     def at_onset(self, task: int) -> tuple[StartPosture | None, str, Floats]:
-        """What to condition on, and POSTURE_USED, POSTURE_OUTSIDE or POSTURE_UNKNOWN.
+        """Posture to condition on or None, and POSTURE_USED, POSTURE_OUTSIDE or POSTURE_UNKNOWN.
 
-        Third, the whole turns by which the arm is away from where the task was learned, (Q,) [rad].
+        The third result are the whole turns of the arm from the learned start, (Q,) [rad].
         """
         self.find(self._onset_ns)
         library, position = self._library, self._position
@@ -139,7 +139,7 @@ class OnsetPosture:
             return None, POSTURE_UNKNOWN, none
         if task not in self._known:
             apart, turn = position - start_mean(library, task), turns_of(library.controlled_units)
-            turns = whole_turns(apart, turn)  # zero where a DOF is no angle
+            turns = whole_turns(apart, turn)  # zero for DOFs that are no angles
             if within_trained_starts(library, task, position - turns):
                 start = StartPosture(position - turns, start_variance(library))
                 self._known[task] = start, POSTURE_USED, turns
@@ -149,38 +149,38 @@ class OnsetPosture:
 
 
 def start_variance(library: TaskLibrary) -> Floats:
-    """Variance of a posture about the one that an arm was sent to, per controlled DOF, (Q,)."""
+    """Variance of a posture about the commanded one, per controlled DOF, (Q,)."""
     std = START_SHARE * controlled_spread(library)
     units = library.controlled_units
     return np.array([START_STD.get(unit, own) for unit, own in zip(units, std, strict=True)]) ** 2
 
 
 def start_distance(library: TaskLibrary, task: int, position: Floats) -> float:
-    """Squared Mahalanobis distance of a controlled posture (Q,) from a task's starts (phase 0)."""
+    """Squared Mahalanobis distance of a controlled posture (Q,) from a task's starts."""
     noise = np.diag(library.control_noise_variance() + start_variance(library))
     start = ControlPoint(0.0, np.eye(library.n_controlled), position, noise)
     return distance_to(library, task, start) ** 2
 
 
 def within_trained_starts(library: TaskLibrary, task: int, position: Floats) -> bool:
-    """Whether a controlled posture (Q,) is one from which the task was taught.
+    """Whether a controlled posture (Q,) is among the starts with which the task was trained.
 
-    The learned covariance is that of the next demonstration, so the squared distance of a start
-    like the trained ones is chi-square with Q degrees of freedom.
+    The learned covariance is predictive, so the squared distance of a start from the same
+    distribution is chi-square with Q degrees of freedom.
     """
-    limit = float(chdtri(library.n_controlled, 0.001))  # one in a thousand is refused
+    limit = float(chdtri(library.n_controlled, 0.001))  # refuses one in a thousand such starts
     return start_distance(library, task, position) <= limit
 
 
 def start_mean(library: TaskLibrary, task: int) -> Floats:
-    """Mean posture in which a task begins, (Q,)."""
+    """Mean controlled posture at the start of a task, (Q,)."""
     return controlled_at(library, task, 0.0).mean
 
 
 def rest_poses(library: TaskLibrary, task_prior: Floats, times_s: Floats) -> Trajectory:
-    """Where the controlled agent is expected before the next movement, whatever the time (T,).
+    """Expected start of the controlled agent in the next movement, the same at all times (T,).
 
-    The tasks have probabilities (K,).
+    It is the mixture of the tasks' starts by their probabilities, (K,).
     """
     starts = [controlled_at(library, task, 0.0) for task in range(library.n_tasks)]
     mean = np.array([one.mean for one in starts])

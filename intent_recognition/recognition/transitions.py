@@ -1,24 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which task follows which: learned from recorded sequences, used as p(s) of the next movement.
+"""The transition prior: p(s) of the next movement, learned from recorded sequences of tasks.
 
-A first-order Markov chain over tasks. What is remembered of the past is a belief over the last
-task, not a decision: after each movement
+It is a first-order Markov chain over tasks. The memory is a belief over the last task, not a
+decision. After each movement,
 
     belief'(k) = p(k) + p(none) belief(k)
 
-with the movement's task posterior p, so that a movement that is none of the tasks leaves the
-memory as it was, and one that might have been two tasks counts for both. The next movement's prior
-is
+with the task posterior p of the movement: an unknown movement leaves the memory unchanged, and an
+ambiguous one counts for several tasks. The prior of the next movement is
 
     p(s) = trust sum_k belief(k) T(k, s) + (1 - trust) p0(s)
 
-with the task prior p0, since habits are broken. The last row of T, and the last entry of the
-belief, stand for "no last task": the beginning of a session, after a reset, after a long silence.
-Where a plan is followed (`plans`), the first term is what the plan says may come.
+with the task prior p0, since people do not always follow habits. The last row of T, and the last
+entry of the belief, stand for "no last task": at the beginning of a session, after a reset, or
+after a long silence. If a plan is followed (`plans`), it determines the first term.
 
-An expectation may raise the probability of known tasks together, never lower it: where the movement
-is not the expected task, none keeps the probability it has without the habit, so that a task out of
-the habit is not taken for none of them.
+An expectation may raise the total probability of the known tasks, but never lower it. If the
+movement is not the expected task, none keeps the probability that it has without the habit, so that
+an unexpected task is not taken for an unknown movement.
 """
 
 from collections.abc import Sequence
@@ -33,23 +32,22 @@ from intent_recognition.plans import WorkPlan, WorkProgress
 from intent_recognition.promp import TaskLibrary
 
 FORGET_AFTER_S = 60.0
-"""Time after the end of a movement from which it tells nothing about the next [s]. Convention."""
+"""Time after the end of a movement at which the last task is forgotten [s]."""
 HABIT_TRUST = 0.8
 """Share of the learned habit in p(s); the rest is the task prior (docs/anticipation.md)."""
 COMPLETED_PHASE = 0.9
-"""Expected phase before which a movement that ended was broken off: it is no last task. Convention.
-"""
+"""Least expected phase at the end of a completed movement; an incomplete one is no last task."""
 
 
 class TaskMemory(NamedTuple):
-    """What is remembered of the movements before."""
+    """Memory of past movements."""
 
-    belief: Floats  # probability that each task was the last, "no last task" at the end, (K + 1,)
-    ended_ns: int = 0  # when the last movement ended, 0 when there was none
+    belief: Floats  # probabilities of the last task, and of "no last task" at the end, (K + 1,)
+    ended_ns: int = 0  # stamp at which the last movement ended; 0 if there was none
 
     @classmethod
     def empty(cls, n_tasks: int) -> "TaskMemory":
-        """No last task."""
+        """Memory of no last task."""
         belief = np.zeros(n_tasks + 1)
         belief[-1] = 1.0
         return cls(belief)
@@ -60,12 +58,12 @@ class TaskMemory(NamedTuple):
         return bool(self.belief[-1] >= 1.0)
 
     def last_task(self, labels: Sequence[str]) -> str:
-        """The most probable last task, empty where "no last task" is more probable."""
+        """Label of the most probable last task; empty if "no last task" is more probable."""
         best = int(np.argmax(self.belief))
         return labels[best] if best < len(labels) else ""
 
     def relabelled(self, before: Sequence[str], after: Sequence[str]) -> "TaskMemory":
-        """The same memory over other labels; a task that is no more becomes "no last task"."""
+        """The memory over other labels; a task that is not among them becomes "no last task"."""
         belief = np.zeros(len(after) + 1)
         for label, p in zip((*before, None), self.belief, strict=True):
             belief[after.index(label) if label in after else -1] += p
@@ -73,9 +71,9 @@ class TaskMemory(NamedTuple):
 
 
 def remember(memory: TaskMemory, probabilities: Floats, phase: Floats, ended_ns: int) -> TaskMemory:
-    """The memory after a movement; one that was broken off changes only the time.
+    """Memory after a movement; one that was not completed changes only the time.
 
-    Of the K tasks and none at its end, the probabilities and expected phases, (K + 1,) each.
+    `probabilities` and `phase` (expected) are those of the K tasks and none at its end, (K + 1,).
     """
     p = _completed(probabilities, phase)
     belief = p[-1] * memory.belief
@@ -84,7 +82,7 @@ def remember(memory: TaskMemory, probabilities: Floats, phase: Floats, ended_ns:
 
 
 def _completed(probabilities: Floats, phase: Floats) -> Floats:
-    """The probabilities of a movement, those of tasks that were broken off counting for none."""
+    """Probabilities of a movement, with those of incomplete tasks added to none."""
     p = np.where(np.asarray(phase) >= COMPLETED_PHASE, probabilities, 0.0)
     p[-1] = 1.0 - p[:-1].sum()
     return p
@@ -93,19 +91,19 @@ def _completed(probabilities: Floats, phase: Floats) -> Floats:
 def next_task_prior(
     transition_prior: Floats, memory: TaskMemory, task_prior: Floats, trust: float = HABIT_TRUST
 ) -> Floats:
-    """p(s) of the next movement, (K,), sums to one.
+    """Probabilities p(s) of the next movement, (K,), which sum to one.
 
-    From p(next | last) (K + 1, K), whose share, the habit's, is `trust` in [0, 1], and p0(s) (K,).
+    They mix p(next | last), (K + 1, K), with share `trust` in [0, 1], and p0(s), (K,).
     """
-    possible = np.flatnonzero(memory.belief > 1e-9)  # with thousands of tasks: a few
+    possible = np.flatnonzero(memory.belief > 1e-9)  # few, even of thousands of tasks
     prior = memory.belief[possible] @ transition_prior[possible]
     return trust * prior / prior.sum() + (1.0 - trust) * task_prior
 
 
 def weigh(posterior: TaskPosterior, ratio: Floats) -> TaskPosterior:
-    """The posterior, so far under p0(s), under another p(s): `ratio` is p(s) / p0(s), (K,).
+    """Posterior under another prior p(s), given the one under p0(s); `ratio` is p(s) / p0(s), (K,).
 
-    None becomes less probable by it, never more.
+    The probability of none never increases.
     """
     known = posterior.probabilities[:-1] * ratio
     total = known.sum()
@@ -117,19 +115,19 @@ def weigh(posterior: TaskPosterior, ratio: Floats) -> TaskPosterior:
 
 
 class Expectation:
-    """What the next task will be, kept up to date from one movement to the next.
+    """Prior of the next task, updated from one movement to the next.
 
     Args:
         library: the learned tasks, with their transition prior.
-        fixed_prior: p(s), (K,), whatever went before; None: as learned.
+        fixed_prior: p(s), (K,), for every movement; None for the learned prior.
         transitions: use the transition prior; else p(s) is the library's task prior.
         forget_after_s: see FORGET_AFTER_S.
 
     Attributes:
-        memory: of the movements before.
+        memory: memory of past movements.
         prior: p(s) of the next movement, (K,).
-        ratio: what `weigh` multiplies the known tasks' posterior by, (K,); None when by nothing.
-        progress: how far the assembly is, where a plan is followed; None without one.
+        ratio: factors of the known tasks' posterior in `weigh`, (K,); None if all are one.
+        progress: progress of the assembly if a plan is followed; else None.
     """
 
     progress: WorkProgress | None = None
@@ -148,9 +146,9 @@ class Expectation:
         self.reset()
 
     def follow(self, plan: WorkPlan | None) -> None:
-        """Expect what a plan says may come; None: follow no plan.
+        """Expect the possible next steps of a plan; None to follow no plan.
 
-        Steps of the plan before stay done, by name. Time does not end an assembly.
+        Steps of the last plan that are done stay done, by name. Time does not end an assembly.
 
         Raises:
             ArgumentError: no step of the plan is a task of the library.
@@ -164,22 +162,22 @@ class Expectation:
         self._set(self.memory)
 
     def share(self, progress: WorkProgress) -> None:
-        """Go by how far the assembly is that several people work on, who all share this."""
+        """Use the progress of an assembly that several people share."""
         self.progress = progress
         self._set(self.memory)
 
     def expect(self, task: str, *, at_once: bool) -> None:
-        """Let a task be that of the next movement, as sure as a habit; empty: as it was learned.
+        """Expect a task next, with the trust of a habit; empty for the learned prior.
 
-        One that was not learned is as none. It counts at once where no movement is under way, else
-        when that has ended.
+        A task that was not learned has the same effect as an empty one. With `at_once`, the
+        expectation holds from now on, else after the movement under way.
         """
         self._step = task
         if at_once:
             self._set(self.memory)
 
     def answer(self, task: str) -> None:
-        """Count what a person says the movement under way is, until it ends.
+        """Use a person's answer about the task of the movement under way, until it ends.
 
         Raises:
             ArgumentError: there is no such task.
@@ -191,31 +189,31 @@ class Expectation:
 
     @property
     def last_task(self) -> str:
-        """Label of the most probable last task, empty when there is none."""
+        """Label of the most probable last task; empty if there is none."""
         return self.memory.last_task(self._library.labels)
 
     def reset(self) -> None:
-        """No last task, and nothing of the plan done."""
-        if self.progress is not None and self._plan is not None:  # others may share the one before
+        """Forget the last task and the progress in the plan."""
+        if self.progress is not None and self._plan is not None:  # a new one: others may share it
             self.progress = WorkProgress(self._plan, self._library.labels)
         self._answer = ""
         self._set(TaskMemory.empty(self._library.n_tasks))
 
     def remember(self, ended_ns: int, posterior: TaskPosterior) -> None:
-        """Take note of a movement that has ended."""
+        """Update memory and progress after a movement has ended."""
         self._answer = ""
         if self.progress is not None:
             self.progress.take(_completed(posterior.probabilities, posterior.phase))
         self._set(remember(self.memory, posterior.probabilities, posterior.phase, ended_ns))
 
     def forget_if_long_ago(self, now_ns: int) -> None:
-        """Forget the last task when it is too long ago."""
+        """Forget the last task if it ended more than `forget_after_s` ago."""
         since_s = (now_ns - self.memory.ended_ns) * 1e-9
         if not self.memory.is_empty and since_s > self._forget_after_s:
             self._set(TaskMemory.empty(self._library.n_tasks))
 
     def swap(self, library: TaskLibrary, fixed_prior: Floats | None) -> None:
-        """Go on with another library."""
+        """Switch to another library."""
         if self.progress is not None and self._plan is not None:
             self.progress = self.progress.changed(self._plan, library.labels)
         memory = self.memory.relabelled(self._library.labels, library.labels)
@@ -223,12 +221,12 @@ class Expectation:
         self._set(memory)
 
     def change(self, transitions: bool, forget_after_s: float) -> None:
-        """Expect in another way from now on; see the arguments of the class."""
+        """Change the settings from now on; see the arguments of the class."""
         self._transitions, self._forget_after_s = transitions, forget_after_s
         self._set(self.memory)
 
     def weigh(self, posterior: TaskPosterior) -> TaskPosterior:
-        """The posterior of the movement under way, given what was expected and answered."""
+        """Posterior of the movement under way, given the expectation and a person's answer."""
         if self.ratio is not None:
             posterior = weigh(posterior, self.ratio)
         if self._answer in self._library.labels:
