@@ -146,7 +146,7 @@ class Births:
 
     @property
     def log_stay(self) -> float:
-        """Log of the share that a task's hypotheses of the onset have not passed on to tasks."""
+        """Log of the share of a task's probability left to its hypotheses of the onset."""
         return log_stay(self._last_s / self.usual_s, self._library.switch_margin)
 
     def onset_log_joint(self, log_evidence: Floats) -> Floats:
@@ -201,7 +201,7 @@ class Births:
         return index, weight[index] / weight[index].sum()
 
     def _settle(self, total: Floats) -> None:
-        """Give hypotheses that have settled their share of the log joint of all, (K + 1,)."""
+        """Give hypotheses that have just settled a prior: a share of the log joint, (K + 1,)."""
         rows = self.table.rows
         settled = np.flatnonzero(rows["seen"] == self._settling)
         if len(settled):

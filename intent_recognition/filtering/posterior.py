@@ -86,7 +86,7 @@ def task_posterior(
         grid: prior grid of tasks and durations.
         elapsed_s: time since onset.
         born: rows of the hypotheses born since, (n,).
-        log_stay: log of the share that hypotheses of the onset have not passed on.
+        log_stay: log of the share of a task's probability left to its hypotheses of the onset.
     """
     log_prior, onset = grid.log_task_prior, grid.log_task_joint(log_evidence)
     onset[:-1] += log_stay

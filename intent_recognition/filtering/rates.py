@@ -36,9 +36,9 @@ def may_begin_anew(passed: float) -> bool:
 
 
 def log_stay(passed: float, switch_margin: float) -> float:
-    """Log of the share that a task's hypotheses of the onset have not passed on to tasks.
+    """Log of the share of a task's probability left to its hypotheses of the onset.
 
-    `passed` is the time since onset in usual durations, `switch_margin` as for `birth_shares`.
+    `passed` is the time since onset in usual durations; `switch_margin` is that of `birth_shares`.
     """
     turned = SWITCH_RATE * passed + REACH_RATE * min(passed, REACH_UNTIL)
     turned *= float(np.exp(-switch_margin))

@@ -207,7 +207,7 @@ def decide(
 
     Raises:
         ShapeError: labels and probabilities differ in number.
-        ArgumentError: `none` is missing, or the probabilities are not in [0, 1] or sum not to 1.
+        ArgumentError: `none` is missing, or the probabilities do not sum to 1 or leave [0, 1].
     """
     p = _checked(labels, probabilities)
     if p[list(labels).index(NONE)] >= 1.0 - settings.idle_margin:
