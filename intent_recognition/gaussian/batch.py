@@ -57,7 +57,7 @@ class LinearMeasurement(NamedTuple):
     # transition matrices of the deviation since the last measurement, (n, E, E); None at the first
     transition: Floats | None = None
     exponent: float = 1.0  # power of the likelihood in the posterior of the deviation
-    degrees_of_freedom: float = inf  # of the Student density of the measurement; normal if infinite
+    degrees_of_freedom: float = inf  # those of a Student density; infinite for the normal density
 
 
 class GaussianBatch:
@@ -100,7 +100,7 @@ class GaussianBatch:
         Args:
             index: the Gaussians to copy.
             n_basis: weights per DOF of a copy, M.
-            variance: of the M - N new weights, of mean zero, (R, P, M - N); None if R is 1.
+            variance: variances of the new weights of mean zero, (R, P, M - N); None for R = 1.
         """
         n_dofs, old = self._shape
         if n_basis == old:

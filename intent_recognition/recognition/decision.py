@@ -198,7 +198,7 @@ def decide(
         probabilities: probabilities of the labels, (n_labels,), which sum to 1.
         end_std: largest standard deviation of the most probable task's predicted end among the
             controlled DOFs of each unit, {"rad": ...}. None if it was not predicted: then no task
-            activates unless there are no limits, and an active task stays active.
+            activates unless there are no limits, and an active task is not affected.
         log_evidence: log p(observations | label), (n_labels,), up to a common constant; None if it
             is not known, which skips the check of `min_evidence`.
 

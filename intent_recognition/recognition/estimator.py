@@ -83,7 +83,7 @@ class IntentEstimator:
         self._detector = MotionDetector(library.observed_groups, library.onset)
         self._turns = ObservedTurns(library)
         self.first_samples = FirstSamples(library)
-        self._run: MovementFilter | None = None  # of the movement under way
+        self._run: MovementFilter | None = None  # filter of the movement under way
         self._posterior: TaskPosterior | None = None
         self._use(library, lambda taught: taught, task_prior)
 
