@@ -182,7 +182,7 @@ def _at_hand(
     # the same tolerance as in `motion.hand_path`
     if change >= _CONVERGED_RAD or missed_m > 0.005 + 3.0 * np.sqrt(np.trace(covariance)):
         cure = "Bring it nearer to where the hand passes."
-        got = f"one of which {missed_m:.3f} m are left"
+        got = f"one that it misses by {missed_m:.3f} m"
         raise KinematicsError.about(label, "a place that the hand can reach", got, cure)
     _check_limits(label, arm.joint_names, posture[columns], arm)
     return ControlPoint(phase, jacobian, values, covariance)

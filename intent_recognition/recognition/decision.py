@@ -281,7 +281,7 @@ def uncertain_end(
     limit = settings.max_end_std(unit, state.candidate)
     return (
         f"recognised {state.candidate}, but the predicted end is uncertain: "
-        f"{end_std[unit]:.2f} {unit}, at most {limit:.2g} is wanted"
+        f"{end_std[unit]:.2f} {unit}, limit {limit:.2g}"
     )
 
 

@@ -144,7 +144,7 @@ def test_diagnostics_say_why_a_recognised_task_is_not_executed(graph):
         graph.send_joints()
         graph.send_prediction(uncertain)
         graph.send_tasks()
-    text = "recognised plate, but the predicted end is uncertain: 0.52 rad, at most 0.35 is wanted"
+    text = "recognised plate, but the predicted end is uncertain: 0.52 rad, limit 0.35"
     status, values = graph.report()
     assert status.level == b"\x01" and status.message == text
     assert values["last held back"] == text and "rejected uncertain_end" not in values

@@ -70,9 +70,9 @@ def test_why_it_is_held_back_is_said_once_everything_else_holds():
     state, _, _ = play([SURE["plate"]] * 4, end_std=0.52)
     assert uncertain_end(SETTINGS, state, {"rad": 0.52}) == ""
     state, _, _ = play([SURE["plate"]] * 5, end_std=0.52)
-    text = "recognised plate, but the predicted end is uncertain: 0.52 rad, at most 0.35 is wanted"
+    text = "recognised plate, but the predicted end is uncertain: 0.52 rad, limit 0.35"
     assert uncertain_end(SETTINGS, state, {"rad": 0.52}) == text
-    text = "recognised plate, but the predicted end is uncertain: 0.52 m, at most 0.1 is wanted"
+    text = "recognised plate, but the predicted end is uncertain: 0.52 m, limit 0.1"
     assert uncertain_end(SETTINGS, state, {"rad": 0.52, "m": 0.52}) == text
     assert "not predicted" in uncertain_end(SETTINGS, state, None)
     state, _, _ = play([SURE["plate"]], state=state)
