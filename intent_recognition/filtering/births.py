@@ -194,7 +194,7 @@ class Births:
         return bool(self.log_joint[task] > self.onset_log_joint(log_evidence)[task])
 
     def of_task(self, task: int) -> tuple[Integers, Floats]:
-        """Rows of a task's born hypotheses, negligible ones left out; their probabilities, (n,)."""
+        """Rows of a task's born hypotheses, except negligible ones; their probabilities, (n,)."""
         joint = np.where(self.table.rows["task"] == task, self.table.log_joint, -np.inf)
         weight = np.exp(joint - np.max(joint))
         index = np.flatnonzero(weight > NEGLIGIBLE_SHARE)

@@ -56,9 +56,9 @@ class TaskLibrary:
         onset: settings of onset detection, one per observed signal.
         duration_evidence: exponent of the evidence in the posterior of a movement's duration.
         task_evidence: exponent of the evidence of the tasks against each other.
-        observed_weight_covariance: prior covariance of the observed weights in the filter, (K, P N,
-            P N), which differs between tasks only by the uncertainty of their means; None for that
-            in `weight_covariance`.
+        observed_weight_covariance: prior covariance of the observed weights in the filter, which
+            differs between tasks only by the uncertainty of their means, (K, P N, P N); None for
+            that in `weight_covariance`.
         phase_deviation: prior of a person's phase deviation from steady progress.
         evidence_freedom: degrees of freedom of the Student density that gives the evidence of an
             observation; infinite for the normal density.

@@ -89,7 +89,7 @@ def deviation_transition(phase_deviation: PhaseDeviation, passed: Floats) -> Flo
     kernel = np.exp(-share[..., None] * decay) @ modes
     kernel = kernel.reshape(*share.shape, len(grid), len(grid))
     np.maximum(kernel, 0.0, out=kernel)
-    kernel += 1e-12 * _student(grid)  # rules out no deviation
+    kernel += 1e-12 * _student(grid)  # keeps every deviation possible
     kernel /= kernel.sum(axis=-1, keepdims=True)
     return kernel
 

@@ -3,9 +3,9 @@
 
 This is split conformal prediction (Vovk et al. 2005). Each demonstration is filtered with a library
 learned without it. Its score is the largest log odds of the other tasks against its own at any
-moment. In a new interaction of the same population, the odds against its task exceed the quantile
-of these scores at any moment with at most the stated probability. A robot that waits until the odds
-for a task exceed that quantile therefore acts wrongly at most as often.
+moment. In a new interaction of the same population, the probability that the odds against its task
+ever exceed the quantile of these scores is at most the stated one. A robot that waits until the
+odds for a task exceed that quantile therefore acts wrongly at most as often.
 
 Interactions of one person are alike. If demonstrations have groups, the bound is therefore for an
 interaction of a new group, and each group counts once, however many demonstrations it has
