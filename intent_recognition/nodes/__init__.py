@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS 2 nodes: they translate between messages and the library, and do not think.
+"""The ROS 2 nodes, which translate between messages and the library.
 
-A file for each node, by the name of its executable (`registry.NODES`), and one for each of its
-inputs and outputs that is more than a callback.
+Each node has a file named after its executable (`registry.NODES`). Inputs and outputs that are
+more than a callback have files of their own.
 """
 
 import os
 
-# Before anything here loads numpy: the matrices are small, and threads of BLAS that wait for one
-# another cost tens of milliseconds an observation where other processes want the cores.
+# Set before numpy is loaded. The matrices are small, and BLAS threads that wait for one another
+# cost tens of milliseconds per observation when other processes compete for the cores.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

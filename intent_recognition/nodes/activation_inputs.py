@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `primitive_activation` hears beside predictions: things, people, corrections, transfers."""
+"""Inputs of `primitive_activation` besides predictions: scene, people, corrections, transfers."""
 
 import time
 from collections import deque
@@ -43,7 +43,7 @@ _STATES = {state.value for state in EXCHANGES}
 
 
 class ClearanceInput:
-    """Makes the clearance for a description of the arm; None while there is none, or not wanted."""
+    """Makes `clearance` from the arm's URDF; None before the URDF has come, or if switched off."""
 
     def __init__(self, node: Node, diagnostics: Diagnostics) -> None:
         self._node, self._diagnostics = node, diagnostics
@@ -67,10 +67,10 @@ class ClearanceInput:
         self._rejection: RejectionError | None = None
 
     def update(self, description: str, names: tuple[str, ...], taught: Taught) -> bool:
-        """Whether there is another clearance than before, by the URDF of the arm (empty: unknown).
+        """Remake `clearance` if URDF, boxes or tasks have changed; returns whether they have.
 
         Raises:
-            RejectionError: things are to be kept clear of, and there is no description for it.
+            RejectionError: a clearance is wanted, but the URDF is unknown (empty) or unusable.
         """
         if not self._distance_m:
             return False
@@ -102,18 +102,17 @@ class ClearanceInput:
         )
 
     def _spent_s(self) -> float:
-        """Processor time; none passes where time waits for the node: a busy machine plans alike."""
+        """Processor time [s]; 0 if simulated time waits for the node: load changes no plan then."""
         return 0.0 if self._diagnostics.answers else time.thread_time()
 
 
 class PersonInput:
-    """Keeps the newest tube of each person's tracked point, from `intent/human_trajectory`.
+    """Keeps the newest predicted tube of each person's tracked point (`intent/human_trajectory`).
 
     Attributes:
-        people: in the frame of the URDF's root link; those of whom something is predicted.
-        separation: slows plans near people; None where that is not asked for, or as long as the
-            arm is not known.
-        slow_places: likewise.
+        people: the predicted people, in the frame of the URDF's root link.
+        separation: slows plans near people; None if not requested, or before the arm is known.
+        slow_places: slows plans near given places; None under the same conditions.
     """
 
     def __init__(self, node: Node, hand: HandInput, diagnostics: Diagnostics) -> None:
@@ -140,16 +139,16 @@ class PersonInput:
         self._arm: Arm | None = None
 
     def hear(self, person: str, topic: str = TOPIC) -> None:
-        """Subscribe to the prediction of one more person, where the parameters ask for it."""
+        """Subscribe to the predicted trajectory of one more person, if `person_dofs` is set."""
         if self._dofs:
             take = partial(self._take, person)
             self._node.create_subscription(JointTrajectory, topic, take, qos.COMMAND)
 
     def update(self, names: tuple[str, ...]) -> bool:
-        """Whether `separation` and `slow_places` are others than before.
+        """Remake `separation` and `slow_places` for a new arm; returns whether the arm is new.
 
         Raises:
-            RejectionError: the arm is to slow, and is not known.
+            RejectionError: one of them is requested, but the arm is unknown or has other joints.
         """
         if not self._dofs and not len(self._places):
             return False
@@ -187,11 +186,11 @@ class PersonInput:
             mean, std = positions[:, columns], rest["effort"][:, columns]
             if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(std))):
                 raise ArgumentError.about("points", "finite numbers", "NaN", "Check the sender.")
-        except IntentError as error:  # the person is where last predicted
+        except IntentError as error:  # the person's last prediction stays in force
             self._diagnostics.reject("bad_human_trajectory", f"{TOPIC}: {error}")
             return
         times_ns = stamp_ns(message) + np.rint(times_s * 1e9).astype(np.int64)
-        # The root of the trace: at least what the least certain direction has.
+        # The root of the trace bounds the standard deviation in every direction.
         self._people[who] = PredictedPerson(
             times_ns, mean + np.array(self._offset), np.linalg.norm(std, axis=1)
         )
@@ -199,7 +198,7 @@ class PersonInput:
 
 
 class CorrectionInput:
-    """Reads the detector, and knows how tasks are corrected; None where the arm does not yield."""
+    """Reads the deviation detector and makes `correction`; None if the arm does not yield."""
 
     def __init__(self, node: Node) -> None:
         name = declare(node, "correction")["correction"]
@@ -208,7 +207,7 @@ class CorrectionInput:
         self._made_for: Taught | None = None
 
     def update(self, names: tuple[str, ...], taught: Taught) -> None:
-        """Go by these joints and tasks."""
+        """Check the detector against the joints, and remake `correction` for new tasks."""
         detector = self._detector
         if detector is None:
             return
@@ -222,7 +221,7 @@ class CorrectionInput:
 
 
 def load_detector(name: str) -> DeviationDetector:
-    """A detector from a YAML file, or a shipped one by its name."""
+    """Load a detector from a YAML file, or a shipped one by its name."""
     path = Path(name)
     if path.suffix != ".yaml":
         path = share_path(f"config/deviation/{name}.yaml")
@@ -245,10 +244,10 @@ def load_detector(name: str) -> DeviationDetector:
 
 
 class TransferInput:
-    """Keeps the states of `FRESH_S`; one counts for what is later than its stamp.
+    """Keeps the transfer states of the last `FRESH_S` seconds.
 
-    So the order of messages with one stamp does not matter. Where all are ahead of the node's
-    clock, the oldest counts.
+    The newest state with a stamp before the present counts, so that the order of messages with
+    equal stamps does not matter. If all are ahead of the node's clock, the oldest counts.
     """
 
     def __init__(self, diagnostics: Diagnostics) -> None:
@@ -262,7 +261,7 @@ class TransferInput:
             self._states.popleft()
 
     def exchanging_until_ns(self, now_ns: int) -> int:
-        """Until when an object changes hands, as far as is known now; 0: it does not."""
+        """Time until which an object is known to change hands [ns]; 0 if none does."""
         if not self._states:
             return 0
         past = (state for state in reversed(self._states) if state[0] < now_ns)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `primitive_activation` sends: commands, the task, corrections, outcomes, and its status."""
+"""Outputs of `primitive_activation`: commands, active task, corrections, outcomes and status."""
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -18,10 +18,10 @@ from intent_recognition.nodes.people import named_people
 
 
 class ActivationOutput:
-    """Publishes what has changed since it was last told.
+    """Publishes commands, and the other outputs whenever they have changed.
 
-    Without an action the topic `joint_trajectory` takes the commands. `shared` says who else
-    commands the arm, in words; empty for nobody.
+    Without an action, the topic `joint_trajectory` takes the commands. `shared` is a text that
+    names the other nodes that command the arm; empty if there are none.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class ActivationOutput:
         self._ahead = ""
 
     def set_joints(self, names: tuple[str, ...]) -> None:
-        """Commands are of these joints from now on."""
+        """Set the joints that commands are for."""
         self._builder = TrajectoryBuilder(names)
 
     def command(self, command: Command | None) -> None:
@@ -64,7 +64,7 @@ class ActivationOutput:
         self._diagnostics.tick("joint_trajectory")
 
     def look_for_others(self) -> bool:
-        """Whether `shared` has changed; the page of the same namespace is not counted."""
+        """Update `shared`; returns whether it changed. The dashboard of the namespace is exempt."""
         before, self.shared = self.shared, ""
         topic = self._node.resolve_topic_name(self._command_topic)
         there = self._node.get_publishers_info_by_topic(topic)
@@ -79,7 +79,7 @@ class ActivationOutput:
         return self.shared != before
 
     def outcomes(self, activation: Activation) -> None:
-        """Publish how a person has corrected the motion, and what became of an interaction."""
+        """Publish a person's correction of the motion, and the outcomes of interactions."""
         corrected = activation.motions.corrected
         if corrected is not None and corrected is not self._corrected and self._builder is not None:
             path, phases = corrected.path, np.linspace(0.0, 1.0, 61)
@@ -97,7 +97,7 @@ class ActivationOutput:
             self._feedback.publish(DiagnosticStatus(name=outcome.label, values=key_values(values)))
 
     def task(self, activation: Activation | None) -> None:
-        """Tell which task is active, which ones are in question, and for which one it is ahead."""
+        """Publish the helped person, the active task and the tasks in question; log pretriggers."""
         person = "" if activation is None else activation.attended
         if self._helped is not None and person != self._published_person:
             self._published_person = person
@@ -120,7 +120,7 @@ class ActivationOutput:
             self._logger.info(f"gone ahead for {ahead}" if ahead else "no longer ahead")
 
     def report(self, activation: Activation, silent: str) -> None:
-        """Tell the diagnostics what the arm does."""
+        """Report to the diagnostics what the arm does."""
         value = self._diagnostics.value
         value("mode", activation.mode.value)
         value("active task", activation.active_task or "none")
@@ -137,7 +137,7 @@ class ActivationOutput:
         self.status(activation, silent)
 
     def status(self, activation: Activation | None, silent: str) -> None:
-        """Level and message: what the arm does, and who is silent."""
+        """Set level and message of the diagnostics: what the arm does, and who is silent."""
         level, text = _status(activation)
         trouble = self.shared or (self._action.trouble if self._action else "")
         if trouble:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of the node `primitive_activation`, and the settings made of them."""
+"""The parameters of the node `primitive_activation`, and the settings made from them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
@@ -32,20 +32,20 @@ if TYPE_CHECKING:
 ARM_LIMITS = ("lower", "upper", "velocity")
 """Parameters that each replace a limit of the arm; for unknown joints all of them are needed."""
 AT_REST = ("home", "acceleration_limit", "velocity_scale")
-"""Parameters that may change only while no motion is under way: a plan is made for one set."""
+"""Parameters that may change only while no motion is under way: a plan assumes their values."""
 GUARDS = (
     *("velocity_scale", "acceleration_limit", "max_wrong", "threshold", "n_observations"),
     *("max_end_std", "timeout", "max_joint_state_age", "max_tracking_error"),
 )
-"""Parameters that say how fast, how surely and how long the arm is moved."""
+"""Parameters that limit how fast, on what certainty and for how long the arm moves."""
 
 
 class Taught(NamedTuple):
-    """The tasks of a model; None without one.
+    """The tasks of a model (`library`; None without a model).
 
     Attributes:
-        arm: whose hand they are of; None where they are of joints.
-        reference: quaternion that orientations of that hand start from (4,); empty without them.
+        arm: the arm whose hand the tasks control; None if they control joints.
+        reference: quaternion (4,) that the hand's rotation vectors start from; empty without them.
     """
 
     library: TaskLibrary | None = None
@@ -53,7 +53,7 @@ class Taught(NamedTuple):
     reference: tuple[float, ...] = ()
 
     def spreads(self, make: Callable[..., Spread]) -> dict[str, Spread]:
-        """How much each task may be bent, by its label."""
+        """Make the spread of each task, within which paths may be bent; by label."""
         if self.library is None:
             return {}
         found = enumerate(self.library.labels)
@@ -63,16 +63,16 @@ class Taught(NamedTuple):
 
 
 class ActivationParameters:
-    """The node's parameters, declared, and the settings made of their values.
+    """Declares the node's parameters, and makes settings from their values.
 
     Attributes:
-        rate_hz: updates of a running motion a second.
-        command_action: that commands go to; empty: the topic.
+        rate_hz: rate at which a running motion is updated [Hz].
+        command_action: action that takes the commands; empty if the topic does.
         of_hand: whether the model predicts a hand instead of joints.
-        taught_link: link of the arm that it was taught with; empty where that is not known.
-        taught: its tasks, once the arm is met whose hand they are of.
-        described: the arm of `robot_description`, whose limits hold where none are given.
-        entries: of its controlled DOFs.
+        taught_link: link of the hand that the model was taught with; empty if unknown.
+        taught: tasks of the model; if they are of a hand, `describe` adds its arm.
+        described: arm of `robot_description`, whose limits hold where none are given.
+        entries: DOF entries of the model's controlled agent.
     """
 
     def __init__(self, node: Node):
@@ -87,11 +87,11 @@ class ActivationParameters:
 
     @property
     def allows_shared_arm(self) -> bool:
-        """Whether others may command the arm, too."""
+        """Whether other nodes may command the arm, too."""
         return bool(self._values["allow_shared_arm"])
 
     def changed(self, changes: Changes) -> "ActivationParameters":
-        """The same with other values."""
+        """A copy with changed values, which are checked."""
         other = copy(self)
         other._values = self._values | dict(changes)
         other._decision()
@@ -99,13 +99,13 @@ class ActivationParameters:
         return other
 
     def read_model(self) -> tuple[tuple[str, ...], dict[str, Floats]]:
-        """Read the model; joint names, empty before they are known, and where each task begins.
+        """Read the model; returns the joint names, and where each task begins, by label.
 
-        Those of a model of the hand are known with the arm; its tasks begin at positions (3,) [m]
-        or whole poses (7,), with a quaternion xyzw.
+        The names are empty if only the arm's description will tell them, as with a model of the
+        hand. Its tasks begin at positions (3,) [m] or poses (7,) with a quaternion xyzw.
 
         Raises:
-            ArgumentError: names and model differ, or a model is missing.
+            ArgumentError: `joint_names` and the model differ, or pretriggering lacks a model.
         """
         names = tuple(name for name in self._values["joint_names"] if name)
         if self._values["model"]:
@@ -127,18 +127,18 @@ class ActivationParameters:
         return names, {}
 
     def describe(self, arm: Arm) -> None:
-        """Take the arm of `robot_description`."""
+        """Set the arm of `robot_description`."""
         self.described = arm
         if self.of_hand:
             self.taught = self.taught._replace(arm=arm)
 
     @property
     def home(self) -> Floats | None:
-        """Posture to return to [rad]; None: the first seen."""
+        """Posture to return to [rad]; None: the first measured one."""
         return np.array(self._values["home"], dtype=np.float64) if self._values["home"] else None
 
     def limits_in_force(self, names: tuple[str, ...], sources: Mapping[str, str]) -> str:
-        """The limits and guards a motion of these joints is held to, and where each comes from."""
+        """Text of the limits and guards for a motion of these joints, each with its source."""
         shown = [f"{name} {self._values[name]} ({sources.get(name, DEFAULT)})" for name in GUARDS]
         limits = self._limits_of(names)
         for name in ARM_LIMITS:
@@ -150,7 +150,7 @@ class ActivationParameters:
         return "; ".join(shown)
 
     def never_certain(self) -> dict[str, float]:
-        """Tasks of the model that are never acted on, and how uncertain their ends stay [rad]."""
+        """Tasks never acted on: the least std of their ends [rad], which `max_end_std` excludes."""
         limit, library = self._values["max_end_std"], self.taught.library
         if library is None or not limit:
             return {}
@@ -158,11 +158,11 @@ class ActivationParameters:
         return {k: std for k, std in zip(library.labels, least, strict=True) if std > limit}
 
     def settings(self, names: tuple[str, ...], starts: dict[str, Floats]) -> ActivationSettings:
-        """How to act, for these joints.
+        """Make the activation settings for these joints and starts of the tasks.
 
         Raises:
             RejectionError: the limits of a joint are not known.
-            ArgumentError: limits or home of another size.
+            ArgumentError: limits or home have the wrong size.
             KinematicsError: home is outside the limits.
         """
         value = self._values
@@ -204,7 +204,7 @@ class ActivationParameters:
 
     @property
     def risk(self) -> Risk | None:
-        """From which probability to act, and how often that is wrong; None: by the threshold."""
+        """Learned probability from which to act, and its error rate; None: `threshold` decides."""
         if self._values["threshold"] or self.taught.library is None:
             return None
         return learned_risk(self.taught.library, self._values["max_wrong"])
@@ -216,7 +216,7 @@ class ActivationParameters:
             raise ArgumentError.about("pretrigger_threshold", "0 without a model", value, cure)
 
     def _limits_of(self, names: tuple[str, ...]) -> JointLimits:
-        """Limits from the parameters; others are the arm's, else the LWR's by joint name."""
+        """Limits by the parameters, else by `robot_description`, else those of the LWR by name."""
         given = {
             name: np.array(self._values[name], dtype=np.float64)
             for name in ARM_LIMITS
@@ -224,7 +224,7 @@ class ActivationParameters:
         }
         acceleration = np.full(len(names), self._values["acceleration_limit"])
         if len(given) == len(ARM_LIMITS):
-            no_limit = np.full(len(names), 1e9)  # plans know nothing of torques
+            no_limit = np.full(len(names), 1e9)  # plans do not use torques
             limits = JointLimits(**given, acceleration=acceleration, torque=no_limit)
         elif self.described is not None and names == self.described.joint_names:
             limits = replace(self.described.limits, **given, acceleration=acceleration)

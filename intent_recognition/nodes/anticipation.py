@@ -46,11 +46,11 @@ from intent_recognition.signals import Observation
 class PostureInput:
     """Passes the controlled agent's measured positions to the estimators, for its posture at onset.
 
-    What is rejected is counted under `posture_<reason>`, a posture that could not be used under
-    `start_posture_<why>`, once a movement and task; a graph without an arm counts nothing.
+    Rejected positions are counted under `posture_<reason>`, and start postures that could not be
+    used under `start_posture_<why>`, once per movement and task. Without an arm nothing is counted.
 
     Attributes:
-        hand: the arm of `robot_description`.
+        hand: input of the arm on `robot_description`.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
@@ -66,8 +66,8 @@ class PostureInput:
     def open(self, estimators: Sequence[IntentEstimator], entries: Sequence[DofEntry]) -> None:
         """Subscribe to the controlled signals.
 
-        A hand's pose comes from the joints of the arm, and so does that of a person's wrist where
-        `hand_link` says that an arm is in that person's place.
+        A hand's pose is computed from the joints of the arm. So is the pose of a controlled person
+        whose place the arm takes, which a `hand_link` indicates.
         """
         self.estimators = estimators
         self._last_ns.clear()
@@ -84,7 +84,7 @@ class PostureInput:
                 kind, topic = Odometry, human_topic(entry)
             else:
                 kind = message_class(entry.type)
-            deep = qos.keep_last(100, reliable=False)  # for onset, when a movement is filtered anew
+            deep = qos.keep_last(100, reliable=False)  # onset filters a movement again meanwhile
             self._subscriptions.append(self._node.create_subscription(kind, topic, take, deep))
 
     def close(self) -> None:
@@ -93,7 +93,7 @@ class PostureInput:
             self._node.destroy_subscription(self._subscriptions.pop())
 
     def start_over(self) -> None:
-        """The clock went back: what comes next is earlier."""
+        """Accept earlier stamps again, after the clock went back."""
         self._left_overs, self._last_ns = LeftOvers(self._last_ns), {}
 
     def _take(self, group: int, entry: DofEntry, raw: bool, message: Any) -> None:
@@ -107,7 +107,7 @@ class PostureInput:
         )
 
     def _take_joints(self, group: int, entry: DofEntry, message: JointState) -> None:
-        """The hand of the arm that is there, from its joints."""
+        """Compute the pose of the arm's hand from its joints, and use it."""
         if (arm := self.hand.arm) is None or of_other_joints(message, arm.joint_names):
             return
 
@@ -124,7 +124,7 @@ class PostureInput:
         if self._left_overs.include(group, stamp):
             self._diagnostics.count("left_over")
             return
-        # all that came after it would seem to be late
+        # one sample from the future would make all later ones seem late
         if 0 < max(now_ns, self._last_ns.get(group, 0)) < stamp - 1_000_000_000:
             self._diagnostics.reject("posture_in_future", f"{topic} at {stamp} ns")
             return
@@ -140,7 +140,7 @@ class PostureInput:
             self._diagnostics.reject(f"posture_{reason}", f"{topic} at {stamp} ns")
 
     def note(self, prediction: Prediction, person: str = "") -> None:
-        """Report whether a prediction of a person could use the posture."""
+        """Report whether the prediction for a person could use the start posture."""
         key = (prediction.onset_ns, prediction.task, prediction.start)
         if not self._subscriptions or key == self._noted.get(person):
             return
@@ -153,11 +153,11 @@ class PostureInput:
 
 
 class NextTaskOutput:
-    """Publishes what the next task will be, whenever that has changed.
+    """Publishes the probabilities of the next task whenever they change.
 
     `intent/next_task` is a sensor_msgs/JointState used as a stamped named vector: `name` = task
-    labels, `position` = p(s) of the next movement, sum 1; `header.frame_id` = the last task,
-    empty when there is none; the stamp is that of the observation that ended the last movement.
+    labels, `position` = their probabilities for the next movement (sum 1), `header.frame_id` = the
+    last task or empty, and the stamp that of the observation which ended the last movement.
     """
 
     def __init__(self, node: Node, topic: str = "intent/next_task"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The launch arguments: each described once, for the launch files, the demo and the docs."""
+"""The launch arguments, each described once for the launch files, the demo and the docs."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ from intent_recognition.errors import ArgumentError
 
 @dataclass(frozen=True)
 class Argument:
-    """A value that can be given when a graph is started, which cannot start without a needed one.
+    """A launch argument of a graph, which cannot start without its `needed` ones.
 
-    Its kind may be tuple for texts and list for numbers, separated by commas.
+    The kind tuple stands for texts, and list for numbers, separated by commas.
     """
 
     name: str
@@ -40,7 +40,7 @@ _KINDS: dict[type, tuple[Callable[[str], object], str, str]] = {
     float: (float, "a number", "1.0"),
     tuple: (lambda text: tuple(filter(None, map(str.strip, text.split(",")))), "texts", "a,b"),
 }
-"""What reads a text, what it has to be, and an example."""
+"""For each kind: the function that reads a text, the expected form in words, and an example."""
 
 ARGUMENTS = {
     argument.name: argument

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Observations that come faster than they can be used are thinned; the newest is always used."""
+"""Subscriptions that thin messages which arrive faster than they can be processed."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ from intent_recognition.bags import header_stamp_ns
 from intent_recognition.nodes.conversions import stamp_ns
 
 MAX_WAITING = 16
-"""If more messages wait twice in a row, the node cannot keep up. Convention: 0.16 s at 100 Hz."""
+"""Messages of a topic that may wait before the node counts as behind: 0.16 s at 100 Hz."""
 
 BacklogItem = TypeVar("BacklogItem")
 
 
 @dataclass(eq=False)
 class _Source:
-    """A topic: who takes its messages, and whether too many waited the last time."""
+    """A topic: the callback for its messages, and whether too many waited the last time."""
 
     callback: Callable[[object], None]
     raw: bool
@@ -33,12 +33,12 @@ class _Source:
 class Backlog:
     """Subscriptions whose waiting messages are taken together, in the order of their stamps.
 
-    The executor hands over one message at a time, the oldest of its topic. All that wait behind
-    it, there and on the other topics, are taken with it. If more than `MAX_WAITING` messages wait
-    on a topic twice in a row, the queue would grow; then only evenly spaced ones are used, the
-    newest among them. Little is lost, since observations close in time are correlated
-    (`TaskLibrary.noise_covariance`). A queue that has grown once, for instance while a model was
-    loaded, is used completely. `dropped` is called with the number of messages not used.
+    The executor hands over one message at a time, the oldest of its topic. All messages that wait,
+    on this topic and on the others, are taken with it. If more than `MAX_WAITING` messages wait on
+    a topic twice in a row, the queue would grow; then only evenly spaced ones are used, including
+    the newest. Little is lost, since observations close in time are correlated
+    (`TaskLibrary.noise_covariance`). A queue that is long only once, for instance after a model
+    was loaded, is used completely. `dropped` is called with the number of messages not used.
     """
 
     def __init__(self, dropped: Callable[[int], None]):
@@ -64,7 +64,7 @@ class Backlog:
         return subscription
 
     def close(self, node: Node) -> list[Subscription]:
-        """Unsubscribe from everything; returns what was subscribed."""
+        """Unsubscribe from everything; returns the subscriptions that were closed."""
         closed = []
         while self._sources:
             source = self._sources.pop()
@@ -75,14 +75,14 @@ class Backlog:
         return closed
 
     def _on_message(self, arrived: _Source, message: object) -> None:
-        """Use a message and whatever waits, behind it or elsewhere."""
+        """Use a message and all that wait, on its topic and on the others."""
         used = []
         for source in self._sources:
             waiting = [message] * (source is arrived) + self._take_waiting(source)
             if waiting:
                 used.append([(source, one) for one in self._thinned(source, waiting)])
         for source, one in used[0] if len(used) == 1 else merge(*used, key=_time_ns):
-            if source.subscription is not None:  # what came before may have closed it
+            if source.subscription is not None:  # an earlier callback may have closed it
                 source.callback(one)
 
     def _thinned(self, source: _Source, waiting: list[object]) -> list[object]:
@@ -102,7 +102,7 @@ class Backlog:
 
 
 def _time_ns(arrival: tuple[_Source, object]) -> int:
-    """Stamp of a message; without one it is of now, so it comes last."""
+    """Stamp of a message [ns]; one without a stamp is of the present and comes last."""
     _, message = arrival
     if isinstance(message, bytes):
         return header_stamp_ns(message)
@@ -111,6 +111,6 @@ def _time_ns(arrival: tuple[_Source, object]) -> int:
 
 
 def thin(items: Sequence[BacklogItem], most: int) -> list[BacklogItem]:
-    """At most so many of the items, evenly spaced, the last one always."""
+    """At most `most` of the items, evenly spaced and including the last."""
     n = len(items)
     return [items[(k + 1) * n // most - 1] for k in range(most)] if n > most else list(items)

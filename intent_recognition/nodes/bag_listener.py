@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Raw subscriptions with the time stamps of the middleware, read by a thread of their own.
 
-The EventsExecutor of rclpy 7.1 raises SystemError for a callback that asks for the message info,
-and the info holds the times of sending and reception. So these subscriptions belong to no
-executor: a thread waits for them and takes their messages, however busy the node is.
+The message info holds the times of sending and reception, but the EventsExecutor of rclpy 7.1
+raises SystemError for a callback that asks for it. So these subscriptions belong to no executor:
+a thread waits for their messages and takes them, however busy the node is.
 """
 
 import atexit
@@ -20,8 +20,8 @@ from rclpy.type_support import check_is_valid_msg_type
 class BagListener:
     """Calls `on_message(topic, data, received_ns, sent_ns)` for every message, in its thread.
 
-    Times are 0 where the middleware does not know them. `on_error` is called with what `on_message`
-    raised; listening goes on.
+    Times are 0 if the middleware does not know them. `on_error` is called with exceptions, such as
+    those of `on_message`; listening goes on.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class BagListener:
         self._thread = threading.Thread(target=self._listen, name="bag_listener", daemon=True)
 
     def subscribe(self, topic: str, kind: type, profile: QoSProfile) -> None:
-        """Subscribe to a topic; replaces the subscription of before."""
+        """Subscribe to a topic; replaces an earlier subscription to it."""
         check_is_valid_msg_type(kind)
         with self._node.handle:
             handle = _rclpy.Subscription(
@@ -51,12 +51,12 @@ class BagListener:
             self._handles[topic] = (handle, kind)
         if previous is not None:
             previous[0].destroy_when_not_in_use()
-        if self._thread.ident is None:  # a node that is refused before is kept by nothing
+        if self._thread.ident is None:  # no earlier: it would keep a node that cannot start
             self._thread.start()
             atexit.register(self.close)  # Python aborts where a daemon thread is in C++
 
     def catch_up(self) -> None:
-        """Wait until all that was received before this call is passed on."""
+        """Wait until all messages received before this call are passed on, for at most 1 s."""
         with self._passed:
             enough = self._passes + 2  # the pass under way may have left a topic behind
             listening = self._thread.is_alive

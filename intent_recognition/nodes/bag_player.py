@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node: plays a bag, the recorded bytes on the recorded topics at the recorded times."""
+"""Node: plays a bag, with the recorded bytes on the recorded topics at the recorded times."""
 
 import gc
 import struct
@@ -29,7 +29,7 @@ from intent_recognition.nodes.services import serve
 
 
 class _Anchor(NamedTuple):
-    """A recorded time [ns], and when it is played: monotonic [s], and by the node's clock [ns]."""
+    """A recorded time [ns], and when it is played by monotonic [s] and the node's clock [ns]."""
 
     log_ns: int
     played_s: float
@@ -37,17 +37,16 @@ class _Anchor(NamedTuple):
 
 
 class BagPlayer(Node):
-    """Publishes a bag from a thread of its own, against an absolute schedule: errors do not add up.
+    """Publishes a bag from its own thread, on an absolute schedule so that delays do not add up.
 
-    Topic names are taken relative, so that namespace and remapping apply. Before the first
-    message it waits until the nodes in `wait_for_nodes` are ready, however long that takes, and
-    then for subscribers: it starts 0.2 s after every played topic has one; or, when only some have
-    one, as soon as that has not changed for a second; at the latest after
-    `wait_for_subscribers` seconds. Stamps are those of the recording unless `restamp`; with
-    `loop` they therefore begin anew each round.
+    Topic names are taken as relative, so that namespace and remapping apply. The player first
+    waits until the nodes in `wait_for_nodes` are ready, however long that takes. Then it waits at
+    most `wait_for_subscribers` seconds: until every played topic has a subscriber or, if only some
+    have one, until their number has not changed for a second. It starts 0.2 s later. Stamps are
+    those of the recording unless `restamp` is set; with `loop` they begin again in each round.
 
-    It is `done` once everything was played and `exit_at_end` holds. Position and duration are
-    recorded times since the bag's first message.
+    It is `done` at the end if `exit_at_end` is set. `position_s` and `duration_s` are recorded
+    times since the bag's first message.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -76,8 +75,8 @@ class BagPlayer(Node):
         self.duration_s = (self._reader.end_ns - self._start_ns) * 1e-9
         self._outputs: dict[str, Publisher] = {}
         self._stamped: set[str] = set()
-        self._arrays: dict[str, tuple[Any, str]] = {}  # type, and field, of elements with a header
-        self._apart_ns: dict[str, int] = {}  # from a topic's stamps to when they were received
+        self._arrays: dict[str, tuple[Any, str]] = {}  # type, and its field of stamped elements
+        self._apart_ns: dict[str, int] = {}  # from a topic's stamps to their reception
         for info in self._reader.topics.values():
             self._add_publisher(info)
         clock = values["clock"]
@@ -126,7 +125,7 @@ class BagPlayer(Node):
         return not self._wanted or name in self._wanted
 
     def _load(self) -> Iterable[RawMessage]:
-        """The messages in memory, so that reading costs no time later; a stream of big bags."""
+        """Messages in memory, so that reading costs no time later; none of big bags, streamed."""
         path = self._reader.path
         files = [path] if path.is_file() else filter(Path.is_file, path.iterdir())
         if sum(file.stat().st_size for file in files) > 2**26:
@@ -144,7 +143,7 @@ class BagPlayer(Node):
             self._diagnostics.status(Level.ERROR, one_line(error))
             if not isinstance(error, BagError):
                 raise
-        finally:  # whatever it was: others wait for that
+        finally:  # also after a failure, since others wait for it
             self.finished.set()
             self.done = self._values["exit_at_end"]
 
@@ -181,7 +180,7 @@ class BagPlayer(Node):
         self._diagnostics.value("largest lateness [ms]", f"{self._latest_s * 1e3:.2f}")
 
     def _wait_until_due(self, log_ns: int, anchor: _Anchor | None) -> _Anchor | None:
-        """The anchor of the schedule, a new one after a pause or a new rate; None when stopped."""
+        """Wait for a message's time; returns the anchor, new after a pause, or None if stopped."""
         while True:
             if anchor is None or self._interrupted:
                 self._running.wait()
@@ -213,7 +212,7 @@ class BagPlayer(Node):
         self._diagnostics.tick(message.topic.lstrip("/"))
 
     def _restamped(self, message: RawMessage, anchor: _Anchor) -> bytes:
-        """The message with its stamps, but for those of zero, as if it were sent now."""
+        """The message with its stamps moved as if it were sent now; stamps of zero stay."""
 
         def shift(recorded_ns: int) -> int:
             if not recorded_ns:
@@ -233,16 +232,16 @@ class BagPlayer(Node):
             for element in getattr(array, field):
                 element.header.stamp = to_stamp(shift(stamp_ns(element)))
             return bytes(serialize_message(array))
-        except Exception as error:  # rclpy raises what it meets
+        except Exception as error:  # rclpy raises exceptions of many types
             raise _unmoved(error) from error
 
     @property
     def _interrupted(self) -> bool:
-        """Whether the schedule is void: paused, or asked for another rate."""
+        """Whether the schedule no longer holds, because of a pause or a new rate."""
         return self._rate_changed.is_set() or not self._running.is_set()
 
     def _sleep_until(self, due_s: float, log_time_ns: int) -> bool:
-        """Sleep, publishing the clock; False when stopped or interrupted meanwhile."""
+        """Sleep while publishing the clock; returns False if stopped or interrupted."""
         while not self._stopping.is_set() and not self._interrupted:
             remaining_s = due_s - time.monotonic()
             recorded_s = max(remaining_s, 0.0) * self._values["rate"]
@@ -281,7 +280,7 @@ class BagPlayer(Node):
                 break
             self._stopping.wait(0.01)
         if wait_s > 0.0:
-            self._stopping.wait(min(0.2, wait_s))  # the other side is to be ready, too
+            self._stopping.wait(min(0.2, wait_s))  # the subscribers' side must be ready, too
         alone = [t for t, p in self._outputs.items() if p.get_subscription_count() == 0]
         if alone:
             self.get_logger().info(f"no subscribers of {', '.join(sorted(alone))}")
@@ -296,10 +295,10 @@ class BagPlayer(Node):
 
 
 def shift_stamp(data: bytes, shift: Callable[[int], int]) -> bytes:
-    """CDR bytes whose first field is a Header, with the stamp replaced by `shift(stamp_ns)`.
+    """CDR bytes, whose first field is a Header, with the stamp replaced by `shift(stamp_ns)`.
 
     Raises:
-        BagError: they hold no stamp, or one that cannot be moved there.
+        BagError: the bytes hold no stamp, or the shifted stamp is out of range.
     """
     try:
         layout = struct.Struct("<iI" if data[1] & 1 else ">iI")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Record demonstrations and sessions: any topic of any installed type, bit for bit."""
+"""Node: records demonstrations and sessions, any topic of any installed type, bit for bit."""
 
 from functools import partial
 from typing import Any
@@ -12,7 +12,7 @@ from intent_recognition.nodes.topic_recorder import TopicRecorder, check_task
 
 
 class BagRecorder(TopicRecorder):
-    """Subscribes at once, writes between `~/start` and `~/stop`; starts itself given `output`."""
+    """Subscribes at once and writes between `~/start` and `~/stop`; `output` starts it at once."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("bag_recorder", **kwargs)
@@ -29,7 +29,7 @@ class BagRecorder(TopicRecorder):
             self.start()
 
     def start(self) -> str:
-        """Open the bag named by the parameter `output`; its path. See `TopicRecorder.open_bag`."""
+        """Open the bag named by `output`; returns its path. See `TopicRecorder.open_bag`."""
         output = self.get_parameter("output").value
         task = self.get_parameter("task").value
         if not output and self.recording is None:
@@ -39,7 +39,7 @@ class BagRecorder(TopicRecorder):
         return str(output)
 
     def stop(self) -> str:
-        """Close the bag; what was recorded. See `TopicRecorder.close_bag`."""
+        """Close the bag; returns a summary. See `TopicRecorder.close_bag`."""
         writer = self.close_bag()
         return f"{writer.message_count} messages in {writer.path}"
 

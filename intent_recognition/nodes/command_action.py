@@ -17,8 +17,8 @@ from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.runtime import elapsed_s
 
 ANSWER_S = 1.0
-"""Time within which a controller must accept or reject a goal [s]. Convention: the timeout of
-ros2_control's own action monitor is a twentieth of it."""
+"""Time within which a controller must accept or reject a goal [s]: twenty periods of the action
+monitor of ros2_control."""
 
 
 @dataclass(eq=False)
@@ -30,26 +30,25 @@ class _Goal:
     given_up: bool = False
 
     def cancel(self) -> None:
-        """Give it up, now or once it is accepted."""
+        """Cancel the goal, now or once it is accepted."""
         self.given_up = True
         if self.handle is not None:
             self.handle.cancel_goal_async()
 
 
 class CommandAction:
-    """Sends each command as a goal, which takes the place of the one before.
+    """Sends each command as a goal, which replaces the one before.
 
-    Goals that a later one has replaced end as they may. When the newest one is rejected or aborted,
-    is not answered in `ANSWER_S`, or its controller is gone, and when any goal is cancelled by
-    somebody else or has violated its path tolerance, what is still under way is cancelled, so that
-    the controller holds the arm, and `give_up` is called. With ros2_control, a goal that was
-    replaced ends as cancelled with the code INVALID_GOAL, one that somebody cancelled without a
-    code.
-    A goal tolerance that was not kept is reported: the arm is at rest near its end.
+    The command fails if the controller is gone or does not answer a goal within `ANSWER_S`, if the
+    newest goal is rejected or aborted, or if any goal violates its path tolerance or is cancelled
+    by another client. Then all goals under way are cancelled, so that the controller holds the
+    arm, and `give_up` is called. Other ends of replaced goals are ignored; with ros2_control they
+    are cancelled with the code INVALID_GOAL, those that a client cancels without a code. A missed
+    goal tolerance is only reported, since the arm is at rest near the end of its motion.
 
     Attributes:
-        topic: on which the same controller takes commands, too.
-        trouble: what is wrong with the newest command; empty while nothing is.
+        topic: topic on which the same controller takes commands, too.
+        trouble: what is wrong with the newest command; empty if nothing is.
 
     Raises:
         ArgumentError: the package control_msgs is not installed.
@@ -86,7 +85,7 @@ class CommandAction:
         future.add_done_callback(partial(self._on_answer, goal))
 
     def check(self) -> None:
-        """Notice a controller that does not answer or is gone; call it some times a second."""
+        """Detect a controller that is gone or silent; to be called several times a second."""
         if self._newest is None:
             return
         waiting = [goal.sent_s for goal in self._under_way if goal.handle is None]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From messages to arrays and back, with exact types, which ROS does not check by default.
+"""Conversions between messages and arrays, with exact types, which ROS does not check by default.
 
-Poses are read as bytes, so that a malformed one is counted. Those of the same lengths have their
-numbers at the same places, which `bags.find_layout` knows.
+Poses are read from serialized messages, so that malformed ones can be counted. Messages whose
+texts have equal lengths hold their numbers at the same offsets, which `LayoutCache` remembers.
 """
 
 import importlib
@@ -26,7 +26,7 @@ from intent_recognition.tracking import UNKNOWN_VARIANCE, TrackedPose
 
 
 def message_class(type_name: str) -> type:
-    """The class of "package/msg/Name", of any installed package.
+    """Import the class of "package/msg/Name" from any installed package.
 
     Raises:
         MessageError: the package is not installed or has no such message.
@@ -40,7 +40,7 @@ def message_class(type_name: str) -> type:
 
 
 def stamp_ns(message: Any) -> int:
-    """Stamp in integer nanoseconds of a message with a header, a Header or a Time."""
+    """Stamp [ns] of a message with a header, of a Header or of a Time."""
     header = getattr(message, "header", message)
     stamp: Time = getattr(header, "stamp", header)
     return stamp.sec * NANOSECONDS + stamp.nanosec
@@ -111,7 +111,7 @@ def to_joint_state(
     *,
     time_ns: int,
 ) -> JointState:
-    """JointState message, also in its use as a stamped named vector; arrays (d,) or empty."""
+    """JointState message, also used as a stamped named vector; arrays are (d,) or empty."""
     message = JointState(
         name=[str(name) for name in names],
         position=_floats(position),
@@ -123,7 +123,7 @@ def to_joint_state(
 
 
 def joint_values(message: JointState, joints: Sequence[str], field: str = "position") -> Floats:
-    """Values (d,) of `joints` in the order asked for, found by name.
+    """Values (d,) of `joints`, found by name, in the order of `joints`.
 
     Raises:
         MessageError: a joint is missing, or the field is shorter than the names.
@@ -141,14 +141,14 @@ def joint_values(message: JointState, joints: Sequence[str], field: str = "posit
 
 
 def of_other_joints(message: JointState, joints: Sequence[str]) -> bool:
-    """Whether a message is of other joints alone, such as those of a gripper's driver."""
+    """Whether a message names only other joints, such as one of a gripper's driver."""
     return bool(message.name) and not {*joints} & {*message.name}
 
 
 def measured_values(message: JointState, joints: Sequence[str], field: str) -> Floats | None:
-    """The same, or None where nothing was measured: the field is empty, or NaN for all of them.
+    """Values as of `joint_values`, or None if not measured: the field is empty, or all are NaN.
 
-    ros2_control's joint_state_broadcaster gives NaN for what the hardware has not.
+    The joint_state_broadcaster of ros2_control sends NaN for what the hardware does not measure.
     """
     if not getattr(message, field):
         return None
@@ -159,8 +159,8 @@ def measured_values(message: JointState, joints: Sequence[str], field: str) -> F
 class TrajectoryBuilder:
     """JointTrajectory messages of a fixed number of joints, built by overwriting one message.
 
-    Building 50 points of 7 joints afresh costs 0.2 ms, three times as much. The message returned is
-    the same object each time: publish it before the next call, and copy it to keep it.
+    Building 50 points of 7 joints afresh takes 0.2 ms, three times as long. Each call returns the
+    same message object: publish it before the next call, and copy it to keep it.
     """
 
     def __init__(self, names: Sequence[str]):
@@ -179,7 +179,7 @@ class TrajectoryBuilder:
         *,
         frame_id: str = "",
     ) -> JointTrajectory:
-        """The message, filled: times (T,) [s], and (T, d) each [rad, rad/s]; None: left empty.
+        """Fill the message from times (T,) [s] and arrays (T, d) [rad, rad/s]; None: left empty.
 
         Raises:
             ShapeError: an array is not (T, d).
@@ -215,7 +215,7 @@ def trajectory_arrays(message: JointTrajectory) -> tuple[Floats, Floats, Mapping
     """Times (T,) [s], positions (T, d) and the other fields that are filled, each (T, d).
 
     Raises:
-        MessageError: points with different numbers of values.
+        MessageError: the points have different numbers of values.
     """
     times_s = np.array([duration_s(point.time_from_start) for point in message.points])
     rows = {
@@ -241,11 +241,11 @@ def _floats(values: Iterable[float]) -> list[float]:
 
 
 class PoseNumbers(NamedTuple):
-    """What a node uses of a pose.
+    """The parts of a pose message that a node uses.
 
     Attributes:
         pose: position [m] and orientation xyzw, (7,).
-        covariance: of position and rotation, (6, 6), None in a message without one.
+        covariance: covariance of position and rotation (6, 6); None if the message has none.
     """
 
     stamp_ns: int
@@ -258,19 +258,19 @@ _POSES, _ODOMETRIES = LayoutCache(POSE), LayoutCache("nav_msgs/msg/Odometry")
 
 
 def read_pose(data: bytes) -> PoseNumbers:
-    """Numbers of a serialized PoseStamped.
+    """Read a serialized PoseStamped.
 
     Raises:
-        MessageError: it ends too early, or its frame is not UTF-8.
+        MessageError: the message ends too early, or its frame is not UTF-8.
     """
     return _read(data, PoseStamped, _POSES, "pose")
 
 
 def read_odometry(data: bytes) -> PoseNumbers:
-    """Numbers of the pose in a serialized Odometry.
+    """Read the pose in a serialized Odometry.
 
     Raises:
-        MessageError: it ends too early, or a frame is not UTF-8.
+        MessageError: the message ends too early, or a frame is not UTF-8.
     """
     return _read(data, Odometry, _ODOMETRIES, "pose.pose", "pose.covariance")
 
@@ -278,7 +278,7 @@ def read_odometry(data: bytes) -> PoseNumbers:
 def _read(
     data: bytes, kind: type, layouts: LayoutCache, pose: str, covariance: str = ""
 ) -> PoseNumbers:
-    if data[:2] != LITTLE_ENDIAN:  # of another machine: rclpy puts the bytes in order
+    if data[:2] != LITTLE_ENDIAN:  # of another machine: rclpy converts the bytes
         data = serialize_message(deserialize_message(data, kind))
     try:
         layout = layouts.layout_of(data)

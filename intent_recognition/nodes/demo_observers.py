@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes that take down what the cell does, during a recording that is played or a pour."""
+"""Nodes that log what the cell does while a recording is played, or during a pour."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -24,11 +24,11 @@ from intent_recognition.nodes.warped_primitive import OBJECTS, REFUSED, REQUEST
 
 
 class RecordingObserver(Node):
-    """Notes the active task, and where these joints of the arm are, from one recording to the next.
+    """Logs the active task and the posture of some joints of the arm during each recording.
 
-    A recording has begun by its first observed sample. Its first active task is `task`; `posture`
-    is the newest (n,), NaN before the first, and `held` the one farthest from that at the begin,
-    while the task was active; None without one.
+    A recording begins with its first observed sample. `task` is its first active task, and
+    `posture` the newest posture (n,), NaN before the first. `held` is the posture farthest from
+    the initial one while a task was active; None without one.
     """
 
     def __init__(self, entry: DofEntry, joints: Sequence[str], **kwargs: Any) -> None:
@@ -42,7 +42,7 @@ class RecordingObserver(Node):
         take(JointState, "joint_states", self._take_joints, qos.MEASURED)
 
     def begin(self) -> None:
-        """Forget what was noted: another recording follows."""
+        """Clear the log and reset the estimator, before another recording."""
         self.task, self.active = "", False
         self.held: Floats | None = None
         self._before, self._farthest = self.posture, 0.0
@@ -52,7 +52,7 @@ class RecordingObserver(Node):
 
     @property
     def acted_s(self) -> float:
-        """Time from the first sample to the active task; NaN without one [s]."""
+        """Time from the first sample to the active task [s]; NaN without one."""
         return (self._acted_ns - self._began_ns) * 1e-9 if self.task else np.nan
 
     def _begun(self, _: bytes) -> None:
@@ -72,7 +72,7 @@ class RecordingObserver(Node):
 
 
 class PouringObserver(Node):
-    """Collects the topics of one pour; `refused` says why it was, and is empty if it was not."""
+    """Collects the topics of one pour; `refused` says why it was refused, empty if it was not."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("pouring_observer", **kwargs)
@@ -92,7 +92,7 @@ class PouringObserver(Node):
     def is_ready(self) -> bool:
         """Whether the containers were seen and the nodes have found one another."""
         return (
-            min(self._heard.values()) >= 2  # then the cup's lip is toward the other container
+            min(self._heard.values()) >= 2  # then the cup's lip point faces the other container
             and bool(self.balls)
             and self._pour.get_subscription_count() >= 1
             and self.count_subscribers("intent/robot_trajectory") >= 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node's health on `/diagnostics`: rates, rejected inputs, latencies; and who is ready by it."""
+"""Health of a node on `/diagnostics`: rates, rejected inputs, latencies; readiness of others."""
 
 import socket
 import time
@@ -20,7 +20,7 @@ from intent_recognition.nodes.runtime import simulated_ns, steady_timer
 from intent_recognition.registry import ANSWERS
 
 PUBLISHERS, LIFECYCLE, ACTIVE, INACTIVE = "publishers ", "lifecycle", "active", "not active"
-"""Keys of a report, the first to be followed by a topic, and what a lifecycle node says."""
+"""Keys of a report (the first is followed by a topic), and values of the key `LIFECYCLE`."""
 
 ENDED = "ended"
 """Key of the last report of a node that ends because its work is done."""
@@ -29,10 +29,10 @@ MODEL = "model"
 """Key under which the estimator says which model file it has loaded."""
 
 PATIENCE_S = 3.0
-"""Without /clock, input or a topic's publisher for so long [s], a node warns. Convention."""
+"""Time without /clock or a needed input after which a node warns [s]: three of its reports."""
 
 UNANSWERED = "not waited for"
-"""Key under which a simulation names the nodes that its clock went on without."""
+"""Key under which a simulation names the nodes that its clock no longer waits for."""
 
 
 class Level(IntEnum):
@@ -45,9 +45,9 @@ class Level(IntEnum):
 
 
 def answer_of(node: str, counts: Mapping[str, int]) -> JointState:
-    """How many messages of each topic a node has taken and sent; empty: do not wait for it.
+    """Message with the number of messages that a node has taken and sent, by topic.
 
-    The name of the node is in `frame_id`.
+    `frame_id` names the node. If `counts` is empty, simulated time does not wait for it.
     """
     message = JointState(name=list(counts))
     message.header.frame_id = node
@@ -72,8 +72,8 @@ class Diagnostics:
     `rejected <reason>` (total), `latency p50|p95|p99 [ms]` (over the last 2000 samples),
     `publishers <stream>`, `lifecycle` of a lifecycle node, and what the node set with `value`.
     Publishing runs on a steady clock, so it continues while simulated time stands still.
-    A status warns of what is missing for `PATIENCE_S`: /clock, or messages of a stream that the
-    node needs while simulated time, if it has that, goes on; and of a second /clock.
+    The status warns if /clock is missing for `PATIENCE_S`, if a needed stream is missing for as
+    long while time (simulated, if used) goes on, and if several nodes publish /clock.
 
     A lifecycle node reports in every state. Tests pass a clock of their own [s].
     """
@@ -117,7 +117,7 @@ class Diagnostics:
             self._node.get_logger().warning(f"{reason}: {text} ({self._counts[reason]} so far)")
 
     def rejected(self, reason: str) -> int:
-        """How many inputs were rejected for `reason` so far."""
+        """Number of inputs rejected for `reason` so far."""
         return self._counts[reason]
 
     def subscribe(
@@ -130,9 +130,9 @@ class Diagnostics:
         needed: bool = False,
         **options: Any,
     ) -> Subscription:
-        """Subscribe to a topic; watch it, and note its messages as `stream`, or under its name.
+        """Subscribe to a topic, watch it, and count its messages as `stream` (default: its name).
 
-        Simulated time waits for the messages that are noted, so that none may hide another there.
+        Simulated time waits until counted messages are processed, so its queues must keep them all.
         """
 
         def noted(message: Any) -> None:
@@ -146,30 +146,30 @@ class Diagnostics:
         return subscription
 
     def tick(self, stream: str) -> None:
-        """Note one message of `stream`, for its measured rate."""
+        """Count one message of `stream`."""
         self._totals[stream] += 1
         self._in_period[stream] += 1
         self._heard_s[stream] = self._clock()
 
     def silent_s(self, stream: str) -> float:
-        """Real time since `stream` was heard, or else since its watch or the node began [s]."""
+        """Real time [s] since a message of `stream`; before any, since its watch or the start."""
         return self._clock() - self._heard_s.get(stream, self._start_s)
 
     @property
     def answers(self) -> bool:
-        """Whether simulated time waits for what nodes have processed."""
+        """Whether simulated time waits until nodes have processed their messages."""
         return bool(self._answers.get_subscription_count())
 
     def answer(self) -> None:
-        """Tell how many messages were taken and sent, where simulated time waits for that."""
-        counts = dict(self._totals)  # at once: a recorder's reading thread goes on counting
+        """Publish how many messages were taken and sent, if simulated time waits for that."""
+        counts = dict(self._totals)  # a copy, since a recorder's thread goes on counting
         total = sum(counts.values())
         if total != self._answered and self.answers:
             self._answered = total
             self._answers.publish(answer_of(self._node.get_name(), counts))
 
     def latency(self, seconds: float) -> None:
-        """Note the time one input took from arrival to output."""
+        """Record the time that one input took from arrival to output [s]."""
         self._latencies_s.append(float(seconds))
 
     def value(self, key: str, value: object) -> None:
@@ -179,13 +179,13 @@ class Diagnostics:
     def watch(self, subscription: Subscription, stream: str, *, needed: bool = False) -> None:
         """Report how many publishers a subscription has, as `publishers <stream>`.
 
-        The status warns while one that is `needed`, whose stream is named after its topic, is
-        silent. Publishers of another message type, whose messages never arrive, are rejected once
-        each as `wrong_type`.
+        The status warns while a `needed` stream, which is to be named after its topic, is silent.
+        Publishers of another message type, whose messages never arrive, are rejected once each as
+        `wrong_type`.
 
-        They are counted at each report: the EventsExecutor of rclpy 7.1 loses a message of a
-        subscription whose `matched` event is listened to. Of the stream nothing has come yet: that
-        is said, too, where simulated time waits for what has been taken.
+        Publishers are counted at each report: the EventsExecutor of rclpy 7.1 loses a message of a
+        subscription whose `matched` event is listened to. The stream is listed with a total of 0
+        from the beginning, also for a simulated clock that waits for its messages.
         """
         self._watched.append((subscription, stream))
         self._totals[stream] += 0
@@ -194,7 +194,7 @@ class Diagnostics:
             self._heard_s[stream] = self._clock()
 
     def unwatch(self, subscriptions: Collection[Subscription]) -> None:
-        """Forget subscriptions that are closed."""
+        """Stop watching subscriptions that are closed."""
         self._watched = [pair for pair in self._watched if pair[0] not in subscriptions]
 
     def status(self, level: int, message: str) -> None:
@@ -203,13 +203,13 @@ class Diagnostics:
         self._message = message
 
     def end(self, message: str) -> None:
-        """Report at once that the work is done; what follows is no failure but silence."""
+        """Report at once that the work is done, so that silence afterwards is no failure."""
         self.status(Level.OK, message)
         self.value(ENDED, "yes")
         self.publish()
 
     def report(self) -> DiagnosticStatus:
-        """The status as it would be published now; starts a new period for the rates."""
+        """Return the status at this moment, and start a new period for the rates."""
         now_s = self._clock()
         elapsed_s = max(now_s - self._period_start_s, 1e-9)
         rows: dict[str, str] = {}
@@ -243,7 +243,7 @@ class Diagnostics:
         )
 
     def _missing(self, now_s: float) -> str:
-        """What the node needs and has not had for a while; empty: nothing."""
+        """Text on what the node has lacked for a while, or on a second /clock; else empty."""
         before_ns, self._simulated_ns = self._simulated_ns, simulated_ns(self._node)
         if self._simulated_ns is not None and self._simulated_ns == before_ns:
             self._stood_s = now_s
@@ -283,10 +283,10 @@ class Diagnostics:
 
 
 class Readiness:
-    """Listens to `/diagnostics` for nodes that must be there before something begins.
+    """Finds out from `/diagnostics` whether nodes are ready, before something begins.
 
-    A node is ready when it has reported, is active if it has a lifecycle, and has matched the
-    publishers of every topic it watches that has any in the graph.
+    A node is ready when it has reported, is active if it has a lifecycle, and has matched a
+    publisher of every watched topic that has one in the graph.
     """
 
     def __init__(self, node: Node, names: Iterable[str]):
@@ -302,7 +302,7 @@ class Readiness:
         return [name for name in self._names if not self._is_ready(name)]
 
     def forget(self, name: str) -> None:
-        """Wait for a node anew: it has ended."""
+        """Wait for a node again, after it has ended."""
         self._reports.pop(f"{self._space}{name}".lstrip("/"), None)
 
     def _is_ready(self, name: str) -> bool:

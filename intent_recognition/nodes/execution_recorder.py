@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of executions: some seconds before a task was recognised, until the arm is home."""
+"""Recordings of executions, from seconds before a task is recognised until the arm is home."""
 
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -14,10 +14,10 @@ from intent_recognition.nodes.runtime import CLOCK_BACK_NS
 
 
 class ExecutionRecorder:
-    """Writes executions to bags, and what becomes known of them to the list of outcomes.
+    """Writes executions to bags, and their outcomes to the list of executions.
 
-    Of each task `most` recordings are kept; 0 records none. `model` tells the present model,
-    relative to the folder; `reject` is called with (reason, text) where a recording fails.
+    The newest `most` recordings of each task are kept; 0 records none. `model` returns the path of
+    the present model in the folder; `reject` is called with (reason, text) if a recording fails.
     """
 
     def __init__(
@@ -28,7 +28,7 @@ class ExecutionRecorder:
         reject: Callable[[str, str], None],
     ) -> None:
         self.executions, self._most, self._model, self._reject = executions, most, model, reject
-        self._recent: deque[RawMessage] = deque(maxlen=20_000)  # of ten streams at 300 Hz
+        self._recent: deque[RawMessage] = deque(maxlen=20_000)  # 6 s of ten streams at 300 Hz
         self._writer: BagWriter | None = None
         self._last: dict[str, Path] = {}
         self._values: dict[str, str] = {}
@@ -41,11 +41,11 @@ class ExecutionRecorder:
 
     @property
     def is_recording(self) -> bool:
-        """Whether one is under way."""
+        """Whether an execution is being recorded."""
         return self._writer is not None
 
     def last(self, task: str) -> str:
-        """Name of the execution of a task now or last; empty for none."""
+        """Name of a task's present or last execution; empty if there was none."""
         return self._last[task].name if task in self._last else ""
 
     def take(self, message: RawMessage) -> None:
@@ -56,19 +56,19 @@ class ExecutionRecorder:
             self.close()
             self._recent.clear()
         self._recent.append(message)
-        # a reach, and the rest before
+        # long enough for a reach and the rest before it
         while self._recent[0].log_time_ns < message.log_time_ns - 6_000_000_000:
             self._recent.popleft()
         self._write(message)
 
     def correct(self, data: bytes, received_ns: int) -> None:
-        """Take a corrected path."""
+        """Record a corrected path, a serialized JointTrajectory."""
         self._corrected = self._writer is not None
         times_ns = received_ns, received_ns
         self._write(RawMessage(CORRECTION_TOPIC, CORRECTION_TYPE, *times_ns, data))
 
     def set_task(self, task: str) -> None:
-        """Another task is active, or (empty) none."""
+        """End the recording, and begin one of the task that is active now, if any."""
         if self._writer is not None:
             self._end(self._writer)
         if task and self._most:
@@ -82,7 +82,7 @@ class ExecutionRecorder:
                 self._write(message)
 
     def add(self, task: str, values: Mapping[str, str]) -> str:
-        """Note something about the execution of a task now or last; its name, empty for none."""
+        """Note values of a task's present or last execution; returns its name, empty if none."""
         bag = self._last.get(task)
         if bag is None:
             return ""
@@ -102,7 +102,7 @@ class ExecutionRecorder:
         with suppress(IntentError):
             writer.close()
         if self._corrected and self._values.get(CORRECTIONS, "0") == "0":
-            self._values[CORRECTIONS] = "1"  # the same task began again before the arm was home
+            self._values[CORRECTIONS] = "1"  # no outcome says so if the same task begins again
         self._note(writer.path, self._values, self._model())
         self.executions.thin(writer.path.parent.name, self._most)
 

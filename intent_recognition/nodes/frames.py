@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames on /tf: what a node hears of them and tells of them. Needs tf2_msgs; idle without."""
+"""Input and output of frames on /tf and /tf_static. Idle if tf2_msgs is not installed."""
 
 from collections.abc import Callable
 from typing import Any
@@ -17,7 +17,7 @@ from intent_recognition.tracking import RigidTransform, TransformTree
 
 
 def message_type() -> Any:
-    """`tf2_msgs/msg/TFMessage`, or None where it is not installed."""
+    """`tf2_msgs/msg/TFMessage`, or None if it is not installed."""
     try:
         from tf2_msgs.msg import TFMessage
     except ImportError:
@@ -26,7 +26,7 @@ def message_type() -> Any:
 
 
 def hear_frames(node: Node, tree: TransformTree, changed: Callable[[], object]) -> bool:
-    """Keep a tree of transforms up to date; whether that is possible here."""
+    """Keep a tree of transforms up to date; returns False without tf2_msgs."""
     if (kind := message_type()) is None:
         return False
 
@@ -54,7 +54,7 @@ def hear_frames(node: Node, tree: TransformTree, changed: Callable[[], object]) 
 
 
 class FrameOutput:
-    """Tells poses as frames, where somebody listens."""
+    """Publishes poses as frames, while somebody listens."""
 
     def __init__(self, node: Node) -> None:
         self._publisher: Publisher | None = None
@@ -66,17 +66,17 @@ class FrameOutput:
 
     @property
     def heard(self) -> bool:
-        """Whether anybody listens."""
+        """Whether anybody listens to /tf."""
         return self._publisher is not None and self._publisher.get_subscription_count() > 0
 
     def send(self, time_ns: int, parent: str, child: str, pose: Pose) -> None:
-        """Tell where a frame is at a time [ns]; quaternions of zeros stand for no rotation."""
+        """Publish the pose of the frame `child` in `parent` at a time [ns]."""
         if self._publisher is not None and self.heard and parent:
             stamped = [_stamped(time_ns, parent, child, pose)]
             self._publisher.publish(self._type(transforms=stamped))
 
     def send_fixed(self, time_ns: int, parent: str, poses: dict[str, Pose]) -> None:
-        """Tell once and for all where frames are."""
+        """Publish the poses of fixed frames, once."""
         if self._publisher is not None and poses:
             stamped = [_stamped(time_ns, parent, child, pose) for child, pose in poses.items()]
             self._fixed.publish(self._type(transforms=stamped))

@@ -16,7 +16,7 @@ from intent_recognition.registry import ARMS, OWN_TOPICS, RECORDED
 from intent_recognition.share import PACKAGE
 
 TRANSFORMS = (("/tf", "tf"), ("/tf_static", "tf_static"))
-"""Relative, so that two robots in two namespaces keep their frames apart."""
+"""Remappings to relative names, so that robots in two namespaces keep their frames apart."""
 
 
 COMMON = ("params_file", "namespace", "use_sim_time", "respawn")
@@ -30,12 +30,12 @@ class NodeSpec:
         parameters: parameter name to the argument that sets it.
         fixed: parameters with a value of their own.
         remappings: topic name to the argument that sets it.
-        topics: topic name to the one it is in this graph.
-        clock: parameter that makes the node publish /clock; it then does not follow it.
+        topics: topic name to its name in this graph.
+        clock: parameter that makes the node publish /clock, which it then does not follow.
         when: argument that must be set for the node to start; empty: always started.
         unless: argument that must not be set.
-        respawns: whether it starts again where it died; not one that ends with its bag or window.
-        waits: nodes that must be ready before it begins to play or to move, if they are started.
+        respawns: whether a node that died is restarted; not if it ends with its bag or window.
+        waits: nodes that must be ready, if started, before this one begins to play or to move.
     """
 
     parameters: Mapping[str, str] = field(default_factory=dict)
@@ -58,7 +58,7 @@ class NodeSpec:
 
 
 def _from(*same: str, **other: str) -> dict[str, str]:
-    """Parameters set by arguments: those of the same name, and `parameter="argument"`."""
+    """Parameters set by arguments of the same name, or of another as `parameter="argument"`."""
     return {name: name for name in same} | other
 
 
@@ -141,8 +141,9 @@ PAGE = ("task_teacher", "dashboard")
 class GraphSpec:
     """Nodes that start together, in this order.
 
-    The user's parameter file lies over the shipped one, `params`. Arguments in `without` mean
-    nothing here. With `respawn` (default true) nodes that die start again, see `NodeSpec.respawns`.
+    The user's parameter file overrides the shipped one, `params`. The graph does not take the
+    arguments in `without`. With `respawn` (default true), nodes that die are restarted; see
+    `NodeSpec.respawns`.
     """
 
     nodes: tuple[str, ...]
@@ -195,7 +196,7 @@ GRAPHS = {
 
 @dataclass(frozen=True)
 class NodeCall:
-    """A node of a graph with all values that it starts with, see `NodeSpec`."""
+    """A node of a graph with all values that it starts with; see `NodeSpec`."""
 
     name: str
     package: str
@@ -208,7 +209,7 @@ class NodeCall:
 
     @property
     def enclave(self) -> str:
-        """Its own enclave of SROS 2, such as `/cell1/mocap_ingest`."""
+        """The node's enclave of SROS 2, such as `/cell1/mocap_ingest`."""
         return "/".join(["", *filter(None, (self.namespace, self.name))])
 
 
@@ -219,17 +220,16 @@ def resolve(
 
     Args:
         graph: one of `GRAPHS`.
-        given: values of its arguments, as they are or as text; None and empty text mean unset.
-        own: more parameters by node; those that arguments set win.
+        given: arguments by name, as values or as text; None and empty text mean unset.
+        own: further parameters by node, which arguments override.
 
     Raises:
-        ArgumentError: no such argument, a value of another kind, or a needed one is
-            missing.
+        ArgumentError: an argument is unknown, of the wrong kind, or needed and missing.
     """
     values = arguments_of(graph, given)
     _follow_the_clock(graph, values)
     if values.get("transfers"):
-        values["arm_scene"] = "transfers"  # where objects are
+        values["arm_scene"] = "transfers"  # the scene with the objects
     started = [name for name in GRAPHS[graph].nodes if _starts(name, values)]
     return [_call(name, NODES[name], values, (own or {}).get(name, {})) for name in started]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arm on `robot_description`, for nodes whose model predicts its hand instead of its joints."""
+"""Input of the arm on `robot_description`, for models that predict its hand instead of joints."""
 
 from contextlib import suppress
 
@@ -15,17 +15,17 @@ from intent_recognition.nodes.parameters import declare
 
 
 def no_description(argument: str) -> str:
-    """What to say of something that needs the arm's description before that has come."""
+    """Error text for an argument that needs the arm's description before it has come."""
     return describe(argument, "a robot_description", "none", "Start robot_state_publisher.")
 
 
 class HandInput:
-    """Reads the arm when it is first asked for, and again when another description has come.
+    """Reads the arm when it is first needed, and again after another description has come.
 
     Attributes:
-        link: that is the hand; empty where it was not named.
-        description: text of the URDF; empty before it has come, and where it holds no arm.
-        taught: link that the model names; the hand where `link` is empty and the arm has it.
+        link: link that is the hand; empty if none was named.
+        description: text of the URDF; empty before it has come, or if it holds no arm.
+        taught: link that the model names; it is the hand if `link` is empty and the arm has it.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
@@ -37,7 +37,7 @@ class HandInput:
 
     @property
     def arm(self) -> Arm | None:
-        """The arm; None before its description has come, or if that cannot be used."""
+        """The arm; None before its description has come, or if that is unusable."""
         if self._arm is None and self.description:
             try:
                 self._arm = self._read()

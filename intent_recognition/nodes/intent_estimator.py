@@ -32,7 +32,7 @@ class IntentEstimatorNode(ManagedNode):
     """Keeps one `PersonBelief` per person, all with the same model."""
 
     _model: Model
-    """From `configure` on."""
+    """Set by `configure`."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("intent_estimator", **kwargs)
@@ -84,7 +84,7 @@ class IntentEstimatorNode(ManagedNode):
             self._postures.estimators = self._estimators
 
     def _check(self, changes: Changes) -> None:
-        """Make sure that new values can be taken; see `ViaPointInput.check`."""
+        """Refuse new values that cannot be used; see `ViaPointInput.check`."""
         if VIA_POINTS in changes:
             self._via_points.check(changes[VIA_POINTS], self._estimators, self._postures.hand.arm)
         if PLAN in changes:
@@ -158,7 +158,7 @@ class IntentEstimatorNode(ManagedNode):
         self._diagnostics.status(Level.OK, "not active")
 
     def _publish(self, belief: PersonBelief) -> None:
-        """Publish what may come next, and report the worst of the people's states, if changed."""
+        """Publish the next task, and report all people's states and the worst level, if changed."""
         if belief.tell_next():
             self._plan.share(self._estimators)
             for other in self.people.values():
@@ -171,7 +171,7 @@ class IntentEstimatorNode(ManagedNode):
             self._diagnostics.status(level, "; ".join(texts))
 
     def _forget(self) -> None:
-        for estimator in self._estimators:  # all of them, before one lets others know
+        for estimator in self._estimators:  # reset all before one shares its progress with others
             estimator.reset()
         for belief in self.people.values():
             belief.forget()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the estimator node publishes: tasks, predictions of both agents, and what RViz draws."""
+"""Outputs of the estimator node: tasks, predictions of both agents, and markers for RViz."""
 
 from collections.abc import Sequence
 
@@ -38,10 +38,10 @@ from intent_recognition.signals import Observation, from_tangent
 
 
 class IntentOutput:
-    """Turns estimates and predictions of a person, the only one without a name, into messages."""
+    """Publishes estimates and predictions of one person; a single person has no name."""
 
     _model: Model
-    """From `configure` on."""
+    """Set by `configure`."""
 
     def __init__(
         self, node: Node, diagnostics: Diagnostics, frames: FrameOutput, person: str = ""
@@ -56,7 +56,7 @@ class IntentOutput:
         self._markers = publish(MarkerArray, f"{of}markers", qos.COMMAND)
 
     def configure(self, model: Model) -> None:
-        """Begin with a model."""
+        """Set the model, before anything is published."""
         self._robot_builder = TrajectoryBuilder(model.dofs.controlled_message_names)
         self._human_builder = TrajectoryBuilder(model.library.observed_names)
         self._marker_builder = MarkerBuilder(model.labels)
@@ -66,16 +66,16 @@ class IntentOutput:
         self._model = model
 
     def swap(self, model: Model) -> None:
-        """Go on with a model of the same DOFs."""
+        """Replace the model by one of the same DOFs."""
         self._model = model
         self._marker_builder.set_labels(model.labels)
 
     def forget(self) -> None:
-        """Forget what has been observed."""
+        """Clear the observed path."""
         self._marker_builder.forget()
 
     def observe(self, observation: Observation) -> None:
-        """Take a part of the path that the markers show."""
+        """Add an observation to the path that the markers show."""
         group, columns = self._shown or (None, [])
         if observation.group == group and observation.dofs is None and not observation.derivative:
             self._marker_builder.observe(observation.stamp_ns, observation.values[columns])
@@ -97,17 +97,17 @@ class IntentOutput:
 
     @property
     def human_shown(self) -> bool:
-        """Whether anybody looks at the predicted path of the human."""
+        """Whether anybody subscribes to the human's predicted path, its markers or its frame."""
         outputs = self._path, self._markers
         return self._frames.heard or any(one.get_subscription_count() for one in outputs)
 
     @property
     def human_wanted(self) -> bool:
-        """Whether anybody takes all its numbers."""
+        """Whether anybody subscribes to the human's predicted trajectory."""
         return bool(self.human_trajectory.get_subscription_count())
 
     def publish_human(self, estimate: Estimate, human: Prediction, frame: str) -> None:
-        """Publish a prediction of the human to who listens."""
+        """Publish a prediction of the human on the topics that have subscribers."""
         along = human.trajectory
         if self.human_wanted:
             build = self._human_builder.build
@@ -126,7 +126,7 @@ class IntentOutput:
             self._markers.publish(self._marker_builder.build(estimate.stamp_ns, frame, *shown))
 
     def _orientations(self, group: int, human: Prediction) -> Floats | None:
-        """Predicted quaternions (T, 4) of the body that is shown; None where it has none."""
+        """Predicted quaternions (T, 4) of the shown body; None if its orientation is not a DOF."""
         entries = self._model.dofs.observed
         beside = orientation_beside(entries, group)
         if beside is None:
@@ -141,7 +141,7 @@ TUBE_FACES = tube_faces().ravel()
 def to_path(
     time_ns: int, frame: str, human: Prediction, positions: Floats, orientations: Floats | None
 ) -> Path:
-    """The predicted rest of the movement, each pose stamped with the time it is expected at.
+    """Path of the predicted rest of the movement, each pose stamped with its expected time.
 
     Positions are (T, 3) [m], orientations quaternions (T, 4) xyzw; None for no rotation.
     """
@@ -161,15 +161,15 @@ def to_path(
 
 
 def colour(name: str, opacity: float = 1.0) -> ColorRGBA:
-    """The colour "#rrggbb"."""
+    """Message of the colour "#rrggbb"."""
     r, g, b = (int(name[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
     return ColorRGBA(r=r, g=g, b=b, a=opacity)
 
 
 class MarkerBuilder:
-    """Remembers the observed path of the movement under way and draws both paths.
+    """Keeps the observed path of the movement under way, and draws it and the predicted path.
 
-    What is predicted has the colour that its task has on the page and in the reports.
+    The prediction has the colour of its task on the page and in the reports.
     """
 
     def __init__(self, labels: Sequence[str]):
@@ -178,7 +178,7 @@ class MarkerBuilder:
         self._last_ns = 0
 
     def set_labels(self, labels: Sequence[str]) -> None:
-        """Go on with other tasks; those that stay keep their colours."""
+        """Change the tasks; those that stay keep their colours."""
         self._colours = task_colours(labels, self._colours)
 
     def forget(self) -> None:
@@ -186,7 +186,7 @@ class MarkerBuilder:
         self._observed.clear()
 
     def observe(self, stamp_ns: int, position: Floats) -> None:
-        """Remember one observed position (3,) [m]; half a second without begins a new path."""
+        """Add one observed position (3,) [m]; a gap of half a second begins a new path."""
         if abs(stamp_ns - self._last_ns) > 500_000_000:
             self._observed.clear()
         self._last_ns = stamp_ns

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What must hold before the first node of a graph starts: a launch that fails later leaves some."""
+"""Checks before any node of a graph starts: a launch that fails later leaves nodes running."""
 
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -15,17 +15,17 @@ from intent_recognition.share import PACKAGE
 from intent_recognition.untrusted import load_yaml, read_text
 
 NEEDS = {"sim_bridge": "pybullet", "intent_recognition.dashboard": "viser"}
-"""Modules that the nodes of a room need beside what all need."""
+"""For each package with nodes, a module that these need in addition."""
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides")
-"""Parameters that rclpy declares."""
+"""Parameters that rclpy declares in every node (the part of the name before a dot)."""
 FILES = ("model", "bag", "dofs", "sequences", "plan", "task_list", "scene")
-"""Arguments that name a file or folder, where they look like a path."""
+"""Arguments that name a file or folder, the last four only if they contain a slash."""
 
 
 def check_arguments(file: str, known: Sequence[str], command: Sequence[str]) -> None:
-    """Refuse arguments that `ros2 launch` was given for a launch file and nobody takes.
+    """Refuse arguments of `ros2 launch` that the launch file does not have.
 
-    The file is named without `.launch.py`; the command of a process that launches another passes.
+    `file` is named without `.launch.py`; a command that does not name it is not checked.
     """
     if not any(Path(word).name == f"{file}.launch.py" for word in command):
         return
@@ -38,7 +38,7 @@ def check_arguments(file: str, known: Sequence[str], command: Sequence[str]) -> 
 
 
 def check_package(package: str, what: str) -> None:
-    """Make sure that a package of nodes is there, which an argument or launch file needs."""
+    """Refuse an argument or launch file (`what`) that needs a package which is not installed."""
     try:
         get_package_prefix(package)
     except (PackageNotFoundError, LookupError) as error:
@@ -47,7 +47,7 @@ def check_package(package: str, what: str) -> None:
 
 
 def check_needs(calls: Sequence[NodeCall], values: Mapping[str, object]) -> None:
-    """Make sure that packages and files are there."""
+    """Refuse nodes whose packages or modules, and arguments whose files, do not exist."""
     for call in calls:
         if call.package != PACKAGE:
             check_package(call.package, NODES[call.name].when)
@@ -64,10 +64,9 @@ def check_needs(calls: Sequence[NodeCall], values: Mapping[str, object]) -> None
 
 
 def check_sections(path: str, calls: Sequence[NodeCall]) -> None:
-    """Refuse a parameter file with a section that no node takes, or a parameter that it has not.
+    """Refuse a parameter file with a section of no node, or a parameter that its node lacks.
 
-    A section of a node that is not started here, but in another graph, passes. ROS itself passes
-    over what is misspelt.
+    ROS itself ignores misspelt names. A section of a node that only other graphs start is allowed.
     """
     executables = {name: spec.executable or name for name, spec in NODES.items()}
     for section, values in sections(load_yaml(read_text(Path(path))), ""):

@@ -32,10 +32,10 @@ def describe_graph(
     robot_description: Callable[[str], str] = lambda _: "",
     of_arm: Callable[[str], Overrides] = lambda _: {},
 ) -> LaunchDescription:
-    """The arguments of a graph, one of `GRAPHS`, and its nodes.
+    """Describe a graph, one of `GRAPHS`: its arguments and its nodes.
 
-    From the argument `arm`, which may be empty, `robot_description` makes the URDF for
-    robot_state_publisher, and `of_arm` parameters that depend on the arm, by node.
+    Both functions take the argument `arm`, which may be empty: `robot_description` makes the URDF
+    for robot_state_publisher, and `of_arm` the parameters that depend on the arm, by node.
     """
     spec = GRAPHS[graph]
     entities: list = []
@@ -90,7 +90,7 @@ def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]
         parameters=[*own, *files, typed],
         remappings=list(call.remappings),
         arguments=arguments,
-        ros_arguments=["--enclave", call.enclave],  # without SROS 2 it says nothing
+        ros_arguments=["--enclave", call.enclave],  # no effect without SROS 2
         output="screen",
         respawn=call.respawns,
         respawn_delay=2.0,
@@ -99,13 +99,13 @@ def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]
 
 
 def end_if_refused(event: Any, _context: object) -> None:
-    """End the launch where a node cannot run (exit code 1): a new start would be no better."""
+    """End the launch if a node cannot run (exit code 1), since a restart would not help."""
     if event.returncode == 1:
         raise IntentError(f"{event.process_name} cannot run; what it logged says why")
 
 
 def _section(file: str, call: NodeCall) -> dict[str, object]:
-    """What a file says of nodes of this executable."""
+    """Parameters in a file for the node named after the executable."""
     node, found = replace(call, name=call.executable).enclave, dict[str, object]()
     for section, values in sections(load_yaml(read_text(Path(file))), ""):
         if holds_for(section, node):

@@ -21,9 +21,9 @@ class ManagedNode(LifecycleNode):
     parameter `autostart` (default true) the node is then active, and an IntentError raised on
     the way reaches the caller; otherwise it waits for `~/change_state`.
 
-    rclpy swallows what lifecycle callbacks raise; here an IntentError is logged in one line and
-    the transition fails (the node stays in the state it came from), anything else is logged
-    with its traceback and the transition goes through error processing to unconfigured.
+    rclpy swallows exceptions of lifecycle callbacks. Here an IntentError is logged in one line and
+    the transition fails, so that the node keeps its state. Any other exception is logged with its
+    traceback, and the transition goes through error processing to unconfigured.
     """
 
     def __init__(self, name: str, **kwargs: Any) -> None:
@@ -43,7 +43,7 @@ class ManagedNode(LifecycleNode):
     def deactivate(self) -> None:
         """Stop acting, safely; called on the way from active to inactive or finalized.
 
-        Also after `activate` failed, however far that came.
+        It is also called after `activate` has failed at any point.
         """
 
     @property
@@ -52,7 +52,7 @@ class ManagedNode(LifecycleNode):
         return self._state_machine.current_state[1] == "active"
 
     def check_active(self) -> None:
-        """Refuse what only an active node does."""
+        """Raise an ArgumentError if the node is not active."""
         if not self.active:
             raise ArgumentError("the node is not active")
 
@@ -79,7 +79,7 @@ class ManagedNode(LifecycleNode):
         return self._guard(self.configure, super().on_configure, state, "inactive")
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Handle the transition to active; where it fails, what it had begun is ended."""
+        """Handle the transition to active; if it fails, `deactivate` ends what had begun."""
 
         def activate() -> None:
             try:
