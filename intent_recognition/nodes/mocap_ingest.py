@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node: raw tracker poses `mocap/<body>/pose` to world-frame odometry `human/<body>`."""
+"""Node: turns raw tracker poses `mocap/<body>/pose` into world-frame odometry `human/<body>`."""
 
 import time
 from collections import deque
@@ -48,11 +48,11 @@ LIVE = {
     "orientation_std_rad": "orientation_std_rad",
     "reanchor_after": "reanchor_after",
 }
-"""Parameters that may change while the node runs, and the settings they set."""
+"""Parameters that may change while the node runs, with their fields of `IngestSettings`."""
 
 
 class MocapIngest(Node):
-    """Translates messages to `tracking.ingest_pose` and back, one state per body."""
+    """Passes poses to `tracking.ingest_pose` and publishes the results; one state per body."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("mocap_ingest", **kwargs)
@@ -152,7 +152,7 @@ class MocapIngest(Node):
             self._identified(body, measured)
 
     def _look(self) -> None:
-        """Go on with poses whose transforms have come, in order; refuse those that waited long."""
+        """Use waiting poses, in order, once their transforms have come; reject those too old."""
         for body, waiting in self._waiting.items():
             while waiting:
                 since_s, measured = waiting[0]
@@ -170,7 +170,7 @@ class MocapIngest(Node):
     def _in_world(self, measured: PoseNumbers) -> PoseNumbers:
         known = frame_name(measured.frame_id) in self._settings.frames
         if known or measured.stamp_ns <= 0 or not np.isfinite(measured.pose).all():
-            return measured  # as it is, to be checked
+            return measured  # unchanged, for `ingest_pose` to check
         world = self._settings.world_frame
         frame = self._tree.lookup(world, measured.frame_id, measured.stamp_ns)
         turned = multiply_quaternions(frame.quaternion, measured.pose[3:])

@@ -14,7 +14,7 @@ from intent_recognition.nodes.conversions import orientation_array, position_arr
 from intent_recognition.warping import Emptying, PouringParameters, References, SeenContainer
 
 TYPES = dict(enumerate(("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"), PointField.INT8))
-"""Kinds of numbers by their constants, from INT8 to FLOAT64."""
+"""NumPy types by the constants of PointField, from INT8 to FLOAT64."""
 POSITION = ("x", "y", "z")
 NORMAL = ("normal_x", "normal_y", "normal_z")
 LABEL = "label"
@@ -77,7 +77,7 @@ def to_labelled_cloud(
 
 
 PERCENTS = tuple(range(100, 0, -5))
-"""Shares of the volume whose tilts are told [%]. Convention: between them 0.5 % of it are lost."""
+"""Shares of the volume whose tilts are sent [%]; interpolating loses 0.5 % of it."""
 EMPTY_NAME = "tilt_empty_rad"
 _ENDINGS = ("_x", "_y", "_z")
 
@@ -85,7 +85,7 @@ _ENDINGS = ("_x", "_y", "_z")
 def to_named_vector(header: Header, parameters: PouringParameters, holds: Emptying) -> JointState:
     """Parameters as a stamped named vector: a point has three entries, `_x`, `_y` and `_z`.
 
-    What it holds is told as the tilts that leave 100, 95, .. 5 % (`tilt_leaving_50_percent_rad`).
+    The contents are given by the tilts that leave 100, 95, .. 5 % (`tilt_leaving_50_percent_rad`).
     """
     message = JointState(header=header)
     for name, value in parameters._asdict().items():
@@ -101,10 +101,10 @@ def to_named_vector(header: Header, parameters: PouringParameters, holds: Emptyi
 
 
 def seen_container(vector: JointState, pose: PoseStamped) -> SeenContainer:
-    """What `object/parameters` and `object/pose` say of one container.
+    """Read one container from `object/parameters` and `object/pose`.
 
     Raises:
-        MessageError: a parameter is missing or not finite, or the two are of different frames.
+        MessageError: a parameter is missing or not finite, or the two have different frames.
     """
     if vector.header.frame_id != pose.header.frame_id:
         got = f"{vector.header.frame_id!r} and {pose.header.frame_id!r}"

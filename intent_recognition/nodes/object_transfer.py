@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node: feels at the hand who carries an object, and says how hard to grip it and when to let go.
+"""Node: estimates from the force at the hand who carries an object, and controls grip and release.
 
-From `joint_states` and the arm's model, or from `wrench` where there is a sensor. The gripper
-follows `grip_force` on `intent/transfer`, and tells on `intent/holding` what else it grasped or
-let go.
+The force comes from `joint_states` and the arm's model, or from `wrench` if there is a sensor. The
+gripper follows `grip_force` on `intent/transfer`, and publishes on `intent/holding` what it grasped
+or let go by itself.
 """
 
 from collections import deque
@@ -48,18 +48,18 @@ from intent_recognition.transfer import (
 
 TRANSFER, HOLDING, WRENCH = "intent/transfer", "intent/holding", "wrench"
 NAMES = ("load_share", "load", "weight", "grip_force", "slip")
-"""Of the values on `intent/transfer`: the person's share, the load and the weight [N], the force of
-each finger [N] (0: open), and 1 while the object slips."""
+"""Names of the values on `intent/transfer`: the person's share of the load, the load and the weight
+[N], the force of each finger [N] (0: open), and 1 while the object slips."""
 HOLDS = Holding.CARRYING, Holding.OFFERING, Holding.RELEASING, Holding.RETURNING
 """States in which an object is between the fingers."""
 UNDER_WAY = GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING, GoalStatus.STATUS_CANCELING
 """States of a controller's goal in which the arm may move."""
 FRESH_S = 0.3
-"""A tracked hand or a wrench counts for so long [s]. Convention: a few samples of slow sensors."""
+"""Age up to which a tracked hand, wrench or state is used [s]: a few samples of slow sensors."""
 
 
 class ObjectTransfer(Node):
-    """Translates joint states to `transfer.TransferMachine` and back."""
+    """Passes joint states to `transfer.TransferMachine` and publishes its output."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("object_transfer", **kwargs)
@@ -122,7 +122,7 @@ class ObjectTransfer(Node):
     def _situation(
         self, message: JointState, arm: Arm, estimator: LoadEstimator
     ) -> Situation | None:
-        """What is felt and seen; None where the message has not what that needs."""
+        """What is measured of hand and person; None if the message lacks what that needs."""
         at_ns, names = stamp_ns(message), arm.joint_names
         try:
             q, velocity = (joint_values(message, names, of) for of in ("position", "velocity"))
@@ -157,7 +157,7 @@ class ObjectTransfer(Node):
         )
 
     def _request(self) -> Request:
-        """What the active task asks for; between tasks what is held is held on to."""
+        """Request of the active task; `NOTHING` between tasks, so that a held object is kept."""
         if self._task in self._takes and self._machine.holding is not Holding.CARRYING:
             return Request.TAKE
         return Request.GIVE if self._task and self._task not in self._takes else Request.NOTHING
@@ -175,7 +175,7 @@ class ObjectTransfer(Node):
         return None
 
     def _look(self, at_ns: int, hand_m: Floats) -> tuple[bool | None, Floats | None, float]:
-        """Whether the helped person's hand is near, the way from the base to it, and its speed."""
+        """Whether the helped person's hand is near, its direction from the base, and its speed."""
         person = self._people.get(self._attended, ())
         seen = next((seen for seen in reversed(person) if seen[0] < at_ns), None)
         if seen is None or at_ns - seen[0] > FRESH_S * 1e9:
@@ -188,7 +188,7 @@ class ObjectTransfer(Node):
         self._task = message.data
 
     def _on_holding(self, message: Bool) -> None:  # what the gripper took, or let go, by itself
-        holding = self._machine.holding  # it may say so again and again, and while fingers close
+        holding = self._machine.holding  # messages may repeat, and come while fingers close
         if message.data and holding in (Holding.EMPTY, Holding.RECEIVING):
             self._machine.carry()
         elif holding in HOLDS and not message.data:
@@ -203,7 +203,7 @@ class ObjectTransfer(Node):
         self._executes = any(goal.status in UNDER_WAY for goal in message.status_list)
 
     def _controller_executes(self) -> bool:
-        """Whether a goal is under way; one that died with its controller is not."""
+        """Whether a goal is under way; a goal whose controller died does not count."""
         self._executes = self._executes and self.count_publishers(self._goals) > 0
         return self._executes
 
@@ -234,7 +234,7 @@ class ObjectTransfer(Node):
 
 
 def to_message(of: JointState, output: TransferOutput, load_n: float) -> JointState:
-    """`intent/transfer`: the state is its `frame_id`, the stamp that of the joint state."""
+    """Message for `intent/transfer`: `frame_id` is the state, the stamp is the joint state's."""
     message = JointState(name=list(NAMES))
     message.header.stamp, message.header.frame_id = of.header.stamp, output.holding.value
     values = (output.share, load_n, output.weight_n, output.grip_n, float(output.slip))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node: warps an annotated object onto each seen one.
 
-`object/cloud` gives `object/labelled_cloud`, `object/parameters` and `object/pose`, and
-`object/grasp` if a grasp is annotated; its lip is toward `object/toward`, where that is known.
+Each `object/cloud` yields `object/labelled_cloud`, `object/parameters` and `object/pose`, and
+`object/grasp` if a grasp is annotated. The lip point faces `object/toward`, if that is known.
 """
 
 import time
@@ -45,7 +45,7 @@ PARAMETERS, TOWARD = "object/parameters", "object/toward"
 
 
 class ObjectWarper(Node):
-    """Translates clouds to `warping.warp_object` and back; keeps the other container's place."""
+    """Passes clouds to `warping.warp_object` and publishes the results."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("object_warper", **kwargs)
@@ -101,7 +101,7 @@ class ObjectWarper(Node):
         self._diagnostics.latency(time.perf_counter() - start_s)
 
     def _grasp_on(self, warped: WarpedObject) -> Grasp | None:
-        """The annotated grasp on what is seen; None without one, or where it does not fit."""
+        """The annotated grasp on the seen object; None without one, or if it does not fit."""
         if self._source.annotated.grasp is None:
             return None
         try:
@@ -117,7 +117,7 @@ class ObjectWarper(Node):
             self._diagnostics.reject("not_finite", f"{TOWARD} holds NaN or infinity")
 
     def _other_m(self, frame: str) -> Floats | None:
-        """Place (3,) of the other container, if it is known in this frame."""
+        """Position (3,) [m] of the other container; None unless it is known in this frame."""
         if self._toward is None:
             return None
         if self._toward.header.frame_id != frame:
@@ -127,7 +127,7 @@ class ObjectWarper(Node):
         return position_array(self._toward.pose)
 
     def _target(self, points: Floats, normals: Floats | None) -> ObjectCloud:
-        """The object, without pixels that have no depth, thinned evenly to `n_points`."""
+        """The seen object without pixels that lack depth, thinned evenly to `n_points`."""
         seen = np.isfinite(points).all(1)
         if normals is not None:
             seen &= np.isfinite(normals).all(1)

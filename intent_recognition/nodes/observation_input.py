@@ -39,12 +39,12 @@ def human_topic(entry: DofEntry, person: str = "") -> str:
 
 
 class ObservationInput:
-    """One subscription for each observed topic; all entries of the topic read its messages.
+    """Subscribes to each observed topic; all DOF entries of a topic read its messages.
 
-    `observe` takes an observation and the name of its topic, and returns False if it was refused;
-    `observe_context` the same for samples of the scene. Poses of a person with a name are heard on
-    human/<person>/<body>, other things on <person>/<topic>; those of the scene are everybody's.
-    Messages that cannot be read are counted under `missing_dof` or `malformed`.
+    `observe` takes an observation and the name of its topic, and returns False if it refuses them;
+    `observe_context` does the same for samples of the scene. Poses of a named person are read from
+    human/<person>/<body> and their other signals from <person>/<topic>; all people share the
+    scene's topics. Messages that cannot be read are counted under `missing_dof` or `malformed`.
     """
 
     def __init__(
@@ -63,17 +63,17 @@ class ObservationInput:
         self.learned_in({})
 
     def configure(self, dofs: DofSpec) -> None:
-        """Find the message types.
+        """Set the DOFs, and find their message types.
 
         Raises:
-            MessageError: one of them is not installed.
+            MessageError: a message type is not installed.
         """
         self._dofs = dofs
         entries = (*dofs.observed, *dofs.velocities, *dofs.context)
         self._kinds = {entry.type: message_class(entry.type) for entry in entries}
 
     def learned_in(self, frames: Frames) -> None:
-        """Say, once for each topic, when its poses are in another frame than the model's."""
+        """Set the frames that the model was learned in; one warning per topic names any other."""
         self._frames = frames
         self._warned: set[str] = set()
 
@@ -94,7 +94,7 @@ class ObservationInput:
             source = self._backlog.subscribe(self._node, kind, name, callback, deep, raw=raw)
             context = any(reader.entry.context for reader in readers)
             self._diagnostics.watch(source, name, needed=not (context or self._person))
-            if context:  # it may have been said before
+            if context:  # a latched sample may have been sent before
                 self._backlog.subscribe(self._node, kind, name, callback, qos.LATCHED, raw=raw)
 
     def _heard_on(self, entry: DofEntry, raw: bool) -> str:
@@ -108,7 +108,7 @@ class ObservationInput:
         self._diagnostics.unwatch(self._backlog.close(self._node))
 
     def _on_odometry(self, name: str, readers: list[ObservationReader], data: bytes) -> None:
-        """Take a tracked pose; its twist is computed from poses and not an observation."""
+        """Take a tracked pose, without its twist, which is computed from poses."""
         start_s = time.perf_counter()
         self._diagnostics.tick(name)
         try:

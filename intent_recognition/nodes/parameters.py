@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of a node: declared with type, range and description; where their values come from."""
+"""Declaration of a node's parameters with type, range and description, and sources of values."""
 
 import math
 import re
@@ -43,14 +43,14 @@ _checked: weakref.WeakSet[Node] = weakref.WeakSet()
 def declare(node: Node, part: str) -> dict[str, Any]:
     """Declare the parameters of a part of a node, and return their values by name.
 
-    Those that are declared already keep their values.
+    Parameters that are already declared keep their values.
 
     Returns:
         The values, with overrides applied. Integers given for floats (`rate:=0`) become floats; an
         array becomes a Python list, and an unset one `[]`.
 
     Raises:
-        ArgumentError: an override has the wrong type, is not finite, or is not among those allowed.
+        ArgumentError: an override has the wrong type, is not finite, or is not an allowed value.
     """
     specs = parameter_parts()[part]
     for name, spec in specs.items():
@@ -62,7 +62,7 @@ def declare(node: Node, part: str) -> dict[str, Any]:
 def declare_one(node: Node, name: str, spec: ParameterSpec) -> Any:
     """Declare a parameter, and return its value; see `declare`.
 
-    With any type at first, since an integer is taken for a float; then it keeps to its own.
+    The parameter has any type at first, so that an integer can be taken for a float, then its own.
     """
     if node not in _checked:
         _checked.add(node)
@@ -108,11 +108,11 @@ def keep_live(
     check: Callable[[Changes], object],
     apply: Callable[[Changes], object],
 ) -> None:
-    """Let parameters of a node change.
+    """Let parameters of a node change while it runs.
 
-    rclpy refuses wrong types, values out of range and read-only parameters, and `declare`
-    what is not finite; `check` raises an IntentError if values do not fit one another, and changes
-    nothing; `apply` takes them.
+    rclpy refuses wrong types, values out of range and read-only parameters; `declare` has NaN and
+    infinity refused. `check` raises an IntentError if values do not fit together, and changes
+    nothing; `apply` puts values in force.
     """
     known = frozenset(names)
 
@@ -167,7 +167,7 @@ def _descriptor(kind: Parameter.Type, spec: ParameterSpec) -> ParameterDescripto
 
 
 def _refuse_not_finite(parameters: list[Parameter]) -> SetParametersResult:
-    """Let no parameter become NaN or infinite at run time: a range alone lets NaN through."""
+    """Refuse NaN and infinity at run time; a range alone would accept NaN."""
     for changed in parameters:
         is_array = changed.type_ == Parameter.Type.DOUBLE_ARRAY
         values = changed.value if is_array else [changed.value]
@@ -186,12 +186,12 @@ def parameter_sources(arguments: Sequence[str], node: str) -> dict[str, str]:
     """Where each parameter given to a node on its command line was set last.
 
     Args:
-        arguments: the process's own, with `--ros-args ... --params-file F -p name:=value`.
+        arguments: those of the process, with `--ros-args ... --params-file F -p name:=value`.
         node: full name of the node, with its namespace.
 
     Returns:
-        Parameter name to a file's path, `COMMAND_LINE` or `LAUNCH`. A parameter that is not here
-        has its default. Files that cannot be read are passed over: rcl refuses them itself.
+        Parameter name to a file's path, `COMMAND_LINE` or `LAUNCH`. Parameters with their default
+        are missing. Files that cannot be read are ignored: rcl refuses them itself.
     """
     sources: dict[str, str] = {}
     options = list(arguments)
@@ -223,7 +223,7 @@ def _names(path: str, node: str) -> list[str]:
 
 
 def sections(content: Any, prefix: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Names of nodes with their parameters; names may be nested, namespace by namespace."""
+    """Names of nodes and their parameters in a file, where names may be nested by namespace."""
     if not isinstance(content, Mapping):
         return
     for key, value in content.items():
@@ -234,7 +234,7 @@ def sections(content: Any, prefix: str) -> Iterator[tuple[str, Mapping[str, Any]
 
 
 def holds_for(section: str, node: str) -> bool:
-    """Whether a section holds for a node; `*` is one name, `**` any number of them."""
+    """Whether a section applies to a node; `*` matches one name, `**` any number of names."""
     parts = {"**": r"(/[^/]+)*", "*": r"/[^/]+"}
     pattern = "".join(parts.get(p, "/" + re.escape(p)) for p in section.strip("/").split("/"))
     return re.fullmatch(pattern, node) is not None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""People by name in the nodes: whose topics there are, and whose the tracker's bodies are."""
+"""Named people in the nodes: finds their topics, and assigns the tracker's bodies to them."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -17,12 +17,12 @@ from intent_recognition.nodes.runtime import steady_timer
 from intent_recognition.tracking import NOBODY, Identities, IngestSettings, frame_name, identify
 
 ANYBODY = "*"
-"""Stands for everybody whose topics appear."""
+"""Name that stands for everybody whose topics appear."""
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 
 
 def named_people(node: Node) -> list[str]:
-    """The parameter `persons`: ids as in REP 155; empty for one person, who has none.
+    """The parameter `persons`: ids as in REP 155; empty for one person, who has no name.
 
     Raises:
         ArgumentError: a name cannot be part of a topic, or is given twice.
@@ -37,10 +37,10 @@ def named_people(node: Node) -> list[str]:
 
 
 def meet(node: Node, template: str, act: Callable[[str], object]) -> bool:
-    """Act once for each person; whether the parameter `persons` names any.
+    """Call `act` once for each person; returns whether the parameter `persons` names any.
 
-    The template is of a topic that each person has, with {} for the name. Where the parameter asks
-    for that, the action follows later for whoever appears.
+    `template` is a topic that each person has, with {} for the name. If the names include
+    `ANYBODY`, `act` is also called later for each person whose topic appears.
     """
     names = named_people(node)
     met = set(names) - {ANYBODY}
@@ -52,7 +52,7 @@ def meet(node: Node, template: str, act: Callable[[str], object]) -> bool:
 
 
 def meet_all(node: Node, template: str, act: Callable[[str], object], met: set[str]) -> None:
-    """Act once for whoever's topic appears, for at most a hundred people; see `meet`."""
+    """Call `act` once for each person whose topic appears, at most a hundred; see `meet`."""
     parts = node.resolve_topic_name(template.format("X_X")).split("X_X")
     pattern = re.compile(f"({_NAME.pattern})".join(map(re.escape, parts)), re.ASCII)
 
@@ -76,10 +76,10 @@ class _Snapshot(NamedTuple):
 
 
 class IdentityInput:
-    """Collects the bodies of a snapshot, and passes them on by person.
+    """Collects the bodies measured at one time in a snapshot, and passes them on by person.
 
-    A snapshot is complete once all who were seen the last time have come; after 50 ms it is taken
-    as it is. The position of `body` tells who it is; `send` takes person, body and pose.
+    A snapshot is complete once everybody of the last one has come; after 50 ms it is used as it
+    is. People are identified by the position of `body`; `send` takes person, body and pose.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class IdentityInput:
         self.forget()
 
     def forget(self) -> None:
-        """What comes next is earlier."""
+        """Forget all people: later poses may have earlier stamps."""
         self._identities = Identities()
         self._who: dict[str, str] = {}
         self._expected: set[str] = set()
@@ -97,11 +97,11 @@ class IdentityInput:
         self._newest_ns = self._taken_ns = self._doubtful_ns = 0
 
     def take(self, label: str, body: str, measured: PoseNumbers, settings: IngestSettings) -> None:
-        """Take a pose that the tracker has given a label."""
+        """Take a pose with the label that the tracker has given it."""
         frame, stamp_ns = frame_name(measured.frame_id), measured.stamp_ns
         usable = stamp_ns > 0 and bool(np.isfinite(measured.pose).all())
         if not usable or frame not in settings.frames:
-            self._send(self._who.get(label) or label, body, measured)  # to be refused
+            self._send(self._who.get(label) or label, body, measured)  # the receiver rejects it
             return
         since_ns, off_ns = stamp_ns - self._doubtful_ns, abs(stamp_ns - self._newest_ns)
         goes_on = self._doubtful_ns and 1_000_000 <= since_ns <= off_ns

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is believed of one person: observations in, and what is recognised and predicted out."""
+"""Input and output of one person's estimator: observations in, estimates and predictions out."""
 
 from collections.abc import Callable, Hashable
 
@@ -26,10 +26,10 @@ WAITING = Level.OK, "waiting for a movement"
 
 
 class PersonBelief:
-    """Translates messages of one person to `recognition.IntentEstimator`, and its estimates back.
+    """Passes messages of one person to `recognition.IntentEstimator`, and publishes its estimates.
 
-    Somebody with a name who was not seen for `tracking.LOST_S` is forgotten; the only one has no
-    name. `on_change` is called when status or next task may have changed.
+    A named person who was not seen for `tracking.LOST_S` is forgotten; a single person has no name.
+    `on_change` is called when status or next task may have changed.
     """
 
     estimator: IntentEstimator
@@ -58,7 +58,7 @@ class PersonBelief:
         self._left_overs = LeftOvers({})
 
     def configure(self, model: Model, dofs: DofSpec, estimator: IntentEstimator) -> None:
-        """Go by a model."""
+        """Set the model, the DOFs to observe and the estimator."""
         self.estimator = estimator
         self.inputs.configure(dofs)
         self._use(model)
@@ -72,17 +72,17 @@ class PersonBelief:
         self.inputs.learned_in(frames_of(model.library))
 
     def reload(self, model: Model) -> None:
-        """Go on with another model of the same DOFs."""
+        """Replace the model by another one of the same DOFs."""
         self.estimator.swap(model.library)
         self._use(model)
         self.output.swap(model)
 
     def tell_next(self) -> bool:
-        """Publish what may come next, if that has changed; whether so."""
+        """Publish the next task if it has changed; returns whether it has."""
         return self._next_task.update(self.estimator)
 
     def forget(self) -> None:
-        """Forget the movement and what came before."""
+        """Forget the movement under way and those before it."""
         self.estimator.reset()
         self.output.forget()
         self._moving = self._silent = False
@@ -91,7 +91,7 @@ class PersonBelief:
         self._on_change(self)
 
     def start_over(self) -> None:
-        """The clock went back: what comes next is earlier."""
+        """Accept earlier stamps again, after the clock went back."""
         self._left_overs, self._last_ns = LeftOvers(self._last_ns), {}
 
     def _say(self, level: Level, text: str) -> None:
@@ -99,7 +99,7 @@ class PersonBelief:
         self._on_change(self)
 
     def _take_answer(self, message: String) -> None:
-        """Count what a person says the movement is as evidence, from the next observation on."""
+        """Use a person's answer as evidence for the task, from the next observation on."""
         if not self._node.active:
             return
         try:
@@ -118,7 +118,7 @@ class PersonBelief:
         self._newest_ns = stamp_ns
         try:
             estimate = self.estimator.update(observation)
-        except ArgumentError as error:  # numbers so large that nothing can be computed of them
+        except ArgumentError as error:  # numbers that are too large to compute with
             self._diagnostics.reject("not_finite", f"{topic}: {one_line(error)}")
             self.forget()
             return False
@@ -149,7 +149,7 @@ class PersonBelief:
         return True
 
     def _publish(self, estimate: Estimate, observation: Observation) -> None:
-        """Publish the prediction before the tasks: who decides on them needs its certain end."""
+        """Publish the prediction before the tasks: a decision also needs to know its end."""
         if estimate.moving:
             self._publish_prediction(estimate, observation)
         self.output.publish_tasks(estimate)
@@ -174,9 +174,9 @@ class PersonBelief:
                 self.output.publish_human(estimate, human, self.inputs.frame)
 
     def look(self) -> None:
-        """Tell whether the person's stream is silent, or too sparse."""
+        """Update the status if the person's stream is silent, or too sparse."""
         silent_s = elapsed_s(self._node) - self._last_arrival_s
-        # by default the arm slows then
+        # by default the arm slows after this time
         slows_s = parameter_parts()["activation"]["timeout"].default
         if self._moving and silent_s > slows_s:
             self._silent = True

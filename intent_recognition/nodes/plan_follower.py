@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plan of an assembly in the estimator node: a parameter in, how far it is out."""
+"""The plan of an assembly in the estimator node: parameter in, progress out."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,9 +21,10 @@ PLAN = "plan"
 
 
 class PlanFollower:
-    """The parameter `plan`, the topic `intent/plan` with what is believed of each step, and the
-    service `save_plan`, which writes the plan in force into the file that the parameter named last.
-    Several people work on one assembly: what each of them has done counts for all.
+    """Takes the parameter `plan`, and publishes the progress of the assembly on `intent/plan`.
+
+    Several people work on one assembly: a step that one of them has done counts for all. The
+    service `save_plan` writes the plan in force to the file that the parameter named last.
 
     `intent/plan` is a diagnostic_msgs/DiagnosticStatus: `message` names the steps that were
     forgotten and those that may come, and `values` hold for each step "done", "may come",
@@ -39,13 +40,13 @@ class PlanFollower:
         self._published: DiagnosticStatus | None = None
 
     def check(self, text: str, estimators: Sequence[IntentEstimator]) -> None:
-        """Make sure that a value of the parameter can be taken."""
+        """Refuse a value of the parameter that cannot be used."""
         plan = _read(text)
         if plan is not None and estimators:
             WorkProgress(plan, estimators[0].library.labels)
 
     def change(self, text: str) -> None:
-        """Take a value that was checked; `follow` puts it in force."""
+        """Set a value that was checked; `follow` puts it in force."""
         self._plan = _read(text)
         self._file = self._file if "\n" in text else text
 
@@ -64,7 +65,7 @@ class PlanFollower:
         estimator.expectation.follow(self._plan)
 
     def share(self, everybody: Sequence[IntentEstimator]) -> None:
-        """Let all know what one person has done, and who was forgotten what the others have."""
+        """Give all people's estimators the furthest progress, also those that were reset."""
         followed = [one.expectation.progress for one in everybody]
         found = [progress for progress in followed if progress is not None]
         if len(found) < 2:
@@ -76,7 +77,7 @@ class PlanFollower:
                 one.expectation.share(furthest)
 
     def update(self, estimator: IntentEstimator) -> None:
-        """Publish how far the assembly is, if that has changed."""
+        """Publish the progress of the assembly, if it has changed."""
         progress = estimator.expectation.progress
         message = DiagnosticStatus(name=PLAN, message="no plan")
         if progress is not None and self._plan is not None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Things of a MoveIt planning scene as boxes, and ours as such things. Needs moveit_msgs."""
+"""Exchange of boxes with a MoveIt planning scene. Needs moveit_msgs."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -20,17 +20,17 @@ from intent_recognition.nodes.runtime import steady_timer
 
 OFF, READ, OFFER, BOTH = "off", "read", "offer", "both"
 MONITORED, CHANGES = "monitored_planning_scene", "planning_scene"
-"""Topics on which move_group tells its scene, and takes changes of it."""
+"""Topics on which move_group publishes its scene, and takes changes to it."""
 
 
 class PlanningSceneLink:
-    """The things that move_group knows, and ours for it.
+    """Reads the objects of move_group as `boxes`, and offers it our own boxes.
 
-    What is done is `use`: `OFF`, `READ`, `OFFER` or `BOTH`. Our own boxes stand in the frame of the
-    scene, and are not taken back from it; objects in another frame are rejected.
+    `use` is `OFF`, `READ`, `OFFER` or `BOTH`. Our own boxes are in the frame of the scene, and are
+    not read back from it. Objects in another frame are rejected.
 
     Raises:
-        ArgumentError: moveit_msgs is not installed for it.
+        ArgumentError: moveit_msgs is needed, but not installed.
     """
 
     def __init__(
@@ -51,10 +51,10 @@ class PlanningSceneLink:
             node.create_subscription(PlanningScene, MONITORED, self.take, qos.STATE)
         if use in (OFFER, BOTH) and own:
             self._changes = node.create_publisher(PlanningScene, CHANGES, qos.STATE)
-            steady_timer(node, 1.0, self._offer)  # for who comes later, too
+            steady_timer(node, 1.0, self._offer)  # repeated for late subscribers
 
     def take(self, scene: Any) -> None:
-        """Take a `moveit_msgs/msg/PlanningScene`: a whole one, or what has changed."""
+        """Take a `moveit_msgs/msg/PlanningScene`: a whole one, or changes to it."""
         if not scene.is_diff:
             self._things.clear()
         for thing in scene.world.collision_objects:
@@ -100,8 +100,8 @@ class PlanningSceneLink:
 def enclosing_boxes(thing: Any) -> tuple[Box, ...]:
     """Boxes around the primitives and meshes of a `moveit_msgs/msg/CollisionObject`.
 
-    A box is itself; a sphere, cylinder, cone or mesh is enclosed along its own axes. Shapes
-    without an extent, or that are not numbers, are left out.
+    A box stays as it is; a sphere, cylinder, cone or mesh is enclosed along its own axes. Shapes
+    without an extent, or with numbers that are not finite, are left out.
     """
     found = []
     shapes = [
@@ -119,7 +119,7 @@ def enclosing_boxes(thing: Any) -> tuple[Box, ...]:
 
 
 def _pairs(shapes: Sequence[Any], poses: Sequence[Any]) -> Iterable[tuple[Any, Any]]:
-    """Shapes with their poses; the last ones may go without."""
+    """Shapes with their poses; missing poses at the end are the identity."""
     return zip(shapes, [*poses, *[Pose()] * (len(shapes) - len(poses))], strict=False)
 
 
@@ -144,7 +144,7 @@ def _mesh(mesh: Any) -> tuple[Floats, Floats]:
 
 
 def _rotation(pose: Pose) -> Rotation:
-    """Its orientation; none where it was not filled, as MoveIt takes it."""
+    """Rotation of a pose; the identity if its quaternion was not filled, as in MoveIt."""
     quaternion = orientation_array(pose)
     usable = np.all(np.isfinite(quaternion)) and quaternion.any()
     return Rotation.from_quat(quaternion) if usable else Rotation.identity()

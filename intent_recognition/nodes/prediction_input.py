@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a message with a prediction to a path of the arm's joints, or why it is not acted on."""
+"""Conversion of a predicted trajectory to a path of the arm's joints, or to a rejection."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from intent_recognition.signals import POSITION_FIELDS
 
 
 class RejectionError(IntentError):
-    """An input that is not acted on, with the reason it is counted under."""
+    """An input that is not acted on, with the `reason` that it is counted under."""
 
     def __init__(self, reason: str, text: str):
         super().__init__(text)
@@ -24,10 +24,10 @@ class RejectionError(IntentError):
 
 
 class PredictionNumbers(NamedTuple):
-    """What a message with a prediction holds: times (T,) from the stamp, and rows (T, d) each.
+    """Contents of a message with a prediction: times (T,) [s] from the stamp, and arrays (T, d).
 
-    The onset is 0 without a stamp. `of_hand` says that the columns are those of a hand instead of
-    joints, `end_std` the largest standard deviation of each unit at the end.
+    The onset is 0 without a stamp. `of_hand` is whether the columns are those of a hand instead of
+    joints, and `end_std` the largest standard deviation at the end, by unit.
     """
 
     label: str
@@ -40,11 +40,11 @@ class PredictionNumbers(NamedTuple):
 
 
 def read_prediction(message: JointTrajectory) -> PredictionNumbers:
-    """The numbers of a message with a prediction.
+    """Read a message with a prediction.
 
     Raises:
-        RejectionError: it cannot be acted on.
-        MessageError: points with different numbers of values.
+        RejectionError: the prediction cannot be acted on.
+        MessageError: the points have different numbers of values.
     """
     label, of_hand = message.header.frame_id, is_hand(tuple(message.joint_names))
     if not label:
@@ -75,13 +75,13 @@ def joint_path(
     *,
     hand_of: tuple[Arm, Floats] | None = None,
 ) -> JointPath:
-    """The path of the arm's joints from positions (T, n) [rad] at increasing times (T,).
+    """Make a path of the arm's joints from positions (T, n) [rad] at increasing times (T,) [s].
 
-    Without velocities (T, n) [rad/s], they are those of the positions. With `hand_of`, an arm and
-    the posture (n,) [rad] that its joints are drawn to, the positions (T, 3 or 6) are of its hand.
+    Velocities (T, n) [rad/s] that are None follow from the positions. With `hand_of`, an arm and
+    the posture (n,) [rad] that its joints are drawn to, the positions (T, 3 or 7) are of its hand.
 
     Raises:
-        RejectionError: the hand cannot get there, or a joint would leave its range.
+        RejectionError: the hand cannot reach a position, or a joint would leave its range.
     """
     if hand_of is not None:
         (arm, rest), velocities = hand_of, None
@@ -97,5 +97,5 @@ def joint_path(
 
 
 def reason_of(error: IntentError, usual: str) -> str:
-    """What an input that is not acted on is counted under."""
+    """Reason under which an input that is not acted on is counted; `usual` if none is known."""
     return error.reason if isinstance(error, RejectionError) else usual

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node: recognised task and predicted trajectory to the arm's `joint_trajectory`."""
+"""Node: turns recognised tasks and predicted trajectories into the arm's `joint_trajectory`."""
 
 import sys
 import time
@@ -56,15 +56,15 @@ from intent_recognition.nodes.services import serve
 from intent_recognition.promp import Trajectory
 
 TASKS, PREDICTION = "intent/tasks", "intent/robot_trajectory"
-"""Streams that are noted together for all people."""
+"""Streams whose messages are counted together for all people."""
 OF_ARM = "joint_states of the arm"
-"""Stream of those that are not of other joints alone, such as a gripper's."""
+"""Stream of the messages on `joint_states` that are not of other joints only (a gripper's)."""
 SENDERS = {TASKS: "estimator or tracker", OF_ARM: "arm driver"}
-"""Streams that never pause while all is well, and who is dead if they do."""
+"""Streams that never pause in normal operation, and who has failed if one does."""
 
 
 class PrimitiveActivation(ManagedNode):
-    """Translates messages to `activation.Activation` and its commands to messages.
+    """Passes messages to `activation.Activation`, and publishes its commands.
 
     Joint names come from the model file, or from the first acceptable trajectory when no model
     is given. All times are those of the node's clock, so that it works on simulated time.
@@ -115,11 +115,11 @@ class PrimitiveActivation(ManagedNode):
     # Lifecycle
 
     def configure(self) -> None:
-        """Read the model, if one is named, and fix the joints where they are known."""
+        """Read the model, if one is named, and set the joints if they are known."""
         names, self._taught_starts = self._settings.read_model()
         self._sequences.configure(self._settings.taught.library)
         self._hand.taught = self._settings.taught_link
-        # Those of a hand become joints when the arm is met, also one that was met before.
+        # Starts of a hand become postures once the arm is known, even if it was known before.
         self._starts = {} if self._settings.of_hand else self._taught_starts
         self._starts_near = np.empty(0)
         if names:
@@ -138,7 +138,7 @@ class PrimitiveActivation(ManagedNode):
             )
 
     def activate(self) -> None:
-        """Begin to act; nothing but the command in force is left from before."""
+        """Begin to act; only the command in force is kept from before."""
         if self.joint_names:
             self._apply_settings(self.joint_names)
         self._output.task(self.activation)
@@ -219,7 +219,7 @@ class PrimitiveActivation(ManagedNode):
         return self._path(self._settings.of_hand, *numbers[:3])
 
     def _meet_arm(self) -> Arm:
-        """The arm whose hand is predicted; of a new one, or home, finds where tasks begin."""
+        """The arm whose hand is predicted; a new arm or home gives new start postures of tasks."""
         arm = self._hand.arm
         if arm is None:
             raise RejectionError("no_robot_description", no_description("hand"))
@@ -236,14 +236,14 @@ class PrimitiveActivation(ManagedNode):
         return arm
 
     def _keep_clear(self, names: tuple[str, ...]) -> None:
-        """Go by the arm's shape, where it counts, as soon as that is known."""
+        """Update clearance and separation as soon as the arm's shape is known."""
         new = self._things.update(self._hand.description, names, self._settings.taught)
         new |= self._person.update(names)
         if new and self.activation is not None:
             self._apply_settings(self.joint_names)
 
     def _rest(self, arm: Arm) -> Floats:
-        """Posture that the joints are drawn to: home, as far as it is known."""
+        """Posture that the joints are drawn to: home if it is known, else the arm's own."""
         home = self._settings.home if self.activation is None else self.activation.home
         return arm.rest if home is None or len(home) != arm.n_joints else home
 
@@ -271,7 +271,7 @@ class PrimitiveActivation(ManagedNode):
         else:
             now = now_ns(self)
             self.activation.take_joint_state(stamp_ns(message), position, velocity, now_ns=now)
-            if self.diagnostics.answers:  # time waits for this step, and for no timer
+            if self.diagnostics.answers:  # simulated time waits for this step, and for no timer
                 self._step(self.activation)
 
     def _on_next_task(self, message: JointState) -> None:
@@ -292,7 +292,7 @@ class PrimitiveActivation(ManagedNode):
         return "interaction forgotten"
 
     def _give_up(self, reason: str) -> None:
-        """The controller does not execute the command in force: forget it and its interaction."""
+        """Forget a command that the controller does not execute, and its interaction."""
         if self.activation is not None:
             self.activation.give_up(now_ns(self), reason)
             self._tell_forgotten(self.activation)
@@ -310,14 +310,14 @@ class PrimitiveActivation(ManagedNode):
     # Silence
 
     def _look_for_silence(self) -> None:
-        """Report at once who has fallen silent, or speaks again; in real time, whatever /clock."""
+        """Report at once, in real time, which streams have fallen silent or have resumed."""
         if self._action is not None:
             self._action.check()
         if self.active and self.joint_names:
-            with suppress(IntentError):  # predictions are rejected for it
+            with suppress(IntentError):  # reported when it rejects a prediction
                 self._keep_clear(self.joint_names)
         silent_s, senders = self.diagnostics.silent_s, SENDERS.items() if self.active else ()
-        # named within 1 s, with the time between two looks
+        # a silent stream is reported within 1 s, including the time between two checks
         dead = [f"{name} ({who})" for name, who in senders if silent_s(name) > 0.6]
         silent = f"silent: {', '.join(dead)}" if dead else ""
         changed = self._output.look_for_others() or silent != self._silent
@@ -335,7 +335,7 @@ class PrimitiveActivation(ManagedNode):
     # Steps
 
     def _step(self, activation: Activation) -> bool:
-        """Let the state machine act; whether a command was sent."""
+        """Let the state machine act; returns whether a command was sent."""
         if self._refused:
             return False
         activation.take_people(self._person.people)
@@ -374,7 +374,7 @@ class PrimitiveActivation(ManagedNode):
         self.diagnostics.value("wrong actions at most", bound)
 
     def _apply_settings(self, names: tuple[str, ...]) -> None:
-        """Fix the joints; for those of before, the command in force is not forgotten."""
+        """Set the joints; if they are the same as before, the command in force is kept."""
         self._correction.update(names, self._settings.taught)
         settings = replace(
             self._settings.settings(names, self._starts),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes as child processes: their environment, and an end with the command that started them."""
+"""Nodes as child processes that end with the command that started them; their environment."""
 
 import ctypes
 import json
@@ -17,21 +17,21 @@ from intent_recognition.errors import IntentError
 from intent_recognition.share import share_path
 
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-"""Names of the variable with the profiles of Fast DDS: Jazzy's, and later ones'."""
+"""Variables with the profiles of Fast DDS: the one of Jazzy, and the one of later distributions."""
 RANGE, LOCALHOST = "ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"
-"""Variable with how far nodes look for others, and its value for this machine alone."""
+"""Variable with the range of discovery, and its value for this machine alone."""
 MIDDLEWARE, FAST_DDS, PEERS = "RMW_IMPLEMENTATION", "rmw_fastrtps", "ROS_STATIC_PEERS"
-"""Variable with the middleware, how its names begin that read profiles of Fast DDS, and variable
-with machines beyond this one that nodes look at, too."""
+"""Variable with the middleware, prefix of those that read profiles of Fast DDS, and variable with
+other machines on which nodes are looked for, too."""
 STOP_S = 5.0
-"""Time for a node to end after each signal, before the next one [s]. Convention."""
+"""Time that nodes get to end after each signal, before the next one [s]; as in ROS 2 launch."""
 
 
 def node_environment(base: Mapping[str, str], domain_id: int | None = None) -> dict[str, str]:
     """Environment in which node processes of this machine find one another quickly.
 
-    Variables that are set in `base` keep their values, but the domain if one is given, and what
-    `transport` says.
+    Variables that are set in `base` keep their values, except the domain, if one is given, and
+    those that `transport` sets.
     """
     environment = {"AMENT_PREFIX_PATH": sys.prefix, RANGE: LOCALHOST, **base}
     environment |= transport(environment)
@@ -41,12 +41,12 @@ def node_environment(base: Mapping[str, str], domain_id: int | None = None) -> d
 
 
 def transport(base: Mapping[str, str]) -> dict[str, str]:
-    """What to add to an environment so that nodes find one another quickly, killed ones too.
+    """Variables to add to an environment, so that nodes find one another quickly, also restarted.
 
-    Nothing where `base` names profiles of Fast DDS. Shared memory is left out
-    (docs/decisions/transport.md); rmw_fastrtps always adds it to the range LOCALHOST, so profiles
-    take the place of that range, but for another middleware, which would not read them and look for
-    nodes on the network, and where other machines are named.
+    None are added if `base` names profiles of Fast DDS. Shared memory is left out
+    (docs/decisions/transport.md). rmw_fastrtps always adds it to the range LOCALHOST, so profiles
+    replace that range. The range stays if other machines are named, or with another middleware,
+    which would not read the profiles and would look for nodes on the network.
     """
     if any(base.get(name) for name in PROFILES):
         return {}
@@ -58,7 +58,7 @@ def transport(base: Mapping[str, str]) -> dict[str, str]:
 
 
 class NodeProcesses(AbstractContextManager["NodeProcesses"]):
-    """Starts nodes, checks that they run and stops them all at its end.
+    """Starts nodes, checks that they run, and stops them all at the end of the block.
 
     Each node runs in a session of its own, so that Ctrl-C in the terminal reaches only the parent,
     which stops them in order. On Linux the kernel ends them if the parent is killed.
@@ -105,11 +105,11 @@ class NodeProcesses(AbstractContextManager["NodeProcesses"]):
 
     @property
     def names(self) -> list[str]:
-        """Of all nodes that were started."""
+        """Names of all nodes that were started."""
         return list(self._processes)
 
     def log_file(self, name: str) -> Path:
-        """Where a node's output goes."""
+        """File with a node's output."""
         return self._log_folder / f"{name}.log"
 
     def pid(self, name: str) -> int:
@@ -121,10 +121,10 @@ class NodeProcesses(AbstractContextManager["NodeProcesses"]):
         return self._processes[name].poll() is None
 
     def check(self, may_end: Sequence[str] = ()) -> None:
-        """Make sure that all nodes run, but for those that may have ended with exit code 0.
+        """Check that all nodes run; those in `may_end` may have ended with exit code 0.
 
         Raises:
-            IntentError: one has died; the end of its log is in the message.
+            IntentError: a node has died; the end of its log is in the message.
         """
         for name, process in self._processes.items():
             code = process.poll()

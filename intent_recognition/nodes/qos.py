@@ -6,7 +6,7 @@ from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReli
 from intent_recognition.bags import TopicInfo, qos_policy
 
 PLAYBACK_DEPTH = 1000
-"""Messages that a publisher keeps for slow subscribers. Convention: 10 s at 100 Hz."""
+"""Messages that a publisher keeps for slow subscribers in playback: 10 s at 100 Hz."""
 LATCHED_TOPICS = (
     "intent/active_person",
     "intent/active_task",
@@ -23,7 +23,7 @@ SENSOR_TOPICS = ("mocap/", "human/")
 
 
 def keep_last(depth: int, *, reliable: bool = True, latched: bool = False) -> QoSProfile:
-    """Keep last `depth`; best effort unless reliable, transient local where latched."""
+    """Keep last `depth`; best effort unless reliable, transient local if latched."""
     reliability, durability = QoSReliabilityPolicy, QoSDurabilityPolicy
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
@@ -37,8 +37,8 @@ STATE = keep_last(10)
 """Reliable, keep last 10: `joint_states`, `intent/tasks`; best-effort subscribers match too."""
 
 SENSOR = MEASURED = keep_last(10, reliable=False)
-"""Best effort, keep last 10: measured streams (`mocap/*`, `human/*`), newest matters most; and
-`joint_states` as they are taken, since reliable publishers match too."""
+"""Best effort, keep last 10: measured streams (`mocap/*`, `human/*`), whose newest matters most,
+and subscriptions to `joint_states`, which reliable publishers match, too."""
 
 COMMAND = keep_last(1)
 """Reliable, keep last 1: trajectories and predictions, where only the newest counts."""
@@ -47,7 +47,7 @@ LATCHED = keep_last(1, latched=True)
 """Reliable, transient local: the last value reaches late subscribers (`robot_description`)."""
 
 EACH = 100
-"""Messages that a taker keeps of which none may be missed: as many as tf2 keeps of /tf."""
+"""Depth of a queue that must lose no message: as many as tf2 keeps of /tf."""
 
 TRANSFORMS = keep_last(EACH)
 """Reliable, keep last 100: /tf, as tf2 has it."""
@@ -57,18 +57,18 @@ FIXED_TRANSFORMS = keep_last(EACH, latched=True)
 
 
 def each_of(profile: QoSProfile) -> QoSProfile:
-    """As a profile, for a taker that counts every message: a newer one takes no other's place."""
+    """The profile with depth `EACH`, for a subscriber that must get every message."""
     reliable = profile.reliability == QoSReliabilityPolicy.RELIABLE
     latched = profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
     return keep_last(EACH, reliable=reliable, latched=latched)
 
 
 FEEDBACK = keep_last(EACH)
-"""Reliable, keep last 100: what is told of an execution, every line of it (`intent/feedback`)."""
+"""Reliable, keep last 100: every message about an execution (`intent/feedback`)."""
 
 
 def recorded_profile(info: TopicInfo) -> QoSProfile:
-    """As the recorded publishers offered; without a record, as the contract has it."""
+    """Profile that the recorded publishers offered; if not recorded, the one of the topic graph."""
     topic = info.name.lstrip("/")
     latched = topic.endswith(LATCHED_TOPICS)
     sensor = any(f"/{part}" in f"/{topic}" for part in SENSOR_TOPICS)

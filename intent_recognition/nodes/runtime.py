@@ -36,14 +36,11 @@ _START_ERRORS = (
     rclpy_implementation.RCLError,
 )
 ANSWER_S = 5.0
-"""What has not answered for so long is asked again [s]. Convention: a model is loaded in less than
-one."""
+"""Time after which an unanswered request is repeated [s]; a model is loaded in less than 1 s."""
 CLOCK_BACK_NS = 100_000_000
-"""Simulated time that goes back farther [ns] begins anew. Convention: more than jitter, less than a
-pass of any recording."""
+"""Jump back of /clock above which time starts over [ns]: above jitter, below any recording."""
 END_S = 30.0
-"""A node that cannot be destroyed in this time [s] ends with its process. Convention: longer than
-closing any file takes."""
+"""Time to destroy a node, after which its process ends [s]: longer than closing any file takes."""
 
 
 def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
@@ -51,13 +48,13 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
 
     The node ends its process by setting an attribute `done` to True, by `rclpy.try_shutdown()`,
     or by raising an IntentError; an attribute `exit_code` on the node, if any, is returned.
-    SIGINT and SIGTERM end it with 0, once it is built and the callback in hand is done: an
+    SIGINT and SIGTERM end it with 0, once it is built and the running callback is done: an
     interrupt raised inside a callback would leave a traceback and lose what it was writing. A
-    terminal and launch both send one, so that a second one within `SAME_S` is the same;
+    terminal and launch both send a signal, so a second one within `SAME_S` counts as the same;
     a later one interrupts at once.
 
-    Without `args`, a command line with `--ros-args ...`, the process's own is taken. A parameter
-    that the node has not is an error: rclpy passes over it.
+    `args` is a command line with `--ros-args ...`; None takes that of the process. A parameter
+    that the node does not have is an error here, though rclpy ignores it.
 
     Returns:
         The exit code: 1 with one line in the log, and no traceback, if the node could not start
@@ -80,7 +77,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except _START_ERRORS as error:
-        if node is None:  # let go of what was made of it, which has its name
+        if node is None:  # free the half-built node, which occupies its name
             held: BaseException | None = error
             while held is not None:
                 traceback.clear_frames(held.__traceback__)
@@ -141,13 +138,13 @@ def simulated_ns(node: Node) -> int | None:
 
 
 def steady_timer(node: Node, period_s: float, callback: Callable[[], object]) -> Timer:
-    """A timer in real time, also while simulated time stands still."""
+    """A timer in real time, which also runs while simulated time stands still."""
     clock = Clock(clock_type=ClockType.STEADY_TIME)
     return node.create_timer(period_s, callback, clock=clock)
 
 
 def when_clock_goes_back(node: Node, action: Callable[[], object]) -> None:
-    """Act when simulated time goes back: a recording plays again, a simulation restarts."""
+    """Call `action` when simulated time goes back: a recording repeats, a simulation restarts."""
 
     def jumped(jump: TimeJump) -> None:
         node.get_logger().info(f"/clock went back by {-jump.delta.nanoseconds * 1e-9:.1f} s")
@@ -160,14 +157,14 @@ def when_clock_goes_back(node: Node, action: Callable[[], object]) -> None:
 
 
 class LeftOvers:
-    """Messages after the last ones before /clock went back: for a second topics may bring some."""
+    """Detects messages sent before /clock went back, which may come for a second afterwards."""
 
     def __init__(self, last_ns: Mapping[Any, int]):
         self._last_ns = dict(last_ns)
         self._end_s = time.monotonic() + 1.0
 
     def include(self, stream: Hashable, stamp_ns: int) -> bool:
-        """Whether a message goes on where the stream was; false from the first that does not."""
+        """Whether a message continues its old stream; False from the first that does not."""
         if stream not in self._last_ns:
             return False
         if stamp_ns >= self._last_ns[stream] and time.monotonic() < self._end_s:
@@ -177,7 +174,7 @@ class LeftOvers:
 
 
 def make_executor() -> Executor:
-    """EventsExecutor where this rclpy has one (lowest latency), else the single-threaded one.
+    """EventsExecutor if this rclpy has one (lowest latency), else the single-threaded one.
 
     Call `spin_once(timeout_sec=...)` on it in a loop: in the wheels of rclpy 7.1 its `spin()`
     burns a core and dispatches nothing.
@@ -205,7 +202,7 @@ def spinning(
 ) -> Iterator[tuple[SomeNode, Executor]]:
     """A node of this process and the executor that runs its callbacks; both end with the block.
 
-    The node is built once, after `rclpy.init`, which leaves signals alone.
+    The node is built after `rclpy.init`, which installs no signal handlers.
     """
     rclpy.init(args=list(args), signal_handler_options=SignalHandlerOptions.NO)
     executor = node = None
@@ -223,7 +220,7 @@ def end(node: Node | None, executor: Executor | None = None) -> None:
     """Shut an executor down and destroy a node, if they were made.
 
     If that takes longer than `END_S`, the process ends with exit code 1 and a traceback on stderr.
-    The Fast DDS of the wheels of ROS may otherwise spin for ever when the last node of a process is
+    Otherwise the Fast DDS of the ROS wheels may spin for ever when the last node of a process is
     destroyed while another one is being discovered (docs/decisions/ros.md).
     """
     faulthandler.dump_traceback_later(END_S, exit=True, file=2)  # needs no thread of Python
@@ -237,14 +234,14 @@ def end(node: Node | None, executor: Executor | None = None) -> None:
 
 
 def _check_domain(domain: str) -> None:
-    # ports of larger ones do not fit into 16 bits (DDSI-RTPS 2.5, 9.6.2.3)
+    # the ports of larger domains do not fit into 16 bits (DDSI-RTPS 2.5, 9.6.2.3)
     if domain and not (domain.isdecimal() and int(domain) <= 232):
         cure = "Use 0 to 101."
         raise ArgumentError.about("ROS_DOMAIN_ID", "0 to 232", repr(domain), cure)
 
 
 class _Signals:
-    """SIGINT and SIGTERM: noted; one that comes long after the first is a KeyboardInterrupt."""
+    """Notes SIGINT and SIGTERM; raises KeyboardInterrupt at one more than `SAME_S` later."""
 
     def __init__(self) -> None:
         self.received = False
@@ -253,12 +250,12 @@ class _Signals:
         self._previous = {number: signal.signal(number, self._handle) for number in numbers}
 
     def ignore(self) -> None:
-        """Hear none any more: a second Ctrl-C while the node ends must not leave a traceback."""
+        """Ignore signals: a second Ctrl-C while the node ends must not leave a traceback."""
         for number in self._previous:
             signal.signal(number, signal.SIG_IGN)
 
     def restore(self, *, ending: bool) -> None:
-        """Give the signals back to the handlers they had; a process that ends hears no SIGINT."""
+        """Restore the previous handlers; a process that is ending still ignores SIGINT."""
         for number, handler in self._previous.items():
             ignored = ending and number == signal.SIGINT
             signal.signal(number, signal.SIG_IGN if ignored else handler)
@@ -285,7 +282,7 @@ def _spin(node: Node, signals: _Signals) -> None:
 
 
 def _log_fatal(node: Node | None, class_name: str, text: str) -> None:
-    """Log why a node ends, under its name; on stderr where it could have none."""
+    """Log why a node ends, under its name; on stderr if no node can be made."""
     try:
         if node is None:  # the same remapping gives a node in its place the name it would have had
             name = re.sub(r"(?<!^)(?=[A-Z])", "_", class_name.removesuffix("Node")).lower()

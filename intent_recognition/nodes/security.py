@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Policies of SROS 2 for a graph: who may publish, subscribe, call and answer what.
+"""Policies of SROS 2 for a graph: what each node may publish, subscribe to, call and answer.
 
 `python -m intent_recognition.nodes.security GRAPH NAME:=VALUE ...` prints the policy of a graph
 started with these arguments, in the format 0.2.0 that `ros2 security create_permission` reads.
@@ -29,9 +29,9 @@ LIFECYCLE_SERVICES = (
 
 
 def policy(graph: str, given: Mapping[str, object]) -> str:
-    """The policy of a graph as XML, see `graph.resolve`.
+    """The policy of a graph as XML; for the arguments see `graph.resolve`.
 
-    The topics of the DOFs are those of `dofs`, else of the model, else of the shipped file.
+    The topics of the DOFs come from `dofs`, else from the model, else from the shipped file.
 
     Raises:
         IntentError: there is no such graph or argument, or a file cannot be read.
@@ -97,7 +97,7 @@ def _add(
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Print the policy of a graph; 1 with one line on stderr if that cannot be."""
+    """Print the policy of a graph; returns 1 or 2, with one line on stderr, if that fails."""
     words = list(sys.argv[1:] if args is None else args)
     if not words or words[0] not in GRAPHS or not all(":=" in word for word in words[1:]):
         sys.stderr.write(f"expected one of {', '.join(GRAPHS)}, then NAME:=VALUE ...\n")

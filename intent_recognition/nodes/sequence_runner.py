@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sequences of tasks in the activation node: topics to what is known, and orders to the arm."""
+"""Sequences of tasks in the activation node: follows their progress, and orders the next step."""
 
 import math
 from collections.abc import Callable
@@ -44,8 +44,8 @@ FindArm = Callable[[], Arm | None]
 class SequenceRunner:
     """Follows the sequences of the parameter `sequences`, and orders steps whose condition holds.
 
-    `intent/sequence` tells where a session is: diagnostic_msgs/DiagnosticStatus with the sequence
-    as name, empty outside of any; `task`, `step` and `when` among its values.
+    `intent/sequence` shows the progress in a diagnostic_msgs/DiagnosticStatus: its name is the
+    sequence, empty outside of any, and its values are `task`, `step` and `when`.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
@@ -68,7 +68,7 @@ class SequenceRunner:
             node.create_subscription(String, "intent/via_points", self._take_points, qos.LATCHED)
 
     def configure(self, library: TaskLibrary | None) -> None:
-        """Read the file."""
+        """Read the file, and subscribe to the bodies that its conditions name."""
         if not self._path:
             return
         if library is None:
@@ -83,10 +83,10 @@ class SequenceRunner:
             self._node.create_subscription(Odometry, f"human/{body}", take, qos.SENSOR)
 
     def update(self, activation: Activation, make_path: MakePath, arm: FindArm) -> None:
-        """Take note of what the arm does, and order the next step where its condition holds.
+        """Follow what the arm does, and order the next step if its condition holds.
 
-        Paths are made of trajectories of the library's controlled DOFs; via points mean the hand of
-        `arm`, as far as it is known.
+        Paths are made of trajectories of the library's controlled DOFs; via points are of the hand
+        of `arm`, if that is known.
         """
         if not self._sequences or self._library is None:
             return
@@ -104,7 +104,7 @@ class SequenceRunner:
         self._publish()
 
     def forget(self) -> None:
-        """Be in no sequence, at the beginning of time: after a reset, or a clock that went back."""
+        """Leave the sequence and forget all times, after a reset or when the clock went back."""
         self._progress = SequenceProgress(n_started=self._progress.n_started)
         self._rest_since_s, self._tried_s = None, -math.inf
         self._places.clear()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services that do one thing, and answer with what came of it."""
+"""Services that run one action, and answer with its result."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -13,7 +13,7 @@ Response = TypeVar("Response", Trigger.Response, SetBool.Response)
 
 
 def serve(node: Node, name: str, action: Callable[[], str]) -> None:
-    """Offer the Trigger `~/<name>`; see `answer`."""
+    """Offer the Trigger service `~/<name>`; see `answer`."""
     node.create_service(Trigger, f"~/{name}", lambda _, response: answer(response, action))
 
 

@@ -24,7 +24,7 @@ from intent_recognition.registry import ANSWERS
 
 
 class _Seen:
-    """What was on the topics of one person."""
+    """Messages on the topics of one person."""
 
     def __init__(self) -> None:
         self.labels: tuple[str, ...] = (NONE,)
@@ -47,10 +47,10 @@ class _Seen:
 
 
 class SessionObserver(Node):
-    """Collects the topics of a toolbox session until `log` is asked for.
+    """Collects the topics of a toolbox session, for `log`.
 
     `on_task` is called with the ground truth label, or "" at the end of a movement, and the person;
-    `on_active` with the active task whenever it changes. Without `people` one has no name.
+    `on_active` with the active task whenever it changes. Without `people` there is one, unnamed.
     """
 
     def __init__(
@@ -92,13 +92,13 @@ class SessionObserver(Node):
         ]
 
     def _take(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
-        if self._inputs:  # what is queued comes after it was closed
+        if self._inputs:  # queued messages still come after `close`
             take(message)
             self._heard[topic] += 1
             self._answers.publish(answer_of(self.get_name(), self._heard))
 
     def close(self) -> None:
-        """Unsubscribe: what comes after the session is not part of it."""
+        """Unsubscribe: messages after the session are not part of it."""
         while self._inputs:
             self.destroy_subscription(self._inputs.pop())
         self._answers.publish(answer_of(self.get_name(), {}))
@@ -109,7 +109,7 @@ class SessionObserver(Node):
         for person in self._people:
             of = f"{person}/" if person else ""
             needed += [(f"mocap/{of}wrist/pose", 0, 2), (f"intent/{of}tasks", 1, 2)]
-        if "" in self._people:  # of others there is none until they are seen
+        if "" in self._people:  # topics of named people may not exist before they are seen
             needed.append(("human/wrist", 1, 1))
         return bool(self._joints) and all(
             self.count_publishers(topic) >= n_out and self.count_subscribers(topic) >= n_in
@@ -117,7 +117,7 @@ class SessionObserver(Node):
         )
 
     def log(self, person: str = "") -> SessionLog:
-        """Everything so far, as arrays; of somebody with a name what the arm did for that one."""
+        """Everything so far, as arrays; for a named person, only what the arm did for that one."""
         seen = self._people[person]
         wrist_ns, wrist = _columns(seen.wrist, 3)
         tasks_ns, probabilities = _columns(seen.tasks, len(seen.labels))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The executables of the nodes: they start a node, or say what it is or what is missing for it.
+"""The executables of the nodes: they start a node, or print its help or what it lacks.
 
-What they need is imported once an interrupt no longer leaves a traceback.
+Imports are made once an interrupt no longer leaves a traceback.
 """
 
 import sys
@@ -22,7 +22,7 @@ Its parameters, topics and services are listed in docs/reference/nodes.md, and b
 
 
 def __getattr__(name: str) -> Callable[..., int]:
-    """What the executable of a node calls, such as `start.mocap_ingest()`."""
+    """Entry point of a node's executable, such as `start.mocap_ingest()`."""
     from intent_recognition.registry import NODES
 
     if name not in NODES:
@@ -31,10 +31,10 @@ def __getattr__(name: str) -> Callable[..., int]:
 
 
 def start(name: str, args: Sequence[str] | None = None) -> int:
-    """Run the node of this name, quiet from its first import on.
+    """Run the node of this name; interrupts are quiet from its first import on.
 
     Returns:
-        The exit code: 1 with one line on stderr where a package is missing for it, such as ROS 2.
+        The exit code: 1 with one line on stderr if a package is missing, such as ROS 2.
     """
     if args is None:
         end_node_at_interrupts()
@@ -57,7 +57,7 @@ def tell_missing(name: str, error: ImportError) -> None:
     """Say on stderr which package is missing.
 
     Raises:
-        ImportError: something else is.
+        ImportError: `error` has another cause.
     """
     from intent_recognition.errors import missing_package, one_line
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Practice of a teacher's tasks: in between recordings, or judged by a person as the arm executes.
+"""Practice of a teacher's tasks: computed between recordings, or judged by a person.
 
-With a cost of its own it executes rollouts in the arm's kinematics, one after the other, while
-nothing is recorded and no task is active. With `thumbs` the estimator gets the library with the
-point that is tried; the next execution that a person judges on `intent/feedback` is its cost, and
-the next point follows. In both cases the library stays as it is until `~/accept`.
+With a computed cost, rollouts are executed in the arm's kinematics, one after the other, while
+nothing is recorded and no task is active. With `thumbs`, the estimator gets the library with a
+trial point; a person's judgement of the next execution, on `intent/feedback`, is the cost of this
+point, and the next point follows. The library stays unchanged until `~/accept`.
 """
 
 from pathlib import Path
@@ -22,7 +22,7 @@ COST_OF = {UP: 0.0, DOWN: 1.0}
 
 
 class _Begun(NamedTuple):
-    """Practice that was begun, and by which cost."""
+    """Practice that was begun, and its cost."""
 
     practised: PractisedTask
     session: PracticeSession
@@ -34,7 +34,7 @@ class _Begun(NamedTuple):
 
 
 class TaskPracticeService:
-    """Begins, ends and accepts practice of a task, whose `trial` the estimator tries, or None."""
+    """Begins, ends and accepts practice of a task; `trial` is the model on trial, or None."""
 
     def __init__(self, teacher: Any) -> None:
         self._teacher = teacher
@@ -45,7 +45,7 @@ class TaskPracticeService:
         self._judged_before: str | None = None
 
     def start(self) -> str:
-        """Begin, or go on; returns what is practised."""
+        """Begin or continue practice; returns what is practised."""
         if self.running:
             raise ArgumentError.about("~/practise", "no practice", "one", "End it first.")
         self._begun = begun = self._open()
@@ -62,13 +62,13 @@ class TaskPracticeService:
         return text
 
     def stop(self) -> str:
-        """End it; it can go on later."""
+        """End practice, which can be continued later; returns its state."""
         if not self.running or self._begun is None:
             raise ArgumentError.about("~/practise", "practice to end", "none", "Begin one first.")
         return self._end("ended")
 
     def accept(self) -> str:
-        """Take over what it has come to; returns what changed."""
+        """Put the result of practice into the library; returns what changed."""
         begun = self._open() if self._begun is None else self._begun
         what = f"accepted practice of {begun.practised.task}"
         change = begun.practised.accept(begun.session)
@@ -88,13 +88,13 @@ class TaskPracticeService:
         self._after_one(begun)
 
     def in_use(self) -> None:
-        """The estimator has loaded the trial: executions that begin from now on count."""
+        """Count executions that begin from now on: the estimator has loaded the trial."""
         if self.running and self._begun is not None and self._begun.by_thumbs:
             task = self._begun.practised.task
             self._judged_before = self._teacher.executions.last(task)
 
     def judge(self, task: str, execution: str, thumbs: str) -> None:
-        """A person's thumb about the last execution of a task, by the name of its recording."""
+        """Take a person's judgement of the last execution of a task, named by its recording."""
         begun = self._begun
         if not self.running or begun is None or not begun.by_thumbs or self._point is None:
             return

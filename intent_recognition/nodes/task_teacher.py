@@ -50,18 +50,17 @@ from intent_recognition.registry import LEARNING
 class TaskTeacher(TopicRecorder):
     """A recorder whose recordings become tasks.
 
-    Executions are recorded, too, with what is told of them on `intent/feedback`, while `executions`
-    is above 0. Each service does what the method of its name says, `~/practise` (true begins) and
-    `~/accept` those of `task_practice`. What happened is on `teach/status`, a sentence each, the
-    last one latched.
+    If `executions` is above 0, executions are recorded, too, with the messages about them on
+    `intent/feedback`. Each service calls the method of its name; `~/practise` (true begins) and
+    `~/accept` call those of `task_practice`. Each event is reported in a sentence on
+    `teach/status`, where the last one is latched.
 
-    An estimator that had the library's model and reports another one, since it was started again,
-    gets it back.
+    An estimator that had the library's model, but was restarted with another one, gets it again.
 
     Attributes:
         waiting: recordings that are not learned yet.
-        sending_model: a model is on its way to the estimator.
-        loaded: model that the estimator has, as it reported last; None before it has.
+        sending_model: whether a model is on its way to the estimator.
+        loaded: model that the estimator reported last; None before its first report.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -118,7 +117,7 @@ class TaskTeacher(TopicRecorder):
         return str(path)
 
     def stop(self) -> str:
-        """End the recording; learn it if `learn_at_stop`, else it waits; returns what changed.
+        """End the recording and, with `learn_at_stop`, learn it; returns what changed.
 
         Raises:
             BagError: nothing is being recorded, or the recording cannot be read.
@@ -133,13 +132,13 @@ class TaskTeacher(TopicRecorder):
         return text
 
     def learn(self) -> str:
-        """Learn what waits and let the estimator use it; returns what changed.
+        """Learn the waiting recordings and let the estimator use them; returns what changed.
 
-        What was learned before one failed is used.
+        If one fails, those learned before it are used, and those after it keep waiting.
 
         Raises:
             BagError: nothing waits, or a recording cannot be read.
-            ResourceBusyError: another process changes the folder; what is left waits on.
+            ResourceBusyError: another process changes the folder; the recording keeps waiting, too.
             TrainingError: one cannot be learned from; it is kept in the folder's `undone`.
         """
         if not self.waiting:
@@ -162,7 +161,7 @@ class TaskTeacher(TopicRecorder):
         return text
 
     def discard(self) -> str:
-        """Do not learn the recording under way, or the last that waits; `undone` keeps it."""
+        """Move the recording under way, else the last that waits, to `undone` unlearned."""
         waits = self.recording is None and self.waiting
         bag = self.waiting.pop() if waits else self.close_bag("~/discard").path
         self.folder.prune(bag)
@@ -199,7 +198,7 @@ class TaskTeacher(TopicRecorder):
         return next((bag for bag in reversed(bags) if bag.exists()), None)
 
     def heard(self, message: RawMessage) -> None:
-        """Record executions."""
+        """Pass the message to the recorder of executions."""
         self.executions.take(message)
 
     def destroy_node(self) -> None:
@@ -246,7 +245,7 @@ class TaskTeacher(TopicRecorder):
         return folder
 
     def changed(self, change: Change, what: str) -> str:
-        """Report what changed in the folder and send the model to the estimator; returns it."""
+        """Report what changed in the folder, and send the estimator the model; returns the text."""
         self._publish_skills()
         if change.action == WAIT:
             text = f"{what}; a first model needs two demonstrations of a task"
@@ -260,7 +259,7 @@ class TaskTeacher(TopicRecorder):
         return text
 
     def send_model(self, text: str) -> None:
-        """Name the model, or the one that is tried, to the estimator and have it loaded."""
+        """Have the estimator load the library's model, or the one on trial."""
         if not self.estimator_runs():
             self.report(Level.OK, f"{text}; no estimator runs")
             return
@@ -291,7 +290,7 @@ class TaskTeacher(TopicRecorder):
         self.report(Level.WARN, f"{text}; not loaded: {why}")
 
     def _on_reports(self, message: DiagnosticArray) -> None:
-        """Notice an estimator that was started again with the model of the beginning."""
+        """Detect an estimator that was restarted with another model, and send it the library's."""
         for status in message.status:
             if status.name != self._estimator_name:
                 continue
@@ -301,7 +300,7 @@ class TaskTeacher(TopicRecorder):
                     self.send_model(self._asked_why)
             elif loaded is None or loaded == self._model_in_force:
                 self._in_use = self._in_use or loaded is not None
-            # One that a teacher that has ended let the estimator try is taken back, too.
+            # A trial left in the estimator by a teacher that has ended is replaced, too.
             elif self._in_use or Path(loaded).is_relative_to(self.folder.path / PRACTICE):
                 self.send_model("the estimator was started again")
 
@@ -314,7 +313,7 @@ class TaskTeacher(TopicRecorder):
         return self._set_model.service_is_ready() and self._reload.service_is_ready()
 
     def knows_loaded(self) -> bool:
-        """Whether the model that the estimator has is of this library, or what it began with."""
+        """Whether the estimator's model is of this library, or the one that it began with."""
         model = Path(self.loaded or "")
         own = model.is_relative_to(self.folder.path) or self.loaded == ""
         return own or (model.is_file() and self.folder.began_with(model))
@@ -339,7 +338,7 @@ class TaskTeacher(TopicRecorder):
         self._skills.publish(message)
 
     def report(self, level: int, text: str) -> None:
-        """Say a sentence on `teach/status`, in the diagnostics and in the log; and what waits."""
+        """Report a sentence on `teach/status`, in the diagnostics and in the log."""
         self.last_status = text
         self.diagnostics.value(WAITING, len(self.waiting))
         self._status.publish(String(data=text))

@@ -33,7 +33,7 @@ ABSOLUTE_TOPICS = ("/clock", "/diagnostics")
 
 @dataclass
 class _RecordedTopic:
-    """One topic listened to: what all its publishers offer, and the last message if latched."""
+    """A topic subscribed to: what all its publishers offer, and its last message if latched."""
 
     name: str
     type: str
@@ -47,10 +47,10 @@ class TopicRecorder(Node):
     """Listens to topics all the time and writes them to a bag between `open_bag` and `close_bag`.
 
     Topics are stored by their name relative to the node's namespace, before remapping, so that a
-    bag trains, and plays, where namespace or remappings are others. Log time is the time of
-    reception, publish time that of the publisher, both as the middleware gives them; with
-    `use_sim_time` both are the simulated time of reception, and nothing is written before the
-    clock runs. The last message of latched topics received before the start is written at it.
+    bag can be learned from and played under another namespace or other remappings. Log time is the
+    time of reception and publish time that of the publisher, both as the middleware gives them;
+    with `use_sim_time` both are the simulated time of reception, and nothing is written before the
+    clock runs. The last message of each latched topic is written again at the start of a bag.
 
     A subclass calls `listen` once its parameters are known.
     """
@@ -68,10 +68,10 @@ class TopicRecorder(Node):
         )
 
     def listen(self, topics: Sequence[str]) -> None:
-        """Subscribe to these topics as they appear, or to all there are in the namespace if none.
+        """Subscribe to topics as they appear; if none are given, to all in the namespace.
 
         Raises:
-            BagError: two of them would be one in the bag.
+            BagError: two topics would have the same name in the bag.
         """
         self._check_names(topics)
         self._wanted = tuple(topics)
@@ -87,7 +87,7 @@ class TopicRecorder(Node):
 
     @property
     def wanted(self) -> tuple[str, ...]:
-        """Resolved names of the topics asked for; empty where all are."""
+        """Resolved names of the topics asked for; empty if all are recorded."""
         return tuple(map(self.resolve_topic_name, self._wanted))
 
     @property
@@ -97,14 +97,14 @@ class TopicRecorder(Node):
 
     @property
     def message_count(self) -> int:
-        """Messages written to it so far."""
+        """Number of messages written to the bag so far."""
         return 0 if self._writer is None else self._writer.message_count
 
     def open_bag(self, path: str | Path, metadata: Mapping[str, str]) -> None:
         """Begin to record.
 
         Raises:
-            ResourceBusyError: it is recording already, or the bag exists.
+            ResourceBusyError: a recording is under way, or the bag exists.
             BagError: the disk is full.
         """
         if self._writer is not None:
@@ -122,9 +122,9 @@ class TopicRecorder(Node):
         self.get_logger().info(f"recording to {path}")
 
     def close_bag(self, asked_by: str = "~/stop") -> BagWriter:
-        """End the recording, as a service asks for; returns its writer, which is closed.
+        """End the recording that a service asked to end; returns its closed writer.
 
-        What was received before is in it.
+        The bag holds everything received before.
 
         Raises:
             BagError: nothing is being recorded, or the end did not fit on the disk.
@@ -141,10 +141,10 @@ class TopicRecorder(Node):
         return writer
 
     def heard(self, message: RawMessage) -> None:
-        """Called with every message, recorded or not."""
+        """Hook that is called with every message, recorded or not."""
 
     def gave_up(self) -> None:
-        """Called when the disk was full and the recording was ended."""
+        """Hook that is called when a full disk has ended the recording."""
 
     def destroy_node(self) -> None:
         """Close the bag, then the node."""
@@ -157,7 +157,7 @@ class TopicRecorder(Node):
         super().destroy_node()
 
     def discover(self) -> None:
-        """Subscribe to what has appeared; follow publishers that offer less than was asked for."""
+        """Subscribe to topics that have appeared; adapt to publishers that offer less."""
         found = dict(self.get_topic_names_and_types())
         for resolved, stored in self._wanted_topics(found).items():
             types = found.get(resolved, [])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Via points of the estimator node: a parameter in, and what is in force out."""
+"""Via points of the estimator node: a parameter in, the points in force out."""
 
 from collections.abc import Sequence
 
@@ -26,10 +26,10 @@ VIA_POINTS = "via_points"
 
 
 class ViaPointInput:
-    """The parameter `via_points`, and the topic `intent/via_points` with those in force.
+    """Takes the parameter `via_points`, and publishes the points in force on `intent/via_points`.
 
-    Points of the hand of an arm whose joints are predicted wait for its `robot_description`. What
-    cannot be used at the start is counted under `bad_via_points`.
+    If joints are predicted, points of the hand wait for `robot_description`. Points that prove
+    unusable when they are put in force are counted under `bad_via_points`.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
@@ -42,21 +42,21 @@ class ViaPointInput:
         self._shown: tuple[tuple[ViaPoint, ...], tuple[str, ...]] | None = None
 
     def check(self, text: str, estimators: Sequence[IntentEstimator], arm: Arm | None) -> None:
-        """Make sure that a value of the parameter can be taken."""
+        """Refuse a value of the parameter that cannot be used."""
         points = read_via_points(text)
         if estimators:
             check_via_points(estimators[0].taught, points, arm)
 
     def change(self, text: str) -> None:
-        """Take a value that was checked; `use` puts it in force."""
+        """Set a value that was checked; `use` puts it in force."""
         self._points = read_via_points(text)
 
     def use(self, estimators: Sequence[IntentEstimator], arm: Arm | None) -> None:
-        """Put the points in force for all people, if other ones are, and tell which are."""
+        """Put new points in force for all people, and publish which are in force."""
         if not estimators:
             return
         library = estimators[0].taught
-        if self._estimators != estimators:  # nothing is in force in a new one
+        if self._estimators != estimators:  # a new estimator has no points in force
             self._estimators, self._bent = estimators, BentLibrary()
         refused = self._refused[0] == self._points and self._refused[1] is library
         if self._points != self._bent.points and not refused:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node: a learned pour, conditioned on the containers seen and where they stand.
+"""Node: plans a learned pour, conditioned on the seen containers and where they stand.
 
-`cup/parameters`, `cup/pose`, `second/parameters`, `second/pose` and `joint_states` say what is
-there; a request on `pour` ("empty", "full" or millilitres) gives `intent/tasks` and
-`intent/robot_trajectory`, which `primitive_activation` executes as it does any task.
+The containers and the arm come from `cup/parameters`, `cup/pose`, `second/parameters`,
+`second/pose` and `joint_states`. A request on `pour` ("empty", "full" or millilitres) yields
+`intent/tasks` and `intent/robot_trajectory`, which `primitive_activation` executes like any task.
 """
 
 from functools import partial
@@ -40,11 +40,11 @@ from intent_recognition.warping import PourPlan, SeenContainer, plan_pour
 OBJECTS = ("cup", "second")
 REQUEST = "pour"
 REFUSED = "refused"
-"""Key of the diagnostics: why the last pour asked for was refused; empty where it was not."""
+"""Key of the diagnostics: why the last requested pour was refused; empty if it was not."""
 
 
 class WarpedPrimitiveNode(Node):
-    """Translates what is seen to `warping.plan_pour`, and its plan to joints of the LWR."""
+    """Passes seen containers to `warping.plan_pour`, and turns its plan into joints of the LWR."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("warped_primitive", **kwargs)
@@ -92,7 +92,7 @@ class WarpedPrimitiveNode(Node):
             self._diagnostics.reject("not_finite", "joint_states hold NaN or infinity")
 
     def _on_feedback(self, message: DiagnosticStatus) -> None:
-        """What became of an execution; others than this node's task are none of its business."""
+        """Take the outcome of a pour; executions of other tasks are ignored."""
         said = values_of(message)
         if message.name == self._task and "outcome" in said and self._end_ns:
             self._end_ns = 0
@@ -115,7 +115,7 @@ class WarpedPrimitiveNode(Node):
             return
         self._diagnostics.value(REFUSED, "")
         onset_ns = now_ns(self) + 500_000_000  # more than a decision takes
-        # an arm may be slower
+        # 1 s more, since an arm may be slower
         self._end_ns = onset_ns + round(float(plan.times_s[-1]) * 1e9) + 1_000_000_000
         self._left = plan.left
         numbers = plan.times_s, joints, None, joint_std(plan, joints)
@@ -154,7 +154,7 @@ class WarpedPrimitiveNode(Node):
 
 
 def joint_std(plan: PourPlan, joints: Floats) -> Floats:
-    """Standard deviations (T, 7) [rad] of joints (T, 7): least squares from those of the hand."""
+    """Standard deviations (T, 7) [rad] of joints (T, 7), by least squares from the hand's."""
     moved = np.linalg.pinv(jacobian(joints)) @ plan.hand_std
     return np.linalg.norm(moved, axis=2)
 
