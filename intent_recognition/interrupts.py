@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The executables are quiet while they import what they need.
+"""Handling of interrupts by the executables, also while they import what they need.
 
 Importing a node takes a second or two. An interrupt meanwhile would leave a traceback from the
 middle of a library; here it ends the process, which has nothing to clean up yet.
@@ -13,41 +13,40 @@ from contextlib import contextmanager
 from types import FrameType
 
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""What ends a command that has started others."""
+"""Signals that end a command which has started other processes."""
 SAME_S = 1.0
-"""Interrupts that come within this time of another are the same [s]. Convention: a terminal sends
-one, and so does what started the command."""
+"""Time within which interrupts count as one [s]: a terminal and a parent process both send them."""
 INTERRUPTED = 130
-"""Exit code of an interrupted command; a node that was asked to end ends with 0."""
+"""Exit code of an interrupted command; an interrupted node ends with 0."""
 
 
 def end_node_at_interrupts() -> None:
-    """From here on SIGINT and SIGTERM end the process of a node."""
+    """Let SIGINT and SIGTERM end the process of a node from now on."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _end_node)
 
 
 def end_command_at_interrupt() -> None:
-    """From here on Ctrl-C ends the process of a command."""
+    """Let Ctrl-C end the process of a command from now on."""
     signal.signal(signal.SIGINT, _end_command)
 
 
 def raise_interrupts() -> None:
-    """From here on Ctrl-C is a KeyboardInterrupt in the command, but while it imports more."""
+    """Let Ctrl-C raise KeyboardInterrupt in the command, but end the process during imports."""
     if signal.getsignal(signal.SIGINT) is _end_command:
         signal.signal(signal.SIGINT, _Interrupt())
 
 
 def ignore_interrupts() -> None:
-    """From here on Ctrl-C does nothing: the command is over, and only Python's own end remains."""
+    """Ignore Ctrl-C from now on: the command is over, and only Python's shutdown remains."""
     if isinstance(signal.getsignal(signal.SIGINT), _Interrupt):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def end_like_interrupted(*numbers: int) -> None:
-    """From here on these signals do what Ctrl-C does, or would do where it is ignored.
+    """Let these signals do what Ctrl-C does, or would do if it were not ignored.
 
-    A shell starts what is to run in the background with SIGINT ignored.
+    A shell starts background processes with SIGINT ignored.
     """
     present = signal.getsignal(signal.SIGINT)
     handler = present if callable(present) else _Interrupt()
@@ -58,9 +57,9 @@ def end_like_interrupted(*numbers: int) -> None:
 
 @contextmanager
 def uninterrupted_children() -> Iterator[None]:
-    """What is started here hears no Ctrl-C, which is for this process: that ends the others.
+    """Block Ctrl-C in processes that are started in this context; this process ends them.
 
-    A handler of their own would come too late: an interrupt may meet Python while it starts.
+    Handlers in the children would come too late: an interrupt may arrive while Python starts.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -70,13 +69,13 @@ def uninterrupted_children() -> Iterator[None]:
 
 
 class Noted:
-    """Whether a signal came that nobody has taken yet."""
+    """Remembers that a signal came, until `take` is called."""
 
     def __init__(self) -> None:
         self._came = False
 
     def take(self) -> bool:
-        """Whether one came; it is taken by that."""
+        """Return whether a signal came, and forget it."""
         came, self._came = self._came, False
         return came
 
@@ -87,10 +86,10 @@ class Noted:
 
 @contextmanager
 def noted_interrupts() -> Iterator[Noted]:
-    """Here signals interrupt nothing halfway; at the end one that nobody has taken does.
+    """Defer signals in this context to its end, unless they are taken before.
 
     Raises:
-        KeyboardInterrupt: one came.
+        KeyboardInterrupt: a signal came, and was not taken.
     """
     noted = Noted()
     previous = {number: signal.signal(number, noted.note) for number in END_SIGNALS}
@@ -104,7 +103,7 @@ def noted_interrupts() -> Iterator[Noted]:
 
 
 class _Interrupt:
-    """Interrupts the command; one within `SAME_S` of the one before is the same."""
+    """Interrupts the command, unless the last signal was less than `SAME_S` ago."""
 
     def __init__(self) -> None:
         self._last_s = float("-inf")
@@ -118,7 +117,7 @@ class _Interrupt:
 
 
 def _is_importing(frame: FrameType | None) -> bool:
-    """Whether a module is being loaded: libraries swallow what is raised there."""
+    """Whether a module is being imported: libraries swallow exceptions that are raised there."""
     while frame is not None:
         if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
             return True

@@ -31,13 +31,13 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "lwr_sim": ("arm", "pouring_scene", "people"),
     "coworker_sim": ("coworker_sim", "people"),
 }
-"""Parts that a node has, by the name of its executable."""
+"""Parts of `parameters.yaml` that a node declares, by the name of its executable."""
 
 
 class ParameterSpec(NamedTuple):
     """A parameter of a node."""
 
-    default: Any  # its default, whose type it keeps
+    default: Any  # its type is that of the parameter
     description: str  # with the unit, and what a larger value does
     minimum: float | None = None  # smallest value allowed; None: any
     maximum: float | None = None  # largest value allowed; None: any
@@ -59,7 +59,7 @@ def parameter_parts() -> Mapping[str, Mapping[str, ParameterSpec]]:
 
 
 def parameters_of(node: str) -> dict[str, ParameterSpec]:
-    """All parameters of a node of ours, by name."""
+    """All parameters of one of our nodes, by name."""
     parts = parameter_parts()
     return {name: spec for part in PARTS[node] for name, spec in parts[part].items()}
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two people's assembly with an arm in the second one's place, a simulated worker before it.
+"""Assembly by two people: an arm takes the place of the second, the first is simulated.
 
 ros2 launch intent_recognition assembly.launch.py model:=two_humans.npz arm:=iiwa rviz:=true
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recognition and simulation together, with quick discovery; `intent demo` also scores it.
+"""Recognition and simulation together, with quick discovery; `intent demo` also scores a session.
 
 Objects are handed over by force; `transfers:=false` leaves hands empty.
 

@@ -2,7 +2,7 @@
 """The recognition side: mocap_ingest, intent_estimator and primitive_activation.
 
 ros2 launch intent_recognition intent.launch.py model:=toolbox.npz
-With `sim.launch.py` beside it, or the rest of the cell; for a real arm see `real.launch.py`.
+Start `sim.launch.py` or the rest of the cell beside it; for a real arm see `real.launch.py`.
 """
 
 from launch import LaunchDescription

@@ -3,8 +3,8 @@
 
 ros2 launch intent_recognition real.launch.py model:=bracket.npz params_file:=my_arm.yaml
 
-Read docs/real_arm.md first. The tracker publishes mocap/<body>/pose, the arm's own bring-up its
-joint states and robot_description. The arm is not moved before somebody says so:
+Read docs/real_arm.md first. The tracker must publish mocap/<body>/pose, and the arm's own bring-up
+its joint states and robot_description. The arm does not move before these transitions:
 ros2 lifecycle set /primitive_activation configure, then activate.
 """
 

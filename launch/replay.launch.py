@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Play a recording to the recognition, at the recording's time; no arm moves.
+"""Play a recording to the recognition nodes, in recorded time; no arm moves.
 
 ros2 launch intent_recognition replay.launch.py bag:=session model:=toolbox.npz rviz:=true
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ros2_control with mock hardware, and our graph that drives its controller by the action.
+"""ros2_control with mock hardware, and our graph, which commands its controller by the action.
 
 ros2 launch intent_recognition ros2_control.launch.py arm:=panda model:=panda.npz
 
@@ -36,7 +36,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def _check(_: LaunchContext) -> list[Node]:
-    """Refuse what cannot run before the first node starts; the graph does so itself."""
+    """Refuse arguments and missing packages before any node starts; the graph checks its own."""
     graph_takes = (argument.name for argument in GRAPHS["real"].arguments())
     check_arguments("ros2_control", ["arm", *graph_takes], sys.argv)
     for package in ("controller_manager", "robot_state_publisher", *CONTROLLERS):
