@@ -15,7 +15,7 @@ from types import FrameType
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that end a command which has started other processes."""
 SAME_S = 1.0
-"""Time within which interrupts count as one [s]: a terminal and a parent process both send them."""
+"""Time within which interrupts count as one [s]: a terminal and a parent process both send one."""
 INTERRUPTED = 130
 """Exit code of an interrupted command; an interrupted node ends with 0."""
 

@@ -102,7 +102,7 @@ class ClearanceInput:
         )
 
     def _spent_s(self) -> float:
-        """Processor time [s]; 0 if simulated time waits for the node: load changes no plan then."""
+        """Processor time [s]; 0 if simulated time waits for the node, so that plans repeat."""
         return 0.0 if self._diagnostics.answers else time.thread_time()
 
 

@@ -97,7 +97,7 @@ class ActivationOutput:
             self._feedback.publish(DiagnosticStatus(name=outcome.label, values=key_values(values)))
 
     def task(self, activation: Activation | None) -> None:
-        """Publish the helped person, the active task and the tasks in question; log pretriggers."""
+        """Publish the helped person, the active task and those in question; log pretriggering."""
         person = "" if activation is None else activation.attended
         if self._helped is not None and person != self._published_person:
             self._published_person = person

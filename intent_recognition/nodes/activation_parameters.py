@@ -101,8 +101,8 @@ class ActivationParameters:
     def read_model(self) -> tuple[tuple[str, ...], dict[str, Floats]]:
         """Read the model; returns the joint names, and where each task begins, by label.
 
-        The names are empty if only the arm's description will tell them, as with a model of the
-        hand. Its tasks begin at positions (3,) [m] or poses (7,) with a quaternion xyzw.
+        The names are empty if they follow later, with a prediction or, for a model of the hand,
+        with the arm. Its tasks begin at positions (3,) [m] or poses (7,) with a quaternion xyzw.
 
         Raises:
             ArgumentError: `joint_names` and the model differ, or pretriggering lacks a model.
@@ -150,7 +150,7 @@ class ActivationParameters:
         return "; ".join(shown)
 
     def never_certain(self) -> dict[str, float]:
-        """Tasks never acted on: the least std of their ends [rad], which `max_end_std` excludes."""
+        """Tasks whose end never gets surer than `max_end_std`, with its least std [rad]."""
         limit, library = self._values["max_end_std"], self.taught.library
         if library is None or not limit:
             return {}

@@ -84,7 +84,7 @@ class PostureInput:
                 kind, topic = Odometry, human_topic(entry)
             else:
                 kind = message_class(entry.type)
-            deep = qos.keep_last(100, reliable=False)  # onset filters a movement again meanwhile
+            deep = qos.keep_last(100, reliable=False)  # kept while onset filters again
             self._subscriptions.append(self._node.create_subscription(kind, topic, take, deep))
 
     def close(self) -> None:

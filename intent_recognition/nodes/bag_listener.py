@@ -51,7 +51,7 @@ class BagListener:
             self._handles[topic] = (handle, kind)
         if previous is not None:
             previous[0].destroy_when_not_in_use()
-        if self._thread.ident is None:  # no earlier: it would keep a node that cannot start
+        if self._thread.ident is None:  # a thread started earlier would keep a failed node
             self._thread.start()
             atexit.register(self.close)  # Python aborts where a daemon thread is in C++
 

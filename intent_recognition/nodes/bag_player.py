@@ -125,7 +125,7 @@ class BagPlayer(Node):
         return not self._wanted or name in self._wanted
 
     def _load(self) -> Iterable[RawMessage]:
-        """Messages in memory, so that reading costs no time later; none of big bags, streamed."""
+        """Messages read ahead, to save time later; empty for a big bag, which is streamed."""
         path = self._reader.path
         files = [path] if path.is_file() else filter(Path.is_file, path.iterdir())
         if sum(file.stat().st_size for file in files) > 2**26:

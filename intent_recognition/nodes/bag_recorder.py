@@ -12,7 +12,7 @@ from intent_recognition.nodes.topic_recorder import TopicRecorder, check_task
 
 
 class BagRecorder(TopicRecorder):
-    """Subscribes at once and writes between `~/start` and `~/stop`; `output` starts it at once."""
+    """Subscribes at once, and writes from `~/start`, or at once with `output`, until `~/stop`."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("bag_recorder", **kwargs)

@@ -43,8 +43,8 @@ class CommandAction:
     newest goal is rejected or aborted, or if any goal violates its path tolerance or is cancelled
     by another client. Then all goals under way are cancelled, so that the controller holds the
     arm, and `give_up` is called. Other ends of replaced goals are ignored; with ros2_control they
-    are cancelled with the code INVALID_GOAL, those that a client cancels without a code. A missed
-    goal tolerance is only reported, since the arm is at rest near the end of its motion.
+    have the code INVALID_GOAL, while a goal that a client cancelled has no code. A missed goal
+    tolerance is only reported, since the arm is at rest near the end of its motion.
 
     Attributes:
         topic: topic on which the same controller takes commands, too.

@@ -28,7 +28,7 @@ class NodeSpec:
 
     Attributes:
         parameters: parameter name to the argument that sets it.
-        fixed: parameters with a value of their own.
+        fixed: parameters with a fixed value.
         remappings: topic name to the argument that sets it.
         topics: topic name to its name in this graph.
         clock: parameter that makes the node publish /clock, which it then does not follow.

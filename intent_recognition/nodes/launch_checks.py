@@ -47,7 +47,7 @@ def check_package(package: str, what: str) -> None:
 
 
 def check_needs(calls: Sequence[NodeCall], values: Mapping[str, object]) -> None:
-    """Refuse nodes whose packages or modules, and arguments whose files, do not exist."""
+    """Refuse nodes whose package or module is missing, and arguments whose file is missing."""
     for call in calls:
         if call.package != PACKAGE:
             check_package(call.package, NODES[call.name].when)
@@ -64,7 +64,7 @@ def check_needs(calls: Sequence[NodeCall], values: Mapping[str, object]) -> None
 
 
 def check_sections(path: str, calls: Sequence[NodeCall]) -> None:
-    """Refuse a parameter file with a section of no node, or a parameter that its node lacks.
+    """Refuse a parameter file with a section of no node, or a parameter unknown to its node.
 
     ROS itself ignores misspelt names. A section of a node that only other graphs start is allowed.
     """

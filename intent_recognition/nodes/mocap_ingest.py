@@ -152,7 +152,7 @@ class MocapIngest(Node):
             self._identified(body, measured)
 
     def _look(self) -> None:
-        """Use waiting poses, in order, once their transforms have come; reject those too old."""
+        """Use waiting poses in order, as their transforms come; reject those that wait too long."""
         for body, waiting in self._waiting.items():
             while waiting:
                 since_s, measured = waiting[0]

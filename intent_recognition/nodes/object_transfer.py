@@ -122,7 +122,7 @@ class ObjectTransfer(Node):
     def _situation(
         self, message: JointState, arm: Arm, estimator: LoadEstimator
     ) -> Situation | None:
-        """What is measured of hand and person; None if the message lacks what that needs."""
+        """Measured state of hand and person; None if the message lacks a needed value."""
         at_ns, names = stamp_ns(message), arm.joint_names
         try:
             q, velocity = (joint_values(message, names, of) for of in ("position", "velocity"))

@@ -73,7 +73,7 @@ class ObservationInput:
         self._kinds = {entry.type: message_class(entry.type) for entry in entries}
 
     def learned_in(self, frames: Frames) -> None:
-        """Set the frames that the model was learned in; one warning per topic names any other."""
+        """Set the frames of the model, to warn once per topic of poses in other frames."""
         self._frames = frames
         self._warned: set[str] = set()
 

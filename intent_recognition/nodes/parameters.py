@@ -62,7 +62,7 @@ def declare(node: Node, part: str) -> dict[str, Any]:
 def declare_one(node: Node, name: str, spec: ParameterSpec) -> Any:
     """Declare a parameter, and return its value; see `declare`.
 
-    The parameter has any type at first, so that an integer can be taken for a float, then its own.
+    Its type is dynamic at first, so that an integer can be taken for a float, and then fixed.
     """
     if node not in _checked:
         _checked.add(node)

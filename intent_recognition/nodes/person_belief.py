@@ -149,7 +149,7 @@ class PersonBelief:
         return True
 
     def _publish(self, estimate: Estimate, observation: Observation) -> None:
-        """Publish the prediction before the tasks: a decision also needs to know its end."""
+        """Publish the prediction before the tasks: a decision also depends on its end."""
         if estimate.moving:
             self._publish_prediction(estimate, observation)
         self.output.publish_tasks(estimate)

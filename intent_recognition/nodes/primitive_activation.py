@@ -58,7 +58,7 @@ from intent_recognition.promp import Trajectory
 TASKS, PREDICTION = "intent/tasks", "intent/robot_trajectory"
 """Streams whose messages are counted together for all people."""
 OF_ARM = "joint_states of the arm"
-"""Stream of the messages on `joint_states` that are not of other joints only (a gripper's)."""
+"""Stream of the messages on `joint_states` that name joints of the arm, not only a gripper's."""
 SENDERS = {TASKS: "estimator or tracker", OF_ARM: "arm driver"}
 """Streams that never pause in normal operation, and who has failed if one does."""
 

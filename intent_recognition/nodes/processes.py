@@ -41,7 +41,7 @@ def node_environment(base: Mapping[str, str], domain_id: int | None = None) -> d
 
 
 def transport(base: Mapping[str, str]) -> dict[str, str]:
-    """Variables to add to an environment, so that nodes find one another quickly, also restarted.
+    """Variables to add to `base`, so that nodes find one another quickly, also after a restart.
 
     None are added if `base` names profiles of Fast DDS. Shared memory is left out
     (docs/decisions/transport.md). rmw_fastrtps always adds it to the range LOCALHOST, so profiles

@@ -37,7 +37,7 @@ STATE = keep_last(10)
 """Reliable, keep last 10: `joint_states`, `intent/tasks`; best-effort subscribers match too."""
 
 SENSOR = MEASURED = keep_last(10, reliable=False)
-"""Best effort, keep last 10: measured streams (`mocap/*`, `human/*`), whose newest matters most,
+"""Best effort, keep last 10: measured streams (`mocap/*`, `human/*`), where the newest counts most,
 and subscriptions to `joint_states`, which reliable publishers match, too."""
 
 COMMAND = keep_last(1)

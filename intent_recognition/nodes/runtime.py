@@ -241,7 +241,7 @@ def _check_domain(domain: str) -> None:
 
 
 class _Signals:
-    """Notes SIGINT and SIGTERM; raises KeyboardInterrupt at one more than `SAME_S` later."""
+    """Notes SIGINT and SIGTERM; one more than `SAME_S` after the first is a KeyboardInterrupt."""
 
     def __init__(self) -> None:
         self.received = False

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The executables of the nodes: they start a node, or print its help or what it lacks.
 
-Imports are made once an interrupt no longer leaves a traceback.
+Imports begin once interrupts no longer leave a traceback.
 """
 
 import sys

@@ -50,7 +50,7 @@ class TopicRecorder(Node):
     bag can be learned from and played under another namespace or other remappings. Log time is the
     time of reception and publish time that of the publisher, both as the middleware gives them;
     with `use_sim_time` both are the simulated time of reception, and nothing is written before the
-    clock runs. The last message of each latched topic is written again at the start of a bag.
+    clock runs. The last message of each latched topic is written at the start of a bag.
 
     A subclass calls `listen` once its parameters are known.
     """
