@@ -94,10 +94,10 @@ class Backlog:
         return used
 
     def _take_waiting(self, source: _Source) -> list[object]:
-        if (heard := source.subscription) is None:
+        if (subscription := source.subscription) is None:
             return []
-        with (handle := heard.handle):
-            found = iter(lambda: handle.take_message(heard.msg_type, source.raw), None)
+        with (handle := subscription.handle):
+            found = iter(lambda: handle.take_message(subscription.msg_type, source.raw), None)
             return [message for message, _ in found]
 
 

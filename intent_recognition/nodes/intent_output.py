@@ -46,14 +46,14 @@ class IntentOutput:
     def __init__(
         self, node: Node, diagnostics: Diagnostics, frames: FrameOutput, person: str = ""
     ) -> None:
-        publish, of = node.create_publisher, f"intent/{person}/" if person else "intent/"
+        publish, prefix = node.create_publisher, f"intent/{person}/" if person else "intent/"
         self._diagnostics, self._frames = diagnostics, frames
         self._hand_frame = f"predicted_hand_{person}" if person else "predicted_hand"
-        self.tasks = publish(JointState, f"{of}tasks", qos.STATE)
-        self.trajectory = publish(JointTrajectory, f"{of}robot_trajectory", qos.COMMAND)
-        self._path = publish(Path, f"{of}human_path", qos.COMMAND)
-        self.human_trajectory = publish(JointTrajectory, f"{of}human_trajectory", qos.COMMAND)
-        self._markers = publish(MarkerArray, f"{of}markers", qos.COMMAND)
+        self.tasks = publish(JointState, f"{prefix}tasks", qos.STATE)
+        self.trajectory = publish(JointTrajectory, f"{prefix}robot_trajectory", qos.COMMAND)
+        self._path = publish(Path, f"{prefix}human_path", qos.COMMAND)
+        self.human_trajectory = publish(JointTrajectory, f"{prefix}human_trajectory", qos.COMMAND)
+        self._markers = publish(MarkerArray, f"{prefix}markers", qos.COMMAND)
 
     def configure(self, model: Model) -> None:
         """Set the model, before anything is published."""

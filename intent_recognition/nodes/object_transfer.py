@@ -125,7 +125,7 @@ class ObjectTransfer(Node):
         """Measured state of hand and person; None if the message lacks a needed value."""
         at_ns, names = stamp_ns(message), arm.joint_names
         try:
-            q, velocity = (joint_values(message, names, of) for of in ("position", "velocity"))
+            q, velocity = (joint_values(message, names, key) for key in ("position", "velocity"))
             effort = measured_values(message, names, "effort")
             half = joint_values(message, [name for name in self._fingers if name in message.name])
         except MessageError as error:

@@ -203,8 +203,8 @@ def parameter_sources(arguments: Sequence[str], node: str) -> dict[str, str]:
             shown = LAUNCH if of_launch else value
             sources |= dict.fromkeys(_names(value, node), shown)
         elif option in ("-p", "--param") and ":=" in value:
-            *of, name = value.split(":=", 1)[0].split(":")
-            if not of or of[0].strip("/") == node.rsplit("/", 1)[-1]:
+            *target, name = value.split(":=", 1)[0].split(":")
+            if not target or target[0].strip("/") == node.rsplit("/", 1)[-1]:
                 sources[name] = COMMAND_LINE
     return sources
 

@@ -106,11 +106,11 @@ class PrimitiveActivation(ManagedNode):
         self.start()
 
     def _meet(self, person: str) -> None:
-        hear, of = self.diagnostics.subscribe, f"intent/{person}/" if person else "intent/"
+        hear, prefix = self.diagnostics.subscribe, f"intent/{person}/" if person else "intent/"
         tasks, predicted = partial(self._on_tasks, person), partial(self._on_prediction, person)
-        hear(JointState, f"{of}tasks", tasks, qos.STATE, TASKS)
-        hear(JointTrajectory, f"{of}robot_trajectory", predicted, qos.COMMAND, PREDICTION)
-        self._person.hear(person, f"{of}human_trajectory")
+        hear(JointState, f"{prefix}tasks", tasks, qos.STATE, TASKS)
+        hear(JointTrajectory, f"{prefix}robot_trajectory", predicted, qos.COMMAND, PREDICTION)
+        self._person.hear(person, f"{prefix}human_trajectory")
 
     # Lifecycle
 

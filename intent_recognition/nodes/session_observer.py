@@ -76,11 +76,11 @@ class SessionObserver(Node):
             (JointState, "intent/transfer", partial(self._keep, self._transfers, 5), qos.STATE),
         ]
         for person, seen in self._people.items():
-            of = f"{person}/" if person else ""
+            prefix = f"{person}/" if person else ""
             topics += [
-                (PoseStamped, f"mocap/{of}wrist/pose", seen.take_wrist, qos.SENSOR),
-                (JointState, f"intent/{of}tasks", seen.take_tasks, qos.STATE),
-                (String, f"coworker/{of}task", partial(_tell, on_task, person), qos.STATE),
+                (PoseStamped, f"mocap/{prefix}wrist/pose", seen.take_wrist, qos.SENSOR),
+                (JointState, f"intent/{prefix}tasks", seen.take_tasks, qos.STATE),
+                (String, f"coworker/{prefix}task", partial(_tell, on_task, person), qos.STATE),
             ]
         self._heard: Counter[str] = Counter()
         self._answers = self.create_publisher(JointState, ANSWERS, qos.FEEDBACK)
@@ -107,8 +107,8 @@ class SessionObserver(Node):
         """Whether the nodes that must run before the human moves have found one another."""
         needed = [("joint_trajectory", 1, 1), ("joint_states", 1, 3)]
         for person in self._people:
-            of = f"{person}/" if person else ""
-            needed += [(f"mocap/{of}wrist/pose", 0, 2), (f"intent/{of}tasks", 1, 2)]
+            prefix = f"{person}/" if person else ""
+            needed += [(f"mocap/{prefix}wrist/pose", 0, 2), (f"intent/{prefix}tasks", 1, 2)]
         if "" in self._people:  # topics of named people may not exist before they are seen
             needed.append(("human/wrist", 1, 1))
         return bool(self._joints) and all(
