@@ -117,7 +117,7 @@ class ActivationOutput:
         ahead = "" if activation is None else activation.pretrigger.label
         if ahead != self._ahead:
             self._ahead = ahead
-            self._logger.info(f"gone ahead for {ahead}" if ahead else "no longer ahead")
+            self._logger.info(f"pretriggered: {ahead}" if ahead else "no longer pretriggered")
 
     def report(self, activation: Activation, silent: str) -> None:
         """Report to the diagnostics what the arm does."""

@@ -59,7 +59,7 @@ def check_needs(calls: Sequence[NodeCall], values: Mapping[str, object]) -> None
         value = str(values.get(name, ""))
         looks_like_a_path = name in ("model", "bag", "dofs") or "/" in value
         if value and looks_like_a_path and not Path(value).expanduser().exists():
-            got = f"{Path(value).absolute()}, which is none"
+            got = f"{Path(value).absolute()}, which does not exist"
             raise ArgumentError.about(name, "a file or folder", got, "Correct the path.")
 
 

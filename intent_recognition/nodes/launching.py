@@ -120,5 +120,5 @@ def _params_file(name: str) -> str:
         return str(share_path(name))
     except IntentError as error:
         cure = "Give the path of yours, or the name of a shipped one, such as config/real_arm.yaml."
-        got = f"{Path(name).absolute()}, which is none"
+        got = f"{Path(name).absolute()}, which is not a file"
         raise ArgumentError.about("params_file", "a file", got, cure) from error

@@ -145,7 +145,7 @@ class WarpedPrimitiveNode(Node):
             return
         if 0 < self._end_ns < now - 3_000_000_000:  # more than an arm holds still
             self._end_ns = 0
-            self._diagnostics.reject("not_poured", "nothing was heard of the arm")
+            self._diagnostics.reject("not_poured", "no outcome came from the arm")
         pours = float(self._end_ns > now)
         message = to_joint_state((self._task, NONE), (pours, 1.0 - pours), (0.0, 0.0), time_ns=now)
         self._tasks.publish(message)
