@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags of ROS: read, write, cut, recover."""
+"""Read, write, cut and recover ROS bags."""
 
 from intent_recognition.bags.cdr.columns import (
     JOINT_STATE,

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a message definition in a bag may ask for: neither its parser nor its messages may be
-endless.
-"""
+"""Bounds on message definitions, so that parsing them and decoding their messages end."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -10,12 +8,12 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import get_types_from_msg
 
 LONGEST_DEFINITION = 100_000
-"""Bytes of a definition with those of all types it contains, which are parsed in 3 s. Convention:
-Jazzy's longest have 4000, with their comments 20 000."""
+"""Longest accepted definition, including all types it contains [bytes]; parsing it takes 3 s.
+Jazzy's longest has 4000, or 20 000 with comments."""
 
 
 class _Size(NamedTuple):
-    """What a message of a type has at least: values, and bytes."""
+    """The fewest values and bytes that a message of a type can have."""
 
     values: int
     bytes: int
@@ -24,10 +22,10 @@ class _Size(NamedTuple):
 def check_definition(name: str, text: str) -> None:
     """Make sure that a definition can be parsed, and its messages decoded, in bounded time.
 
-    The text holds that of the type `name` and of all types it contains, in the form ros2msg.
+    `text` defines the type `name` and all types it contains, in the ros2msg format.
 
     Raises:
-        ValueError: it is too long, too deep, or a message of it could be endless.
+        ValueError: the definition is too long or nested too deeply, or allows endless messages.
     """
     if len(text) > LONGEST_DEFINITION:
         raise ValueError(f"a definition of {len(text)} bytes, more than {LONGEST_DEFINITION}")
@@ -38,9 +36,9 @@ def check_definition(name: str, text: str) -> None:
 
 
 def _size(name: str, types: Mapping[str, Any], known: dict[str, _Size], depth: int) -> _Size:
-    if depth > 16:  # Jazzy's deepest have 6
+    if depth > 16:  # Jazzy's deepest types are nested 6 levels deep
         raise ValueError("more than 16 types within one another")
-    if name not in types:  # one that is not defined; its parser says so
+    if name not in types:  # undefined: the parser raises later
         return _Size(1, 1)
     if name not in known:
         values = size = 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of one recording into others, byte for byte: a whole one, or parts of it."""
+"""Copy a recording, or parts of it, byte for byte."""
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -17,10 +17,10 @@ from intent_recognition.errors import BagError, MessageError
 
 
 class BagPart(NamedTuple):
-    """A part of a recording, to be written as a bag of its own, in a new directory."""
+    """A part of a recording that becomes a bag in a new directory."""
 
-    start_ns: int  # log time of its first message, or earlier
-    end_ns: int  # log time of its last message, or later; before the next part begins
+    start_ns: int  # at or before the log time of its first message
+    end_ns: int  # at or after the log time of its last message, before the next part begins
     path: Path
     custom_data: Mapping[str, str]
 
@@ -28,16 +28,16 @@ class BagPart(NamedTuple):
 def cut_bag(
     reader: BagReader, parts: Sequence[BagPart], leave_out: Collection[str] = ()
 ) -> list[dict[str, int]]:
-    """Write parts of a recording, in order of time, as bags; every message as it is.
+    """Write parts of a recording, ordered by time, as bags with unchanged messages.
 
-    Topics of the absolute names `leave_out` are not copied.
+    Topics whose absolute names are in `leave_out` are not copied.
 
     Returns:
-        The messages of each part by topic; none of a part without any, which becomes no bag.
+        Message counts by topic for each part. A part without messages has none and makes no bag.
 
     Raises:
         ResourceBusyError: a directory exists already or cannot be made.
-        DiskFullError: too little space; what was written before is whole.
+        DiskFullError: there is too little space; everything written before is complete.
     """
     topics = [name for name in reader.topics if name not in leave_out]
     counts: list[dict[str, int]] = [{} for _ in parts]
@@ -76,8 +76,8 @@ def declare_topics(writer: BagWriter, reader: BagReader, leave_out: Collection[s
 
 @dataclass(frozen=True)
 class RecoveryReport:
-    """What was saved (messages by topic, log times of the first and the last, 0 for none), and what
-    was not; notes are other oddities, as sentences.
+    """Saved messages by topic, their first and last log times (0 for none), and the damage skipped;
+    `notes` describe other oddities in sentences.
     """
 
     source: str
@@ -90,19 +90,19 @@ class RecoveryReport:
 
     @property
     def message_count(self) -> int:
-        """Messages saved over all topics."""
+        """Number of saved messages of all topics."""
         return sum(self.message_counts.values())
 
 
 def recover(source: str | Path, output: str | Path) -> RecoveryReport:
-    """Write a new bag with every message of `source`, a recording, whose checksum is right.
+    """Write every message of the recording `source` whose checksum is right to a new bag.
 
-    Damaged parts are skipped up to the next whole chunk. Of a chunk cut off by the end of the file,
-    whatever can be decompressed is kept. Labels come from metadata.yaml where it is readable.
-    Topics of a type that neither the recording nor ROS defines are left out.
+    Damaged parts are skipped up to the next whole chunk. From a chunk that the end of the file cuts
+    off, everything that can be decompressed is kept. Labels come from metadata.yaml if readable.
+    Topics whose type neither the recording nor ROS defines are left out.
 
     Raises:
-        BagError: not one message in it can be read.
+        BagError: no message of `source` can be read.
         ResourceBusyError: `output`, the directory of the new bag, exists already.
     """
     reader = BagReader(source, tolerant=True)
@@ -129,7 +129,7 @@ def recover(source: str | Path, output: str | Path) -> RecoveryReport:
 
 
 def _undefined(reader: BagReader) -> dict[str, str]:
-    """Why topics of a recording are left out, whose types are not defined."""
+    """Topics whose types are not defined, each with the reason for leaving it out."""
     found = {}
     for topic in reader.topics.values():
         try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message definitions, type hashes and serialization without ROS, from the Jazzy type store."""
+"""Message definitions, type hashes and serialization from the Jazzy type store, without ROS."""
 
 import json
 import os
@@ -19,26 +19,26 @@ from intent_recognition.bags.cdr.layout import NANOSECONDS
 from intent_recognition.errors import MessageError
 
 SEPARATOR = "=" * 80 + "\n"
-"""Between the definitions of a type and of those it contains, in the form ros2msg."""
+"""Separates the definitions of a type and of the types it contains, in the ros2msg format."""
 TIME_TYPES = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 NUMPY_TYPES = {"bool": "bool", "byte": "uint8", "octet": "uint8", "char": "uint8"}
-"""Of the types of numbers that numpy knows by another name."""
+"""Numpy's names of the number types for which they differ."""
 
 
 @dataclass(frozen=True)
 class Definition:
-    """What a bag says about a message type."""
+    """Definition of a message type as a bag stores it."""
 
     type: str  # "package/msg/Name"
-    text: str  # its definition and those of all types it contains
-    type_hash: str  # its RIHS01 hash, "" when unknown
-    encoding: str = "ros2msg"  # of `text`, as MCAP names it; "" where there is none
-    messages: str = "cdr"  # encoding of the messages, as MCAP names it
+    text: str  # definitions of the type and of all types it contains
+    type_hash: str  # RIHS01 hash, "" when unknown
+    encoding: str = "ros2msg"  # MCAP's name for the format of `text`, "" without text
+    messages: str = "cdr"  # MCAP's name for the encoding of the messages
 
 
 @lru_cache(maxsize=1)
 def jazzy_types() -> Typestore:
-    """The shared Jazzy type store; types of installed packages are added as they are asked for."""
+    """The shared Jazzy type store, to which types of installed packages are added on demand."""
     return get_typestore(Stores.ROS2_JAZZY)
 
 
@@ -50,7 +50,7 @@ def jazzy_names() -> frozenset[str]:
 
 @cache
 def definition(type_name: str) -> Definition:
-    """Definition of a message type: Jazzy's own, else that of the installed package."""
+    """Definition of a message type, from Jazzy or else from the installed package."""
     store = jazzy_types()
     if type_name in jazzy_names():
         text, _ = store.generate_msgdef(type_name, ros_version=2)
@@ -65,7 +65,7 @@ def definition(type_name: str) -> Definition:
 
 
 def message_class(type_name: str) -> type:
-    """The data class of a message type, as rosbags' type store builds it.
+    """The data class that rosbags' type store builds for a message type.
 
     Raises:
         MessageError: the type is unknown.
@@ -84,13 +84,13 @@ def make_message(type_name: str, fields: Mapping[str, object]) -> object:
 
 
 def serialize(type_name: str, message: object) -> bytes:
-    """CDR bytes (little endian) of a mapping or of a message of the type store."""
+    """Serialize a mapping, or a message of the type store, as little-endian CDR."""
     if isinstance(message, Mapping):
         message = make_message(type_name, message)
     _ensure_registered(type_name)
     try:
         return bytes(jazzy_types().serialize_cdr(message, type_name))
-    except Exception as error:  # rosbags' generated code raises what struct and numpy raise
+    except Exception as error:  # rosbags' generated code may raise any error of struct and numpy
         cure = "Give every field its declared type."
         raise MessageError.about("message", f"a {type_name}", error, cure) from error
 
@@ -117,7 +117,7 @@ def _build(type_name: str, fields: Any, place: str) -> object:
 
 
 def _value(kind: tuple, value: Any, place: str) -> object:
-    """One field's value from `value`, or its zero when that is None."""
+    """Convert `value` to a field's type; None gives zero or an empty value."""
     node, detail = kind
     try:
         if node == Nodetype.NAME:
@@ -168,7 +168,7 @@ def _ensure_registered(type_name: str) -> None:
 
 
 def _collect_installed(type_name: str, texts: dict[str, str]) -> None:
-    """Add the definition text of `type_name` and of all it contains, outermost first."""
+    """Add the definitions of `type_name` and of all types it contains, outermost first."""
     if type_name in texts:
         return
     texts[type_name] = _share_file(type_name, ".msg").read_text(encoding="utf-8").rstrip() + "\n"
@@ -183,7 +183,7 @@ def _collect_installed(type_name: str, texts: dict[str, str]) -> None:
 
 
 def _installed_hash(type_name: str) -> str:
-    """RIHS01 hash the installed package states for its type, "" when it states none."""
+    """RIHS01 hash that the installed package states for the type, "" if it states none."""
     try:
         stated = json.loads(_share_file(type_name, ".json").read_text(encoding="utf-8"))
     except (MessageError, OSError, ValueError):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which files a recording is made of, and what its metadata.yaml says."""
+"""Find the files of a recording and read its metadata.yaml."""
 
 import gzip
 import zlib
@@ -18,17 +18,17 @@ from intent_recognition.errors import BagError, one_line
 
 GZIP = b"\x1f\x8b"
 KINDS = {MAGIC: ".mcap", b"SQLite format 3\0": ".db3", b"#ROSBAG V2.0": ".bag"}
-"""Storage of a recording by the first bytes of its files: ROS 2's two, and that of ROS 1."""
+"""File suffix by the first bytes of a recording: the two storages of ROS 2 and that of ROS 1."""
 GZ = ".gz"
 PACKED = (".zstd", ".zst", GZ)
 RENAMED = "renamed"
-"""How a note begins of files that have other names than metadata.yaml says."""
+"""First word of the note about files whose names differ from those in metadata.yaml."""
 PATTERNS = [f"*{kind}{packed}" for kind in (".mcap", ".db3") for packed in ("", *PACKED)]
-"""Files that make a folder a bag."""
+"""Names of the storage files that make a folder a bag."""
 
 
 def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, list[str]]:
-    """What metadata.yaml says and what is odd about it; None for a single file or without it."""
+    """Read metadata.yaml and note oddities; None for a single file or without metadata.yaml."""
     if not path.exists():
         raise BagError.about(str(path), "a bag", "nothing there", "Check the path.")
     if path.is_file():
@@ -54,18 +54,18 @@ def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, li
 
 TABLES = (".csv", ".tsv", ".npy", ".parquet", ".c3d", ".trc", ".bvh", ".mvnx", ".h5", ".hdf5",
           ".mat", ".json", ".jsonl")  # fmt: skip
-"""Files that are no bags, but can become some."""
+"""Suffixes of files that can be imported as bags."""
 
 
 def cure_of(path: Path, otherwise: str) -> str:
-    """What helps where a path holds no bag: to import it, if it is a table or a folder of them."""
+    """Advice for a path without bags: to import its tables if it has any, else `otherwise`."""
     tables = any(file.suffix.lower() in TABLES for file in (path, *path.rglob("*")))
     first = f"`intent import {path} --suggest` writes a first map to make bags of it"
     return f"{first} (docs/import.md)." if tables else otherwise
 
 
 def _check_file(path: Path) -> None:
-    """Whether a single file can be a recording; one that ends in .mcap may be a damaged one."""
+    """Raise BagError unless a file can be a recording; any .mcap file may be a damaged one."""
     is_table = kind_of(path) == GZ and path.with_suffix("").suffix not in KINDS.values()
     if is_table or (path.suffix != ".mcap" and kind_of(path) not in (*KINDS.values(), *PACKED)):
         give = "Give a bag: a folder with .mcap files, or one of them."
@@ -75,8 +75,8 @@ def _check_file(path: Path) -> None:
 
 
 def is_bag(folder: Path) -> bool:
-    """Whether a folder is one bag of ROS 2: by its metadata.yaml, or with one file, or the parts of
-    one as rosbag2 numbers them, from 0 on.
+    """Whether a folder is one ROS 2 bag: it has a metadata.yaml, a single storage file, or the
+    parts of one recording as rosbag2 numbers them from 0 on.
     """
     files = storage_files(folder)
     name, first = _name_and_number(files[0]) if files else ("", -1)
@@ -86,7 +86,7 @@ def is_bag(folder: Path) -> bool:
 
 
 def kind_of(path: Path) -> str:
-    """What a file is by its first bytes, a value of `KINDS`, `.zstd` or `.gz`; else its suffix."""
+    """Suffix by a file's first bytes: a value of `KINDS`, `.zstd` or `.gz`; else its own suffix."""
     with path.open("rb") as file:
         start = file.read(max(map(len, KINDS)))
     known = {**KINDS, ZSTD: PACKED[0], GZIP: GZ}
@@ -94,7 +94,7 @@ def kind_of(path: Path) -> str:
 
 
 def unpack(path: Path, folder: Path) -> Path:
-    """Decompress a file to another of the same name below `folder`; of a cut one what it gives."""
+    """Decompress a file into `folder`; a truncated file is decompressed as far as possible."""
     target = folder / path.stem
     most, written = MOST_CHUNK + MOST_EXPANSION * path.stat().st_size, 0
     why = "one that is cut off"
@@ -117,17 +117,17 @@ def unpack(path: Path, folder: Path) -> Path:
 def find_files(
     path: Path, metadata: BagMetadata | None, *, tolerant: bool
 ) -> tuple[list[Path], list[str]]:
-    """The files of a recording in their order, and what is odd about them.
+    """The files of a recording in order, and notes about oddities.
 
-    Without metadata all files of a storage count, by name and number; a tolerant reader does
-    without files that are missing.
+    Without metadata these are all storage files, sorted by name and number. Missing files are an
+    error unless `tolerant` or all files seem to be renamed.
     """
     if path.is_file():
         return [path], []
     notes = []
     if metadata is None or not metadata.files:
         files = storage_files(path)
-        if len(files) > 1 and not files[-1].stat().st_size:  # as a recorder that was killed leaves
+        if len(files) > 1 and not files[-1].stat().st_size:  # left by a killed recorder
             notes.append(f"empty: {files.pop().name}")
     else:
         files = [_packed_or_not(path / PureWindowsPath(name).name) for name in metadata.files]
@@ -145,14 +145,14 @@ def find_files(
 
 
 def storage_files(folder: Path) -> list[Path]:
-    """All files that may be read to their end (a FIFO never ends), by name and number."""
+    """All regular storage files (a FIFO would never end), sorted by name and number."""
     found = {path for pattern in PATTERNS for path in folder.glob(pattern) if path.is_file()}
     twice = {path for path in found if path.suffix in PACKED and path.with_suffix("") in found}
     return sorted(found - twice, key=_name_and_number)
 
 
 def _packed_or_not(path: Path) -> Path:
-    """A file, or the one that compressing or unpacking it has made."""
+    """The given file if it exists, else its compressed or decompressed version."""
     others = [path.with_name(path.name + suffix) for suffix in PACKED]
     others += [path.with_suffix("")] * (path.suffix in PACKED)
     return next((other for other in others if not path.exists() and other.exists()), path)
@@ -163,6 +163,6 @@ def _stem(path: Path) -> str:
 
 
 def _name_and_number(path: Path) -> tuple[str, int]:
-    """rosbag2 numbers the files of a bag: NAME_10 comes after NAME_9."""
+    """Sort key for file names as rosbag2 numbers them, NAME_10 after NAME_9."""
     name, _, number = _stem(path).rpartition("_")
     return (name, int(number)) if number.isdecimal() else (_stem(path), -1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One message of a bag, raw and decoded, and the decoders of its types."""
+"""Raw and decoded messages of a bag, and the decoders of their types."""
 
 import re
 from collections.abc import Callable
@@ -24,9 +24,9 @@ from intent_recognition.errors import MessageError
 Decoder = Callable[[bytes], object]
 """Function from CDR bytes to a message with the attributes of its type."""
 ZSTD = b"\x28\xb5\x2f\xfd"
-"""First bytes of what zstd has compressed, a file or a message; no message of CDR begins so."""
+"""First bytes of a file or message compressed by zstd; no CDR message begins with them."""
 ROS_ENCODINGS = ("cdr", "ros1", "")
-"""Encodings of messages that are read; those in others (JSON, protobuf) are kept as they are."""
+"""Message encodings that can be decoded; others (JSON, protobuf) are copied unchanged."""
 HEADER = "std_msgs/msg/Header"
 RECOVER = "Save what is left with `intent recover`."
 """Advice in messages about damaged recordings."""
@@ -41,7 +41,7 @@ class RawMessage:
     log_time_ns: int
     publish_time_ns: int
     data: bytes  # CDR bytes with their encapsulation header
-    sequence: int = 0  # number given by the publisher, 0 when unknown
+    sequence: int = 0  # sequence number of the publisher, 0 when unknown
 
 
 @dataclass(frozen=True)
@@ -51,15 +51,15 @@ class BagMessage:
     topic: str  # name as recorded
     type: str  # "package/msg/Name"
     log_time_ns: int
-    stamp_ns: int  # stamp of its header, or the log time for a type without header
+    stamp_ns: int  # header stamp, or the log time for a type without header
     message: Any  # an object with the attributes of the type
 
 
 def complete_schema(said: Schema | None, type_name: str) -> Schema | None:
-    """The definition of a channel's type in the form ros2msg, whatever form the file has.
+    """The definition of a channel's type in the ros2msg format, whatever format the file uses.
 
-    The file's own is translated from ROS 1 or IDL; where it has none that can be used, it is
-    Jazzy's by its name, or by `type_name`; else what the file says.
+    A definition in ROS 1 or IDL format is translated. Where the file has no usable definition,
+    Jazzy's for the type's name (or `type_name`) is taken, and else `said` is returned.
     """
     if said is not None and said.encoding == "ros2msg" and said.data:
         package, _, kind = said.name.rpartition("/")
@@ -70,19 +70,19 @@ def complete_schema(said: Schema | None, type_name: str) -> Schema | None:
         name = normalize_msgtype(name)
     text = None
     if said is not None and said.data:
-        with suppress(Exception):  # the parser of definitions raises what it meets
+        with suppress(Exception):  # the definition parser may raise anything
             text = _typestore(said.encoding, bytes(said.data), name).generate_msgdef(
                 name, ros_version=2
             )[0]
     if text is None and name in jazzy_names():
         text = definition(name).text
-    if text is None:  # that of std_msgs/msg/Empty is empty
+    if text is None:  # not "", the definition of std_msgs/msg/Empty
         return said
     return Schema(data=text.encode(), encoding="ros2msg", id=said.id if said else 0, name=name)
 
 
 def _as_rosbag2(text: bytes) -> bytes:
-    """A definition in the form ros2msg as rosbag2 writes it, which alone all parsers read."""
+    """A ros2msg definition as rosbag2 writes it, the only spelling that all parsers accept."""
     unix = text.replace(b"\r\n", b"\n")
     split = re.sub(rb"(?m)^==+[ \t]*$", b"=" * 80, unix)
     return re.sub(rb"(?m)^([ \t]*(?:MSG:[ \t]*)?\w+)/msg/", rb"\1/", split)
@@ -90,14 +90,14 @@ def _as_rosbag2(text: bytes) -> bytes:
 
 @lru_cache(maxsize=256)
 def _typestore(encoding: str, data: bytes, name: str) -> Typestore:
-    """Types of a definition in the form ros1msg or ros2idl."""
+    """Types of a definition in the ros1msg or ros2idl format."""
     text = data.decode().replace("\r\n", "\n")
     store = get_typestore(Stores.EMPTY)
     if encoding == "ros1msg":
         check_definition(name, text)
-        header = {HEADER: jazzy_types().fielddefs[HEADER]}  # ROS 2 has no `seq` in it
+        header = {HEADER: jazzy_types().fielddefs[HEADER]}  # without the `seq` of ROS 1
         types = get_types_from_msg(text, name)
-        for kind, (constants, fields) in types.items():  # ROS 2 has small letters alone
+        for kind, (constants, fields) in types.items():  # ROS 2 field names are lower case
             small = [(field.lower(), content) for field, content in fields]
             types[kind] = (constants, small if len(dict(small)) == len(fields) else fields)
         store.register({**types, **header})
@@ -109,7 +109,7 @@ def _typestore(encoding: str, data: bytes, name: str) -> Typestore:
 
 
 def converter(encoding: str, schema: Schema | None) -> Callable[[bytes], bytes]:
-    """Function from the bytes of a message as it was recorded to CDR."""
+    """Function from the recorded bytes of a message to CDR bytes."""
     if encoding != "ros1" or schema is None:
         return unpacked
     name = normalize_msgtype(schema.name)
@@ -122,7 +122,7 @@ def converter(encoding: str, schema: Schema | None) -> Callable[[bytes], bytes]:
 
 
 def unpacked(data: bytes) -> bytes:
-    """A message that rosbag2 may have compressed; one that only begins so as it is."""
+    """Decompress a message if rosbag2 compressed it; any other message is returned unchanged."""
     try:
         size = zstandard.frame_content_size(data) if data[:4] == ZSTD else None
     except zstandard.ZstdError:
@@ -137,22 +137,22 @@ def unpacked(data: bytes) -> bytes:
 def schema_decoder(schema: Schema) -> Decoder | None:
     """Function from CDR bytes to a message with the attributes of its type.
 
-    None when the definition is in a form that cannot be used.
+    None when the format of the definition is not supported.
 
     Raises:
-        Exception: whatever the parser of definitions raises.
+        Exception: anything the definition parser raises.
     """
     text = bytes(schema.data).decode()
     check_definition(schema.name, text)
     if schema.encoding == "ros2msg" and schema.name in jazzy_names() and not is_standard(schema):
         _check_fields(schema.name, text)
-    with redirect_stderr(StringIO()):  # mcap_ros2 prints what it cannot parse, and raises
+    with redirect_stderr(StringIO()):  # mcap_ros2 raises, but also prints what it cannot parse
         found = DecoderFactory().decoder_for("cdr", schema)
     return found
 
 
 def _check_fields(type_name: str, text: str) -> None:
-    """Make sure that a definition has all fields of Jazzy's or more, or is another release's."""
+    """Raise ValueError unless a definition has all of Jazzy's fields or is another release's."""
     store, found = jazzy_types(), get_types_from_msg(text, type_name)
     for name in found.keys() & jazzy_names():
         if any(found[name][1] == types.get(name, ((), ()))[1] for types in _releases()):
@@ -165,12 +165,12 @@ def _check_fields(type_name: str, text: str) -> None:
 
 @cache
 def _releases() -> list[dict[str, Any]]:
-    """Fields of the types of each release of ROS 1 and 2."""
+    """Type definitions of each ROS 1 and ROS 2 release."""
     return [get_typestore(release).fielddefs for release in Stores]
 
 
 def is_standard(schema: Schema) -> bool:
-    """Whether the definition in the bag has the fields that Jazzy's has, comments aside."""
+    """Whether the definition in the bag has the same fields as Jazzy's, whatever its comments."""
     return schema.encoding == "ros2msg" and _same_fields(schema.name, bytes(schema.data))
 
 
@@ -184,7 +184,7 @@ def _same_fields(type_name: str, text: bytes) -> bool:
     try:
         found = get_types_from_msg(text.decode(), type_name)
         return type_name in found and all(found[n] == store.fielddefs[n] for n in found)
-    except Exception:  # the parser of definitions raises what it meets; not ours to read fast
+    except Exception:  # the definition parser may raise anything; such a type is not standard
         return False
 
 
@@ -192,13 +192,13 @@ def decode(raw: RawMessage, decoder: Decoder) -> BagMessage:
     """Decode one raw message.
 
     Raises:
-        MessageError: the bytes do not fit the type; names topic and time.
+        MessageError: the bytes do not fit the type; the message names topic and time.
     """
     try:
-        if raw.data[1:2] > b"\x01":  # of DDS's representations, ROS uses these
+        if raw.data[1:2] > b"\x01":  # of the representations of DDS, ROS uses 0 and 1 only
             raise ValueError(f"encapsulation {raw.data[:2].hex()}, neither 0000 nor 0001")
         message = decoder(raw.data)
-    except Exception as error:  # the decoder raises what struct, numpy and utf-8 raise
+    except Exception as error:  # the decoder may raise any error of struct, numpy and UTF-8
         place = f"topic {raw.topic} at {raw.log_time_ns} ns"
         raise MessageError.about(place, f"a {raw.type}", error, RECOVER) from error
     stamp = getattr(getattr(message, "header", None), "stamp", None)

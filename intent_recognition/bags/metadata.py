@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""metadata.yaml of a rosbag2 directory, version 9 (Jazzy): read, write."""
+"""Read and write the metadata.yaml of a rosbag2 directory, version 9 (Jazzy)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
 FILE_NAME = "metadata.yaml"
 RECORD_NAME, RECORD_KEY = "rosbag2", "serialized_metadata"
-"""Name and key of the metadata record in an MCAP file that says what metadata.yaml says."""
+"""Name and key of the MCAP metadata record that repeats the content of metadata.yaml."""
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class TopicInfo:
     name: str  # topic name as recorded, with its leading slash
     type: str
     message_count: int = 0
-    type_hash: str = ""  # RIHS01 hash of the type
-    # rosbag2's list of QoS profiles, empty when unknown
+    type_hash: str = ""  # RIHS01 hash of the type, "" when unknown
+    # QoS profiles in rosbag2's form, empty when unknown
     offered_qos_profiles: tuple[Mapping, ...] = ()
 
 
@@ -32,7 +32,7 @@ class TopicInfo:
 class BagMetadata:
     """The content of a metadata.yaml."""
 
-    files: tuple[str, ...]  # names of the MCAP files, in order
+    files: tuple[str, ...]  # names of the storage files, in order
     start_ns: int = 0  # log time of the first message; the last is `duration_ns` later
     duration_ns: int = 0
     topics: tuple[TopicInfo, ...] = ()
@@ -43,7 +43,7 @@ class BagMetadata:
 
     @property
     def message_count(self) -> int:
-        """Messages over all topics."""
+        """Number of messages of all topics."""
         return sum(topic.message_count for topic in self.topics)
 
 
@@ -65,7 +65,7 @@ def dump_metadata(metadata: BagMetadata) -> str:
 
 
 def parse_custom_data(text: str) -> dict[str, str]:
-    """The labels in the metadata record of an MCAP file; none where it cannot be read."""
+    """The labels in the metadata record of an MCAP file, empty if the record cannot be read."""
     try:
         return _custom_data(load_yaml(text))
     except (UntrustedError, TypeError, AttributeError):
@@ -73,7 +73,7 @@ def parse_custom_data(text: str) -> dict[str, str]:
 
 
 def write_metadata(folder: Path, metadata: BagMetadata) -> None:
-    """Write `folder`/metadata.yaml in one step: the old file or the new one, never half of it."""
+    """Write `folder`/metadata.yaml atomically."""
     target = folder / FILE_NAME
     temporary = folder / f".{FILE_NAME}.new"
     with temporary.open("w", encoding="utf-8") as stream:
@@ -82,10 +82,10 @@ def write_metadata(folder: Path, metadata: BagMetadata) -> None:
 
 
 def read_metadata(folder: Path) -> BagMetadata:
-    """Read `folder`/metadata.yaml, of version 9 or older.
+    """Read `folder`/metadata.yaml, version 9 or older.
 
     Raises:
-        BagError: it is missing, no YAML, or not of a bag.
+        BagError: the file is missing, is not YAML, or does not describe a bag.
     """
     path = folder / FILE_NAME
     try:
@@ -170,7 +170,7 @@ def _topic_from_dict(item: Mapping) -> TopicInfo:
 
 
 def _whole(value: object) -> int:
-    """A count or a time [ns], as 64 bits hold it."""
+    """A count or a time [ns] that fits a signed 64-bit integer."""
     number = int(value)  # type: ignore[call-overload]
     if not 0 <= number < 2**63:
         raise ValueError(f"{number} is no count or time")
@@ -183,8 +183,8 @@ def _error(path: Path, expected: str, got: object) -> BagError:
 
 
 NO_LIMIT = {"sec": 9223372036, "nsec": 854775807}
-"""The longest duration (2^63 - 1 ns), by which rmw means an infinite one."""
-OLD_NUMBERS = {  # rmw's enumerations, as bags older than version 9 hold them
+"""The longest duration (2^63 - 1 ns), which rmw uses for infinity."""
+OLD_NUMBERS = {  # rmw's enumerations, which bags older than version 9 store
     "reliability": {1: "reliable", 2: "best_effort"},
     "durability": {1: "transient_local", 2: "volatile"},
     "history": {1: "keep_last", 2: "keep_all"},
@@ -192,7 +192,7 @@ OLD_NUMBERS = {  # rmw's enumerations, as bags older than version 9 hold them
 
 
 def rosbag2_profile(reliability: str, durability: str, depth: int) -> dict[str, object]:
-    """One entry of `offered_qos_profiles`, in rosbag2's words; a depth of 0 is unknown."""
+    """One entry of `offered_qos_profiles` in rosbag2's form; a depth of 0 means unknown."""
     return {
         "history": "keep_last" if depth else "unknown",
         "depth": depth,
@@ -207,7 +207,7 @@ def rosbag2_profile(reliability: str, durability: str, depth: int) -> dict[str, 
 
 
 def parse_qos(profiles: object) -> tuple[Mapping, ...]:
-    """The list of QoS profiles, whether written as YAML (version 9) or as a text of YAML."""
+    """The QoS profiles, given as a list (version 9) or as a string of YAML (older versions)."""
     if isinstance(profiles, str):
         try:
             profiles = load_yaml(profiles)
@@ -218,6 +218,6 @@ def parse_qos(profiles: object) -> tuple[Mapping, ...]:
 
 
 def qos_policy(profile: Mapping, key: str) -> str:
-    """Reliability, durability or history of a profile as a word, "" when it does not say."""
+    """Reliability, durability or history of a profile as a word, "" when it is missing."""
     value = profile.get(key)
     return OLD_NUMBERS[key].get(value, "") if isinstance(value, int) else str(value or "")

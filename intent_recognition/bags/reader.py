@@ -50,25 +50,25 @@ from intent_recognition.errors import BagError, MessageError, as_path, one_line
 
 
 class BagReader:
-    """Reads a recording without ROS: of rosbag2 in MCAP or SQLite, or of ROS 1.
+    """Reads a rosbag2 recording (MCAP or SQLite) or a ROS 1 bag without ROS.
 
-    Messages come in the order of log time, raw (`raw_messages`), decoded (`messages`) or, for
-    PoseStamped and JointState, as arrays (`columns`), which is ten times as fast as one by one;
-    files whose times do not overlap come in their own order. No file is open between calls.
+    Messages are ordered by log time: raw (`raw_messages`), decoded (`messages`) or, for PoseStamped
+    and JointState, as arrays (`columns`), which is ten times as fast as decoding one by one. Files
+    whose times do not overlap keep their own order. No file stays open between calls.
 
     Args:
-        path: bag directory, or a single file, also one that zstd has compressed.
+        path: bag directory or single file, which may be compressed by zstd or gzip.
         tolerant: skip damaged parts instead of raising; `damage` lists them.
 
     Attributes:
         path: as given.
-        metadata: of metadata.yaml, or None when there is none (see `notes`).
+        metadata: content of metadata.yaml, None without that file (see `notes`).
         is_finished: False when the recorder was killed.
-        damage: parts that cannot be read; grows while a tolerant reader reads.
-        notes: oddities that do no harm, as sentences.
+        damage: parts that cannot be read; the list grows while a tolerant reader reads.
+        notes: harmless oddities, as sentences.
 
     Raises:
-        BagError: there is no file that can be read, or metadata.yaml is not a bag's.
+        BagError: no file can be read, or metadata.yaml does not describe a bag.
     """
 
     def __init__(self, path: str | Path, *, tolerant: bool = False):
@@ -93,7 +93,7 @@ class BagReader:
             self.notes.append("the recording was not closed; its end may be missing")
 
     def _file(self, path: Path, types: Mapping[str, str]) -> McapFile | RosbagsFile:
-        """A file by what it is; one that is compressed is unpacked for as long as the reader is."""
+        """Open a file by its kind; a compressed one is unpacked until the reader is deleted."""
         if kind_of(path) in PACKED:
             self._unpacked = self._unpacked or TemporaryDirectory(prefix="intent_bag_")
             path = unpack(path, Path(self._unpacked.name))
@@ -103,8 +103,8 @@ class BagReader:
 
     @property
     def custom_data(self) -> dict[str, str]:
-        """The texts that the recorder stored with the bag, by key; without metadata.yaml those in
-        its last MCAP file.
+        """Texts that the recorder stored with the bag, by key, read from metadata.yaml or else from
+        the last MCAP file.
         """
         if self.metadata is not None:
             return dict(self.metadata.custom_data)
@@ -123,7 +123,7 @@ class BagReader:
 
     @cached_property
     def topics(self) -> dict[str, TopicInfo]:
-        """All topics by their recorded name, with message counts; QoS as metadata.yaml has it."""
+        """All topics by recorded name, with message counts and QoS profiles."""
         said = {t.name: t for t in self.metadata.topics} if self.metadata else {}
         topics: dict[str, TopicInfo] = {}
         for file in self._files:
@@ -144,15 +144,15 @@ class BagReader:
 
     @property
     def message_count(self) -> int:
-        """Messages over all topics."""
+        """Number of messages of all topics."""
         return sum(topic.message_count for topic in self.topics.values())
 
     def raw_messages(self, topics: Iterable[str] | None = None) -> Iterator[RawMessage]:
-        """All messages, or those of `topics`, ordered by log time, then as recorded.
+        """All messages, or those of `topics`, ordered by log time, ties in recorded order.
 
         Raises:
-            BagError: the file is damaged; names the file, topics and time. Raised when the
-                damage is reached, after all messages before it.
+            BagError: the file is damaged; the message names file, topics and time. It is raised
+                after all messages before the damage.
         """
         wanted = None if topics is None else {topic.lstrip("/") for topic in topics}
         for group in self._groups:
@@ -163,8 +163,8 @@ class BagReader:
     def _of_file(
         self, file: McapFile | RosbagsFile, wanted: set[str] | None
     ) -> Iterator[tuple[int, RawMessage | None]]:
-        """Times and messages of a file; the first time, without one, is that of its begin, before
-        which nothing is read of it, and no damage met.
+        """Log times and messages of a file. The first pair has the file's start time and no
+        message, so that a merge does not read the file, or meet its damage, before that time.
         """
         converters = {
             c.id: converter(c.message_encoding, file.scan.schemas.get(c.schema_id))
@@ -181,10 +181,10 @@ class BagReader:
             yield at_ns, RawMessage(*about, data, item.sequence)
 
     def _converted(self, item: Item, convert: Callable[[bytes], bytes]) -> bytes | None:
-        """A message in CDR; None of a damaged one if tolerant."""
+        """A message as CDR bytes; None for a damaged message if the reader is tolerant."""
         try:
             return convert(item.data)
-        except Exception as error:  # rosbags and zstd raise what they meet
+        except Exception as error:  # rosbags and zstd may raise anything
             place = f"{self.path}: topic {item.channel.topic} at {item.log_time_ns} ns"
             damage = Damage(item.offset, f"{place}: {one_line(error)}", item.log_time_ns)
             if not self._tolerant:
@@ -199,9 +199,9 @@ class BagReader:
         The values are those of `messages`, bit for bit, in the same order.
 
         Returns:
-            By topic name without leading slash: `PoseColumns`, `JointColumns`, or None where the
-            topic must be read with `messages`. That is so for other types and definitions, big
-            endian, more than 16 different layouts, and bytes that do not fit the type.
+            By topic name without leading slash: `PoseColumns`, `JointColumns`, or None for a topic
+            that must be read with `messages` because of another type or definition, big endian,
+            more than 16 layouts, or bytes that do not fit the type.
 
         Raises:
             BagError: the file is damaged.
@@ -224,10 +224,10 @@ class BagReader:
         return {name: builder.columns() if builder else None for name, builder in builders.items()}
 
     def messages(self, topics: Iterable[str] | None = None) -> Iterator[BagMessage]:
-        """Decoded messages in the same order, of any type the bag defines.
+        """Decoded messages of any type the bag defines, in the order of `raw_messages`.
 
         Raises:
-            BagError: damage, as in `raw_messages`.
+            BagError: the file is damaged, as in `raw_messages`.
             MessageError: a message cannot be decoded with the definition in the bag.
         """
         decoders: dict[tuple[str, str], Decoder] = {}
@@ -252,12 +252,12 @@ class BagReader:
                     why, cure = f"messages in {channel.message_encoding}", "Record it from ROS."
                 elif found := schema_decoder(schema):
                     return found
-        except Exception as error:  # the parser of definitions raises what it meets
+        except Exception as error:  # the definition parser may raise anything
             raise self._no_decoder(topic, type_name, error) from error
         raise self._no_decoder(topic, type_name, why, cure)
 
     def definition_of(self, topic: str) -> Definition | None:
-        """The definition the bag itself holds of a topic's type, None when it holds none."""
+        """The bag's own definition of a topic's type, None if it has none."""
         for channel, one in self._defined():
             if channel.topic == topic:
                 text = one.data.decode(errors="surrogateescape")
@@ -268,7 +268,10 @@ class BagReader:
         return None
 
     def _defined(self) -> Iterator[tuple[Channel, Schema]]:
-        """Channels, and the definitions of their types where there are any or none is needed."""
+        """Channels with the definitions of their types.
+
+        A channel without definition is left out, unless its encoding needs none.
+        """
         for file in self._files:
             for channel in file.scan.channels.values():
                 schema = file.schemas[channel.id]
@@ -284,7 +287,7 @@ class BagReader:
         return MessageError.about(f"{self.path}: topic {topic}", expected, error, cure)
 
     def _builder(self, name: str) -> ColumnsBuilder | None:
-        """Where the columns of a topic are collected, None if its type has none."""
+        """Builder for the columns of a topic, None unless all its files have one type."""
         types = set()
         for file in self._files:
             for number in file.scan.channel_ids(name):
@@ -295,7 +298,7 @@ class BagReader:
 
 
 def _overlapping(files: Iterable[McapFile | RosbagsFile]) -> list[list[McapFile | RosbagsFile]]:
-    """Files in their order, together those that follow one another and overlap in time."""
+    """Group successive files that overlap in time, in their order."""
     groups: list[list[McapFile | RosbagsFile]] = []
     first_ns, last_ns = 0, -1
     for file in files:
@@ -310,15 +313,15 @@ def _overlapping(files: Iterable[McapFile | RosbagsFile]) -> list[list[McapFile 
 
 
 SPLIT_NS = (-100_000_000, 1_000_000_000)
-"""From the end of a file to the beginning of the next one of the same recording [ns]. Convention:
-rosbag2 goes on with the next message; to record anew takes longer."""
+"""Accepted gap from the end of one file to the start of the next one of a recording [ns]: rosbag2
+continues with the next message, whereas starting a new recording takes longer."""
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """A folder that is one bag of ROS 2, or the files in it that are recordings of their own.
+    """The folder itself if it is one ROS 2 bag, else its files, each a recording of its own.
 
-    Without metadata.yaml numbered files are one bag if each follows the one before; a recorder that
-    was killed may leave the last one without messages, or bytes.
+    Without metadata.yaml, numbered files are one bag if each continues the one before. A killed
+    recorder may leave the last file empty or without messages.
     """
     files = storage_files(folder)
     if not is_bag(folder):

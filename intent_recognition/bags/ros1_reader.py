@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read a bag of ROS 1 without its index, which a recorder writes at the end."""
+"""Read a ROS 1 bag whose index, written when recording ends, is missing or damaged."""
 
 import os
 import re
@@ -21,16 +21,14 @@ from rosbags.rosbag1.reader import (
 )
 
 CHUNK = re.compile(rb"(?s)....(?:....compression=|\x04\0\0\0op=\x05)")
-"""The beginning of a chunk: the length of its header, and the first field, as two writers order
-them.
-"""
+"""Start of a chunk: its header's length and the first field, in the order of either writer."""
 
 
 class IndexedReader(Reader):
-    """As its base, which passes over messages that an index does not name where it should."""
+    """A reader that refuses an incomplete index; its base would skip the missing messages."""
 
     def open(self) -> None:
-        """Open it.
+        """Open the bag.
 
         Raises:
             ReaderError: the index is missing or damaged.
@@ -42,12 +40,12 @@ class IndexedReader(Reader):
 
 
 class UnindexedReader(Reader):
-    """As its base of a bag whose index is missing or damaged: it reads all chunks that are whole,
-    and of one that is not the messages before the damage.
+    """A reader for a bag whose index is missing or damaged. It reads all whole chunks, and from a
+    damaged chunk the messages before the damage.
     """
 
     def open(self) -> None:
-        """Open it, and make the index anew."""
+        """Open the bag and rebuild its index."""
         self.bio = file = self.path.open("rb")
         file.readline()
         at = file.tell()
@@ -57,7 +55,7 @@ class UnindexedReader(Reader):
             while 0 <= at < len(view):
                 try:
                     at = self._pass(file, at, len(view))
-                except Exception:  # the library raises what it meets: the end, or damage
+                except Exception:  # the library may raise anything at damage or at the end
                     at = found.start() if (found := CHUNK.search(view, at + 1)) else -1
         self.indexes = {number: sorted(self.indexes[number]) for number in self._known}
         counts = {number: len(index) for number, index in self.indexes.items()}
@@ -66,13 +64,13 @@ class UnindexedReader(Reader):
             self.chunk_infos = [ChunkInfo(0, min(times_ns), max(times_ns) + 1, counts)]
 
     def _pass(self, file: BinaryIO, at: int, size: int) -> int:
-        """Take in the record at a place, if it is a chunk; where the next one begins."""
+        """Index the record at `at` if it is a chunk, and return where the next record begins."""
         file.seek(at)
         if Header.read(file).get_uint8("op") != RecordType.CHUNK:
             return file.seek(read_uint32(file), os.SEEK_CUR)
         file.seek(at)
         chunk = self.read_chunk()
-        if not chunk.datasize or chunk.datapos + chunk.datasize > size:  # it is open
+        if not chunk.datasize or chunk.datapos + chunk.datasize > size:  # it was not closed
             chunk = chunk._replace(datasize=size - chunk.datapos)
         file.seek(chunk.datapos)
         content = read_bytes(file, chunk.datasize)
@@ -84,7 +82,7 @@ class UnindexedReader(Reader):
         return chunk.datapos + chunk.datasize
 
     def _take_in(self, chunk: int) -> None:
-        """Note the place of each message in a chunk, and its connections."""
+        """Note the connections of a chunk and the offset of each message."""
         while self.bio is not None:
             at = self.bio.tell()
             header = Header.read(self.bio)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One file of a recording in another storage than MCAP: SQLite of ROS 2, or a bag of ROS 1."""
+"""One file of a recording that is not MCAP: SQLite of ROS 2, or a ROS 1 bag."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -21,22 +21,21 @@ from intent_recognition.bags.sqlite_reader import DamagedSqliteReader, SqliteRea
 from intent_recognition.errors import BagError, one_line
 
 NOT_CLOSED = "not indexed"
-"""What the library says of a bag of ROS 1 that was not closed, and is whole but for its end."""
+"""The library's error for a ROS 1 bag that was not closed but is otherwise whole."""
 RENAMED = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
-"""Types of ROS 1 that ROS 2 has under another name."""
+"""ROS 1 types that have another name in ROS 2."""
 READERS: dict[bool, tuple[Callable[[Path], Reader | SqliteReader], ...]] = {
     False: (SqliteReader, DamagedSqliteReader),
     True: (IndexedReader, UnindexedReader),
 }
-"""By whether a bag is of ROS 1: of a whole one, and of one that is cut off or damaged."""
+"""By whether a bag is of ROS 1: readers for a whole file, and for a truncated or damaged one."""
 ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
 
 
 class RosbagsFile:
-    """A `.db3`, or a `.bag` that the library rosbags reads, with the methods and attributes of
-    `McapFile`.
+    """A `.db3` or `.bag` file with the methods and attributes of `McapFile`.
 
-    A tolerant reader notes the first damage and goes on with what is whole.
+    A tolerant reader notes the first damage and continues with the undamaged parts.
     """
 
     def __init__(self, path: Path, kind: str, *, tolerant: bool, damage: list[Damage]):
@@ -52,15 +51,15 @@ class RosbagsFile:
                 self._define(number, one)
             self.schemas = complete_schemas(self.scan, {})
             if reader.message_count:
-                end_ns = reader.end_time - 1  # the library's is the first time after it
+                end_ns = reader.end_time - 1  # the library's end is exclusive
                 self.scan.blocks.append(McapBlock(0, 0, reader.start_time, end_ns, 0))
 
     def counts(self) -> Mapping[int, int]:
-        """Messages per channel."""
+        """Number of messages by channel."""
         return self._counts
 
     def tables(self, wanted: Collection[int]) -> Iterator[MessageTable]:
-        """As `McapFile.tables`."""
+        """See `McapFile.tables`."""
         names = {c.topic.lstrip("/") for c in self.scan.channels.values() if c.id in wanted}
         items = self.items(names)
         while part := list(islice(items, 4096)):
@@ -77,7 +76,7 @@ class RosbagsFile:
             )
 
     def items(self, wanted: set[str] | None) -> Iterator[Item]:
-        """As `McapFile.items`."""
+        """See `McapFile.items`."""
         last_ns = given = 0
         with self._open() as reader:
             picked = [
@@ -91,7 +90,7 @@ class RosbagsFile:
                     row, (one, last_ns, data) = next(messages)
                 except StopIteration:
                     return
-                except Exception as error:  # the library raises what it meets
+                except Exception as error:  # the library may raise anything
                     damage = Damage(0, one_line(error), last_ns)
                     if not self._tolerant:
                         raise self._error(error, last_ns) from error
@@ -116,7 +115,7 @@ class RosbagsFile:
                 reader.open()
                 if reader.message_count or not errors:
                     break
-            except Exception as error:  # the library raises what it meets
+            except Exception as error:  # the library may raise anything
                 errors.append(error)
         else:
             raise self._error(errors[0], 0) from errors[0]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read a `.db3` of rosbag2, of any distribution and also one that its recorder never closed."""
+"""Read a rosbag2 `.db3` file of any distribution, even one that its recorder never closed."""
 
 import os
 import sqlite3
@@ -18,35 +18,35 @@ TABLES = {
     "messages": "id, topic_id, timestamp, data",
     "message_definitions": "id, topic_type, encoding, encoded_message_definition, hash",
 }
-"""Tables of rosbag2 and their columns; older releases have fewer."""
+"""rosbag2's tables and their columns; older releases have fewer columns."""
 LEAF = 13
-"""Kind of a page that holds rows of a table."""
+"""Type of a page that holds table rows."""
 WIDTHS = (0, 1, 2, 3, 4, 6, 8, 8, 0, 0, 0, 0)
-"""Bytes of a number by its kind."""
+"""Size of a number by its serial type [bytes]."""
 
 
 def is_open(path: Path) -> bool:
-    """Whether messages wait in a write-ahead log, which closing empties."""
+    """Whether messages are left in a write-ahead log, which closing would have emptied."""
     log = path.with_name(f"{path.name}-wal")
     return log.is_file() and log.stat().st_size > 0
 
 
 def _page(head: bytes) -> int:
-    """Bytes of a page, by the head of a file, where 1 stands for 2^16; or else the usual ones."""
+    """Page size [bytes] from the file header, where 1 means 2^16; the default if it is invalid."""
     size = int.from_bytes(head[16:18], "big")
     return {1: 2**16}.get(size, size if size in (2**k for k in range(9, 16)) else 2**12)
 
 
 class SqliteReader:
-    """As `rosbags.rosbag1.Reader`. That of rosbags passes over the write-ahead log, and refuses
-    files with a type that the recorder knew no definition of.
+    """A reader with the interface of `rosbags.rosbag1.Reader`. Unlike rosbags' own, it reads the
+    write-ahead log and accepts files with a type whose definition the recorder did not know.
     """
 
     def __init__(self, path: Path):
         self.path = path
 
     def open(self) -> None:
-        """Open it; what its topics are, and how many messages there are when."""
+        """Open the file; read its topics, message counts and time span."""
         self._file = self._connect()
         listed = "SELECT name FROM sqlite_master WHERE type = 'table'"
         tables = {name for (name,) in self._file.execute(listed)}
@@ -64,7 +64,7 @@ class SqliteReader:
             one = dict(zip(names, row, strict=True))
             if not (isinstance(one["name"], str) and isinstance(one["type"], str)):
                 continue
-            form, text = said.get(one["type"], ("", ""))  # both may be anything
+            form, text = said.get(one["type"], ("", ""))  # either may have any type
             definition = MessageDefinition(
                 FORMATS.get(form, MessageDefinitionFormat.NONE), str(text)
             )
@@ -78,21 +78,21 @@ class SqliteReader:
         self.start_time, self.end_time = (int(time_ns or 0) for time_ns in times.fetchone())
 
     def _connect(self) -> sqlite3.Connection:
-        folder = self.path.resolve().parent  # with the log SQLite writes another file beside it
+        folder = self.path.resolve().parent  # to read the log, SQLite writes a file beside it
         mode = "mode=ro" if is_open(self.path) and os.access(folder, os.W_OK) else "immutable=1"
         with self.path.open("rb") as file:
             head = file.read(32)
         size = int.from_bytes(head[28:32], "big") * _page(head)
-        if mode != "mode=ro" and self.path.stat().st_size < size:  # a log may have the rest
+        if mode != "mode=ro" and self.path.stat().st_size < size:  # a log may hold the rest
             raise ValueError("a database that is cut off")
         return sqlite3.connect(f"file:{quote(str(self.path.resolve()))}?{mode}", uri=True)
 
     def close(self) -> None:
-        """Close it."""
+        """Close the file."""
         self._file.close()
 
     def messages(self, wanted: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        """Messages of some topics in the order of their times."""
+        """Messages of the `wanted` topics, ordered by time."""
         topics = {one.id: one for one in wanted}
         asked = (
             "SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN"
@@ -103,13 +103,13 @@ class SqliteReader:
 
 
 class DamagedSqliteReader(SqliteReader):
-    """As its base of a file that is cut off or damaged: all rows that are whole, wherever they are.
+    """A reader for a truncated or damaged file: it collects all whole rows wherever they are.
 
-    The leaves of the trees of tables, by https://sqlite.org/fileformat2.html, 1.6 and 2.1.
+    Rows are in the leaves of table b-trees: https://sqlite.org/fileformat2.html, 1.6 and 2.1.
     """
 
     def _connect(self) -> sqlite3.Connection:
-        file = sqlite3.connect("")  # a file of its own, removed with the connection
+        file = sqlite3.connect("")  # a temporary file, removed with the connection
         for name, columns in TABLES.items():
             file.execute(f"CREATE TABLE {name} ({columns}, PRIMARY KEY (id))")
         with self.path.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
@@ -130,7 +130,7 @@ class DamagedSqliteReader(SqliteReader):
 
 
 def _rows(data: mmap) -> Iterator[tuple[int, list[Any]]]:
-    """Number and values of each row of a file that can be read."""
+    """Row id and values of each readable row of a file."""
     size = _page(data[:32])
     used: set[int] = set()
     for start in range(0, len(data), size):
@@ -145,7 +145,7 @@ def _rows(data: mmap) -> Iterator[tuple[int, list[Any]]]:
 
 
 def _content(data: mmap, at: int, length: int, size: int, used: set[int]) -> bytes:
-    """A row's bytes, of which a page holds no more than a part; the rest is in a chain of pages."""
+    """Bytes of a row: a long row continues from its page in a chain of overflow pages."""
     least = (size - 12) * 32 // 255 - 23
     part = least + (length - least) % (size - 4)
     here = length if length <= size - 35 else part if part <= size - 35 else least
@@ -161,7 +161,7 @@ def _content(data: mmap, at: int, length: int, size: int, used: set[int]) -> byt
 
 
 def _values(content: bytes) -> list[Any]:
-    """The values of a row: whole numbers, texts, bytes, and None for others."""
+    """Values of a row: integers, texts and bytes; None for other types."""
     end, at = _varint(content, 0)
     kinds: list[int] = []
     values: list[Any] = []
@@ -182,7 +182,7 @@ def _values(content: bytes) -> list[Any]:
 
 
 def _varint(data: bytes | mmap, at: int) -> tuple[int, int]:
-    """A number of up to nine bytes of seven bits, and where it ends."""
+    """Read a varint (up to nine bytes); returns its value and where it ends."""
     value = 0
     for k in range(at, at + 8):
         value = value << 7 | data[k] & 0x7F

@@ -33,28 +33,28 @@ from intent_recognition.bags.metadata import (
 from intent_recognition.errors import ArgumentError, BagError, ResourceBusyError, as_path, one_line
 
 FLUSH_PERIOD_S = 0.5
-"""Longest time a message stays in memory [s]. Convention: a killed recorder loses less than 1 s."""
+"""Longest time a message stays in memory [s], so that a killed recorder loses less than 1 s."""
 Result = TypeVar("Result")
 
 
 class DiskFullError(BagError):
-    """The disk is full, nearly so or gone; the bag holds all that was written before."""
+    """The disk is full, nearly full or gone; the bag keeps everything written before."""
 
 
 class BagWriter:
     """Writes a rosbag2 recording with MCAP storage into a new directory, without ROS.
 
-    Use it as a context manager, or call `close`. Every `flush_period_s` the chunk in progress is
-    compressed and handed to the operating system, and metadata.yaml follows every two seconds: what
-    a killed recorder leaves, the tools of rosbag2 can use. None writes by size alone, so that equal
-    input gives equal files. Definitions are also written outside of the chunks, so that a damaged
-    chunk makes no other unreadable; labels stand in the MCAP file too, where `ros2 bag reindex`
-    finds them. Recording stops, and the bag is closed, when less than `min_free_bytes` is left on
-    the disk.
+    Use it as a context manager, or call `close`. Every `flush_period_s` the current chunk is
+    compressed and handed to the operating system, and every two seconds metadata.yaml is updated,
+    so that rosbag2's tools can read what a killed recorder leaves. With `flush_period_s=None`
+    chunks end by size alone, so that equal input gives equal files. Definitions are also written
+    outside of the chunks: a damaged chunk makes no other unreadable. Labels are repeated in the
+    MCAP file, where `ros2 bag reindex` finds them. Recording stops and the bag is closed when less
+    than `min_free_bytes` is left on the disk.
 
     Raises:
         ResourceBusyError: the directory exists already or cannot be made.
-        DiskFullError: too little space to begin.
+        DiskFullError: there is too little space to begin.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class BagWriter:
 
     @property
     def message_count(self) -> int:
-        """Messages written so far, over all topics."""
+        """Number of messages of all topics written so far."""
         return sum(self._counts.values())
 
     def add_topic(
@@ -103,9 +103,9 @@ class BagWriter:
         qos: Sequence[Mapping] = (),
         found: Definition | None = None,
     ) -> str:
-        """Declare a topic, once; returns its absolute name. `write` does it where no QoS is kept.
+        """Declare a topic and return its absolute name; `write` declares topics without QoS.
 
-        The definition of its type "package/msg/Name" is looked up when not given; `qos` are the
+        The definition of the type "package/msg/Name" is looked up when not given. `qos` holds the
         publishers' profiles in rosbag2's form.
 
         Raises:
@@ -134,7 +134,7 @@ class BagWriter:
         *,
         sequence: int = 0,
     ) -> None:
-        """Append one serialized message, exactly as it is; arguments as of `RawMessage`.
+        """Append one serialized message unchanged; arguments as in `RawMessage`.
 
         Raises:
             DiskFullError: the disk is nearly full; the bag has been closed and is complete.
@@ -162,15 +162,15 @@ class BagWriter:
         self._flush_when_due()
 
     def write_raw(self, message: RawMessage) -> None:
-        """Append a message as it was received; errors as of `write`."""
+        """Append a raw message; raises the errors of `write`."""
         at_ns = message.log_time_ns, message.publish_time_ns
         self.write(message.topic, message.type, message.data, *at_ns, sequence=message.sequence)
 
     def write_message(self, topic: str, type_name: str, message: object, log_time_ns: int) -> None:
         """Serialize and append a message, without ROS.
 
-        It is a nested mapping of fields (left out = zero; times as integer nanoseconds), or of
-        rosbags' Jazzy type store.
+        `message` is an object of rosbags' Jazzy type store or a nested mapping of fields, in which
+        missing fields are zero and times are integer nanoseconds.
 
         Raises:
             MessageError: the message does not fit the type.
@@ -187,7 +187,7 @@ class BagWriter:
             return
         self._guard(self._writer.flush)
         self._flushed_s = self._clock()
-        if self._pending and self._flushed_s - self._described_s >= 2.0:  # it takes 10 ms
+        if self._pending and self._flushed_s - self._described_s >= 2.0:  # writing takes 10 ms
             self._guard(self._write_metadata)
             self._described_s = self._flushed_s
         self._pending = self._pending_bytes = 0
@@ -197,7 +197,7 @@ class BagWriter:
         """Finish the file and write metadata.yaml; a second call does nothing.
 
         Raises:
-            DiskFullError: the end of the file did not fit on the disk; what was flushed before
+            DiskFullError: the end of the file did not fit on the disk; everything flushed before
                 stays readable.
         """
         if self.closed:
@@ -234,7 +234,7 @@ class BagWriter:
         self._guard(lambda: self._writer.add_metadata(RECORD_NAME, labels))
 
     def _register(self, name: str, found: Definition, qos: Sequence[Mapping]) -> None:
-        """Add schema and channel to the chunk in progress, and once more outside of it."""
+        """Write schema and channel in the current chunk and again outside of it."""
         builder = RecordBuilder()
         text, encoding = found.text.encode(errors="surrogateescape"), found.encoding
         key, number = (found.type, encoding), 0
@@ -269,7 +269,7 @@ class BagWriter:
             raise self._disk_full(free)
 
     def _guard(self, action: Callable[[], Result]) -> Result:
-        """Use the disk; when it fails, a readable file remains."""
+        """Run a disk operation; if it fails, close the bag and leave a readable file."""
         try:
             return action()
         except OSError as error:
@@ -306,18 +306,18 @@ class BagWriter:
 
 
 class _SafeStream:
-    """An unbuffered file whose failing write leaves the file as it was before it."""
+    """An unbuffered file that a failing write leaves unchanged."""
 
     def __init__(self, path: Path):
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         self._position = 0
 
     def tell(self) -> int:
-        """Bytes written."""
+        """Number of bytes written."""
         return self._position
 
     def flush(self) -> None:
-        """Nothing to do: nothing is held back."""
+        """Do nothing, since writes are unbuffered."""
 
     def write(self, data: bytes) -> int:
         """Write all of `data`, or nothing and raise OSError."""
@@ -335,14 +335,14 @@ class _SafeStream:
     def close(self) -> None:
         """Close the file; a second call does nothing."""
         if self._descriptor >= 0:
-            with contextlib.suppress(OSError):  # a file that cannot be: a pipe, some networks
+            with contextlib.suppress(OSError):  # pipes and some network drives cannot sync
                 os.fsync(self._descriptor)
             os.close(self._descriptor)
             self._descriptor = -1
 
 
 def _checked_ns(name: str, stamp_ns: int) -> int:
-    """A stamp of MCAP as Python's integer, also of a numpy array's element."""
+    """An MCAP timestamp as a Python integer; numpy integers are converted."""
     try:
         whole = operator.index(stamp_ns)
     except TypeError:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CDR: messages as bytes, decoded one by one or by whole columns."""
+"""Decode CDR messages one by one or as whole columns."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All messages of a topic as arrays: decoded by whole columns where their layout is constant."""
+"""Decode all messages of a topic as arrays, column by column where their layout is constant."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ COLUMNS = {
     POSE: ("pose.position", "pose.orientation"),
     JOINT_STATE: ("position", "velocity", "effort"),
 }
-"""The numbers that are read as columns, for each type of message that can be."""
+"""Numeric fields read as columns, by message type."""
 
 
 @dataclass(frozen=True)
@@ -27,19 +27,19 @@ class PoseColumns:
 
     log_times_ns: Integers  # int64 (T,)
     stamps_ns: Integers  # of the headers, int64 (T,)
-    frame_ids: tuple[str, ...]  # frames of the headers; one may be listed twice
-    frames: Integers  # index into `frame_ids` of each message, int64 (T,)
-    positions: Floats  # (T, 3), in the unit of the recording, metres by convention
+    frame_ids: tuple[str, ...]  # frames of the headers, possibly with repetitions
+    frames: Integers  # index into `frame_ids` for each message, int64 (T,)
+    positions: Floats  # (T, 3), in the unit of the recording, usually metres
     orientations: Floats  # (T, 4) xyzw
 
 
 class JointPart(NamedTuple):
-    """Those messages of a topic that name the same joints and fill the same fields."""
+    """The messages of a topic that name the same joints and fill the same fields."""
 
-    rows: Integers  # which of the topic's messages these are, int64 (n,)
+    rows: Integers  # indices of these messages among the topic's, int64 (n,)
     frame_id: str
     names: tuple[str, ...]
-    position: Floats  # (n, J); J is 0 where the field is empty, and need not be the number of names
+    position: Floats  # (n, J); J is 0 for an empty field and may differ from the number of names
     velocity: Floats  # (n, J)
     effort: Floats  # (n, J)
 
@@ -50,7 +50,7 @@ class JointColumns:
 
     log_times_ns: Integers  # int64 (T,)
     stamps_ns: Integers  # of the headers, int64 (T,)
-    # one for each layout; several where, say, arm and gripper share the topic
+    # one for each layout; several if, for example, arm and gripper share the topic
     parts: tuple[JointPart, ...]
 
 
@@ -58,7 +58,7 @@ Columns = PoseColumns | JointColumns
 
 
 _Part = tuple[Integers, list[Floats]]
-"""Messages of one layout: which of the topic's they are, and the values of each field."""
+"""Messages of one layout: their indices among the topic's messages, and each field's values."""
 
 
 class ColumnsBuilder:
@@ -71,10 +71,10 @@ class ColumnsBuilder:
         self._count = 0
 
     def add(self, file: int, table: MessageTable) -> bool:
-        """Take in the messages of a block of the `file`-th file, or group of them, in file order.
+        """Add the messages of a block, in file order, from the file or file group number `file`.
 
         Returns:
-            False if one of them is not for columns; the builder is of no use then.
+            False if a message cannot be read as columns; the builder is unusable then.
         """
         if self._type not in COLUMNS:
             return False
@@ -91,7 +91,7 @@ class ColumnsBuilder:
         return True
 
     def columns(self) -> Columns:
-        """Everything added, in the order of log time within each file."""
+        """All added messages, ordered by log time within each file or file group."""
         pieces = self._pieces
         numbers = _join([piece.numbers for piece in pieces])
         log_times_ns = _join([piece.log_times_ns for piece in pieces])
@@ -105,7 +105,7 @@ class ColumnsBuilder:
         parts: list[_Part] = []
         for index in range(len(self._layouts)):
             rows = np.flatnonzero(layouts == index)
-            # The order is that among the messages of all layouts; of these alone, their ranks.
+            # `order` sorts the messages of all layouts; its ranks sort those of this layout.
             ranks = None if order is None else np.argsort(np.argsort(order[rows]))
             own_values = [piece.values for piece in pieces if piece.layout == index]
             values = [_join(arrays) for arrays in zip(*own_values, strict=True)]
@@ -117,7 +117,7 @@ class ColumnsBuilder:
     def _add_equal(
         self, file: int, table: MessageTable, numbers: Integers, messages: NDArray[np.uint8]
     ) -> bool:
-        """Messages of one length, uint8 (n, length)."""
+        """Add messages of one length, uint8 (n, length); False if one cannot be read as columns."""
         open_rows = np.arange(len(messages))
         index = 0
         while open_rows.size:
@@ -147,7 +147,7 @@ class ColumnsBuilder:
     def _new_layout(self, message: NDArray[np.uint8]) -> bool:
         try:
             layout = find_layout(self._type, message.tobytes())
-        except ValueError:  # the general decoder says what is wrong
+        except ValueError:  # the general decoder reports the reason
             return False
         if layout.tail > 3 or len(self._layouts) == MOST_LAYOUTS:  # padding
             return False
@@ -175,7 +175,7 @@ class ColumnsBuilder:
 
 
 class _Piece(NamedTuple):
-    """Messages of one block and one layout, as they were recorded."""
+    """Messages of one block and one layout, in recorded order."""
 
     numbers: Integers
     log_times_ns: Integers

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The layout of a message: offsets of its numbers and texts in the CDR bytes (little endian).
 
-CDR aligns each number to its own size, counted from behind the encapsulation header. A string is
-its length and its bytes with a final zero; a sequence is its count and its elements. So counts and
-lengths determine all offsets: messages that agree in them have the same layout.
+CDR aligns each number to its own size, counted from the end of the encapsulation header. A string
+is its length and its bytes with a final zero; a sequence is its count and its elements. Counts and
+lengths thus determine all offsets: messages with equal counts and lengths share a layout.
 """
 
 import struct
@@ -20,29 +20,28 @@ from rosbags.interfaces import Nodetype
 from intent_recognition.array_types import Flags, Integers
 
 LITTLE_ENDIAN = b"\x00\x01"
-"""First two bytes of the encapsulation header of a message in little endian."""
+"""First two bytes of the encapsulation header of a little-endian message."""
 MOST_LAYOUTS = 16
-"""Layouts of one topic kept. Convention: more occur only where texts or lengths change all the
-time."""
+"""Most layouts kept for one topic; only constantly changing texts or lengths give more."""
 ORIGIN = 4
-"""Length of the encapsulation header [bytes]; alignment counts from behind it."""
+"""Length of the encapsulation header [bytes]; alignment is counted from its end."""
 STAMP, BIG_ENDIAN_STAMP = struct.Struct("<iI"), struct.Struct(">iI")
-"""The stamp of a header, with which every stamped message begins: seconds and nanoseconds."""
+"""Header stamp at the start of every stamped message: seconds and nanoseconds."""
 COUNT = struct.Struct("<I")
-"""Of the elements of a sequence, or of the bytes of a string."""
+"""Number of elements of a sequence, or of bytes of a string."""
 NANOSECONDS = 1_000_000_000
-"""In a second."""
+"""Nanoseconds in a second."""
 NUMBERS = "bool byte char int8 uint8 int16 uint16 int32 uint32 int64 uint64 float32 float64"
 FORMATS = {kind: f"<{code}" for kind, code in zip(NUMBERS.split(), "?BBbBhHiIqQfd", strict=True)}
-"""Types of numbers in message definitions as `struct` and numpy name them."""
+"""Format codes of `struct` and numpy by number type in message definitions."""
 
 
 @cache
 def message_fields() -> Mapping[str, tuple[object, Sequence[tuple[str, tuple[int, Any]]]]]:
-    """Of each message type of Jazzy: constants, and its fields as (name, (kind of node, detail)).
+    """Constants and fields, as (name, (node type, detail)), of each Jazzy message type.
 
-    The definitions of Jazzy bring those of all earlier distributions; a process that reads no bag
-    starts without them.
+    Importing Jazzy's definitions also imports those of all earlier distributions, so they are
+    imported only when a bag is read.
     """
     from rosbags.typesys.stores.ros2_jazzy import FIELDDEFS
 
@@ -50,41 +49,38 @@ def message_fields() -> Mapping[str, tuple[object, Sequence[tuple[str, tuple[int
 
 
 class NumberRun(NamedTuple):
-    """Numbers that follow one another without padding."""
+    """Successive numbers without padding between them."""
 
-    start: int  # offset of the first in the message [bytes]
-    dtype: str  # of each, as `struct` and numpy name it, such as "<d"
-    length: int
+    start: int  # offset of the first number in the message [bytes]
+    dtype: str  # format code of each number, such as "<d"
+    length: int  # number of numbers
 
     @property
     def size(self) -> int:
-        """Bytes of one number."""
+        """Size of one number [bytes]."""
         return struct.calcsize(self.dtype)
 
     @property
     def stop(self) -> int:
-        """Offset behind the last number [bytes]."""
+        """Offset of the end of the last number [bytes]."""
         return self.start + self.length * self.size
 
 
 @dataclass(frozen=True)
 class Layout:
-    """What messages with their numbers at the same offsets have in common."""
+    """Offsets and texts shared by messages whose numbers are at the same offsets."""
 
-    template: bytes  # one such message
-    # (start, stop) of the bytes that must agree: lengths, counts and texts
+    template: bytes  # one message of this layout
+    # (start, stop) of the bytes that must be equal: lengths, counts and texts
     decisive: tuple[tuple[int, int], ...]
-    # numbers by field, such as "pose.position.x", "position" or "points[2].positions"; for a nested
-    # message whose numbers all follow one another also "pose.position"
+    # numbers by field, such as "pose.position.x", "position" or "points[2].positions"; also a
+    # nested message, such as "pose.position", if its numbers have no gaps between them
     runs: Mapping[str, NumberRun]
     texts: Mapping[str, tuple[str, ...]]  # strings by field; a single string is a tuple of one
-    tail: int  # bytes behind the last field
+    tail: int  # number of bytes after the last field
 
     def fits(self, data: bytes) -> bool:
-        """Whether a message has this layout.
-
-        False also for one that differs in the padding between two decisive fields.
-        """
+        """Whether a message has this layout, with equal padding between decisive fields."""
         if len(data) != len(self.template):
             return False
         for where, expected in self._expected:  # noqa: SIM110, twice as fast as all()
@@ -93,13 +89,13 @@ class Layout:
         return True
 
     def fit(self, messages: NDArray[np.uint8]) -> Flags:
-        """Which of the messages, (n, L), have this layout; (n,)."""
+        """Mask (n,) of the messages (n, L) that have this layout."""
         if all(self._same(messages, where) for where, _ in self._expected):
             return np.ones(len(messages), bool)
         return ~np.any((messages != self._bytes) & self._mask, axis=1)
 
     def values(self, data: bytes, field: str) -> NDArray:
-        """Numbers (count,) of a field in one message of this layout; a view of `data`."""
+        """Numbers (count,) of a field in one message of this layout, as a view of `data`."""
         start, dtype, length = self.runs[field]
         return np.frombuffer(data, dtype, length, start)
 
@@ -111,9 +107,9 @@ class Layout:
         return np.array(messages[:, run.start : run.stop], order="C").view(run.dtype)
 
     def _same(self, messages: NDArray[np.uint8], where: slice) -> bool:
-        """Whether these bytes are the template's in all messages."""
+        """Whether these bytes equal the template's in all messages."""
         expected = self._bytes[where]
-        if expected.size in (2, 4):  # one number a row is compared faster than a few bytes
+        if expected.size in (2, 4):  # comparing one number per row is faster than a few bytes
             dtype = f"<u{expected.size}"
             return bool(np.all(messages[:, where].view(dtype) == expected.view(dtype)))
         return bool(np.all(messages[:, where] == expected))
@@ -131,7 +127,7 @@ class Layout:
 
     @cached_property
     def _expected(self) -> tuple[tuple[slice, bytes], ...]:
-        """Decisive bytes; neighbours with only padding in between are joined."""
+        """Decisive bytes, joined where only padding lies between them."""
         joined: list[list[int]] = []
         for start, stop in self.decisive:
             if joined and start - joined[-1][1] < COUNT.size:
@@ -142,14 +138,14 @@ class Layout:
 
 
 class LayoutCache:
-    """Layouts of the messages of one topic, which rarely has more than one."""
+    """Layouts of the messages of one topic, usually a single one."""
 
     def __init__(self, type_name: str, most: int = MOST_LAYOUTS):
         self._type, self._most = type_name, most
         self._layouts: list[Layout] = []
 
     def layout_of(self, data: bytes) -> Layout:
-        """The layout of a message; errors as of `find_layout`."""
+        """The layout of a message; raises the errors of `find_layout`."""
         for layout in self._layouts:
             if layout.fits(data):
                 return layout
@@ -163,8 +159,8 @@ def find_layout(type_name: str, data: bytes) -> Layout:
     """The layout of a serialized message.
 
     Raises:
-        ValueError: it is not little endian, ends too early, holds a text that is not UTF-8, or
-            its type has fields other than numbers and strings.
+        ValueError: the message is not little endian, ends too early or holds a text that is not
+            UTF-8, or its type has fields other than numbers and strings.
     """
     cursor = _Cursor(data)
     cursor.message(type_name, "")
@@ -173,7 +169,7 @@ def find_layout(type_name: str, data: bytes) -> Layout:
 
 
 def header_stamp_ns(data: bytes) -> int:
-    """Stamp [ns] of a serialized message that begins with a header; 0 where it ends before."""
+    """Stamp [ns] of a serialized message that begins with a header; 0 if it is too short."""
     if len(data) < ORIGIN + STAMP.size:
         return 0
     stamp = STAMP if data[:2] == LITTLE_ENDIAN else BIG_ENDIAN_STAMP
@@ -182,14 +178,14 @@ def header_stamp_ns(data: bytes) -> int:
 
 
 def header_stamps_ns(messages: NDArray[np.uint8]) -> Integers:
-    """Stamps [ns], (n,), of messages (n, L) in little endian that begin with a header."""
+    """Stamps [ns], (n,), of little-endian messages (n, L) that begin with a header."""
     stamps = np.array(messages[:, ORIGIN : ORIGIN + STAMP.size], order="C")
     seconds, nanoseconds = stamps.view("<i4")[:, 0], stamps.view("<u4")[:, 1]
     return seconds.astype(np.int64) * NANOSECONDS + nanoseconds
 
 
 class _Cursor:
-    """Walks a message by the fields of its type and notes all offsets."""
+    """Walks through the fields of a message and notes their offsets."""
 
     def __init__(self, data: bytes):
         if data[: len(LITTLE_ENDIAN)] != LITTLE_ENDIAN:
@@ -202,7 +198,7 @@ class _Cursor:
         self.texts: dict[str, tuple[str, ...]] = {}
 
     def message(self, type_name: str, place: str) -> None:
-        """Pass a message, nested in the field `place` or "" for the outermost."""
+        """Walk through a message nested in the field `place`, "" for the outermost message."""
         before = len(self.fields)
         for name, (node, detail) in message_fields()[type_name][1]:
             field = f"{place}.{name}" if place else name
@@ -234,7 +230,7 @@ class _Cursor:
             raise ValueError(f"{field} is a {kind}, which cannot be located")
 
     def _join(self, place: str, runs: list[NumberRun]) -> None:
-        """Note the numbers of a nested message as one run, where they are one."""
+        """Note the numbers of a nested message as one run if there are no gaps between them."""
         follows = (a.stop == b.start and a.size == b.size for a, b in pairwise(runs))
         if place and runs and all(follows):
             self.runs[place] = runs[0]._replace(length=sum(run.length for run in runs))

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MCAP files: chunks, records, and a scan that passes damage."""
+"""Read MCAP files: their chunks and records, scanned past any damage."""

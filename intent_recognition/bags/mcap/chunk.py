@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The content of an MCAP chunk: decompressed, checked, its messages as columns."""
+"""Decompress and check an MCAP chunk, and read its messages as columns."""
 
 import mmap
 import struct
@@ -30,25 +30,25 @@ CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, co
 PARSE_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError)
 CHECKSUM = "checksum of the chunk does not match"
 CHUNK_BYTES = 2**20
-"""Size of a written chunk before compression, and of records read together [bytes]: the
-default of MCAP."""
+"""Size of a written chunk before compression, and of records read together [bytes]: the default
+of MCAP."""
 MOST_CHUNK = 2**26
-"""Bytes of the records of one chunk. Convention: rosbag2 writes 0.8 MB, or one larger message."""
+"""Largest accepted chunk, decompressed [bytes]; rosbag2 writes 0.8 MB or one larger message."""
 LATEST_NS = 2**63
-"""Log times lie before it [ns], in 2262: they fit signed integers."""
+"""Upper bound of log times [ns], in the year 2262, so that they fit signed integers."""
 
 
 class McapBlock(NamedTuple):
-    """One chunk, or one message outside of chunks, and log times of its first and last message."""
+    """One chunk, or one message outside of chunks, with its first and last log time."""
 
-    offset: int  # of the record in the file
-    length: int  # of its content, the 9 bytes of opcode and length not counted
+    offset: int  # of the record in the file [bytes]
+    length: int  # of its content [bytes], without the 9 bytes of opcode and length
     start_ns: int
     end_ns: int
-    # bytes of its records, as a chunk says itself; it need not be true: `decompress` bounds it
+    # decompressed size that the chunk states [bytes]; it may be wrong, so `decompress` bounds it
     size: int
     is_chunk: bool = True
-    is_cut: bool = False  # the file ends inside of this chunk
+    is_cut: bool = False  # whether the file ends inside this chunk
 
 
 class MessageTable(NamedTuple):
@@ -59,40 +59,40 @@ class MessageTable(NamedTuple):
     sequences: NDArray  # uint32 (n,)
     log_times_ns: NDArray  # uint64 (n,)
     publish_times_ns: NDArray  # uint64 (n,)
-    starts: NDArray  # where in `data` each payload begins, int64 (n,)
+    starts: NDArray  # offsets of the payloads in `data`, int64 (n,)
     lengths: NDArray  # of the payloads, int64 (n,)
 
     @classmethod
     def empty(cls) -> "MessageTable":
-        """No message."""
+        """A table without messages."""
         kinds = (np.uint16, np.uint32, np.uint64, np.uint64, np.int64, np.int64)
         return cls(b"", *(np.empty(0, kind) for kind in kinds))
 
     def rows(self, keep: NDArray) -> "MessageTable":
-        """The messages that the mask (n,) or the indices name."""
+        """The messages selected by a mask (n,) or by indices."""
         return MessageTable(self.data, *(column[keep] for column in self[1:]))
 
 
 def read_messages(view: bytes | mmap.mmap, block: McapBlock) -> MessageTable:
-    """The messages of one block, its checksum verified.
+    """The messages of one block, after verifying its checksum.
 
-    Of a chunk cut off by the end of the file all that can be decompressed is returned.
+    From a chunk that the end of the file cuts off, everything that can be decompressed is returned.
 
     Raises:
-        ValueError, McapError, zstandard.ZstdError, struct.error, RuntimeError: it is damaged.
-            `PARSE_ERRORS` lists them all.
+        ValueError, McapError, zstandard.ZstdError, struct.error, RuntimeError: the block is
+            damaged. `PARSE_ERRORS` lists all these errors.
     """
     data = _block_data(view, block)
     return message_table(data, message_positions(data, record_positions(data, block.is_cut)))
 
 
 def message_positions(data: bytes | memoryview, positions: NDArray) -> NDArray:
-    """Those of the records at `positions` (n,) that are messages."""
+    """The `positions` (n,) whose records are messages."""
     return positions[np.frombuffer(data, np.uint8)[positions] == MESSAGE]
 
 
 def message_table(data: bytes | memoryview, positions: NDArray) -> MessageTable:
-    """The messages at `positions` (n,)."""
+    """The messages whose records begin at `positions` (n,)."""
     heads = gather(data, positions, MESSAGE_HEADER.itemsize).view(MESSAGE_HEADER)
     if np.any(heads["log_ns"] >= LATEST_NS):
         raise ValueError("a log time after the year 2262")
@@ -110,7 +110,7 @@ def message_table(data: bytes | memoryview, positions: NDArray) -> MessageTable:
 def payloads(table: MessageTable, length: int) -> NDArray:
     """Payloads of a table whose messages all have this length, uint8 (n, length).
 
-    Payloads at equal distances are not copied: they are valid only as long as `table.data`.
+    Payloads at equal distances are a view, valid only as long as `table.data`.
     """
     steps = np.diff(table.starts)
     if length and steps.size and np.all(steps == steps[0]):
@@ -121,12 +121,12 @@ def payloads(table: MessageTable, length: int) -> NDArray:
 
 
 def read_definitions(view: bytes | mmap.mmap, block: McapBlock) -> Iterator[Schema | Channel]:
-    """Schemas and channels inside of one block, in file order."""
+    """Schemas and channels inside one block, in file order."""
     return definitions_in(_block_data(view, block), block.is_cut)
 
 
 def definitions_in(data: bytes, is_cut: bool) -> Iterator[Schema | Channel]:
-    """Schemas and channels among records, whose end may be missing if `is_cut`."""
+    """Schemas and channels among the records in `data`, which may be truncated if `is_cut`."""
     for position in record_positions(data, is_cut).tolist():
         opcode, length = RECORD_HEADER.unpack_from(data, position)
         start = position + RECORD_HEADER.size
@@ -135,7 +135,7 @@ def definitions_in(data: bytes, is_cut: bool) -> Iterator[Schema | Channel]:
 
 
 def parse_definition(opcode: int, data: bytes) -> Schema | Channel:
-    """The schema or channel of a record's content."""
+    """Parse a schema or channel from the content of its record."""
     stream = ReadDataStream(BytesIO(data))
     return Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
 
@@ -150,7 +150,7 @@ def chunk_content(view: bytes | mmap.mmap, block: McapBlock) -> tuple[str, bytes
 
 
 def _block_data(view: bytes | mmap.mmap, block: McapBlock) -> bytes:
-    """The records of a block; that of a bare message is its own."""
+    """The records of a block, decompressed; a message outside of chunks is its own record."""
     size = block.size
     if not block.is_chunk:
         return bytes(view[block.offset : block.offset + size])
@@ -165,7 +165,7 @@ def _block_data(view: bytes | mmap.mmap, block: McapBlock) -> bytes:
 
 
 def decompress(compression: str, data: bytes, size: int, is_cut: bool = False) -> bytes:
-    """The records of a chunk; of one cut off, those bytes that can be had."""
+    """Decompress the records of a chunk, or as many of a truncated chunk as possible."""
     if size > MOST_CHUNK:
         raise ValueError(f"a chunk of {size} bytes, more than {MOST_CHUNK}")
     if compression == "zstd":
@@ -181,14 +181,14 @@ def decompress(compression: str, data: bytes, size: int, is_cut: bool = False) -
 
 
 def check_frame(data: bytes, size: int) -> None:
-    """Make sure that zstd, which allots what its frame says, is told the size of the chunk."""
+    """Raise ValueError if a zstd frame states another size than its chunk; zstd allocates it."""
     said = zstandard.frame_content_size(data)
     if said not in (-1, size):
         raise ValueError(f"a frame of {said} bytes in a chunk that says it has {size}")
 
 
 def _cut_zstd(data: bytes, size: int) -> bytes:
-    """As many records as the rest of a frame gives, a piece at a time."""
+    """Decompress a truncated frame piece by piece, as far as possible."""
     found = bytearray()
     with zstandard.ZstdDecompressor().stream_reader(data) as reader:
         while len(found) < size:

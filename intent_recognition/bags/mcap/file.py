@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One MCAP file of a recording: its messages by log time, up to damage or skipping it."""
+"""Read the messages of one MCAP file by log time, up to the first damage or skipping it."""
 
 from bisect import bisect_left
 from collections import Counter
@@ -19,24 +19,24 @@ from intent_recognition.bags.messages import RECOVER, ROS_ENCODINGS, complete_sc
 from intent_recognition.errors import BagError
 
 ITEM_BYTES = 400
-"""What one message takes beside its content [bytes], measured."""
+"""Measured memory overhead of one message [bytes]."""
 
 
 class Item(NamedTuple):
-    """One message; sorts by log time, then as recorded: by block, then by row."""
+    """One message; sorts by log time, then in recorded order, by block and row."""
 
     log_time_ns: int
-    offset: int  # of its block in the file
-    row: int  # in the block
+    offset: int  # of its block in the file [bytes]
+    row: int  # index in the block
     publish_time_ns: int
     sequence: int
     data: bytes
-    channel: Channel  # that it is of
+    channel: Channel
 
 
 def complete_schemas(scan: FileScan, types: Mapping[str, str]) -> dict[int, Schema | None]:
-    """The definition of each channel's type, in the form ros2msg where that is known and messages
-    are those of ROS.
+    """The definition of each channel's type, converted to the ros2msg format where possible if its
+    messages are ROS messages.
     """
     return {
         c.id: complete_schema(scan.schemas.get(c.schema_id), types.get(c.topic, ""))
@@ -50,8 +50,8 @@ class McapFile:
     """A scanned file; a tolerant reader adds what it skips to `damage` instead of raising.
 
     Attributes:
-        schemas: by channel the definition of its type, in the form ros2msg where that is known:
-            where the file says none, by the `types` of topics.
+        schemas: definition of each channel's type, in the ros2msg format where possible. If the
+            file has no definition, it is looked up by the topic's type in `types`.
     """
 
     def __init__(
@@ -70,9 +70,9 @@ class McapFile:
         damage.extend(self.scan.damage)
 
     def counts(self) -> Mapping[int, int]:
-        """Messages per channel; counted when the summary does not say."""
+        """Number of messages by channel, counted if the summary does not state it."""
         said = self.scan.statistics.channel_message_counts if self.scan.statistics else {}
-        if said and not self.scan.damage:  # MCAP: empty where the writer did not count
+        if said and not self.scan.damage:  # empty if the writer did not count
             return dict(said)
         counts: Counter[int] = Counter()
         with open_view(self.path) as view:
@@ -82,9 +82,9 @@ class McapFile:
         return counts
 
     def tables(self, wanted: Collection[int]) -> Iterator[MessageTable]:
-        """The messages of some channels block by block, in the order they were recorded.
+        """The messages of some channels block by block, in recorded order.
 
-        Small blocks come together. A table's `data` is valid until the next is asked for.
+        Small blocks are read together. A table's `data` is valid until the next table is read.
         """
         with open_view(self.path) as view:
             reader = GroupReader(view, self.scan.channels.keys(), wanted)
@@ -93,17 +93,17 @@ class McapFile:
                     if group[-1].is_cut:
                         raise ValueError("the end of the file cuts it off")
                     yield reader.read(group)
-                except PARSE_ERRORS:  # each is looked at by itself
+                except PARSE_ERRORS:  # read each block of the group by itself
                     for block in group:
                         table = self._table(view, block)
                         yield table.rows(np.isin(table.channels, list(wanted)))
         self._raise_damage()
 
     def items(self, wanted: set[str] | None) -> Iterator[Item]:
-        """Messages of all topics, or those of `wanted` (no leading slash), by log time."""
+        """Messages of all or the `wanted` topics (no leading slash), ordered by log time."""
         waiting: list[Item] = []
         with open_view(self.path) as view:
-            # Blocks that overlap in time are merged; only those are in memory at once.
+            # Blocks that overlap in time are merged; only these are in memory at once.
             for block in sorted(self._usable(), key=lambda b: (b.start_ns, b.offset)):
                 before = bisect_left(waiting, block.start_ns, key=lambda i: i.log_time_ns)
                 yield from waiting[:before]
@@ -119,7 +119,7 @@ class McapFile:
         self._raise_damage()
 
     def _usable(self) -> list[McapBlock]:
-        """All blocks; a reader that is not tolerant stops at the first damage."""
+        """All blocks, or those before the first damage if the reader is not tolerant."""
         scan = self.scan
         if self._tolerant or not scan.damage:
             return scan.blocks
@@ -128,7 +128,7 @@ class McapFile:
     def _block_items(
         self, block: McapBlock, table: MessageTable, wanted: set[str] | None
     ) -> list[Item]:
-        """The wanted messages of a block, sorted."""
+        """The wanted messages of a block, sorted by log time."""
         channels = {
             number: channel
             for number, channel in self.scan.channels.items()
@@ -146,7 +146,7 @@ class McapFile:
         ]
 
     def _table(self, view: mmap, block: McapBlock) -> MessageTable:
-        """Messages of a block whose topics are known; none of a broken one if tolerant."""
+        """Messages of a block whose topics are known; none from a damaged block if tolerant."""
         try:
             table = read_messages(view, block)
         except PARSE_ERRORS as error:

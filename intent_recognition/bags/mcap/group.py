@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Small chunks read together: a recorder writes two a second, too small to be fast one by one."""
+"""Read small chunks together. A recorder writes two per second; reading them singly is slow."""
 
 import mmap
 import zlib
@@ -24,14 +24,14 @@ from intent_recognition.bags.mcap.chunk import (
 from intent_recognition.bags.mcap.records import gather, record_positions
 
 LARGE_BYTES = 2**18
-"""From this size on [bytes] decompressing in place is faster than copying (measured)."""
+"""Size from which decompressing in place is faster than copying [bytes], measured."""
 UNKNOWN, KNOWN, WANTED = range(3)
 CHANNEL = 9
 """Offset of the channel in a message record [bytes]."""
 
 
 def groups(blocks: Iterable[McapBlock]) -> Iterator[list[McapBlock]]:
-    """Blocks that follow one another, about `CHUNK_BYTES` of records each; a larger one alone."""
+    """Group successive blocks up to `CHUNK_BYTES` of records; larger and cut blocks are alone."""
     group: list[McapBlock] = []
     total = 0
     for block in blocks:
@@ -45,18 +45,18 @@ def groups(blocks: Iterable[McapBlock]) -> Iterator[list[McapBlock]]:
 
 
 class GroupReader:
-    """Reads groups of blocks into the same memory again and again, faster than into new one."""
+    """Reads groups of blocks into one reused buffer, which is faster than allocating anew."""
 
     def __init__(self, view: bytes | mmap.mmap, known: Collection[int], wanted: Collection[int]):
         self._view = view
-        self._kinds = np.full(2**16, UNKNOWN, np.uint8)  # by the number of the channel
+        self._kinds = np.full(2**16, UNKNOWN, np.uint8)  # by channel id
         self._kinds[list(known)] = KNOWN
         self._kinds[list(wanted)] = WANTED
         self._buffer = bytearray()
         self._zstd = zstandard.ZstdDecompressor()
 
     def read(self, blocks: Sequence[McapBlock]) -> MessageTable:
-        """The wanted messages of whole blocks; the table's `data` is valid until the next call."""
+        """The wanted messages of whole blocks. The table's `data` is valid until the next call."""
         sizes = [block.size for block in blocks]
         if max(sizes) > MOST_CHUNK:
             raise ValueError(f"a chunk that says it is {max(sizes)} bytes decompressed")
@@ -77,7 +77,7 @@ class GroupReader:
         return message_table(data, positions[kinds == WANTED])
 
     def _fill(self, block: McapBlock, target: memoryview) -> None:
-        """Write the records of a block to its place."""
+        """Decompress the records of a block into `target`."""
         if not block.is_chunk:
             target[:] = self._view[block.offset : block.offset + len(target)]
             return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the records of an MCAP chunk begin, found by `_records.c` where it was built."""
+"""Find where the records of an MCAP chunk begin, by `_records.c` if it was built."""
 
 import struct
 from importlib import import_module
@@ -26,18 +26,18 @@ MESSAGE_HEADER = np.dtype(
 )
 LEAST_MESSAGE = MESSAGE_HEADER.itemsize - RECORD_HEADER.size
 MESSAGE = int(Opcode.MESSAGE)
-"""As a plain integer: numpy compares bytes with members of an enumeration far slower."""
+"""Opcode as a plain integer, which numpy compares far faster than an enumeration member."""
 
 
 def record_positions(data: bytes | memoryview, is_cut: bool) -> NDArray:
-    """Where the records of a chunk begin, int64 (n,): each tells where the next one does.
+    """Offsets of the records of a chunk, int64 (n,), found by following their lengths.
 
     Args:
         data: the chunk, decompressed.
         is_cut: whether its end may be missing; an incomplete last record is then left out.
 
     Raises:
-        ValueError: a message is too short, or the last record incomplete.
+        ValueError: a message is too short, or the last record is incomplete.
     """
     found = np.empty(len(data) // RECORD_HEADER.size, np.int64)
     n, end = (_compiled or _positions)(data, found, RECORD_HEADER.size, MESSAGE, LEAST_MESSAGE)
@@ -51,7 +51,7 @@ def record_positions(data: bytes | memoryview, is_cut: bool) -> NDArray:
 def _positions(
     data: bytes | memoryview, out: NDArray, head: int, message: int, least: int
 ) -> tuple[int, int]:
-    """What `_records.c` does, without it."""
+    """Python version of `_records.c`."""
     n = end = 0
     while 0 <= end <= len(data) - head:
         opcode, length = RECORD_HEADER.unpack_from(data, end)
@@ -63,7 +63,7 @@ def _positions(
 
 
 def gather(data: bytes | memoryview, positions: NDArray, length: int) -> NDArray:
-    """The `length` bytes from each position on, as one array of void items (n,)."""
+    """The `length` bytes at each position, as an array of void items (n,)."""
     if not positions.size or not length:
         return np.empty(positions.size, f"V{length}")
     windows = np.ndarray((len(data) - length + 1,), f"V{length}", data, strides=(1,))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Walk an MCAP file record by record, through damage: what is whole, what is not, and where."""
+"""Scan an MCAP file record by record, past damage, and note what is whole and what is not."""
 
 import mmap
 import re
@@ -31,45 +31,44 @@ MAGIC = b"\x89MCAP0\r\n"
 """First and last bytes of an MCAP file."""
 FOOTER = struct.Struct("<QQI")
 INDEX_HEADER = struct.Struct("<HI")  # channel, bytes of the index that follows
-INDEX_RECORD = struct.Struct("<BQHI")  # the same with opcode and length before
+INDEX_RECORD = struct.Struct("<BQHI")  # the same after opcode and length
 CHUNK, MESSAGE_INDEX, CHUNK_INDEX = (
     int(code) for code in (Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX)
 )
 LONGEST_METADATA = 2**20
-"""Bytes of a metadata record that is read. Convention: rosbag2's have some kilobytes."""
+"""Longest metadata record that is read [bytes]; rosbag2's have a few kilobytes."""
 LONGEST_COMPRESSION = 16
-"""Bytes of the name of a compression. Convention: longer than any, short enough to tell damage."""
+"""Longest accepted name of a compression [bytes]; real names are shorter, so more means damage."""
 MOST_EXPANSION = 100
-"""Bytes of messages for one of the file, beside those of one chunk. Convention: the shipped
-recordings have up to 5."""
+"""Most bytes of messages per byte of file, beyond one `MOST_CHUNK`; shipped recordings reach 5."""
 CHUNK_START = re.compile(
     rb"(?=\x06.{36}(?:\x04\x00\x00\x00zstd|\x03\x00\x00\x00lz4|\x00\x00\x00\x00))", re.DOTALL
 )
-"""Bytes that may be the beginning of a chunk: opcode and compression are where they must be."""
+"""Bytes that may begin a chunk, with opcode and compression in the right places."""
 
 
 @dataclass(frozen=True)
 class Damage:
     """A part of the file that cannot be read."""
 
-    offset: int  # where it begins [bytes]
+    offset: int  # where the damage begins [bytes]
     reason: str
-    start_ns: int = 0  # log time of the last message before it, or of its first; 0 when unknown
-    end_ns: int = 0  # log time of its last message, 0 when unknown
+    start_ns: int = 0  # log time of the last message before it, or of its first; 0 if unknown
+    end_ns: int = 0  # log time of its last message, 0 if unknown
 
 
 @dataclass
 class FileScan:
-    """What a walk over the file found.
+    """Content of a scanned file.
 
     Attributes:
-        blocks: where the messages are, in file order.
-        damage: what is broken, in file order; empty for a whole file.
-        schemas: by id. From the checked summary, else from wherever they stood.
-        channels: by id.
-        is_finished: the recording was closed in good order.
-        statistics: of the summary, None without it.
-        metadata: key-value pairs of the metadata records, by their names; the last of a name.
+        blocks: chunks and messages outside of chunks, in file order.
+        damage: damaged parts, in file order; empty for a whole file.
+        schemas: by id, from the verified summary or else from anywhere in the file.
+        channels: by id, from the same source.
+        is_finished: whether the recording was closed properly.
+        statistics: statistics of the summary, None without one.
+        metadata: key-value pairs of the metadata records by name; the last record of a name counts.
     """
 
     blocks: list[McapBlock] = field(default_factory=list)
@@ -81,7 +80,7 @@ class FileScan:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def define(self, found: Schema | Channel, *, again: bool = True) -> None:
-        """Note a definition; one of the same id is replaced if `again`."""
+        """Note a definition; an earlier one with the same id is replaced if `again`."""
         if isinstance(found, Schema):
             if again or found.id not in self.schemas:
                 self.schemas[found.id] = found
@@ -90,18 +89,18 @@ class FileScan:
 
     @property
     def span_ns(self) -> tuple[int, int]:
-        """Log times of the first message and of the last; chunks without one say 0 and 0."""
+        """Log times of the first and last message, ignoring chunks without messages (0 and 0)."""
         blocks = [block for block in self.blocks if block.end_ns] or self.blocks
         starts, ends = [b.start_ns for b in blocks], [b.end_ns for b in blocks]
         return min(starts, default=0), max(ends, default=0)
 
     def channel_ids(self, topic: str) -> list[int]:
-        """Channels of a topic, its name without leading slash."""
+        """Channel ids of a topic, given without leading slash."""
         return [c.id for c in self.channels.values() if c.topic.lstrip("/") == topic]
 
 
 def scan_file(path: Path) -> FileScan:
-    """Find all chunks and definitions of a file; chunks are not decompressed yet."""
+    """Find all chunks and definitions of a file, decompressing chunks only for definitions."""
     scan = FileScan()
     try:
         with path.open("rb") as stream:
@@ -118,9 +117,9 @@ def scan_file(path: Path) -> FileScan:
 
 
 def _check_expansion(path: Path, view: mmap.mmap, scan: FileScan) -> None:
-    """Refuse a file whose chunks say that they are far larger than it, before one is read."""
+    """Refuse a file whose chunks state a far larger size than its own, before reading them."""
     sizes = (block.size for block in scan.blocks if not block.is_cut)
-    said = sum(size for size in sizes if size <= MOST_CHUNK)  # larger ones are not read
+    said = sum(size for size in sizes if size <= MOST_CHUNK)  # larger chunks are never read
     most = MOST_CHUNK + MOST_EXPANSION * len(view)
     if said > most:
         expected = f"at most {most} bytes of messages in {len(view)}"
@@ -129,7 +128,7 @@ def _check_expansion(path: Path, view: mmap.mmap, scan: FileScan) -> None:
 
 
 def open_view(path: Path) -> mmap.mmap:
-    """The bytes of a file for `read_messages`; close it after use."""
+    """Map a file into memory for `read_messages`; close the map after use."""
     with path.open("rb") as stream:
         return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
 
@@ -156,14 +155,14 @@ def _walk(view: mmap.mmap, scan: FileScan) -> None:
             if view[end : end + len(MAGIC)] != MAGIC:
                 scan.damage.append(Damage(end, "the file does not end as an MCAP file"))
             return
-        previous, position = position + 1, end  # only what follows shows that the length is right
+        previous, position = position + 1, end  # only the next record confirms this length
 
 
 def _pass_chunks(view: mmap.mmap, position: int, previous: int, scan: FileScan) -> tuple[int, int]:
-    """Take in sound chunks and all indices from `position` on, most of a file, quickly.
+    """Quickly note the sound chunks and indices, most of a file, from `position` on.
 
     Returns:
-        Where the first other record begins, and where to look for a chunk if it is none.
+        Offset of the first other record, and where to search for a chunk if it is damaged.
     """
     head, index, read = RECORD_HEADER.size, INDEX_HEADER.size, INDEX_RECORD.unpack_from
     size, last = len(view), len(view) - INDEX_RECORD.size
@@ -199,7 +198,7 @@ def _note_damage(view: mmap.mmap, position: int, found: int | None, scan: FileSc
 
 
 def _read_record(view: mmap.mmap, position: int, scan: FileScan) -> int | None:
-    """Take in the record at `position`; its end, or None when there is no sound record."""
+    """Note the record at `position`; returns its end, or None if it is not a sound record."""
     start = position + RECORD_HEADER.size
     if start > len(view):
         return None
@@ -216,7 +215,7 @@ def _read_record(view: mmap.mmap, position: int, scan: FileScan) -> int | None:
 def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan: FileScan) -> bool:
     start = position + RECORD_HEADER.size
     if opcode in (CHUNK, MESSAGE_INDEX):
-        return False  # `_pass_chunks` takes in the sound ones
+        return False  # `_pass_chunks` has noted the sound ones
     if opcode == Opcode.MESSAGE:
         if length < 22:
             return False
@@ -241,7 +240,7 @@ def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan:
 
 
 def _take_metadata(data: bytes, scan: FileScan) -> None:
-    """Note a metadata record; no message depends on one that cannot be read."""
+    """Note a metadata record; an unreadable one is ignored, since no message depends on it."""
     with suppress(*PARSE_ERRORS):
         if len(data) <= LONGEST_METADATA:
             record = Metadata.read(ReadDataStream(BytesIO(data)))
@@ -249,7 +248,7 @@ def _take_metadata(data: bytes, scan: FileScan) -> None:
 
 
 def _chunk_block(view: mmap.mmap, position: int, length: int) -> McapBlock | None:
-    """The chunk at `position` when its own lengths agree with `length`."""
+    """The chunk at `position` if the lengths it states agree with `length`."""
     start = position + RECORD_HEADER.size
     head = CHUNK_HEADER.size
     if length < head + 8:
@@ -264,7 +263,7 @@ def _chunk_block(view: mmap.mmap, position: int, length: int) -> McapBlock | Non
 
 
 def _cut_chunk(view: mmap.mmap, position: int) -> McapBlock | None:
-    """The chunk at `position` that the end of the file cuts off."""
+    """The chunk at `position` if the end of the file cuts it off."""
     start = position + RECORD_HEADER.size
     if len(view) < start + CHUNK_HEADER.size + LONGEST_COMPRESSION + 8:
         return None
@@ -280,7 +279,7 @@ def _cut_chunk(view: mmap.mmap, position: int) -> McapBlock | None:
 
 
 def _resynchronise(view: mmap.mmap, position: int, failed: int) -> int | None:
-    """Offset of the next chunk at or after `position`, but for the one that `failed`."""
+    """Offset of the next chunk at or after `position`, other than the one at `failed`."""
     for match in CHUNK_START.finditer(view, position):
         at = match.start()
         _, length = RECORD_HEADER.unpack_from(view, at)
@@ -293,8 +292,8 @@ def _resynchronise(view: mmap.mmap, position: int, failed: int) -> int | None:
 
 
 def _read_summary(view: mmap.mmap, scan: FileScan) -> None:
-    """Trust the summary's definitions when its checksum holds; where it has none, or not all of
-    them, those inside the chunks count too.
+    """Read the definitions of a summary whose checksum is right; if some are missing, also those
+    inside the chunks.
     """
     summary = _checked_summary(view) if scan.is_finished else b""
     if summary is None:
@@ -312,7 +311,7 @@ def _read_summary(view: mmap.mmap, scan: FileScan) -> None:
 
 
 def _is_complete(scan: FileScan) -> bool:
-    """Whether all definitions are known: writers may leave some or all out of the summary."""
+    """Whether all definitions are known; writers may omit some or all from the summary."""
     said, channels = scan.statistics, scan.channels.values()
     return (
         said is not None
@@ -322,7 +321,7 @@ def _is_complete(scan: FileScan) -> bool:
 
 
 def _checked_summary(view: mmap.mmap) -> bytes | None:
-    """The summary, empty where the file has none; None if it is damaged."""
+    """The summary, empty if the file has none and None if it is damaged."""
     footer = len(view) - len(MAGIC) - FOOTER.size
     if footer < RECORD_HEADER.size:
         return None
