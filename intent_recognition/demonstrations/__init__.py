@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Demonstrations from recordings: the DOF file, readers, sessions, inspection."""
+"""Read demonstrations from recordings: DOF files, readers, sessions and inspection."""
 
 from intent_recognition.demonstrations.cleaning import is_raw_pose
 from intent_recognition.demonstrations.corrected import (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the messages of a bag to signals: bad stamps and what the tracker's checks reject go."""
+"""Convert the messages of a bag to signals, without bad stamps and rejected tracker poses."""
 
 import re
 from bisect import bisect_left
@@ -41,7 +41,7 @@ from intent_recognition.tracking import (
 
 RAW_POSE_TOPIC = re.compile(r"(.*/)?mocap/[^/]+/pose")
 MISSING_DOF = "missing_dof"
-"""Reason for which a message is dropped: a joint or field of an entry is not in it."""
+"""Reason for dropping a message that lacks a joint or field of an entry."""
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 
@@ -49,23 +49,23 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 class TopicSamples:
     """The T accepted messages of one topic."""
 
-    stamps_ns: Integers  # int64 (T,), strictly increasing among those of one publisher
+    stamps_ns: Integers  # int64 (T,), strictly increasing for each publisher
     log_times_ns: Integers  # int64 (T,)
-    content: Content  # all messages recorded; accepted poses are in the world frame
-    rows: Integers  # which of these were accepted, int64 (T,)
-    rejected: Mapping[str, int]  # number of the others, by reason
-    # in which the content is, sorted and without those that have no name: for raw poses the world,
-    # or the frame that counts as it; for others those the headers name
+    content: Content  # all recorded messages; accepted raw poses are in the world frame
+    rows: Integers  # indices of the accepted messages in `content`, int64 (T,)
+    rejected: Mapping[str, int]  # number of rejected messages, by reason
+    # sorted names of the frames of the content: for raw poses the world frame or the frame used as
+    # the world, for other messages the frames that their headers name
     frames: tuple[str, ...] = ()
 
 
 def is_raw_pose(topic: str, type_name: str) -> bool:
-    """Whether a topic carries unchecked poses of a tracker: `mocap/<body>/pose`."""
+    """Whether a topic carries unchecked tracker poses, `mocap/<body>/pose`."""
     return type_name == POSE and RAW_POSE_TOPIC.fullmatch(relative_topic(topic)) is not None
 
 
 def restamped(entry: DofEntry, message: BagMessage) -> BagMessage | None:
-    """A message with the stamp of the entry's elements in it; None if it has none of them."""
+    """A message with the stamp of the entry's elements; None if it has none of the elements."""
     stamp_ns = stamp_of(entry, message.message, message.log_time_ns)
     return None if stamp_ns is None else replace(message, stamp_ns=stamp_ns)
 
@@ -76,10 +76,10 @@ def clean_topic(
     messages: Sequence[BagMessage],
     extrinsics: Mapping[str, tuple] | None = None,
 ) -> TopicSamples:
-    """Drop what a node would drop: bad stamps, and raw poses that `ingest_pose` rejects.
+    """Drop messages as a node would: bad stamps, and raw poses that `ingest_pose` rejects.
 
-    Raw poses are transformed to the world frame. Without `extrinsics` the frame of the recording
-    counts as the world: `world` if any message names it, else the frame most messages name.
+    Raw poses are transformed to the world frame. Without `extrinsics`, the frame of the recording
+    is used as the world: `world` if any message names it, else the frame named most often.
     """
     decoded: list[Any] = [message.message for message in messages]
     stamps_ns = np.array([message.stamp_ns for message in messages], np.int64)
@@ -99,14 +99,14 @@ def clean_topic(
 def clean_columns(
     topic: str, columns: Columns, extrinsics: Mapping[str, tuple] | None = None
 ) -> TopicSamples:
-    """As `clean_topic` from columns."""
+    """Like `clean_topic`, for messages given as columns."""
     stamps_ns = columns.stamps_ns
     frames = frame_names(columns.frame_ids) if isinstance(columns, PoseColumns) else ()
     if isinstance(columns, PoseColumns) and is_raw_pose(topic, POSE):
         settings = _settings(columns, extrinsics)
         frames = frame_names([settings.world_frame])
         ordered, (kept, left_out) = np.zeros_like(stamps_ns), _increasing(stamps_ns)
-        ordered[kept] = stamps_ns[kept]  # one without a stamp is passed over
+        ordered[kept] = stamps_ns[kept]  # `ingest_poses` skips zero stamps
         columns, rows, rejected = ingest_poses(settings, replace(columns, stamps_ns=ordered))
         columns, rejected[ZERO_STAMP] = replace(columns, stamps_ns=stamps_ns), 0
         rejected = rejected + left_out
@@ -120,10 +120,9 @@ def clean_columns(
 def signal_of(
     entry: DofEntry, samples: TopicSamples, start_ns: int | None = None, end_ns: int | None = None
 ) -> tuple[Signal, Counter[str]]:
-    """Values of the entry's DOFs between two stamps, and counts of dropped messages by reason.
+    """Signal of the entry's DOFs between two stamps, and counts of dropped messages by reason.
 
-    A message that lacks one of the joints, or holds NaN or infinity in one of the DOFs, is
-    dropped and counted.
+    A message is dropped if it lacks a joint or field, or has NaN or infinity in a DOF.
     """
     inside = np.ones(samples.stamps_ns.size, bool)
     if start_ns is not None:
@@ -142,7 +141,7 @@ def signal_of(
 def context_of(
     spec: DofSpec, samples: Mapping[str, TopicSamples], start_ns: int, end_ns: int
 ) -> tuple[Signal, ...]:
-    """What was known of the scene during a movement: from the last sample before it on."""
+    """Signals of the scene for a movement, from the last sample before its start to its end."""
     signals = []
     for entry in spec.context:
         signal, _ = signal_of(entry, samples[entry.stream], end_ns=end_ns)
@@ -159,10 +158,10 @@ def signals_of(
     *,
     count_topics: bool = True,
 ) -> tuple[tuple[Signal, ...], tuple[Signal, ...], Counter[str]]:
-    """Observed and controlled signals of a bag or of a part of it, and counts by reason.
+    """Observed and controlled signals of a bag or a part of it, and counts of dropped messages.
 
-    With `count_topics` the counts include bad stamps and outliers anywhere in the bag. Only the
-    first demonstration of a session reports them, so that they are counted once.
+    With `count_topics` the counts include bad stamps and outliers anywhere in the bag. In a session
+    only the first demonstration includes these, so that they are counted once.
     """
     rejected: Counter[str] = Counter()
     for stream in spec.streams if count_topics else ():
@@ -209,13 +208,13 @@ def _settings(columns: PoseColumns, extrinsics: Mapping[str, tuple] | None) -> I
 
 
 def frame_names(frame_ids: Iterable[object]) -> tuple[str, ...]:
-    """Different frames, sorted, without those that have no name."""
+    """Sorted distinct frame names, without empty ones."""
     return tuple(sorted({frame_name(f) for f in frame_ids if isinstance(f, str)} - {""}))
 
 
 def publishers_of(type_name: str, messages: Sequence[Any]) -> Integers:
-    """Which publisher each message of a topic is of: those that share a joint, or a frame of tf,
-    are of one.
+    """Index of the publisher of each message (T,): messages with a common joint or tf frame are
+    assumed to come from one publisher.
     """
     if type_name == JOINT_STATE:
         return _publishers([message.name for message in messages])
@@ -225,7 +224,7 @@ def publishers_of(type_name: str, messages: Sequence[Any]) -> Integers:
 
 
 def publishers_in(columns: Columns) -> Integers:
-    """As `publishers_of` from columns."""
+    """Like `publishers_of`, for messages given as columns."""
     publishers = np.zeros(columns.stamps_ns.size, np.int64)
     if isinstance(columns, JointColumns):
         of_parts = _publishers([part.names for part in columns.parts])
@@ -246,7 +245,7 @@ def _publishers(names: Sequence[Sequence[str]]) -> Integers:
 
 
 def _increasing_of_each(stamps_ns: Integers, publishers: Integers) -> tuple[Integers, Counter[str]]:
-    """As `_increasing` for the messages of each publisher, in the order of all."""
+    """Apply `_increasing` to each publisher's messages; the rows are sorted."""
     rows, rejected = [np.empty(0, np.int64)], Counter[str]()
     for publisher in np.unique(publishers):
         own = np.flatnonzero(publishers == publisher)
@@ -257,9 +256,9 @@ def _increasing_of_each(stamps_ns: Integers, publishers: Integers) -> tuple[Inte
 
 
 def _increasing(stamps_ns: Integers) -> tuple[Integers, Counter[str]]:
-    """Rows whose stamp is positive and later than all before, and counts of the others.
+    """Rows whose stamp is positive and later than all before, and counts of the rejected rows.
 
-    Where more than these can be in order, such as after one stamp in the future, those stay.
+    If a longest increasing subsequence is longer, as after one stamp in the future, it is taken.
     """
     positive = np.flatnonzero(stamps_ns > 0)
     stamps = stamps_ns[positive]
@@ -277,8 +276,8 @@ def _increasing(stamps_ns: Integers) -> tuple[Integers, Counter[str]]:
 
 def _most_in_order(stamps_ns: Integers) -> Integers:
     """Rows of a longest increasing subsequence (Fredman 1975)."""
-    ends: list[int] = []  # of the subsequences of each length, the earliest stamp
-    rows: list[int] = []  # where it is
+    ends: list[int] = []  # earliest last stamp of a subsequence of each length
+    rows: list[int] = []  # row of that stamp
     before = np.full(stamps_ns.size, -1)
     for row, stamp_ns in enumerate(stamps_ns.tolist()):
         length = bisect_left(ends, stamp_ns)
@@ -292,5 +291,5 @@ def _most_in_order(stamps_ns: Integers) -> Integers:
 
 
 def _counter(counts: Mapping[str, int]) -> Counter[str]:
-    """The counts above zero."""
+    """Counter of the counts above zero."""
     return Counter({reason: count for reason, count in counts.items() if count})

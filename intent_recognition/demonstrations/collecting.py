@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Samples of all topics of one recording, as far as it can be read."""
+"""Collect the samples of all topics of one recording, up to the first damage."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,7 +24,7 @@ from intent_recognition.signals import Rejection
 
 
 def missing_topic(reader: BagReader, dofs: DofSpec) -> Rejection | None:
-    """Why a recording has not all topics with what the DOFs need; None where it has."""
+    """Rejection of a recording that lacks a topic of the DOFs; None if all have messages."""
     recorded = {relative_topic(name): info for name, info in reader.topics.items()}
     lost = "" if reader.is_finished else "unfinished: the recording was not closed; "
     if reader.damage:
@@ -46,13 +46,13 @@ def missing_topic(reader: BagReader, dofs: DofSpec) -> Rejection | None:
 def collect(
     reader: BagReader, dofs: DofSpec, marker: str | None, extrinsics: Mapping[str, tuple] | None
 ) -> tuple[dict[str, TopicSamples], list[BagMessage], Rejection | None]:
-    """Samples by relative topic and markers before the first damage, and what is damaged."""
+    """Samples by stream and markers before the first damage, and the rejection for the damage."""
     marker_topics = [marker] if marker else []
     try:
         samples = _columns(reader, dofs, extrinsics)
         if samples is not None:
             return samples, list(reader.messages(marker_topics)) if marker else [], None
-    except BagError:  # read message by message, to know how far the recording can be read
+    except BagError:  # read single messages, to find how far the recording can be read
         pass
     messages: dict[str, list[BagMessage]] = {t: [] for t in [*dofs.topics, *marker_topics]}
     last_ns, damage = 0, None
@@ -91,7 +91,7 @@ def collect(
 def _columns(
     reader: BagReader, dofs: DofSpec, extrinsics: Mapping[str, tuple] | None
 ) -> dict[str, TopicSamples] | None:
-    """Samples of all topics read as columns; None if one of them cannot be."""
+    """Samples of all topics, read as columns; None if a topic cannot be read as columns."""
     if not all(map(has_columns, dofs.recorded)):
         return None
     columns = reader.columns(dofs.topics)

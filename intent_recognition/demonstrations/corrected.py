@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An execution that a person corrected, written as the demonstration it amounts to."""
+"""Write an execution that a person corrected as a new demonstration."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,17 +12,17 @@ from intent_recognition.errors import BagError
 
 CORRECTION_TOPIC, CORRECTION_TYPE = "/intent/correction", "trajectory_msgs/msg/JointTrajectory"
 CORRECTED = "corrected"
-"""Key of `custom_data`: the execution that a demonstration comes from."""
+"""Key of `custom_data` for the execution from which a demonstration was made."""
 
 
 def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str]) -> None:
-    """Write what was seen, with the arm on the corrected path instead of where it was pushed.
+    """Copy an execution, moving the arm along the corrected path instead of its recorded one.
 
-    That path is the last on `CORRECTION_TOPIC` of the execution's bag. Messages of joints without a
-    position of each are copied as they are.
+    The path is the last message on `CORRECTION_TOPIC` in the execution's bag. Joint messages that
+    lack a position for some joint are copied unchanged.
 
     Raises:
-        BagError: it holds no correction, one without a position of each joint, or cannot be read.
+        BagError: the bag has no correction, or one that lacks positions, or cannot be read.
         ResourceBusyError: the target's directory exists already.
     """
     reader = BagReader(execution)
@@ -55,7 +55,7 @@ def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str
                 writer.write_raw(raw)
                 continue
             stamp_ns = _ns(message.header.stamp)
-            if stamp_ns > stamps_ns[-1] + 500_000_000:  # with half a second of rest
+            if stamp_ns > stamps_ns[-1] + 500_000_000:  # keep half a second of rest
                 break
             joints = dict(zip(message.name, message.position, strict=True))
             for name, column in zip(path.joint_names, positions.T, strict=True):

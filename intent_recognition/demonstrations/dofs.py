@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The DOF file: which fields of which topics are the degrees of freedom of human and robot."""
+"""Read the DOF file, which selects the degrees of freedom of human and robot from topics."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ QUANTITIES = ("position", "velocity", "effort")
 VELOCITY_KEYS = ("topic", "type", "fields", "joints", "unit", "quantity", "of", "std")
 KEYS = (*VELOCITY_KEYS[:6], "orientation", "reference")
 QUATERNION = "quaternion"
-"""The one representation of an orientation that entries may have."""
+"""The only supported representation of an orientation in an entry."""
 OBSERVED_KEYS = (*KEYS, "context")
 CONTROLLED_KEYS = (*KEYS, "link", "robot")
 SIDES = ("observed", "controlled", "velocities")
 EXTRINSICS = "extrinsics"
-"""Key beside the sides: poses of tracker frames in the world."""
+"""Top-level key for the poses of tracker frames in the world."""
 TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
 
 
@@ -41,12 +41,12 @@ class DofSpec:
     Attributes:
         observed: entries of the human, at least one.
         controlled: entries of the robot; may be empty.
-        velocities: of observed DOFs, measured independently of their positions. They are
-            observed online; training does not need them.
-        context: observed entries with `context: true`, which are of the scene.
+        velocities: entries for velocities of observed DOFs, measured independently of their
+            positions. They are observed online; training does not need them.
+        context: observed entries with `context: true`, which describe the scene.
         extrinsics: pose of each tracker frame in the world, 'frame x y z qx qy qz qw' [m,
-            quaternion], by which recorded raw poses are transformed; None to take the frame of each
-            recording for the world.
+            quaternion], by which recorded raw poses are transformed; None to use the frame of each
+            recording as the world.
     """
 
     observed: tuple[DofEntry, ...]
@@ -57,7 +57,7 @@ class DofSpec:
 
     @property
     def tracker_frames(self) -> Extrinsics | None:
-        """The extrinsics as numbers, as `read_demonstrations` takes them."""
+        """The extrinsics as numbers, in the form that `read_demonstrations` expects."""
         return None if self.extrinsics is None else parse_extrinsics(self.extrinsics)
 
     @property
@@ -77,16 +77,16 @@ class DofSpec:
 
     @property
     def context_names(self) -> tuple[str, ...]:
-        """Names of all numbers of the context, entry by entry."""
+        """Names of all context DOFs, entry by entry."""
         return tuple(name for entry in self.context for name in entry.names)
 
     @property
     def controlled_message_names(self) -> tuple[str, ...]:
-        """Names of all numbers of the controlled agent in messages, entry by entry."""
+        """Names of the controlled agent's numbers as in messages, entry by entry."""
         return tuple(name for entry in self.controlled for name in entry.message_names)
 
     def signal_of(self, velocity: DofEntry) -> tuple[int, tuple[int, ...]] | None:
-        """Which observed entry has the DOFs of a velocity entry, and where; None for none."""
+        """Indices of the observed entry with a velocity's DOFs and of their columns; or None."""
         for group, entry in enumerate(self.observed):
             if set(velocity.of) <= set(entry.names):
                 return group, tuple(entry.names.index(name) for name in velocity.of)
@@ -94,16 +94,16 @@ class DofSpec:
 
     @property
     def topics(self) -> dict[str, str]:
-        """Type of every topic training needs, by topic name without leading slash."""
+        """Type of every topic that training needs, by topic name without leading slash."""
         return {entry.topic: entry.type for entry in self.recorded}
 
     @property
     def streams(self) -> dict[str, DofEntry]:
-        """The first entry of every stream training needs, see `DofEntry.stream`."""
+        """The first entry of every stream that training needs, see `DofEntry.stream`."""
         return {entry.stream: entry for entry in reversed(self.recorded)}
 
     def to_dict(self) -> dict[str, list]:
-        """Plain lists and dictionaries, as the DOF file and the model file hold them."""
+        """Convert to plain lists and dictionaries, as in the DOF file and the model file."""
         sides: dict[str, list] = {
             side: [entry.to_dict() for entry in getattr(self, side)] for side in SIDES
         }
@@ -116,10 +116,10 @@ class DofSpec:
 
     @classmethod
     def from_dict(cls, content: object, source: str = "dofs") -> DofSpec:
-        """Check what `to_dict` or the YAML file gives, and build the spec; `source` names it.
+        """Check the content of a DOF file or of `to_dict`; `source` names it in errors.
 
         Raises:
-            DofError: anything is missing, unknown, doubled or of the wrong kind.
+            DofError: anything is missing, unknown, repeated or of the wrong type.
         """
         if not isinstance(content, Mapping):
             raise _error(source, "a mapping with the keys observed and controlled", content)
@@ -143,10 +143,10 @@ class DofSpec:
 
 
 def load_dofs(path: str | Path | None = None) -> DofSpec:
-    """Read a DOF file, as described in docs/bags.md; by default the shipped config/dofs.yaml.
+    """Read a DOF file (see docs/bags.md), by default the shipped config/dofs.yaml.
 
     Raises:
-        DofError: the file is missing, no YAML, or malformed; names the file, entry and key.
+        DofError: names file, entry and key, if the file is missing, not YAML or malformed.
     """
     source = share_path(DEFAULT) if path is None else as_path("path", path)
     try:
@@ -164,19 +164,19 @@ def load_dofs(path: str | Path | None = None) -> DofSpec:
 
 
 def _beside(source: Path, robot: str) -> str:
-    """Path of a URDF that lies beside a DOF file other than the shipped ones."""
+    """Absolute path of a URDF relative to a DOF file that is not shipped, else `robot` as it is."""
     path = (source.parent / robot).resolve()
     shipped = path.is_relative_to(share_path(DEFAULT).resolve().parent)
     return str(path) if robot and path.is_file() and not shipped else robot
 
 
 def robot_path(robot: str) -> Path:
-    """Where the URDF of a DOF file's `robot` is."""
+    """Path of the URDF that a DOF file's `robot` names."""
     return Path(robot) if Path(robot).is_file() else share_path(DEFAULT).parent / robot
 
 
 def relative_topic(topic: str) -> str:
-    """The topic name without leading slash, as all files of this package compare it."""
+    """The topic name without leading slash, the form in which this package compares names."""
     return topic.lstrip("/")
 
 
@@ -212,7 +212,7 @@ def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
     if unknown := sorted(set(map(str, item)) - set(keys)):
         raise _error(place, f"only the keys {', '.join(keys)}", ", ".join(unknown))
     texts = {key: _text(item, key, place) for key in ("topic", "type", "unit")}
-    if (unit := spelled(texts["unit"])) != texts["unit"]:  # which would be a unit of its own
+    if (unit := spelled(texts["unit"])) != texts["unit"]:  # it would count as another unit
         raise _error(f"{place}: unit", f"{unit}, as it is written here", texts["unit"])
     if not TYPE_NAME.fullmatch(texts["type"]):
         raise _error(f"{place}: type", "package/msg/Name", texts["type"])
@@ -256,7 +256,7 @@ def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
 
 
 def _check_orientation(entry: DofEntry, item: Mapping, place: str) -> None:
-    """Four fields of one quaternion, in radians; nothing of it in other entries."""
+    """Check that an orientation has the four fields of one quaternion and the unit rad."""
     if "orientation" not in item:
         if entry.reference:
             raise _error(f"{place}: reference", "orientation: quaternion with it", "none")
@@ -274,7 +274,7 @@ def _check_orientation(entry: DofEntry, item: Mapping, place: str) -> None:
 
 
 def _reference(item: Mapping, place: str) -> tuple[float, ...]:
-    """The unit quaternion (4,) xyzw of an entry, or nothing."""
+    """The reference of an entry, a unit quaternion (4,) xyzw; empty if it has none."""
     if "reference" not in item:
         return ()
     given = item["reference"]
@@ -327,7 +327,7 @@ def _check_consistent(spec: DofSpec, source: str) -> None:
 
 
 def _check_velocities(spec: DofSpec, source: str) -> None:
-    """Each velocity belongs to one DOF, and none is differentiated from poses used as well."""
+    """Check that each velocity belongs to one DOF and is not computed from observed poses."""
     tracked = {entry.topic for entry in spec.observed}
     for k, entry in enumerate(spec.velocities):
         place, cure = f"{source}: velocities[{k}]", "Correct the file; docs/bags.md shows one."
@@ -343,7 +343,7 @@ def _check_velocities(spec: DofSpec, source: str) -> None:
 
 
 def _check_hands(spec: DofSpec, source: str) -> None:
-    """The orientation of a hand comes right after its position."""
+    """Check that the orientation of a hand comes right after its position."""
     before: tuple[str, ...] = ()
     for k, entry in enumerate(spec.controlled):
         same = (entry.topic, entry.link, entry.robot)

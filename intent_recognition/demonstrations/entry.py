@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One entry of a DOF file: the degrees of freedom in the messages of one topic."""
+"""Entry of a DOF file: the degrees of freedom in the messages of one topic."""
 
 import dataclasses
 
@@ -14,25 +14,24 @@ class DofEntry:
         topic: relative topic name, without a leading slash.
         type: full message type, "package/msg/Name".
         fields: paths such as "pose.position.x", "poses[7].position.x" or
-            "transforms[wrist].transform.translation.x"; an element of an array is given by its
-            number, a transform by its child frame, a marker by namespace/id.
-        joints: joint names of a JointState, in the order of the DOFs; `*` stands for any text, such
+            "transforms[wrist].transform.translation.x"; an array element is named by its index,
+            a transform by its child frame, a marker by namespace/id.
+        joints: joint names of a JointState, in the order of the DOFs; `*` matches any text, such
             as the identifier of a tracked person. An entry has either `fields` or `joints`.
-        unit: of all DOFs of this entry, such as "m" or "rad".
-        quantity: what is read of each joint: "position", "velocity" or "effort".
-        orientation: "quaternion" where the four fields x, y, z, w are one; its three DOFs are a
-            rotation vector [rad] (`signals.orientation`). Else empty.
-        reference: unit quaternion (4,) xyzw from which that leads to the orientation; empty where
-            it is still to be the mean of the demonstrations (`settle_orientations`).
+        unit: unit of all DOFs of this entry, such as "m" or "rad".
+        quantity: quantity read for each joint: "position", "velocity" or "effort".
+        orientation: "quaternion" if the four fields x, y, z, w form a quaternion, whose three DOFs
+            are a rotation vector [rad] (`signals.orientation`); else empty.
+        reference: unit quaternion (4,) xyzw to which the rotation vector is relative; empty until
+            `settle_orientations` sets it to the mean of the demonstrations.
         of: for measured velocities, the names of the observed DOFs they belong to; else empty.
-        std: standard deviation of each velocity [unit], used where a message has no covariance.
-        link: for a controlled hand, the link of the robot whose pose this is; where the topic was
-            not recorded it is computed from `joint_states`.
-        robot: path of the URDF that a controlled hand is computed with, and joints are compared
-            with, where the recording has no `robot_description`; relative to the shipped `config`,
-            or absolute.
-        context: whether it is of the scene instead of the human: what is known before he moves, or
-            learned on the way, such as where a box stands.
+        std: standard deviation of each velocity [unit], used if a message has no covariance.
+        link: for a controlled hand, the robot link whose pose the entry holds; if the topic was
+            not recorded, the pose is computed from `joint_states`.
+        robot: path of the URDF, relative to the shipped `config` or absolute, that gives the pose
+            of a controlled hand and joint limits if the recording has no `robot_description`.
+        context: whether the entry describes the scene instead of the human, such as the place of a
+            box, known before the human moves or learned during the movement.
     """
 
     topic: str
@@ -51,7 +50,7 @@ class DofEntry:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """One name per DOF, of the joint (and of its quantity, if not position) or the field."""
+        """One name per DOF: the joint (with its quantity, if not position) or topic and field."""
         if self.joints:
             suffix = "" if self.quantity == "position" else f".{self.quantity}"
             return tuple(joint + suffix for joint in self.joints)
@@ -62,14 +61,14 @@ class DofEntry:
 
     @property
     def message_names(self) -> tuple[str, ...]:
-        """One name per number in messages: those of the DOFs, but for the four of a quaternion."""
+        """One name per number in a message: as `names`, but four names for a quaternion."""
         if self.joints:
             return self.names
         return tuple(f"{self.topic}.{field}" for field in self.fields)
 
     @property
     def stream(self) -> str:
-        """What shares the stamps of this entry: the topic, or stamped elements of its arrays."""
+        """Identifier shared by entries with common stamps: topic and, if stamped, its elements."""
         if self.type not in STAMPED_ELEMENTS:
             return self.topic
         return f"{self.topic} {sorted(set(map(str, map(element_of, self.fields))))}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values of degrees of freedom in messages: one by one, or in the columns of a whole topic."""
+"""Read the values of degrees of freedom from single messages or from a topic's columns."""
 
 import re
 from collections.abc import Sequence
@@ -39,16 +39,16 @@ from intent_recognition.signals import (
 )
 
 POSITIONS = ("position", "translation")
-"""Attributes of messages that are a place in space [m]."""
+"""Message attributes that hold a point in space [m]."""
 Content = Columns | Sequence[object]
-"""Messages of a topic: as columns, or decoded one by one."""
+"""Messages of a topic, as columns or as decoded messages."""
 
 pose_numbers = attrgetter(*POSE_FIELDS)
-"""Position and orientation xyzw of a PoseStamped message, a tuple of 7."""
+"""Getter of position and orientation xyzw from a PoseStamped message, as a tuple of 7."""
 
 
 def pose_message(header: object, position: ArrayLike, orientation: ArrayLike) -> SimpleNamespace:
-    """A pose, (3,) [m] and (4,) xyzw, with the attributes of a PoseStamped."""
+    """Object with the attributes of a PoseStamped, from position (3,) [m] and quaternion (4,)."""
     pose = SimpleNamespace(
         position=SimpleNamespace(**dict(zip("xyz", np.asarray(position), strict=True))),
         orientation=SimpleNamespace(**dict(zip("xyzw", np.asarray(orientation), strict=True))),
@@ -60,9 +60,8 @@ def extract(entry: DofEntry, message: Any) -> Floats:
     """Values (d,) of the entry's DOFs in one decoded message.
 
     Raises:
-        MessageError: a joint, a field or an element of an array is missing, or is not a number. A
-            JointState without the quantity asked for (an empty `velocity`, say) counts as a missing
-            joint.
+        MessageError: a joint, a field or an array element is missing or not a number. An empty
+            array of the quantity, such as `velocity`, also counts as a missing joint.
     """
     found = _read(entry, message)
     if found.missing is not None:
@@ -71,7 +70,7 @@ def extract(entry: DofEntry, message: Any) -> Floats:
 
 
 def extract_present(entry: DofEntry, message: Any) -> Floats:
-    """As `extract`, with NaN for joints and elements of arrays that are missing."""
+    """Like `extract`, but missing joints and array elements are NaN unless all are missing."""
     found = _read(entry, message)
     if found.missing is not None and found.n_missing == len(found.values):
         raise found.missing
@@ -79,9 +78,9 @@ def extract_present(entry: DofEntry, message: Any) -> Floats:
 
 
 def dofs_of(entry: DofEntry, numbers: Floats) -> Floats:
-    """Values (..., d) of the entry's DOFs, of the numbers that its fields or joints are.
+    """Values (..., d) of the entry's DOFs from the numbers (..., m) of its fields or joints.
 
-    An orientation is NaN where it was not measured or is not represented, see `to_tangent`.
+    An orientation is NaN where it was not measured or cannot be represented, see `to_tangent`.
     """
     if not entry.orientation:
         return numbers
@@ -89,11 +88,11 @@ def dofs_of(entry: DofEntry, numbers: Floats) -> Floats:
 
 
 def numbers_of(entries: Sequence[DofEntry], trajectory: Trajectory) -> Trajectory:
-    """A trajectory of the entries' DOFs (T, d) as the numbers that messages hold (T, m).
+    """Convert a trajectory of the entries' DOFs (T, d) to the numbers in messages (T, m).
 
-    These are the same but for orientations, of which they are the four of a quaternion with a
-    continuous sign. Their `std` is that of the rotation [rad]: about the x, y and z axis of the
-    body, and zero in the place of w. Correlations between the axes are not known here.
+    Orientations become quaternions with a continuous sign; other DOFs stay as they are. The `std`
+    of a quaternion is that of the rotation about the body's x, y and z axes [rad], followed by zero
+    for w. It ignores correlations between the components of the rotation vector.
     """
     if not any(entry.orientation for entry in entries):
         return trajectory
@@ -106,7 +105,7 @@ def numbers_of(entries: Sequence[DofEntry], trajectory: Trajectory) -> Trajector
 def _quaternions(
     entry: DofEntry, vectors: Floats, rates: Floats, std: Floats
 ) -> tuple[Floats, ...]:
-    """Quaternions (T, 4), their rates (T, 4), and the spread about the body's axes (T, 4)."""
+    """Quaternions (T, 4), their rates (T, 4), and the std about the body's axes (T, 4)."""
     quaternions = from_tangent(vectors, reference_of(entry))
     about_axes = np.sqrt(np.einsum("tij,tj->ti", right_jacobian(vectors) ** 2, std**2))
     return (
@@ -117,7 +116,7 @@ def _quaternions(
 
 
 def orientation_beside(entries: Sequence[DofEntry], group: int) -> int | None:
-    """Which entry is the orientation of the same body as the position in another; None for none."""
+    """Index of the entry with the orientation of the body in entry `group`; None without one."""
     position = entries[group]
     columns = position_columns(position)
     if columns is None:
@@ -134,7 +133,7 @@ def reference_of(entry: DofEntry) -> tuple[float, ...]:
     """The reference of an orientation.
 
     Raises:
-        DofError: it is not settled yet.
+        DofError: the entry has no reference yet.
     """
     if not entry.reference:
         cure = "Call settle_orientations with the recordings, or give it in the DOF file."
@@ -143,10 +142,10 @@ def reference_of(entry: DofEntry) -> tuple[float, ...]:
 
 
 def stamp_of(entry: DofEntry, message: Any, received_ns: int) -> int | None:
-    """When the entry's DOFs in a message of rclpy or a bag were measured [ns].
+    """Time at which the entry's DOFs in a message (of rclpy or a bag) were measured [ns].
 
-    The time it was received counts where neither it nor its elements are stamped. None where it is
-    about other elements than the entry's.
+    Without a stamp in the message or its elements this is `received_ns`. None if the message has
+    none of the entry's elements.
     """
     if entry.type in STAMPED_ELEMENTS:
         stamps = [_ns(header.stamp) for header in element_headers(message, entry.fields)]
@@ -161,13 +160,13 @@ def _ns(stamp: Any) -> int:
 
 @lru_cache(maxsize=256)
 def joint_indices(wanted: tuple[str, ...], names: tuple[str, ...]) -> list[int | None]:
-    """Where each joint of an entry is among the names in a message; None where it is not once."""
+    """Index of each joint among `names`, None unless it occurs once; the first match for a `*`."""
     found = {joint: names.index(joint) for joint in wanted if names.count(joint) == 1}
     return [_matching(joint, names) if "*" in joint else found.get(joint) for joint in wanted]
 
 
 def position_columns(entry: DofEntry) -> list[int] | None:
-    """Columns of x, y, z of the first whole position (or translation) among the entry's fields."""
+    """Columns of x, y, z of the first complete position or translation among the fields."""
     for field in entry.fields:
         place = field.rpartition(".")[0]
         axes = [f"{place}.{axis}" for axis in "xyz"]
@@ -177,16 +176,16 @@ def position_columns(entry: DofEntry) -> list[int] | None:
 
 
 def has_columns(entry: DofEntry) -> bool:
-    """Whether the columns of its type hold all DOFs of the entry."""
+    """Whether all DOFs of the entry can be read from columns of its message type."""
     if entry.type == POSE:
         return set(entry.fields) <= set(POSE_FIELDS)
     return entry.type == JOINT_STATE and bool(entry.joints)
 
 
 def values_of(entry: DofEntry, content: Content, rows: Integers) -> tuple[Floats, Flags]:
-    """Values (n, d) of the entry's DOFs in the messages `rows` (n,), and which of these have all.
+    """Values (n, d) of the entry's DOFs in the messages `rows` (n,), and a mask of complete ones.
 
-    Columns must be such that `has_columns` is true.
+    Content given as columns requires `has_columns(entry)`.
     """
     if isinstance(content, PoseColumns):
         poses = np.column_stack([content.positions[rows], content.orientations[rows]])
@@ -221,7 +220,7 @@ def _joint_values(entry: DofEntry, content: JointColumns, rows: Integers) -> tup
 
 
 class _Reading(NamedTuple):
-    """Values (d,), how many of them are NaN because they are not in the message, and an error."""
+    """Values (d,), the number of values that the message lacks (NaN), and the error to raise."""
 
     values: Floats
     n_missing: int

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags in folders."""
+"""Find bags in folders and check their task labels."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -13,16 +13,16 @@ Paths = str | Path | Iterable[str | Path]
 
 
 def as_paths(paths: Paths) -> list[Path]:
-    """One path or several, as several."""
+    """A list of paths, given one path or several."""
     if isinstance(paths, str | Path) or not isinstance(paths, Iterable):
         paths = [paths]
     return [as_path("paths", path) for path in paths]
 
 
 def find_bags(path: Path, above: frozenset[Path] = frozenset()) -> list[Path]:
-    """The bag `path` is, or all bags below it, sorted by name.
+    """The bag at `path`, or all bags below it, sorted by name.
 
-    Links to the folders `above`, in which it lies, are not followed.
+    Links to the enclosing folders `above` are not followed.
 
     Raises:
         BagError: the path does not exist.
@@ -47,7 +47,7 @@ def find_bags(path: Path, above: frozenset[Path] = frozenset()) -> list[Path]:
 
 
 def no_bag(folder: Path) -> Rejection:
-    """Of a folder without bags."""
+    """Rejection of a folder without bags."""
     cure = cure_of(folder, "Check the path.")
     return Rejection(str(folder), "", 0, "there is no bag in this folder", cure)
 
@@ -56,8 +56,8 @@ def check_label(label: str, cure: str = "Give one such as give_cup.") -> None:
     """Make sure that a text can name a task.
 
     Raises:
-        BagError: it is empty, too long, means no task, or holds what a folder or a terminal
-            cannot show.
+        BagError: the label is empty, too long or reserved for no task, or has characters that a
+            folder name or terminal cannot show.
     """
     if not can_name_task(label):
         shown = repr(label[:LONGEST_LABEL]) + ("..." if len(label) > LONGEST_LABEL else "")
@@ -65,7 +65,7 @@ def check_label(label: str, cure: str = "Give one such as give_cup.") -> None:
 
 
 def label_problem(label: str, path: str, topic: str = "", stamp_ns: int = 0) -> Rejection | None:
-    """Why the label of a recording cannot name a task; None if it can."""
+    """Rejection of a recording whose label cannot name a task; None if the label is valid."""
     try:
         check_label(label)
     except BagError as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hand of a robot from its recorded joints, by its URDF."""
+"""Compute the pose of a robot's hand from its recorded joints and its URDF."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,19 +19,19 @@ from intent_recognition.signals import Demonstration, Known, Signal
 
 JOINTS_TOPIC, DESCRIPTION_TOPIC = "joint_states", "robot_description"
 HAND_LINK = "hand_link"
-"""Key of a recording's metadata: the link that is the hand of the arm it was recorded with, where
-that has another name than the DOF file's."""
+"""Key of a recording's metadata for the hand link of the recorded arm, where its name differs from
+the DOF file's."""
 LWR = "robots/lwr.urdf"
-"""URDF of the shipped arm, as a DOF file names it."""
+"""URDF of the shipped arm, as named in a DOF file."""
 WORLD_LINK = "world"
-"""Link whose frame is that of all positions, where a URDF has it."""
+"""Link whose frame is used for all positions if the URDF has it."""
 
 
 def read_by_joints(reader: BagReader, dofs: DofSpec) -> tuple[DofSpec, dict[int, Arm]]:
-    """What to read instead of poses of the hand that were not recorded.
+    """Replace entries for hand poses that were not recorded by entries for the arm's joints.
 
-    The DOFs with joints in their place, and by index of the controlled entry the arm that turns
-    them into poses again.
+    Returns:
+        The DOFs to read, and the arm for each replaced controlled entry, by the entry's index.
     """
     recorded = {relative_topic(name) for name in reader.topics}
     arms = {
@@ -47,7 +47,7 @@ def read_by_joints(reader: BagReader, dofs: DofSpec) -> tuple[DofSpec, dict[int,
 
 
 def as_hands(found: Demonstration, dofs: DofSpec, arms: Mapping[int, Arm]) -> Demonstration:
-    """A demonstration with the poses of hands in place of the joints of their arms."""
+    """Convert the joints of arms in a demonstration to poses of their hands."""
     controlled = list(found.controlled)
     for k, arm in arms.items():
         entry, joints = dofs.controlled[k], controlled[k]
@@ -57,7 +57,7 @@ def as_hands(found: Demonstration, dofs: DofSpec, arms: Mapping[int, Arm]) -> De
 
 
 def hand_numbers(entry: DofEntry, poses: Floats) -> Floats:
-    """What a message of this entry would hold, (..., 3) or (..., 4), for poses (..., 4, 4)."""
+    """Position (..., 3) or quaternion (..., 4), as the entry requires, of poses (..., 4, 4)."""
     if not entry.orientation:
         return poses[..., :3, 3]
     turns = Rotation.from_matrix(poses[..., :3, :3].reshape(-1, 3, 3)).as_quat()
@@ -65,21 +65,21 @@ def hand_numbers(entry: DofEntry, poses: Floats) -> Floats:
 
 
 def arm_in_world(description: str, link: str = "") -> Arm:
-    """The whole arm of a URDF's text, its poses in the frame `world` where there is one.
+    """The whole arm of a URDF's text, with poses in the frame `world` if the URDF has it.
 
-    Its hand is the link, wherever on the arm; without one the end of the arm, before its gripper.
+    Its hand is `link`, or by default the end of the arm before the gripper.
 
     Raises:
-        ArgumentError: it cannot be used.
+        ArgumentError: the URDF cannot be used.
     """
     base = WORLD_LINK if f'name="{WORLD_LINK}"' in description else None
     return Arm.from_urdf(description, base=base, tip=link or None, beyond=True)
 
 
 def known_of(reader: BagReader, dofs: DofSpec) -> tuple[Known | None, ...]:
-    """What a recording's description, or else the DOF file's, says of each controlled entry.
+    """Joint limits or reach of each controlled entry, from the robot description or DOF file.
 
-    The shipped arm is known by the names of its joints.
+    The shipped arm is recognised by its joint names.
     """
     recorded = {relative_topic(name) for name in reader.topics}
     return tuple(_known(reader, recorded, entry) for entry in dofs.controlled)
@@ -92,7 +92,7 @@ def _known(reader: BagReader, recorded: set[str], entry: DofEntry) -> Known | No
         return None
     try:
         joints, reach_m = read_ranges(_described(reader, recorded, entry)[0])
-    except (IntentError, ValueError):  # none, or one that is damaged: nothing is known
+    except (IntentError, ValueError):  # no URDF, or a damaged one
         return None
     if entry.link:
         return Known(widest=2.0 * reach_m)
@@ -106,13 +106,13 @@ def _arm(description: str, link: str) -> Arm:
 
 
 def topics_of(dofs: DofSpec) -> tuple[str, ...]:
-    """What has to be recorded for these DOFs: their topics, and what a hand is computed from."""
+    """Topics to record for these DOFs, including those from which a hand's pose is computed."""
     of_hands = (JOINTS_TOPIC, DESCRIPTION_TOPIC) if any(e.link for e in dofs.controlled) else ()
     return tuple(dict.fromkeys((*(entry.topic for entry in dofs.recorded), *of_hands)))
 
 
 def _described(reader: BagReader, recorded: set[str], entry: DofEntry) -> tuple[str, str]:
-    """Text of the URDF of a hand, and the link that is the hand there."""
+    """Text of the URDF for a hand, and the hand's link in it."""
     if DESCRIPTION_TOPIC in recorded:
         for message in reader.messages([DESCRIPTION_TOPIC]):
             return message.message.data, reader.custom_data.get(HAND_LINK, entry.link)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Summary of a recording: its topics, rates, gaps, demonstrations and damage."""
+"""Summarise a recording: its topics, rates, gaps, demonstrations and damage."""
 
 import math
 from collections import Counter
@@ -53,34 +53,34 @@ EMPTY = "it holds no messages: nothing was published while it was recorded"
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """One topic of a recording, with all messages that can be read."""
+    """Summary of the readable messages of one topic."""
 
     name: str
     type: str
     count: int
-    # one over the median step of the stamps of a publisher, 0 with fewer than two
+    # inverse of the median step between the stamps of a publisher, 0 with fewer than two messages
     rate_hz: float = 0.0
-    # (log time before the gap [ns], length [s]) of every step longer than three of the publisher's
+    # (log time before the gap [ns], length [s]) of steps over three times the publisher's median
     gaps: tuple[tuple[int, float], ...] = ()
     longest_gap_s: float = 0.0  # longest step, 0 with fewer than two messages
-    # messages a node would drop, by reason (raw poses: outliers and bad stamps; others: bad stamps)
+    # messages that a node would drop, by reason: bad stamps and, for raw poses, outliers
     rejected: Mapping[str, int] = field(default_factory=dict)
-    not_finite: int = 0  # messages that hold NaN or infinity anywhere
-    undecodable: int = 0  # messages that do not fit their type
+    not_finite: int = 0  # number of messages with NaN or infinity
+    undecodable: int = 0  # number of messages that do not fit their type
 
 
 @dataclass(frozen=True)
 class BagSummary:
-    """A whole recording, from the log time of its first message that can be read to the last."""
+    """Summary of a recording, from the log time of its first readable message to the last."""
 
     path: str
     task: str | None
     custom_data: Mapping[str, str]
     start_ns: int
     end_ns: int
-    topics: tuple[TopicSummary, ...]  # one summary each, in the order recorded
-    demonstrations: tuple[SessionPart, ...] = ()  # of a session bag, in order; empty for others
-    # demonstrations of a session whose end is missing or whose label is none
+    topics: tuple[TopicSummary, ...]  # in recorded order
+    demonstrations: tuple[SessionPart, ...] = ()  # those of a session bag, in order
+    # demonstrations of a session without an end or with an invalid label
     unfinished: tuple[Rejection, ...] = ()
     damage: tuple[Damage, ...] = ()
     notes: tuple[str, ...] = ()  # other oddities, as sentences
@@ -92,7 +92,7 @@ class BagSummary:
 
     @property
     def message_count(self) -> int:
-        """Messages over all topics."""
+        """Number of messages of all topics."""
         return sum(topic.count for topic in self.topics)
 
 
@@ -100,7 +100,7 @@ def inspect_bag(path: str | Path) -> BagSummary:
     """Summarise a bag; damage is reported in the summary, not raised.
 
     Raises:
-        BagError: there is no readable MCAP file at all.
+        BagError: no file of the bag can be read.
     """
     reader = BagReader(path, tolerant=True)
     topics: list[TopicSummary] = []
@@ -121,7 +121,7 @@ def inspect_bag(path: str | Path) -> BagSummary:
             times_ns += [int(stream.log_times_ns.min()), int(stream.log_times_ns.max())]
     if not reader.damage:
         times_ns = [reader.start_ns, reader.end_ns]
-    elif not times_ns:  # the headers of damaged chunks tell of what is lost
+    elif not times_ns:  # the headers of damaged chunks still have their start times
         times_ns = [reader.start_ns]
     parts = list(split_session(markers, {}, str(path))) if markers else []
     is_empty = reader.is_finished and not (reader.damage or any(topic.count for topic in topics))
@@ -142,12 +142,12 @@ def inspect_bag(path: str | Path) -> BagSummary:
 def inspect_streams(
     path: str | Path, dofs: DofSpec | None = None
 ) -> list[Rejection | SpeedCorrelation]:
-    """What the demonstrations of a bag say about its streams, for `stream_doubts`, or their defect.
+    """Speed correlations of a bag's demonstrations, for `stream_doubts`, or their rejections.
 
-    Without DOFs the positions of all tracked bodies and joints are taken.
+    Without DOFs, the positions of all tracked bodies and joints are used.
 
     Raises:
-        BagError: there is no readable MCAP file at all.
+        BagError: no file of the bag can be read.
     """
     dofs = _all_dofs(BagReader(path, tolerant=True)) if dofs is None else dofs
     if dofs is None:
@@ -159,7 +159,7 @@ def inspect_streams(
 
 
 def _all_dofs(reader: BagReader) -> DofSpec | None:
-    """Positions of tracked bodies and joints; without joints, the first body leads the others."""
+    """DOFs of all tracked bodies and joints. Without joints, the first body is the observed one."""
     bodies, arms = [], []
     for info in reader.topics.values():
         topic = relative_topic(info.name)
@@ -180,7 +180,7 @@ def _all_dofs(reader: BagReader) -> DofSpec | None:
 
 
 class _Stream(NamedTuple):
-    """What the messages of a topic that can be decoded say of it."""
+    """Times and faults of the T decodable messages of a topic."""
 
     stamps_ns: Integers  # (T,)
     log_times_ns: Integers  # (T,)
@@ -202,7 +202,7 @@ def _of_columns(info: TopicInfo, columns: Columns) -> _Stream:
 
 
 def _decoded(reader: BagReader, info: TopicInfo) -> tuple[list[BagMessage], _Stream]:
-    """Messages of a topic, of images and clouds their headers."""
+    """Messages of a topic, reduced to their headers if large, and their times and faults."""
     messages, not_finite, undecodable = [], 0, 0
     try:
         decoder, recorded = reader.decoder(info.name, info.type), reader.raw_messages([info.name])
@@ -253,13 +253,13 @@ def _summarise(info: TopicInfo, stream: _Stream) -> TopicSummary:
 
 
 def _is_finite(value: object) -> bool:
-    """Whether no number anywhere in a decoded message is NaN or infinite."""
+    """Whether all numbers in a decoded message are finite."""
     if isinstance(value, float):
         return math.isfinite(value)
     if isinstance(value, str | bytes | int) or value is None:
         return True
     if isinstance(value, list | tuple):
-        if value and isinstance(value[0], float):  # all are
+        if value and isinstance(value[0], float):  # then all elements are floats
             return all(map(math.isfinite, value))
         return all(_is_finite(item) for item in value)
     names = getattr(type(value), "__slots__", None) or getattr(value, "__dict__", None)

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Observations of the human in single messages, and in a recording one after the other.
+"""Read observations of the human from single messages and from whole recordings.
 
-Nodes and `intent replay` both read messages with `ObservationReader`, so that they get the same
-numbers.
+Nodes and `intent replay` both use `ObservationReader`, so that they get the same numbers.
 """
 
 from collections import Counter, defaultdict
@@ -47,18 +46,18 @@ from intent_recognition.tracking import (
 )
 
 POSES = (POSE, "geometry_msgs/msg/PoseWithCovarianceStamped", "nav_msgs/msg/Odometry")
-"""A position is measured as a whole or not at all: one with NaN in it is refused."""
+"""Message types whose values are measured together: a message with NaN in a DOF is refused."""
 AXES = {
     f"{part}.{axis}": first + k
     for first, parts in ((0, ("position", "linear")), (3, ("angular",)))
     for part in parts
     for k, axis in enumerate("xyz")
 }
-"""Row of each coordinate in the 6 x 6 covariance that comes with its pose or twist."""
+"""Row of each coordinate in the 6 x 6 covariance of a pose or twist."""
 
 
 class Source(Enum):
-    """What a sample is of."""
+    """The agent or scene that a sample measures."""
 
     OBSERVED = "human"
     CONTROLLED = "robot"
@@ -69,13 +68,13 @@ class Sample(NamedTuple):
     """One measurement."""
 
     source: Source
-    observation: Observation  # its `group` counts the signals of that source
+    observation: Observation  # its `group` is the index of the signal within that source
 
 
 class ObservationReader:
-    """Turns the messages of one entry of the DOF file into observations of an observed signal.
+    """Converts messages of one entry of the DOF file to observations of an observed signal.
 
-    Velocities are of the signal that they belong to, and of the DOFs `columns` of it.
+    For velocities, `group` is the signal they belong to and `columns` are its DOFs.
     """
 
     def __init__(self, entry: DofEntry, group: int, columns: tuple[int, ...] | None = None):
@@ -93,9 +92,9 @@ class ObservationReader:
             self.pose_columns = np.array([POSE_FIELDS.index(field) for field in entry.fields])
 
     def observe(self, stamp_ns: int, message: Any, covariance: Floats | None = None) -> Observation:
-        """The observation in a message of rclpy or a bag; a NaN means that it was not measured.
+        """The observation in a message of rclpy or a bag; NaN marks values that were not measured.
 
-        A covariance of the pose (6, 6) stands in place of the message's own.
+        A given `covariance` of the pose (6, 6) replaces the message's own.
 
         Raises:
             MessageError: a field, or every joint, is missing.
@@ -104,10 +103,10 @@ class ObservationReader:
         return self._observation(stamp_ns, values, self._noise(message, covariance, values))
 
     def observe_pose(self, stamp_ns: int, pose: Floats, covariance: Floats | None) -> Observation:
-        """As `observe` of a tracked pose (7,), for entries with `pose_columns`; covariance (6, 6).
+        """Like `observe`, for a tracked pose (7,) and its covariance (6, 6).
 
         Raises:
-            MessageError: the entry asks for more than the pose.
+            MessageError: the entry has fields outside the pose, so that `pose_columns` is None.
         """
         if self.pose_columns is None:
             expected = f"fields among {', '.join(POSE_FIELDS)}"
@@ -123,14 +122,14 @@ class ObservationReader:
         return found.measured() or found if in_part else found
 
     def _noise(self, message: Any, covariance: Floats | None, values: Floats) -> Floats | None:
-        """The covariance in the message, else that of the DOF file; None where neither is known."""
+        """Covariance from the message, or else from the DOF file; None if neither has one."""
         if covariance is None and self._matrix is not None:
             covariance = self._matrix(message)
             covariance = None if covariance is None else np.reshape(covariance, (6, 6))
         noise = None if covariance is None else covariance[self._grid]
         if noise is not None and self._has_unknown:
             noise = np.where(self._unknown, 0.0, noise)
-        if noise is not None and not noise.any():  # ROS: all zero means unknown
+        if noise is not None and not noise.any():  # in ROS, all zeros mean unknown
             noise = None
         if self.entry.orientation:
             return self._turned(noise, values)
@@ -139,7 +138,7 @@ class ObservationReader:
         return noise
 
     def _turned(self, noise: Floats | None, values: Floats) -> Floats | None:
-        """The noise of an orientation about the world's axes as that of its rotation vector."""
+        """Convert an orientation's noise about the world axes to that of its rotation vector."""
         unknown = noise is not None and np.any(np.diagonal(noise) >= UNKNOWN_VARIANCE)
         if unknown or np.any(np.isnan(values)):
             largest = f"{np.degrees(LARGEST_ANGLE_RAD):.0f} degrees"
@@ -166,7 +165,7 @@ def iter_observations(
     settings: IngestSettings | None = None,
     rejected: Counter[str] | None = None,
 ) -> Iterator[Observation]:
-    """Observations of the human in the order of recording; arguments as of `iter_samples`."""
+    """Observations of the human in recorded order; arguments as in `iter_samples`."""
     of_human = replace(dofs, controlled=(), context=())
     for _, observation in iter_samples(reader, of_human, settings, rejected):
         yield observation
@@ -178,10 +177,10 @@ def iter_samples(
     settings: IngestSettings | None = None,
     rejected: Counter[str] | None = None,
 ) -> Iterator[Sample]:
-    """Measurements of both agents and of the scene in the order of recording.
+    """Measurements of both agents and of the scene in recorded order.
 
-    Raw tracker poses are checked and transformed as by the node `mocap_ingest`, by its defaults
-    with the DOF file's extrinsics unless settings are given; `rejected` counts what is dropped.
+    Raw tracker poses are checked and transformed as in the node `mocap_ingest`. The default
+    settings are the node's with the DOF file's extrinsics. `rejected` counts dropped messages.
     """
     settings = settings or IngestSettings(extrinsics=dofs.tracker_frames or {})
     rejected = Counter() if rejected is None else rejected
@@ -235,19 +234,19 @@ def _fields(entry: DofEntry) -> Callable[[Any], Floats]:
             found = read(message)
             return np.array([found] if single else found, dtype=np.float64)
         except (AttributeError, TypeError, ValueError):
-            return extract(entry, message)  # which says what is wrong
+            return extract(entry, message)  # raises an error with the reason
 
     return values
 
 
 def _place_of_covariance(entry: DofEntry) -> tuple[Callable[[Any], Any] | None, Floats]:
-    """Getter of the 6 x 6 matrix in a message, and the row of each field in it, (m,) or -1."""
+    """Getter of a message's 6 x 6 covariance, and each DOF's row in it (d,), -1 for none."""
     count = len(entry.names)
     if entry.orientation and not any(map(element_of, entry.fields)):
         stem = ".".join(entry.fields[0].split(".")[:-3])
         return _matrix_at(".".join(filter(None, [stem, "covariance"]))), np.array([3, 4, 5])
     axes, holders = np.full(count, -1), set[str]()
-    if any(map(element_of, entry.fields)):  # elements of arrays have no covariance
+    if any(map(element_of, entry.fields)):  # array elements have no covariance
         return None, axes
     for k, field in enumerate(entry.fields):
         parts = field.split(".")
@@ -261,7 +260,7 @@ def _place_of_covariance(entry: DofEntry) -> tuple[Callable[[Any], Any] | None, 
 
 
 def _matrix_at(holder: str) -> Callable[[Any], Any]:
-    """Getter of a 6 x 6 matrix; None where a message has none there."""
+    """Getter of a 6 x 6 matrix, which returns None if a message has none there."""
     read = attrgetter(holder)
 
     def matrix(message: Any) -> Any:

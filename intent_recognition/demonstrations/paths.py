@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Paths of numbers in messages: attributes, and elements of arrays by number or by name."""
+"""Paths to numbers in messages, through attributes and array elements by index or name."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -9,15 +9,14 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 FIELD_PATH = re.compile(r"[A-Za-z_]\w*(\.\w+|\[[^\[\]]+\])*")
-"""Such as pose.position.x, poses[7].position.x, data.0, transforms[wrist].transform.rotation.w,
-rigidbodies[rigid_body_name=wrist].pose.position.x."""
+"""Pattern of a path, such as pose.position.x, poses[7].position.x, data.0,
+transforms[wrist].transform.rotation.w, rigidbodies[rigid_body_name=wrist].pose.position.x."""
 MOST_ELEMENTS = 10_000
-"""Element of an array from which on none is read or written. Convention: landmarks of a face and
-two hands are some 500."""
+"""Upper bound of array indices in paths; landmarks of a face and two hands number about 500."""
 PART = re.compile(r"\.?(?P<attribute>[A-Za-z_]\w*)|\.(?P<number>\d+)|\[(?P<element>[^\[\]]+)\]")
 NUMBER = re.compile(r"\.(\d+)(?=[.\[]|$)|\[(\d+)\]")
 STAMPED_ELEMENTS = ("tf2_msgs/msg/TFMessage", "visualization_msgs/msg/MarkerArray")
-"""Types without a stamp of their own, but one in each element of their array."""
+"""Message types whose array elements have stamps, while the message itself has none."""
 
 
 class ElementAbsentError(LookupError):
@@ -25,12 +24,12 @@ class ElementAbsentError(LookupError):
 
 
 class ElementName(NamedTuple):
-    """The element of an array that has this name.
+    """Selects the array element with a given name.
 
     Attributes:
-        name: a frame, a name, or namespace/id of a marker; a number as text.
-        key: attribute of the element that is the name, such as `rigid_body_name` or
-            `header.frame_id`; empty for the usual one of its type.
+        name: a frame, a name, or namespace/id of a marker; numbers as text.
+        key: attribute that holds the element's name, such as `rigid_body_name` or
+            `header.frame_id`; empty for the usual attribute of its type.
     """
 
     name: str
@@ -57,7 +56,7 @@ def parse_path(field: str) -> tuple[Part, ...]:
 
 
 def is_path(field: str) -> bool:
-    """Whether a text is a path, to elements that an array may have."""
+    """Whether a text is a path whose array indices are below `MOST_ELEMENTS`."""
     if not FIELD_PATH.fullmatch(field):
         return False
     indices = (max(found) for found in NUMBER.findall(field))
@@ -66,18 +65,18 @@ def is_path(field: str) -> bool:
 
 @lru_cache(maxsize=4096)
 def element_of(field: str) -> tuple[Part, ...]:
-    """The steps to the first element of an array in a path; empty where there is none."""
+    """The steps of a path up to its first array element; empty if it has none."""
     parts = parse_path(field)
     at = next((k for k, part in enumerate(parts) if not isinstance(part, str)), None)
     return () if at is None else parts[: at + 1]
 
 
 def follow(message: Any, parts: Sequence[Part]) -> Any:
-    """What a path leads to.
+    """The value at a path in a message.
 
     Raises:
         ElementAbsentError: an array has no such element.
-        AttributeError, TypeError: a message has no such attribute, or it is no array.
+        AttributeError, TypeError: an attribute is missing or is not an array.
     """
     value = message
     for part in parts:
@@ -93,7 +92,7 @@ def follow(message: Any, parts: Sequence[Part]) -> Any:
 
 
 def element_headers(message: Any, fields: Sequence[str]) -> list[Any]:
-    """Headers of the elements that some fields are of, as far as a message has them."""
+    """Headers of the array elements of some fields, as far as the message has them."""
     headers = []
     for parts in dict.fromkeys(map(element_of, fields)):
         with suppress(ElementAbsentError, AttributeError, TypeError):
@@ -102,7 +101,7 @@ def element_headers(message: Any, fields: Sequence[str]) -> list[Any]:
 
 
 def element_names(message: Any, fields: Sequence[str]) -> Iterator[str]:
-    """Names of all elements in the arrays that some fields are of."""
+    """Names of all elements of the arrays that contain some fields."""
     for parts in dict.fromkeys(map(element_of, fields)):
         last = parts[-1]
         key = last.key if isinstance(last, ElementName) else ""
@@ -117,7 +116,7 @@ def _named(elements: Sequence[Any], wanted: ElementName) -> Any:
 
 
 def _name(element: Any, key: str) -> str:
-    """What a key of an element says; else child frame of a transform, name, namespace/id."""
+    """Name of an element: the value of `key`, or else its child frame, name or namespace/id."""
     if key:
         return str(attrgetter(key)(element)).lstrip("/")
     for usual in ("child_frame_id", "name"):
@@ -127,5 +126,5 @@ def _name(element: Any, key: str) -> str:
 
 
 def is_deleted(element: Any) -> bool:
-    """Whether it is a marker that says what to take away, and nothing of a place."""
+    """Whether an element is a marker that deletes markers and has no pose."""
     return getattr(element, "action", 0) in (2, 3) and hasattr(element, "ns")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Demonstrations from bags, folders of bags and session bags."""
+"""Read demonstrations from bags, folders of bags and session bags."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -42,14 +42,14 @@ from intent_recognition.signals import Demonstration, Known, Rejection, Signal, 
 from intent_recognition.tracking import JUMP
 
 LEAST_SAMPLES = 2
-"""Samples of each signal, fewer of which are not a movement. Convention: one span of time."""
+"""Fewest samples of each signal in a demonstration; two samples span a time."""
 FIRST_MESSAGES = 1000
-"""Messages in which joints are looked for. Convention: of every publisher some."""
+"""Number of messages searched for joints, enough to include every publisher."""
 CURES = {
     "zero_stamp": "Fill in header.stamp before publishing.",
     "unknown_frame": "Name its frame under extrinsics in the DOF file.",
 }
-"""What helps against messages that are dropped, by reason."""
+"""Advice by reason for which messages are dropped."""
 UNFINISHED = "unfinished: the recording was not closed, its end may be missing"
 
 
@@ -58,19 +58,19 @@ def read_demonstrations(
 ) -> tuple[list[Demonstration], list[Rejection]]:
     """Read all demonstrations below `paths`.
 
-    Raw tracker poses are checked and transformed to the world frame as the node `mocap_ingest`
-    does it; messages with bad stamps, missing joints, NaN or infinity are dropped and counted.
+    Raw tracker poses are checked and transformed to the world frame as in the node `mocap_ingest`;
+    messages with bad stamps, missing joints, NaN or infinity are dropped and counted.
 
     Args:
         paths: one or more bags, session bags (which hold several demonstrations) or folders of
             bags, which are searched to any depth and sorted by name.
         dofs: topics and fields to read, see `load_dofs`.
-        extrinsics: by tracker frame its position (3,) [m] and orientation xyzw (4,) in the world.
-            Without it those of the DOF file; where that has none, the frame of each recording
-            counts as the world.
+        extrinsics: position (3,) [m] and orientation xyzw (4,) in the world, by tracker frame. The
+            default is that of the DOF file; without either, the frame of each recording is used as
+            the world.
 
     Returns:
-        The demonstrations, and for each recording or part that is left out the reason.
+        The demonstrations, and the reason for each recording or part that is left out.
 
     Raises:
         ArgumentError: dofs is not a `DofSpec`.
@@ -90,7 +90,7 @@ def read_demonstrations(
 def iter_demonstrations(
     paths: Paths, dofs: DofSpec, *, extrinsics: Mapping[str, tuple] | None = None
 ) -> Iterator[Demonstration | Rejection]:
-    """As `read_demonstrations`, one by one in the same order."""
+    """Like `read_demonstrations`, but yields demonstrations and rejections one by one."""
     check_type("dofs", dofs, DofSpec, "Read it with `load_dofs(path)`, and pass it after the bags.")
     for entry in dofs.recorded:
         if entry.orientation:
@@ -105,12 +105,12 @@ def iter_demonstrations(
 
 
 def read_whole(path: str | Path, dofs: DofSpec) -> Demonstration:
-    """A recording as one, whatever parts its markers divide it into.
+    """Read a recording as one demonstration, ignoring its markers.
 
-    Of the controlled agent only the topics that the recording has are read, of the context none.
+    Controlled topics that were not recorded, and the context, are left out.
 
     Raises:
-        BagError: it is not one bag, is damaged, or a topic of the observed agent cannot be read.
+        BagError: `path` is not one bag, the bag is damaged, or a topic cannot be read.
     """
     bags = find_bags(Path(path))
     if len(bags) != 1:
@@ -178,7 +178,7 @@ def _demonstration(
     known: tuple[Known | None, ...],
     part: SessionPart | None = None,
 ) -> Demonstration | Rejection:
-    """The demonstration in a whole bag, or in a part of a session."""
+    """The demonstration in a whole bag or in a part of a session."""
     if part is None:
         observed, controlled, rejected = signals_of(dofs, samples)
     else:
@@ -218,9 +218,9 @@ def _demonstration(
 
 
 def _frames(dofs: DofSpec, samples: Mapping[str, TopicSamples]) -> dict[str, tuple[str, ...]]:
-    """Frames in which the topics are, where they say one."""
+    """Frames of the topics that name any."""
     entries = [entry for entry in dofs.recorded if entry.fields]
-    entries.sort(key=lambda entry: len(samples[entry.stream].frames))  # the most of a topic last
+    entries.sort(key=lambda entry: len(samples[entry.stream].frames))  # the last of a topic stays
     return {e.topic: frames for e in entries if (frames := samples[e.stream].frames)}
 
 
@@ -255,7 +255,7 @@ def _too_short(
 
 
 def _absent(reader: BagReader, entry: DofEntry) -> str:
-    """Which joints or fields of an entry the first messages do not have; empty if none."""
+    """Text naming the joints or fields of an entry that the first messages lack; else empty."""
     try:
         messages = [m.message for m in islice(reader.messages([entry.topic]), FIRST_MESSAGES)]
     except BagError:
@@ -282,7 +282,7 @@ def _absent_joints(entry: DofEntry, messages: Sequence[Any]) -> str:
 
 
 def _has(message: object, field: str) -> bool:
-    """Whether the type of a message has a field; elements of arrays may come later."""
+    """Whether a message's type has a field; absent array elements may occur in later messages."""
     with suppress(ElementAbsentError):
         try:
             follow(message, parse_path(field))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""References of orientations: what their tangent space is attached to."""
+"""Set the references of orientations, the base points of their tangent spaces."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,13 +20,13 @@ from intent_recognition.tracking import Extrinsics, IngestSettings, frame_name, 
 
 
 def settle_orientations(dofs: DofSpec, paths: Paths) -> DofSpec:
-    """The same DOFs, with a reference for every orientation that has none: the mean of recordings.
+    """Set the missing references of orientations to the mean of the recordings.
 
-    Of the bags at most 50 are read: the mean need not be exact.
+    At most 50 bags are read, since the mean need not be exact.
 
     Raises:
         BagError: a path does not exist.
-        DofError: no recording has an orientation that was measured.
+        DofError: no recording has a measured orientation for an entry.
     """
     if all(entry.reference for entry in dofs.recorded if entry.orientation):
         return dofs
@@ -58,14 +58,14 @@ def settle_orientations(dofs: DofSpec, paths: Paths) -> DofSpec:
 def _sound_reader(path: Path) -> BagReader | None:
     try:
         return BagReader(path)
-    except BagError:  # what is wrong is said when it is read
+    except BagError:  # reported later, when its demonstrations are read
         return None
 
 
 def _mean_in(
     reader: BagReader | None, entry: DofEntry, extrinsics: Extrinsics | None
 ) -> Floats | None:
-    """Mean orientation (4,) in a recording; None where there is none."""
+    """Mean orientation (4,) in a recording; None if none was measured."""
     if reader is None:
         return None
     dofs, arms = read_by_joints(reader, DofSpec((), (entry,)))
@@ -89,7 +89,7 @@ def _mean_in(
 def _in_world(
     messages: Sequence[Any], quaternions: Sequence[Floats], settings: IngestSettings
 ) -> list[Floats]:
-    """Orientations (4,) that messages hold in known frames, in the world."""
+    """Orientations (4,) in the world of the messages whose frames are known."""
     frames = [settings.frames.get(frame_name(message.header.frame_id)) for message in messages]
     return [
         multiply_quaternions(frame.quaternion, quaternion)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Task labels of recordings: of a whole bag, of the parts of a session, and one after the other.
+"""Read task labels: of a whole bag, of the parts of a session, and as sequences of tasks.
 
-A session bag holds several demonstrations, separated by markers on the topic `demonstration`. A
-recording of the running graph without markers tells its tasks by `intent/active_task`, what was
-recognized and served. Both topics carry a label when a task begins and an empty text when it ends.
+A session bag holds several demonstrations, separated by markers on the topic `demonstration`. In a
+recording of the running graph without markers, tasks are read from `intent/active_task`, the task
+recognized and served. Both topics carry a label when a task begins, an empty text when it ends.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -30,9 +30,9 @@ ACTIVE_TOPIC = "intent/active_task"
 class SessionPart:
     """One demonstration of a session."""
 
-    index: int  # its number in the session, from 0
+    index: int  # number in the session, from 0
     task: str
-    start_ns: int  # when it began, on the clock of the messages' stamps
+    start_ns: int  # start on the clock of the messages' stamps
     end_ns: int
 
 
@@ -45,28 +45,28 @@ class TaskSequence(NamedTuple):
 
 
 def clock_shift_ns(differences: Integers) -> int:
-    """Log time minus stamp of messages (n,), where they are two clocks; 0 where they are one."""
+    """Median of log time minus stamp (n,) if they are from different clocks; 0 if from one."""
     shift_ns = int(np.median(differences)) if differences.size else 0
     return shift_ns if abs(shift_ns) > 1_000_000_000 else 0  # longer than any transport
 
 
 def task_of(reader: BagReader) -> str | None:
-    """The label of a whole bag, None when it has none."""
+    """The label of a whole bag, None if it has none."""
     return reader.custom_data.get("task") or None
 
 
 def find_marker_topic(reader: BagReader) -> str | None:
-    """Relative name of the marker topic, None when the bag is not a session."""
+    """Relative name of the marker topic, None if the bag is not a session."""
     return _find_label_topic(reader, MARKER_TOPIC)
 
 
 def split_session(
     markers: Sequence[BagMessage], samples: Mapping[str, TopicSamples], source: str
 ) -> Iterator[SessionPart | Rejection]:
-    """Demonstrations between each label and the empty marker after it.
+    """Demonstrations, each from a label to the following empty marker.
 
-    Markers have no stamp: their time is the log time. If the stamps of the data are of another
-    clock (simulated time), it is shifted by the median difference.
+    Markers have no stamp, so their log times are used. If the stamps of the data are from another
+    clock (simulated time), these are shifted by the median difference.
     """
     differences = [topic.log_times_ns - topic.stamps_ns for topic in samples.values()]
     shift_ns = clock_shift_ns(np.concatenate([*differences, np.empty(0, np.int64)]))
@@ -87,7 +87,7 @@ def split_session(
 
 
 def task_sequences(reader: BagReader, forget_after_s: float) -> Iterator[TaskSequence]:
-    """The task sequences in a bag; none where it is not a session. Times are log times."""
+    """The task sequences in a bag, by log times; none if it has no topic of labels."""
     tasks: list[str] = []
     durations_s: list[float] = []
     begun_ns, ended_ns, running = 0, 0, False
@@ -135,7 +135,7 @@ def _unended(source: str, marker: BagMessage, label: str, when: str) -> Rejectio
 def read_task_sequences(
     paths: Iterable[str | Path], forget_after_s: float
 ) -> tuple[list[TaskSequence], list[Rejection]]:
-    """Which task followed which in all session bags below `paths`, and why other bags have none.
+    """Task sequences in all session bags below `paths`, and rejections of the other bags.
 
     A pause between two tasks longer than `forget_after_s` [s] ends a sequence.
 
