@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was measured: signals, observations, demonstrations, and where movements begin and end."""
+"""Measured signals, observations and demonstrations, and the start and end of movements."""
 
 from intent_recognition.signals.arrays import FIRST_CLOCK_S, as_numbers, as_stamp_ns, check_times
 from intent_recognition.signals.demonstration import Demonstration, Rejection, numbered

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays that a caller passes: numbers, and times in seconds."""
+"""Check and convert arrays passed by a caller: numbers, and times in seconds."""
 
 from datetime import datetime, timedelta, timezone
 from typing import Any
@@ -11,26 +11,26 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 
 LATEST_S = 9.2e9
-"""Latest time of a sample [s]: nanoseconds since then fill 64 bits."""
+"""Upper bound of times [s]: in nanoseconds, later times overflow 64 bits."""
 FIRST_CLOCK_S = 1e9
-"""Times from here on are a computer's clock [s since 1970]: September 2001. Convention: no
-recording lasts 32 years."""
+"""Time from which on times are taken as seconds since 1970 [s], in September 2001; no recording
+lasts 32 years."""
 OFTEN_TIMES = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
-"""Units of time that are recorded in place of seconds, with how many of them make one."""
+"""Units of time often recorded instead of seconds, with their number per second."""
 
 
 def as_numbers(
     argument: str, values: ArrayLike, cure: str = "Pass an array, with rows of the same length."
 ) -> Floats:
-    """A copy of values of any shape as numbers; what is masked, or missing in pandas, becomes NaN.
+    """Copy values of any shape as floats; masked values and pandas' missing values become NaN.
 
     Raises:
-        ShapeError: they are no numbers, or rows differ in length; names the argument, and the cure.
+        ShapeError: the values are not numbers, or rows differ in length.
     """
     try:
         if np.iscomplexobj(values):
             raise TypeError("complex numbers")
-        if isinstance(values, np.ma.MaskedArray):  # what is masked was not measured
+        if isinstance(values, np.ma.MaskedArray):  # masked values were not measured
             values = np.ma.filled(values.astype(np.float64), np.nan)
         try:
             return np.array(values, dtype=np.float64)
@@ -39,22 +39,22 @@ def as_numbers(
             if not hasattr(table, "to_numpy"):
                 raise
             return np.array(table.to_numpy(dtype=np.float64, na_value=np.nan))
-    except (TypeError, ValueError, RuntimeError) as error:  # torch raises the last
+    except (TypeError, ValueError, RuntimeError) as error:  # torch raises RuntimeError
         got = f"something else ({error})"
         raise ShapeError.about(argument, "an array of numbers", got, cure) from error
 
 
 def as_seconds(argument: str, times: ArrayLike) -> Floats:
-    """A copy of times as seconds, NaN where one is missing: dates and durations become them.
+    """Copy times as seconds, converting dates and durations; missing times become NaN.
 
     Raises:
-        ShapeError: they are neither.
+        ShapeError: the times are neither numbers nor dates nor durations.
     """
     cure = "Pass seconds as numbers, or datetime64."
     try:
         array = np.asarray(times)
     except (TypeError, ValueError, RuntimeError):
-        return as_numbers(argument, times, cure)  # says why
+        return as_numbers(argument, times, cure)  # raises an error with the reason
     if array.dtype == object:
         seconds = np.array([_seconds(one) for one in array.flat], object)
         return as_numbers(argument, seconds.reshape(array.shape), cure)
@@ -66,16 +66,16 @@ def as_seconds(argument: str, times: ArrayLike) -> Floats:
 
 
 def _seconds(one: object) -> object:
-    """A date, in UTC if it has no zone, or a duration as seconds; anything else as it is."""
+    """Convert a date (UTC without a time zone) or duration to seconds; keep any other value."""
     if isinstance(one, np.datetime64 | np.timedelta64):
-        one = one.astype(f"{one.dtype.kind}8[us]").item()  # None for none
+        one = one.astype(f"{one.dtype.kind}8[us]").item()  # None for NaT
     if isinstance(one, datetime):
         return (one if one.tzinfo else one.replace(tzinfo=timezone.utc)).timestamp()
     return one.total_seconds() if isinstance(one, timedelta) else one
 
 
 def _cure(time: float) -> str:
-    """What makes seconds of a time that is none."""
+    """Advice for a time that is not in seconds."""
     if not np.isfinite(time):
         return "Leave that sample out."
     for name, factor in OFTEN_TIMES.items():
@@ -88,7 +88,7 @@ def as_stamp_ns(argument: str, time_s: float) -> int:
     """A time [s] as a stamp in nanoseconds.
 
     Raises:
-        ArgumentError: it is no finite number of seconds.
+        ArgumentError: the time is not a finite number of seconds.
     """
     try:
         known = np.ndim(time_s) == 0 and abs(time_s) < LATEST_S  # False also for NaN
@@ -107,7 +107,7 @@ def check_times(argument: str, times_s: Floats) -> None:
     """Make sure that times (T,) are seconds and increase.
 
     Raises:
-        ArgumentError: one is not finite, in nanoseconds, or not later than the one before.
+        ArgumentError: a time is not finite, in nanoseconds, or not later than the one before.
     """
     usable = np.abs(times_s) < LATEST_S  # False also for NaN
     if not np.all(usable):

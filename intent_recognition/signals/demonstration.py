@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One recorded demonstration, and the reason why a recording did not become one."""
+"""Recorded demonstrations, and rejections of recordings that cannot be used."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ UNNAMED = "demonstration"
 
 @dataclass(frozen=True, repr=False)
 class Demonstration:
-    """What both agents did in one recording, as it was measured.
+    """Measured movements of both agents in one recording.
 
     Attributes:
         name: name of the bag; in a session "<bag>#<index>".
-        source: path of the bag, empty when it came from arrays.
-        task: label, None when the recording has none.
-        observed: one signal per observed entry of the DOF file, in its order.
-        controlled: one signal per controlled entry, in its order.
-        start_ns: first stamp over the observed signals; in a session the start marker.
-        end_ns: last stamp over the observed signals; in a session the end marker.
+        source: path of the bag, empty for a demonstration from arrays.
+        task: label, None if the recording has none.
+        observed: one signal per observed entry of the DOF file, in the file's order.
+        controlled: one signal per controlled entry, in the file's order.
+        start_ns: first stamp of the observed signals; in a session, time of the start marker.
+        end_ns: last stamp of the observed signals; in a session, time of the end marker.
         metadata: further labels of the bag.
-        rejected: number of messages dropped, by reason.
+        rejected: number of dropped messages, by reason.
         delays_s: median time from stamp to log time of each signal, observed ones first [s]; empty
-            where it was not recorded.
-        context: one signal per context entry; what it says holds from its stamp on, also before
-            and after the movement.
-        frames: by topic the frames its poses are in, where the recording names any.
-        wrapped: names of the angles that jumped by whole turns; these are taken out
+            if log times were not recorded.
+        context: one signal per context entry; each sample holds from its stamp until the next, also
+            before and after the movement.
+        frames: frames of the poses by topic, where the recording names any.
+        wrapped: names of the angles that jumped by whole turns; the jumps are removed
             (`signals.turns`).
-        known: what is known beforehand of each controlled signal, such as the limits of the arm's
-            joints; empty for nothing.
+        known: prior knowledge about each controlled signal, such as the limits of the arm's
+            joints; empty if nothing is known.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Demonstration:
     wrapped: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Copy the mappings, so that nobody else can change them; make angles continuous."""
+        """Copy the mappings, so that callers cannot change them, and make angles continuous."""
         for agent in ("observed", "controlled"):
             made = [continuous(signal) for signal in getattr(self, agent)]
             names = (*self.wrapped, *(name for _, jumped in made for name in jumped))
@@ -89,37 +89,37 @@ class Demonstration:
         name: str = UNNAMED,
         group: str = "",
     ) -> Demonstration:
-        """A demonstration from arrays, one signal for each agent.
+        """Make a demonstration from arrays, with one signal for each agent.
 
-        Rows that are NaN throughout were not measured: they are left out, and nothing is put in
-        their place. Rows that are NaN in part are refused. What the arrays hold is checked as
-        `read_demonstrations` checks a recording: what cannot be learned from is refused, and what
-        gives reason to doubt, such as a human who does not move, is a warning.
+        Rows that are all NaN were not measured: they are left out and not interpolated. Rows that
+        are partly NaN are refused. The arrays are checked like a recording in
+        `read_demonstrations`: unusable data are refused, and doubtful data, such as a human who
+        does not move, cause a warning.
 
         Args:
             times_s: times of the samples, increasing, (T,) [s], or datetime64 or timedelta64; they
                 are rounded to nanoseconds.
             human: positions of the observed DOFs, (T, P), in `observed_unit`.
-            robot: positions of the controlled DOFs, (T, Q), in `controlled_unit`; without a column
-                where the human alone was recorded.
-            robot_times_s: times of the robot's samples where they are not the human's, (U,) [s], on
-                the same clock; `robot` is (U, Q) then.
-            context: what was known of the scene, such as where a box stood, (M,), in
-                `context_unit`; None for nothing.
+            robot: positions of the controlled DOFs, (T, Q), in `controlled_unit`; Q = 0 if only the
+                human was recorded.
+            robot_times_s: times of the robot's samples if they differ from the human's, (U,) [s],
+                on the same clock; `robot` is then (U, Q).
+            context: known quantities of the scene, such as the position of a box, (M,), in
+                `context_unit`; None if there are none.
             task: label, of 1 to 80 printable characters without a slash, and not "none"; None for
                 an unlabelled demonstration.
             observed_names: P names; None for human_0, human_1, ...
             controlled_names: Q names; None for robot_0, robot_1, ...
             context_names: M names; None for context_0, context_1, ...
-            observed_unit: unit of all observed DOFs. Thresholds in metres and radians hold for "m"
-                and "rad" only; what is in other units is measured by its own range.
+            observed_unit: unit of all observed DOFs. Thresholds in metres and radians apply to "m"
+                and "rad" only; thresholds in other units are relative to the signal's range.
             controlled_unit: unit of all controlled DOFs.
             context_unit: unit of the context.
-            name: of the demonstration, for reports and messages; those without one are numbered
-                there, in the order in which they are learned from.
-            group: the person, or the pair, who did it (`metadata["group"]`), so that what differs
-                between people is learned; "" where that is not known. With few people less is
-                known of a new one, who is helped later (docs/recognition.md).
+            name: name in reports and messages; demonstrations without a name are numbered in the
+                order in which they are learned.
+            group: the person or pair who moved (`metadata["group"]`), so that differences between
+                people are learned; "" if unknown. With few people, less is known about a new
+                person, whose task is then decided later (docs/recognition.md).
 
         Raises:
             ShapeError: the arrays do not fit each other or the names.
@@ -151,7 +151,7 @@ class Demonstration:
         if defect := stream_defect(made):
             raise ArgumentError(f"{name}: {defect}")
         for doubt in recording_doubts(made, brief=True):
-            # Python tells the same text of one line once
+            # Python shows the same warning from one line only once
             warnings.warn(f"{name}: {doubt}", stacklevel=2)
         return made
 
@@ -173,17 +173,17 @@ class Demonstration:
 
     @property
     def context_values(self) -> Floats:
-        """The context in which the movement began, (M,): what was known last, or else first."""
+        """The context at the start of the movement, (M,): the last sample by then, or the first."""
         rows = (np.searchsorted(one.stamps_ns, self.start_ns, "right") - 1 for one in self.context)
         known = (one.values[max(row, 0)] for one, row in zip(self.context, rows, strict=True))
         return np.concatenate([np.empty(0), *known])
 
 
 def numbered(recordings: Iterable[Demonstration]) -> Iterator[Demonstration]:
-    """The recordings; those that were given no name have their place, from 0, in it.
+    """Yield the demonstrations, those without a name numbered by their place, from 0.
 
     Raises:
-        ArgumentError: they, or one of them, are something else.
+        ArgumentError: `recordings` is not a list of demonstrations.
     """
     cure = "Make them with `Demonstration.from_arrays` or `read_demonstrations`."
     if not isinstance(recordings, Iterable):
@@ -199,7 +199,7 @@ def numbered(recordings: Iterable[Demonstration]) -> Iterator[Demonstration]:
 
 
 def _constant(context: ArrayLike, stamp_ns: int, names: Sequence[str] | None, unit: str) -> Signal:
-    """The signal of a context that was known from a stamp on."""
+    """The signal of a constant context that is known from a stamp on."""
     values = as_numbers("context", context)
     if values.ndim != 1 or (names is not None and len(names) != len(values)):
         expected = "shape (M,)" if names is None else f"shape ({len(names)},), one for each name"
@@ -220,7 +220,7 @@ def _signal(
     names: Sequence[str] | None,
     unit: str,
 ) -> Signal:
-    """The signal of one agent, its arrays checked; messages name the caller's arguments."""
+    """Check the arrays of one agent and make its signal; messages name the caller's arguments."""
     side = "observed" if argument == "human" else "controlled"
     times, samples = as_seconds(times_name, times_s), as_numbers(argument, values)
     if times.ndim != 1:
@@ -265,7 +265,7 @@ def _unit(argument: str, unit: object) -> str:
 
 
 def _check(argument: str, times_name: str, times_s: Floats, samples: Floats) -> None:
-    """Refuse what no signal can be made of."""
+    """Raise ArgumentError for samples that cannot form a signal."""
     if len(times_s) < MIN_SAMPLES:
         expected = f"at least {MIN_SAMPLES} samples that are not NaN"
         raise ArgumentError.about(argument, expected, len(times_s), "Record more.")
@@ -279,17 +279,17 @@ def _check(argument: str, times_name: str, times_s: Floats, samples: Floats) -> 
 
 @dataclass(frozen=True)
 class Rejection:
-    """Why a recording, or a part of a session, is left out."""
+    """Reason for leaving out a recording or a part of a session."""
 
-    path: str  # the bag
-    topic: str  # the topic at fault, "" when it is the whole bag
-    stamp_ns: int  # when in the recording, 0 when unknown
+    path: str  # path of the bag
+    topic: str  # topic at fault, "" for the whole bag
+    stamp_ns: int  # time of the fault in the recording, 0 if unknown
     reason: str  # one sentence
-    cure: str = ""  # what helps against it, a sentence; empty where the reason says enough
+    cure: str = ""  # advice in one sentence, empty if the reason suffices
 
     @classmethod
     def of(cls, path: str, error: IntentError, kind: str = "", stamp_ns: int = 0) -> Rejection:
-        """The rejection for which an error is the reason, without the path that both name."""
+        """Make a rejection from an error, whose text is stripped of the path."""
         reason = one_line(error).removesuffix(error.cure).removesuffix(". ")
         reason = reason.removeprefix(f"{path}: ").removeprefix(f"{path}/")
         return cls(path, "", stamp_ns, f"{kind}: {reason}" if kind else reason, error.cure)

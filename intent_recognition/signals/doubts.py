@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What several recordings give reason to doubt: lags, units, copies, and misspelt labels.
+"""Find doubtful recordings by comparing several: lags, units, copies and misspelt labels.
 
-A lag is how long the controlled agent follows the observed one.
+The lag is the time by which the controlled agent follows the observed one.
 """
 
 import re
@@ -21,22 +21,22 @@ from intent_recognition.signals.streams import LATENCY_S, recording_doubts
 from intent_recognition.signals.units import Size, differing_unit, median_size, size_of
 
 STEP_S = 0.02
-"""Step of the lags of a correlation of speeds [s]. Convention: finer than motion detection."""
+"""Step between the lags of a speed correlation [s], finer than motion detection."""
 LEAST_CORRELATION, LEAST_GAIN = 0.5, 0.1
-"""Correlation of speeds below which a lag says nothing, and by how much it must exceed that at the
-others' lag. Measured: docs/bags.md."""
+"""Least speed correlation at which a lag is meaningful, and its least gain over the correlation at
+the usual lag. Measured: docs/bags.md."""
 LAGS_S = STEP_S * np.arange(-100, 101)
-"""Lags of a `SpeedCorrelation`, (L,) [s]. Convention: longer ones than 2 s shorten the overlap."""
+"""Lags of a `SpeedCorrelation`, (L,) [s]; lags beyond 2 s would shorten the overlap."""
 USUAL_SPREAD = 4.0
-"""Robust standard deviations of the others' lags that are usual. Measured: docs/bags.md."""
+"""Largest usual deviation of a lag, in robust standard deviations. Measured: docs/bags.md."""
 LEAST_OTHERS = 5
-"""Other recordings from which a usual lag is known. Convention: with three, a good one is named."""
+"""Fewest other recordings that define a usual lag; with three, good recordings are reported."""
 COUNTED = re.compile(r"\d+|(?<![^\W_])[^\W_](?![^\W_])")
-"""What counts labels: `reach_2` is not `reach_1`, nor `reach_b` `reach_a`."""
+"""Numbers and single letters, which count labels, as in `reach_2` or `reach_b`."""
 
 
 class StreamFinding(NamedTuple):
-    """What is wrong, or may be, with a recording, and the likely cause, in a sentence."""
+    """Certain or possible fault of a recording, with the likely cause, in a sentence."""
 
     name: str
     reason: str
@@ -46,25 +46,25 @@ class StreamFinding(NamedTuple):
 
 
 class SpeedCorrelation(NamedTuple):
-    """Correlation of both agents' speeds over the lag of the controlled one."""
+    """Correlation of both agents' speeds as a function of the controlled agent's lag."""
 
     name: str
     task: str | None
-    values: Floats  # at `LAGS_S`, (L,)
-    doubts: tuple[str, ...] = ()  # what the recording alone gives reason to doubt
-    # digest of the observed agent's values; recordings of equal ones are copies
+    values: Floats  # correlations at `LAGS_S`, (L,)
+    doubts: tuple[str, ...] = ()  # doubts about the recording by itself
+    # digest of the observed agent's values, equal for copied recordings
     movement: bytes = b""
-    # by the first DOF of each signal, how large its numbers are
+    # first DOF and size of the values of each signal
     sizes: tuple[tuple[str, Size], ...] = ()
 
     @property
     def lag_s(self) -> float:
-        """Lag of the highest correlation: by how much the controlled agent follows [s]."""
+        """Lag of the highest correlation [s], positive if the controlled agent follows."""
         return float(LAGS_S[np.argmax(self.values)])
 
 
 def correlate_speeds(recorded: Demonstration) -> SpeedCorrelation:
-    """What `stream_doubts` needs to know of a recording; small, so that many can be kept."""
+    """Summarise a recording for `stream_doubts`, small enough to keep many summaries."""
     doubts = tuple(recording_doubts(recorded))
     digest = blake2b(digest_size=16)
     for signal in recorded.observed:
@@ -79,9 +79,9 @@ def correlate_speeds(recorded: Demonstration) -> SpeedCorrelation:
 def stream_doubts(correlations: Sequence[SpeedCorrelation]) -> list[StreamFinding]:
     """Recordings whose streams may not belong together, each with the likely cause.
 
-    A lag counts as unusual beside the lags of the same task's other recordings (of all others where
-    these are few). It is a hint, given where there is nothing stronger: an agent that reacts early
-    or late looks the same.
+    A lag is compared with those of the task's other recordings, or of all others if these are few.
+    An unusual lag is only a hint, given if nothing stronger is found: an agent that reacts early or
+    late looks the same.
     """
     by_name: dict[str, list[Size]] = {}
     for name, size in (named for one in correlations for named in one.sizes):
@@ -102,7 +102,7 @@ def stream_doubts(correlations: Sequence[SpeedCorrelation]) -> list[StreamFindin
 
 
 def _other_units(one: SpeedCorrelation, usual: Mapping[str, Size]) -> Iterator[str]:
-    """Signals that are in another unit than in most recordings."""
+    """Signals whose unit differs from that in most recordings."""
     for name, size in one.sizes:
         found = differing_unit(size, usual[name])
         if found is not None:
@@ -112,7 +112,7 @@ def _other_units(one: SpeedCorrelation, usual: Mapping[str, Size]) -> Iterator[s
 def _same_under_another_label(
     one: SpeedCorrelation, correlations: Sequence[SpeedCorrelation]
 ) -> Iterator[str]:
-    """Whether the observed agent's movement has another label elsewhere."""
+    """Report if a recording with the same observed movement has another label."""
     for other in correlations:
         alike = one.movement and one.movement == other.movement
         if alike and None not in (one.task, other.task) and one.task != other.task:
@@ -124,7 +124,7 @@ def _same_under_another_label(
 
 
 def _unusual_lag(one: SpeedCorrelation, usual_s: Floats) -> Iterator[str]:
-    """Whether the controlled agent follows much earlier or later than in other recordings."""
+    """Report if the controlled agent follows much earlier or later than in other recordings."""
     median = float(np.median(usual_s))
     spread = 1.4826 * float(np.median(np.abs(usual_s - median)))  # of a normal distribution
     away = one.lag_s - median
@@ -141,7 +141,7 @@ def _unusual_lag(one: SpeedCorrelation, usual_s: Floats) -> Iterator[str]:
 
 
 def _correlation(recorded: Demonstration) -> Floats:
-    """Correlation of the agents' speeds at `LAGS_S`, (L,); zero where nothing can be told."""
+    """Correlation of the agents' speeds at `LAGS_S`, (L,); zero if it cannot be computed."""
     none = np.zeros(len(LAGS_S))
     signals = (*recorded.observed, *recorded.controlled)
     if not recorded.controlled:
@@ -165,7 +165,7 @@ def _correlation(recorded: Demonstration) -> Floats:
 
 
 def _speed(agent: Sequence[Signal], start_ns: int, times_s: Floats) -> Floats:
-    """Sum of the signals' speeds, each in shares of its highest, less its mean, (T,)."""
+    """Sum of the signals' speeds, each relative to its maximum, minus the sum's mean, (T,)."""
     total = np.zeros(len(times_s))
     for signal in agent:
         own_s = signal.seconds(start_ns)
@@ -176,24 +176,24 @@ def _speed(agent: Sequence[Signal], start_ns: int, times_s: Floats) -> Floats:
 
 
 def label_doubts(recordings: Iterable[tuple[str, str | None]]) -> list[StreamFinding]:
-    """Recordings, by name and label, of a rare task whose label is one letter off a frequent one's.
+    """Recordings whose label is rare and differs by one letter from a frequent label.
 
-    Upper case, spaces and underscores do not count. Rare are two recordings at most, frequent three
-    times as many.
+    Recordings are pairs of name and label. Case, spaces and underscores are ignored. A label is
+    rare in at most two recordings; a frequent label has at least three times as many.
     """
     named = [(name, label) for name, label in recordings if label]
     counts = Counter(label for _, label in named)
     found = []
     for name, label in named:
         own, count = _plain(label), counts[label]
-        if count > 2 or len(own) < 4:  # most words of three letters have others beside them
+        if count > 2 or len(own) < 4:  # most words of three letters are close to other words
             continue
         others = {
             _plain(other): other
             for other, n in counts.items()
             if n >= 3 * count and COUNTED.findall(other) == COUNTED.findall(label)
         }
-        least = 1.0 - 1.1 / len(own)  # the ratio of two labels of which one letter differs
+        least = 1.0 - 1.1 / len(own)  # similarity of two labels that differ by one letter
         for near in get_close_matches(own, others, 1, least):
             other = others[near]
             reason = f"{count} with the task {label}, {counts[other]} with {other}."

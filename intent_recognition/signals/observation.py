@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One measurement of one signal, and several signals as one stream in the order of their stamps."""
+"""Observations of single signals, and several signals merged in the order of their stamps."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ class Observation(NamedTuple):
 
     Attributes:
         stamp_ns: time of measurement.
-        group: which observed signal it is.
-        values: its DOFs, (m,), in their units.
-        covariance: measurement covariance, (m, m), or None when the sender gave none.
-        dofs: which of the signal's DOFs were measured, counted from its first; None means all.
-        derivative: velocities were measured, in units per second; independently, and not
-            differentiated from positions that are observations themselves.
+        group: index of the observed signal.
+        values: measured values of its DOFs, (m,), in their units.
+        covariance: measurement covariance, (m, m), or None if the sender gave none.
+        dofs: indices of the measured DOFs within the signal; None means all.
+        derivative: whether the values are velocities, in units per second. They must be measured
+            independently, not differentiated from positions that are observed as well.
     """
 
     stamp_ns: int
@@ -33,12 +33,12 @@ class Observation(NamedTuple):
     derivative: bool = False
 
     def copied(self) -> Observation:
-        """With arrays of its own: a sender may use its buffer again."""
+        """Copy with its own arrays, since a sender may reuse its buffer."""
         covariance = None if self.covariance is None else np.array(self.covariance)
         return self._replace(values=np.array(self.values), covariance=covariance)
 
     def measured(self) -> Observation | None:
-        """Without the DOFs whose value is NaN, which were not measured; None where all are NaN."""
+        """Copy without the unmeasured DOFs, whose values are NaN; None if all are NaN."""
         rows = np.flatnonzero(~np.isnan(self.values))
         if rows.size == self.values.size:
             return self
@@ -52,7 +52,7 @@ class Observation(NamedTuple):
 
 
 def merge(signals: Sequence[Signal]) -> Iterator[Observation]:
-    """All samples of the signals in the order of their stamps, ties in the order of signals."""
+    """All samples of the signals, ordered by stamp and, for equal stamps, by signal."""
     stamps = np.concatenate([signal.stamps_ns for signal in signals])
     group = np.repeat(np.arange(len(signals)), [len(s.stamps_ns) for s in signals])
     row = np.concatenate([np.arange(len(s.stamps_ns)) for s in signals])
@@ -64,9 +64,9 @@ def merge(signals: Sequence[Signal]) -> Iterator[Observation]:
 def observations_of(
     groups: Sequence[int], stamps_ns: Integers, values: Floats
 ) -> Iterator[Observation]:
-    """Samples (T, P) of all signals together as one observation of each signal; a NaN has no row.
+    """Split joint samples (T, P) of all signals into observations of each signal, without NaN.
 
-    The groups are the numbers of DOFs of each signal, P in all.
+    `groups` are the numbers of DOFs of each signal, whose sum is P.
     """
     edges = np.cumsum(groups)[:-1]
     for stamp_ns, row in zip(stamps_ns.tolist(), values, strict=True):
@@ -77,7 +77,7 @@ def observations_of(
 
 
 def every_second(observations: Sequence[Observation]) -> list[Observation]:
-    """Every second observation of each signal, and the last of all."""
+    """Every second observation of each signal, and the very last observation."""
     seen: dict[tuple, int] = {}
     kept = []
     for observation in observations[:-1]:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Onset and rest of a movement, by one causal rule for training, replay and the nodes.
+"""Detect onset and rest of a movement by one causal rule for training, replay and the nodes.
 
 A signal moves when the slope of a line through its last `window_s` exceeds a share of the typical
 peak speed for `persistence_s`. A reach begins with displacement x ~ t^3 (minimum jerk, Flash &
-Hogan 1985), so it began 3 x / v before the moment it has displacement x and speed v.
+Hogan 1985), so with displacement x and speed v it began 3 x / v earlier.
 """
 
 from collections.abc import Sequence
@@ -17,25 +17,25 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 
 BLOCK_S = 10.0
-"""Samples whose sums have an origin of their own [s]: of one origin, the squared times of an hour
-leave an error of 5 % in a speed at 100 Hz."""
+"""Length of the blocks of samples that are summed from their own time origin [s]. With a single
+origin, the squared times of an hour cause an error of 5 % in a speed at 100 Hz."""
 
 
 @dataclass(frozen=True)
 class OnsetSettings:
-    """How onset and rest are told apart.
+    """Thresholds that distinguish movement from rest.
 
     Raises:
         ArgumentError: a setting is not positive.
     """
 
-    reference_speed: float  # typical peak speed of the observed DOFs' norm, per second
-    start_share: float = 0.15  # share of it that counts as moving
-    rest_share: float = 0.1  # share of it below which a signal rests
+    reference_speed: float  # typical peak speed, the norm over the observed DOFs, per second
+    start_share: float = 0.15  # share of the reference speed above which a signal moves
+    rest_share: float = 0.1  # share of the reference speed below which a signal rests
     window_s: float = 0.15  # length of the line fitted for the speed
-    persistence_s: float = 0.08  # how long the speed must stay above (below) the threshold
-    rest_s: float = 0.3  # how long a finished movement must rest before the next one may begin
-    max_backdate_s: float = 0.7  # earliest onset before its detection
+    persistence_s: float = 0.08  # time for which the speed must stay above (below) the threshold
+    rest_s: float = 0.3  # time of rest after a movement before the next one may begin
+    max_backdate_s: float = 0.7  # longest time from the onset to the middle of the window
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -45,10 +45,10 @@ class OnsetSettings:
 
 
 def windowed_velocity(times_s: Floats, values: Floats, window_s: float) -> Floats:
-    """Slope of a line through the samples of the last `window_s` at each sample, (T, d).
+    """Velocity (T, d) of values (T, d) at increasing times (T,), computed causally.
 
-    Causal, of values (T, d) at increasing times (T,). NaN where fewer than three samples, or less
-    than half the window, are there.
+    At each sample it is the slope of a line through the samples of the last `window_s`, or NaN if
+    these are fewer than three or span less than half the window.
     """
     times_s = np.asarray(times_s, dtype=np.float64)
     first = np.searchsorted(times_s, times_s - window_s - 1e-9)
@@ -62,7 +62,7 @@ def windowed_velocity(times_s: Floats, values: Floats, window_s: float) -> Float
 
 
 def _slopes(times_s: Floats, values: Floats, first: Integers, window_s: float) -> Floats:
-    """Slopes at the last samples, (N, d), of lines through those from `first` (N,) on."""
+    """Slopes (N, d) at the last N samples, of lines through the samples from `first` (N,) on."""
     last = np.arange(len(times_s) - len(first), len(times_s)) + 1
     centre = values - values[:1]
 
@@ -81,9 +81,9 @@ def _slopes(times_s: Floats, values: Floats, first: Integers, window_s: float) -
 
 
 def peak_speed(times_s: Floats, values: Floats, window_s: float = 0.15) -> float:
-    """Largest norm of the windowed velocity, per second; 0 for a signal too short to tell.
+    """Largest norm of the windowed velocity, per second; 0 if the signal is too short.
 
-    Of values (T, P) at increasing times (T,) [s].
+    The signal has values (T, P) at increasing times (T,) [s].
     """
     if len(times_s) < 3:
         return 0.0
@@ -92,10 +92,10 @@ def peak_speed(times_s: Floats, values: Floats, window_s: float = 0.15) -> float
 
 
 def speed_noise(times_s: Floats, values: Floats, window_s: float = 0.15) -> float:
-    """Root mean square of the windowed velocity that white measurement noise alone would give.
+    """Root mean square of the windowed velocity that white measurement noise alone would cause.
 
-    The noise is what a sample differs from the line between its two neighbours by: its median,
-    since a movement is no line where it turns or starts. 0 for a signal too short to tell.
+    The noise is estimated from the distance of each sample from the line between its neighbours, by
+    the median, since movements bend where they turn or start. 0 if the signal is too short.
     """
     if len(times_s) < MIN_SAMPLES:
         return 0.0
@@ -105,15 +105,15 @@ def speed_noise(times_s: Floats, values: Floats, window_s: float = 0.15) -> floa
     bend /= np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
     # the median of chi-square with one degree of freedom
     variance = float(np.sum(np.median(bend**2, axis=0))) / 0.4549
-    # A line through n + 1 samples in equal steps over the window: the sum of their squared times.
+    # Squared centred times of n + 1 equally spaced samples: window_s^2 (n + 1) (n + 2) / (12 n).
     n = max(window_s / float(np.median(steps)), 1.0)
     return float(np.sqrt(variance * 12.0 * n / ((n + 1.0) * (n + 2.0)))) / window_s
 
 
 def detect_onset(settings: OnsetSettings, times_s: Floats, values: Floats) -> float | None:
-    """Time at which the movement began that is under way at the last sample, or None.
+    """Onset of the movement in progress at the last sample, None if there is no movement.
 
-    Of the recent past: positions (T, P) of the observed DOFs at increasing times (T,).
+    The recent past is given by positions (T, P) of the observed DOFs at increasing times (T,).
     """
     if len(times_s) < 4:
         return None
@@ -129,20 +129,20 @@ def detect_onset(settings: OnsetSettings, times_s: Floats, values: Floats) -> fl
     before = times_s <= times_s[first] - settings.window_s
     recent = before & (times_s >= times_s[first] - settings.window_s - 0.3)
     rest = values[recent if np.any(recent) else slice(0, 1)].mean(axis=0)
-    # Displacement and speed at one moment: the middle of the window the line was fitted to.
+    # Displacement and speed both refer to the middle of the window to which the line was fitted.
     window = times_s >= times_s[-1] - settings.window_s - 1e-9
     displacement = float(np.linalg.norm(values[window].mean(axis=0) - rest))
     backdate = 3.0 * displacement / max(float(speed[-1]), threshold)
-    onset = times_s[window].mean() - np.fmin(backdate, settings.max_backdate_s)  # inf / inf: NaN
+    onset = times_s[window].mean() - np.fmin(backdate, settings.max_backdate_s)  # ignores NaN
     return float(np.clip(onset, times_s[0], times_s[first]))
 
 
 def at_rest(
     settings: OnsetSettings, times_s: Floats, values: Floats, rest_s: float | None = None
 ) -> bool:
-    """Whether the signal has rested for `rest_s` (the settings' own if None) up to its end.
+    """Whether the signal has rested for the last `rest_s`, by default the settings' own.
 
-    The other arguments are those of `detect_onset`.
+    The other arguments are as in `detect_onset`.
     """
     rest_s = settings.rest_s if rest_s is None else rest_s
     if len(times_s) < 4 or times_s[-1] - times_s[0] < rest_s:
@@ -154,15 +154,15 @@ def at_rest(
 
 
 def is_slow(settings: OnsetSettings, velocity: Floats | None) -> bool:
-    """Whether a signal with an `end_velocity` is as slow as `at_rest` asks of its last sample."""
+    """Whether an `end_velocity` is below the speed limit of `at_rest`; False if it is None."""
     limit = settings.rest_share * settings.reference_speed
     return velocity is not None and bool(velocity @ velocity < limit**2)
 
 
 def end_velocity(settings: OnsetSettings, times_s: Floats, values: Floats) -> Floats | None:
-    """The last row of `windowed_velocity`, (P,); None where it is not known.
+    """The last row (P,) of `windowed_velocity`; None if it cannot be computed.
 
-    Of the samples of the last `window_s`: values (T, P) at times (T,).
+    The samples are those of the last `window_s`, values (T, P) at times (T,).
     """
     if len(times_s) < 3 or times_s[-1] - times_s[0] < 0.5 * settings.window_s:
         return None
@@ -171,10 +171,9 @@ def end_velocity(settings: OnsetSettings, times_s: Floats, values: Floats) -> Fl
 
 
 def first_onset(settings: OnsetSettings, times_s: Floats, values: Floats) -> float | None:
-    """Onset of the first movement of a recording, found as it would have been online.
+    """Onset of the first movement of a recording, as it would have been detected online.
 
-    Equals `detect_onset` called at every sample in turn, until it answers. Arguments as of
-    `detect_onset`.
+    Equal to calling `detect_onset` at every sample until it returns an onset; same arguments.
     """
     speed = np.linalg.norm(windowed_velocity(times_s, values, settings.window_s), axis=1)
     moving = speed > settings.start_share * settings.reference_speed
@@ -191,7 +190,7 @@ def first_onset(settings: OnsetSettings, times_s: Floats, values: Floats) -> flo
 def earliest_onset(
     settings: Sequence[OnsetSettings], signals: Sequence[Signal], start_ns: int
 ) -> float | None:
-    """The first `first_onset` of some signals [s after `start_ns`]; None where none moves."""
+    """Earliest `first_onset` of several signals [s after `start_ns`]; None if no signal moves."""
     onsets = [
         first_onset(own, signal.seconds(start_ns), signal.values)
         for own, signal in zip(settings, signals, strict=True)
@@ -202,8 +201,8 @@ def earliest_onset(
 def last_motion(settings: OnsetSettings, times_s: Floats, values: Floats) -> float:
     """Time at which the last movement of a recording ended; its first time if it never moved.
 
-    The onset of the recording played backward, so that what is noise to the onset detector is noise
-    here too. Not causal: for cutting recordings in training. Arguments as of `detect_onset`.
+    It is the onset in the time-reversed recording, so that noise is treated as in onset detection.
+    It is not causal and serves to cut recordings in training. Arguments as in `detect_onset`.
     """
     onset = first_onset(settings, -times_s[::-1], values[::-1])
     return float(times_s[0]) if onset is None else -onset

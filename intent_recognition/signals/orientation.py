@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Orientations as vectors: the tangent space at one reference, and back.
+"""Map orientations to rotation vectors in the tangent space at a reference, and back.
 
-A unit quaternion q (xyzw) and -q are the same rotation, and its four numbers form no vector space.
+A unit quaternion q (xyzw) and -q are the same rotation, and unit quaternions form no vector space.
 An orientation is therefore learned as the rotation vector v = Log(q_ref^-1 q) [rad]: axis times
-angle of the rotation that leads from a reference to it, in the axes of the reference. One reference
-serves all tasks and phases (Huang, Abu-Dakka, Silverio & Caldwell 2021, "Toward Orientation
-Learning and Adaptation in Cartesian Space", IEEE Transactions on Robotics 37(1)), so that an
-observation has the same coordinates under every hypothesis of the filter. It is the mean of the
-demonstrations: turning the world turns it too, and v stays the same.
+angle of the rotation from a reference to it, in the axes of the reference. One reference serves all
+tasks and phases (Huang, Abu-Dakka, Silverio & Caldwell 2021, "Toward Orientation Learning and
+Adaptation in Cartesian Space", IEEE Transactions on Robotics 37(1)), so that an observation has the
+same coordinates under every hypothesis of the filter. The reference is the mean of the
+demonstrations, so that v does not depend on the orientation of the world frame.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.signals.arrays import as_numbers
 
 LARGEST_ANGLE_RAD = 0.95 * np.pi
-"""Angle from the reference beyond which an orientation is not represented [rad]. At a half turn v
-jumps to -v. Convention: 9 degrees away from that, beyond what a hand turns from its mean."""
+"""Largest angle from the reference that is represented [rad]: 9 degrees below a half turn, where v
+jumps to -v, and more than a hand turns from its mean."""
 LEAST_QUATERNION = 1e-6
-"""Norm of a quaternion below which it means "not measured". Convention: trackers send zeros."""
+"""Norm of a quaternion below which it means "not measured"; trackers send zeros."""
 SMALL_ANGLE_RAD = 1e-4
-"""Angle [rad] below which series replace quotients. Numerical safeguard: both agree to 1e-9."""
+"""Angle below which series replace quotients [rad], for numerical safety; both agree to 1e-9."""
 
 
 def to_tangent(quaternions: ArrayLike, reference: ArrayLike) -> Floats:
-    """Rotation vectors [rad] from the reference to orientations, in the axes of the reference.
+    """Rotation vectors from the reference to orientations, in the axes of the reference.
 
     Args:
         quaternions: (..., 4) xyzw, of any norm and sign.
         reference: unit quaternion (4,) xyzw.
 
     Returns:
-        (..., 3); NaN where a quaternion is zero or not finite, and farther than
+        (..., 3) [rad]; NaN where a quaternion is zero, not finite or farther than
         `LARGEST_ANGLE_RAD` from the reference.
 
     Raises:
@@ -57,9 +57,9 @@ def to_tangent(quaternions: ArrayLike, reference: ArrayLike) -> Floats:
 
 
 def from_tangent(vectors: ArrayLike, reference: ArrayLike) -> Floats:
-    """Unit quaternions (..., 4) xyzw of rotation vectors from the reference, (..., 3) [rad].
+    """Unit quaternions (..., 4) xyzw of rotation vectors from the reference.
 
-    The sign is continuous: of two that follow one another, the scalar product is not negative.
+    The sign is continuous: successive quaternions have a non-negative scalar product.
 
     Args:
         vectors: (..., 3) [rad].
@@ -84,15 +84,15 @@ def from_tangent(vectors: ArrayLike, reference: ArrayLike) -> Floats:
 def mean_orientation(quaternions: ArrayLike) -> Floats:
     """The mean of orientations (T, 4) xyzw, a unit quaternion (4,) with w >= 0.
 
-    The eigenvector of sum q q^T (Markley, Cheng, Crassidis & Oshman 2007, "Averaging Quaternions"),
-    so that signs do not matter.
+    It is the dominant eigenvector of sum q q^T (Markley, Cheng, Crassidis & Oshman 2007, "Averaging
+    Quaternions"), which does not depend on signs.
 
     Args:
-        quaternions: (T, 4) xyzw; those that are zero or not finite do not count.
+        quaternions: (T, 4) xyzw; zero or non-finite quaternions are ignored.
 
     Raises:
-        ShapeError: they are not (T, 4).
-        ArgumentError: there is none.
+        ShapeError: the shape is not (T, 4).
+        ArgumentError: no orientation was measured.
     """
     q = _of_size(4, "quaternions", quaternions).reshape(-1, 4)
     norm = np.linalg.norm(q, axis=1, keepdims=True)
@@ -106,7 +106,7 @@ def mean_orientation(quaternions: ArrayLike) -> Floats:
 
 
 def _of_size(size: int, argument: str, values: ArrayLike) -> Floats:
-    """Vectors (..., size), checked."""
+    """Check that values have the shape (..., size)."""
     array = as_numbers(argument, values)
     if array.shape[-1:] != (size,):
         cure = "Quaternions are x, y, z, w; rotation vectors are three angles."
@@ -115,9 +115,10 @@ def _of_size(size: int, argument: str, values: ArrayLike) -> Floats:
 
 
 def right_jacobian(vectors: ArrayLike) -> Floats:
-    """J, (..., 3, 3): a change dv of a rotation vector turns the body by J dv [rad] about its axes.
+    """Right Jacobian J (..., 3, 3): a change dv of a rotation vector turns the body by J dv [rad].
 
-    Chirikjian (2012), "Stochastic Models, Information Theory, and Lie Groups", vol. 2, p. 40.
+    The turn is about the body's axes. See Chirikjian (2012), "Stochastic Models, Information
+    Theory, and Lie Groups", vol. 2, p. 40.
     """
     v = np.asarray(vectors, dtype=np.float64)
     angle = np.linalg.norm(v, axis=-1)[..., None, None]
@@ -133,9 +134,9 @@ def right_jacobian(vectors: ArrayLike) -> Floats:
 
 
 def to_tangent_covariance(covariance: ArrayLike, vector: ArrayLike, reference: ArrayLike) -> Floats:
-    """Covariance (3, 3) of a rotation vector (3,), of one about the fixed axes of the world.
+    """Convert a covariance about the world's axes to that of a rotation vector (3,).
 
-    That is of small rotations (3, 3) [rad^2], as in ROS; the reference is a unit quaternion xyzw.
+    `covariance` is (3, 3) [rad^2], of small rotations as in ROS; `reference` is a unit quaternion.
     """
     quaternion = from_tangent(vector, reference)
     change = np.linalg.solve(right_jacobian(vector), rotation_matrix(quaternion).T)
@@ -151,7 +152,7 @@ def rotation_matrix(quaternion: ArrayLike) -> Floats:
 
 
 def homogeneous(rotations: ArrayLike, positions: ArrayLike) -> Floats:
-    """Rigid motions (..., 4, 4) of rotations (..., 3, 3) and positions (..., 3) [m]."""
+    """Homogeneous transforms (..., 4, 4) of rotations (..., 3, 3) and positions (..., 3) [m]."""
     positions = np.asarray(positions, dtype=np.float64)
     poses = np.zeros((*positions.shape[:-1], 4, 4))
     poses[..., :3, :3], poses[..., :3, 3], poses[..., 3, 3] = rotations, positions, 1.0
@@ -159,9 +160,9 @@ def homogeneous(rotations: ArrayLike, positions: ArrayLike) -> Floats:
 
 
 def quaternion_rates(quaternions: Floats, vectors: ArrayLike, rates: ArrayLike) -> Floats:
-    """Time derivatives (..., 4) of quaternions xyzw, of those of their rotation vectors (..., 3).
+    """Time derivatives (..., 4) of quaternions xyzw, from the rates (..., 3) of their vectors.
 
-    All as `from_tangent` has them; rates are per second.
+    `quaternions` and `vectors` are as in `from_tangent`; all rates are per second.
     """
     turn = np.einsum("...ij,...j->...i", right_jacobian(vectors), np.asarray(rates))
     xyz, w = quaternions[..., :3], quaternions[..., 3:]

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a session without labels may be cut: each interaction of the two agents, from motion alone.
+"""Propose where to cut an unlabelled session into interactions, from motion alone.
 
-Two agents that work together rest together between movements: onset and rest are told apart by the
-same rules as in training and online. A session begins where the two rest before each interaction,
-at home. What they do until they come back there is one interaction, in however many movements; the
-way back is none. Where they never come back, each movement counts as one.
+Two agents that work together rest together between movements; onset and rest are detected by the
+same rules as in training and online. The pose in which they rest first is called home. All they do
+between two rests at home is one interaction, of any number of movements; the last one, if it only
+returns home, is left out. If they never return home, each movement is an interaction.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,27 +26,26 @@ from intent_recognition.signals.segmentation import least_reference, onset_setti
 from intent_recognition.signals.signal import Signal
 
 STEP_S = 0.01
-"""Step of the time grid on which both agents' speeds are compared [s]. Convention."""
+"""Step of the time grid on which both agents' speeds are compared [s]."""
 
 
 class Span(NamedTuple):
     """A proposed part of a session."""
 
     start_ns: int  # onset of the observed agent's movement
-    end_ns: int  # when the last of both agents has come to rest
+    end_ns: int  # time at which both agents have come to rest
 
 
 def propose_spans(observed: Sequence[Signal], controlled: Sequence[Signal]) -> list[Span]:
     """Propose where the interactions of a session begin and end.
 
-    Both agents' signals are those of the whole session, on one clock; the controlled agent may have
-    none.
+    The signals cover the whole session, on one clock; the controlled agent may have none.
     """
     signals = (*observed, *controlled)
-    # Offline nothing is lost by a late look, so that all that is no rest is taken for movement.
+    # Offline, detection may be late, so that everything above the rest threshold is movement.
     settings = tuple(replace(one, start_share=one.rest_share) for one in onset_settings([signals]))
     spans: list[Span] = []
-    # The reference of "moving" is the median peak over movements, which are known only afterwards.
+    # The reference speed is the median peak over the movements, which the first pass finds.
     for _ in range(2):
         spans = list(_movements(observed, controlled, settings))
         if not spans:
@@ -78,7 +77,7 @@ def _movements(
 def _movement(
     signals: Sequence[Signal], n_observed: int, settings: Sequence[OnsetSettings], from_ns: int
 ) -> Span | None:
-    """From the onset of the observed agents, else of the others, until the last of all rests."""
+    """Span from the observed agent's onset, or else the controlled one's, until all are at rest."""
     onset_s = earliest_onset(settings[:n_observed], signals[:n_observed], from_ns)
     if onset_s is None:
         onset_s = earliest_onset(settings[n_observed:], signals[n_observed:], from_ns)
@@ -93,13 +92,13 @@ def _movement(
 
 
 def _activity(signal: Signal, settings: OnsetSettings, start_ns: int, grid: Floats) -> Floats:
-    """Speed of one signal in parts of its reference, on the grid; gaps are bridged."""
+    """Speed of one signal relative to its reference, interpolated on the grid."""
     times = signal.seconds(start_ns)
     speed = np.linalg.norm(windowed_velocity(times, signal.values, settings.window_s), axis=1)
     known = np.isfinite(speed)
     if not np.any(known):
         return np.zeros_like(grid)
-    # The slope is that of the middle of its window.
+    # The slope belongs to the middle of its window.
     middle = times[known] - 0.5 * settings.window_s
     return np.interp(grid, middle, speed[known]) / settings.reference_speed
 
@@ -107,7 +106,7 @@ def _activity(signal: Signal, settings: OnsetSettings, start_ns: int, grid: Floa
 def _between_rests(
     activity: Floats, settings: OnsetSettings, n_rest: int
 ) -> Iterator[tuple[int, int]]:
-    """Indices from the middle of one rest to that of the next, around each movement."""
+    """Indices of the middles of the rests before and after each movement."""
     edges = np.flatnonzero(np.diff(np.r_[0, activity < settings.rest_share, 0]))
     rests = [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= n_rest]
     bounds = [0, *((a + b) // 2 for a, b in rests), len(activity) - 1]
@@ -126,7 +125,7 @@ def _typical(
         peaks = np.array(
             [peak_speed(p.seconds(spans[0].start_ns), p.values, one.window_s) for p in own]
         )
-        moved = peaks[peaks > one.start_share * one.reference_speed]  # the others are the partner's
+        moved = peaks[peaks > one.start_share * one.reference_speed]  # else the partner moved
         if moved.size:
             least = least_reference([signal], one.window_s)
             one = replace(one, reference_speed=max(float(np.median(moved)), least))
@@ -135,7 +134,7 @@ def _typical(
 
 
 def _interactions(signals: Sequence[Signal], movements: Sequence[Span]) -> list[Span]:
-    """Join the movements from one rest at home to the next, and leave out the way back."""
+    """Join the movements between rests at home, leaving out the movement back."""
     stays, ends = _at_home(signals, movements)
     if not np.any(ends & ~stays):
         return list(movements)
@@ -153,15 +152,15 @@ def _interactions(signals: Sequence[Signal], movements: Sequence[Span]) -> list[
 
 
 def _at_home(signals: Sequence[Signal], movements: Sequence[Span]) -> tuple[Flags, Flags]:
-    """Whether both agents are at home all through each movement, and at its end, (n,) each.
+    """Whether both agents are at home throughout each movement, and at its end, (n,) each.
 
-    Home is around the first rest; its limit divides all distances into two groups (Otsu 1979).
+    Home is the region around the first rest; its radius is Otsu's (1979) threshold of distances.
     """
     paths = [_path(signals, movement) for movement in movements]
     rests = np.array([path[[0, -1]] for path in paths])
     centre = rests[0, 0]
     stays = near = np.zeros(rests.shape[:2], dtype=bool)
-    for _ in range(3):  # two passes leave it as it is
+    for _ in range(3):  # it usually converges in two passes
         distance = np.linalg.norm(rests - centre, axis=2)
         farthest = np.array([np.linalg.norm(path - centre, axis=1).max() for path in paths])
         limit = _two_groups(np.r_[distance.ravel(), farthest])
@@ -171,7 +170,7 @@ def _at_home(signals: Sequence[Signal], movements: Sequence[Span]) -> tuple[Flag
 
 
 def _two_groups(values: Floats) -> float:
-    """The largest value (n,) of the lower of two groups with the least variance within."""
+    """Largest value of the lower group when values (n,) are split by least variance in groups."""
     ordered = np.sort(values)
     scores = [
         k * np.var(ordered[:k]) + (len(ordered) - k) * np.var(ordered[k:])
@@ -181,7 +180,7 @@ def _two_groups(values: Floats) -> float:
 
 
 def _path(signals: Sequence[Signal], span: Span) -> Floats:
-    """Course (S, P + Q) of both agents in a span, each signal in parts of its own range."""
+    """Path (S, P + Q) of both agents in a span, each signal relative to its own range."""
     grid = np.arange(span.start_ns, span.end_ns + 1, round(STEP_S * 1e9))
     columns = []
     for signal in signals:

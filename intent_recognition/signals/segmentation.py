@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where in a recording the interaction begins and ends."""
+"""Find where the interaction begins and ends in a recording."""
 
 from collections.abc import Sequence
 
@@ -16,42 +16,41 @@ from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 from intent_recognition.signals.units import SPATIAL_UNITS
 
 END_MARGIN_S = 0.3
-"""Rest after the last motion that belongs to the interaction [s]. Convention: primitives end at
-rest."""
+"""Rest after the last motion that is part of the interaction [s], so that primitives end at rest.
+"""
 LONGEST_WINDOW_S = 1.2
-"""Longest window of the speed [s]. Convention: an onset is found about half a window late."""
+"""Longest window for the speed [s]; an onset is detected about half a window late."""
 SLOWEST = 1e-6
-"""Least reference speed [m/s or rad/s]; in other units in parts of the signal's range, per second.
-Numerical safeguard: a signal that never moved has some."""
+"""Least reference speed [m/s or rad/s; in other units, signal ranges per second], so that a signal
+that never moved has a positive one."""
 LEAST_RATE_HZ = (MIN_SAMPLES - 1) / LONGEST_WINDOW_S
-"""Rate of a signal below which no onset is found in it [Hz]: `MIN_SAMPLES` in the longest
+"""Least rate of a signal at which an onset can be detected [Hz]: `MIN_SAMPLES` in the longest
 window."""
 
 
 def onset_settings(recordings: Sequence[Sequence[Signal]]) -> tuple[OnsetSettings, ...]:
     """Thresholds for each signal from the median of its peak speeds over the recordings.
 
-    Each recording has the same signals in the same order. The window in which the speed is measured
-    is as long as the signal needs it to be: for `MIN_SAMPLES`, and for a movement so slow
-    that its noise would count as moving: three standard deviations of it. Where no window is long
-    enough, they are what counts, in the window that shows the movement best; of noise throughout,
-    that is short.
+    Each recording has the same signals in the same order. The window for the speed holds at least
+    `MIN_SAMPLES` and is doubled until the start threshold is at least three standard deviations of
+    the speed's noise. If no window suffices, the threshold is three standard deviations in the
+    window with the highest ratio of peak speed to noise, a short one for pure noise.
     """
     n_signals = len(recordings[0])
     return tuple(_settings_of([signals[k] for signals in recordings]) for k in range(n_signals))
 
 
 def least_reference(signals: Sequence[Signal], window_s: float) -> float:
-    """Reference speed at which the noise of a signal does not count as moving, per second.
+    """Least reference speed at which a signal's noise does not count as moving, per second.
 
-    Of its recordings, none of them empty, in windows of `window_s`.
+    `signals` are its recordings, none of them empty.
     """
     noise = [speed_noise(s.seconds(int(s.stamps_ns[0])), s.values, window_s) for s in signals]
     return 3.0 * float(np.median(noise)) / OnsetSettings.start_share
 
 
 def _settings_of(signals: Sequence[Signal]) -> OnsetSettings:
-    """Thresholds for one signal from all of its recordings."""
+    """Thresholds for one signal from all its recordings."""
     signals = [signal for signal in signals if signal.stamps_ns.size]
     slowest = _slowest(signals)
     periods = [np.median(np.diff(s.stamps_ns)) * 1e-9 for s in signals if s.stamps_ns.size > 1]
@@ -69,7 +68,7 @@ def _settings_of(signals: Sequence[Signal]) -> OnsetSettings:
         best = max(best, (peak / least, least, window_s))
         window_s *= 2.0
     _, reference, window_s = best
-    # Longer than a window is only partly filled: its slope is noisier until then.
+    # Longer than the time for which a window is only partly filled and its slope noisier.
     persistence_s = OnsetSettings.persistence_s * (window_s / OnsetSettings.window_s)
     return OnsetSettings(reference, window_s=window_s, persistence_s=persistence_s)
 
@@ -91,11 +90,11 @@ def movement_span(
     start_ns: int,
     end_ns: int,
 ) -> tuple[int, int]:
-    """Start and end of the interaction within [start_ns, end_ns], in nanoseconds.
+    """Start and end of the interaction within [start_ns, end_ns] [ns].
 
-    It starts at the observed agent's onset, as the online detector would find it, and ends when
-    the last of both agents has come to rest. A recording without a detected onset is kept whole.
-    The settings say for each signal what counts as moving.
+    It starts at the observed agent's onset, as detected online, and ends `END_MARGIN_S` after the
+    last motion of either agent. A recording without a detected onset is kept whole. The settings
+    are the thresholds of each signal.
     """
     onset_s = earliest_onset(observed_settings, observed, start_ns)
     if onset_s is None:

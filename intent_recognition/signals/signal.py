@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The samples of some degrees of freedom over time, as they were measured: irregular, with gaps."""
+"""Samples of degrees of freedom over time as they were measured, irregular and with gaps."""
 
 from __future__ import annotations
 
@@ -13,24 +13,23 @@ from intent_recognition.errors import ArgumentError, ShapeError
 POSITION_FIELDS = tuple(f"pose.position.{axis}" for axis in "xyz")
 ORIENTATION_FIELDS = tuple(f"pose.orientation.{axis}" for axis in "xyzw")
 POSE_FIELDS = (*POSITION_FIELDS, *ORIENTATION_FIELDS)
-"""Names of the numbers of a pose, as a PoseStamped message has them, in the order in which arrays
-of poses hold them."""
+"""Fields of a PoseStamped message, in the order of the columns of pose arrays."""
 
 MIN_SAMPLES = 4
-"""Fewest samples of a DOF that weights are fitted to. Convention: three samples determine the
-curvature that ridge regression penalises, one more leaves a residual."""
+"""Fewest samples of a DOF for fitting weights: three determine the curvature that ridge regression
+penalises, and a fourth leaves a residual."""
 
 
 @brief
 @dataclass(frozen=True)
 class Signal:
-    """Samples of the DOFs of one topic; gaps stay gaps, nothing is imputed.
+    """Samples of the DOFs of one topic, without interpolation in gaps.
 
     Attributes:
         names: names of the d DOFs.
         stamps_ns: time of measurement of each sample, int64 (T,), strictly increasing.
         values: float64 (T, d), in `unit`.
-        unit: unit of all d DOFs, "m" or "rad" as a rule.
+        unit: unit of all d DOFs, usually "m" or "rad".
 
     Raises:
         ShapeError: the arrays do not fit each other or the names.
@@ -73,18 +72,18 @@ class Signal:
 
 
 NONE = "none"
-"""Label of the hypothesis that a movement is none of the known tasks; no task may have it."""
+"""Label of the hypothesis of an unknown movement, which no task may have."""
 LONGEST_LABEL = 80
-"""Characters of a label. Convention: with a number behind it a file system takes 255 bytes."""
+"""Most characters of a label; file systems accept names of 255 bytes, including a number."""
 GROUP = "group"
-"""Key of a recording's metadata that says whose it is."""
+"""Key of a recording's metadata for the person or pair who moved."""
 FORBIDDEN = frozenset("/\\\0")
 LABEL = f"a label that can name a folder, of 1 to {LONGEST_LABEL} characters, other than {NONE!r}"
-"""What `can_name_task` asks for, in words."""
+"""Condition of `can_name_task` in words."""
 
 
 def can_name_task(label: object) -> bool:
-    """Whether something can be the label of a task: see `LABEL`."""
+    """Whether a value can be the label of a task, see `LABEL`."""
     return (
         isinstance(label, str)
         and 1 <= len(label) <= LONGEST_LABEL

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the streams of one recording belong together: overlap, one clock, likely units."""
+"""Check that the streams of one recording belong together: overlap, clocks and units."""
 
 from collections.abc import Iterator, Mapping
 from typing import Protocol
@@ -12,17 +12,17 @@ from intent_recognition.signals.signal import Signal
 from intent_recognition.signals.units import Known, in_words, misfit, scene_misfit, time_misfit
 
 LARGEST_MISSING_SHARE = 0.1
-"""Share of the observed recording that a controlled stream may miss after the human's onset, or at
-its end. Convention: above what the recorder costs (at most 0.085 in the shipped recordings)."""
+"""Largest share of the observed recording that a controlled stream may miss after the human's onset
+or at the end. Recorders cause at most 0.085 in the shipped recordings."""
 LATENCY_S = 0.25
-"""Shift between streams above which it is named [s]. Convention: longer than trackers take."""
+"""Shift between streams above which it is reported [s], longer than the latency of trackers."""
 LEAST_EXTENT = {"m": 0.01, "rad": 0.01}
-"""Extent below which an agent has not moved, by unit [m, rad]. Convention: some times the noise of
-trackers and encoders."""
+"""Extent below which an agent has not moved [m, rad], several times the noise of trackers and
+encoders."""
 
 
 class _Recorded(Protocol):
-    """What is needed of a `Demonstration`, which asks for doubts when it is made."""
+    """Attributes of a `Demonstration` used here, since `Demonstration` imports this module."""
 
     @property
     def source(self) -> str: ...
@@ -47,26 +47,26 @@ class _Recorded(Protocol):
 
 
 def stream_defect(recorded: _Recorded) -> str:
-    """Why a recording cannot be learned from or scored, with the likely cause; empty if it can.
+    """Why a recording cannot be used for learning or scoring, with the likely cause; else empty.
 
-    A controlled agent that was not recorded while the observed one moved has no truth there, and
-    none is made up.
+    The controlled agent must have been recorded while the observed one moved: nothing is
+    extrapolated.
     """
     certain = (reason for is_certain, reason in _misfits(recorded) if is_certain)
     return next(certain, "") or _missing(recorded)
 
 
 def common_span(recorded: _Recorded) -> tuple[int, int]:
-    """The part of [start_ns, end_ns] in which every controlled stream was recorded."""
+    """The part of [start_ns, end_ns] in which all controlled streams were recorded."""
     first = [int(signal.stamps_ns[0]) for signal in recorded.controlled]
     last = [int(signal.stamps_ns[-1]) for signal in recorded.controlled]
     return max([recorded.start_ns, *first]), min([recorded.end_ns, *last])
 
 
 def recording_doubts(recorded: _Recorded, *, brief: bool = False) -> list[str]:
-    """What gives reason to doubt a recording that can be used, each with the likely cause.
+    """Doubts about a usable recording, each with the likely cause.
 
-    `brief`: of units, say what is the same for all recordings that have them.
+    With `brief`, doubts about a unit have the same text in all recordings.
     """
     clock = [*_shifted_clock(recorded)] or [*_shifted_edges(recorded)]
     return [
@@ -82,7 +82,7 @@ def recording_doubts(recorded: _Recorded, *, brief: bool = False) -> list[str]:
 
 
 def _wrapped(recorded: _Recorded) -> Iterator[str]:
-    """Which angles jumped by whole turns."""
+    """Report the angles that jumped by whole turns."""
     if recorded.wrapped:
         yield (
             f"{', '.join(recorded.wrapped)} jumps by 2 pi: a wrapped angle. It is taken as"
@@ -91,10 +91,10 @@ def _wrapped(recorded: _Recorded) -> Iterator[str]:
 
 
 def _misfits(recorded: _Recorded, brief: bool = False) -> Iterator[tuple[bool, str]]:
-    """Of signals that are hardly in their unit, whether that is certain, and why."""
+    """For each signal that is hardly in its unit, whether this is certain, and why."""
     signals = (*recorded.observed, *recorded.controlled)
     for late in filter(None, map(time_misfit, signals)):
-        if late.certain:  # of others `sparse` tells
+        if late.certain:  # `sparse` reports the others
             yield late.certain, late.reason
     of_arms = recorded.known or (None,) * len(recorded.controlled)
     known = (*[None] * len(recorded.observed), *of_arms)
@@ -112,7 +112,7 @@ def _misfits(recorded: _Recorded, brief: bool = False) -> Iterator[tuple[bool, s
 
 
 def _missing(recorded: _Recorded) -> str:
-    """Which controlled stream misses too much of the observed recording."""
+    """Report a controlled stream that misses too much of the observed recording; else empty."""
     start_ns, end_ns = recorded.start_ns, recorded.end_ns
     length = max(end_ns - start_ns, 1)
     onset_ns = start_ns + round((_onset_s(recorded) or 0.0) * 1e9)
@@ -146,13 +146,13 @@ def _missing(recorded: _Recorded) -> str:
 
 
 def _onset_s(recorded: _Recorded) -> float | None:
-    """When the human first moves [s after the start]; before that there is nothing to predict."""
+    """Onset of the human's first movement [s after the start], None if there is none."""
     settings = onset_settings([recorded.observed])
     return earliest_onset(settings, recorded.observed, recorded.start_ns)
 
 
 def _shifted_clock(recorded: _Recorded) -> Iterator[str]:
-    """Streams whose stamps differ by a shift from the times at which they were received."""
+    """Report controlled streams whose delay from stamp to log time differs from the human's."""
     if not recorded.delays_s:
         return
     n_observed = len(recorded.observed)
@@ -168,7 +168,7 @@ def _shifted_clock(recorded: _Recorded) -> Iterator[str]:
 
 
 def _shifted_edges(recorded: _Recorded) -> Iterator[str]:
-    """Streams that begin and end by the same time earlier or later than the observed ones."""
+    """Report controlled streams whose start and end differ from the observed by an equal shift."""
     for signal in recorded.controlled:
         begins_s = (int(signal.stamps_ns[0]) - recorded.start_ns) * 1e-9
         ends_s = (int(signal.stamps_ns[-1]) - recorded.end_ns) * 1e-9
@@ -182,7 +182,7 @@ def _shifted_edges(recorded: _Recorded) -> Iterator[str]:
 
 
 def _in_part(recorded: _Recorded) -> Iterator[str]:
-    """Whether one agent was recorded in only a part of the other's recording."""
+    """Report if one agent was recorded in only a part of the other's recording."""
     if not recorded.controlled:
         return
     first = max(int(signal.stamps_ns[0]) for signal in recorded.controlled)
@@ -204,7 +204,7 @@ def _in_part(recorded: _Recorded) -> Iterator[str]:
 
 
 def _holes(recorded: _Recorded) -> Iterator[str]:
-    """Streams without samples for much of the recording, and stamps that went back in it."""
+    """Report streams with long gaps, and recordings with many stamps that went back."""
     signals = (*recorded.observed, *recorded.controlled)
     length_ns = recorded.end_ns - recorded.start_ns
     for signal in signals:
@@ -225,7 +225,7 @@ def _holes(recorded: _Recorded) -> Iterator[str]:
 
 
 def sparse(signal: Signal) -> list[str]:
-    """Whether it has too few samples for an onset to be found in it."""
+    """Report a signal whose rate is too low to detect an onset; empty if there is none."""
     steps_ns = np.diff(signal.stamps_ns)
     rate_hz = 1e9 / np.median(steps_ns) if len(steps_ns) else np.inf
     if rate_hz >= LEAST_RATE_HZ - 1e-6:
@@ -242,16 +242,16 @@ def sparse(signal: Signal) -> list[str]:
 
 
 def zeros(signal: Signal) -> list[str]:
-    """Whether it jumps to zero in all DOFs: many programs write that for what they do not see."""
+    """Report jumps to zero in all DOFs, which many programs write for unmeasured samples."""
     zero = np.all(signal.values == 0.0, axis=1)
     if len(signal.names) < 2 or not zero.any():
         return []
-    if zero.all():  # joints of a simulation may be
+    if zero.all():  # joints of a simulation may stay at zero
         said = f"{in_words(signal)} is at exactly zero in every sample. Likely it was never seen."
         return [said] if signal.unit == "m" else []
     steps = np.linalg.norm(np.diff(signal.values, axis=0), axis=1)
     edge = zero[1:] != zero[:-1]
-    if steps[edge].min() <= 3.0 * steps[~edge].max(initial=0.0):  # it moves to zero
+    if steps[edge].min() <= 3.0 * steps[~edge].max(initial=0.0):  # a movement to zero, not a jump
         return []
     return [
         f"{in_words(signal)} is at exactly zero in {zero.sum()} of {len(zero)} samples, and jumps"
@@ -260,7 +260,7 @@ def zeros(signal: Signal) -> list[str]:
 
 
 def _found_late(recorded: _Recorded) -> Iterator[str]:
-    """Whether the onset rule finds the movement only once much of it is over, or never."""
+    """Report if the onset is detected only after much of the movement, or never."""
     onset_s, shares = _onset_s(recorded), []
     for signal in recorded.observed:
         extent = float(np.ptp(signal.values, axis=0).max(initial=0.0))
@@ -269,7 +269,7 @@ def _found_late(recorded: _Recorded) -> Iterator[str]:
         until = signal.seconds(recorded.start_ns) <= (np.inf if onset_s is None else onset_s)
         before = np.ptp(signal.values[until], axis=0).max() if until.any() else 0.0
         shares.append(float(before) / extent)
-    if shares and min(shares) > 0.2:  # a reach is found within 2 % of its way
+    if shares and min(shares) > 0.2:  # a reach is detected within 2 % of its path
         yield (
             f"the observed movement is found only after {min(shares):.0%} of its way: it is too"
             " slow beside its noise. Likely a very long task: divide it, or record it faster."
@@ -277,7 +277,7 @@ def _found_late(recorded: _Recorded) -> Iterator[str]:
 
 
 def _resting(recorded: _Recorded) -> Iterator[str]:
-    """Agents that do not move: what is learned of them is a place, and of the human no task."""
+    """Report agents that do not move: no task can be learned from a human at rest."""
     for agent, signals, cause in (
         ("observed", recorded.observed, "a tracker that lost the body, or another unit"),
         ("controlled", recorded.controlled, "a driver that repeats itself, or an arm switched off"),

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Angles that differ by whole turns are one angle: brought to one turn in time and across signals.
+"""Remove whole-turn jumps from angles, and bring the angles of several recordings to one turn.
 
-Drivers wrap an angle to one turn, so that it jumps by 2 pi; and a joint that turns more than once
-may begin a recording in another turn than the last. Only whole turns are added, so that an angle
-stays what it is on the circle.
+Drivers wrap an angle to one turn, so that it jumps by 2 pi, and a joint that turns more than once
+may begin recordings in different turns. Only whole turns are added, so that angles are unchanged on
+the circle.
 """
 
 from collections.abc import Sequence
@@ -14,28 +14,28 @@ from intent_recognition.array_types import Floats
 from intent_recognition.signals.signal import Signal
 
 TURNS = {"rad": 2.0 * np.pi, "deg": 360.0}
-"""A whole turn by the unit of an angle."""
+"""A whole turn in each unit of angles."""
 
 
 def turns_of(units: Sequence[str]) -> Floats:
-    """A whole turn of each DOF (d,), NaN for what is no angle."""
+    """A whole turn in the unit of each DOF (d,), NaN for DOFs that are not angles."""
     return np.array([TURNS.get(unit, np.nan) for unit in units])
 
 
 def whole_turns(difference: Floats, turn: Floats | float) -> Floats:
-    """The whole turns in differences of angles, (...); zero for what is no angle."""
+    """Differences of angles rounded to whole turns, (...); zero for DOFs that are not angles."""
     return np.nan_to_num(turn * np.round(difference / turn))
 
 
 def jumps(difference: Floats, turn: Floats | float) -> Floats:
-    """The whole turns by which angles jump from one sample to the next, zero for none, (...)."""
+    """The whole turns by which angles jump between successive samples, (...); zero for no jump."""
     turns = whole_turns(difference, turn)
-    # an angle may move by a radian between samples
+    # angles may move by up to a radian between samples
     return np.where(np.abs(difference - turns) < turn / TURNS["rad"], turns, 0.0)
 
 
 def continuous(signal: Signal) -> tuple[Signal, tuple[str, ...]]:
-    """The signal without jumps by whole turns, and the names of the DOFs that had some."""
+    """The signal without jumps by whole turns, and the names of the DOFs that jumped."""
     if signal.unit not in TURNS or len(signal.values) < 2:
         return signal, ()
     turns = np.cumsum(jumps(np.diff(signal.values, axis=0), TURNS[signal.unit]), axis=0)
@@ -49,10 +49,10 @@ def continuous(signal: Signal) -> tuple[Signal, tuple[str, ...]]:
 
 
 def turn_reference(angles: Floats, turn: float = TURNS["rad"]) -> float:
-    """The middle of some angles on the circle (n,): opposite to the widest gap between them.
+    """The middle of angles (n,) on the circle, opposite to the widest gap between them.
 
-    Angles brought within half a turn of it are divided where they are farthest apart. Of the turns
-    it takes the one that most of the angles are in already.
+    Bringing angles within half a turn of it thus separates them at the widest gap. The middle is in
+    the turn that contains most of the given angles.
     """
     around = np.sort(np.mod(angles, turn))
     gaps = np.diff(around, append=around[0] + turn)
@@ -65,9 +65,9 @@ def turn_reference(angles: Floats, turn: float = TURNS["rad"]) -> float:
 def begin_near(
     signals: Sequence[Signal], start_ns: int, references: Sequence[float | None]
 ) -> tuple[Signal, ...]:
-    """The signals of one agent, each angle in the turn in which it begins nearest to its reference.
+    """Shift each angle of an agent's signals by whole turns to begin nearest to its reference.
 
-    There is one for each DOF of all signals; None for what is no angle.
+    There is one reference for each DOF of all signals, None for DOFs that are not angles.
     """
     found, first = [], 0
     for signal in signals:
@@ -84,6 +84,6 @@ def begin_near(
 
 
 def first_values(signal: Signal, start_ns: int) -> Floats:
-    """Its sample at a stamp or after, or else the last before it, (d,)."""
+    """The signal's first sample at or after a stamp, or else its last sample, (d,)."""
     row = int(np.searchsorted(signal.stamps_ns, start_ns))
     return signal.values[min(row, len(signal.values) - 1)]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Units: which DOFs may be measured by one scale, and whether numbers can be in their unit.
+"""Units: group DOFs with a common scale, and check whether values can be in their unit.
 
-Constants in metres and radians hold for these two alone. Newtons, pixels and all else are measured
-by how far the demonstrations go in them, so that nothing depends on how large their unit is.
+Constants in metres and radians apply to these units only. Values in other units, such as newtons or
+pixels, are scaled by their range in the demonstrations, so that nothing depends on the unit's size.
 """
 
 import re
@@ -19,8 +19,8 @@ from intent_recognition.signals.signal import MIN_SAMPLES, Signal
 from intent_recognition.signals.turns import TURNS
 
 SPATIAL_UNITS = ("m", "rad")
-"""Units that constants are given in. Their numbers are added, too: over the reach of an arm, a
-radian at a joint is a metre at the hand. Convention."""
+"""Units in which constants are given. Values in both may be added: over the reach of an arm, a
+radian at a joint is about a metre at the hand."""
 UNITS = {
     "m": ("m", "metre", "meter"),
     "dm": ("dm", "decimetre", "decimeter"),
@@ -32,71 +32,72 @@ UNITS = {
     "deg": ("deg", "degree", "\u00b0"),
     "rad": ("rad", "radian"),
 }
-"""How people spell each unit, in lower case and but for a plural s."""
+"""Common spellings of each unit, in lower case and without the plural s."""
 PRODUCT = re.compile(
     r"(?<=\w)[ .*\u00b7\u22c5]s(?:\^|\*\*)?[-\u2212\u207b]([1-3\u00b9\u00b2\u00b3])"
 )
-"""Where a unit is divided by seconds in another form: `mm s^-1`, `rad s-2`."""
+"""Matches division by seconds written as a product, as in `mm s^-1` or `rad s-2`."""
 OFTEN_TAKEN = {
     "m": {"millimetres": 1000.0, "centimetres": 100.0},
     "rad": {"degrees": 180.0 / np.pi},
 }
-"""Units that are recorded in place of another, with how many of them make it."""
+"""Units often recorded instead of the right one, with their number per right unit."""
 SELDOM_TAKEN = {"m": {"inches": 1.0 / 0.0254}}
-"""Likewise, but so near to one of these that only learned places tell them apart."""
+"""Units like those of `OFTEN_TAKEN`, but so close to one of them that only learned positions can
+distinguish them."""
 NAMES = {"m": "metres", "rad": "radians"}
-"""Units in words."""
+"""Names of the units in words."""
 FASTEST = {"m": 20.0, "rad": 25.0}
-"""Speed that nothing reaches at work, by unit [m/s, rad/s]. Convention: a thrown ball is faster;
-no joint of an industrial arm turns four times a second."""
+"""Speed above which a unit must be wrong [m/s, rad/s]: a thrown ball is faster, but nothing at a
+workplace, and no joint of an industrial arm turns four times per second."""
 WIDEST = {"m": 20.0, "rad": 8.0 * np.pi}
-"""Extent of a movement beyond which its unit is another, by unit [m, rad]. Convention: larger than
-a cell; four turns."""
+"""Extent of a movement above which a unit must be wrong [m, rad]: larger than a robot cell, or four
+turns."""
 USUAL = {"m": 0.5, "rad": 1.0}
-"""Extent of a reach, by unit [m, rad]: of two factors that explain too large numbers, the one that
-comes nearer to it is named. Convention."""
+"""Usual extent of a reach [m, rad]. If two units explain too large values, the one that gives the
+more usual extent is named."""
 FAST = 10.0
-"""Speed that is doubted [m/s, rad/s]. Convention: the fastest joints of cobots turn with 6, a hand
-reaches with 3."""
+"""Speed above which a unit is doubted [m/s, rad/s]; the fastest joints of cobots reach 6 rad/s,
+a hand 3 m/s."""
 OUTSIDE_RAD = 0.1
-"""By how much a recorded joint may be outside the range of its URDF [rad]. Convention: calibration,
-and limits in software that are narrower."""
+"""Largest distance of a recorded joint from the range in its URDF [rad], which allows for
+calibration and narrower software limits."""
 SAME_SCALE = 3.0
-"""Ratio by which recordings in one unit differ at most in level and extent. Convention: half of
-the step between any two units, on a scale of logarithms, is more."""
+"""Largest ratio of level and extent between recordings in one unit, less than the square root of
+the smallest factor between two units."""
 SHORTEST_PERIOD_S, LONGEST_PERIOD_S = 2e-4, 4.0
-"""Steps between samples beyond which times are in another unit [s]. Convention: no tracker is
-faster than 5 kHz; a movement with a sample in four seconds cannot be learned from."""
+"""Sampling periods beyond which times must be in another unit [s]: no tracker is faster than 5 kHz,
+and a movement sampled every four seconds cannot be learned."""
 USUAL_PERIODS_S = 1e-3, 0.5
-"""Steps of trackers and encoders [s]. Convention; their ratio is less than a thousand, so that one
-unit at most explains other steps."""
+"""Range of the sampling periods of trackers and encoders [s]. The ratio of its ends is below 1000,
+so that at most one other unit explains a period."""
 FAR_SHARE = 0.1
-"""How far outside what was learned numbers of another unit are, in learned extents and parts of the
-factor between the units. Convention: 100 extents for millimetres, 6 for degrees; a reach that
-begins within a tenth of its extent from the origin is judged once it has left that."""
+"""Distance outside the learned range above which a sample is in another unit, in learned extents
+and relative to the factor between the units: 100 extents for millimetres, 6 for degrees. A reach
+that begins within a tenth of its extent from the origin is judged only beyond that."""
 
 
 class Known(NamedTuple):
-    """What the description of an arm says of a signal."""
+    """Prior knowledge about a signal, such as limits from the description of an arm."""
 
-    # smallest positions of the DOFs (d,); empty where that is not known
+    # smallest positions of the DOFs (d,), empty if unknown
     lower: Floats = np.empty(0)
     upper: Floats = np.empty(0)  # largest positions (d,)
-    widest: float = np.inf  # extent that no DOF can have; infinite where that is not known
+    widest: float = np.inf  # upper bound of the extent of each DOF, infinite if unknown
 
 
 class Misfit(NamedTuple):
-    """Why numbers are hardly in their unit."""
+    """Why values are hardly in their unit."""
 
-    reason: str  # a sentence with the names of the DOFs, and the likely unit
-    factor: float  # by which the numbers are too large; NaN where no usual unit explains them
-    certain: bool  # whether no movement can look like this
-    # the last sentence of the reason, which is the same for all recordings of a kind
+    reason: str  # a sentence with the names of the DOFs and the likely unit
+    factor: float  # by which the values are too large; NaN if no usual unit explains them
+    certain: bool  # whether no real movement can have such values
+    # last sentence of the reason, which is the same for all recordings with this error
     likely: str = ""
 
 
 class Size(NamedTuple):
-    """How large the numbers of a signal are: root mean square and largest extent."""
+    """Size of a signal's values: root mean square and largest extent of a DOF."""
 
     unit: str
     level: float
@@ -104,7 +105,7 @@ class Size(NamedTuple):
 
 
 def spelled(unit: str) -> str:
-    """A unit of length or angle as it is written here, whatever others call it; else as it is."""
+    """Spell a unit of length or angle as in this package; other units are only stripped."""
     one, slash, per = as_quotient(unit.strip()).partition("/")
     low = one.strip().lower()
     for name, known in UNITS.items():
@@ -114,12 +115,12 @@ def spelled(unit: str) -> str:
 
 
 def as_quotient(unit: str) -> str:
-    """A text with `mm s^-1` in it with `mm/s` instead, as units are written here."""
+    """Write products such as `mm s^-1` in a text as quotients such as `mm/s`."""
     return PRODUCT.sub(lambda found: f"/s^{digit(found[1])}".removesuffix("^1"), unit)
 
 
 def commensurate(units: Sequence[str]) -> list[Integers]:
-    """Indices of DOFs (D,) whose numbers may be added: metres and radians, then each other unit."""
+    """Indices of the DOFs with a common scale: metres and radians, then each other unit."""
     kinds = ["" if unit in SPATIAL_UNITS else f"in {unit}" for unit in units]
     return [np.flatnonzero([own == kind for own in kinds]) for kind in sorted(set(kinds))]
 
@@ -130,9 +131,9 @@ def is_spatial(units: Sequence[str]) -> Flags:
 
 
 def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
-    """Why a movement is hardly in its unit; None where it may be, and for other units than m, rad.
+    """Why a recorded movement is hardly in its unit; None if it may be, or is not in m or rad.
 
-    It was recorded, or converted from a table; `known` is of the arm that moved.
+    `known` is the prior knowledge about the arm that moved.
     """
     unit, values = signal.unit, signal.values
     if unit not in SPATIAL_UNITS or not values.size:
@@ -144,7 +145,7 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
     extent = float(np.ptp(values, axis=0).max())
     speed = peak_speed(signal.seconds(int(signal.stamps_ns[0])), values)
     farthest = float(np.abs(values).max())
-    turn = TURNS["rad"]  # few joints turn farther to either side
+    turn = TURNS["rad"]  # few joints turn farther in either direction
     turned = unit == "rad" and farthest > turn
     turned = turned and max(extent / turn, speed / FAST, farthest / WIDEST[unit]) > 1.0
     too_wide = extent > known.widest
@@ -154,11 +155,11 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
     if unit == "m" and (stray := _stray(signal)) is not None:
         return stray
     reason = f"{in_words(signal)} moves over {extent:.3g} {unit}"
-    reason += f" at up to {speed:.3g} {unit}/s" if speed > FAST else ""  # few samples say less
+    reason += f" at up to {speed:.3g} {unit}/s" if speed > FAST else ""  # too low if sparse
     reason += f" and is at {farthest:.3g} {unit}" if turned else ""
     reason += f", and the arm cannot reach over {known.widest:.3g} {unit}" if too_wide else ""
     name, factor = _nearest_usual(unit, extent)
-    certain = unit == "m" and never  # a joint without limits may turn as far, a toy's as fast
+    certain = unit == "m" and never  # joints without limits may turn as far, a toy's as fast
     likely = taken_for(unit, {name: factor})
     said = "cannot be" if certain else "is hardly"
     text = f"{reason}: the unit {said} {NAMES[unit]}. {likely}"
@@ -166,7 +167,7 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
 
 
 def _stray(signal: Signal) -> Misfit | None:
-    """Few samples (T, d) [m] far from all others, without which nothing is odd; None if not so."""
+    """Misfit due to a few samples [m] far from all others, if only these are odd; else None."""
     values = signal.values
     away = np.linalg.norm(values - np.median(values, axis=0), axis=1)
     far = away > 0.5 * away.max()
@@ -185,7 +186,7 @@ def _stray(signal: Signal) -> Misfit | None:
 
 
 def time_misfit(signal: Signal) -> Misfit | None:
-    """Why times are hardly in seconds; None where they may be."""
+    """Why times are hardly in seconds; None if they may be."""
     if len(signal.stamps_ns) < MIN_SAMPLES:
         return None
     period_s = float(np.median(np.diff(signal.stamps_ns))) * 1e-9
@@ -204,9 +205,9 @@ def time_misfit(signal: Signal) -> Misfit | None:
 def learned_misfit(
     names: Sequence[str], unit: str, values: Floats, learned: Known
 ) -> Misfit | None:
-    """Why one sample (d,) is hardly in the unit that was learned; None where it may be.
+    """Why one sample (d,) is hardly in the unit that was learned; None if it may be.
 
-    `learned` is where the DOFs were, as far as the library knows.
+    `learned` is the range of the DOFs in the library.
     """
     lower, upper = learned.lower, learned.upper
     excess = np.maximum(lower - values, values - upper)
@@ -223,7 +224,7 @@ def learned_misfit(
 
 
 def other_units(unit: str, values: Floats, learned: Known) -> dict[str, float]:
-    """Units, and their factors, in which a sample (d,) lies where the DOFs were."""
+    """Other units, with their factors, in which a sample (d,) is inside the learned range."""
     return {
         name: factor
         for name, factor in (OFTEN_TAKEN.get(unit, {}) | SELDOM_TAKEN.get(unit, {})).items()
@@ -232,13 +233,13 @@ def other_units(unit: str, values: Floats, learned: Known) -> dict[str, float]:
 
 
 def place_misfit(position_m: Floats) -> Misfit | None:
-    """Why the place of a tracked body (3,) is hardly in metres; None where it may be."""
+    """Why the position of a tracked body (3,) is hardly in metres; None if it may be."""
     distance_m = float(np.linalg.norm(position_m))
     return length_misfit(distance_m, f"is {distance_m:.3g} m from the origin of its frame")
 
 
 def scene_misfit(signal: Signal) -> Misfit | None:
-    """As `misfit`, of a thing that may stand still: where it is (T, d) counts, too."""
+    """Like `misfit`, for an object that may stand still: its position (T, d) is checked, too."""
     found = misfit(signal)
     if found is None and signal.unit == "m" and signal.values.size:
         found = place_misfit(np.median(signal.values, axis=0))
@@ -247,34 +248,34 @@ def scene_misfit(signal: Signal) -> Misfit | None:
 
 
 def length_misfit(length_m: float, said: str, do: str = "record") -> Misfit | None:
-    """Why a length, of an arm or from an origin, is hardly in metres; None where it may be.
+    """Why a length of an arm or a distance is hardly in metres; None if it may be.
 
-    `said` is the same in words, and `do` what helps, in metres.
+    `said` describes the length in words, and `do` is the verb of the advice, before "metres".
     """
     if length_m <= WIDEST["m"]:
         return None
     name, factor = _nearest_usual("m", length_m)
     likely = {name: factor}
-    if length_m / max(OFTEN_TAKEN["m"].values()) < 0.3:  # [m]: so near, either may be it
+    if length_m / max(OFTEN_TAKEN["m"].values()) < 0.3:  # [m]; any of the units is possible
         likely = OFTEN_TAKEN["m"]
     text = taken_for("m", likely, do)
     return Misfit(f"{said}. {text}", factor, certain=False, likely=text)
 
 
 def _nearest_usual(unit: str, length: float) -> tuple[str, float]:
-    """The unit that is taken for another, and its factor, by which a length is most usual."""
+    """The other unit, with its factor, in which a length is closest to the usual one."""
     return min(
         OFTEN_TAKEN[unit].items(), key=lambda item: abs(np.log(length / item[1] / USUAL[unit]))
     )
 
 
 def in_words(signal: Signal) -> str:
-    """Names of a signal: its DOFs, of many the first."""
+    """Name of a signal: its first DOF, followed by an ellipsis if there are more."""
     return ", ".join(signal.names[:1]) + (", ..." if len(signal.names) > 1 else "")
 
 
 def _outside(signal: Signal, known: Known) -> Misfit | None:
-    """Positions outside the ranges of the joints: farther than these are wide in another unit."""
+    """Misfit of positions outside the joint ranges; their unit is wrong if they are far outside."""
     unit, values = signal.unit, signal.values
     if not known.lower.size:
         return None
@@ -298,7 +299,7 @@ def _outside(signal: Signal, known: Known) -> Misfit | None:
 
 
 def size_of(unit: str, values: Floats) -> Size:
-    """Of numbers (T, d)."""
+    """Size of values (T, d)."""
     if not values.size:
         return Size(unit, 0.0, 0.0)
     level = float(np.sqrt(np.mean(np.square(values))))
@@ -306,14 +307,14 @@ def size_of(unit: str, values: Floats) -> Size:
 
 
 def median_size(sizes: Sequence[Size]) -> Size:
-    """Of the same signal in several recordings."""
+    """Median size of the same signal in several recordings."""
     unit, *_ = (size.unit for size in sizes)
     level, extent = np.median([size[1:] for size in sizes], axis=0)
     return Size(unit, float(level), float(extent))
 
 
 def differing_unit(one: Size, usual: Size) -> Misfit | None:
-    """Whether a signal is in another unit than the same one of most recordings; None if not."""
+    """Misfit of a signal whose unit differs from that in most recordings; None if it does not."""
     if min(*one[1:], *usual[1:]) <= 0.0:
         return None
     ratio = np.log(one[1:]) - np.log(usual[1:])
@@ -329,6 +330,6 @@ def differing_unit(one: Size, usual: Size) -> Misfit | None:
 
 
 def taken_for(unit: str, likely: Mapping[str, float], do: str = "record") -> str:
-    """Which units were likely taken for another, and what to do instead, in words."""
+    """Sentence that names the units likely recorded instead of `unit`, with advice."""
     taken, factors = " or ".join(likely), " or ".join(f"{one:.4g}" for one in likely.values())
     return f"Likely {taken} for {NAMES[unit]} (a factor of {factors}): {do} {NAMES[unit]}."
