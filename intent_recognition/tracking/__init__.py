@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From raw tracker poses to checked poses in the world frame."""
+"""Check raw tracker poses and transform them to the world frame."""
 
 from intent_recognition.tracking.identity import LOST_S, NOBODY, Identities, identify
 from intent_recognition.tracking.ingest import (

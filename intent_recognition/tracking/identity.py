@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which person each tracked body belongs to, whatever label the tracker gives it.
+"""Assign tracked bodies to people, independently of the tracker's labels.
 
-Each person's position is followed by a Kalman filter of constant velocity; the bodies of a frame
-are assigned to the persons by global nearest neighbours: the assignment of the largest likelihood
-(Blackman and Popoli 1999, *Design and Analysis of Modern Tracking Systems*, 6.4). The tracker's
-labels are no evidence in that, for a tracker that exchanges two people keeps both labels. Labels
-name the persons who are new, and those found again after `LOST_S`.
+A constant-velocity Kalman filter tracks the position of each person. The bodies of a frame are
+assigned to people by global nearest neighbours, the assignment of the largest likelihood (Blackman
+and Popoli 1999, *Design and Analysis of Modern Tracking Systems*, 6.4). The tracker's labels are
+not used as evidence, since a tracker that exchanges two people keeps both labels. They only name
+people who are new or seen again after `LOST_S`.
 """
 
 import math
@@ -19,30 +19,31 @@ from scipy.optimize import linear_sum_assignment
 from intent_recognition.array_types import Floats
 
 LOST_S = 0.5
-"""A person who was not seen for longer [s] is a new one when seen again. Convention: the default
-`timeout` of `primitive_activation`, after which nothing goes on as before."""
+"""Time without observations after which a person counts as new [s], equal to the default `timeout`
+after which `primitive_activation` stops the arm."""
 UNKNOWN_S = 0.6
-"""Time for which two who cannot be told apart are nobody [s]. Convention: longer than `LOST_S`, so
-that what was believed of them is forgotten everywhere."""
+"""Time for which two indistinguishable people are both `NOBODY` [s], longer than `LOST_S`, so that
+all nodes forget the previous beliefs about them."""
 NOBODY = ""
 """The person of a body whose person is not known."""
 
 NEW = -math.log(1e-3)
-"""Negative log-likelihood of somebody new in a frame. Convention: some ten people a minute."""
+"""Negative log-likelihood of a new person in a frame, for about ten new people per minute."""
 ACCELERATION_STD_M_S2 = 2.0
-"""Of a tracked point between two frames, and while it is not seen [m/s^2]. Moving hands of the
-shipped toolbox demonstrations imply 0.65 over gaps of 0.1 s and 0.3 over 0.3 s; with 1.5 exchanges
-of people who reach in 1 s went unnoticed, with 5 more people cannot be told apart
+"""Standard deviation of a tracked point's acceleration between observations [m/s^2]. Moving hands
+in the shipped toolbox demonstrations imply 0.65 over gaps of 0.1 s and 0.3 over 0.3 s. With 1.5,
+exchanges of people who reach in 1 s went unnoticed; with 5, more people are indistinguishable
 (docs/several_people.md)."""
 POSITION_STD_M = 0.004
-"""Of the tracker [m]. Convention: twice that of `IngestSettings`; with it the squared innovations
-of the shipped toolbox demonstrations have a mean of 0.2, of 3."""
+"""Standard deviation of the tracker's noise [m], twice that of `IngestSettings`. The normalised
+squared innovations of the shipped toolbox demonstrations have a mean of 0.2 (3 if consistent)."""
 
 
 class Track(NamedTuple):
-    """A person who is followed: the tracker's label and the stamp of the last sight.
+    """A tracked person, with the tracker's label and stamp of the last observation.
 
-    Mean position [m] and velocity [m/s] then are (2, 3), the covariance along each axis (2, 2).
+    `mean` holds position [m] and velocity [m/s] at that time, (2, 3); `covariance` is that along
+    each axis, (2, 2).
     """
 
     person: str
@@ -53,10 +54,10 @@ class Track(NamedTuple):
 
 
 class Identities(NamedTuple):
-    """What is remembered between frames, at first nothing; never modified.
+    """Immutable state between frames, initially empty.
 
-    Labels of persons who cannot be told apart are unknown until a time. So far `n_undone` exchanges
-    of the tracker were undone, and `n_unknown` times two could not be told apart.
+    Labels of indistinguishable people have no person until `unknown_until_ns`. So far, `n_undone`
+    frames undid an exchange of the tracker, and in `n_unknown` people were indistinguishable.
     """
 
     tracks: tuple[Track, ...] = ()
@@ -71,12 +72,12 @@ def identify(
     """Assign the bodies of a frame to people.
 
     Args:
-        people: what the last call returned, or `Identities()`.
-        stamp_ns: of the frame; later than the last one's.
-        positions: of a point of each body that was seen (3,) [m], by the tracker's label.
+        people: state returned by the last call, or `Identities()`.
+        stamp_ns: stamp of the frame, later than that of the last one.
+        positions: position (3,) [m] of a point of each observed body, by the tracker's label.
 
     Returns:
-        What to remember, and the person of each label: `NOBODY` where two cannot be told apart.
+        The new state, and the person of each label, `NOBODY` for indistinguishable people.
     """
     held = {k: until for k, until in people.unknown_until_ns.items() if until > stamp_ns}
     known = [t for t in people.tracks if stamp_ns - t.stamp_ns <= LOST_S * 1e9]
@@ -101,7 +102,7 @@ def identify(
         track.label != before[track.person] and track.label in before.values() for track in tracks
     )
     for label in labels:
-        # a label that leaps farther than anybody moves is nobody's, until its person is lost
+        # a label that jumps farther than people move is nobody's until its person is lost
         if found[label] or label in held or any(track.label == label for track in tracks):
             continue
         found[label] = _name(label, tracks, positions)
@@ -113,14 +114,14 @@ def identify(
 
 
 def _name(label: str, tracks: list[Track], labels: Mapping[str, object]) -> str:
-    """What a new person is called: as its label, or as one whose label another person has now."""
+    """Name of a new person: the label, or else a label or numbered name that nobody has."""
     taken = {track.person for track in tracks}
     numbered = (f"{label}_{k}" for k in count(2))
     return next(name for name in chain([label], sorted(labels), numbered) if name not in taken)
 
 
 def _predicted(track: Track, stamp_ns: int) -> Track:
-    """Where a person is by now; the acceleration is one draw, also while it was not seen."""
+    """Predict a track, with one random acceleration that is constant since the last observation."""
     dt_s = (stamp_ns - track.stamp_ns) * 1e-9
     move = np.array([[1.0, dt_s], [0.0, 1.0]])
     pushed = ACCELERATION_STD_M_S2 * np.array([0.5 * dt_s**2, dt_s])
@@ -137,15 +138,15 @@ def _corrected(track: Track, label: str, position: Floats) -> Track:
 
 
 def _assignment(tracks: list[Track], positions: list[Floats]) -> tuple[Floats, list[int]]:
-    """Negative log-likelihoods (n, m + n), and the best column of each of n tracks.
+    """Negative log-likelihoods (n, m + n), and the best column for each of n tracks.
 
-    Columns are the m positions, then "not seen" for each track. A position left over is of a new
-    person.
+    The columns are the m positions, then "not seen" for each track. A position that is not assigned
+    belongs to a new person.
     """
     n, m = len(tracks), len(positions)
     costs = np.full((n + m, m + n), np.inf)
     costs[n:, m:] = 0.0
-    np.fill_diagonal(costs[:n, m:], -math.log(0.05))  # the tracker does not see a person
+    np.fill_diagonal(costs[:n, m:], -math.log(0.05))  # probability of a missed detection
     np.fill_diagonal(costs[n:, :m], NEW)
     for i, track in enumerate(tracks):
         variance = track.covariance[0, 0] + POSITION_STD_M**2
@@ -158,7 +159,7 @@ def _assignment(tracks: list[Track], positions: list[Floats]) -> tuple[Floats, l
 
 
 def _alike(costs: Floats, columns: list[int], least: float) -> set[int]:
-    """Tracks that could as well be exchanged with another one, or with somebody new."""
+    """Tracks whose exchange with another track or a new person costs less than `least` more."""
     n = len(columns)
     m = costs.shape[1] - n
     alike = {
@@ -166,7 +167,7 @@ def _alike(costs: Floats, columns: list[int], least: float) -> set[int]:
     }
     for i, k in combinations(range(n), 2):
         now = costs[i, columns[i]] + costs[k, columns[k]]
-        # Not seen is a column of each track's own.
+        # Each track has its own column for "not seen".
         of_i = columns[k] if columns[k] < m else m + i
         of_k = columns[i] if columns[i] < m else m + k
         if min(columns[i], columns[k]) < m and costs[i, of_i] + costs[k, of_k] - now < least:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From raw tracker poses to poses in the world frame: checked, with covariance and velocity.
+"""Check raw tracker poses, transform them to the world frame, and add covariance and velocity.
 
 The node `mocap_ingest`, training and the replay of bags all use `ingest_pose`, so that models are
-learned from the same poses that are observed online; `ingest_poses` does the same for a recording.
+learned from the same poses that are observed online. `ingest_poses` processes a whole recording.
 """
 
 import math
@@ -24,7 +24,7 @@ STAMP_NOT_INCREASING = "stamp_not_increasing"
 JUMP = "jump"
 
 FARTHEST_M = 1e5
-"""Positions farther away [m] are rejected as infinite ones. Convention: no tracker reaches it."""
+"""Distance from which positions are rejected as infinite [m], beyond the range of any tracker."""
 NO_ROTATION = frozen((0.0, 0.0, 0.0, 1.0))
 
 
@@ -46,18 +46,18 @@ class TrackedPose:
     stamp_ns: int
     position: Floats  # (3,) [m]
     orientation: Floats  # unit quaternion (4,) xyzw
-    # False if the tracker gave none (an all-zero quaternion); `orientation` is then the identity
+    # False if the tracker gave an all-zero quaternion; `orientation` is then the identity
     orientation_measured: bool
     position_covariance: Floats  # of the measurement, (3, 3) [m^2], world axes
-    # world axes, or None with fewer than three recent samples. Fitted to the same positions, so it
-    # is not an observation of its own.
+    # in world axes, None with fewer than three recent samples; it is fitted to the positions, so it
+    # is not an independent observation
     velocity: Velocity | None = None
     reanchored: bool = False  # whether a new track begins with this sample
 
 
 @dataclass(frozen=True)
 class Rejected:
-    """A dropped pose, and why."""
+    """Reason for dropping a pose."""
 
     reason: str
     detail: str
@@ -65,15 +65,15 @@ class Rejected:
 
 @dataclass(frozen=True)
 class IngestState:
-    """What is remembered of one body between samples, at first nothing; never modified."""
+    """Immutable state of one body between samples, initially empty."""
 
-    # accepted samples of the velocity window, oldest first, thinned at high rates; the last is the
-    # last accepted one
+    # accepted samples of the velocity window, oldest first, thinned at high rates; the last one is
+    # the last accepted sample
     recent: tuple[Sample, ...] = ()
-    # jump, jumps: the last of the current consecutive jumps, or None, and how many these are
+    # jump, jumps: last of the current consecutive jumps, or None, and their number
     jump: Sample | None = None
     jumps: int = 0
-    # late_ns, late: likewise of late samples, the stamp of the last
+    # late_ns, late: stamp of the last of the current consecutive late samples, and their number
     late_ns: int | None = None
     late: int = 0
 
@@ -86,27 +86,26 @@ def ingest_pose(
     orientation: ArrayLike,
     frame_id: str,
 ) -> tuple[IngestState, TrackedPose | Rejected]:
-    """Check one raw pose of one body and put it into the world frame.
+    """Check one raw pose of one body and transform it to the world frame.
 
-    Checked in this order: NaN or infinity anywhere (`not_finite`), stamp zero or negative
+    The checks are, in this order: NaN or infinity anywhere (`not_finite`), stamp zero or negative
     (`zero_stamp`), frame without extrinsics (`unknown_frame`), stamp not after the last accepted
     one (`stamp_not_increasing`), speed (`jump`). A rejected sample never changes the track.
 
-    The speed gate compares with the last accepted sample: a step may be as long as
-    `max_speed_m_s` times the time since then, plus six standard deviations of the tracker. It
-    widens while nothing is accepted, and after `max_gap_s` any position is accepted, so that a
-    body that reappears elsewhere after an occlusion is found again. After `reanchor_after`
-    consecutive jumps, each within the gate of the one before it, the track was wrong: the last of
-    them is accepted and a new track begins there. So an outlier as the very first sample costs a
-    few samples, not the session. A clock that was set back is followed in the same way after
-    `clock_reset_after` late samples.
+    The speed gate compares with the last accepted sample: the step must not exceed `max_speed_m_s`
+    times the time since then, plus six standard deviations of the tracker. The gate widens while
+    nothing is accepted, and after `max_gap_s` any position is accepted, so that a body that
+    reappears elsewhere after an occlusion is tracked again. After `reanchor_after` consecutive
+    jumps, each within the gate of the previous jump, the track must be wrong: the last jump is
+    accepted and begins a new track. A first sample that is an outlier thus costs only a few
+    samples. Likewise, a clock that was set back is accepted after `clock_reset_after` late samples.
 
-    Position (3,) [m] and orientation (4,) xyzw are in `frame_id`, of which a leading slash is
-    ignored; an orientation need not be normalised, and all zero means not measured. The state is
-    what the last call for this body returned, or `IngestState()`.
+    Position (3,) [m] and orientation (4,) xyzw are in the frame `frame_id`, whose leading slash is
+    ignored. The orientation need not be normalised; all zeros mean that it was not measured.
+    `state` is that returned by the last call for this body, or `IngestState()`.
 
     Returns:
-        The next state, and the pose in the world frame or why it was rejected.
+        The next state, and either the pose in the world frame or the reason for rejecting it.
     """
     position = np.asarray(position, dtype=np.float64)
     orientation = np.asarray(orientation, dtype=np.float64)
@@ -155,7 +154,7 @@ def _check_sample(
 def _follow(
     settings: IngestSettings, state: IngestState, sample: Sample
 ) -> tuple[IngestState, Rejected | None, bool]:
-    """Extend the track by a sample; returns the state, why not, and whether a track began."""
+    """Extend the track by a sample; returns state, rejection and whether a new track began."""
     if not state.recent:
         return IngestState(recent=(sample,)), None, False
     stamp_ns = sample[0]
@@ -179,7 +178,7 @@ def _follow(
 def _slide(
     settings: IngestSettings, recent: tuple[Sample, ...], sample: Sample
 ) -> tuple[Sample, ...]:
-    """The velocity window with a new sample; at high rates it keeps 20 and it."""
+    """The velocity window with a new sample, thinned to 20 earlier samples at high rates."""
     window_ns = settings.velocity_window_s * 1e9
     if len(recent) > 1 and sample[0] - recent[-2][0] < window_ns / 20:
         recent = recent[:-1]
@@ -190,7 +189,7 @@ def _slide(
 def _follow_jump(
     settings: IngestSettings, state: IngestState, sample: Sample
 ) -> tuple[IngestState, Rejected | None, bool]:
-    """Count a jump; enough consecutive ones that agree with one another are the new track."""
+    """Count a jump; enough consecutive jumps that agree with one another begin a new track."""
     consistent = (
         state.jump is not None
         and sample[0] > state.jump[0]
@@ -224,12 +223,12 @@ def _velocity(settings: IngestSettings, state: IngestState) -> Velocity | None:
 def fit_velocity(stamps_ns: Integers, positions: Floats, position_variance: float) -> Velocity:
     """Slope of the least-squares line through two or more recent positions (T, 3) [m].
 
-    It is the velocity in the middle of the samples, so it lags by half their span. It is computed
-    from the positions: use it for onset detection and display, not as an observation of its own.
-    The variance is that of each coordinate of each sample [m^2].
+    The slope is the velocity in the middle of the samples, so it lags by half their span. Since it
+    is computed from the positions, it serves onset detection and display, not as an independent
+    observation. `position_variance` is that of each coordinate of each sample [m^2].
 
     Returns:
-        The slope and its covariance, variance / sum of squared centred times on the diagonal.
+        The slope and its covariance: variance / sum of squared centred times on the diagonal.
     """
     times_s = (stamps_ns - stamps_ns[0]) * 1e-9
     centred_s = times_s - times_s.sum() / times_s.size
@@ -242,14 +241,14 @@ def fit_velocity(stamps_ns: Integers, positions: Floats, position_variance: floa
 def ingest_poses(
     settings: IngestSettings, raw: PoseColumns
 ) -> tuple[PoseColumns, Integers, Counter[str]]:
-    """All samples of one body in order, from the initial state; equal to `ingest_pose` in a loop.
+    """Check all samples of one body in order, as `ingest_pose` would one by one.
 
-    Samples that `ingest_pose` surely accepts are accepted together. From a sample that it may
+    Samples that `ingest_pose` is certain to accept are accepted together. From a sample that it may
     reject, samples are passed to it one by one until it accepts one again. Positions are in metres.
 
     Returns:
-        The samples in the world frame, with unit quaternions, NaN where none was measured; which of
-        them are accepted, int64 (n,); and the number of the others, by reason.
+        The samples in the world frame, with unit quaternions (NaN where none was measured); the
+        indices of the accepted samples, int64 (n,); and the number of rejected samples by reason.
     """
     stamps_ns, frames = raw.stamps_ns, raw.frames
     positions, orientations = raw.positions, raw.orientations
@@ -268,7 +267,7 @@ def ingest_poses(
     at = 0
     while (ahead := int(np.searchsorted(uncertain, at))) < uncertain.size:
         at = int(uncertain[ahead])
-        # Earlier samples of the state matter for the velocity only, which is not needed here.
+        # Earlier samples of the state affect the velocity only, which is not needed here.
         recent = ((int(stamps_ns[at - 1]), world[at - 1]),) if at else ()
         state = IngestState(recent=recent)
         while at < stamps_ns.size:
@@ -284,7 +283,7 @@ def ingest_poses(
 
 
 def _follows(settings: IngestSettings, stamps_ns: Integers, world: Floats) -> Flags:
-    """Samples that continue the track surely if the one before was accepted, bool (T,)."""
+    """Mask (T,) of samples certain to be accepted if the sample before was accepted."""
     follows = np.isfinite(world[:, 0])
     steps_ns = np.diff(stamps_ns)
     lengths_m = np.linalg.norm(np.diff(world, axis=0), axis=1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the checks that raw tracker poses pass, and poses of tracker frames as texts."""
+"""Settings for checking raw tracker poses, and extrinsics of tracker frames."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,29 +13,29 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.tracking.transforms import RigidTransform
 
 UNKNOWN_VARIANCE = 1e6
-"""Of what was not measured: orientation [rad^2], velocity before the third sample [m^2/s^2], rate
-of turning [rad^2/s^2]. Convention: so large that no filter takes it for a measurement."""
+"""Variance of unmeasured quantities: orientation [rad^2], velocity before the third sample
+[m^2/s^2] and angular velocity [rad^2/s^2]. It is so large that filters ignore the values."""
 
 
 @dataclass(frozen=True)
 class IngestSettings:
-    """How raw poses become world-frame poses.
+    """Settings for checking raw poses and transforming them to the world frame.
 
     Attributes:
         world_frame: name of the world frame; poses in it need no extrinsics.
         extrinsics: pose of each tracker frame in the world, as (xyz (3,) [m], quaternion (4,)
-            xyzw); poses in a frame that is neither here nor the world are rejected.
-        max_speed_m_s: a step that implies a higher speed is a jump.
-        max_gap_s: after so long without an accepted sample any position is accepted.
+            xyzw); poses in other frames than these and the world are rejected.
+        max_speed_m_s: highest speed of a step that is not a jump.
+        max_gap_s: time without an accepted sample after which any position is accepted.
         position_std_m: tracker noise, one number or one per axis (3,) of the tracker's frame.
         orientation_std_rad: tracker noise about each axis, which `mocap_ingest` attaches [rad].
-        reanchor_after: so many consecutive jumps that agree with one another are a new position.
-        clock_reset_after: so many consecutive stamps that increase, but lie before the last
-            accepted one, are of a clock that was set back.
-        velocity_window_s: the velocity is fitted to the accepted samples of this last time.
+        reanchor_after: number of consecutive, mutually consistent jumps that begin a new track.
+        clock_reset_after: number of consecutive late but increasing stamps that show that a clock
+            was set back.
+        velocity_window_s: length of the window of accepted samples to which the velocity is fitted.
 
     Raises:
-        ArgumentError: a number is not positive and finite, or an extrinsic not a rigid transform.
+        ArgumentError: a number is not positive and finite, or an extrinsic is no rigid transform.
     """
 
     world_frame: str = "world"
@@ -71,7 +71,7 @@ class IngestSettings:
 
     @cached_property
     def frames(self) -> Mapping[str, RigidTransform]:
-        """Pose of each frame in the world, by `frame_name`."""
+        """Pose of each known frame in the world, by `frame_name`."""
         frames = {frame_name(self.world_frame): RigidTransform.identity()}
         for frame, (translation, quaternion) in self.extrinsics.items():
             frames[frame_name(frame)] = RigidTransform(np.array(translation), np.array(quaternion))
@@ -79,7 +79,7 @@ class IngestSettings:
 
     @cached_property
     def covariances(self) -> Mapping[str, Floats]:
-        """Covariance (3, 3) [m^2] of a position measured in each frame, world axes."""
+        """Covariance (3, 3) [m^2], in world axes, of a position measured in each frame."""
         variances = np.broadcast_to(np.asarray(self.position_std_m) ** 2, (3,))
         covariances = {}
         for frame, transform in self.frames.items():
@@ -94,12 +94,12 @@ class IngestSettings:
 
     @cached_property
     def margin_m(self) -> float:
-        """Distance by which two samples of a body at rest may differ [m]."""
-        return 6.0 * self.largest_std_m  # noise beyond is one in 10^8
+        """Largest distance between two samples of a body at rest [m]."""
+        return 6.0 * self.largest_std_m  # noise exceeds it once in 10^8
 
 
 def frame_name(frame_id: str) -> str:
-    """`frame_id` without a leading slash, as tf2 has it."""
+    """`frame_id` without a leading slash, as tf2 names frames."""
     return frame_id.removeprefix("/")
 
 
@@ -108,7 +108,7 @@ Extrinsics = dict[str, tuple[Floats, Floats]]
 
 
 def parse_extrinsics(entries: Sequence[str], argument: str = "extrinsics") -> Extrinsics:
-    """Read entries 'frame x y z qx qy qz qw' [m, quaternion]; empty ones are ignored.
+    """Parse entries 'frame x y z qx qy qz qw' [m, quaternion], ignoring empty ones.
 
     Raises:
         ArgumentError: an entry does not have eight fields, a field is not a finite number, the
@@ -134,7 +134,7 @@ def parse_extrinsics(entries: Sequence[str], argument: str = "extrinsics") -> Ex
 def _pose(numbers: Sequence[str]) -> tuple[Floats, Floats] | None:
     try:
         values = np.array([float(number) for number in numbers])
-        RigidTransform(values[:3], values[3:])  # raises for what is no pose
+        RigidTransform(values[:3], values[3:])  # raises for invalid poses
     except ValueError:
         return None
     return values[:3], values[3:]

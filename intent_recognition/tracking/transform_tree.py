@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames that move: a tree of transforms over time, as messages on /tf tell them."""
+"""A tree of moving frames with transforms over time, as published on /tf."""
 
 from bisect import bisect_left, insort
 from itertools import pairwise
@@ -12,15 +12,15 @@ from intent_recognition.tracking.settings import frame_name
 from intent_recognition.tracking.transforms import RigidTransform, multiply_quaternions
 
 KEPT_NS = 10_000_000_000
-"""How long poses are kept [ns]. Convention: tf2's buffer."""
+"""Time for which poses are kept [ns], as in tf2's buffer."""
 
 
 class NoTransformError(IntentError):
-    """A frame cannot be put into another one at a time.
+    """The pose of a frame in another frame is not known at a time.
 
     Attributes:
         reason: `unknown_frame`, `not_connected`, `before_transforms` or `after_transforms`.
-        may_come: whether a later message could change that.
+        may_come: whether a later message may make the pose known.
     """
 
     def __init__(self, reason: str, text: str):
@@ -30,9 +30,9 @@ class NoTransformError(IntentError):
 
 
 class TransformTree:
-    """Poses of frames in their parents, interpolated between the times they were told for.
+    """Poses of frames in their parents, interpolated between stamps but not extrapolated.
 
-    A frame has one parent; told another one, it moves there. Nothing is extrapolated.
+    A frame has one parent; a pose in another parent replaces all its earlier poses.
     """
 
     def __init__(self) -> None:
@@ -49,7 +49,7 @@ class TransformTree:
         *,
         fixed: bool = False,
     ) -> None:
-        """Take the pose of `child` in `parent` at a time [ns], or, if `fixed`, at all times.
+        """Add the pose of `child` in `parent` at a time [ns], or for all times if `fixed`.
 
         A leading slash of a frame's name is ignored.
         """
@@ -62,7 +62,7 @@ class TransformTree:
             self._fixed[child] = transform
             return
         track = self._moving.setdefault(child, [])
-        if track and stamp_ns < track[-1][0] - KEPT_NS:  # a clock that went back
+        if track and stamp_ns < track[-1][0] - KEPT_NS:  # the clock was set back
             track.clear()
         at = bisect_left(track, stamp_ns, key=itemgetter(0))
         if at < len(track) and track[at][0] == stamp_ns:
@@ -75,7 +75,7 @@ class TransformTree:
         """Pose of the frame `source` in the frame `target` at a time.
 
         Raises:
-            NoTransformError: the frames are not known or not connected, or not told for that time.
+            NoTransformError: a frame is unknown at that time, or the frames are not connected.
         """
         target, source = frame_name(target), frame_name(source)
         if target == source:
@@ -95,13 +95,13 @@ class TransformTree:
 
     def _ancestors(self, frame: str) -> list[str]:
         found = [frame]
-        while frame in self._parents and len(found) <= 100:  # more are a loop
+        while frame in self._parents and len(found) <= 100:  # longer chains are loops
             frame = self._parents[frame]
             found.append(frame)
         return found
 
     def _chain(self, ancestors: list[str], top: str, stamp_ns: int) -> RigidTransform:
-        """Pose of the first of `ancestors` in `top`, which is one of them."""
+        """Pose of the first of `ancestors` in the frame `top`, another of them."""
         pose = RigidTransform.identity()
         for child, _ in pairwise(ancestors[: ancestors.index(top) + 1]):
             pose = compose(self._at(child, stamp_ns), pose)
@@ -127,13 +127,13 @@ class TransformTree:
 
 
 def compose(outer: RigidTransform, inner: RigidTransform) -> RigidTransform:
-    """The pose `inner` in a frame that has the pose `outer`."""
+    """Compose transforms: the pose `inner`, given in a frame with the pose `outer`."""
     turned = multiply_quaternions(outer.quaternion, inner.quaternion)
     return RigidTransform(outer.apply(inner.translation), turned)
 
 
 def interpolate(start: RigidTransform, end: RigidTransform, share: float) -> RigidTransform:
-    """Between two poses: the origin on a line, the orientation at constant rate (Shoemake 1985)."""
+    """Interpolate two poses, linearly in position and by Slerp in orientation (Shoemake 1985)."""
     translation = (1.0 - share) * start.translation + share * end.translation
     turned = Slerp([0.0, 1.0], Rotation.from_quat([start.quaternion, end.quaternion]))(share)
     return RigidTransform(translation, turned.as_quat())

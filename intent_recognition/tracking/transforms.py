@@ -13,7 +13,7 @@ from intent_recognition.signals import LEAST_QUATERNION, rotation_matrix
 
 
 def normalise_quaternions(quaternions: ArrayLike) -> Floats:
-    """Finite quaternions (..., 4) at unit length; NaN where they are zero (no orientation)."""
+    """Normalise finite quaternions (..., 4); zero quaternions (no orientation) become NaN."""
     q = np.asarray(quaternions, dtype=np.float64)
     largest = np.max(np.abs(q), axis=-1, keepdims=True)
     scaled = q / np.where(largest < LEAST_QUATERNION, np.nan, largest)
@@ -21,7 +21,7 @@ def normalise_quaternions(quaternions: ArrayLike) -> Floats:
 
 
 def multiply_quaternions(left: Floats, right: Floats) -> Floats:
-    """Hamilton product (4,) of two quaternions xyzw: the rotation `right`, then `left`."""
+    """Hamilton product (4,) of two quaternions xyzw: rotates by `right`, then by `left`."""
     x1, y1, z1, w1 = left
     x2, y2, z2, w2 = right
     return np.array(
@@ -64,7 +64,7 @@ class RigidTransform:
 
     @classmethod
     def identity(cls) -> "RigidTransform":
-        """The transform that changes nothing."""
+        """The identity transform."""
         return cls(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
 
     @cached_property
@@ -73,7 +73,7 @@ class RigidTransform:
         return rotation_matrix(self.quaternion)
 
     def apply(self, points: ArrayLike) -> Floats:
-        """Points (..., 3) of the child frame, in the parent frame [m]."""
+        """Transform points (..., 3) [m] from the child frame to the parent frame."""
         return np.asarray(points) @ self.rotation.T + self.translation
 
     def inverse(self) -> "RigidTransform":
