@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings from files of motion capture and robot learning, and to tables."""
+"""Import recordings from files of motion capture and robot learning, and export tables."""
 
 from intent_recognition.tables.doubts import Doubt
 from intent_recognition.tables.exporting import (

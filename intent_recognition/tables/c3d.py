@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Markers of a C3D file."""
+"""Read the markers of a C3D file."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,13 +11,13 @@ from intent_recognition.tables.isolated import read_isolated
 from intent_recognition.tables.table import Table, unusable, without_subjects
 
 SLOWEST_HZ, FASTEST_HZ = 0.1, 1e5
-"""Rates that a header may mean; other numbers were never written. Convention."""
+"""Range of plausible rates in a header; other values mean that no rate was written."""
 
 
 def open_c3d(path: Path) -> Table:
-    """The markers as columns `LABEL.x`, `LABEL.y`, `LABEL.z`, NaN where a marker was not seen.
+    """Read markers as columns `LABEL.x`, `LABEL.y`, `LABEL.z`, NaN where a marker was not seen.
 
-    Rate and unit are those of the file. Analog channels are not read.
+    Rate and unit come from the file. Analog channels are not read.
     """
     try:
         optional("ezc3d")
@@ -26,7 +26,7 @@ def open_c3d(path: Path) -> Table:
             raise
     found = read_isolated("c3d_reading.py", path, "a C3D file", ("read", "read_again"))
     points, read, said = found["points"], len(found["points"]), int(found["said"])
-    if read > said > 0:  # to the end of the last block, which zeros fill up
+    if read > said > 0:  # frames up to the end of the last block, which is padded with zeros
         some = np.flatnonzero(np.any(points[said:] != 0.0, axis=(1, 2)))[-1:] + 1
         points = points[: said + int(some.sum())]
     count, rate = points.shape[1], float(found["rate"])

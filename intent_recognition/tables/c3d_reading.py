@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Points of a C3D file by ezc3d, or by c3d where it cannot: run by `isolated`."""
+"""Read the points of a C3D file by ezc3d, or by c3d if ezc3d fails; run by `isolated`."""
 
 import importlib
 import re
@@ -12,28 +12,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_STATED, MOST_LABELS = 2**16 - 1, 255
-"""Frames that a header can state, and texts that a parameter holds."""
+"""Largest number of frames that a header can state, and most texts in one parameter."""
 NAMED = re.compile(r"LABELS\d*")
 INTEL, SGI = b"\x54", b"\x56"
-"""Processors by the fourth byte of the parameters; of others, VAX, the words of a float change
-places, and words are as Intel's."""
+"""Processors by the fourth byte of the parameters; any other is VAX, which swaps the two words of a
+float, while the bytes of words are as in Intel's."""
 Arrays = dict[str, NDArray[Any]]
 
 
 def read(path: str) -> Arrays:
-    """`points` (T, N, 3), NaN where a marker was not seen, `labels`, `unit`, `rate`, that of the
-    header, `said`: how many frames the file says it has, and `room`: how many it has room for.
+    """Read `points` (T, N, 3), NaN where a marker was not seen, `labels`, `unit`, `rate`, the
+    header's `header_rate`, the stated number of frames `said`, and `room`, the number that fits.
     """
     return _first(path, {"ezc3d": _by_ezc3d, "c3d": _by_c3d})
 
 
 def read_again(path: str) -> Arrays:
-    """As `read`, of a file that crashed it: ezc3d 1.7.2 does for analog channels without scales."""
+    """Read a file that crashed `read`, as analog channels without scales crash ezc3d 1.7.2."""
     return _first(path, {"c3d": _by_c3d})
 
 
 def _first(path: str, readers: Mapping[str, Callable[[Any, str], Arrays]]) -> Arrays:
-    """What the first library that can makes of it."""
+    """Read a file with the first library that can read it."""
     reasons = []
     for name, reader in readers.items():
         try:
@@ -42,9 +42,9 @@ def _first(path: str, readers: Mapping[str, Callable[[Any, str], Arrays]]) -> Ar
             continue
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # that there is no analog channel
+                warnings.simplefilter("ignore")  # warnings about missing analog channels
                 return reader(library, path)
-        except Exception as error:  # they raise what they meet
+        except Exception as error:  # the libraries may raise anything
             reasons.append(f"{name} says: {error}")
     raise ValueError("; ".join(reasons) or "no library")
 
@@ -69,7 +69,7 @@ def _by_ezc3d(library: Any, path: str) -> Arrays:
 
 
 def _by_c3d(library: Any, path: str) -> Arrays:
-    # It would refuse a rate of analog channels that are not there.
+    # The check would refuse a rate of analog channels in a file without any.
     library.Reader._check_metadata = lambda _: None
     with Path(path).open("rb") as stream:
         reader = library.Reader(stream)
@@ -90,7 +90,7 @@ def _by_c3d(library: Any, path: str) -> Arrays:
 
 
 def _all_labels(parts: Mapping[str, Any], count: int) -> list[str]:
-    """Labels of LABELS, and of LABELS2, ... after a full one or for points without one."""
+    """Labels from LABELS, and from LABELS2, ... if the one before is full or labels are missing."""
     order = sorted((key for key in parts if NAMED.fullmatch(key)), key=lambda key: (len(key), key))
     found: list[str] = []
     for key in order:
@@ -103,9 +103,9 @@ def _all_labels(parts: Mapping[str, Any], count: int) -> list[str]:
 
 
 def _check_frame(path: str, points: int, values: float, scale: float) -> None:
-    """That frames are as long as a library takes them for, where those of the header fill the file.
+    """Raise ValueError if a library assumes another frame size than a header that fits the file.
 
-    What the parameters say may be wrong: then all numbers but the first are others.
+    The parameters may be wrong; then all values after the first frame would be read wrongly.
     """
     head = _header(path)
     frame = (4 * points + values) * (4 if scale < 0.0 else 2)
@@ -115,8 +115,8 @@ def _check_frame(path: str, points: int, values: float, scale: float) -> None:
 
 
 def _stated(path: str) -> Arrays:
-    """Frames that the header states, or the file has room for where it cannot state them; the
-    latter, but for what may fill up the last block; and the header's rate.
+    """The header's rate, the number of frames for which the file without padding has `room`, and
+    the stated number (`said`), which is `room` if the header cannot state so many.
     """
     head = _header(path)
     room = max(head.size - 511, 0) // head.frame if head.frame else 0
@@ -126,13 +126,13 @@ def _stated(path: str) -> Arrays:
 
 
 class _Header(NamedTuple):
-    """What the header says of the data.
+    """Description of the data in the header.
 
     Attributes:
-        frames: how many it states, 0 for none.
-        frame: bytes of one.
-        size: bytes from the first one to the end of the file.
-        rate: frames a second.
+        frames: stated number of frames, 0 for none.
+        frame: size of a frame [bytes].
+        size: size of the file from the first frame on [bytes].
+        rate: frames per second.
     """
 
     frames: int
@@ -142,8 +142,8 @@ class _Header(NamedTuple):
 
 
 def _header(path: str) -> _Header:
-    """Words of the header, from 1 on: 2 points, 3 analog values of a frame, 4 and 5 first and last
-    frame, 7 and 8 scale, 9 block where the data begin, 11 and 12 rate.
+    """Read the header. Its words, from 1 on: 2 points, 3 analog values per frame, 4 first frame,
+    5 last frame, 7 and 8 scale, 9 first block of the data, 11 and 12 rate.
     """
     with Path(path).open("rb") as stream:
         head = stream.read(24)
@@ -155,7 +155,7 @@ def _header(path: str) -> _Header:
     last = words[4] if words[4] < 2**16 - 1 else 0
     frames = last - words[3] + 1 if 0 < words[3] <= last else 0
     sign = words[7] if processor == INTEL else words[6]
-    width = 4 if sign >= 2**15 else 2  # bytes: a scale below zero says that values are floats
+    width = 4 if sign >= 2**15 else 2  # bytes; a negative scale means that values are floats
     is_vax = processor not in (INTEL, SGI)
     said = head[22:24] + head[20:22] if is_vax else head[20:24]
     rate = float(np.frombuffer(said, f"{order}f4")[0]) / (4.0 if is_vax else 1.0)

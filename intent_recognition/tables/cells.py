@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cells of a table as numbers and texts."""
+"""Convert cells of a table to numbers and texts, and values between units."""
 
 import re
 from collections.abc import Sequence
@@ -20,25 +20,24 @@ MISSING = frozenset(
      "<na>", "nat", "#na", "#n/a n/a", r"\n",
      "nan(ind)", "-nan(ind)", "nan(snan)", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind", "1.#snan"}
 )  # fmt: skip
-"""What a cell of text says in lower case where nothing was measured. Convention, as in pandas,
-Excel, C and SQL."""
+"""Texts, in lower case, of cells without a measurement, as written by pandas, Excel, C and SQL."""
 THOUSANDS = re.compile(
     r"([+-]?\d{1,3})((?:[ '\u2019\u00a0\u202f]\d{3})+|(?:,\d{3})+(?=\.)|(?:,\d{3}){2,})"
 )
-"""A number whose thousands are separated by something else than its decimals."""
+"""A number with thousands separators, which differ from its decimal mark."""
 MAYBE_THOUSANDS = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}([.,])\d{3}(?:\1\d{3})*")
-"""A number that may have thousands, or decimals."""
+"""A number with marks that may be thousands separators or a decimal mark."""
 MARK = re.compile(r"[.,](?=\d)")
-"""A mark of thousands, or of decimals."""
+"""A thousands separator or decimal mark."""
 
 
 def cell_at(text: str, row: int) -> str:
-    """A cell, at most 60 characters of it, and its row as a message has them."""
+    """A cell, cut to 60 characters, and its row, as text for messages."""
     return f"{text[:60]!r} in row {row + 1}"
 
 
 def numbers(values: Values, source: Path, name: str) -> Floats:
-    """A column as numbers (T,), NaN where nothing was measured."""
+    """Convert a column to numbers (T,), NaN where nothing was measured."""
     if values.dtype.kind in "fiub":
         return values.astype(np.float64)
     found = np.empty(values.size)
@@ -55,9 +54,9 @@ def numbers(values: Values, source: Path, name: str) -> Floats:
 
 
 def without_thousands(cells: Sequence[str]) -> Sequence[str]:
-    """Cells of a column; of `1,000` beside `1,000.5` or `1,000,000` without the mark of thousands.
+    """Remove thousands separators that other cells of a column identify.
 
-    So are those of `1.000` beside `1.000,5`.
+    `1,000` beside `1,000.5` or `1,000,000` becomes `1000`, as does `1.000` beside `1.000,5`.
     """
     if not any("," in text for text in cells):
         return cells
@@ -72,15 +71,15 @@ def without_thousands(cells: Sequence[str]) -> Sequence[str]:
 
 
 def _decimal_mark(text: str) -> str:
-    """What decimals are certainly behind, in a column that has such a number; "" of any other."""
+    """The decimal mark, "." or ",", of a column with this number; "" if the number is ambiguous."""
     marks = MARK.findall(text)
-    if len(marks) > 1 and len(set(marks)) == 1:  # several thousands
+    if len(marks) > 1 and len(set(marks)) == 1:  # a repeated mark separates thousands
         return "," if marks[0] == "." else "."
     return marks[-1] if marks and not MAYBE_THOUSANDS.fullmatch(text) else ""
 
 
 def _check_marks(cells: Sequence[str], source: Path, name: str) -> None:
-    """Refuse a column whose commas, or points beside commas, may separate thousands."""
+    """Raise BagError if commas, or points beside commas, may be thousands separators."""
     known = [text for text in cells if text.lower() not in MISSING]
     commas = [text for text in known if "," in text]
     others = [text for text in known if "," not in text]
@@ -94,7 +93,7 @@ def _check_marks(cells: Sequence[str], source: Path, name: str) -> None:
 
 
 def with_point(text: str) -> str:
-    """A number with a decimal point, where it has a decimal comma; without marks of thousands."""
+    """Replace a decimal comma by a point, and remove thousands separators."""
     text = text.replace("\N{MINUS SIGN}", "-")
     if found := THOUSANDS.match(text):
         text = re.sub(r"[^\d+-]", "", found[0]) + text[found.end() :]
@@ -105,7 +104,7 @@ def with_point(text: str) -> str:
 
 
 def text_of(value: object) -> str:
-    """One value of a column as text, "" where there is none."""
+    """Convert one value of a column to text, "" if it is missing."""
     if value is None or (isinstance(value, float | np.floating) and np.isnan(value)):
         return ""
     if isinstance(value, float | np.floating) and float(value).is_integer():
@@ -114,16 +113,16 @@ def text_of(value: object) -> str:
 
 
 def texts(values: Values) -> list[str]:
-    """A column as texts, "" where there is none; whole numbers have no decimals."""
+    """Convert a column to texts, "" for missing values; whole numbers have no decimals."""
     return [text_of(value) for value in values]
 
 
 def without_zeros(places: Floats) -> tuple[Floats, int]:
-    """Places (T, 3) of a marker, NaN where it is at exactly zero while it is elsewhere at others.
+    """Replace positions (T, 3) of a marker at exactly zero, which means occlusion, by NaN.
 
     Returns:
-        The places, and how many of them were zero: exporters write that for occlusion. Where all
-        are, they stay: a marker may be the origin.
+        The positions, and the number of replaced ones. If all are zero, they stay, since the marker
+        may be the origin.
     """
     zero = np.all(places == 0.0, axis=1)
     if not zero.any() or np.all(zero | np.isnan(places).any(axis=1)):
@@ -135,14 +134,14 @@ OF_IMAGE = "the landmarks are places in the image, not in metres"
 
 
 def are_of_image(triples: Values) -> bool:
-    """Whether numbers (..., 3) are pixels, two of each landmark, with how sure they are."""
+    """Whether numbers (..., 3) are pixels x and y with a confidence, for each landmark."""
     seen, places = triples[..., 2], triples[..., :2]
     are_shares = np.all((seen >= 0.0) & (seen <= 1.0)) and seen.any()
     return bool(are_shares and np.nanmax(places, initial=0.0) > 10.0)
 
 
 def pixels_of(triples: Values) -> Floats:
-    """Pixels (..., 2) of numbers (..., 3), NaN where the last says that nothing was seen."""
+    """Pixels (..., 2) from numbers (..., 3), NaN where the confidence is zero."""
     return np.where(triples[..., 2:] > 0.0, triples[..., :2], np.nan)
 
 
@@ -150,20 +149,20 @@ PER_BASE = {
     "m": (1, 1), "dm": (1, 10), "cm": (1, 100), "mm": (1, 1000), "um": (1, 10**6),
     "in": (127, 5000), "ft": (381, 1250), "rad": (1, 1), "deg": (np.pi, 180),
 }  # fmt: skip
-"""What each unit is, in metres or radians, as a quotient that rounds once."""
+"""Each unit in metres or radians, as a quotient so that conversion rounds once."""
 ANGLES = ("deg", "rad")
 LENGTHS = tuple(unit for unit in UNITS if unit not in ANGLES)
 
 
 def check_convertible(unit: str, wanted: str, place: str) -> None:
-    """Make sure that there is a factor between two units."""
+    """Make sure that one unit can be converted to the other."""
     if spelled(unit) != wanted and scale_between(spelled(unit), wanted) is None:
         known = f"{wanted}, or one of {', '.join(UNITS)}, for lengths and angles"
         raise DofError.about(place, known, unit, "Convert the columns, or correct the unit.")
 
 
 def convert(values: Floats, unit: str, wanted: str) -> Floats:
-    """Values in another unit; as they are where it is the same or unknown."""
+    """Convert values to another unit; they stay unchanged if there is no factor between them."""
     scale = scale_between(spelled(unit), wanted)
     if scale is None or scale[0] == scale[1]:
         return values
@@ -172,7 +171,7 @@ def convert(values: Floats, unit: str, wanted: str) -> Floats:
 
 
 def scale_between(unit: str, wanted: str) -> tuple[float, float] | None:
-    """Factor and divisor from one unit to the other, None where there is none."""
+    """Factor and divisor from one unit to the other, None if they are not commensurable."""
     (one, _, per), (other, _, other_per) = unit.partition("/"), wanted.partition("/")
     if unit == wanted:
         return 1, 1

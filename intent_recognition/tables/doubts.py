@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether what was read of a table can be in its units, and on one clock."""
+"""Check that the values of a table can be in their units, and its times on one clock."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -23,20 +23,19 @@ from intent_recognition.signals import (
 from intent_recognition.tables.imported import EntrySamples
 
 STILL_M = 0.002
-"""Extent of places [m] that is named. Convention: a reach of 2 m in the unit of a thousandth."""
+"""Extent of a movement below which its unit is doubted [m]: a reach of 2 m, divided by 1000."""
 
 UNIT_NORM = 0.1
-"""How far from 1 the norm of a quaternion may be. Convention: one that is written with one decimal.
-"""
+"""Largest deviation of a quaternion's norm from 1; it allows for numbers with one decimal."""
 
 
 @dataclass(frozen=True)
 class Doubt(Rejection):
-    """What is odd about a recording that is taken all the same."""
+    """Oddity of a recording that is imported nevertheless."""
 
 
 def certain_misfit(samples: Sequence[EntrySamples]) -> str | None:
-    """Why times or values are certainly in another unit than the map says; None if not."""
+    """Why times or values are certainly in another unit than the map says; else None."""
     for part in samples:
         seen = np.all(np.isfinite(part.values), axis=1)
         values = part.values[seen]
@@ -58,7 +57,7 @@ def certain_misfit(samples: Sequence[EntrySamples]) -> str | None:
 
 
 def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
-    """What is odd about samples, and how many of their rows were dropped; they are taken."""
+    """Oddities of samples, each given with its number of dropped rows; they are still imported."""
     for part, dropped in parts:
         rows = dropped + part.stamps_ns.size
         if dropped > 0.1 * rows:
@@ -69,14 +68,14 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
             )
         seen = np.all(np.isfinite(part.values), axis=1)
         steps_s = np.diff(part.stamps_ns) * 1e-9
-        # as the longest period that can be learned from, and half a second at 100 Hz
+        # the longest period that can be learned, or 50 steps, half a second at 100 Hz
         if steps_s.size and steps_s.max() > max(LONGEST_PERIOD_S, 50 * np.median(steps_s)):
             yield (
                 f"no sample of {part.entry.topic} for {steps_s.max():.4g} s. Likely a clock that"
                 " jumped, or several demonstrations: cut them by segments in the map."
             )
         values = part.values[seen]
-        if part.entry.unit == "rad":  # reading takes wrapped angles as continuous, too
+        if part.entry.unit == "rad":  # reading the bag also unwraps angles
             values = np.unwrap(values, axis=0)
         signal = Signal(part.entry.message_names, part.stamps_ns[seen], values, part.entry.unit)
         judge = scene_misfit if part.entry.context else misfit
@@ -94,7 +93,7 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
 
 
 def bag_doubts(name: str, path: Path, dofs: DofSpec) -> Iterator[Doubt]:
-    """What is odd about a recording of ROS, or why it cannot be learned from; it is taken."""
+    """Oddities of a ROS recording, or why it cannot be learned from; it is still imported."""
     for read in iter_demonstrations(path, settle_orientations(dofs, path)):
         odd = [read.reason] if isinstance(read, Rejection) else recording_doubts(read)
         yield from (Doubt(name, "", 0, reason) for reason in odd)
@@ -106,7 +105,7 @@ def _with_cure(found: Misfit) -> str:
 
 
 def _never_measured(signal: Signal) -> str:
-    """Whether some rows have one number in all columns, without which nothing is odd."""
+    """Report rows with one number in all columns, if only these are odd; else empty."""
     same = np.ptp(signal.values, axis=1) == 0.0
     if signal.values.shape[1] < 2 or len(set(signal.values[same, 0].tolist())) != 1:
         return ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Demonstrations as one table, CSV or Parquet, and the map that imports it again."""
+"""Export demonstrations as a table or LeRobot data set, with the map that imports it again."""
 
 import csv
 import json
@@ -16,20 +16,20 @@ from intent_recognition.errors import BagError, optional
 from intent_recognition.signals import Demonstration
 
 NAME, TASK, STAMP = "demonstration", "task", "stamp_ns"
-"""Columns that every exported table has."""
+"""Columns of every exported table."""
 METADATA = "metadata."
-"""Before the key of a further text of the recording, in the name of its column."""
+"""Prefix of the columns for further texts of the recording, before the key."""
 WRITTEN = (".csv", ".parquet")
 
 Columns = dict[str, NDArray[Any]]
 
 
 def export_columns(demonstrations: Sequence[Demonstration]) -> Columns:
-    """One row for each stamp of each demonstration, NaN where a DOF was not measured then.
+    """Columns with one row for each stamp of each demonstration, NaN for unmeasured DOFs.
 
-    Columns are `demonstration`, `task`, `stamp_ns`, the DOFs, in the order of the DOF file, and
-    `metadata.KEY` for every text that a recording has. Samples are those that passed the checks of
-    reading. All have the same signals; two of the same name are told apart by a number.
+    The columns are `demonstration`, `task`, `stamp_ns`, the DOFs in the order of the DOF file, and
+    `metadata.KEY` for every text of a recording. Only samples that passed the checks of reading are
+    exported. All demonstrations must have the same signals; equal names are numbered.
     """
     names: set[str] = set()
     parts: dict[str, list[NDArray[Any]]] = {}
@@ -59,7 +59,7 @@ def export_columns(demonstrations: Sequence[Demonstration]) -> Columns:
 def export_map(
     dofs: DofSpec, columns: Mapping[str, object], lerobot: bool = False
 ) -> dict[str, object]:
-    """The map with which `intent import` makes bags of an exported table, or data set, again."""
+    """The map with which `intent import` converts an exported table or data set back to bags."""
     called = {name: f"{key}.{name}" if lerobot else name
               for key, group in _groups(dofs).items() for name in group}  # fmt: skip
     content: dict[str, object] = {}
@@ -80,12 +80,12 @@ def export_map(
 
 
 def write_table(path: Path, columns: Columns) -> None:
-    """Write columns as `.csv` or `.parquet`, by the suffix: numbers to the last bit.
+    """Write columns as `.csv` or `.parquet`, by the suffix, with all bits of the numbers.
 
-    In a CSV what is missing is an empty cell, in Parquet it is null.
+    Missing values are empty cells in CSV and null in Parquet.
 
     Raises:
-        BagError: another suffix.
+        BagError: the suffix is another.
         MissingPackageError: pyarrow is not installed.
     """
     suffix = path.suffix.lower()
@@ -107,7 +107,7 @@ def _write_csv(path: Path, columns: Columns) -> None:
 
 
 def _cells(values: NDArray[Any]) -> list[object]:
-    """Values as Python prints them: the shortest text that reads as the same number."""
+    """Values for the CSV writer, which prints the shortest text that reads as the same number."""
     if values.dtype.kind == "f":
         return ["" if value != value else value for value in values.tolist()]
     return list(values.tolist())
@@ -123,25 +123,25 @@ def _write_parquet(path: Path, columns: Columns) -> None:
 
 
 HUMAN, ROBOT = "observation.human", "observation.state"
-"""Features of the observed and of the controlled DOFs."""
+"""LeRobot features of the observed and of the controlled DOFs."""
 VERSION = "v3.0"
 CHUNK = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 INDEX = "__index_level_0__"
-"""What pandas calls an index without a name: that of tasks.parquet."""
+"""Pandas' name for an index without a name, such as that of tasks.parquet."""
 OWN = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64",
        "task_index": "int64"}  # fmt: skip
-"""Features that every data set has."""
+"""Features of every LeRobot data set, with their types."""
 
 
 def write_lerobot(folder: Path, columns: Columns, dofs: DofSpec) -> None:
-    """Write exported columns as a data set in a new folder.
+    """Write exported columns as a LeRobot data set in a new folder.
 
-    An episode is a demonstration, a row a stamp: `stamp_ns` has it to the nanosecond, and
-    `timestamp` counts frames at the median rate, as LeRobot expects. Values are of 64 bits, NaN
-    where a DOF was not measured then.
+    Each demonstration is an episode with one row per stamp. `stamp_ns` is exact, and `timestamp`
+    counts frames at the median rate, as LeRobot expects. Values have 64 bits, and are NaN for
+    unmeasured DOFs.
 
     Raises:
-        BagError: the folder is there already.
+        BagError: the folder exists already.
         MissingPackageError: pyarrow is not installed.
     """
     arrow, parquet = (optional(m) for m in ("pyarrow", "pyarrow.parquet"))
@@ -224,7 +224,7 @@ def _episodes(arrow: Any, starts: Sequence[int], lengths: NDArray, tasks: NDArra
 
 
 def _tasks(arrow: Any, tasks: Sequence[str]) -> Any:
-    """Numbers of the tasks, with their texts as pandas stores an index."""
+    """Table of task numbers, with the texts stored like a pandas index."""
     table = arrow.table({"task_index": list(range(len(tasks))), INDEX: list(tasks)})
     about = {
         "index_columns": [INDEX],
@@ -242,7 +242,7 @@ def _tasks(arrow: Any, tasks: Sequence[str]) -> Any:
 
 
 def _statistics(values: NDArray) -> dict[str, list]:
-    """Of each column, without what was not measured."""
+    """Statistics of each column, ignoring unmeasured values."""
     table = values.reshape(len(values), -1).astype(np.float64)
     table[~np.isfinite(table)] = np.nan
     table[:, np.isnan(table).all(axis=0)] = 0.0
@@ -252,5 +252,5 @@ def _statistics(values: NDArray) -> dict[str, list]:
 
 
 def _groups(dofs: DofSpec) -> dict[str, Sequence[str]]:
-    """The DOFs of each feature."""
+    """Names of the DOFs of each feature."""
     return {HUMAN: (*dofs.observed_names, *dofs.context_names), ROBOT: dofs.controlled_names}

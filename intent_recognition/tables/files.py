@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of every kind of file, by its suffix."""
+"""Find and open the tables in files of every supported kind, by suffix."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -33,7 +33,7 @@ SUFFIXES: dict[str, Callable[[Path], Table]] = {
 
 
 def open_table(path: Path, skip_rows: int = 0) -> Table:
-    """The table in a file, or in the folder of a LeRobot data set or of OpenPose's frames."""
+    """Open the table in a file, or in a folder with a LeRobot data set or OpenPose's frames."""
     if is_lerobot(path):
         return open_lerobot(path)
     if path.is_dir():
@@ -54,7 +54,7 @@ def is_lerobot(path: Path) -> bool:
 
 
 def is_table(path: Path) -> bool:
-    """Whether a file can be imported, by its name, perhaps once it is unpacked."""
+    """Whether a file has the suffix of a table, packed or not."""
     suffix = (path.with_suffix("") if _is_packed(path) else path).suffix.lower()
     return suffix in TEXTS or suffix in SUFFIXES
 
@@ -64,12 +64,12 @@ def _is_packed(path: Path) -> bool:
 
 
 def has_tables(source: Path) -> bool:
-    """Whether something of a path can be imported as a table."""
+    """Whether a path is or contains a table that can be imported."""
     return bool(_tables(source))
 
 
 def find_tables(source: Path) -> list[Path]:
-    """What of a path can be imported: itself, or what is in a folder, sorted by name."""
+    """The tables at a path or in a folder, sorted by name; raises BagError if there is none."""
     if found := _tables(source):
         return found
     kinds = ", ".join([*TEXTS, *SUFFIXES])
@@ -96,7 +96,7 @@ def _tables(source: Path) -> list[Path]:
 
 
 def name_below(source: Path, path: Path) -> str:
-    """A path as it is seen from a folder; of the source itself its name."""
+    """A path relative to the folder `source`; for the source itself, its name."""
     return path.name if path == source else path.relative_to(source).as_posix()
 
 
@@ -112,12 +112,12 @@ NO_TASK = re.compile(
     r"(?i)(?:demo|demonstration|traj|trajectory|episode|ep|trial|take|rec|recording|run|data|log"
     r"|p|s|sub|subj|subject|participant|person|user|day|ses|session)?[\W_\d]*"
 )
-"""What recordings and people are called who are numbered or dated, beside tasks."""
+"""Numbered or dated names that describe recordings or people rather than tasks."""
 
 
 class FileKind(NamedTuple):
-    """Files with the same columns: the name of their folder, or what they are called by, the path
-    of the first one below the source, what it holds, and the pattern of their names, "" for none.
+    """Files with the same columns: their folder's name or the common end of their names, the first
+    file's path relative to the source, its table, and the pattern of their names, "" for none.
     """
 
     name: str
@@ -127,14 +127,14 @@ class FileKind(NamedTuple):
 
 
 def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
-    """The kinds of the files in a folder: one, or several that each recording has.
+    """The kinds of files in a folder: one, or several of which each recording has a file.
 
-    Folders of files with the same columns are one kind. Several kinds belong together only where
-    their files are named alike; else the one with most files is meant. Others beside them, such as
-    notes and calibrations, are none.
+    Folders of files with the same columns are one kind. Several kinds belong together only if their
+    files are named alike; else only the kind with most files is returned. Rarer kinds, such as
+    notes and calibrations, are ignored.
 
     Raises:
-        BagError: nothing can be read.
+        BagError: no file can be read.
     """
     folders: dict[tuple[Path, str, bool], list[Path]] = {}
     for path in paths:
@@ -170,8 +170,8 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
 
 
 def _streams(files: Sequence[Path]) -> dict[str, list[Path]]:
-    """Files by the ends of their names, where each recording has a file of each end, and those of
-    the first are as long, or have other columns; else all under "".
+    """Files by the ends of their names, if each recording has a file with each end, and those of
+    one recording have equal lengths or different columns; else all files under "".
     """
     found: dict[str, dict[str, Path]] = {}
     for match, path in ((STREAM.fullmatch(path.stem), path) for path in files):
@@ -189,7 +189,7 @@ def _streams(files: Sequence[Path]) -> dict[str, list[Path]]:
 
 
 def name_pattern(source: Path, files: Sequence[Path], end: str = "") -> str:
-    """How the files are named below a folder, all with one end; empty where no rule is seen."""
+    """Pattern of the names of files below a folder, with the common `end`; empty if none fits."""
     if files[0] == source:
         return ""
     inside = [path.relative_to(source) for path in files]

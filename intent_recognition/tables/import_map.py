@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The map of an import: the DOF file, and which columns its degrees of freedom come from."""
+"""Read the map of an import: a DOF file with the columns of its degrees of freedom."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -16,84 +16,84 @@ from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
 SIDES = ("observed", "controlled", "velocities")
 ENTRY_KEYS = ("columns", "columns_unit", "file", "time")
-"""What an entry has beyond that of a DOF file."""
+"""Keys of an entry beyond those of a DOF file."""
 KEYS = (*SIDES, "files", "time", "segments", "every", "task", "labels", "metadata", "frame",
         "skip_rows")  # fmt: skip
 LARGEST = 1e12
-"""Of seconds and rates. Convention: seconds since 1970 are 2e9."""
+"""Largest accepted time or rate [s, Hz]; times in seconds since 1970 are about 2e9."""
 EXAMPLES = "docs/import.md has examples."
 AXIS = re.compile(r"(?i)([wxyz])[\W_]*$")
-"""The axis at the end of the name of a column."""
+"""The axis at the end of a column's name."""
 PLACEHOLDER = re.compile(r"\{(\w+)\}")
 
 
 class TimeSource(NamedTuple):
-    """Where the times of samples come from."""
+    """Source of the times of samples."""
 
-    column: str | None  # of times; None where samples come at a rate
-    unit: str  # of the column, a key of `PER_UNIT`, or "" for what the file says, or else seconds
+    column: str | None  # column of times; None if samples have a constant rate
+    unit: str  # of the column, a key of `PER_UNIT`; "" for the file's unit, by default seconds
     rate_hz: float
-    since_ns: int | None  # what zero is [ns since 1970]; None where the map does not say
-    nanoseconds: str = ""  # column of what is added to `column` [ns], "" for none
+    since_ns: int | None  # time zero [ns since 1970]; None if the map does not give it
+    nanoseconds: str = ""  # column of nanoseconds to add to `column`, "" for none
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns that times are made of."""
+        """Columns from which the times are computed."""
         return tuple(filter(None, (self.column, self.nanoseconds)))
 
 
 @dataclass(frozen=True)
 class ColumnsOf:
-    """Where the values of one entry of the DOF file come from."""
+    """Source of the values of one entry of the DOF file."""
 
     entry: DofEntry
-    columns: tuple[str, ...]  # one for each DOF, in its order; none where bags are imported
-    unit: str  # of the columns, "" for what the file says, or else that of the entry
-    file: str  # which file of a recording, "" where it has one
-    time: TimeSource | None  # of its own, None for the map's
+    columns: tuple[str, ...]  # one for each DOF, in order; empty if bags are imported
+    unit: str  # of the columns, "" for the file's unit, by default that of the entry
+    file: str  # key of the recording's file under `files`, "" if it has only one
+    time: TimeSource | None  # the entry's own times, None for those of the map
 
 
 class Cut(NamedTuple):
-    """One segment of a list, in seconds of the file's own clock, both ends included."""
+    """One segment of a list, in seconds of the file's own clock, including both ends."""
 
     start_s: float
     end_s: float
-    task: str  # its label, "" for that of the map
-    file: str  # the recording that it is of, by its name, "" for every one
+    task: str  # label of the segment, "" for that of the map
+    file: str  # name of its recording, "" for all recordings
 
 
 class Text(NamedTuple):
-    """A text of every demonstration: the same for all, or that of a column."""
+    """A text of each demonstration, either fixed or taken from a column."""
 
-    column: str  # whose first value is taken, "" for none
-    fixed: str  # the text without a column
+    column: str  # column whose first value is taken, "" for none
+    fixed: str  # the text if there is no column
 
 
 @dataclass(frozen=True)
 class ImportMap:
-    """What `intent import` is told about files."""
+    """Content of a map, which describes files to `intent import`."""
 
-    dofs: DofSpec  # what the demonstrations hold
-    columns: tuple[ColumnsOf, ...]  # where each entry comes from, in the order of `dofs`
-    # pattern of each file of a recording by its name; empty where each file is one
+    dofs: DofSpec  # degrees of freedom of the demonstrations
+    columns: tuple[ColumnsOf, ...]  # source of each entry, in the order of `dofs`
+    # name patterns of the files of a recording, by key; empty if each file is a recording
     files: Mapping[str, str]
-    time: TimeSource | None  # where times come from, None for what the file says
+    time: TimeSource | None  # source of the times, None for the file's default
     # a column whose value changes with the demonstration, or a list of cuts
     segments: str | tuple[Cut, ...] | None
-    every: int  # of the rows of a demonstration, one in so many is taken
-    task: Text | None  # label; None for what the file, or its name, says
-    labels: Mapping[str, str]  # other labels for those that the file has
+    every: int  # step between the rows of a demonstration that are imported
+    task: Text | None  # label; None for that of the file or its name
+    labels: Mapping[str, str]  # new labels by the labels in the file
     metadata: Mapping[str, Text]  # further texts of each demonstration
     frame: str  # frame of poses
-    skip_rows: int  # lines of a CSV before its header
+    skip_rows: int  # number of lines before the header of a CSV
 
     @classmethod
     def from_dict(cls, content: object, source: str = "map") -> "ImportMap":
-        """Check `content` and build the map."""
+        """Check the content of a map and build it; `source` names it in errors."""
         items = _mapping(content, source, KEYS)
         own: dict[str, list] = {side: items.get(side) or [] for side in SIDES}
         plain: dict[str, object] = {}
-        if isinstance(own["observed"], list):  # as `_entries` has them
+        if isinstance(own["observed"], list):  # in the order of `_entries`
             own["observed"] = sorted(own["observed"], key=_is_context)
         for side, listed in own.items():
             if not isinstance(listed, list):
@@ -128,7 +128,7 @@ class ImportMap:
         )
 
     def over(self, defaults: Mapping[str, object], source: str) -> "ImportMap":
-        """This map, with what a file says of itself where the map says nothing."""
+        """This map, with a file's own `defaults` where the map has no value."""
         time, segments, task = (defaults.get(key) for key in ("time", "segments", "task"))
         return replace(
             self,
@@ -144,7 +144,7 @@ def load_map(path: str | Path) -> ImportMap:
     """Read the map of an import, a YAML file as described in docs/import.md.
 
     Raises:
-        DofError: it is missing, no YAML, or malformed; names the file, entry and key.
+        DofError: names file, entry and key, if the file is missing, not YAML or malformed.
     """
     source = Path(path)
     try:
@@ -171,7 +171,7 @@ def _columns(item: Mapping, entry: DofEntry, files: Mapping[str, str], place: st
     if isinstance(names, str | int):
         names = [names]
     count = len(entry.message_names)
-    # those of an orientation with a reference may be its rotation vector, as it is exported
+    # an orientation with a reference may be given as a rotation vector, as it is exported
     counts = {count, len(entry.names) if entry.reference else count}
     if names is not None and (
         not isinstance(names, list)
@@ -198,7 +198,7 @@ def _is_context(item: object) -> bool:
 
 
 def _entries(dofs: DofSpec, side: str) -> tuple[DofEntry, ...]:
-    """Entries in the order of a file; those of the context are the last of the observed ones."""
+    """Entries of a side; those of the context come last among the observed entries."""
     return (*dofs.observed, *dofs.context) if side == "observed" else getattr(dofs, side)
 
 
@@ -227,7 +227,7 @@ def _time(value: object, place: str) -> TimeSource:
     since_ns = None
     if since is not None:
         since_ns = round(_number(since, f"{place}: since") * NANOSECONDS)
-        if isinstance(since, int):  # a float has no nanoseconds left
+        if isinstance(since, int):  # keeps nanoseconds, which a float would lose
             since_ns = since * NANOSECONDS
     column = str(items["column"]) if "column" in items else None
     return TimeSource(column, unit, rate, since_ns, str(items.get("nanoseconds", "")))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Imported demonstrations, and the bags they become."""
+"""Write imported demonstrations as bags."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,11 +26,11 @@ from intent_recognition.tables.import_map import Cut, ImportMap
 
 
 class EntrySamples(NamedTuple):
-    """What one entry of the DOF file gets.
+    """Samples of one entry of the DOF file.
 
     Attributes:
         stamps_ns: int64 (T,), strictly increasing.
-        values: (T, d) in the unit of the entry, of an orientation quaternions (T, 4); NaN where
+        values: (T, d) in the unit of the entry, or quaternions (T, 4) for an orientation; NaN where
             nothing was measured.
     """
 
@@ -41,19 +41,19 @@ class EntrySamples(NamedTuple):
 
 @dataclass(frozen=True)
 class ImportedDemonstration:
-    """One demonstration of a table, as it is written to a bag."""
+    """One demonstration of a table, to be written as a bag."""
 
     name: str
-    custom_data: Mapping[str, str]  # its label `task`, where it has one, and further texts
+    custom_data: Mapping[str, str]  # its label `task`, if it has one, and further texts
     samples: tuple[EntrySamples, ...]  # for each entry of the DOF file
-    frame: str = "world"  # of poses
-    n_dropped: int = 0  # samples whose time was missing, or not later than the one before
+    frame: str = "world"  # frame of poses
+    n_dropped: int = 0  # number of samples whose time was missing, or not later than before
 
     def write(self, folder: Path) -> dict[str, int]:
-        """Write it as a bag below `folder`; gaps stay gaps. Returns the messages by topic.
+        """Write the demonstration as a bag in `folder`; returns the message counts by topic.
 
         Raises:
-            ResourceBusyError: it exists already.
+            ResourceBusyError: the bag exists already.
         """
         counts = {f"/{samples.entry.topic}": 0 for samples in self.samples}
         with BagWriter(folder / self.name, self.custom_data, flush_period_s=None) as writer:
@@ -63,7 +63,7 @@ class ImportedDemonstration:
         return counts
 
     def not_measured(self, counts: Mapping[str, int]) -> int:
-        """Rows of the table without a message, of those that were written by topic."""
+        """Number of rows without a message, given the message counts by topic."""
         rows: dict[str, int] = {}
         for samples in self.samples:
             topic = f"/{samples.entry.topic}"
@@ -72,7 +72,7 @@ class ImportedDemonstration:
 
 
 def _messages(demonstration: ImportedDemonstration) -> Iterator[tuple[int, str, str, dict]]:
-    """Stamp, topic, type and content of all messages, in order of time."""
+    """Stamp, topic, type and content of all messages, ordered by time."""
     topics: dict[str, list[EntrySamples]] = {}
     for samples in demonstration.samples:
         topics.setdefault(samples.entry.topic, []).append(samples)
@@ -89,7 +89,7 @@ def _messages(demonstration: ImportedDemonstration) -> Iterator[tuple[int, str, 
 
 
 def _at_each_stamp(parts: Sequence[EntrySamples]) -> dict[int, list[tuple[DofEntry, Floats]]]:
-    """What the entries of one topic say at each stamp; NaN for what they do not."""
+    """Values of a topic's entries at each stamp, NaN for entries without a sample there."""
     places = [{int(ns): k for k, ns in enumerate(part.stamps_ns)} for part in parts]
     found = {}
     for stamp in dict.fromkeys(ns for place in places for ns in place):
@@ -102,7 +102,7 @@ def _at_each_stamp(parts: Sequence[EntrySamples]) -> dict[int, list[tuple[DofEnt
 
 
 def _joint_state(rows: Sequence[tuple[DofEntry, Floats]]) -> dict[str, Any] | None:
-    """The joints that were measured; None where none was."""
+    """Content of a JointState with the measured joints; None if none was measured."""
     found: dict[str, dict[str, float]] = {}
     quantities: dict[str, None] = {}
     for entry, values in rows:
@@ -119,7 +119,7 @@ def _joint_state(rows: Sequence[tuple[DofEntry, Floats]]) -> dict[str, Any] | No
 
 
 def _fields(rows: Sequence[tuple[DofEntry, Floats]]) -> dict[str, Any] | None:
-    """Nested fields; None where one of them was not measured."""
+    """Content of a message as nested fields; None if a field was not measured."""
     content: dict[str, Any] = {}
     for entry, values in rows:
         if not np.all(np.isfinite(values)):
@@ -135,7 +135,7 @@ def _fields(rows: Sequence[tuple[DofEntry, Floats]]) -> dict[str, Any] | None:
 
 
 def _lists(content: object) -> object:
-    """Mappings from indices become lists."""
+    """Convert nested mappings from indices to lists."""
     if not isinstance(content, dict):
         return content
     if content and all(key.isdigit() for key in content):
@@ -158,16 +158,16 @@ class ImportedBag:
     """A recording, or a part of one, to be written as a bag."""
 
     name: str
-    custom_data: Mapping[str, str]  # its label `task`, where it has one, and further texts
+    custom_data: Mapping[str, str]  # its label `task`, if it has one, and further texts
     source: Path
-    start_ns: int  # log time of its first message, or earlier
-    end_ns: int  # log time of its last message, or later
+    start_ns: int  # at or before the log time of its first message
+    end_ns: int  # at or after the log time of its last message
 
     def write(self, folder: Path) -> dict[str, int]:
-        """Write it below a folder; returns the messages by topic, none where there is no message.
+        """Write the bag in `folder`; returns the message counts by topic, empty without messages.
 
         Raises:
-            ResourceBusyError: it exists already.
+            ResourceBusyError: the bag exists already.
         """
         part = BagPart(self.start_ns, self.end_ns, folder / self.name, self.custom_data)
         (counts,) = cut_bag(BagReader(self.source), [part])
@@ -177,7 +177,7 @@ class ImportedBag:
 def bag_parts(
     name: str, path: Path, named: Mapping[str, str], mapping: ImportMap
 ) -> Iterator[ImportedBag | Rejection]:
-    """A recording as the map labels and cuts it, in seconds from its first message."""
+    """Label and cut a recording by the map, whose cuts are in seconds after the first message."""
     reader = BagReader(path)
     has = {topic.lstrip("/") for topic in reader.topics}
     missing = [c.entry.topic for c in mapping.columns if c.entry.topic.lstrip("/") not in has]

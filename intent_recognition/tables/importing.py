@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From tables to demonstrations."""
+"""Import demonstrations from tables and bags."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -44,7 +44,7 @@ Imported = ImportedDemonstration | ImportedBag
 
 @dataclass(frozen=True)
 class _Recording:
-    """Files that were recorded together: their paths, and what their names say."""
+    """Files recorded together: their paths by key, and the placeholders' values in their names."""
 
     name: str
     paths: Mapping[str, Path]
@@ -53,7 +53,7 @@ class _Recording:
 
 @dataclass(frozen=True)
 class _Rows:
-    """The rows of an entry's table: stamps, which are known, and the entry's values."""
+    """Rows of an entry's table: stamps, a mask of the known stamps, and the entry's values."""
 
     source: ColumnsOf
     stamps_ns: Integers
@@ -64,10 +64,10 @@ class _Rows:
 
 
 def import_demonstrations(source: Path, mapping: ImportMap) -> Iterator[Imported | Rejection]:
-    """All demonstrations of a file, a folder, a data set, or, of a map without columns, bags.
+    """Import the demonstrations of a file, folder or data set, or of bags for maps without columns.
 
     Yields:
-        Demonstrations, and reasons why a file, or a part of one, is left out, or is odd (`Doubt`).
+        Demonstrations, rejections of files or parts of them, and oddities (`Doubt`).
 
     Raises:
         BagError: there is nothing to read.
@@ -136,7 +136,7 @@ def _find(
 
 
 def _expression(pattern: str) -> re.Pattern[str]:
-    """A pattern of file names as a regular expression; earlier placeholders take most."""
+    """A pattern of file names as a regular expression, with greedy placeholders."""
     seen: set[str] = set()
     parts = []
     for k, part in enumerate(PLACEHOLDER.split(pattern)):
@@ -176,7 +176,7 @@ def _demonstrations(
             if task:
                 check_label(task, "Give it another under labels in the map.")
                 custom["task"] = task
-        except BagError as error:  # of this demonstration: the others are taken
+        except BagError as error:  # rejects only this demonstration
             yield Rejection.of(name, error)
             continue
         parts = [_samples(row, pick, mapping.every) for row, pick in zip(rows, picks, strict=True)]
@@ -197,7 +197,7 @@ def _demonstrations(
 
 
 def _load(tables: Mapping[str, Table], mapping: ImportMap) -> dict[str, dict[str, Values]]:
-    """All columns that the map names, read once, by file and name."""
+    """Read all columns that the map names once, by file and name."""
     wanted: dict[str, list[str]] = {name: [] for name in tables}
     for source in mapping.columns:
         wanted[source.file] += source.columns
@@ -257,7 +257,7 @@ def _rows(
 
 
 def _column(source: ColumnsOf, table: Table, name: str, cells: Values) -> Floats:
-    """A column in the unit of its entry."""
+    """A column as numbers in the unit of its entry."""
     values = numbers(cells, table.source, name)
     if source.entry.orientation:  # a quaternion has no unit
         return values
@@ -271,7 +271,7 @@ def _parts(
     rows: Sequence[_Rows],
     data: Mapping[str, Mapping[str, Values]],
 ) -> Iterator[tuple[str, list[Integers], int, Cut | None]]:
-    """Name, rows of each entry, first row of the first entry, and cut of each demonstration."""
+    """For each demonstration: name, rows of each entry, first row of the first entry, and cut."""
     if mapping.segments is None:
         yield recording.name, [np.arange(row.stamps_ns.size) for row in rows], 0, None
     elif isinstance(mapping.segments, str):
@@ -299,9 +299,9 @@ def _cut_at_tasks(
     rows_of: Sequence[_Rows],
     data: Mapping[str, Values],
 ) -> Iterator[tuple[str, list[Integers], int, Cut | None]]:
-    """Parts cut where the column of their task changes; an empty cell goes on with the last.
+    """Cut parts where the value in the task column changes; empty cells continue the task before.
 
-    Entries with the times of the first are cut at the same rows, others at the same times.
+    Entries with the same times as the first entry are cut at the same rows, others by time.
     """
     main = rows_of[0]
     latest_ns = np.maximum.accumulate(np.where(main.known, main.stamps_ns, 0))
@@ -330,7 +330,7 @@ def _between(rows: _Rows, cut: Cut, zero_ns: int) -> Integers:
 
 
 def _samples(rows: _Rows, pick: Integers, every: int) -> tuple[EntrySamples, int]:
-    """Samples of an entry in increasing order of time, and how many were not."""
+    """Samples of an entry with increasing times, and the number of dropped ones."""
     pick = pick[::every]
     stamps = rows.stamps_ns[pick]
     latest = np.maximum.accumulate(np.where(rows.known[pick], stamps, 0))
@@ -341,7 +341,7 @@ def _samples(rows: _Rows, pick: Integers, every: int) -> tuple[EntrySamples, int
 
 
 def _why_few(rows: _Rows, pick: Integers, count: int) -> tuple[str, str]:
-    """Why so few samples are left of rows, and the cure."""
+    """Why so few samples are left, and the cure."""
     stamps = rows.stamps_ns[pick][rows.known[pick]]
     if pick.size and not stamps.size:
         return "no row has a time", NO_TIMES
@@ -356,7 +356,7 @@ def _why_few(rows: _Rows, pick: Integers, count: int) -> tuple[str, str]:
 
 
 def _count(samples: EntrySamples) -> int:
-    """Samples in which something was measured."""
+    """Number of samples in which something was measured."""
     return int(np.any(np.isfinite(samples.values), axis=1).sum())
 
 

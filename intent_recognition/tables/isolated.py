@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading with libraries that a malformed file may crash: in a process of its own.
+"""Read files in a separate process, with libraries that a malformed file may crash.
 
-Of 600 files with random errors in their header, ezc3d 1.7.2 ends in a segmentation fault for 5 %,
-and allots memory without end for others.
+For 5 % of 600 files with random errors in their header, ezc3d 1.7.2 ended in a segmentation fault;
+for others it allocated memory without bound.
 """
 
 import subprocess
@@ -23,9 +23,9 @@ BOOT = "import runpy, sys; sys.exit(runpy.run_path(sys.argv[1])['main'](*sys.arg
 def read_isolated(
     script: str, path: Path, kind: str, functions: tuple[str, ...] = ("read",)
 ) -> dict[str, NDArray[Any]]:
-    """What a function of a script makes of a file, run in another process.
+    """Read a file with a function of a script, run in another process.
 
-    The next of the functions is tried where one crashes.
+    If a function crashes, the next of `functions` is tried.
     """
     function, *others = functions
     with TemporaryDirectory(prefix="intent_read_") as folder:
@@ -33,7 +33,7 @@ def read_isolated(
         arguments = (HERE / "isolated_main.py", HERE / script, path.resolve(), result, function)
         command = [sys.executable, "-c", BOOT, *map(str, arguments)]
         try:
-            # An hour of 60 markers takes ezc3d 60 s.
+            # ezc3d takes 60 s for an hour of 60 markers.
             done = subprocess.run(
                 command, capture_output=True, timeout=300.0, check=False, cwd=folder
             )

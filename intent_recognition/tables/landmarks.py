@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Landmarks of people in JSON: OpenPose's, MediaPipe's, and rows of numbers by name."""
+"""Read landmarks of people from JSON: OpenPose's, MediaPipe's, and rows of named numbers."""
 
 import json
 import re
@@ -22,7 +22,7 @@ from intent_recognition.tables.times import usual_unit
 from intent_recognition.untrusted import UntrustedError, check_regular
 
 FRAMES = "_keypoints.json"
-"""How OpenPose's files end."""
+"""Ending of OpenPose's file names."""
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -55,18 +55,18 @@ COCO_17 = _names(
     " left_wrist right_wrist left_hip right_hip left_knee right_knee left_ankle right_ankle"
 )
 NAMED = {len(names): names for names in (BODY_25, COCO_17, COCO_18, POSE_33, HAND_21)}
-"""Landmarks by their count."""
+"""Names of landmarks by their number."""
 Groups = Mapping[str, tuple[str, int]]
 OPENPOSE: Groups = {
     "pose_keypoints": ("", 2), "pose_keypoints_2d": ("", 2),
     "hand_left_keypoints_2d": ("LHand.", 2), "hand_right_keypoints_2d": ("RHand.", 2),
 }  # fmt: skip
-"""Groups of a person in an image: what is before the names of their landmarks, and dimensions."""
+"""Groups of a person's landmarks in an image: prefix of the names, and number of dimensions."""
 OPENPOSE_3D: Groups = {
     "pose_keypoints_3d": ("", 3),
     "hand_left_keypoints_3d": ("LHand.", 3), "hand_right_keypoints_3d": ("RHand.", 3),
 }  # fmt: skip
-"""Those in space. Beside them the others are of one camera: what is not seen in space is a gap."""
+"""Groups in space. If any exists, those in the image are not used: untriangulated ones are gaps."""
 WORLD = _names(
     "world_landmarks pose_world_landmarks poseWorldLandmarks worldLandmarks hand_world_landmarks"
     " handWorldLandmarks multi_hand_world_landmarks"
@@ -75,27 +75,27 @@ IMAGE = _names(
     "landmarks pose_landmarks poseLandmarks keypoints hand_landmarks handLandmarks"
     " multi_hand_landmarks instances"
 )
-"""Keys of MediaPipe's landmarks: those in metres come first."""
+"""Keys of MediaPipe's landmarks in the image; `WORLD` has those in metres, which are preferred."""
 ONE_PERSON = "Keep one person in the files."
 NUMBERS = _names("image_id frame frame_id frame_number frame_index frame_idx")
-"""Keys of the number of a frame, or of an image whose name ends in it."""
+"""Keys of the number of a frame, or of an image name that ends with it."""
 SPARSE = 100
-"""How many numbers there may be for each frame. Convention: ids of a collection are farther apart.
-"""
+"""Largest range of frame numbers per frame; ids of a collection are farther apart."""
 SELDOM = 0.3
-"""Share of rows that have a column, on an average, below which bodies are told by their places in a
-list, not by names or numbers. Convention: a tracker that numbers them anew has them for seconds."""
+"""Least average share of rows with values in a column for identifying bodies by name or number, not
+by place in a list: a tracker that renumbers bodies keeps each number for seconds only."""
 FEW_FRAMES = 0.1
-"""Share of frames with several people that are left out. Convention: passers-by, reflections."""
+"""Largest share of frames with several people, due to passers-by or reflections, that may be left
+out."""
 Points = dict[str, Sequence[float]]
 Result = TypeVar("Result")
 
 
 def open_frames(folder: Path) -> Table:
-    """OpenPose's folder, a file for each frame: `RWrist.x`, `RWrist.y`, [pixels], of one person.
+    """Read OpenPose's folder with a file for each frame: `RWrist.x`, `RWrist.y` [pixels], ...
 
-    What has confidence 0 was not seen. A frame without a file is a gap, and so are a few with
-    several people, of whom nobody says who is who.
+    A landmark with confidence 0 was not seen. Missing frames are gaps, as are the few frames with
+    several people, who cannot be identified.
     """
     files = sorted(folder.glob(f"*{FRAMES}"))
     contents = [(path, _load(path)) for path in files]
@@ -103,7 +103,7 @@ def open_frames(folder: Path) -> Table:
 
 
 def _rows(numbers: Sequence[object]) -> Integers:
-    """Rows of frames, from 0 on, by the numbers that end their names; else in their order."""
+    """Rows of frames, from 0 on, by the numbers at the end of their names, or else in order."""
     found = [re.search(r"(\d+)(?:\.\D\w*)?$", text_of(number)) for number in numbers]
     rows = [int(match[1]) for match in found if match]
     least = min(rows, default=0)
@@ -111,11 +111,11 @@ def _rows(numbers: Sequence[object]) -> Integers:
         return np.arange(len(numbers))
     found_rows = np.array([row - least for row in rows])
     steps = np.bincount(np.diff(np.sort(found_rows)), minlength=2)
-    return found_rows if steps.argmax() == 1 else np.arange(len(numbers))  # else stamps, or ids
+    return found_rows if steps.argmax() == 1 else np.arange(len(numbers))  # else stamps or ids
 
 
 def _of_openpose(source: Path, contents: Sequence[tuple[Path, Any]], rows: Integers) -> Table:
-    """Frames of OpenPose, each with the file that it is in."""
+    """Table of OpenPose's frames, each given with its file."""
     found: list[tuple[Path, list[Any]]] = []
     for path, content in contents:
         people = content.get("people") if isinstance(content, dict) else None
@@ -123,7 +123,7 @@ def _of_openpose(source: Path, contents: Sequence[tuple[Path, Any]], rows: Integ
             raise unusable(path, "one person of OpenPose", "none", ONE_PERSON)
         found.append((path, people))
 
-    def in_3d(person: Mapping[str, Any]) -> bool:  # has OpenPose triangulated anything of him
+    def in_3d(person: Mapping[str, Any]) -> bool:  # whether OpenPose triangulated any landmark
         return any(number > 0.0 for key in OPENPOSE_3D for number in person.get(key) or ())
 
     in_space = any(_read(path, in_3d, one) for path, people in found for one in people)
@@ -140,10 +140,10 @@ def _of_openpose(source: Path, contents: Sequence[tuple[Path, Any]], rows: Integ
 
 
 def open_landmarks(path: Path) -> Table:
-    """Frames of MediaPipe: `right_wrist.x`, ...; those in metres where the file has them."""
+    """Read MediaPipe's frames, `right_wrist.x`, ..., preferably in metres, or other JSON tables."""
     content = _load(path)
     frames = content.get("frames", content.get("results")) if isinstance(content, dict) else content
-    if frames is None and isinstance(content, dict):  # rows under a name of their own
+    if frames is None and isinstance(content, dict):  # rows under another key
         lists = [v for v in content.values() if isinstance(v, list) and v]
         of_rows = [v for v in lists if isinstance(v[0], dict)]
         of_numbers = [v for v in lists if not isinstance(v[0], dict | str)]
@@ -196,7 +196,7 @@ def open_landmarks(path: Path) -> Table:
 
 
 def _of_qualisys(path: Path, content: Mapping[str, Any]) -> Table:
-    """Markers and bodies of QTM [mm], which it has in parts: rows from a frame on."""
+    """Markers and bodies of QTM [mm], stored in parts that each begin at a frame."""
     base = content["Timebase"]
     first, last = (int(base["Range"][key]) for key in ("Start", "End"))
     columns: dict[str, NDArray[Any]] = {}
@@ -213,7 +213,7 @@ def _of_qualisys(path: Path, content: Mapping[str, Any]) -> Table:
 
 
 def _is_of_image(frames: Sequence[Points]) -> bool:
-    """Whether landmarks are MediaPipe's in the image: those in metres are on all sides of zero."""
+    """Whether landmarks are MediaPipe's in the image; those in metres have both signs."""
     seen = [point for frame in frames for point in frame.values()]
     names = {frozenset(frame) for frame in frames if frame}
     are_known = names <= {frozenset(POSE_33), frozenset(HAND_21)}
@@ -222,7 +222,7 @@ def _is_of_image(frames: Sequence[Points]) -> bool:
 
 
 def _about(path: Path, content: Any) -> dict[str, Any]:
-    """The rate and the unit that stand beside the frames, as attributes of the table."""
+    """The rate and unit given beside the frames, as attributes of the table."""
     said = {key.lower(): v for key, v in content.items()} if isinstance(content, dict) else {}
     unit = next((said[key] for key in UNIT if isinstance(said.get(key), str)), "")
     rate = next((said[key] for key in RATES if isinstance(said.get(key), int | float | str)), None)
@@ -231,19 +231,19 @@ def _about(path: Path, content: Any) -> dict[str, Any]:
 
 
 def _numbered(content: Mapping[str, Any]) -> list[str]:
-    """Keys that are one word and a number, such as `frame_12`, in the order of their numbers."""
+    """Keys made of a common word and a number, such as `frame_12`, ordered by number."""
     found = {key: re.fullmatch(r"(\D*)(\d+)", key) for key in content}
     if not all(found.values()) or len({match[1] for match in found.values() if match}) != 1:
         return []
     first = next(iter(content.values()))
-    is_long = isinstance(first, list) and len(first) > 4 * len(content)  # few frames are as short
+    is_long = isinstance(first, list) and len(first) > 4 * len(content)  # longer than frames
     if is_long and isinstance(first[0], int | float):
         return []  # columns
     return sorted(content, key=lambda key: int(found[key][2]))  # type: ignore[index]
 
 
 def _of_pandas(content: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Rows, with their `index`, of a table that pandas wrote as `split`, `columns` or `index`."""
+    """Rows, with their `index`, of a table in pandas' format `split`, `columns` or `index`."""
     if {"columns", "index", "data"} <= content.keys():
         names = [n if isinstance(n, str) else ".".join(map(str, n)) for n in content["columns"]]
         rows = (dict(zip(names, row, strict=True)) for row in content["data"])
@@ -258,7 +258,7 @@ def _of_pandas(content: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _of_lists(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """Columns of lists by their names: numbers or texts (T,), places (..., d) as `NAME.x`, ..."""
+    """Columns from named lists: numbers or texts (T,), or positions (..., d) as `NAME.x`, ..."""
     lists = dict(_lists(content))
     texts = {key for key, value in lists.items() if any(isinstance(one, str) for one in value)}
     own = {key for key in content.keys() & lists if len(lists[key]) >= MIN_SAMPLES} - texts
@@ -279,7 +279,7 @@ def _of_lists(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
 
 
 def _lists(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, list[Any]]]:
-    """Lists in mappings within one another, by their paths."""
+    """Lists in nested mappings, by their paths."""
     for key, value in content.items():
         if isinstance(value, dict):
             yield from _lists(value, f"{before}{key}.")
@@ -288,10 +288,10 @@ def _lists(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, 
 
 
 def _of_records(frames: Sequence[Any]) -> dict[str, NDArray[Any]]:
-    """Columns of the numbers and texts of objects, one for each row: `wrist.x`."""
+    """Columns, such as `wrist.x`, of the numbers and texts in objects, one object per row."""
     rows = [dict(flat(frame)) for frame in frames]
     names = list(dict.fromkeys(name for row in rows for name in row))
-    if sum(map(len, rows)) < SELDOM * len(rows) * len(names):  # names that change are of nobody
+    if sum(map(len, rows)) < SELDOM * len(rows) * len(names):  # changing names identify nobody
         rows = [dict(flat(frame, by_name=False)) for frame in frames]
         names = list(dict.fromkeys(name for row in rows for name in row))
     if not names or len(names) > MOST_COLUMNS:
@@ -305,7 +305,7 @@ def _of_records(frames: Sequence[Any]) -> dict[str, NDArray[Any]]:
 
 
 def _read(path: Path, read: Callable[[Any], Result], content: Any) -> Result:
-    """What a function makes of content, which may be anything."""
+    """Apply a function to content of any form, raising BagError if it fails."""
     try:
         return read(content)
     except (TypeError, ValueError, OverflowError, AttributeError, KeyError) as error:
@@ -317,7 +317,7 @@ def _has(frames: Sequence[Any], key: str) -> bool:
 
 
 def _columns(frames: Sequence[Points], rows: Integers) -> dict[str, NDArray[Any]]:
-    """One column for each axis of each landmark, NaN where a frame has none of it."""
+    """One column for each axis of each landmark, NaN in frames without the landmark."""
     count = int(rows.max(initial=-1)) + 1
     columns: dict[str, NDArray[Any]] = {"frame": np.arange(count)}
     for row, frame in zip(rows.tolist(), frames, strict=True):
@@ -342,11 +342,11 @@ def _openpose(groups: Groups, person: Mapping[str, Any]) -> Points:
 
 
 def _people(key: str, frame: Any) -> list[Any]:
-    """Landmarks under a key of each person, or hand, in a frame of MediaPipe, however nested."""
+    """Landmarks of each person or hand in a frame of MediaPipe, under a key, however nested."""
     is_row = not isinstance(frame, dict)
     frame = frame if is_row else frame.get(key)
     is_flat = isinstance(frame, list) and frame and isinstance(frame[0], int | float)
-    if is_flat and (not is_row or _are_triples(frame)):  # as COCO has them
+    if is_flat and (not is_row or _are_triples(frame)):  # in COCO's format
         frame = pixels_of(np.array(frame, np.float64).reshape(-1, 3)).tolist()
     people = [frame]
     while people and not _is_person(people[0]):
@@ -355,7 +355,7 @@ def _people(key: str, frame: Any) -> list[Any]:
 
 
 def _are_triples(row: Sequence[Any]) -> bool:
-    """Whether numbers are three of each landmark of an image."""
+    """Whether numbers are x, y and confidence of each landmark in an image."""
     is_known = len(row) in [3 * count for count in NAMED] and all(map(np.isreal, row))
     return is_known and are_of_image(np.array(row, np.float64).reshape(-1, 3))
 
@@ -390,7 +390,7 @@ def _load(path: Path) -> Any:
         content = path.read_bytes()
         try:
             return json.loads(content)
-        except json.JSONDecodeError:  # a frame on each line
+        except json.JSONDecodeError:  # one frame per line
             lines = content.splitlines()
             if len(lines) < 2 or not lines[0].rstrip().endswith(b"}"):
                 raise

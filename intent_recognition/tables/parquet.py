@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Columns of Parquet files, by pyarrow."""
+"""Read columns of Parquet files and LeRobot data sets by pyarrow."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -24,14 +24,14 @@ from intent_recognition.untrusted import (
 
 
 def open_parquet(path: Path) -> Table:
-    """A Parquet file; elements of lists are `NAME.0`, ..., fields of structs `NAME.FIELD`."""
+    """Open a Parquet file, with list elements `NAME.0`, ... and struct fields `NAME.FIELD`."""
     return by_body(parquet_table(path, [path], {}))
 
 
 def parquet_table(source: Path, files: Sequence[Path], names: Mapping[str, Sequence[str]]) -> Table:
-    """Files of one schema, in their order, as one table of the source, a file or a folder.
+    """Join files with one schema, in order, to one table of `source`, a file or folder.
 
-    `names` are those of the elements of list columns, where they have any.
+    `names` holds the names of the elements of list columns, if they have any.
     """
     places = _places(files[0], names)
     own = [name for name, (_, element, alias) in places.items() if not alias]
@@ -56,7 +56,7 @@ def parquet_table(source: Path, files: Sequence[Path], names: Mapping[str, Seque
 
 
 def _units(file: Any) -> dict[str, str]:
-    """Units of stored columns, where the metadata of their fields say one."""
+    """Units of stored columns, from the metadata of their fields, "" for none."""
     fields = _flattened(file.schema_arrow.empty_table()).schema
     said = {field.name: field.metadata or {} for field in fields}
     found = {name: about.get(b"unit", about.get(b"units", b"")) for name, about in said.items()}
@@ -66,7 +66,7 @@ def _units(file: Any) -> dict[str, str]:
 def _places(
     path: Path, names: Mapping[str, Sequence[str]]
 ) -> dict[str, tuple[str, int | None, bool]]:
-    """Stored column and element of each name, and whether it is a second name of it."""
+    """Stored column and element for each name, and whether the name is an alias."""
     places: dict[str, tuple[str, int | None, bool]] = {}
 
     def look(file: Any) -> None:
@@ -95,14 +95,14 @@ def _places(
 
 
 def _flattened(table: Any) -> Any:
-    """A table whose structs are columns for each of their fields, by their paths."""
+    """A table with a column for each field of its structs, named by the field's path."""
     while any(str(kind).startswith("struct<") for kind in table.schema.types):
         table = table.flatten()
     return table
 
 
 def _first_list(file: Any, column: str) -> Any:
-    """The first list of a column that is there; [] where none is."""
+    """The first non-empty list of a column; [] if there is none."""
     for batch in file.iter_batches(64, columns=[column]):
         table = _flattened(optional("pyarrow").Table.from_batches([batch]))
         found = next(filter(None, table.column(column).to_pylist()), None)
@@ -112,7 +112,7 @@ def _first_list(file: Any, column: str) -> Any:
 
 
 def _read(path: Path, columns: Sequence[str], single: Sequence[str]) -> dict[str, Values]:
-    """Columns of one file, (T,) or, where they are not `single` but hold lists, (T, d)."""
+    """Columns of one file, (T,) for single values or (T, d) for lists."""
 
     def load(file: Any) -> dict[str, Values]:
         table = _flattened(file.read(columns=list(columns)))
@@ -123,7 +123,7 @@ def _read(path: Path, columns: Sequence[str], single: Sequence[str]) -> dict[str
 
 
 def _check_size(files: Sequence[Path], columns: Sequence[str]) -> None:
-    """Bound what columns take, all files together, before any is read."""
+    """Bound the memory of columns, over all files, before any is read."""
     starts = tuple(f"{column}." for column in columns)
     taken = 0
 
@@ -142,9 +142,9 @@ def _check_size(files: Sequence[Path], columns: Sequence[str]) -> None:
 
 
 def _values(column: Any, path: Path, name: str) -> Values:
-    """A column of Arrow as numpy has it; what is null is NaN, or None in texts."""
+    """Convert a column from Arrow to numpy; nulls become NaN, or None in texts."""
     column = column.unify_dictionaries().combine_chunks()
-    if str(column.type).startswith("dictionary<"):  # texts that are alike are kept once
+    if str(column.type).startswith("dictionary<"):  # equal texts are stored once
         known = np.array([*column.dictionary.to_pylist(), None], object)
         return np.asarray(known[column.indices.fill_null(len(known) - 1).to_numpy()])
     if not _is_list(column.type):
@@ -154,7 +154,7 @@ def _values(column: Any, path: Path, name: str) -> Values:
     there = column.drop_null()
     if _is_nested(column.type.value_type) or _is_list(column.type.value_type):
         listed = [[*flat(row)] for row in there.to_pylist()]
-        if _is_nested(column.type.value_type):  # what has a name may be at another place in each
+        if _is_nested(column.type.value_type):  # the order of named elements may differ
             listed = [sorted(row, key=itemgetter(0)) for row in listed]
             named = {tuple(key for key, _ in row) for row in listed}
             if len(named) > len({*map(len, named)}):
@@ -185,7 +185,7 @@ def _is_nested(kind: Any) -> bool:
 
 
 def _with_file(path: Path, action: Callable[[Any], Any], single: Sequence[str] = ()) -> Any:
-    """What `action` makes of an open file, texts in columns `single` kept once; else a BagError."""
+    """Apply `action` to an open file, storing equal texts of columns `single` once; or BagError."""
     parquet = optional("pyarrow.parquet")
     try:
         check_regular(path)
@@ -193,20 +193,20 @@ def _with_file(path: Path, action: Callable[[Any], Any], single: Sequence[str] =
             return action(file)
     except (BagError, MemoryError):
         raise
-    except Exception as error:  # pyarrow raises what its parts raise
+    except Exception as error:  # pyarrow may raise anything
         cure = "Write or download it again."
         raise unusable(path, "a Parquet file", one_line(error), cure) from error
 
 
 MOST_LINES = 2**26
-"""Bytes of a `.jsonl` file. Convention: a million tasks take 60 MB."""
+"""Largest accepted `.jsonl` file [bytes]; a million tasks take 60 MB."""
 
 
 def open_lerobot(folder: Path) -> Table:
-    """All episodes of a LeRobot data set of version 2 or 3, as its `meta` describes them.
+    """Open all episodes of a LeRobot data set of version 2 or 3, described by its `meta`.
 
-    Elements of a feature have the names that `info.json` gives them, and `FEATURE.0`, `FEATURE.1`,
-    ... The column `task` holds the text of each row's task.
+    Elements of a feature are named as in `info.json`, and also `FEATURE.0`, `FEATURE.1`, ... The
+    column `task` holds the text of each row's task.
     """
     path = folder / "meta" / "info.json"
     try:
@@ -223,7 +223,7 @@ def open_lerobot(folder: Path) -> Table:
         raise unusable(path, "a data_path inside of the folder", pattern, "Correct it.")
     try:
         files = sorted(folder.glob(pattern))
-    except (ValueError, IndexError):  # no pattern at all
+    except (ValueError, IndexError):  # not a valid pattern
         files = []
     if not files:
         raise unusable(folder, f"files {pattern}", "none", "Download the folder data as well.")
@@ -261,7 +261,7 @@ def open_lerobot(folder: Path) -> Table:
 
 
 def _feature_names(feature: Mapping) -> list[str]:
-    """What `info.json` calls the elements of a feature; [] where it does not, or not all."""
+    """Names of a feature's elements in `info.json`; [] unless all elements have one."""
     names = feature.get("names")
     if isinstance(names, Mapping):  # {"motors": [...]}, or {"x": 0, "y": 1}
         inner = list(names.values())
@@ -282,7 +282,7 @@ def _tasks(folder: Path) -> dict[float, str]:
         if lines.is_file():
             rows = [load_json(line) for line in read_text(lines, MOST_LINES).splitlines() if line]
             return {float(row["task_index"]): str(row["task"]) for row in rows}
-        columns = open_parquet(table)  # the text is an index of pandas, under several names
+        columns = open_parquet(table)  # the text is an index of pandas, whose name varies
         texts = next(name for name in columns.names if name != "task_index")
         found = columns.columns(["task_index", texts])
         indices = numbers(found["task_index"], table, "task_index").tolist()

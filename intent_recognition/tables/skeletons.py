@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Skeletons of motion capture: BVH, with where the joints are, and Xsens MVNX."""
+"""Read skeletons of motion capture: BVH, with computed joint positions, and Xsens MVNX."""
 
 import re
 from pathlib import Path
@@ -15,11 +15,11 @@ from intent_recognition.tables.table import Table, check_columns, table_of, unus
 from intent_recognition.untrusted import MOST_ARRAYS, MOST_MESH, UntrustedError, check_regular
 
 DEEPEST = 200
-"""Joints on the way from the root. Convention: a hand has 10."""
+"""Longest accepted chain of joints from the root; that of a hand has 10."""
 
 
 class _Joint(NamedTuple):
-    """One joint: name, number of its parent (-1 for a root), offset, channels from a column on."""
+    """One joint: name, parent's index (-1 for a root), offset, channels and their first column."""
 
     name: str
     parent: int
@@ -29,9 +29,9 @@ class _Joint(NamedTuple):
 
 
 def open_bvh(path: Path) -> Table:
-    """Channels as `JOINT.Xrotation` [deg], places of the joints as `JOINT.x`, `JOINT.y`, `JOINT.z`.
+    """Read channels as `JOINT.Xrotation` [deg], and joint positions as `JOINT.x`, `JOINT.y`, ...
 
-    BVH does not say its unit of length: the map does.
+    BVH files do not state their unit of length, so the map must.
     """
     try:
         check_regular(path, MOST_MESH)
@@ -69,7 +69,7 @@ def open_bvh(path: Path) -> Table:
 def _joints(hierarchy: str) -> list[_Joint]:
     words = iter(re.findall(r"(?:ROOT|JOINT)[^\S\n]+[^\n{]*[^\s{]|\S+", hierarchy))
     joints: list[_Joint] = []
-    above: list[int] = []  # the joints that are open; -1 for the end of a limb
+    above: list[int] = []  # joints whose brackets are open; -1 for the end of a limb
     column, name = 0, ""
     for word in words:
         if word.startswith(("ROOT", "JOINT")):
@@ -99,7 +99,7 @@ def _joints(hierarchy: str) -> list[_Joint]:
 
 
 def _places(joints: list[_Joint], values: Floats) -> list[Floats]:
-    """Where each joint is, (T, 3) in the frame of the root: rotations in the order of channels."""
+    """Position (T, 3) of each joint in the root's frame, applying rotations in channel order."""
     found: list[tuple[Floats, Rotation]] = []
     for joint in joints:
         own = values[:, joint.column : joint.column + len(joint.channels)]
@@ -108,7 +108,7 @@ def _places(joints: list[_Joint], values: Floats) -> list[Floats]:
         for channel, column in zip(joint.channels, own.T, strict=True):
             axis = "XYZ".index(channel[0])
             if channel.endswith("position"):
-                place[:, axis] = column  # the file's own convention: in place of the offset
+                place[:, axis] = column  # in BVH, positions replace the offset
             else:
                 turns.append((channel[0], column))
         order = "".join(axis for axis, _ in turns)
@@ -126,14 +126,14 @@ def _places(joints: list[_Joint], values: Floats) -> list[Floats]:
 
 
 OF_SEGMENTS = {"position": "xyz", "orientation": "wxyz", "velocity": "xyz", "acceleration": "xyz"}
-"""What a frame has of each segment: [m], a unit quaternion, [m/s], [m/s^2]."""
+"""Quantities of each segment in a frame: [m], a unit quaternion, [m/s] and [m/s^2]."""
 OF_JOINTS = {"jointAngle": ("abduction", "rotation", "flexion")}
-"""What a frame has of each joint [deg]: about x, y and z in Xsens' ZXY sequence."""
+"""Angles of each joint in a frame [deg], about x, y and z in Xsens' ZXY sequence."""
 UNITS = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2", "jointAngle": "deg"}
 
 
 def open_mvnx(path: Path) -> Table:
-    """Columns such as `RightHand.position.x`, `RightHand.orientation.w`, `jRightElbow.flexion`."""
+    """Read columns such as `RightHand.position.x`, `Head.orientation.w`, `jRightElbow.flexion`."""
     names: dict[str, list[str]] = {"segment": [], "joint": []}
     rows: dict[str, list[list[float]]] = {}
     rate = 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The columns of one file."""
+"""Columns of one file, their names and units."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -14,43 +14,42 @@ from intent_recognition.tables.cells import Values, scale_between
 from intent_recognition.tables.times import unit_of_times
 
 MOST_TEXT = 2**28
-"""Bytes of a file of numbers in text, or of those of a folder. Convention: an hour of fifty columns
-at 100 Hz takes 0.2 GB as a CSV, one of MediaPipe at 30 Hz 0.3 GB."""
+"""Largest accepted text file [bytes]. An hour of fifty columns at 100 Hz takes 0.2 GB as a CSV, an
+hour of MediaPipe at 30 Hz 0.3 GB."""
 MOST_COLUMNS = 10_000
-"""Columns of a table. Convention: a motion capture suit takes some hundreds."""
+"""Most columns of a table; a motion capture suit has several hundred."""
 UNIT_IN_NAME = re.compile(
     r"(?i)(?:[\[(]|[_ ./-](?=(?:[mcdk\u00b5]m|px|deg(?:ree)?s?|rad(?:ian)?s?"
     r"|(?:milli|centi|deci)met(?:er|re)s?|inch(?:es)?)$))\s*([^\[\]()_\s]+)\s*[\])]?$"
 )
-"""The unit at the end of a name: `x [mm]`, `x (mm)`, `x_mm`, `x.mm`, `X MM`."""
+"""The unit at the end of a column's name: `x [mm]`, `x (mm)`, `x_mm`, `x.mm`, `X MM`."""
 OTHER_UNIT = re.compile(r"(?i)\s\[[^\[\]\d]+\]$|[(_ ./-](?:px|pixels?|%|km)\)?$")
-"""The end of a name that says a unit of which nothing is known: `x [V]`, `x (px)`; not `x (left)`.
-"""
+"""An unsupported unit at the end of a name, such as `x [V]` or `x (px)`, but not `x (left)`."""
 ELEMENT = re.compile(r"(?:\.\d+)+$")
-"""The end of the name of an element of an array."""
+"""Indices at the end of the name of an array element."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of one file, read when they are asked for."""
+    """The columns of one file, which are read on demand."""
 
     source: Path  # the file, or the folder of a data set
-    # of all columns, as messages list them; one may occur twice, but not be asked for
+    # names of all columns; a repeated name cannot be used to select a column
     names: tuple[str, ...]
-    read: Callable[[Sequence[int]], Sequence[Values]]  # columns by their numbers, each (T,) or (1,)
-    # which rows of the file those that are read are, from 0 on, where some are empty
+    read: Callable[[Sequence[int]], Sequence[Values]]  # reads columns by index, each (T,) or (1,)
+    # row numbers in the file of the rows that are read, from 0, if some are empty
     counts: Callable[[], Floats] | None = None
-    aliases: Mapping[str, int] = field(default_factory=dict)  # numbers of columns by further names
-    unit: str = ""  # of all columns, "" where the file does not say
-    # of single columns, by number; of others, one that ends their name counts
+    aliases: Mapping[str, int] = field(default_factory=dict)  # column indices by further names
+    unit: str = ""  # unit of all columns, "" if the file states none
+    # units of single columns, by index; other columns may have a unit at the end of their name
     units: Mapping[int, str] = field(default_factory=dict)
-    must_say: bool = False  # whether the map must give the unit where the file does not
-    # what the file says of itself, under the keys of a map: time, segments, task
+    must_say: bool = False  # whether the map must give the unit if the file does not
+    # settings found in the file, under the keys of a map: time, segments, task
     defaults: Mapping[str, object] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()  # what is odd about the file, as sentences
+    notes: tuple[str, ...] = ()  # oddities of the file, as sentences
 
     def columns(self, wanted: Sequence[str]) -> dict[str, Values]:
-        """Some columns by name, or by number from 0 on."""
+        """Read columns by name, or by index from 0 on; raises BagError if a column is missing."""
         names = list(dict.fromkeys(wanted))
         found = {name: self.find(name) for name in names}
         if missing := [name for name, number in found.items() if number is None]:
@@ -62,7 +61,7 @@ class Table:
         return dict(zip(names, values, strict=True))
 
     def find(self, name: str) -> int | None:
-        """The number of a column; None where there is none."""
+        """The index of a column; None if there is no such column."""
         lower = [own.lower() for own in self.names]
         for wanted, known in ((name, self.names), (name.lower(), lower)):
             same = [k for k, own in enumerate(known) if own == wanted]
@@ -78,7 +77,7 @@ class Table:
         return int(name) if name.isdecimal() and int(name) < len(self.names) else None
 
     def unit_of(self, name: str, wanted: str) -> str:
-        """The unit of a column, in our spelling; that which is wanted where nothing is known."""
+        """The unit of a column, as spelled in this package; `wanted` if it is unknown."""
         said = self.said_of(name)
         such = "deg" if wanted.startswith("rad") else "mm"
         cure = f"Give it as columns_unit in the map, such as {such}."
@@ -93,23 +92,23 @@ class Table:
         return unit
 
     def said_of(self, name: str) -> str:
-        """The unit of a column as the file spells it, also at the end of its name; "" for none."""
+        """The unit of a column as in the file or at the end of the column's name; "" for none."""
         if (number := self.find(name)) is None:
             return self.unit
         own = self.names[number]
-        if re.sub("(?i)px$", "py", own) in {*self.names} - {own}:  # a place, no pixels
+        if re.sub("(?i)px$", "py", own) in {*self.names} - {own}:  # a coordinate, not pixels
             own = ""
         return self.units.get(number) or self.unit or _in_name(own)
 
     def time_unit_of(self, name: str) -> str:
-        """The unit of a column of times, a key of `PER_UNIT`; "" where the file does not say."""
+        """The unit of a column of times, a key of `PER_UNIT`; "" if the file states none."""
         number = self.find(name)
         said = ("", "") if number is None else (self.units.get(number, ""), self.names[number])
         return unit_of_times(said[0]) or unit_of_times(said[1])
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is a unit of length, angle or time, or one that none of these is."""
+    """Whether a text is a unit of length, angle or time, or an unsupported unit."""
     is_other = OTHER_UNIT.search(f"({text})") is not None
     return is_other or spelled(text).partition("/")[0] in UNITS or bool(unit_of_times(text))
 
@@ -122,24 +121,24 @@ def _in_name(name: str) -> str:
 
 
 def table_of(source: Path, columns: Mapping[str, Values], **more: Any) -> Table:
-    """A table of columns that are read already."""
+    """Make a table from columns in memory."""
     values = list(columns.values())
     return Table(source, tuple(columns), lambda wanted: [values[k] for k in wanted], **more)
 
 
 def without_subjects(names: Sequence[str]) -> dict[str, int]:
-    """Numbers of the columns `SUBJECT:MARKER.x` by `MARKER.x`, where only one subject has it."""
+    """Indices of the columns `SUBJECT:MARKER.x` by `MARKER.x`, if only one subject has it."""
     short = [name.rpartition(":")[2] for name in names]
     return {name: k for k, name in enumerate(short) if short.count(name) == 1}
 
 
 def check_columns(source: Path, count: int) -> None:
-    """Bound how many columns a table has."""
+    """Raise BagError if a table has more than `MOST_COLUMNS`."""
     if count > MOST_COLUMNS:
         cure = "Leave columns out of the file."
         raise unusable(source, f"at most {MOST_COLUMNS} columns", count, cure)
 
 
 def unusable(source: Path, expected: str, error: object, cure: str) -> BagError:
-    """The error that a file is not what its name says."""
+    """Make the error for a file whose content does not match its name."""
     return BagError.about(str(source), expected, error, cure)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of text: CSV, and what motion capture exports as text.
+"""Read tables of text: CSV, and text exported by motion capture software.
 
-A reader of headers (`headers.py`) says what the columns of a known exporter are called; everything
-else is a CSV with a line of names, or without one.
+`headers.py` names the columns of known exporters; any other file is a CSV with or without a line of
+names.
 """
 
 import codecs
@@ -25,39 +25,38 @@ from intent_recognition.tables.table import Table, check_columns, is_unit, unusa
 from intent_recognition.tables.times import TIME_NAME
 
 DELIMITERS = ",;\t| "
-"""What may separate the cells of a CSV, in order of preference; blanks where nothing else does."""
+"""Delimiters of CSV cells, in order of preference; blanks only if there is no other."""
 LEAST_CELLS = 3
-"""Cells of a table's rows beside which a row of one cell is a title. Convention."""
+"""Fewest cells of a table's rows; rows above with fewer cells are titles."""
 MOST_CELLS = 10_000_000
-"""Cells that are taken from a CSV, or its rows. Convention: they take 0.7 GB while they are read;
-an hour of twenty columns at 100 Hz has 7 million."""
+"""Most cells read from a CSV, which take 0.7 GB while they are read; an hour of twenty columns at
+100 Hz has 7 million."""
 LONGEST_LINE = 2**16
-"""Characters of a line that are looked at for what separates its cells. Convention: `MOST_COLUMNS`
-of six characters."""
+"""Number of characters of a line searched for delimiters, for `MOST_COLUMNS` of six characters."""
 HEAD_ROWS = 60
-"""Rows that are looked at for a header. Convention: OpenSim's have some thirty."""
+"""Number of rows searched for a header; OpenSim's headers have about thirty."""
 MOST_NOTES = 10
-"""Rows at the end that may be notes, or means and the like. Convention."""
+"""Most rows at the end that may be notes, or means and the like."""
 UNIT_LINE = re.compile(r"(?i)(?:length |position )?units? [\[(]?([^\s\])]+)[\])]?")
-"""A line that says the unit of all columns."""
+"""A line that states the unit of all columns."""
 RATE_LINE = re.compile(
     r"(?i)(?:(?:export|capture|camera|data|frame|sampl\w*) ?)*(?:frequency|rate|fps)"
     r"(?: [\[(]?hz[\])]?)? (\d+(?:\.\d+)?)(?: hz)?"
 )
-"""A line that says the rate of all rows [Hz]."""
+"""A line that states the rate of all rows [Hz]."""
 VECTOR = re.compile(r"[\[(]([^\[\]()]+)[\])]")
 """Several numbers in one cell, as Unity, numpy and pandas print them: `(0.1, 0.2)`, `[0.1 0.2]`."""
 NUMPY = re.compile(r"np\.float\d+\(([^()]*)\)")
 """A number in a list as numpy 2 prints it: `[np.float64(0.1), np.float64(0.2)]`."""
 COMMENTS = ("#", "% ")
-"""How lines of comment begin."""
+"""Beginnings of comment lines."""
 NO_PLACES = ("Devices", "Events")
-"""Titles of tables of Nexus that are never read."""
+"""Titles of Nexus tables without positions, which are never read."""
 TEXTS = (".csv", ".tsv", ".txt", ".trc", ".mot", ".sto")
 
 
 def open_text(path: Path, skip_rows: int) -> Table:
-    """A CSV, TSV, TRC, MOT or STO file, or a CSV of Motive, Nexus or QTM."""
+    """Open a CSV, TSV, TRC, MOT or STO file, or a CSV of Motive, Nexus or QTM."""
     encoding = _encoding(path)
     comments = _comments(path, encoding)
     before, others = _before_places(path, comments, encoding)
@@ -117,11 +116,11 @@ def open_text(path: Path, skip_rows: int) -> Table:
 def _below(
     header: Header, rows: Iterable[list[str]], last: int, path: Path
 ) -> Iterator[tuple[int, list[str]]]:
-    """Numbers and cells of the rows below a header, up to the column `last` at least.
+    """Numbers and cells of the rows below a header, filled up to the column `last`.
 
-    Cells that are missing at the end of a row are empty, unless short rows after one another may be
-    one that is broken over several lines. The last one is left out where it has no end, or is a
-    single cell: writing stopped there, or it says something else.
+    Missing cells at the end of a row are empty. Successive short rows that may be one row broken
+    over several lines are an error. A short last row is left out if it does not end with a line
+    break, since writing may have stopped, or is a single cell, which may be a remark.
     """
     width, together, run, before, whole = len(header.names), 0, 0, [""], [""]
     for (number, row), (_, after) in pairwise(chain(_numbered(header, rows), [(0, [])])):
@@ -134,7 +133,7 @@ def _below(
         if is_less and not after and (size == 1 or not _ends_line(path)):
             break
         is_pair = run == 2 and (not after or width <= len(after))
-        # a break within a cell makes two of it
+        # a line break within a cell splits it into two
         is_broken = is_pair and together in (width, width + 1)
         firsts = [one[0] for one in (whole, before, row, after) if one][-3:]
         is_broken = is_broken and not _goes_on(*firsts, evenly=not after)
@@ -147,7 +146,7 @@ def _below(
 
 
 def _goes_on(*cells: str, evenly: bool) -> bool:
-    """Whether first cells of rows may be times: numbers that increase, or do so by even steps."""
+    """Whether first cells of rows may be times: increasing, and if `evenly`, in similar steps."""
     try:
         numbers = [float(with_point(cell)) for cell in cells]
     except ValueError:
@@ -157,9 +156,9 @@ def _goes_on(*cells: str, evenly: bool) -> bool:
 
 
 def _numbered(header: Header, rows: Iterable[list[str]]) -> Iterator[tuple[int, list[str]]]:
-    """Rows below a header with their numbers: blank lines, comments, and what has a text for a
-    number at the end, alone or below a blank line, are no rows, and those at which nothing was
-    measured are counted and left out.
+    """Rows below a header with their numbers. Blank lines, comments, and rows at the end with a text
+    for a number, alone or below a blank line, are not rows; rows of empty cells are counted but
+    left out.
     """
     number = -1
     before, is_apart = "", False
@@ -185,7 +184,7 @@ def _numbered(header: Header, rows: Iterable[list[str]]) -> Iterator[tuple[int, 
 
 
 def _ends_line(path: Path) -> bool:
-    """Whether a file ends with the end of a line."""
+    """Whether a file ends with a line break."""
     with path.open("rb") as stream:
         stream.seek(-min(2, path.stat().st_size), SEEK_END)
         end = stream.read()
@@ -193,13 +192,13 @@ def _ends_line(path: Path) -> bool:
 
 
 def _are_names(row: Sequence[str], names: Sequence[str]) -> bool:
-    """Whether a row is a line of names, not one of numbers."""
+    """Whether a row repeats the names, unless these are numbers."""
     cells = (cell.strip().lstrip("#").strip() for cell in row)
     return all(map(str.__eq__, cells, names)) and not all(map(_is_number, names))
 
 
 def _comments(path: Path, encoding: str) -> int:
-    """Lines of comment, or Excel's `sep=;`, before the line of names, which may begin with a #."""
+    """Number of comment lines (or Excel's `sep=;`) before the names, which may begin with a #."""
     count = 0
     try:
         with path.open(encoding=encoding, newline="") as stream:
@@ -214,8 +213,8 @@ def _comments(path: Path, encoding: str) -> int:
 
 
 def _said_above(path: Path, count: int, encoding: str) -> tuple[str, dict[str, object]]:
-    """The one unit, "" for none, and the one rate, as `Table.defaults`, that lines above the
-    numbers say, such as `# units: mm`.
+    """The unit and the rate stated in lines above the numbers, such as `# units: mm`: "" if none or
+    several units, and no default if none or several rates.
     """
     with path.open(encoding=encoding) as stream:
         lines = [re.sub(r"[#,;:=\s]+", " ", stream.readline(LONGEST_LINE)) for _ in range(count)]
@@ -228,7 +227,7 @@ def _said_above(path: Path, count: int, encoding: str) -> tuple[str, dict[str, o
 
 
 def _before_places(path: Path, skip_rows: int, encoding: str) -> tuple[int, Sequence[str]]:
-    """Rows before the table of Vicon's export that is read, and titles of others with places."""
+    """Number of rows before the table to read in Vicon's export, and titles of its other tables."""
     rows = _rows(path, skip_rows, encoding)
     titles = (*OF_VICON, *NO_PLACES)
     if "".join(next(rows, [])).strip() not in titles:
@@ -242,7 +241,7 @@ def _before_places(path: Path, skip_rows: int, encoding: str) -> tuple[int, Sequ
 
 
 def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
-    """The line of names, and of units, below titles; where it is a row of values, numbers."""
+    """Header from the lines of names and units below titles; columns without names are numbered."""
     counts = [sum(bool(cell.strip()) for cell in row) for row in head]
     if not any(counts):
         raise unusable(path, "a line of column names", "an empty file", "Check the path.")
@@ -258,10 +257,10 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
         and len(head) > 1
         and len(first) == len(head[1]) + 1
     ):
-        first = first[1:]  # a mark of its own before names with blanks between them
+        first = first[1:]  # a separate comment mark before names separated by blanks
     names = tuple(name.strip().lstrip("#").removeprefix("% ").strip() for name in first)
     if len(names) >= LEAST_CELLS and names == tuple(map(str, range(len(names)))):
-        return Header(names, 1)  # as pandas writes columns that have no names
+        return Header(names, 1)  # pandas' header of columns without names
     if all(map(_is_number, names)) or _is_row(names, head[1:3]):
         return Header(_of_joint_states(names) or tuple(map(str, range(len(names)))), 0)
     second = len(head) > 1 and _is_second_line(head[1:])
@@ -290,14 +289,14 @@ def _of_joint_states(row: Sequence[str]) -> tuple[str, ...]:
 
 
 def _elements(cell: str) -> list[str]:
-    """The numbers of a `VECTOR` in a cell; none in any other."""
+    """The numbers of a `VECTOR` in a cell; empty for any other cell."""
     vector = VECTOR.fullmatch(NUMPY.sub(r"\1", cell.strip()))
     parts = re.split(r"[,;\s]+", vector[1].strip()) if vector else []
     return parts if all(map(_is_number, parts)) else []
 
 
 def _sizes(rows: Sequence[Sequence[str]]) -> dict[int, int]:
-    """How many numbers each cell of a column holds, of the columns that hold several."""
+    """Number of elements in each cell, for the columns whose cells hold vectors."""
     found: dict[int, set[int]] = {}
     for row in rows:
         for column, cell in enumerate(row):
@@ -307,7 +306,7 @@ def _sizes(rows: Sequence[Sequence[str]]) -> dict[int, int]:
 
 
 def _with_elements(header: Header, sizes: Mapping[int, int]) -> Header:
-    """A header with a column for each element of a vector: `position.0`, `position.1`, ..."""
+    """A header with a column for each element of vectors: `position.0`, `position.1`, ..."""
     columns = [(c, k) for c in range(len(header.names)) for k in range(sizes.get(c, 1))]
     names = [f"{header.names[c]}.{k}" if c in sizes else header.names[c] for c, k in columns]
     said = header.about.get("units", {})
@@ -316,7 +315,7 @@ def _with_elements(header: Header, sizes: Mapping[int, int]) -> Header:
 
 
 def _spread(row: Sequence[str], sizes: Mapping[int, int]) -> list[str]:
-    """The cells of a row, those with vectors as many; what is none stays, before blank ones."""
+    """Split the vectors of a row into cells; a cell without vector is followed by blank cells."""
     cells: list[str] = []
     for column, cell in enumerate(row):
         size = sizes.get(column, 0)
@@ -326,7 +325,7 @@ def _spread(row: Sequence[str], sizes: Mapping[int, int]) -> list[str]:
 
 
 def _is_second_line(rows: Sequence[Sequence[str]]) -> bool:
-    """Whether a row belongs to the header, as units do: its texts are above numbers."""
+    """Whether the first row belongs to the header, as units do: its texts are above numbers."""
     said = [k for k, cell in enumerate(rows[0]) if cell.strip()]
     return not any(_is_number(rows[0][k]) for k in said) and any(
         k < len(row) and row[k].strip() and _is_number(row[k]) for row in rows[1:] for k in said
@@ -334,12 +333,12 @@ def _is_second_line(rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _is_shifted(row: Sequence[str], width: int) -> bool:
-    """Whether a row has more numbers than names; texts of its last column may have separators."""
+    """Whether a row has more cells than names, unless the last column has text with delimiters."""
     return len(row) > width and _is_number(row[width - 1]) and any(map(str.strip, row[width:]))
 
 
 def _is_row(first: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
-    """Whether a line has numbers and texts where those below it have them."""
+    """Whether a line has numbers and texts in the same columns as the lines below it."""
     cells = [(k, _is_number(cell)) for k, cell in enumerate(first) if cell]
     return any(is_number for _, is_number in cells) and all(
         len(row) == len(first) and all(_is_number(row[k]) == is_number for k, is_number in cells)
@@ -356,7 +355,7 @@ def _is_number(text: str) -> bool:
 
 
 def _rows(path: Path, skip_rows: int, encoding: str) -> Iterator[list[str]]:
-    """The lines of a CSV as cells, from the header on."""
+    """The rows of a CSV, as lists of cells, after `skip_rows` lines."""
     try:
         with path.open(encoding=encoding, newline="") as stream:
             while skip_rows and stream.readline(LONGEST_LINE):
@@ -370,7 +369,7 @@ def _rows(path: Path, skip_rows: int, encoding: str) -> Iterator[list[str]]:
 
 
 def _delimiter(path: Path, head: Sequence[str]) -> str:
-    """What separates the cells: tabs in formats that have them, else the most frequent one."""
+    """The delimiter of cells: tabs in formats that use them, else the most frequent one."""
     if path.suffix.lower() in (".trc", ".mot", ".sto", ".tsv") and any("\t" in n for n in head):
         return "\t"
     counts = [head[0].count(delimiter) for delimiter in DELIMITERS]
@@ -382,7 +381,7 @@ def _delimiter(path: Path, head: Sequence[str]) -> str:
 
 
 def _encoding(path: Path) -> str:
-    """UTF-8, UTF-16 by its mark or its zeros, or Latin-1 where it is none of them."""
+    """Encoding of a text file: UTF-16 by its mark or zeros, UTF-8, or else Latin-1."""
     with path.open("rb") as stream:
         start = stream.read(64)
         if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
