@@ -215,7 +215,7 @@ class BagWriter:
         except OSError as error:
             cure = "Choose another output; existing recordings are never overwritten."
             there = isinstance(error, FileExistsError)
-            got = f"{error.filename}, which is there" if there else error
+            got = f"{error.filename}, which exists" if there else error
             expected = "a directory that can be made"
             raise ResourceBusyError.about("output", expected, got, cure) from error
         try:

@@ -213,7 +213,7 @@ def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
         raise _error(place, f"only the keys {', '.join(keys)}", ", ".join(unknown))
     texts = {key: _text(item, key, place) for key in ("topic", "type", "unit")}
     if (unit := spelled(texts["unit"])) != texts["unit"]:  # it would count as another unit
-        raise _error(f"{place}: unit", f"{unit}, as it is written here", texts["unit"])
+        raise _error(f"{place}: unit", f"{unit}, the only spelling", texts["unit"])
     if not TYPE_NAME.fullmatch(texts["type"]):
         raise _error(f"{place}: type", "package/msg/Name", texts["type"])
     if not relative_topic(texts["topic"]):

@@ -259,7 +259,7 @@ def _unit(argument: str, unit: object) -> str:
         cure = "Pass 'm', 'rad', or what the numbers are in."
         raise ArgumentError.about(argument, "a text", repr(unit), cure)
     if (own := spelled(unit)) != unit:
-        cure = f"Write {own!r}: by any other name it is a unit of its own."
+        cure = f"Write {own!r}: another spelling would count as another unit."
         raise ArgumentError.about(argument, f"the unit {own}", repr(unit), cure)
     return unit
 

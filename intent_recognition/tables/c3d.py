@@ -43,7 +43,7 @@ def open_c3d(path: Path) -> Table:
         notes.append(f"{read} of {said} frames: {why}")
     header_rate = float(found["header_rate"])
     if SLOWEST_HZ < header_rate < FASTEST_HZ and abs(header_rate - rate) > 1e-3 * rate:
-        notes.append(f"its header says {header_rate:.6g} Hz, POINT:RATE {rate:.6g}: that is taken")
+        notes.append(f"header: {header_rate:.6g} Hz, POINT:RATE: {rate:.6g} Hz, which is used")
     time = {"time": {"rate": rate}} if rate > 0.0 and np.isfinite(rate) else {}
     values = points.reshape(len(points), 3 * count)
     names = tuple(f"{label}.{axis}" for label in labels for axis in "xyz")

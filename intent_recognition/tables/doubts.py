@@ -113,6 +113,6 @@ def _never_measured(signal: Signal) -> str:
     if not rest.values.size or misfit(rest) is not None:
         return ""
     return (
-        f"{signal.values[same][0, 0]:.6g} {signal.unit} stands in every column of {int(same.sum())}"
+        f"{signal.values[same][0, 0]:.6g} {signal.unit} is in every column of {int(same.sum())}"
         " rows. Likely nothing was measured there: leave these cells empty."
     )

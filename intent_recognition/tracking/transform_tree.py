@@ -114,13 +114,13 @@ class TransformTree:
         after = bisect_left(track, stamp_ns, key=itemgetter(0))
         if after == len(track):
             late_s = (stamp_ns - track[-1][0]) * 1e-9
-            text = f"frame {child!r} is told up to {late_s:.3f} s before the pose"
+            text = f"frame {child!r} was last published {late_s:.3f} s before the pose"
             raise NoTransformError("after_transforms", text)
         if track[after][0] == stamp_ns:
             return track[after][1]
         if after == 0:
             early_s = (track[0][0] - stamp_ns) * 1e-9
-            text = f"frame {child!r} is told from {early_s:.3f} s after the pose on"
+            text = f"frame {child!r} was first published {early_s:.3f} s after the pose"
             raise NoTransformError("before_transforms", text)
         (start_ns, start), (end_ns, end) = track[after - 1 : after + 1]
         return interpolate(start, end, (stamp_ns - start_ns) / (end_ns - start_ns))

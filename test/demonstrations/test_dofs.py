@@ -99,7 +99,7 @@ def test_shipped_file_is_the_contract_and_is_written_back():
         (spec(topic=3), "topic"),
         (spec(type="PoseStamped"), "type"),
         (spec(unit=None), "unit"),
-        (spec(unit="Metres"), "unit: expected m, as it is written here"),
+        (spec(unit="Metres"), "unit: expected m, the only spelling"),
         (spec(fields=[]), "fields"),
         (spec(fields="pose.x"), "fields"),
         (spec(fields=["pose..x"]), "fields"),

@@ -147,7 +147,7 @@ MISFITS = {
     "scale": ({"scale": 0.1}, "a scale of 0.1, where the header has frames of 144 bytes"),
     "no marker": ({}, "got none: analog channels and rotations are not read"),
     "no frame": ({}, "/mocap/wrist/pose: empty: no samples with a time of its own"),
-    "rate": ({"said_rate": 50.0}, "its header says 50 Hz, POINT:RATE 100: that is taken"),
+    "rate": ({"said_rate": 50.0}, "header: 50 Hz, POINT:RATE: 100 Hz, which is used"),
     "frames": ({"said_frames": 20}, "20 of 30 frames: its parameters state no more"),
     "frames of zeros": ({"said_frames": 400}, ""),
     "no count": ({"used": 0}, ""),

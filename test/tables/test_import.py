@@ -403,4 +403,4 @@ def test_an_empty_folder_and_a_taken_one(values, tmp_path, capsys):
     imported(source, tmp_path, MAP)
     command = ["import", str(source), "--map", str(tmp_path / "map.yaml")]
     assert main([*command, "--output", str(tmp_path / "bags")]) == 1
-    assert "which is there" in capsys.readouterr().err
+    assert "which exists" in capsys.readouterr().err

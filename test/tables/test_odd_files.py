@@ -247,7 +247,7 @@ REFUSED = {
     "thousands without decimals": (plain("{:,.0f}", 10.0, ";"), "thousands?"),
     "a number for what was not measured": (
         plain(hidden=range(60, 80), cell="-9999"),
-        "stands in every column of 20 rows",
+        "is in every column of 20 rows",
     ),
     "a line of names within": (plain() + plain(), "its names again in row 201"),
     "a row on two lines": (plain().replace("0,20.5", "0\n20.5", 1), "4 cells, got 2 in row 2"),

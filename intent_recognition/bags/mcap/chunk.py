@@ -158,7 +158,7 @@ def _block_data(view: bytes | mmap.mmap, block: McapBlock) -> bytes:
     data = decompress(compression, content, size, block.is_cut)
     if not block.is_cut:
         if len(data) != size:
-            raise ValueError(f"chunk of {len(data)} bytes says it has {size}")
+            raise ValueError(f"a chunk of {len(data)} bytes that states {size}")
         if crc and zlib.crc32(data) != crc:
             raise ValueError(CHECKSUM)
     return data
@@ -184,7 +184,7 @@ def check_frame(data: bytes, size: int) -> None:
     """Raise ValueError if a zstd frame states another size than its chunk; zstd allocates it."""
     said = zstandard.frame_content_size(data)
     if said not in (-1, size):
-        raise ValueError(f"a frame of {said} bytes in a chunk that says it has {size}")
+        raise ValueError(f"a frame of {said} bytes in a chunk that states {size}")
 
 
 def _cut_zstd(data: bytes, size: int) -> bytes:

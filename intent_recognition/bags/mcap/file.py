@@ -157,7 +157,7 @@ class McapFile:
             self._note(block, "times of the chunk and of its messages disagree")
         unknown = set(np.unique(table.channels).tolist()) - self.scan.channels.keys()
         for number in sorted(unknown):
-            self._note(block, f"nothing tells the topic of channel {number}")
+            self._note(block, f"the topic of channel {number} is unknown")
         if unknown:
             return table.rows(~np.isin(table.channels, list(unknown)))
         return table

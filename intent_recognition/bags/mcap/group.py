@@ -59,7 +59,7 @@ class GroupReader:
         """The wanted messages of whole blocks. The table's `data` is valid until the next call."""
         sizes = [block.size for block in blocks]
         if max(sizes) > MOST_CHUNK:
-            raise ValueError(f"a chunk that says it is {max(sizes)} bytes decompressed")
+            raise ValueError(f"a chunk that states {max(sizes)} bytes decompressed")
         if sum(sizes) > len(self._buffer):
             self._buffer = bytearray(max(sum(sizes), CHUNK_BYTES))
         data = memoryview(self._buffer)[: sum(sizes)]
@@ -73,7 +73,7 @@ class GroupReader:
         positions = message_positions(data, positions)
         kinds = self._kinds[gather(data, positions + CHANNEL, 2).view("<u2")]
         if not kinds.all():
-            raise ValueError("nothing tells the topic of a channel")
+            raise ValueError("the topic of a channel is unknown")
         return message_table(data, positions[kinds == WANTED])
 
     def _fill(self, block: McapBlock, target: memoryview) -> None:
