@@ -156,9 +156,8 @@ def _goes_on(*cells: str, evenly: bool) -> bool:
 
 
 def _numbered(header: Header, rows: Iterable[list[str]]) -> Iterator[tuple[int, list[str]]]:
-    """Rows below a header with their numbers. Blank lines, comments, and rows at the end with a text
-    for a number, alone or below a blank line, are not rows; rows of empty cells are counted but
-    left out.
+    """Rows below a header with their numbers. Blank lines, comments, and rows at the end with text
+    for a number, alone or below a blank line, are no rows; empty ones are counted but left out.
     """
     number = -1
     before, is_apart = "", False
