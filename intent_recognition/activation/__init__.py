@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From task probabilities and predictions to the robot's motion: a state machine without ROS.
 
-One machine in a file for each thing that it decides, plans or compares the arm with.
+Each file holds one part of the machine: a decision, a plan or a comparison with the arm.
 """
 
 from intent_recognition.activation.pretrigger import PretriggerSettings

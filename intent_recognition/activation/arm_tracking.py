@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the arm is asked to be and where it is: the commands in force, the joints measured."""
+"""The arm's reference and its measured state: commands in force and joint states."""
 
 from collections import deque
 from typing import NamedTuple
@@ -14,23 +14,23 @@ from intent_recognition.array_types import Floats
 from intent_recognition.motion import JointReference
 
 HELD_WITHIN_RAD = 0.05
-"""An arm at rest farther from its reference than this in a joint [rad] was moved by others.
-Convention: 3 degrees, more than an arm sags."""
+"""Largest difference from its reference of an arm at rest that nobody moved, per joint [rad]: 3
+degrees, more than an arm sags."""
 _SLIVER_NS = 1_000_000
-"""Samples nearer than this [ns] to a switch are left out. Numerical safeguard: differences of
-positions are divided by the square of it."""
+"""Least time between a sample and a switch [ns]. Numerical safeguard: differences of positions are
+divided by its square."""
 _SETTLING_NS = 500_000_000
-"""Time an arm needs to settle after the end of a command [ns]. Convention."""
+"""Time that an arm may take to settle after the end of a command [ns]."""
 _REST_WINDOW_NS = 100_000_000
-"""Without measured velocities, an arm is at rest if its positions say so for this long [ns].
-Convention: ten joint states at 100 Hz."""
+"""Time for which positions must stay still to show an arm at rest, without measured velocities
+[ns]: ten joint states at 100 Hz."""
 _REST_RAD_S = 0.05
-"""An arm slower than this is at rest [rad/s]; a plan that begins there may be off by `lead_s` times
-it. Convention: several times the noise of a measured velocity."""
+"""Largest joint speed of an arm at rest [rad/s]: several times the noise of a measured velocity. A
+plan that begins there may be off by `lead_s` times this speed."""
 
 
 class Measured(NamedTuple):
-    """A joint state: its stamp, when it was measured by our clock; None for no velocity."""
+    """A joint state: its stamp, its time by this node's clock, position, velocity if measured."""
 
     stamp_ns: int
     time_ns: int
@@ -43,8 +43,8 @@ class ArmTracking:
 
     Attributes:
         current: the newest command, which takes over at its start; None before the first.
-        late_ns: how long after its start a command had not reached the arm, lately [ns].
-        clock: how the stamps of joint states relate to ours.
+        late_ns: estimated delay of commands beyond their start [ns]; decays from motion to motion.
+        clock: relates the stamps of joint states to this node's clock.
     """
 
     def __init__(self, common: Common):
@@ -53,7 +53,7 @@ class ArmTracking:
         self.forget_commands()
 
     def forget_commands(self) -> None:
-        """No command is in force any more."""
+        """Forget all commands: none is in force."""
         self.current: Command | None = None
         self._history: deque[Command] = deque()
         self.last_command_ns = self.late_ns = 0
@@ -62,7 +62,7 @@ class ArmTracking:
         self._lateness = Lateness()
 
     def forget_joints(self) -> None:
-        """Nothing has been measured yet."""
+        """Forget all joint states."""
         self.clock = ArmClock()
         self._measured: Measured | None = None
         self._recent_positions: deque[tuple[int, Floats]] = deque()
@@ -70,10 +70,10 @@ class ArmTracking:
     def take_joint_state(
         self, now_ns: int, stamp_ns: int, position: Floats, velocity: Floats | None
     ) -> None:
-        """Take what the arm measured, (n,) each [rad, rad/s].
+        """Take measured joint positions and velocities, (n,) each [rad, rad/s].
 
-        A stamp far from its arrival is dropped, and so is one that is not after the last; a last
-        one that was ahead of the clock rules out none.
+        Rejects a stamp farther than `LARGEST_SKEW_NS` from its arrival, and one that is not later
+        than the last stamp, unless the last stamp was ahead of the clock.
         """
         last = self._measured
         if last is not None and stamp_ns <= last.stamp_ns <= now_ns:
@@ -106,9 +106,9 @@ class ArmTracking:
             self._report_once("commands_late", None, text)
 
     def lost(self, now_ns: int) -> bool | None:
-        """Whether the command that has ended did not reach the arm; None: not known yet.
+        """Whether the command that has ended never reached the arm; None while that is unknown.
 
-        The arm then rests where the command before led it, or where another lost one left it.
+        If so, the arm rests at the end of the command before, or where an earlier loss left it.
         """
         measured = self._recent(now_ns)
         if measured is None or self.current is None:
@@ -130,7 +130,7 @@ class ArmTracking:
 
     @property
     def clocks(self) -> dict[str, str]:
-        """For diagnostics: how late commands are, how far stamps are behind, and ages by what."""
+        """For diagnostics: delay of commands, offset of stamps, and by which time ages count."""
         by_stamp = self.clock.by_stamp(self._common.settings.max_joint_state_age_s * 1e9)
         return {
             "commands late [s]": f"{self.late_ns * 1e-9:.3f}",
@@ -139,16 +139,16 @@ class ArmTracking:
         }
 
     def _remember(self, measured: Measured) -> None:
-        """Keep the positions of the last while, the first of them older than the window."""
+        """Keep the positions of the last `_REST_WINDOW_NS`, and the newest from before it."""
         recent = self._recent_positions
         recent.append((measured.time_ns, measured.position))
         while len(recent) > 2 and recent[1][0] <= measured.time_ns - _REST_WINDOW_NS:
             recent.popleft()
 
     def at_rest(self, measured: Measured) -> bool:
-        """Whether the arm stands still: by its velocity, else by its positions of a while.
+        """Whether the arm is at rest, judged by its velocity or else by its recent positions.
 
-        Positions are too few, or too old to be of one movement: not known, so not at rest.
+        False if the positions cover too short a time or have a gap of `max_joint_state_age_s`.
         """
         if measured.velocity is not None:
             return bool(np.abs(measured.velocity).max() <= _REST_RAD_S)
@@ -160,7 +160,7 @@ class ArmTracking:
         return bool(np.ptp(np.array(positions), axis=0).max() <= _REST_RAD_S * span_ns * 1e-9)
 
     def put_in_force(self, now_ns: int, command: Command) -> Command:
-        """Note that a command holds from its start on; returns it as it is to be sent."""
+        """Record a command that takes over at its start; return it as it is to be sent."""
         if not self.under_way(now_ns):
             self.late_ns = round(0.9 * self.late_ns)
         elif command.start_ns - now_ns > 2e9 * self._common.settings.command_period_s:
@@ -173,7 +173,7 @@ class ArmTracking:
         return command
 
     def _samples(self, now_ns: int, end_ns: int) -> MotionPoints | None:
-        """What is in force until just before a time, at switches and samples; None for no time."""
+        """Sample the reference from now to just before a time, at switches and samples of plans."""
         starts_ns = [command.start_ns for command in self._history]
         times_ns = [np.array([now_ns])]
         for command, until_ns in zip(self._history, [*starts_ns[1:], end_ns], strict=True):
@@ -189,48 +189,48 @@ class ArmTracking:
         return MotionPoints(every_ns, *(np.array(row) for row in rows))
 
     def under_way(self, now_ns: int) -> bool:
-        """Whether the command in force has not come to rest."""
+        """Whether the command in force has not ended yet."""
         return self.current is not None and now_ns < self.current.end_ns
 
     def switch_ns(self, now_ns: int) -> int:
-        """When a command planned now takes over; never before the one in force does.
+        """When a command planned now takes over; never before the newest command does.
 
-        The lead grows with the lateness of commands, so that the next ones are in time.
+        The lead grows with the delay of commands, so that later commands arrive in time.
         """
         ahead = now_ns + round(self._common.settings.lead_s * 1e9 + 1.5 * self.late_ns)
         return ahead if self.current is None else max(ahead, self.current.start_ns)
 
     def phase(self, now_ns: int) -> float:
-        """Share of the predicted interaction that the command in force has done, 1 without one."""
+        """Phase of the interaction that the command in force has reached; 1 without a command."""
         return 1.0 if self.current is None else self.current.phase_at(now_ns).phase
 
     def in_force(self) -> Command:
-        """The newest command, where one must have been sent."""
+        """The newest command; there must be one."""
         if self.current is None:
             raise RuntimeError("no command is in force")
         return self.current
 
     def compared(self) -> tuple[Measured, JointReference] | None:
-        """The newest joint state, and what was asked for then; None without either."""
+        """The newest joint state and the reference at its time; None if either is missing."""
         measured = self._measured
         reference = None if measured is None else self._reference(measured.time_ns)
         return None if measured is None or reference is None else (measured, reference)
 
     def is_update_due(self, now_ns: int) -> bool:
-        """Whether a running plan may be updated again, but for the jitter of a timer."""
+        """Whether a running plan may be updated again, give or take the jitter of a timer."""
         return now_ns - self.last_command_ns >= 0.9 * self._common.settings.command_period_s * 1e9
 
     def fresh(self, now_ns: int) -> bool:
-        """Whether the measured arm is recent; reported once for each joint state that is not."""
+        """Whether the newest joint state is recent; each stale one is reported once."""
         return self._recent(now_ns) is not None
 
     def follows(self, now_ns: int) -> bool:
-        """Whether the arm is where it was told to be; reported once a command."""
+        """Whether a recent joint state is near its reference; reported once per command if not."""
         measured = self._recent(now_ns)
         return measured is not None and self._is_near(measured)
 
     def _is_near(self, measured: Measured) -> bool:
-        """Whether the measured arm is near its reference then; reported once a command."""
+        """Whether a joint state is near its reference; reported once per command if not."""
         error = self._error(measured)
         if error <= self._common.settings.max_tracking_error_rad:
             return True
@@ -239,17 +239,17 @@ class ArmTracking:
         return False
 
     def off_command(self, now_ns: int) -> str:
-        """Why the command in force may not go on by what the arm measured, or an empty text."""
+        """Why the measured arm forbids the command in force to go on; empty if it may go on."""
         measured = self._recent(now_ns)
         if measured is None:
             return "stale_joint_states"
         return "" if self._is_near(measured) else "arm_off_reference"
 
     def start_reference(self, now_ns: int, start_ns: int) -> JointReference | None:
-        """Where a new motion starts from: the reference, or the arm if others moved it.
+        """Where a new motion starts: the reference, or the measured posture if the arm was moved.
 
-        None if the arm's state is not known, the arm is off its path under way, or others are
-        moving it. Where the arm was moved, no command is in force any more.
+        None if no joint state is recent, the arm is off its path while under way, or somebody is
+        moving it. If the arm was moved, all commands are forgotten.
         """
         measured, current = self._recent(now_ns), self.current
         if measured is None:
@@ -284,17 +284,17 @@ class ArmTracking:
         return self._by(time_ns).at(time_ns) if self._history else None
 
     def _by(self, time_ns: int) -> Command:
-        """The command in force at a time; there must have been one."""
+        """The command in force at a time, at the earliest the oldest one kept."""
         due = (command for command in reversed(self._history) if command.start_ns <= time_ns)
         return next(due, self._history[0])
 
     def _asked(self, time_ns: int) -> Floats | None:
-        """Where the arm is asked to be at a time, (n,) [rad]."""
+        """Reference position at a time, (n,) [rad]; None without a command."""
         reference = self._reference(time_ns)
         return None if reference is None else reference.position
 
     def _error(self, measured: Measured) -> float:
-        """Largest difference between the measured arm and its reference then [rad]."""
+        """Largest difference of a joint from its reference [rad]; 0 without a command."""
         asked = self._asked(measured.time_ns)
         return 0.0 if asked is None else float(np.abs(measured.position - asked).max())
 
@@ -305,5 +305,5 @@ class ArmTracking:
 
 
 def same_posture(a: Floats, b: Floats) -> bool:
-    """Whether two postures (n,) [rad] are as good as the same."""
+    """Whether two postures (n,) [rad] are practically equal."""
     return bool(np.abs(a - b).max() <= 1e-3)  # about 1 mm at the hand

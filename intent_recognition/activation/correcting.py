@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A person moves the arm while it executes: whether, where it yields to, how it goes on."""
+"""Corrections by hand: detects that a person moves the arm, yields, and goes on from there."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ from intent_recognition.motion import (
 
 
 class Correcting:
-    """Compares the measured arm with its reference, where `settings.correction` asks for it."""
+    """Detects pushes and yields to them, if `settings.correction` is set."""
 
     def __init__(self, parts: Parts) -> None:
         self._common, self._counts = parts.common, parts.counts
@@ -38,7 +38,7 @@ class Correcting:
         self._off = False
 
     def observe(self) -> None:
-        """Look at the newest joint state."""
+        """Compare the newest joint state with its reference."""
         compared, correction = self._arm.compared(), self._common.settings.correction
         if compared is None or correction is None:
             self._forget()
@@ -58,18 +58,18 @@ class Correcting:
 
     @property
     def deviates(self) -> bool:
-        """Whether the arm is off its reference, for however short a time."""
+        """Whether the arm is off its reference, even if only for a moment."""
         return self._pushed_since_ns is not None
 
     def pushed(self, now_ns: int) -> bool:
-        """Whether somebody has pushed the arm for long enough; not where nothing is asked of it."""
+        """Whether the arm is pushed: far off its reference, or off it for long enough."""
         correction = self._common.settings.correction
         if correction is None or self._arm.current is None or not self._arm.fresh(now_ns):
             return False
         return self._off or _lasts(self._pushed_since_ns, now_ns, correction.detector.sustained_s)
 
     def begin(self, now_ns: int, interaction: ActiveInteraction) -> Yielding:
-        """Yield from now on."""
+        """The state in which the arm yields from now on."""
         self._counts["yielded"] += 1
         since_ns = now_ns if self._pushed_since_ns is None else self._pushed_since_ns
         return Yielding(interaction, since_ns, self._arm.phase(now_ns))
@@ -77,7 +77,7 @@ class Correcting:
     def step(
         self, now_ns: int, state: Yielding, newest: PredictedInteraction | None
     ) -> Transition | str:
-        """Follow the person who leads the arm, and go on once it was left; or why to stop."""
+        """Follow the person who leads the arm, go on once they let go, or return why to stop."""
         compared, correction = self._arm.compared(), self._common.settings.correction
         if compared is None or correction is None or not self._arm.fresh(now_ns):
             return "stale_joint_states"
@@ -86,7 +86,7 @@ class Correcting:
             return self._go_on(now_ns, state, measured.position, newest, correction)
         explained = correction.detector.explained
         residual = correction.detector.residual(measured.position, reference)
-        # less far than the arm is led, so that it does not sink
+        # short of the led posture by what the controller explains, so that the arm does not sink
         target = reference.position + residual - np.clip(residual, -explained, explained)
         plan = self._arm.in_force().plan
         led = plan.kind != "yield" or not same_posture(target, plan.end)

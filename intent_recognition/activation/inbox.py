@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The estimator inbox: task probabilities, what they decide, and the newest prediction."""
+"""Inbox for the estimator's messages: task probabilities, their decision, newest prediction."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -20,10 +20,10 @@ from intent_recognition.recognition import (
 )
 
 LARGEST_SKEW_NS = 1_000_000_000
-"""A stamp may be ahead of the clock, and that of a joint state before its arrival, by this [ns].
-Convention: clocks of a graph differ by less."""
+"""Largest time by which a stamp may be ahead of the clock, or that of a joint state behind it [ns];
+the clocks of one graph differ by less."""
 RESTAMP = "Play recordings with --restamp, or with --clock to nodes with use_sim_time"
-"""Cure of stamps that are long past."""
+"""Cure named in messages about stamps that are long past."""
 
 
 class TaskEstimate(NamedTuple):
@@ -34,7 +34,7 @@ class TaskEstimate(NamedTuple):
     log_evidence: Floats | None
 
     def repeats(self, other: "TaskEstimate | None") -> bool:
-        """Whether it says the same as another one."""
+        """Whether it equals another estimate."""
         return other is not None and (
             list(self.labels) == list(other.labels)
             and np.array_equal(self.probabilities, other.probabilities)
@@ -56,14 +56,14 @@ class EstimatorInbox:
     """Checks stamps, decides on a task, and keeps the newest prediction.
 
     Attributes:
-        question: the tasks that the movement under way may be while none is acted on, and their
-            probabilities; empty where there is but one, or none of them is as probable.
+        question: possible tasks of the movement under way and their probabilities, while no task
+            is active; empty if fewer than two are possible or `none` has at least 0.5.
         held_back: why a recognised task is not executed (its end is uncertain), or empty.
-        prediction: the newest, None while the human rests.
-        unused: whether it has not been planned with yet.
-        refused: whether the last attempt to begin with it failed.
-        ordered: what to begin without recognition, as soon as no task is active; None for nothing.
-        idle_since_ns: stamp of the first observation that found the human at rest again.
+        prediction: the newest prediction; None while the human rests.
+        unused: whether no plan has used the newest prediction yet.
+        refused: whether the last attempt to begin an interaction failed.
+        ordered: prediction to begin without recognition once no task is active; None for none.
+        idle_since_ns: stamp of the first observation of the human at rest again.
     """
 
     def __init__(self, common: Common):
@@ -71,7 +71,7 @@ class EstimatorInbox:
         self.forget()
 
     def forget(self) -> None:
-        """Back to the beginning."""
+        """Return to the initial state."""
         self.forget_interaction()
         self.unused = False
         self.idle_since_ns = 0
@@ -80,7 +80,7 @@ class EstimatorInbox:
         self._received_ns = 0
 
     def forget_interaction(self) -> None:
-        """Nothing is recognised or predicted; the stamps taken stay taken."""
+        """Forget decision and predictions, but not the stamp of the last observation."""
         self.decision, self.held_back = DecisionState(), ""
         self.question: dict[str, float] = {}
         self.prediction: PredictedInteraction | None = None
@@ -93,16 +93,16 @@ class EstimatorInbox:
         return now_ns - self._received_ns > self._common.settings.timeout_s * 1e9
 
     def is_ahead(self, now_ns: int, stamp_ns: int, topic: str) -> bool:
-        """Whether a message is from the future; such a one is rejected."""
+        """Whether the stamp of a message is too far in the future; if so, rejects the message."""
         ahead_ns = stamp_ns - now_ns
         if ahead_ns > LARGEST_SKEW_NS:
             self._reject("stamp_in_future", f"{topic} {ahead_ns * 1e-9:.1f} s ahead")
         return ahead_ns > LARGEST_SKEW_NS
 
     def mark_served(self, interaction: ActiveInteraction | None) -> None:
-        """Start nothing that began before this interaction's end, until the human has rested.
+        """Until the human rests, start no movement that began before this interaction's end.
 
-        One that was ordered served no movement.
+        None and an ordered interaction, which served no movement, lift that restriction.
         """
         if interaction is None or interaction.ordered:
             self._served_ns = None
@@ -110,7 +110,7 @@ class EstimatorInbox:
             self._served_ns = interaction.prediction.end_ns
 
     def startable(self, now_ns: int) -> PredictedInteraction | None:
-        """The active task's prediction, if it is new and not yet served; else what is ordered."""
+        """The ordered prediction while no task is active, else a new one not yet served."""
         if self.ordered is not None and not self.decision.active:
             return None if self.silent(now_ns) else self.ordered._replace(onset_ns=now_ns)
         return self.needed() if self.unused and not self.silent(now_ns) else None
@@ -129,7 +129,7 @@ class EstimatorInbox:
         return 0.0 if self._estimate is None else float(np.max(self._estimate.probabilities))
 
     def take_tasks(self, now_ns: int, stamp_ns: int, estimate: TaskEstimate) -> bool:
-        """Take the probabilities of one observation; False if their stamp rules them out.
+        """Take the probabilities of one observation; False if their stamp is rejected.
 
         Several bodies measured at one time give several estimates with one stamp, which differ
         during a movement and agree at rest. A repeated estimate during a movement means that the
@@ -170,7 +170,7 @@ class EstimatorInbox:
             self.refused = self.refused and self.ordered is not None
 
     def _note_held_back(self, reason: str) -> None:
-        """Keep why nothing is executed; rejected once, if the movement ends without."""
+        """Keep why a task is not executed, and report it if the movement ends without execution."""
         if reason:
             self.held_back = reason
         elif self.decision.active:
@@ -180,10 +180,10 @@ class EstimatorInbox:
             self.held_back = ""
 
     def order(self, prediction: PredictedInteraction | None) -> None:
-        """Begin a task that is not recognised, once none is; None takes that back.
+        """Order a task to begin without recognition once no task is active; None cancels the order.
 
-        It begins with its onset at that moment, and a recognised task ends it as any other. One
-        whose end is too uncertain is rejected.
+        Its onset is the moment at which it begins, and a recognised task ends it like any other. A
+        prediction whose end is too uncertain is rejected.
         """
         if prediction is not None:
             label, end_std = prediction.label, prediction.end_std
@@ -193,7 +193,7 @@ class EstimatorInbox:
         self.ordered = prediction
 
     def take_prediction(self, now_ns: int, prediction: PredictedInteraction) -> None:
-        """Take the newest prediction, unless its stamp rules it out."""
+        """Take the newest prediction, unless its stamp is rejected."""
         if prediction.onset_ns <= 0:
             self._reject("zero_stamp", "intent/robot_trajectory without a stamp")
         elif self.is_ahead(now_ns, prediction.onset_ns, "intent/robot_trajectory"):

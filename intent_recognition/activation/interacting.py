@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An interaction begins when a task is active, and follows the newest prediction of it."""
+"""Begins the interaction of the active task, and follows its newest prediction."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from intent_recognition.activation.waiting import Waiting
 
 
 class _Blocked(NamedTuple):
-    """An interaction that has not begun since no way is clear; it is waited for until a time."""
+    """An interaction that waits for a clear way, until a time."""
 
     inbox: EstimatorInbox
     prediction: PredictedInteraction
@@ -27,11 +27,11 @@ class _Blocked(NamedTuple):
 
 
 class Interacting:
-    """Begins an interaction, and plans it anew while it runs.
+    """Begins an interaction, and replans it while it runs.
 
-    Where no way is clear it waits for one: it tries again with each new prediction, and for a while
-    after the movement, since things and people move. Where people have names it tries as long as
-    somebody waits, also where their hands permit no speed at which the arm would come.
+    If no way is clear, it tries again with each new prediction, and for `Clearance.wait_s` after
+    the movement, since things and people move. If people have names, it tries as long as somebody
+    waits, even while their hands are too near for the arm to come.
     """
 
     def __init__(self, parts: Parts, waiting: Waiting) -> None:
@@ -42,18 +42,18 @@ class Interacting:
 
     @property
     def waits_for(self) -> str:
-        """The task that waits for a clear way, and what is in it; empty for none."""
+        """The task that waits for a clear way, and what is in the way; empty if none waits."""
         obstruction = self._motions.things.obstruction
         if self._blocked is None or obstruction is None:
             return ""
         return f"{self._blocked.prediction.label}: {obstruction}"
 
     def forget(self) -> None:
-        """Wait for nothing."""
+        """Wait for a clear way no longer."""
         self._blocked = None
 
     def begin(self, now_ns: int) -> Transition | None:
-        """Start the active task, if there is one to start and it can be started."""
+        """Start the active, ordered or waiting task; None if there is none or it cannot start."""
         inbox = self._parts.inbox
         waits = self._parts.people.named and not inbox.decision.active
         if waits and inbox.refused and now_ns - self._tried_ns < SEARCH_EVERY_NS:
@@ -99,7 +99,7 @@ class Interacting:
         self._blocked = _Blocked(self._parts.inbox, prediction, now_ns, until_ns)
 
     def _waited_for(self, now_ns: int) -> PredictedInteraction | None:
-        """What to try again now; refused where another task has begun or it has waited in vain."""
+        """The waiting prediction, if due; refused if another task has begun or the wait is over."""
         blocked = self._blocked
         if blocked is None:
             return None
@@ -112,7 +112,7 @@ class Interacting:
         return blocked.prediction if due and not self._parts.inbox.silent(now_ns) else None
 
     def follow(self, state: Executing | Arrived, now_ns: int) -> Transition:
-        """Follow the newest prediction of the running task, if it is time for an update."""
+        """Follow the newest prediction of the running task, if an update is due."""
         inbox, arm, current = self._parts.inbox, self._arm, self._arm.current
         label, prediction = state.interaction.prediction.label, inbox.prediction
         if not (arm.is_update_due(now_ns) and inbox.unused) or state.interaction.over:

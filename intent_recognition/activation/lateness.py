@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a joint state was measured, and how late commands reach the arm: its motion tells both.
+"""When a joint state was measured, and how late commands reach the arm, by the arm's motion.
 
-An arm that lags is where a mean of what it was asked for lately is. What that was depends on how
-late the commands came, and the weights of the mean are not known: for each lateness and joint
-those count that explain the motion best (non-negative least squares). A joint that turns as fast
-as it may tells nothing of what it is asked for: that is left out.
+An arm that lags is at a weighted mean of its recent references. Those depend on how late the
+commands came, and the weights are unknown: for each lateness and joint they are fitted to the
+motion by non-negative least squares. The motion of a joint at its top speed does not depend on its
+reference, so those samples are left out.
 """
 
 from collections import deque
@@ -18,25 +18,25 @@ from scipy.optimize import nnls
 from intent_recognition.array_types import Floats
 
 TELLING_RAD = 0.02
-"""Difference of two references that tells which of both an arm follows [rad]. Convention: several
-times the noise of encoders, less than what an arm lags behind."""
+"""Least difference of two references that shows which of them an arm follows [rad]: several times
+the noise of encoders, less than an arm's lag."""
 
 _SHARES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
-"""Where between stamp and arrival the arm's reference is looked at. Convention: the least that
-shows an arm that lags by most of the time between both, while it speeds up."""
+"""Shares of the time from stamp to arrival at which the reference is compared: the fewest that
+show an arm which lags by most of that time while it speeds up."""
 
 
 class ArmClock:
     """Estimates how far the stamps of joint states are behind their arrivals, and why.
 
-    Either the messages are late or the sender's clock is behind: a late one shows the arm where its
-    reference was at the stamp, a clock that is behind where it is now.
+    Either the messages are late or the sender's clock is behind. A late message shows the arm at
+    its reference of the stamp; if the clock is behind, the arm is at its reference of the arrival.
 
     Attributes:
-        offset_ns: least time from stamp to arrival lately [ns]; below zero where the sender's clock
-            is ahead.
+        offset_ns: least time from stamp to arrival in the last 2 to 4 s [ns]; below zero if the
+            sender's clock is ahead.
         late: whether the arm's motion has shown the messages to be late (True) or the sender's
-            clock to be behind (False); None where it has not moved yet.
+            clock to be behind (False); None until it has shown either.
     """
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class ArmClock:
         self._least_ns = self._before_ns = 0
 
     def hear(self, arrival_ns: int, stamp_ns: int) -> None:
-        """Take the times of a message."""
+        """Take the arrival and the stamp of a message."""
         behind_ns = arrival_ns - stamp_ns
         if self._since_ns is None:
             self._since_ns, self._least_ns, self._before_ns = arrival_ns, behind_ns, behind_ns
@@ -58,10 +58,10 @@ class ArmClock:
     def compare(
         self, stamp_ns: int, position: Floats, reference: Callable[[int], Floats | None]
     ) -> None:
-        """Take where the arm was measured (n,), and what gives its reference at a time.
+        """Compare a measured posture (n,) with the references around its time.
 
-        No arm is ahead of its reference, and real ones lag: one that is past where its reference
-        was at the stamp shows that its clock is behind.
+        No arm is ahead of its reference, and real arms lag: an arm that is past its reference of
+        the stamp shows that the sender's clock is behind.
         """
         ends = [reference(stamp_ns), reference(stamp_ns + self.offset_ns)]
         if ends[0] is None or ends[1] is None or np.abs(ends[0] - ends[1]).max() < TELLING_RAD:
@@ -74,56 +74,56 @@ class ArmClock:
             self.late = bool(share < 0.25)
 
     def by_stamp(self, max_age_ns: float) -> bool:
-        """Whether stamps say when a joint state was measured, and not how they come in.
+        """Whether a joint state was measured at its stamp, rather than `offset_ns` later.
 
-        Where the motion has not shown it, an offset that makes every joint state stale counts as
-        that of a clock.
+        Until the motion has shown it, an offset that makes every joint state stale counts as one
+        of the clock.
         """
         if self.late is None:
             return 0 <= self.offset_ns <= max_age_ns
         return self.late and self.offset_ns >= 0
 
     def measured_ns(self, arrival_ns: int, stamp_ns: int, max_age_ns: float) -> int:
-        """When it was measured by our clock [ns], at the latest when it came."""
+        """When a joint state was measured by this node's clock [ns], at the latest its arrival."""
         offset_ns = 0 if self.by_stamp(max_age_ns) else max(self.offset_ns, 0)
         return min(stamp_ns + offset_ns, arrival_ns)
 
 
 LATENESSES_NS = np.arange(0, 450_000_000, 50_000_000)
-"""Those compared [ns]. Convention: up to the delays of networks on which an arm should move."""
+"""Latenesses that are compared [ns], up to the delays of networks on which an arm should move."""
 _N_LOOKS, _N_BEFORE, _N_AGAIN = 180, 30, 10
-"""Looks that are kept, the first of them that only explain the others, and after how many it is
-compared again. Convention: 3.6 s, 0.6 s and 0.2 s at 100 Hz."""
+"""Number of samples kept, of the first of them that only explain the others, and of samples
+between two comparisons: 3.6 s, 0.6 s and 0.2 s of joint states at 100 Hz."""
 _AGES = np.subtract.outer(np.arange(_N_LOOKS), np.arange(_N_LOOKS))
 _LAGGED = np.array(
     [(1.0 - k) * np.tril(k ** np.abs(_AGES)) for k in np.exp(-1.0 / np.array([2.5, 5, 10, 20]))]
 )
-"""First-order lags of 2.5 to 20 looks, as matrices (4, looks, looks); those of fewer are their
-corners."""
+"""First-order lags of 2.5 to 20 samples, as matrices (4, samples, samples); their upper left
+corners serve fewer samples."""
 _TOP_SPEED, _N_AT_TOP, _N_LEFT = 0.99, 12, 20
-"""Share of its largest speed from which on a joint turns as fast as it may, for how many looks, and
-how many samples of such a joint must be left. Convention: motions of minimum jerk of up to 2 s are
-above that share for shorter; more samples than weights."""
+"""Share of its largest speed from which a joint is at top speed, for how many samples, and how
+many other samples such a joint needs to count. Minimum jerk motions of up to 2 s stay above that
+share for fewer samples; the samples left outnumber the weights."""
 
 
 class Lateness:
-    """Compares a measured arm with what it was asked for by each lateness."""
+    """Compares a measured arm with its references under each lateness."""
 
     def __init__(self) -> None:
         self._looks: deque[tuple[int, Floats, Floats]] = deque(maxlen=_N_LOOKS)
         self._last_ns = self._n = 0
 
     def is_due(self, time_ns: int) -> bool:
-        """Whether a measurement at a time is far enough from the last that was looked at."""
+        """Whether a measurement at a time is far enough from the last one that was compared."""
         return time_ns - self._last_ns >= 19_000_000  # at 100 Hz every second state
 
     def shown_ns(self, time_ns: int, position: Floats, asked: Floats) -> int:
-        """By how much commands came late as the arm's motion shows now [ns]; 0 for nothing.
+        """Lateness of commands that the arm's motion shows now [ns]; 0 if it shows none.
 
         Args:
-            time_ns: of the measurement, which `is_due`.
-            position: measured (n,) [rad].
-            asked: of the arm then by each of `LATENESSES_NS` (n_latenesses, n) [rad].
+            time_ns: time of the measurement, for which `is_due` holds.
+            position: measured position (n,) [rad].
+            asked: reference then under each of `LATENESSES_NS` (n_latenesses, n) [rad].
         """
         self._last_ns, self._n = time_ns, self._n + 1
         self._looks.append((time_ns, position, asked))
@@ -145,7 +145,7 @@ class Lateness:
 
 
 def at_top_speed(times_ns: NDArray, positions: Floats) -> NDArray[np.bool_]:
-    """Where joints at positions (T, n) [rad] turn evenly, and as fast as never else (T, n)."""
+    """Whether each joint of positions (T, n) [rad] moves steadily at its largest speed, (T, n)."""
     speed = np.abs(np.diff(positions, axis=0) / np.diff(times_ns)[:, None])
     top = binary_opening(
         speed >= _TOP_SPEED * speed.max(axis=0), np.ones((_N_AT_TOP, 1), dtype=bool)
@@ -154,21 +154,22 @@ def at_top_speed(times_ns: NDArray, positions: Floats) -> NDArray[np.bool_]:
 
 
 def unexplained(positions: Floats, asked: Floats, tells: NDArray[np.bool_]) -> float:
-    """Root mean square of what no lag explains of an arm's motion, but for a constant [rad].
+    """Root mean square of the motion that no lag and constant offset explain [rad].
 
-    Positions (T, n) [rad] were measured and asked for at the same times; `tells` says which count.
+    `positions` were measured and `asked` was the reference at the same times, both (T, n) [rad];
+    `tells` (T, n) selects the samples that count.
     """
     rows = np.arange(len(asked))
     # a lag is a mixture of pure delays, up to 0.5 s at 100 Hz, and of `_LAGGED`
     late = [asked[np.maximum(rows - delay, 0)] for delay in range(0, 26, 2)]
     late.extend(asked[0] + _LAGGED[:, : len(asked), : len(asked)] @ (asked - asked[0]))
-    tables = np.array([*late, positions])[:, _N_BEFORE::2].transpose(2, 1, 0)  # one of each joint
+    tables = np.array([*late, positions])[:, _N_BEFORE::2].transpose(2, 1, 0)  # one per joint
     counts = tells[_N_BEFORE::2].T[:, :, None]
     n = counts.sum(axis=1, keepdims=True)
     counts = counts & ((n >= _N_LEFT) | (n == counts.shape[1]))
     mean = (tables * counts).sum(axis=1, keepdims=True) / np.maximum(n, 1)
     tables = (tables - mean) * counts
-    # lags are much alike, and the solver must come to an end
+    # lags are nearly collinear: the ridge lets the solver converge
     ridge = np.tile(1e-3 * np.eye(len(late), len(late) + 1), (len(tables), 1, 1))
     small = np.linalg.qr(np.concatenate([tables, ridge], axis=1), mode="r")
     squares = sum(nnls(one[:, :-1], one[:, -1])[1] ** 2 for one in small)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of the activation, planned from the motion under way."""
+"""Plans the commands of the activation from the motion under way."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -33,25 +33,25 @@ from intent_recognition.motion import (
 )
 
 _HEADROOM = 0.93
-"""Share of the permitted speed that a further plan aims at: its grid and its blending add to it.
-Convention: the first or second further plan mostly keeps it."""
+"""Share of the permitted speed that a further plan aims at, since its grid and its offset add to
+it: the first or second further plan mostly keeps the permitted speed."""
 
 _STRETCHES = (1.0, 2.0, 4.0, 4.0, 4.0, 4.0)
-"""How many times longer the start's offset takes in each further plan. Convention: four times
-slower is no faster than people permit nearby; slower than that, it would still be there when the
-arm comes near somebody else."""
+"""Factor on the time in which the start's offset decays, for each further plan. At 4 it decays no
+faster than permitted near people; a larger one would leave some offset until the arm comes near
+somebody else."""
 
 _Planner = Callable[[Floats | None, float], JointPlan | None]
-"""From ceilings of the phase rate (G,) [1/s], or none, and how many times longer an offset
-takes than it must, to a plan; None where there is none."""
+"""Function of a ceiling of the phase rate (G,) [1/s] or None, and of a factor on the time in which
+the offset decays. Returns a plan, or None if there is none."""
 
 
 class Motions:
-    """Plans from where the arm's reference will be when a command takes over.
+    """Plans from the reference that the arm will have when a command takes over.
 
     Attributes:
         people: where people are predicted to be, as far as that is known.
-        corrected: what is followed, if it was corrected by hand.
+        corrected: the prediction that is followed, if a person corrected it by hand; else None.
     """
 
     def __init__(self, common: Common, arm: ArmTracking):
@@ -75,7 +75,7 @@ class Motions:
         progress: PhaseState = BEGINNING,
         vias: tuple[Via, ...] = (),
     ) -> Command | None:
-        """Follow a prediction from a reference on; None where no plan keeps limits, or clear."""
+        """Follow a prediction from a reference on; None if no plan keeps limits and is clear."""
         if vias and self._common.settings.correction is not None:
             path = self._common.settings.correction.corrected(
                 prediction.path, prediction.label, vias, self._common.settings.limits
@@ -112,7 +112,7 @@ class Motions:
         return self._send_way(now_ns, start_ns, way)
 
     def _always(self, path: JointPath) -> Floats | None:
-        """The ceiling of the phase rate at places that are passed slowly; None without any."""
+        """Ceiling of the phase rate at slow places (G,) [1/s]; None without slow places."""
         places = self._common.settings.slow_places
         return None if places is None else places.rate_ceiling(path)
 
@@ -124,7 +124,7 @@ class Motions:
         progress: PhaseState,
         always: Floats | None,
     ) -> _Planner:
-        """Plans along a path under ceilings of the phase rate; a faster arm brakes along it."""
+        """A planner for a path under ceilings of the phase rate; a faster arm brakes along it."""
         limits = self._common.settings.limits
 
         def plan(rate_ceiling: Floats | None, stretch: float) -> JointPlan | None:
@@ -142,11 +142,11 @@ class Motions:
     def _slowed(
         self, plan: JointPlan | None, path: JointPath, start_ns: int, again: _Planner
     ) -> JointPlan | None:
-        """A plan along a path that keeps the speeds permitted near people; None without one.
+        """A plan along a path that keeps the speeds permitted near people; None if there is none.
 
-        Where it still joins its path, it takes its time at places that are passed slowly, too.
-        Where the arm is at a time depends on how much it is slowed, and so does the distance: the
-        ceiling on the rate falls from round to round, by where the plan before was when.
+        While the plan joins its path, it slows down at slow places, too. Slowing changes where the
+        arm is at each time, hence its distance from people: each round lowers the ceiling of the
+        rate by the distances along the plan before.
         """
         settings, people = self._common.settings, self.people
         separation, places = settings.separation, settings.slow_places
@@ -157,9 +157,9 @@ class Motions:
                 break
             near = separation is not None and separation.worst_excess(plan, start_ns, people) > 1.0
             met, excess = met or near, 0.0 if places is None else places.excess(plan)
-            if not near and excess < least:  # slower is not always slower there
+            if not near and excess < least:  # a longer decay may be faster there
                 kept, least = plan, excess
-            # on the path they are kept to 2 %; what joins it comes on top
+            # slow places are kept to 2 % on the path; the decaying offset comes on top
             if not near and excess <= 1.05:
                 self._counts["slowed by person"] += met
                 return plan
@@ -182,7 +182,7 @@ class Motions:
     def _clear_of_things(
         self, now_ns: int, label: str, path: JointPath, phase: float
     ) -> ClearPath | Obstruction:
-        """A path of a task, moved where it must be; what is in its way where nothing is found."""
+        """A clear path for a task, moved if needed; what is in the way if none is found."""
         of, before = self._followed or (label, None)
         return self.things.clear(now_ns, path, label, phase, before if of == label else None)
 
@@ -197,10 +197,10 @@ class Motions:
         return found is not None
 
     def stop(self, now_ns: int) -> Command | None:
-        """Stop on the way of what is executed.
+        """Stop along the way of the command in force.
 
-        None where it is stopping already, and where a stop would leave the limits: the command in
-        force ends at rest inside them.
+        None if that is a stop already, or if stopping would leave the limits: the command in force
+        ends at rest inside them.
         """
         if self._arm.under_way(now_ns) and self._arm.in_force().plan.kind == "stop":
             return None
@@ -209,13 +209,11 @@ class Motions:
     def go_home(
         self, now_ns: int, target: Floats, start: JointReference | None = None
     ) -> Command | None:
-        """Go to a posture, braking first where no plan starts from this motion.
+        """Go to a posture, braking first if no plan starts from the motion under way.
 
-        It begins at `start`; None: at the running reference.
-
-        Where the straight way is not clear, another one is planned once the arm is at rest. None
-        where the command under way goes home already, braking would leave the limits, or no way is
-        clear.
+        The motion begins at `start`, by default the running reference. If the straight way is not
+        clear, another one is planned once the arm is at rest. None if the command under way goes
+        home already, braking would leave the limits, or no way is clear.
         """
         current, moves = self._arm.current, self._arm.under_way(now_ns)
         if current is not None and moves and current.plan.kind == "home":
@@ -232,7 +230,7 @@ class Motions:
     def _way_to(
         self, start_ns: int, start: JointReference, target: Floats, kind: str = "home"
     ) -> PlannedWay | None:
-        """To a posture, slowed near people; None where no plan keeps the limits."""
+        """A way to a posture, slowed near people; None if no plan keeps limits and speeds."""
         settings = self._common.settings
         plan = posture_plan(start, target, settings.limits)
         if plan is None:
@@ -261,7 +259,7 @@ class Motions:
         start: JointReference,
         progress: PhaseState,
     ) -> PlannedWay | None:
-        """Along a path from a phase on; None where no plan keeps limits and permitted speeds."""
+        """A way along a path from a phase on; None if no plan keeps limits and permitted speeds."""
         onset_s = -progress.phase * path.duration_s
         if onset_ns is not None:
             onset_s = (onset_ns - start_ns) * 1e-9
@@ -286,12 +284,11 @@ class Motions:
         return self.people, self._common.settings.separation
 
     def keep_pace(self, now_ns: int) -> Command | None:
-        """The motion under way at another speed, or a brake along its path; None to go on as it is.
+        """Change the speed of the motion under way, or brake along its path; None to leave it.
 
-        Looked at where people are predicted, or things stand, elsewhere than when it was planned,
-        or another arm is described.
-        Where no plan keeps the speeds permitted now, or clear of things, the arm brakes, and looks
-        for a way on every `SEARCH_EVERY_NS`.
+        Checks the motion when the prediction of people, the things or the described arm have
+        changed since it was planned. If no plan keeps the permitted speeds and is clear, the arm
+        brakes, and looks for a way on every `SEARCH_EVERY_NS`.
         """
         way, current, start_ns = self._way, self._arm.current, self._arm.switch_ns(now_ns)
         if way is None or current is None or way.command is not current:
@@ -341,7 +338,7 @@ class Motions:
         return command
 
     def waited_in_vain(self, now_ns: int) -> bool:
-        """Whether the arm rests since things came in the way, and no way has been found."""
+        """Whether the arm has rested for `wait_s` since things came in the way."""
         way, clearance = self._way, self._common.settings.clearance
         if way is None or way.command is None or clearance is None or not way.blocked:
             return False
@@ -351,7 +348,7 @@ class Motions:
     def _send_clear(
         self, now_ns: int, start_ns: int, start: JointReference, way: PlannedWay, what: str
     ) -> Command | None:
-        """Go straight to a posture, or around what is in the way; None where nothing is clear."""
+        """Go straight to a posture, or around what is in the way; None if no way is clear."""
         if self._obstruction(way.plan) is None:
             return self._send_way(now_ns, start_ns, way)
         if self._arm.under_way(now_ns):
@@ -378,7 +375,7 @@ class Motions:
         return None if brake.outside else self._arm.put_in_force(now_ns, Command(start_ns, brake))
 
     def yield_to(self, now_ns: int, target: Floats, phase: float) -> Command | None:
-        """Take the reference to where a person leads the arm; None if no plan keeps the limits."""
+        """Move the reference to where a person leads the arm; None if no plan keeps the limits."""
         start_ns = self._arm.switch_ns(now_ns)
         start, settings = self._arm.in_force().at(start_ns), self._common.settings
         plan = posture_plan(start, target, settings.limits)
@@ -391,7 +388,7 @@ class Motions:
     def go_ahead(
         self, now_ns: int, start_ns: int, start: JointReference, target: Floats
     ) -> Command | None:
-        """Go to where a task begins; None where no plan keeps the limits."""
+        """Go to where a task begins; None if no plan keeps the limits and is clear."""
         way = self._way_to(start_ns, start, target, "pretrigger")
         if way is None or way.plan.clamped:
             self._reject("infeasible", "no plan to the start of the expected task keeps the limits")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the transitions of the activation work with."""
+"""The parts that the transitions of the activation share."""
 
 from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.inbox import EstimatorInbox
@@ -10,7 +10,7 @@ from intent_recognition.activation.settings import ActivationSettings, Common
 
 
 class Parts:
-    """The arm, its motions, and people, who all know the same settings."""
+    """The arm, its motions, the people and the pretrigger, with the same settings."""
 
     def __init__(self, common: Common):
         self.common, self.counts = common, common.counts
@@ -20,10 +20,10 @@ class Parts:
 
     @property
     def settings(self) -> ActivationSettings:
-        """How to act now."""
+        """The settings in force."""
         return self.common.settings
 
     @property
     def inbox(self) -> EstimatorInbox:
-        """What has come from the estimator of whom the arm attends to."""
+        """Inbox of the person whom the arm attends to."""
         return self.people.inbox

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several people and one arm: whom it helps first, and what is known of each of them."""
+"""Several people and one arm: whom it helps first, and what is known of each person."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from intent_recognition.recognition import DecisionState
 
 
 class HelpRequest(NamedTuple):
-    """A person whose task is certain, and when the arm is needed at the end of its path."""
+    """A person whose task is recognised, and when the arm is needed at the end of its path."""
 
     person: str
     probability: float
@@ -20,15 +20,15 @@ class HelpRequest(NamedTuple):
 
 
 def first_to_help(requests: Sequence[HelpRequest], now_ns: int, between_s: float = 0.0) -> str:
-    """Who is helped first: the one with whom all together wait at the least expected cost.
+    """The person to help first, so that the expected cost of all waits is least.
 
-    The arm comes to a person when it is needed, or when it has made its way, if that is later.
-    A wait of w seconds costs p w^2, with the probability p that the task is right. Squares are what
-    lets nobody starve: the cost of putting off somebody who has waited for w grows by 2 w a second,
-    while somebody new costs nothing at first. After the first one, the others come in the order in
+    The arm comes to a person when it is needed, or at the end of its motion if that is later. A
+    wait of w seconds costs p w^2, where p is the probability that the task is right. The square
+    prevents starvation: delaying somebody who has waited for w costs 2 p w per second, delaying
+    somebody new costs nothing at first. After the first person, the others follow in the order in
     which they need the arm.
 
-    `between_s` passes from the arrival at one person until the arm can begin with the next one.
+    `between_s` passes from the arrival at one person until the arm can begin with the next.
     """
     by_need = sorted(requests, key=lambda request: (request.needed_ns, request.person))
 
@@ -45,12 +45,12 @@ def first_to_help(requests: Sequence[HelpRequest], now_ns: int, between_s: float
 
 
 class People:
-    """What has come from the estimator of each person, and whom the arm attends to.
+    """The inbox of each person, and whom the arm attends to.
 
-    One person has no name. Where people have names, somebody whose movement is over before the arm
-    was free waits, until the arm comes, or the person moves again or is not seen any more.
+    A single person has no name. If people have names, a person whose movement ends before the arm
+    is free waits until the arm comes, the person moves again or is no longer seen.
 
-    The arm helps, or would help, whom it attends to; the reasons say who asked then.
+    `attended` is the person whom the arm helps or would help; `reasons` lists who asked then.
     """
 
     def __init__(self, common: Common):
@@ -66,27 +66,27 @@ class People:
         return len(self._inboxes) > 1
 
     def of(self, person: str) -> EstimatorInbox:
-        """What is known of a person."""
+        """The inbox of a person."""
         if person not in self._inboxes:
             self._inboxes[person] = EstimatorInbox(self._common)
         return self._inboxes[person]
 
     def forget(self) -> None:
-        """Back to the beginning."""
+        """Return every inbox to its initial state."""
         for inbox in self._inboxes.values():
             inbox.forget()
 
     def forget_interaction(self) -> None:
-        """Nothing is recognised or predicted; the stamps taken stay taken."""
+        """Forget decisions and predictions, but not the stamps of the last observations."""
         for inbox in self._inboxes.values():
             inbox.forget_interaction()
 
     def take_tasks(
         self, person: str, helped: bool, now_ns: int, stamp_ns: int, estimate: TaskEstimate
     ) -> DecisionState | None:
-        """What is decided by an observation; None where it is ruled out (`EstimatorInbox`).
+        """Decide on an observation of a person; None if its stamp is rejected (`EstimatorInbox`).
 
-        `helped` says whether the arm does something for this person.
+        `helped` says whether the arm is in an interaction with this person.
         """
         inbox = self.of(person)
         if self.named and inbox.silent(now_ns):  # it may be somebody else by now
@@ -103,7 +103,7 @@ class People:
         return inbox.decision
 
     def choose(self, now_ns: int) -> None:
-        """Attend to whom the arm is to help first, if somebody needs it."""
+        """Attend to the person whom the arm is to help first, if anybody needs it."""
         found: dict[bool, list[HelpRequest]] = {False: [], True: []}
         for person, inbox in self._inboxes.items():
             needed = inbox.needed()
@@ -112,9 +112,9 @@ class People:
             elif needed is not None:
                 found[inbox.refused].append(self._request(person, needed))
             elif inbox.ordered is not None:
-                ordered = self._request(person, inbox.ordered)  # by a caller, unless it waits
+                ordered = self._request(person, inbox.ordered)  # by a caller if it does not wait
                 found[inbox.refused].append(self._waiting.get(person, ordered))
-        if requests := found[False] or found[True]:  # who cannot be helped now blocks nobody
+        if requests := found[False] or found[True]:  # a refused request blocks nobody else
             self.attended = first_to_help(requests, now_ns, self._common.settings.hold_s)
             self.inbox = self.of(self.attended)
             by_need = sorted(requests, key=lambda request: request.needed_ns)

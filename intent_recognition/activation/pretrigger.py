@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Going to where the expected next task begins, before the human moves, and leaving again.
+"""Going ahead to where the expected next task begins, before the human moves, and withdrawing.
 
 At most once after each interaction, and only while the human rests: when the most probable next
-task is probable enough, the arm goes to the mean posture in which that task begins. The interaction
-with whichever task is activated then starts from there.
+task is probable enough, the arm goes to the mean posture in which that task begins. Whichever task
+is activated next, its interaction starts from there.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ from intent_recognition.recognition import DecisionSettings, DecisionState
 
 @dataclass(frozen=True, eq=False)
 class PretriggerSettings:
-    """When to go ahead."""
+    """When to go ahead, where to, and how long to wait there."""
 
     threshold: float = 0.0  # probability the next task must have, in (0, 1]; 0 never goes ahead
     timeout_s: float = 10.0  # how long to wait there for the human
@@ -40,14 +40,14 @@ class _Expected(NamedTuple):
 
 
 class Pretrigger:
-    """Which task to go ahead for, and when to give up; its label is empty when there is none."""
+    """Decides for which task to go ahead, and when to withdraw; without a task `label` is empty."""
 
     def __init__(self, settings: PretriggerSettings, decision: DecisionSettings):
         self.settings, self.decision = settings, decision
         self.forget()
 
     def forget(self) -> None:
-        """Back to the beginning."""
+        """Return to the initial state."""
         self.label = self._against = ""
         self._expected: _Expected | None = None
         self._allowed = self._moved = False
@@ -61,7 +61,7 @@ class Pretrigger:
         return f"{self._expected.label} ({self._expected.probability:.2f})"
 
     def take_expectation(self, stamp_ns: int, labels: Sequence[str], probabilities: Floats) -> None:
-        """Take p(s) of the next movement, as it was known at a stamp."""
+        """Take the probability of each task to be the next one, as estimated at a stamp."""
         p = np.asarray(probabilities, dtype=np.float64)
         if p.shape != (len(labels),) or not len(labels):
             cure = "Give one probability per task."
@@ -73,11 +73,11 @@ class Pretrigger:
         self._expected = _Expected(stamp_ns, labels[best], float(p[best]))
 
     def interaction_began(self) -> None:
-        """A task was activated: what comes after it may be gone ahead for, once."""
+        """Note that a task was activated: the arm may go ahead once for the task after it."""
         self._allowed, self.label = True, ""
 
     def wanted(self, idle_since_ns: int) -> str:
-        """Task to go ahead for now, or empty; expectations from before the human's rest are old."""
+        """The task to go ahead for, or empty; ignores expectations from before the human's rest."""
         expected, settings = self._expected, self.settings
         if settings.threshold <= 0.0 or not self._allowed or expected is None:
             return ""
@@ -86,21 +86,21 @@ class Pretrigger:
         return expected.label if expected.label in settings.starts else ""
 
     def start(self, label: str) -> Floats:
-        """Where a task begins, (n,) [rad]."""
+        """Posture in which a task begins, (n,) [rad]."""
         return np.asarray(self.settings.starts[label], dtype=np.float64)
 
     def is_near(self, position: Floats, label: str) -> bool:
-        """Whether a posture is as good as a task's start."""
+        """Whether a posture is practically the start of a task."""
         return bool(np.abs(position - self.start(label)).max() <= 0.02)  # [rad] in every joint
 
     def begin(self, label: str, arrival_ns: int) -> None:
-        """The arm goes ahead for a task, and is there at a time."""
+        """Note that the arm goes ahead for a task, and when it arrives."""
         self.label, self._arrival_ns = label, arrival_ns
         self._allowed = self._moved = False
         self._n_against, self._against = 0, ""
 
     def end(self) -> None:
-        """The arm is not there any more."""
+        """Note that the arm leaves the start of the task."""
         self.label = ""
 
     def observe(
@@ -117,10 +117,11 @@ class Pretrigger:
         self._against = "none" if leads_none else "another_task"
 
     def reason_to_withdraw(self, now_ns: int, decision: DecisionState) -> str:
-        """Why to give up now, or empty.
+        """Why to withdraw now, or empty.
 
-        The movement under way has been less probable than `release_below` for `n_observations`
-        ("another_task", or "none" where that leads), has ended without an activation, or none came.
+        The expected task has been less probable than `release_below` for `n_observations`
+        ("another_task", or "none" if that leads), the movement has ended without an activation
+        ("not_recognised"), or no movement came in time ("timeout").
         """
         if self._n_against >= self.decision.n_observations:
             return self._against

@@ -16,31 +16,30 @@ from intent_recognition.recognition import DecisionSettings
 
 @dataclass(frozen=True, eq=False)
 class ActivationSettings:
-    """How to act; see `DecisionSettings` and `PretriggerSettings` for the others.
+    """When the arm acts, and within which bounds.
 
     Attributes:
-        limits: joint limits plans are held to, already scaled.
+        limits: joint limits of all plans, already scaled.
         decision: when a task activates.
         pretrigger: when to go ahead to where the next task begins.
-        home: posture to return to, (n,) [rad]; None for the one the arm had at first.
-        return_home: whether to return at all.
-        timeout_s: silence of the task stream after which a motion is stopped [s]. Convention: many
-            observations of a 100 Hz stream, and shorter than a reach.
-        hold_s: how long to stay at the end of an interaction, or at a stop, before going home [s].
-            Convention.
-        command_period_s: least time between two updates of a running plan [s]. Convention: 25 Hz,
-            the rate of predictions.
-        lead_s: how far ahead a command takes over [s]. Convention: more than planning and delivery
-            take (see the page on speed).
-        max_joint_state_age_s: an older joint state is stale [s]. Convention.
-        max_tracking_error_rad: largest difference between the arm and its reference [rad].
-            Convention: several times what a torque-controlled arm lags behind in fast motions.
-        max_lateness_s: a prediction whose end is longer ago than this is outdated [s]. Convention.
-        clearance: keeps plans clear of things; None: joint limits alone count.
-        separation: slows what is no brake near the predicted person; None: nothing does.
-        slow_places: slow what is no brake there; None: nothing does.
-        correction: yields to a person who moves the arm, and goes on by it; None: a push is an
-            error of tracking and nothing more.
+        home: posture to return to, (n,) [rad]; None for the posture before the first motion.
+        return_home: whether to return home at all.
+        timeout_s: silence of the task stream after which a motion is stopped [s]: many observations
+            of a 100 Hz stream, and shorter than a reach.
+        hold_s: time at the end of an interaction, or at a stop, before the arm goes home [s].
+        command_period_s: least time between two updates of a running plan [s]; by default that of
+            predictions, 25 Hz.
+        lead_s: time from planning a command to its start [s]; must exceed planning and delivery
+            (see the page on speed).
+        max_joint_state_age_s: age from which a joint state is stale [s].
+        max_tracking_error_rad: largest difference between the arm and its reference [rad]: several
+            times the lag of a torque-controlled arm in fast motions.
+        max_lateness_s: time after its end from which a prediction is outdated [s].
+        clearance: keeps plans clear of things; None to check the joint limits alone.
+        separation: slows motions near the predicted person, but no brake; None to slow none.
+        slow_places: slows motions at these places, but no brake; None to slow none.
+        correction: lets the arm yield to a person who moves it, and follow the corrected path; None
+            to treat a push as a tracking error.
     """
 
     limits: JointLimits
@@ -63,7 +62,7 @@ class ActivationSettings:
 
 @dataclass(eq=False)
 class Common:
-    """What all parts of an activation share, see `Activation`; the settings may change."""
+    """Shared by all parts of an `Activation`, whose settings may be replaced."""
 
     settings: ActivationSettings
     reject: Callable[[str, str], None]

@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """From task probabilities and predictions to motion: what to execute, when to stop and go home.
 
-A state machine without ROS: times are integer nanoseconds of one clock, handed in.
+A state machine without ROS: the caller passes all times, as integer nanoseconds of one clock.
 
     Idle, Homing -> Executing: a task is active and its prediction can be followed
-    Executing -> Arrived -> Homing: held at the end for a while
+    Executing -> Arrived -> Homing: the arm has stayed at the end for `hold_s`
     Executing -> Stopped: stream silent, task withdrawn, arm pushed away
     Stopped -> Executing (resumed) or Homing
     Executing, Arrived -> Yielding: somebody moves the arm
-    Yielding -> Executing: it was left, and goes on from there
-    Idle, Homing, Arrived -> Pretriggered: gone ahead to the start of the expected task
+    Yielding -> Executing: the person has let go; the arm goes on from there
+    Idle, Homing, Arrived -> Pretriggered: the arm goes ahead to the start of the expected task
     Pretriggered -> Executing, Stopped or Homing
 
-A command is a plan and the time at which it takes over from the plan before, a little ahead of
-now, so that position and velocity are continuous where it does. The plan in force always ends at
-rest within the limits: when nothing better can be planned, it stays in force.
+A command is a plan and the time, a little ahead of now, at which it takes over from the plan
+before. Position and velocity are continuous at that time. The plan in force always ends at rest
+within the limits: when nothing better can be planned, it stays in force.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ from intent_recognition.motion import PredictedPerson
 
 
 class Activation:
-    """Takes what is observed, and gives the next command when `step` is called.
+    """Takes observations and predictions; `step` returns the next command.
 
-    `reject` is called with (reason, text) for everything not acted on.
+    `reject` is called with (reason, text) for each input or motion that is rejected.
 
     Attributes:
         counts: how often plans were made, slowed, clamped, stopped and so on.
-        outcomes: the last 100 of interactions that ended, until they are taken.
-        arm, motions, people, pretrigger: what they know is for whoever reports it.
+        outcomes: outcomes of the last 100 interactions that ended, until the caller removes them.
+        arm, motions, people, pretrigger: the parts, for diagnostics.
     """
 
     def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
@@ -73,14 +73,14 @@ class Activation:
         self.state: State = Idle()
 
     def _start_over(self) -> None:
-        """Back to the beginning, but for the measured arm and the command in force."""
+        """Return to the initial state, but keep the measured arm and the command in force."""
         self.state = Idle()
         self.people.forget()
         self._transitions.interacting.forget()
         self.pretrigger.forget()
 
     def change(self, settings: ActivationSettings) -> None:
-        """Act by other settings from now on, for the same joints; what is under way goes on."""
+        """Replace the settings, for the same joints; the motion under way goes on."""
         self._parts.common.settings = settings
         self.pretrigger.settings, self.pretrigger.decision = settings.pretrigger, settings.decision
         self._waiting.change()
@@ -91,7 +91,7 @@ class Activation:
 
     @property
     def attended(self) -> str:
-        """Whom the arm helps while a task is active; empty where people have no names."""
+        """The person whom the arm helps while a task is active; empty if people have no names."""
         return self._helped if self.active_task else ""
 
     @property
@@ -100,23 +100,23 @@ class Activation:
         return self.state.mode
 
     def moves(self, now_ns: int) -> bool:
-        """Whether the arm does anything, or a command such as a brake has not come to rest."""
+        """Whether the arm is not idle, or a command such as a brake has not ended yet."""
         return self.mode is not Mode.IDLE or self.arm.under_way(now_ns)
 
     @property
     def home(self) -> Floats | None:
-        """Posture it returns to (n,) [rad]; None before the arm was seen."""
+        """Posture to which the arm returns, (n,) [rad]; None until it is known."""
         return self._waiting.home
 
     @property
     def active_task(self) -> str:
-        """Task being executed, until the arm is home again; empty when there is none."""
+        """The task being executed, until the arm is home again; empty if there is none."""
         interaction = interaction_of(self.state)
         return "" if interaction is None else interaction.prediction.label
 
     @property
     def inbox(self) -> EstimatorInbox:
-        """What has come from the estimator of whom the arm attends to."""
+        """Inbox of the person whom the arm attends to."""
         return self.people.inbox
 
     @property
@@ -126,12 +126,12 @@ class Activation:
 
     @property
     def stop_reason(self) -> str:
-        """Why the arm is stopped, empty when it is not."""
+        """Why the arm is stopped; empty if it is not."""
         return self.state.reason if isinstance(self.state, Stopped) else ""
 
     @property
     def waits_for(self) -> str:
-        """The task that waits for a clear way, and what is in it; empty for none."""
+        """The task that waits for a clear way, and what is in the way; empty if none waits."""
         return self._transitions.interacting.waits_for
 
     # Inputs
@@ -145,13 +145,13 @@ class Activation:
         log_evidence: Floats | None = None,
         person: str = "",
     ) -> None:
-        """Take the probabilities (K + 1,) of the K tasks and none by one observation of a person.
+        """Take the probabilities (K + 1,) of the K tasks and `none` by one observation of a person.
 
-        They sum to one; so many are the log densities of the movement under each, None where not
-        known. People with names are several, of whom the arm helps one at a time.
+        The probabilities sum to one. `log_evidence` (K + 1,) holds the log density of the movement
+        under each; None if unknown. The arm helps one of several named people at a time.
 
         Raises:
-            ArgumentError: what `decide` cannot take.
+            ArgumentError: `decide` rejects the arguments.
         """
         helped = isinstance(self.state, UNDER_WAY) and person == self._helped
         estimate = TaskEstimate(labels, probabilities, log_evidence)
@@ -169,22 +169,22 @@ class Activation:
     def take_prediction(
         self, now_ns: int, prediction: PredictedInteraction, person: str = ""
     ) -> None:
-        """Take the newest prediction of a person; it is used if its task is the active one."""
+        """Take the newest prediction of a person; it is followed while its task is active."""
         self.people.of(person).take_prediction(now_ns, prediction)
 
     def take_next_task(
         self, now_ns: int, stamp_ns: int, labels: Sequence[str], probabilities: Floats
     ) -> None:
-        """Take what the next task will be: labels of the K tasks and their probabilities, (K,).
+        """Take the probabilities (K,) of each of K labels to be the next task.
 
         Raises:
-            ArgumentError: they are no probabilities, or not one for each label.
+            ArgumentError: the numbers are no probabilities, or not one per label.
         """
         if not self.inbox.is_ahead(now_ns, stamp_ns, "intent/next_task"):
             self.pretrigger.take_expectation(stamp_ns, labels, probabilities)
 
     def take_exchange(self, until_ns: int) -> None:
-        """An object is changing hands; until then the arm does not go home."""
+        """Note that an object changes hands until a time: until then the arm does not go home."""
         self._transitions.exchanging_until_ns = until_ns
 
     def take_people(self, people: tuple[PredictedPerson, ...]) -> None:
@@ -192,7 +192,7 @@ class Activation:
         self.motions.people = people
 
     def take_person(self, person: PredictedPerson | None) -> None:
-        """Take where the only person is predicted to be; None where that is not known."""
+        """Take where the only person is predicted to be; None if that is unknown."""
         self.take_people(() if person is None else (person,))
 
     def take_joint_state(
@@ -203,9 +203,10 @@ class Activation:
         *,
         now_ns: int | None = None,
     ) -> None:
-        """Take what the arm measured, (n,) each [rad, rad/s]; it came at its stamp if not told.
+        """Take measured joint positions and velocities, (n,) each [rad, rad/s].
 
-        Without velocities a motion begins only once the positions have stood still for 0.1 s.
+        They arrived at `now_ns`, by default at their stamp. Without velocities, a motion begins
+        only once the positions have stood still for 0.1 s.
         """
         arrival_ns = stamp_ns if now_ns is None else now_ns
         self.arm.take_joint_state(arrival_ns, stamp_ns, position, velocity)
@@ -226,20 +227,20 @@ class Activation:
         return None
 
     def halt(self, now_ns: int) -> Command | None:
-        """Brake where the arm is, and forget the interaction; for a node being deactivated.
+        """Brake and forget the interaction; for a node that is being deactivated.
 
-        The brake stays in force: what comes next goes on from it, or from the arm where that has
-        been moved meanwhile.
+        The brake stays in force: the next motion starts from it, or from the measured posture if
+        somebody has moved the arm meanwhile.
         """
         command = self.motions.stop(now_ns) if self.arm.under_way(now_ns) else None
         self._start_over()
         return command
 
     def give_up(self, now_ns: int, reason: str) -> None:
-        """The controller does not execute the command in force: forget it and the interaction.
+        """Forget the interaction and the command in force, which the controller does not execute.
 
-        The arm stays where the controller holds it. The movement under way begins no motion any
-        more; the next one begins where the arm is measured.
+        The arm stays where the controller holds it. The movement under way starts no motion any
+        more; the next movement starts one from the measured posture.
         """
         self.counts[f"stopped: {reason}"] += 1
         interaction = interaction_of(self.state)
@@ -253,7 +254,7 @@ class Activation:
     # Time
 
     def step(self, now_ns: int) -> Command | None:
-        """Advance to now; returns a command to send, if there is one."""
+        """Advance to now, and return the command to send, if there is one."""
         if now_ns < self._now_ns - 100_000_000:  # more than the jitter of threads
             self._now_ns = now_ns
             self._reject("clock_jumped_back", "the node's clock went back; starting over")
@@ -280,6 +281,6 @@ class Activation:
         if outcome is not None:
             self.outcomes.append(outcome)
         self.state = transition.state
-        if isinstance(self.state, Executing):  # until then it is chosen whom the arm will help
+        if isinstance(self.state, Executing):  # until then, another person may be chosen
             self._helped = self.people.attended
         return transition.command

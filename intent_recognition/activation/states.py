@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the arm is doing, as values: commands, and states that carry only what they need."""
+"""Commands and states of the activation, as values; each state carries only what it needs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ class MotionPoints(NamedTuple):
 class Command(NamedTuple):
     """A plan that takes over at start_ns.
 
-    `before` is what is in force from the sending to the start; None for an arm at rest.
+    `before` is the motion from the sending to the start; None for an arm at rest or a near start.
     """
 
     start_ns: int
@@ -44,8 +44,8 @@ class Command(NamedTuple):
     def to_send(self) -> MotionPoints:
         """The points of a message; those before the start come first.
 
-        A controller that forgets at once what it was doing goes on along them, and one that has
-        lost the last commands comes back onto them.
+        A controller that replaces its trajectory at once follows those until the start, and one
+        that has lost the last commands returns to them.
         """
         plan = self.plan
         times_ns = self.start_ns + np.rint(plan.times_s * 1e9).astype(np.int64)
@@ -56,32 +56,32 @@ class Command(NamedTuple):
 
     @property
     def end_ns(self) -> int:
-        """When it comes to rest."""
+        """When the plan comes to rest."""
         return self.start_ns + round(self.plan.duration_s * 1e9)
 
     def at(self, time_ns: int) -> JointReference:
-        """What it asks of the arm at a time."""
+        """The reference at a time."""
         return self.plan.at((time_ns - self.start_ns) * 1e-9)
 
     def phase_at(self, time_ns: int) -> PhaseState:
-        """How much of the interaction is done at a time."""
+        """Phase of the interaction at a time."""
         return self.plan.phase_at((time_ns - self.start_ns) * 1e-9)
 
 
 class PlannedWay(NamedTuple):
     """A motion along a path, which can be planned again at another speed."""
 
-    kind: str  # of its plan as it is sent
-    plan: JointPlan  # with the phases on the path
-    path: JointPath  # that it keeps to at any speed
+    kind: str  # kind of the plan that is sent
+    plan: JointPlan  # its phases are those of the path
+    path: JointPath  # the same at any speed
     onset_ns: int | None = None  # when the motion is to begin; None: as soon as it may
     slowed: bool = False  # whether it is slower than it would be without people
-    command: Command | None = None  # that was sent: the plan, or a brake along the path
+    command: Command | None = None  # sent last: the plan, or a brake along the path
     blocked: bool = False  # whether it brakes because of things
 
 
 class PredictedInteraction(NamedTuple):
-    """What the estimator predicts of an interaction.
+    """An interaction as the estimator predicts it.
 
     Attributes:
         end_std: largest standard deviation at the end over the controlled DOFs of each unit,
@@ -95,7 +95,7 @@ class PredictedInteraction(NamedTuple):
 
     @property
     def end_ns(self) -> int:
-        """When it is expected to be over."""
+        """When the interaction is expected to end."""
         return self.onset_ns + round(self.path.duration_s * 1e9)
 
 
@@ -103,16 +103,16 @@ class PredictedInteraction(NamedTuple):
 class ActiveInteraction:
     """The interaction the arm takes part in."""
 
-    prediction: PredictedInteraction  # the newest one that was planned with
-    began_ns: int  # when the arm began to take part; tells it from another one of the same task
+    prediction: PredictedInteraction  # the newest one for which a plan was made
+    began_ns: int  # when the arm began to take part; identifies the interaction
     over: bool = False  # whether the human has finished
     vias: tuple[Via, ...] = ()  # where the arm was left when somebody moved it
     ordered: bool = False  # whether it was begun without being recognised (`Activation.order`)
 
     def recognised(self, prediction: PredictedInteraction) -> "ActiveInteraction":
-        """The same by a prediction of its task, which is active; from then on it is not ordered.
+        """The interaction with a prediction of its task, now active; it is no longer ordered.
 
-        So it stops when the person breaks off, and the movement it has served begins none anew.
+        It then stops if the person breaks off, and its movement does not start another one.
         """
         return replace(self, prediction=prediction, ordered=False)
 
@@ -180,22 +180,22 @@ State = Idle | Executing | Arrived | Stopped | Homing | Pretriggered | Yielding
 
 
 UNDER_WAY = (Executing, Arrived, Stopped, Yielding)
-"""States of an interaction that is not over for the arm."""
+"""States in which the arm has not finished its interaction."""
 
 
 class Transition(NamedTuple):
-    """The state to go on in, and the command to send on the way there."""
+    """The next state, and the command to send on the way there."""
 
     state: State
     command: Command | None = None
 
 
 class Outcome(NamedTuple):
-    """What became of an interaction."""
+    """How an interaction ended."""
 
     label: str
     what: str  # "arrived", "broken off" or "stopped: REASON"
-    n_corrections: int  # places to which a person took the arm
+    n_corrections: int  # places to which a person moved the arm
 
 
 def outcome_of(before: State, after: State) -> Outcome | None:
@@ -213,12 +213,12 @@ def outcome_of(before: State, after: State) -> Outcome | None:
 
 
 def interaction_of(state: State) -> ActiveInteraction | None:
-    """The interaction of a state, None where it has none."""
+    """The interaction of a state; None if it has none."""
     return None if isinstance(state, (Idle, Pretriggered)) else state.interaction
 
 
 def finished(state: Executing | Arrived | Stopped | Yielding) -> State:
-    """The same after the human has finished."""
+    """The state once the human has finished."""
     if state.interaction is None:
         return state
     return replace(state, interaction=replace(state.interaction, over=True))

@@ -6,12 +6,12 @@ from intent_recognition.activation.settings import Common
 from intent_recognition.motion import ClearPath, JointPath, Obstruction
 
 SEARCH_EVERY_NS = 250_000_000
-"""Time between two searches for a way that take their time, and between two tries to begin, or to
-go on after a brake, while none is found. Convention: a search takes less than half of it."""
+"""Time between two searches for detours, and between two attempts to begin, or to go on after a
+brake, while no way is clear [ns]. A search takes less than half of it."""
 
 
 class Things:
-    """Keeps what was in the way since an interaction began, and how often a way was searched."""
+    """Keeps the obstruction, and the number of searches, since an interaction last began."""
 
     def __init__(self, common: Common, arm: ArmTracking) -> None:
         self._arm, self._common = arm, common
@@ -22,9 +22,9 @@ class Things:
     def clear(
         self, now_ns: int, path: JointPath, label: str, phase: float, before: ClearPath | None
     ) -> ClearPath | Obstruction:
-        """A path that is clear from a phase on; what is in its way where nothing is found.
+        """A path that is clear from a phase on; what is in the way if none is found.
 
-        At rest there is time for a search, now and then. See `Clearance.clear`.
+        Only an arm at rest has time for a search, once in `SEARCH_EVERY_NS`: see `Clearance.clear`.
         """
         settings = self._common.settings
         if settings.clearance is None:
@@ -38,7 +38,7 @@ class Things:
         return found
 
     def begun(self) -> None:
-        """An interaction has begun: nothing is in its way."""
+        """Note that an interaction has begun: nothing is in its way."""
         self._n_searches, self.obstruction = 0, None
 
     def block(self, what: str, obstruction: Obstruction) -> None:
@@ -47,7 +47,7 @@ class Things:
         self._reject("would_touch", f"no motion for {what}: {obstruction}")
 
     def refuse(self, what: str, obstruction: Obstruction | None = None) -> None:
-        """Give up a motion for which no way is clear."""
+        """Count and report that a motion is given up because no way is clear."""
         if obstruction is not None:
             self.block(what, obstruction)
         self._counts["refused"] += 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From one state of the activation to the next, as time goes on."""
+"""From one state of the activation to the next as time advances."""
 
 from intent_recognition.activation.correcting import Correcting
 from intent_recognition.activation.interacting import Interacting
@@ -19,12 +19,12 @@ from intent_recognition.activation.states import (
 from intent_recognition.activation.waiting import Waiting
 
 _PACED = (Executing, Arrived, Pretriggered)
-"""States whose motion goes on as it is or at another speed; one that is homing looks first whether
-the arm is where it was told to be."""
+"""States whose motion may go on at another speed; Homing first checks whether the arm is near its
+reference (`Waiting.step_homing`)."""
 
 
 class Transitions:
-    """Decides what follows on a state."""
+    """Decides the next state and its command."""
 
     def __init__(self, parts: Parts, waiting: Waiting, correcting: Correcting) -> None:
         self._parts, self._waiting, self._correcting = parts, waiting, correcting
@@ -36,8 +36,7 @@ class Transitions:
     def following(self, state: State, now_ns: int) -> Transition:
         """The next state, and the command to send on the way there.
 
-        Whatever is not begun or updated meanwhile, the motion under way keeps the pace that people
-        permit.
+        If no motion begins or is updated, the motion under way keeps the pace that people permit.
         """
         found = self._following(state, now_ns)
         if found.command is None and isinstance(found.state, _PACED):
@@ -123,7 +122,7 @@ class Transitions:
         return home or Transition(state)
 
     def _goes_on(self, interaction: ActiveInteraction, label: str) -> bool:
-        """Whether a task is active for the movement that was served, not for one begun since."""
+        """Whether a task is active for the movement already served, not for a later one."""
         served, newest = interaction.prediction, self._parts.inbox.prediction
         latest_ns = max(interaction.began_ns, served.onset_ns)
         return label == served.label and (newest is None or newest.onset_ns <= latest_ns)
@@ -144,7 +143,7 @@ class Transitions:
         return self._stop(now_ns, found, state.interaction) if isinstance(found, str) else found
 
     def held(self, state: Arrived, now_ns: int) -> bool:
-        """Whether the arm has stayed at the end for long enough, and no object changes hands."""
+        """Whether the arm has stayed at the end for `hold_s`, and no object is changing hands."""
         waited = now_ns - state.since_ns >= self._parts.settings.hold_s * 1e9
         return waited and now_ns >= self.exchanging_until_ns
 

@@ -17,7 +17,7 @@ from intent_recognition.array_types import Floats
 
 
 class Waiting:
-    """Takes the arm there and back; home (n,) [rad] is None before the arm was seen."""
+    """Takes the arm there and back; `home` (n,) [rad] is None until it is known."""
 
     def __init__(self, parts: Parts) -> None:
         self._parts, self._counts = parts, parts.counts
@@ -27,17 +27,17 @@ class Waiting:
         self.change()
 
     def change(self) -> None:
-        """Take the home of the settings; one that they do not name stays."""
+        """Take the home posture from the settings; without one there, the present one stays."""
         settings = self._parts.settings
         if settings.home is not None:
             self.home = np.array(settings.home, dtype=np.float64)
 
     def go_home(self, now_ns: int, interaction: ActiveInteraction | None) -> Transition | None:
-        """Return home, braking first where no plan home starts from this motion.
+        """Return home, braking first if no plan home starts from the motion under way.
 
-        From the running reference, or from where an arm at rest is; at rest where it is if the way
-        is not clear. Where it is not to return, it stays, or stops. None while it is not known
-        where the arm is.
+        The motion starts from the running reference, or from where an arm at rest is. An arm that
+        is not to return, or has no clear way, stops or rests where it is. None while the posture of
+        the arm is unknown.
         """
         under_way = self._arm.under_way(now_ns)
         stays = not self._parts.settings.return_home or self._arm.last_command_ns == 0
@@ -53,7 +53,7 @@ class Waiting:
         return Transition(Homing(interaction) if goes else Idle(), command)
 
     def go_ahead(self, now_ns: int) -> Transition | None:
-        """Go to where the expected next task begins, if it is time for that."""
+        """Go to where the expected next task begins; None if that is not due or not possible."""
         inbox = self._parts.inbox
         label = self._pretrigger.wanted(inbox.idle_since_ns)
         if not label or not inbox.decision.idle or inbox.silent(now_ns):
@@ -78,10 +78,10 @@ class Waiting:
         return Transition(Pretriggered(), command)
 
     def step_homing(self, now_ns: int, state: Homing) -> Transition:
-        """Go on home, also after a brake on the way; idle once it is there.
+        """Go on home, also after a brake on the way; idle once the arm is there.
 
-        An arm that is not where it was told to be, or is not seen, is stopped. It goes on after a
-        while, once it is known where it is.
+        An arm that is off its reference, or without recent joint states, is stopped. It goes on
+        after `hold_s`, once its posture is known.
         """
         current = self._arm.current
         if self._arm.under_way(now_ns):
@@ -105,7 +105,7 @@ class Waiting:
         return self.go_home(now_ns, state.interaction) or Transition(state)
 
     def step_ahead(self, now_ns: int, state: Pretriggered) -> Transition:
-        """Stay ahead, or withdraw where the movement under way is another one, or none comes."""
+        """Stay ahead, or withdraw if the movement is of another task or none comes."""
         reason = self._pretrigger.reason_to_withdraw(now_ns, self._parts.inbox.decision)
         if not reason:
             return Transition(state)
@@ -113,7 +113,7 @@ class Waiting:
         return self.withdraw(now_ns) or Transition(Homing(None))
 
     def withdraw(self, now_ns: int) -> Transition | None:
-        """Leave where the arm had gone ahead to, as `go_home` does, unless home is there."""
+        """Leave the start of the expected task as `go_home` does, unless home is there."""
         self._pretrigger.end()
         home, current = self.home, self._arm.current
         there = home is not None and current is not None and same_posture(current.plan.end, home)
