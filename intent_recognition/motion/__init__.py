@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a predicted path to commands: retiming, plans, blending."""
+"""From a predicted path to commands: retiming, plans, blending, clearance, separation."""
 
 from intent_recognition.motion.bending import Spread
 from intent_recognition.motion.blending import decay

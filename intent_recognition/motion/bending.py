@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bending a path away from what it would touch, by how it may move.
+"""Bending a path away from what it would touch, within the spread of its task or along detours.
 
-A path is moved by independent standard normal numbers z: those of the spread of its task, or of
-wider detours (`replan`). The most probable z that takes every touching link away from what it
-touches is
+Independent standard normal variables z move a path: within the spread of its task, or along wider
+detours (`replan`). The most probable z that takes every touching link away from what it touches is
 
     minimise z^T z   subject to   G z >= b.
 
@@ -16,9 +15,9 @@ optimization and convex collision checking"). The norm of z counts standard devi
 Where no bend within the spread is clear, the path is planned anew: it may move by the spread and,
 at a higher cost, by any smooth detour between its ends, a Gaussian process that is fixed there (as
 in Mukadam et al. 2018, "Continuous-time Gaussian process motion planning via probabilistic
-inference"). `bend` descends from the path itself, then from the random detours that come through
-what is in the way with the least depth. Its steps are counted, so the same path and things give the
-same plan.
+inference"). `bend` descends from the path itself, then from the random detours that enter what is
+in the way least deeply. Draws and numbers of steps are fixed, so the same path and things give the
+same plan, unless the time for detours runs out.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,8 +37,8 @@ from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, via_p
 from intent_recognition.signals import right_jacobian, to_tangent
 
 BEYOND_M = 0.004
-"""Paths are bent so much farther than the clearance [m]. Convention: more than splines and
-linearised rows leave."""
+"""Distance beyond the clearance to which paths are bent [m]: more than splines and linearised rows
+fall short."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,24 +46,22 @@ class Spread:
     """How a task's motion may vary."""
 
     basis: NormalizedRBFBasis  # the N basis functions of each controlled DOF
-    # of the controlled weights, (Q N, Q N); the position at the start is fixed, and that at the end
-    # where the motion may only be bent
+    # of the controlled weights, (Q N, Q N), with the start fixed, and the end too for bending
     covariance: Floats
-    arm: Arm | None = None  # whose hand the controlled DOFs are; None where they are the joints
-    # quaternion xyzw from which the hand's rotation vectors start; empty where its orientation is
-    # free
+    arm: Arm | None = None  # its hand is what the controlled DOFs are; None: they are joints
+    # quaternion xyzw from which the hand's rotation vectors start; empty for a free orientation
     reference: tuple[float, ...] = ()
 
     @cached_property
     def root(self) -> Floats:
-        """A root L of the covariance, L L^T (Q N, Q N); that has no full rank."""
+        """A root L of the covariance L L^T, (Q N, Q N), which is singular."""
         return covariance_root(self.covariance)
 
     @classmethod
     def of(
         cls, primitive: InteractionProMP, arm: Arm | None = None, reference: tuple[float, ...] = ()
     ) -> "Spread":
-        """Of an interaction primitive: whatever the person does, both ends fixed."""
+        """The spread of a primitive over all movements of the person, both ends fixed."""
         n_observed, n_basis = primitive.n_observed, primitive.basis.n_basis
         still = np.zeros(primitive.n_dofs - n_observed)
         for time_s in (0.0, primitive.duration_s):
@@ -76,7 +73,7 @@ class Spread:
     def given_person(
         cls, primitive: InteractionProMP, arm: Arm | None = None, reference: tuple[float, ...] = ()
     ) -> "Spread":
-        """Of an interaction primitive for what the person does; only the start is fixed."""
+        """The spread of a primitive given the person's movement, with only the start fixed."""
         n_own = primitive.n_observed * primitive.basis.n_basis
         rule = regression(primitive.weights, n_own)
         controlled = InteractionProMP(
@@ -91,9 +88,9 @@ class Spread:
         return cls(primitive.basis, weights.covariance, arm, reference)
 
     def design(self, phase: Floats, positions: Floats) -> Floats:
-        """Joints by weights, (T, n, Q N), at phases (T,) of a path through positions (T, n).
+        """Derivative of joints by weights, (T, n, Q N), at phases (T,) of a path, positions (T, n).
 
-        For a hand, the least motion of the joints that moves it (the pseudo-inverse Jacobian).
+        For a hand it gives the least motion of the joints (pseudo-inverse of the Jacobian).
         """
         table = self.basis.design_matrix(phase)
         if self.arm is None:
@@ -104,11 +101,11 @@ class Spread:
         return rows.reshape(*rows.shape[:2], -1)
 
     def moves(self, phase: Floats, positions: Floats) -> Floats:
-        """Joints by independent standard normal numbers (T, n, m); see `design`."""
+        """Derivative of joints by standard normal variables, (T, n, m); see `design`."""
         return self.design(phase, positions) @ self.root
 
     def _inverse(self, arm: Arm, positions: Floats) -> Floats:
-        """Joints by DOFs of the hand, (T, n, 3) or (T, n, 6)."""
+        """Derivative of joints by DOFs of the hand, (T, n, 3) or (T, n, 6)."""
         jacobians = np.array([arm.jacobian(q) for q in positions])
         if not self.reference:
             return np.asarray(np.linalg.pinv(jacobians[:, :3]))
@@ -121,10 +118,10 @@ class Spread:
 
 
 def least_change(rows: Floats, needs: Floats) -> Floats | None:
-    """The most probable z ~ N(0, I) with G z >= b, (m,); None where there is none.
+    """The most probable z ~ N(0, I) with G z >= b, (m,); None if no z satisfies this.
 
-    Rows are G (k, m), needs b (k,). Least distance programming by nonnegative least squares (Lawson
-    and Hanson 1974, Chapter 23).
+    `rows` is G (k, m), `needs` is b (k,). Solved as least distance programming by non-negative
+    least squares (Lawson and Hanson 1974, Chapter 23).
     """
     system = np.vstack([rows.T, needs])
     wanted = np.zeros(len(system))
@@ -141,20 +138,20 @@ class TouchingPath(NamedTuple):
 
     bodies: Bodies
     positions: Floats  # samples of the path (T, n) [rad]
-    moves: Floats  # joints by z at the samples (T, n, m)
+    moves: Floats  # derivative of joints by z at the samples (T, n, m)
     contacts: Sequence[Contact]
-    limits: JointLimits  # of positions, which the path is to keep
+    limits: JointLimits  # only its position limits count
 
 
 def bend(path: TouchingPath, largest: float = np.inf, start: Floats | None = None) -> Floats | None:
-    """How to move a path so that it is clear of all contacts, z (m,); None if nothing was found.
+    """The z (m,) that moves a path clear of all contacts; None if none was found.
 
-    At most so many standard deviations from it; the search begins at `start`, or at the path.
+    The norm of z is at most `largest`; the search begins at `start`, by default at zero.
     """
     bodies, positions, moves, contacts, limits = path
     z = np.zeros(moves.shape[2]) if start is None else start
     watched = {(one.sample, one.pair) for one in _thinned(contacts)}
-    for k in range(12):  # two or three are the rule
+    for k in range(12):  # two or three mostly suffice
         q = positions + moves @ z
         rows, needs = _position_rows(q, moves, z, limits)
         found = contacts if k == 0 and start is None else bodies.contacts(q)
@@ -169,26 +166,26 @@ def bend(path: TouchingPath, largest: float = np.inf, start: Floats | None = Non
         if newer is None or np.linalg.norm(newer) > largest:
             return None
         step = float(np.abs(moves @ (newer - z)).max())
-        z = z + min(1.0, 0.5 / max(step, 1e-9)) * (newer - z)  # distances are linear nearby only
+        z = z + min(1.0, 0.5 / max(step, 1e-9)) * (newer - z)  # distances are only linear nearby
     return None
 
 
 def _position_rows(
     q: Floats, moves: Floats, z: Floats, limits: JointLimits
 ) -> tuple[list[Floats], list[float]]:
-    """Rows that take joints back inside their limits, and what they need [rad]."""
+    """Rows of G that take joints back inside their limits, and their elements of b [rad]."""
     rows, needs = [], []
     lower, upper = limits.lower + POSITION_MARGIN_RAD, limits.upper - POSITION_MARGIN_RAD
     for sign, outside in ((-1.0, q - upper), (1.0, lower - q)):
         for sample, joint in np.argwhere(outside > 0.0):
             rows.append(sign * moves[sample, joint])
-            # 0.005 rad more than needed: splines leave less between samples
+            # 0.005 rad more than needed, as a spline strays between samples
             needs.append(float(outside[sample, joint] + 0.005 + rows[-1] @ z))
     return rows, needs
 
 
 def _thinned(contacts: Sequence[Contact]) -> list[Contact]:
-    """At most four contacts of each pair: its nearest, and others evenly along the motion."""
+    """At most four contacts of each pair: the nearest, and others spread along the motion."""
     chosen = []
     for pair in sorted({contact.pair for contact in contacts}):
         own = [contact for contact in contacts if contact.pair == pair]
@@ -199,9 +196,9 @@ def _thinned(contacts: Sequence[Contact]) -> list[Contact]:
 
 
 def detours(phases: Floats, n_joints: int, first: float) -> Floats:
-    """Joints by independent standard normal numbers (T, n, m): smooth, and zero at both ends.
+    """Derivative of joints by standard normal variables, (T, n, m): smooth, zero at both ends.
 
-    At the path's phases (T,); nothing moves up to the phase `first`.
+    It belongs to the path's phases (T,), and is zero up to the phase `first`.
     """
     share = np.clip((phases - first) / max(1.0 - first, 1e-9), 0.0, 1.0)
     waves = np.arange(1, 6)
@@ -214,17 +211,16 @@ def detours(phases: Floats, n_joints: int, first: float) -> Floats:
 def replan(
     path: TouchingPath, tries: int | None, out_of_time: Callable[[], bool]
 ) -> tuple[Floats | None, bool]:
-    """How to move a path so that it is clear of all contacts, z (m,), None if nothing was found,
-    and whether detours were drawn for it.
+    """The z (m,) that moves a path clear of all contacts, or None, and whether detours were drawn.
 
-    After so many tries others are drawn; None: none are. No descent begins once it is out of time.
+    `tries` seeds the detours; with None, none are drawn. No descent begins once it is out of time.
     """
     if path.contacts[-1].sample == len(path.positions) - 1:
         return None, False  # its end touches
     found = bend(path)
     if found is not None or tries is None:
         return found, False
-    # Always the same; to measure them takes as long as two descents.
+    # Measuring the depths of 24 detours takes as long as two descents.
     draws = np.random.default_rng([7, tries]).normal(size=(24, path.moves.shape[2]))
     depths = [_depth(path, z) for z in draws]
     for k in np.argsort(depths, kind="stable")[:4]:  # measured: docs/decisions/replanning.md
@@ -237,7 +233,7 @@ def replan(
 
 
 def _depth(path: TouchingPath, z: Floats) -> float:
-    """By how much a moved path is too near where the path itself is nearest to each thing [m]."""
+    """Sum of depths of a moved path where the path itself was nearest to each thing [m]."""
     depth = 0.0
     nearest = {c.pair: c for c in sorted(path.contacts, key=lambda c: -c.distance_m)}
     for one in nearest.values():

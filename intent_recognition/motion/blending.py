@@ -7,9 +7,8 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 
-# Rows: what one unit of start position, velocity (times T) and acceleration (times T^2) leaves
-# at the share tau = t / T of the way; columns: powers tau^0 .. tau^5. All end at zero position,
-# velocity and acceleration: the quintic boundary value problem solved once.
+# Quintics in tau = t / T, as coefficients of tau^0 .. tau^5, that start with one unit of position,
+# velocity (times T) or acceleration (times T^2), one per row, and end with all three at zero.
 _BASIS = np.array(
     [
         [1.0, 0.0, 0.0, -10.0, 15.0, -6.0],
@@ -23,7 +22,7 @@ _SECOND = _FIRST[:, 1:] * _POWERS[1:5]
 
 
 def _tables(tau: Floats) -> tuple[Floats, Floats, Floats]:
-    """Basis, first and second derivative in tau at shares tau (T,), each (3, T)."""
+    """Basis and its first and second derivative at tau (T,), each (3, T)."""
     powers = tau[None, :] ** _POWERS[:, None]
     return _BASIS @ powers, _FIRST @ powers[:5], _SECOND @ powers[:4]
 
@@ -32,7 +31,7 @@ _SEARCH = _tables(np.linspace(0.0, 1.0, 25))
 
 
 class Offset(NamedTuple):
-    """A difference that decays to zero within `duration_s`, smooth in acceleration.
+    """A difference that decays to zero within `duration_s`, with continuous acceleration.
 
     `position`, `velocity`, `acceleration` are its values at time 0, each (n,).
     """
@@ -82,12 +81,12 @@ def decay(
     max_acceleration: Floats,
     shortest_s: float,
 ) -> Offset:
-    """The quickest decay of an offset (n,) that keeps within a speed and an acceleration, per
-    joint.
+    """The quickest decay of an offset (n,) within the largest velocity and acceleration per joint.
 
-    A start velocity above max_velocity is allowed to fall from where it is. When no duration from
-    `shortest_s` on keeps the start acceleration within bounds, the offset starts without it: the
-    sum of motions then jumps in acceleration, by a bounded amount, never in position or velocity.
+    A start velocity above `max_velocity` may decay from its value. If no duration from `shortest_s`
+    on keeps the bounds, the offset starts without acceleration: the sum of motions then jumps in
+    acceleration, by a bounded amount, never in position or velocity. If that is not enough, the
+    longest duration is used.
     """
     durations = np.geomspace(shortest_s, max(8.0, 4.0 * shortest_s), 28)
     speed_bound = np.maximum(max_velocity, np.abs(velocity)) * (1.0 + 1e-9)

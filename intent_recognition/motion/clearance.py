@@ -15,35 +15,35 @@ from intent_recognition.motion.plan import JointPlan
 from intent_recognition.motion.self_motion import HandKept, Turn
 
 LARGEST_BEND = 3.0
-"""A path is bent by at most so many standard deviations. Convention: nearly all that was taught."""
+"""Largest bend of a path [standard deviations]: nearly all variation of the demonstrations."""
 REPLAN_BUDGET_S = 0.1
-"""Processor time that planning a path anew may take [s]. Requirement."""
+"""Processor time that replanning a path may take [s]: a requirement."""
 WAIT_S = 3.0
-"""How long to wait for a way after the person's movement [s]. Convention: as long as a prediction
-is followed at most."""
+"""Longest wait for a clear way after the person's movement [s]: as long as a prediction may be
+late (`ActivationSettings.max_lateness_s`)."""
 N_SAMPLES = 61
-"""Samples of a path that is looked at. Convention: some centimetres of a reach from one to the
-next; of a plan, nothing is left out."""
+"""Samples of a path at which it is checked, some centimetres apart on a reach. A plan is checked
+between its samples, too."""
 
 
 class Obstruction(NamedTuple):
-    """What a motion would come too near to first."""
+    """The first two bodies that come too near to each other on a motion."""
 
-    bodies: tuple[str, str]  # names of the two
-    where: str  # of the motion, for people
+    bodies: tuple[str, str]  # names of both
+    where: str  # place on the motion, in words
 
     def __str__(self) -> str:
         return f"{self.bodies[0]} would touch {self.bodies[1]} {self.where}"
 
 
 class ClearPath(NamedTuple):
-    """A path that is clear."""
+    """A path that is clear, and how it was moved."""
 
     path: JointPath
     # how far it was moved at `N_SAMPLES` phases (T, n) [rad]; None where it was not
     away: Floats | None = None
     how: str = ""  # "", "bent" within the spread of its task, or "replanned"
-    later_s: float = 0.0  # a command of it starts so much later, for finding it took its time [s]
+    later_s: float = 0.0  # delay of its command for the time that the search took [s]
     # how the arm turned about its hand before it was moved; None where it did not
     turn: Turn | None = None
 
@@ -53,10 +53,10 @@ class Clearance:
 
     Args:
         bodies: the arm among boxes.
-        spreads: how each task's motion may vary, by label; other tasks are never bent.
-        largest_bend: standard deviations by which a path is bent at most.
-        replan_budget_s: processor time that planning a path anew may take; 0: none is.
-        wait_s: how long to try again, after the person's movement, for a motion without a way.
+        spreads: how each task's motion may vary, by label; paths of other tasks are never bent.
+        largest_bend: largest bend of a path, in standard deviations.
+        replan_budget_s: processor time that replanning a path may take; 0 switches it off.
+        wait_s: how long to retry a motion without a clear way after the person's movement.
         clock: processor time [s].
     """
 
@@ -73,7 +73,7 @@ class Clearance:
         self.replan_budget_s, self.wait_s, self._clock = replan_budget_s, wait_s, clock
 
     def obstruction(self, plan: JointPlan, since_s: float = 0.0) -> Obstruction | None:
-        """What a plan comes too near to from a time on, between its samples too; None: nothing."""
+        """The first obstruction of a plan from a time on, also between samples; None if clear."""
         past = int(np.searchsorted(plan.times_s, since_s, side="right")) - 1
         past = int(np.clip(past, 0, len(plan.times_s) - 2))
         n = self.bodies.steps(plan.subdivided(1)[1][past:])
@@ -97,18 +97,18 @@ class Clearance:
         """A path that keeps clear from a phase on.
 
         Args:
-            path: predicted.
+            path: the predicted path.
             label: its task.
-            phase: what comes before is past.
-            limits: what it must keep inside.
-            before: the last one of the same task: it goes on moved like that where that serves.
-            tries: how many searches failed before, so that this one draws other detours; None:
-                search no detours, there is no time; a path is moved by its own spread at most.
+            phase: the part of the path before this phase is not checked.
+            limits: limits that the path must keep.
+            before: the last clear path of the same task; if moving alike is clear, that is kept.
+            tries: number of failed searches, so that this one draws other detours; None draws no
+                detours, for lack of time.
 
         Returns:
-            The path itself where it is clear; where no way is found, what is in the way of it.
-            Where a hand is predicted whose arm is redundant, and the end touches, the arm turns
-            about the hand first.
+            The path itself if it is clear, a moved one, or the obstruction if no clear path is
+            found. If the end of a predicted hand's path touches, a redundant arm first turns about
+            the hand.
         """
         hand = self._hand(label, limits)
         if hand is None:
@@ -129,7 +129,7 @@ class Clearance:
         return found._replace(how=found.how or "replanned", turn=turn)
 
     def _hand(self, label: str, limits: JointLimits) -> HandKept | None:
-        """The hand that a task's arm may turn about; None where its joints are predicted."""
+        """The hand about which a task's arm may turn; None if its joints are predicted."""
         spread = self._spreads.get(label)
         if spread is None or spread.arm is None or not self.replan_budget_s:
             return None
@@ -144,7 +144,7 @@ class Clearance:
         before: ClearPath | None,
         tries: int | None,
     ) -> ClearPath | Obstruction:
-        """The path moved so that it is clear, both ends fixed; arguments as of `clear`."""
+        """The path moved until it is clear, both ends fixed; arguments as of `clear`."""
         phases = np.linspace(0.0, 1.0, N_SAMPLES)
         first = min(int(phase * (N_SAMPLES - 1)), N_SAMPLES - 2)
         positions = path.spline(phases)

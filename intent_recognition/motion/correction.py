@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A person moves the arm while it executes: the running primitive is conditioned on where to.
+"""Corrections by hand: the running primitive is conditioned on where a person left the arm.
 
-Where the arm was left is a via point of the controlled agent. With the person's movement as it is
-and the start as it was, the weights given it are w + K (y - H w), K = C H^T (H C H^T + R)^-1
-(Paraschos et al. 2018, "modulation by conditioning"). K does not depend on the prediction: each
-later one of the task is conditioned alike.
+The posture in which the arm was left is a via point of the controlled agent. With the person's
+movement and the start kept, its weights become w + K (y - H w), K = C H^T (H C H^T + R)^-1
+(Paraschos et al. 2018, "modulation by conditioning"). K does not depend on the prediction, so each
+later prediction of the task is conditioned in the same way.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,20 +30,20 @@ class Via(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """How pushes are found, and what becomes of them."""
+    """How pushes are detected, and how they correct the path."""
 
     detector: DeviationDetector  # says whether somebody pushes
-    # how each task's motion may vary, its start fixed; a task without one is not corrected: the arm
-    # yields, and goes on as before
+    # how each task's motion may vary, its start fixed; for a task without a spread the arm yields,
+    # and goes on as before
     spreads: Mapping[str, Spread] = field(default_factory=dict)
-    # the arm was left where it has rested for so long [s]; who moved it for a shorter time than
-    # `detector.sustained_s` only bumped into it
+    # rest after which the person has let go [s]; moving the arm for a shorter time than
+    # `detector.sustained_s` is a bump and corrects nothing
     release_s: float = 0.4
 
     def corrected(
         self, path: JointPath, label: str, vias: Sequence[Via], limits: JointLimits
     ) -> JointPath:
-        """A predicted path given the corrections of its task; itself where there are none."""
+        """A predicted path given the corrections of its task; the path itself if there are none."""
         spread = self.spreads.get(label)
         if spread is None or not vias:
             return path
@@ -66,12 +66,12 @@ def corrected_by(spread: Spread, path: JointPath, vias: Sequence[Via], phases: F
 
 
 def with_via(vias: Sequence[Via], via: Via) -> tuple[Via, ...]:
-    """The corrections with one more, in place of those of about the same phase."""
+    """The corrections with one more, which replaces those of about the same phase."""
     return (*(old for old in vias if abs(old.phase - via.phase) >= 0.1), via)
 
 
 def phase_of(path: JointPath, position: Floats, first: float) -> float:
-    """The phase from `first` on at which a path comes nearest to a posture (n,)."""
+    """The phase, from `first` on, at which a path is nearest to a posture (n,)."""
     phases = np.linspace(min(first, 1.0), 1.0, 101)
     distance = np.linalg.norm(path.spline(phases) - position, axis=1)
     return float(phases[np.argmin(distance)])

@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Does somebody push the arm? Tracking errors beyond what its controller explains, and for long.
+"""Detects pushes: tracking errors that exceed what the controller explains for long enough.
 
-The error e of an undisturbed joint follows from what is asked of it, e = b0 + b1 v + b2 a + r with
-the velocity v and the acceleration a of its reference: what sags, lags behind and is hard to
-accelerate. A person pushes where |r| of a joint stays beyond its bound for `sustained_s` without
-a break.
+The error e of an undisturbed joint is modelled as e = b0 + b1 v + b2 a + r, where v and a are the
+velocity and acceleration of its reference; b0 is sag, b1 lag and b2 inertia. A person pushes the
+arm if |r| of some joint is beyond its bound throughout `sustained_s`.
 
-The bound is chosen on undisturbed executions. The level of an execution is the largest number of
-standard deviations of r that some joint kept up for so long. Undisturbed executions are
-exchangeable, so that the next one reaches the j-th largest of m levels with a probability of at
-most j / (m + 1), whatever the distribution (conformal prediction; Vovk, Gammerman & Shafer 2005):
-that is the rate of false alarms, per execution.
+The bound is calibrated on undisturbed executions. The level of an execution is the largest number
+of standard deviations beyond which |r| of some joint was throughout `sustained_s`. Undisturbed
+executions are exchangeable, so the next one reaches the j-th largest of m levels with a probability
+of at most j / (m + 1), whatever the distribution (conformal prediction; Vovk, Gammerman & Shafer
+2005): this is the rate of false alarms per execution.
 """
 
 from collections.abc import Sequence
@@ -25,10 +24,10 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.motion.plan import JointReference
 
 SUSTAINED_S = 0.8
-"""A deviation is taken for a push if it lasts so long [s]. Measurement: a blow of 60 N for 0.2 s
+"""Shortest deviation that counts as a push [s]. Measurement: a blow of 60 N for 0.2 s
 moves the simulated LWR for a shorter time (docs/correcting.md)."""
 LEAST_DEVIATION_RAD = 0.01
-"""Smaller deviations are never taken as one [rad]. Measurement: 4 N at the hand of the
+"""Smallest deviation that counts as a push [rad]. Measurement: 4 N at the hand of the
 simulated LWR (docs/correcting.md)."""
 
 
@@ -41,34 +40,34 @@ class TrackedMotion(NamedTuple):
     acceleration: Floats  # of the reference [rad/s^2]
 
     def explaining(self, joint: int) -> Floats:
-        """One, velocity and acceleration of a joint's reference, (T, 3)."""
+        """Regressors of a joint's error (T, 3): one, velocity and acceleration of its reference."""
         velocity, acceleration = self.velocity[:, joint], self.acceleration[:, joint]
         return np.stack([np.ones_like(velocity), velocity, acceleration], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class DeviationDetector:
-    """What the controller explains of the n joints' errors, and what it does not."""
+    """Model of the n joints' undisturbed errors, and bounds on their residuals."""
 
     coefficients: Floats  # b0, b1, b2, (3, n) [rad, s, s^2]
-    explained: Floats  # residuals that undisturbed executions keep up, (n,) [rad]
+    explained: Floats  # residuals that undisturbed executions sustain, (n,) [rad]
     sustained_s: float  # how long a deviation must last [s]
-    false_alarm_rate: float  # at most so many undisturbed executions of one are taken for pushed
-    least_rad: float = LEAST_DEVIATION_RAD  # no smaller deviation counts [rad]
+    false_alarm_rate: float  # largest share of undisturbed executions that count as pushed
+    least_rad: float = LEAST_DEVIATION_RAD  # smallest deviation that counts [rad]
 
     @property
     def bound(self) -> Floats:
-        """Residuals beyond which somebody pushes, (n,) [rad]."""
+        """Residuals beyond which a joint counts as pushed, (n,) [rad]."""
         return np.maximum(self.explained, self.least_rad)
 
     def residual(self, position: Floats, reference: JointReference) -> Floats:
-        """What the controller does not explain of an error, (n,) [rad]."""
+        """The part of the tracking errors that the model does not explain, (n,) [rad]."""
         b0, b1, b2 = self.coefficients
         expected = b0 + b1 * reference.velocity + b2 * reference.acceleration
         return position - reference.position - expected
 
     def deviates(self, position: Floats, reference: JointReference) -> bool:
-        """Whether a joint is beyond its bound now."""
+        """Whether the residual of a joint is beyond its bound."""
         return bool(np.any(np.abs(self.residual(position, reference)) > self.bound))
 
 
@@ -79,17 +78,17 @@ def calibrate_detector(
     sustained_s: float = SUSTAINED_S,
     least_rad: float = LEAST_DEVIATION_RAD,
 ) -> DeviationDetector:
-    """A detector that takes at most this share of undisturbed executions for pushed.
+    """Calibrate a detector for a largest share of undisturbed executions that count as pushed.
 
-    Every second execution, in any order, gives the model of the errors, the others the bound: m of
-    them allow a rate of 1 / (m + 1) at least. A deviation must last `sustained_s`; none below
-    `least_rad` counts.
+    Every second execution, in any order, fits the model of the errors. The m others calibrate the
+    bound, and permit rates of 1 / (m + 1) or more. A deviation counts if it lasts `sustained_s` and
+    exceeds `least_rad`.
 
     Raises:
         ArgumentError: too few executions for this rate.
     """
     fitted, held_out = executions[::2], executions[1::2]
-    rank = int(false_alarm_rate * (len(held_out) + 1) + 1e-9)  # of 1 / (m + 1), 1
+    rank = int(false_alarm_rate * (len(held_out) + 1) + 1e-9)  # 1 for a rate of 1 / (m + 1)
     if rank < 1 or not fitted:
         needed = 2 * int(np.ceil(1.0 / max(false_alarm_rate, 1e-9)) - 1)
         expected = f"{needed} or more for a rate of {false_alarm_rate:g}"
@@ -110,7 +109,7 @@ def calibrate_detector(
 
 
 def _level(motion: TrackedMotion, coefficients: Floats, std: Floats, sustained_s: float) -> float:
-    """Largest number of standard deviations beyond which some joint stays for so long."""
+    """Largest number of standard deviations beyond which some joint is throughout `sustained_s`."""
     explained = np.stack([motion.explaining(j) @ c for j, c in enumerate(coefficients.T)], axis=1)
     worst = np.max(np.abs(motion.error - explained) / std, axis=1)
     n = min(max(round(sustained_s / motion.step_s), 0) + 1, len(worst))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the predicted path of a hand to the joints of the arm that shall move it."""
+"""From the predicted path of a hand to the joints of the arm that moves the hand."""
 
 from collections.abc import Sequence
 
@@ -13,27 +13,27 @@ from intent_recognition.kinematics import Arm
 from intent_recognition.signals import POSE_FIELDS, POSITION_FIELDS, homogeneous
 
 N_POSES = 25
-"""Poses of a predicted path that are solved; a spline joins them. Convention: on hand paths of half
-a metre it stays within 0.1 mm of them, and takes 5 to 10 ms."""
+"""Poses of a predicted path for which joints are computed; a spline joins them. A hand path of half
+a metre takes 5 to 10 ms, and the spline stays within 0.1 mm of it."""
 LARGEST_SHORTFALL_M = 0.005
-"""A path that ends so short of a prediction is still executed [m]. Convention: a fifth of what the
-hand may be off."""
+"""Largest distance of the hand from any predicted pose with which a path is executed [m]: a fifth
+of the error permitted to the hand."""
 LARGEST_JUMP_RAD = 0.8
-"""A joint that turns further from one of the poses to the next has changed its branch [rad].
-Convention: a hand path of half a metre turns none by more than a tenth of a radian."""
+"""Largest turn of a joint between two poses on one branch of the inverse kinematics [rad]. A hand
+path of half a metre turns no joint by more than 0.1 rad."""
 
 
 def is_hand(names: Sequence[str]) -> bool:
-    """Whether numbers of these names are the position of a hand, or its whole pose."""
+    """Whether these names are those of the position or the whole pose of a hand."""
     fields = POSE_FIELDS if len(names) > len(POSITION_FIELDS) else POSITION_FIELDS
     return len(names) == len(fields) and all(map(str.endswith, names, fields))
 
 
 def hand_targets(numbers: ArrayLike) -> Floats:
-    """Positions (..., 3) [m] as they are, whole poses (..., 7) as transforms (..., 4, 4).
+    """Positions (..., 3) [m] unchanged, whole poses (..., 7) as transforms (..., 4, 4).
 
     Raises:
-        TrajectoryError: a quaternion is zero; its norm does not matter else.
+        TrajectoryError: a quaternion is zero; any other norm is accepted.
     """
     values = np.asarray(numbers, dtype=np.float64)
     if values.shape[-1] == len(POSITION_FIELDS):
@@ -48,18 +48,17 @@ def hand_targets(numbers: ArrayLike) -> Floats:
 
 
 def joints_along(arm: Arm, times_s: Floats, hand: Floats, rest: Floats) -> tuple[Floats, Floats]:
-    """Times and joint positions that take the hand along a predicted path in the frame of the base.
+    """Times and joint positions that take the hand along a predicted path in the base frame.
 
-    That has positions (T, 3) [m], or positions and quaternions xyzw (T, 7), at increasing times
+    `hand` holds positions (T, 3) [m], or positions and quaternions xyzw (T, 7), at increasing times
     (T,). The arm begins near the posture `rest` (n,), to which redundant joints are drawn.
 
     Returns:
-        Times (T',) [s], at most `N_POSES` of those given with the first and the last among them,
-        and joint positions (T', n) [rad], within the arm's limits.
+        Times (T',) [s], at most `N_POSES` of the given ones including the first and the last, and
+        joint positions (T', n) [rad] within the arm's limits.
 
     Raises:
-        TrajectoryError: a part of the path is out of reach, or no continuous motion was found; says
-            where.
+        TrajectoryError: a part of the path is out of reach, or no continuous motion was found.
     """
     chosen = np.unique(np.linspace(0, len(times_s) - 1, N_POSES).round().astype(int))
     times_s, hand = times_s[chosen], hand[chosen]

@@ -19,17 +19,17 @@ class JointPath:
 
     spline: CubicSpline  # phase -> (n,) [rad]
     derivative: CubicSpline  # its first derivative
-    duration_s: float  # seconds the whole path takes at its own (nominal) speed
-    clamped: tuple[int, ...]  # joints that left the position limits and were bent back inside
+    duration_s: float  # time for the whole path at its own (nominal) speed
+    clamped: tuple[int, ...]  # joints that left their position limits and were bent back inside
 
     def at(self, phase: Floats) -> tuple[Floats, Floats]:
         """Positions and derivatives with respect to phase, each (..., n)."""
         return self.spline(phase), self.derivative(phase)
 
     def shifted(self, phases: Floats, away: Floats, limits: JointLimits) -> "JointPath":
-        """The path moved away smoothly, by (T, n) [rad] at phases (T,) from 0 to 1.
+        """The path moved smoothly by `away` (T, n) [rad] at phases (T,) from 0 to 1.
 
-        It is bent inside the position limits as any predicted path.
+        It is bent inside the position limits like any predicted path.
         """
         change = CubicSpline(phases, away)
         dense = np.linspace(0.0, 1.0, 201)
@@ -50,8 +50,8 @@ def make_path(
     Phase is 0 at the first of the times (T,) and 1 at the last. Velocities (T, n) [rad/s] in the
     first and last row are the spline's end slopes; without them the path has no curvature at its
     ends. Where a joint leaves its position limits less a margin of 10 mrad, it is bent back inside
-    by a saturation without kinks (identity, then tanh), so that the path stays traversable. What
-    leaves them only between samples, where the spline overshoots, is bent likewise.
+    by a saturation without kinks (identity, then tanh), so that the path stays traversable. An
+    overshoot of the spline between samples is bent in the same way.
 
     Raises:
         TrajectoryError: fewer than two samples, wrong sizes, times that do not increase, or a
@@ -74,10 +74,10 @@ def make_path(
 
 
 def check_range(positions: Floats, limits: JointLimits) -> None:
-    """Check that a prediction (T, n) [rad] can be of an arm, in radians.
+    """Check that a prediction (T, n) can belong to an arm with these limits, in radians.
 
     Raises:
-        TrajectoryError: a joint is never inside its limits, or farther outside than they are apart.
+        TrajectoryError: a joint is never inside its limits, or leaves them by more than its range.
     """
     outside = position_violation(positions, limits)
     far = np.any(outside > limits.upper - limits.lower, axis=0) | np.all(outside > 0.0, axis=0)
@@ -96,7 +96,7 @@ def _spline(phase: Floats, positions: Floats, slopes: Floats | None) -> CubicSpl
 
 
 def _bend_inside(positions: Floats, limits: JointLimits) -> tuple[Floats, tuple[int, ...]]:
-    """Saturate the joints that leave their limits, and say which."""
+    """Saturate the joints that leave their limits, and return their indices."""
     lower, upper = limits.lower + POSITION_MARGIN_RAD, limits.upper - POSITION_MARGIN_RAD
     outside = np.any((positions < lower) | (positions > upper), axis=0)
     if not outside.any():

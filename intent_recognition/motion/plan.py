@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A joint-space plan as its receiver sees it: samples joined by cubics, and checks on those."""
+"""A joint-space plan as its receiver sees it, samples joined by cubics, and checks of limits."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,15 +17,15 @@ from intent_recognition.kinematics import (
 )
 
 POSITION_MARGIN_RAD = 0.01
-"""Paths keep this far away from position limits [rad]. Convention: no cubic strays farther
-between its samples (`plan_step`)."""
+"""Distance of paths from position limits [rad]; no cubic strays farther between its samples
+(`plan_step`)."""
 STEP_S = 0.02
-"""Time between the samples of a plan [s]; longer motions get longer steps (`plan_step`).
-Convention: a cubic strays from a path of 8 rad/s^2 by 0.4 mrad at most."""
+"""Time between the samples of a plan [s]; longer motions get longer steps (`plan_step`). With it a
+cubic strays from a path of 8 rad/s^2 by 0.4 mrad at most."""
 
 
 class JointReference(NamedTuple):
-    """What a plan asks of the arm at one time, each array (n_joints,)."""
+    """Position, velocity and acceleration that a plan asks of the arm at one time, each (n,)."""
 
     position: Floats
     velocity: Floats
@@ -33,13 +33,13 @@ class JointReference(NamedTuple):
 
     @classmethod
     def at_rest(cls, position: Floats) -> "JointReference":
-        """Standing still at `position` [rad]."""
+        """The reference of an arm at rest at `position` [rad]."""
         q = np.array(position, dtype=np.float64)
         return cls(q, np.zeros_like(q), np.zeros_like(q))
 
 
 class PhaseState(NamedTuple):
-    """How much of an interaction is done, in [0, 1], its rate [1/s], and the rate's [1/s^2]."""
+    """Phase of an interaction in [0, 1], its rate [1/s] and acceleration [1/s^2]."""
 
     phase: float = 0.0
     rate: float = 0.0
@@ -47,7 +47,7 @@ class PhaseState(NamedTuple):
 
 
 BEGINNING = PhaseState()
-"""Nothing is done yet, and nothing moves."""
+"""Phase state at the start of an interaction, at rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +63,13 @@ class JointPlan:
             nanoseconds, as a message holds them.
         positions: (T, n) [rad].
         velocities: (T, n) [rad/s]; the last row is zero.
-        phase: (T,) how much of the predicted interaction is done, in [0, 1].
-        phase_rate: (T,) its rate [1/s].
-        kind: "interaction", "stop", "home", "pretrigger" or "yield" (to a person who leads the
-            arm).
+        phase: (T,) phase of the predicted interaction, in [0, 1].
+        phase_rate: (T,) rate of the phase [1/s].
+        kind: "interaction", "stop", "home", "pretrigger" or "yield" (to a person's lead).
         clamped: indices of joints whose prediction left the position limits and was held inside.
         outside: indices of joints that leave the position limits; empty but for a brake.
-        slowed: the prediction at its own speed would break a velocity or acceleration limit.
+        slowed: whether the prediction at its own speed would break a velocity or acceleration
+            limit.
     """
 
     times_s: Floats
@@ -94,7 +94,7 @@ class JointPlan:
 
     @property
     def end(self) -> Floats:
-        """Where it comes to rest, (n,) [rad]."""
+        """Posture in which the plan comes to rest, (n,) [rad]."""
         return self.positions[-1]
 
     @cached_property
@@ -106,15 +106,15 @@ class JointPlan:
         return CubicHermiteSpline(self.times_s, self.phase, self.phase_rate)
 
     def at(self, time_s: float) -> JointReference:
-        """The reference `time_s` after the start; at rest at the end afterwards."""
+        """The reference `time_s` after the start; at rest after the end."""
         if time_s >= self.duration_s:
             return JointReference.at_rest(self.positions[-1])
         return JointReference(*_with_derivatives(self._cubics, max(time_s, 0.0)))
 
     def subdivided(self, n: int) -> tuple[Floats, Floats]:
-        """Samples n times as dense, and how far each joint turns at most from one to the next.
+        """Positions n times as dense, and a bound on each joint's turn between them [rad].
 
-        Both are those of the cubics: positions ((T - 1) n + 1, n_joints), turns one row less [rad].
+        Both follow the cubics: positions ((T - 1) n + 1, n_joints), turns with one row less.
         """
         h = np.diff(self.times_s)[:, None]
         times = self.times_s[:-1, None] + h * np.linspace(0.0, 1.0, n, endpoint=False)
@@ -126,17 +126,17 @@ class JointPlan:
     def sampled(self, times_s: Floats) -> tuple[Floats, ...]:
         """Positions, velocities and accelerations, each (S, n), at times (S,) from 0 to the end.
 
-        At a sample, where two cubics meet, those of the later one.
+        Where two cubics meet, at a sample, the values are those of the later one.
         """
         return _with_derivatives(self._cubics, times_s)
 
     def progress(self, times_s: Floats) -> tuple[Floats, Floats]:
-        """How much is done, and its rate [1/s], each (S,), at times (S,) from 0 to the end."""
+        """Phase and phase rate [1/s], each (S,), at times (S,) from 0 to the end."""
         done, rate = self._progress(times_s), self._progress(times_s, 1)
         return np.clip(done, 0.0, 1.0), np.maximum(rate, 0.0)
 
     def phase_at(self, time_s: float) -> PhaseState:
-        """How much is done `time_s` after the start."""
+        """The phase state `time_s` after the start; at rest after the end."""
         if time_s >= self.duration_s:
             return PhaseState(float(self.phase[-1]))
         position, rate, acceleration = _with_derivatives(self._progress, max(time_s, 0.0))
@@ -150,13 +150,13 @@ def _with_derivatives(cubics: CubicHermiteSpline, times_s: Floats | float) -> tu
 
 
 def _end_accelerations(h: Any, q0: Any, v0: Any, q1: Any, v1: Any) -> tuple[Any, Any]:
-    """Accelerations at both ends of the cubic; it is linear, hence largest, there."""
+    """Accelerations at both ends of a cubic, where they are largest since they are linear."""
     mean = (q1 - q0) / h
     return (6.0 * mean - 4.0 * v0 - 2.0 * v1) / h, (-6.0 * mean + 2.0 * v0 + 4.0 * v1) / h
 
 
 def _fastest(h: Any, q0: Any, v0: Any, q1: Any, v1: Any) -> Any:
-    """Largest speed on the cubic, at its ends or where its acceleration changes sign."""
+    """Largest speed on a cubic, at its ends or where its acceleration changes sign."""
     begin, end = _end_accelerations(h, q0, v0, q1, v1)
     turns = begin * end < 0.0
     turn_s = np.where(turns, begin * h / np.where(turns, begin - end, 1.0), 0.0)
@@ -166,9 +166,9 @@ def _fastest(h: Any, q0: Any, v0: Any, q1: Any, v1: Any) -> Any:
 def interval_use(
     times_s: Floats, positions: Floats, velocities: Floats, limits: JointLimits
 ) -> tuple[Floats, Floats]:
-    """Share of the velocity and of the acceleration limits each interval uses, each (T - 1,).
+    """Shares of the velocity and acceleration limits that each interval uses, each (T - 1,).
 
-    Exact extremes of the cubics through the samples, worst joint.
+    These are the exact extremes of the cubics through the samples, for the worst joint.
     """
     h = np.diff(times_s)[:, None]
     q0, q1, v0, v1 = positions[:-1], positions[1:], velocities[:-1], velocities[1:]
@@ -181,7 +181,7 @@ def interval_use(
 
 
 def within(times_s: Floats, positions: Floats, velocities: Floats, limits: JointLimits) -> bool:
-    """Whether the cubics through the samples keep the limits, but for an arm's own tolerances."""
+    """Whether the cubics through the samples keep the limits, within an arm's tolerances."""
     use = np.max(interval_use(times_s, positions, velocities, limits))
     reached = np.stack(position_range(times_s, positions, velocities))
     outside = position_violation(reached, limits).max()
@@ -202,7 +202,7 @@ def position_range(times_s: Floats, positions: Floats, velocities: Floats) -> tu
 
 
 def _roots(a: Any, b: Any, c: Any) -> tuple[Any, Any]:
-    """Where a t^2 + b t + c is zero within [0, 1]; an end of it where there is no such root."""
+    """Roots of a t^2 + b t + c within [0, 1]; an end of the interval instead of a missing root."""
     with np.errstate(divide="ignore", invalid="ignore"):
         half = -0.5 * (b + np.copysign(np.sqrt(b * b - 4.0 * a * c), b))
         roots = half / a, c / half
@@ -210,7 +210,7 @@ def _roots(a: Any, b: Any, c: Any) -> tuple[Any, Any]:
 
 
 def keeps_limits(plan: JointPlan, start: JointReference, limits: JointLimits) -> bool:
-    """Whether a plan keeps the limits; from a start outside the positions it must come back in."""
+    """Whether a plan keeps the limits; from outside the position limits it must return inside."""
     if np.any(position_violation(plan.end, limits) > POSITION_TOLERANCE_RAD):
         return False
     room = position_violation(start.position, limits)
@@ -223,7 +223,7 @@ def keeps_limits(plan: JointPlan, start: JointReference, limits: JointLimits) ->
 def scaled_limits(
     limits: JointLimits, velocity_scale: float = 0.9, acceleration_scale: float = 1.0
 ) -> JointLimits:
-    """The limits plans are held to: a share of the arm's own."""
+    """Limits for plans: shares of the arm's own."""
     return replace(
         limits,
         velocity=limits.velocity * velocity_scale,
@@ -234,8 +234,8 @@ def scaled_limits(
 def plan_step(duration_s: float, limits: JointLimits) -> float:
     """Time between the samples of a plan [s].
 
-    Longer for longer motions, but a cubic with the largest acceleration a strays from the line
-    between its samples by a h^2 / 8, which is to be less than `POSITION_MARGIN_RAD`.
+    Longer motions get longer steps, up to the step h at which a cubic with the largest acceleration
+    a strays from the line between its samples by a h^2 / 8 = `POSITION_MARGIN_RAD`.
     """
     longest_s = float(np.sqrt(8.0 * POSITION_MARGIN_RAD / limits.acceleration.max()))
     return max(STEP_S, min(duration_s / 200, longest_s))  # about 200 points in a message

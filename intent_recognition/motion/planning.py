@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motions along a predicted path: to its end in time with the human, and to a stand.
+"""Motions along a predicted path: to its end in time with the human, and to a stop.
 
 Every plan starts exactly at the reference of the plan before it (position and velocity are
 continuous, acceleration is bounded) and ends at rest, and is checked against the limits on the
@@ -9,7 +9,7 @@ cubics its receiver will run. The command of an interaction is
 
 with the predicted path p run by the progress s(t) of `retiming.run` and an offset e(t), the
 difference between the running reference and the path, which decays to zero (`blending.decay`).
-Path and offset share the limits: what the offset needs is taken off what the path may use.
+Path and offset share the limits: the path may use what the offset leaves.
 """
 
 from dataclasses import dataclass, replace
@@ -53,16 +53,16 @@ def plan_interaction(
 ) -> JointPlan | None:
     """Follow a predicted interaction from where the arm's reference is.
 
-    Path and offset are bounded each on its own; where their sum exceeds a limit, another attempt
-    gives them less.
+    Path and offset are each bounded on their own; if their sum exceeds a limit, another attempt
+    lowers both bounds.
 
     Args:
         path: the predicted path.
-        nominal: its timing, relative to the plan's start; None: along the path to a stand.
+        nominal: its timing, relative to the plan's start; None brakes along the path.
         start: the running reference at the plan's start.
-        limits: position, velocity and acceleration limits, as scaled as wanted.
-        progress: of the plan before; what it explains of the start's motion is not left to the
-            offset.
+        limits: position, velocity and acceleration limits, already scaled.
+        progress: phase state of the plan before. The offset takes only the part of the start's
+            motion that this progress along the path does not explain.
         rate_ceiling: largest phase rate in each interval of the path's grid (G,) [1/s].
         stretch: factor on the time in which the start's offset from the path decays.
 
@@ -72,7 +72,7 @@ def plan_interaction(
     """
     share = 1.0 if nominal is None else 0.96  # sampling the progress adds a few percent
     budget = _Budget(np.full(N_GRID, share), stretch)
-    for attempt in range(8):  # nearly all that can be mended are by the fourth
+    for attempt in range(8):  # nearly all that succeed do so by the fourth
         tried = _attempt(path, nominal, start, progress, limits, budget, rate_ceiling)
         if tried is None:
             return None
@@ -88,19 +88,19 @@ def plan_interaction(
 def stop_plan(
     path: JointPath, start: JointReference, limits: JointLimits, progress: PhaseState = BEGINNING
 ) -> JointPlan:
-    """Slow to a stand along the path as fast as the limits allow; always gives a plan."""
+    """Slow to a stop along the path as fast as the limits allow; always returns a plan."""
     plan = plan_interaction(path, None, start, limits, progress)
     return plan if plan is not None else brake_plan(start, progress.phase, limits)
 
 
 def brake_along(plan: JointPlan, time_s: float, limits: JointLimits) -> JointPlan:
-    """Slow to a stand on the very way of a plan, as fast as the limits allow; always gives one.
+    """Slow to a stop along a plan, as fast as the limits allow; always returns a plan.
 
-    Where the plan is still joining a predicted path, or braking itself, that way is not the path's.
-    The brake begins so long after the plan's start.
+    The brake begins `time_s` after the plan's start. It follows the plan itself, which is off the
+    predicted path while it joins that path or brakes.
     """
     start, phase = plan.at(time_s), plan.phase_at(time_s).phase
-    # from 2 ms on, for numerical reasons, and twice as long as a brake takes at the speed limits
+    # from 2 ms on for numerical reasons, for twice as long as a brake takes at the speed limits
     ahead = (plan.times_s > time_s + 0.002) & (plan.times_s < time_s + 1.0)
     if not ahead.any():
         return brake_plan(start, phase, limits)
@@ -117,7 +117,7 @@ def brake_along(plan: JointPlan, time_s: float, limits: JointLimits) -> JointPla
 
 @dataclass(frozen=True, eq=False)
 class _Budget:
-    """Share of the bounds of the path (N_GRID,), and factor on the time of the offset."""
+    """Share of the path's bounds in each interval (N_GRID,), factor on the offset's duration."""
 
     share: Floats
     stretch: float
@@ -147,7 +147,7 @@ def _attempt(
     budget: _Budget,
     rate_ceiling: Floats | None,
 ) -> tuple[JointPlan, Offset] | None:
-    """A plan within the budget, and its offset; None where the path takes too long."""
+    """A plan within the budget, and its offset; None if the path takes too long."""
     offset = _join(path, start, progress, limits)
     bounds = _path_bounds(path, offset, limits, budget.share, rate_ceiling)
     longest_s = 0.0
@@ -169,7 +169,7 @@ def _attempt(
 def _join(
     path: JointPath, start: JointReference, progress: PhaseState, limits: JointLimits
 ) -> Offset:
-    """The offset between a reference and the path at this phase."""
+    """The offset of a reference from the path at the phase of its progress."""
     slope, bend = path.derivative(progress.phase), path.derivative(progress.phase, 1)
     return decay(
         start.position - path.spline(progress.phase),
@@ -186,7 +186,7 @@ def _path_bounds(
 ) -> SpeedLimits:
     """Bounds along the path with what the offset leaves of the limits."""
     speed, acceleration = offset.largest()
-    least = 0.1  # however much the offset takes: the path never stands still for good
+    least = 0.1  # whatever the offset takes, so that the path never stands still for good
     return speed_limits(
         path,
         np.maximum(limits.velocity - speed, least * limits.velocity),
@@ -200,14 +200,14 @@ def _hold(offset: Offset) -> float:
     """When the offset is small enough to move on along the path [s]."""
     times = np.linspace(0.0, offset.duration_s, 33)
     q, _ = offset.sample(times)
-    far = np.flatnonzero(np.abs(q).max(axis=1) > 0.03)  # 2 cm at the hand: what it fetches is there
+    far = np.flatnonzero(np.abs(q).max(axis=1) > 0.03)  # 2 cm at the hand, near enough to fetch
     return float(times[far[-1]]) if far.size else 0.0
 
 
 def _compose(
     path: JointPath, progress: PathProgress, offset: Offset, step_s: float, kind: str
 ) -> JointPlan:
-    """Sum of path and offset on the progress's times, prolonged until the offset is gone."""
+    """Sum of path and offset at the times of the progress, prolonged until the offset is zero."""
     end_s = float(progress.times_s[-1])
     n_more = max(int(np.ceil((offset.duration_s - end_s) / step_s)), 0)
     n_more = max(n_more, 1) if len(progress.times_s) < 2 else n_more

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time-optimal motions with limited jerk: to a posture at rest, and to a stand.
+"""Time-optimal motions with limited jerk: to a posture at rest, and to a stop.
 
-Computed by Ruckig (Berscheid and Kroeger 2021, "Jerk-limited real-time trajectory generation with
-arbitrary target states"). Both start at the running reference, also in motion.
+Ruckig computes them (Berscheid and Kroeger 2021, "Jerk-limited real-time trajectory generation with
+arbitrary target states"). Both start at the running reference, at rest or in motion.
 """
 
 from dataclasses import replace
@@ -28,20 +28,20 @@ if TYPE_CHECKING:
     from ruckig import InputParameter
 
 RISE_TIME_S = 0.1
-"""Shortest time in which an acceleration rises from zero to its limit [s]; the jerk limit is the
-acceleration limit divided by it: 80 rad/s^3 at 8 rad/s^2. Measurement: docs/decisions,
+"""Shortest time in which an acceleration rises from zero to its limit [s]. The jerk limit is the
+acceleration limit divided by this time: 80 rad/s^3 at 8 rad/s^2. Measurement: docs/decisions,
 "Ruckig goes home and brakes"."""
 
 
 def posture_plan(start: JointReference, posture: Floats, limits: JointLimits) -> JointPlan | None:
     """Go to a posture (n,) [rad], all joints together; from rest straight in joint space.
 
-    The posture is held inside the position limits (reported as clamped). A motion, in no
-    hurry, uses 0.6 of the other limits unless a moving start needs more. None (brake first) if no
-    plan keeps them.
+    A posture outside the position limits is clamped to them (`JointPlan.clamped`). The motion uses
+    0.6 of the other limits unless a moving start needs more. None if no plan keeps the limits:
+    brake first.
 
     Raises:
-        TrajectoryError: start or posture hold NaN or infinity.
+        TrajectoryError: start or posture contain NaN or infinity.
     """
     target = np.clip(posture, limits.lower + 1e-6, limits.upper - 1e-6)
     clamped = tuple(int(j) for j in np.flatnonzero(target != np.asarray(posture, dtype=np.float64)))
@@ -57,14 +57,14 @@ def posture_plan(start: JointReference, posture: Floats, limits: JointLimits) ->
 
 
 def brake_plan(start: JointReference, phase: float, limits: JointLimits) -> JointPlan:
-    """Brake all joints to a stand: together, or each on its own if it would leave its limits.
+    """Brake all joints to a stop, together, or each on its own if one would leave its limits.
 
-    It keeps the velocity and acceleration limits, but a joint already heading for a position
-    limit may pass it; such joints are listed in `outside`. Joints that were speeding up stop
-    doing so at once.
+    The brake keeps the velocity and acceleration limits, but a joint that is heading for a position
+    limit may pass it; `outside` lists such joints. Joints that are speeding up cease to do so at
+    once.
 
     Raises:
-        TrajectoryError: the start holds NaN or infinity.
+        TrajectoryError: the start contains NaN or infinity.
     """
     speeds_up = start.acceleration * start.velocity > 0.0
     start = start._replace(acceleration=np.where(speeds_up, 0.0, start.acceleration))
@@ -83,10 +83,10 @@ def brake_plan(start: JointReference, phase: float, limits: JointLimits) -> Join
 
 
 def _input(start: JointReference, limits: JointLimits, bounds: JointLimits) -> "InputParameter":
-    """A motion from the start within bounds, to rest.
+    """Ruckig's input for a motion within bounds from the start to rest.
 
-    What interpolation between samples adds to accelerations is taken off the limits. A start
-    acceleration that limited jerk cannot take back in time is reduced: then the motion jumps in
+    The limits are lowered by what interpolation between samples adds to accelerations. A start
+    acceleration that limited jerk cannot end in time is reduced: the motion then jumps in
     acceleration, never in position or velocity.
     """
     jerk = limits.acceleration / RISE_TIME_S
@@ -111,7 +111,7 @@ def _input(start: JointReference, limits: JointLimits, bounds: JointLimits) -> "
 def _make_straight(motion: "InputParameter", way: Floats) -> None:
     """Make the limits proportional to the way, so that phase synchronisation keeps to a line."""
     distance = np.abs(way)
-    moves = distance > 1e-6  # others need not keep to the line
+    moves = distance > 1e-6  # the other joints need not keep to the line
     if not moves.any():
         return
     for name in ("max_velocity", "max_acceleration", "max_jerk"):

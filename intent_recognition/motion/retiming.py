@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How fast a path may be run, and running it so that a late start catches up in time.
+"""Speed limits along a path, and progress along it that lets a late start catch up.
 
 The path parameter is the phase s of the interaction. Joint accelerations are
-q'' = p'(s) s'' + p''(s) s'^2, linear in (s'', s'^2), so their limits are half planes at every s
-and the fastest s'^2 from which the end can still be reached at rest follows from one backward
-pass over a grid (time-optimal path parametrisation by reachability, Pham and Pham 2018).
+q'' = p'(s) s'' + p''(s) s'^2, linear in (s'', s'^2), so their limits are half planes at every s.
+The largest s'^2 from which the end can still be reached at rest follows from one backward pass
+over a grid (time-optimal path parametrisation by reachability, Pham and Pham 2018).
 """
 
 from math import inf
@@ -16,13 +16,13 @@ from intent_recognition.array_types import Floats
 from intent_recognition.motion.path import JointPath
 
 N_GRID = 100
-"""Intervals of the grid over the phase. Convention: 1 % of an interaction each."""
+"""Intervals of the grid over the phase, each 1 % of an interaction."""
 
 
 class NominalTiming(NamedTuple):
     """When the predicted interaction happens: s = (t - onset_s) / duration_s.
 
-    `onset_s` counts from the plan's start, so it is negative for a movement already going on.
+    `onset_s` counts from the plan's start, so it is negative for a movement already under way.
     """
 
     onset_s: float
@@ -57,17 +57,17 @@ def speed_limits(
     share: Floats,
     rate_ceiling: Floats | None,
 ) -> SpeedLimits:
-    """Bounds on the speed along a path that has these limits (n,) left [rad/s, rad/s^2].
+    """Bounds on the speed along a path that may use these joint limits (n,) [rad/s, rad/s^2].
 
-    `share` (G,) is that of both to use in each interval; `rate_ceiling` (G,) the largest rate in it
-    [1/s].
+    In each interval, `share` (G,) is the share of both limits to use, and `rate_ceiling` (G,) the
+    largest phase rate [1/s].
     """
     grid = np.linspace(0.0, 1.0, N_GRID + 1)
     first, second = path.derivative(grid), path.derivative(grid, 1)
     slope = np.maximum(np.abs(first), 1e-6)
     a = max_acceleration / slope
     b = second * np.where(first < 0.0, -1.0, 1.0) / slope
-    # the multiple of the predicted rate changes by 15 per second: bounds s'' where no joint moves
+    # 15 times the predicted rate per second: bounds s'' where no joint moves
     largest = 15.0 / path.duration_s
     own = np.full((N_GRID, 1), largest)
     room = _largest_with_room(a, b, largest)
@@ -84,7 +84,7 @@ def speed_limits(
 
 
 def _largest_with_room(a: Floats, b: Floats, own: float) -> Floats:
-    """Largest x (G + 1,) with room for s'' between bounds of joints (G + 1, n) and its own."""
+    """Largest x (G + 1,) with room for s'' between the bounds of joints (G + 1, n) and `own`."""
     a = np.hstack([a, np.full((len(a), 1), own)])
     b = np.hstack([b, np.zeros((len(b), 1))])
     difference = np.maximum(b[:, :, None] - b[:, None, :], 1e-300)
@@ -93,7 +93,7 @@ def _largest_with_room(a: Floats, b: Floats, own: float) -> Floats:
 
 
 def _backward(a: Floats, b: Floats, ceiling: Floats) -> Floats:
-    """Largest x (G + 1,) from which braking stays allowed until rest at the end."""
+    """Largest x (G + 1,) from which the end can be reached at rest within the bounds."""
     step = 2.0 / N_GRID
     gain = 1.0 - step * b
     brakes = gain > 0.0
@@ -115,7 +115,7 @@ def largest_rate(limits: SpeedLimits, phase: float) -> float:
 
 
 def shortest_s(limits: SpeedLimits, phase: float) -> float:
-    """Least time that the limits allow from a phase to the end [s]."""
+    """Shortest time within the limits from a phase to the end [s]."""
     grid = np.linspace(0.0, 1.0, N_GRID + 1)
     rate = np.sqrt(limits.cap)
     with np.errstate(divide="ignore"):
@@ -132,17 +132,17 @@ def run(
     step_s: float,
     hold_s: float = 0.0,
 ) -> PathProgress | None:
-    """Run along the path: behind the nominal timing as fast as allowed, then along with it.
+    """Progress along the path: as fast as allowed while behind the nominal timing, then with it.
 
-    The wanted rate is the nominal one plus what a lag warrants: proportional to a small lag, the
-    square root of a large one, so that the braking that joins the nominal timing is feasible. Ahead
-    of the nominal timing it slows down, at most to a stand, and never goes back. Without it, it
-    brakes to a stand as fast as allowed. Phase and rate, not above `largest_rate`, are those at
-    time 0; from a stand it moves on after `hold_s`.
+    The wanted rate is the nominal rate plus a correction for the lag: proportional to a small lag,
+    to the square root of a large one, so that joining the nominal timing by braking is feasible.
+    Ahead of the nominal timing the progress slows down, at most to a stop, and never goes back.
+    Without a nominal timing it brakes to a stop as fast as allowed. `phase` and `rate`, at most
+    `largest_rate`, are those at time 0; from rest, progress begins after `hold_s`.
 
     Returns:
-        The progress until it stands (at phase 1 unless braking), or None after 1500
-        steps: 150 s where limits of 8 rad/s^2 let one be 0.1 s long (`plan.plan_step`).
+        The progress until it stops (at phase 1 unless braking), or None after 1500 steps: 150 s at
+        the longest step of 0.1 s under limits of 8 rad/s^2 (`plan.plan_step`).
     """
     bounds = [list(zip(*one, strict=True)) for one in zip(limits.a.tolist(), limits.b.tolist())]
     times, phases, rates = [0.0], [phase], [rate]
@@ -176,7 +176,7 @@ def _next_rate(
     nominal: NominalTiming | None,
     step_s: float,
 ) -> float:
-    """The phase rate one step later; `bounds` are the pairs of a and b of each interval."""
+    """The phase rate one step later; `bounds` holds the pairs (a, b) of each interval."""
     low, high = _phase_acceleration(bounds, s, v, step_s)
     wanted = 0.0
     if nominal is not None and t >= nominal.onset_s:
@@ -186,7 +186,7 @@ def _next_rate(
     v_next = max(v + min(max((wanted - v) / step_s, low), high) * step_s, 0.0)
     if v_next > v:
         _, high = _phase_acceleration(bounds, s, v_next, step_s)
-        while v <= 0.0 and high <= 0.0:  # a long step from a stand
+        while v <= 0.0 and high <= 0.0:  # a long step from rest
             v_next *= 0.5
             _, high = _phase_acceleration(bounds, s, v_next, step_s)
         v_next = max(min(v_next, v + high * step_s), min(v, v_next))
@@ -210,7 +210,7 @@ def _under_cap(limits: SpeedLimits, s: float, v_next: float, half_step_s: float)
 def _phase_acceleration(
     bounds: list[list[tuple[float, float]]], s: float, v: float, step_s: float
 ) -> tuple[float, float]:
-    """Lowest and highest s'' that keep the limits in every interval the step will touch."""
+    """Lowest and highest s'' that keep the limits in every interval that the step touches."""
     first = min(int(s * N_GRID), N_GRID - 1)
     last = min(int((s + v * step_s) * N_GRID), N_GRID - 1) + 1
     x, least, high = v * v, inf, inf
@@ -228,7 +228,7 @@ def _phase_acceleration(
 
 
 def _approach(lag: float, deceleration: float) -> float:
-    """Rate warranted by a lag: linear when small, such that braking keeps to deceleration."""
+    """Rate correction for a lag: linear if small, else such that braking keeps to deceleration."""
     gain = 6.0  # [1/s], of a small lag
     linear = deceleration / gain**2
     size = abs(lag)

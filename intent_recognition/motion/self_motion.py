@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Turning a redundant arm about its hand, where the end of a path would touch something.
 
-Where a hand is predicted and not the joints, the end of a path is one of many postures that bring
-the hand there. The nearest clear one is found along the arm's self-motion, the null space of the
-Jacobian J of what the hand must keep (Liegeois 1977, "Automatic supervisory control of the
+If a hand is predicted and not the joints, the end of a path is one of many postures that bring the
+hand there. The nearest clear posture is found along the arm's self-motion, the null space of the
+Jacobian J of the hand's position or pose (Liegeois 1977, "Automatic supervisory control of the
 configuration and behavior of multibody mechanisms"):
 
     minimise d^T d   subject to   G P d >= b,   P = I - J^+ J
 
-with distances linearised in the joints, as in `bending`. After each step the hand is brought back
-to where it was. Along the path the arm turns gradually, and the hand keeps to the prediction.
+with distances linearised in the joints, as in `bending`. After each step Newton's method brings the
+hand back. Along the path the arm turns gradually, and the hand keeps to the prediction.
 """
 
 from typing import NamedTuple
@@ -31,12 +31,12 @@ from intent_recognition.promp import minimum_jerk
 class Turn(NamedTuple):
     """How the arm turns about its hand along a path."""
 
-    since: float  # phase from which on it does
-    shift: Floats  # of the joints at the end (n,) [rad]
+    since: float  # phase from which on it turns
+    shift: Floats  # shift of the joints at the end (n,) [rad]
 
 
 class HandKept:
-    """What of an arm's hand must stay: its position, or its whole pose if `oriented`."""
+    """Moves an arm and keeps its hand's position, or its whole pose if `oriented`."""
 
     def __init__(self, arm: Arm, oriented: bool, limits: JointLimits) -> None:
         self._arm, self._rows, self._limits = arm, 6 if oriented else 3, limits
@@ -44,9 +44,9 @@ class HandKept:
         self._upper = limits.upper - POSITION_MARGIN_RAD
 
     def clear_end(self, bodies: Bodies, end: Floats) -> Floats | None:
-        """The nearest posture found (n,) that is clear with the hand where `end` (n,) has it.
+        """The nearest clear posture found (n,) with the hand where it is at the posture `end` (n,).
 
-        None where that is clear already, or none was found.
+        None if `end` is clear already, or no clear posture was found.
         """
         if not bodies.contacts(end[None]):
             return None
@@ -57,14 +57,14 @@ class HandKept:
         found = self._descend(bodies, pose, end)
         if found is not None:
             return found
-        # 0.6 rad is a third of what the joints of a shoulder or wrist mostly have to one side
+        # 0.6 rad is a third of the usual range of shoulder and wrist joints to one side
         starts = (end + s * 0.6 * motion for motion in motions for s in (1.0, -1.0))
         others = (self._descend(bodies, pose, self._onto(pose, start)) for start in starts)
         clear = [q for q in others if q is not None]
         return min(clear, key=lambda q: float(np.linalg.norm(q - end)), default=None)
 
     def turned(self, path: JointPath, turn: Turn) -> JointPath | None:
-        """A path with the same hand that ends turned; None where the hand cannot keep to it."""
+        """A path that ends turned and moves the hand alike; None if the hand cannot keep to it."""
         phases = np.linspace(0.0, 1.0, N_POSES)
         positions = path.spline(phases)
         share = minimum_jerk((phases - turn.since) / max(1.0 - turn.since, 1e-9))
@@ -81,7 +81,7 @@ class HandKept:
             return None
 
     def _descend(self, bodies: Bodies, pose: Floats, q: Floats) -> Floats | None:
-        """From a posture that has the hand at a pose to a clear one; None where that fails."""
+        """From a posture to a clear one with the hand at the same pose; None if none was found."""
         watched: set[int] = set()
         unit = np.eye(len(q))
         for _ in range(25):  # five radians of a joint
@@ -100,7 +100,7 @@ class HandKept:
             if change is None:
                 return None
             step = own @ change
-            # null space and distances are those of the posture
+            # null space and distances hold near the posture only
             step *= min(1.0, 0.2 / max(float(np.abs(step).max()), 1e-9))
             q = self._onto(pose, q + step)
         return None
@@ -109,8 +109,8 @@ class HandKept:
         return self._arm.jacobian(q)[: self._rows]
 
     def _onto(self, pose: Floats, q: Floats) -> Floats:
-        """The posture near one that brings the hand back to a pose, by Newton's method."""
-        for _ in range(4):  # two are the rule
+        """A posture near `q` that brings the hand back to a pose, by Newton's method."""
+        for _ in range(4):  # two mostly suffice
             q = np.clip(q, self._lower, self._upper)
             there = self._arm.forward_kinematics(q)
             error = pose[:3, 3] - there[:3, 3]

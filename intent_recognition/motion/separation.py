@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Speed along a path by the distance that is predicted between the person and the arm.
+"""Limits the speed along a path by the predicted distance between the person and the arm.
 
 The formula is that of speed and separation monitoring (ISO/TS 15066:2016, 5.5.4; Marvel and
 Norcross 2017, "Implementing speed and separation monitoring in collaborative robot workcells"):
 
     S >= v_h (T_r + T_s) + v_r T_r + S_s + C + Z,    T_s = v_r / a,    S_s = v_r^2 / 2a,
 
-with the person coming nearer at v_h, the arm's reaction time T_r and deceleration a, C for what of
-both lies beyond the points measured, and Z for the uncertainty of where they are. It is solved for
-the arm's speed v_r. S and Z are those of the predicted tube, at the time at which the arm will be
-there. This is not a safety function: nothing here is monitored, and predictions can be wrong.
+with the person's approach speed v_h, the arm's reaction time T_r and deceleration a, the extent C
+of both beyond the measured points, and the uncertainty Z of their positions. It is solved for the
+arm's speed v_r. S and Z are those of the predicted tube at the time at which the arm will be there.
+This is not a safety function: nothing here is monitored, and predictions can be wrong.
 """
 
 from collections.abc import Sequence
@@ -29,17 +29,16 @@ from intent_recognition.motion.retiming import N_GRID
 
 @dataclass(frozen=True)
 class SeparationSettings:
-    """What the formula needs.
+    """Quantities of the formula.
 
     Attributes:
-        human_speed_m_s: v_h, at which the person may come nearer. ISO 13855: 1.6 m/s walking.
-        reaction_s: T_r, until the arm begins to brake. Convention: an update and its lead.
-        deceleration_m_s2: a, of the arm's points while it brakes. Convention.
-        intrusion_m: C, of arm and person beyond the lines and the point that are measured.
-            Convention: half a forearm's thickness and a link's.
-        deviations: standard deviations of the tube that count as Z. Convention.
-        least_speed_m_s: speed that is kept at any distance, for a handover ends near the person.
-            Convention.
+        human_speed_m_s: v_h, approach speed of the person. ISO 13855: 1.6 m/s walking.
+        reaction_s: T_r, time until the arm begins to brake: an update and its lead.
+        deceleration_m_s2: a, deceleration of the arm's points while it brakes.
+        intrusion_m: C, extent of arm and person beyond the measured lines and point: half the
+            thickness of a forearm and of a link.
+        deviations: number of standard deviations of the tube that make up Z.
+        least_speed_m_s: speed permitted at any distance, since a handover ends near the person.
     """
 
     human_speed_m_s: float = 1.6
@@ -60,7 +59,7 @@ class SeparationSettings:
 class PredictedPerson(NamedTuple):
     """The tube of a point of the person, in the frame of the arm's base."""
 
-    times_ns: Integers  # when (T,), increasing; the person rests before and after
+    times_ns: Integers  # increasing times (T,); the person rests before and after them
     positions: Floats  # mean (T, 3) [m]
     std: Floats  # standard deviation in the least certain direction (T,) [m]
 
@@ -75,7 +74,7 @@ class PredictedPerson(NamedTuple):
 def permitted_speed(distance_m: Floats, settings: SeparationSettings) -> Floats:
     """The arm's largest speed [m/s] at distances S - Z, any shape, from the person.
 
-    A distance that is not known (NaN) counts as none at all.
+    An unknown distance (NaN) counts as zero.
     """
     s, a = settings, settings.deceleration_m_s2
     left = np.asarray(distance_m) - s.intrusion_m - s.human_speed_m_s * s.reaction_s
@@ -87,7 +86,7 @@ def permitted_speed(distance_m: Floats, settings: SeparationSettings) -> Floats:
 class Separation:
     """Bounds the speed of an arm's points by where a person is predicted to be.
 
-    Those points are the lines through its joints to the tip.
+    The points are those of the lines through its joints to the tip.
     """
 
     def __init__(self, arm: Arm, settings: SeparationSettings | None = None) -> None:
@@ -101,11 +100,11 @@ class Separation:
         person: PredictedPerson,
         positions: Floats | None = None,
     ) -> Floats:
-        """Largest phase rate (G,) [1/s] in the intervals of a path's grid, where the arm is at its
-        points at some times (G + 1,).
+        """Largest phase rate (G,) [1/s] in the intervals of a path's grid.
 
-        Then it is at positions (G + 1, n) [rad], off the path where it has not joined it yet; None:
-        on the path. The shorter distance counts.
+        `times_ns` (G + 1,) are the times at which the arm is at the points of the grid. `positions`
+        (G + 1, n) [rad] are its postures then, if it has not joined the path yet: the shorter
+        distance counts.
         """
         phase = np.linspace(0.0, 1.0, N_GRID + 1)
         points = self.arm.skeleton(path.spline(phase))
@@ -120,7 +119,7 @@ class Separation:
     def distance_m(self, points: Floats, times_ns: NDArray, person: PredictedPerson) -> Floats:
         """Distance of the arm from the near side of the tube (S,) [m].
 
-        The arm's joints, from the base on, are at (S, k, 3) at the times (S,).
+        `points` (S, k, 3) are the arm's joints, from the base on, at the times (S,).
         """
         mean, std = person.at(times_ns)
         begin, way = points[:, :-1], np.diff(points, axis=1)
@@ -133,13 +132,12 @@ class Separation:
     def excess(
         self, plan: JointPlan, start_ns: int, person: PredictedPerson, since_ns: int = 0
     ) -> float:
-        """A bound on the ratio of the arm's speed to the one permitted, at any instant of a plan
-        that begins at `start_ns`, but for what comes before `since_ns`.
+        """A bound on the ratio of the arm's speed to the permitted speed, over a plan.
 
-        The motion is that of the cubics between the plan's samples. Both speeds are computed in the
-        middle of an interval; how much they differ elsewhere in it follows from what the joints can
-        do within it and from how fast the tube moves. Intervals are halved until the bound is at
-        most 1, or a ratio above it was found.
+        It holds from `since_ns` on, at any instant of the cubics of a plan that begins at
+        `start_ns`. Both speeds are computed in the middle of an interval; how much they change
+        within it is bounded by the joints' motion and by the speed of the tube. Intervals are
+        halved until the bound is at most 1, or a ratio above 1 is found.
         """
         since_s = min((since_ns - start_ns) * 1e-9, plan.duration_s)
         knots_s = (person.times_ns - start_ns) * 1e-9
@@ -167,7 +165,7 @@ class Separation:
     def _ratios(
         self, plan: JointPlan, start_ns: int, person: PredictedPerson, begin: Floats, end: Floats
     ) -> tuple[Floats, Floats]:
-        """Ratios in the middle of intervals (S,) [s] without knots inside, and bounds on them."""
+        """Ratios in the middle of intervals (S,) [s] without knots inside, and bounds over them."""
         middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
         q, v, a = plan.sampled(middle)
         jerk = (plan.sampled(begin)[2] - a) / -half[:, None]
@@ -186,20 +184,20 @@ class Separation:
 
 
 def phase_times_ns(plan: JointPlan, start_ns: int) -> Floats:
-    """When a plan is at each point of its path's grid (G + 1,); those passed count as its start."""
+    """Times at which a plan is at the points of its path's grid (G + 1,); its start if passed."""
     grid = np.linspace(0.0, 1.0, N_GRID + 1)
     first = np.searchsorted(plan.phase, grid - 1e-12)
     return start_ns + 1e9 * plan.times_s[np.minimum(first, len(plan.times_s) - 1)]
 
 
 _N_LOOKS = 5
-"""In an interval of the grid, at the speed near places. Convention: 2 mm of a path of 1 m."""
+"""Samples per interval of the grid at which slow places are checked: 2 mm of a path of 1 m."""
 
 
 class SlowPlaces:
     """Bounds the speed of an arm's tip at places (n, 5) in the frame of its base.
 
-    Each has x, y, z, a radius [m], and a largest speed [m/s].
+    Each row holds x, y, z, a radius [m], and a largest speed [m/s].
     """
 
     def __init__(self, arm: Arm, places: Floats) -> None:
@@ -208,8 +206,8 @@ class SlowPlaces:
     def rate_ceiling(self, path: JointPath) -> Floats:
         """Largest phase rate (G,) [1/s] in the intervals of a path's grid; infinite away from all.
 
-        The hand is looked at `_N_LOOKS` times in each. A place begins and ends half a look and two
-        samples of a plan outside: what is faster at the next sample speeds up before it.
+        Each interval is sampled `_N_LOOKS` times. Places are widened by half that spacing, and by
+        two steps of a plan, which speeds up one step before its first faster sample.
         """
         phase = np.linspace(0.0, 1.0, _N_LOOKS * N_GRID + 1)
         hand = self._arm.skeleton(path.spline(phase))[:, -1]
@@ -222,7 +220,7 @@ class SlowPlaces:
         return np.asarray(np.minimum(least, speed[_N_LOOKS::_N_LOOKS]))
 
     def excess(self, plan: JointPlan) -> float:
-        """Largest ratio of the tip's speed to that of a place it is at, every 10 ms of a plan."""
+        """Largest ratio of the tip's speed to the speed of its place, every 10 ms of a plan."""
         times_s = sample_times(plan.duration_s, 0.01)
         hand = self._arm.skeleton(plan.sampled(times_s)[0])[:, -1]
         speed = np.linalg.norm(np.gradient(hand, times_s, axis=0), axis=1)[:, None]
@@ -231,10 +229,10 @@ class SlowPlaces:
 
 
 def parse_places(texts: Sequence[str]) -> Floats:
-    """Places (n, 5) of texts 'x y z radius speed'.
+    """Parse places (n, 5) from texts 'x y z radius speed'.
 
     Raises:
-        ArgumentError: a text is no place.
+        ArgumentError: a text does not describe a place.
     """
     places = []
     for text in filter(None, texts):
