@@ -183,8 +183,8 @@ class Motions:
         self, now_ns: int, label: str, path: JointPath, phase: float
     ) -> ClearPath | Obstruction:
         """A clear path for a task, moved if needed; what is in the way if none is found."""
-        of, before = self._followed or (label, None)
-        return self.things.clear(now_ns, path, label, phase, before if of == label else None)
+        followed, before = self._followed or (label, None)
+        return self.things.clear(now_ns, path, label, phase, before if followed == label else None)
 
     def _obstruction(self, plan: JointPlan, since_s: float = 0.0) -> Obstruction | None:
         clearance = self._common.settings.clearance
