@@ -21,26 +21,24 @@ from intent_recognition.tables.files import name_pattern
 from intent_recognition.tables.table import Table
 
 FARTHEST = {"m": 20.0, "rad": 4.0 * np.pi}
-"""Beyond this a number is taken for another unit [m, rad]. Convention: a lab, two turns."""
+"""Largest number in the basic unit; larger ones mean another unit [m, rad]: a lab, two turns."""
 JOINT = re.compile(r"(?:.*?[./])?(?P<joint>[^./]*[^./\d][^./]*)(?:[./](?:position|pos|q))?$")
-"""Columns that name their joint, such as `/joint_states/panda_joint1/position`."""
+"""Names of columns that contain their joint, as in `/joint_states/panda_joint1/position`."""
 UNIT_END = re.compile(r"(?i)(?<=[^\W_])[\W_]+(?:deg(?:ree)?s?|rad(?:ian)?s?)[\W_]*$")
 """A unit at the end of the name of a joint."""
 NO_NAME = {"observation", "observations", "obs", "state", "human", "field", "mocap", "pose"}
 NO_NAME |= {"position", "pos", "poses", "xyz", "translation", "t"}
-"""What names of columns say that is no name of a body."""
+"""Words in names of columns that do not name a body."""
 
 
 class SeenColumn(NamedTuple):
-    """A column of numbers: its name, values, whether they change, share of rows with one, and the
-    largest size.
-    """
+    """A column of numbers."""
 
     name: str
     values: Floats
-    moves: bool
-    seen: float
-    farthest: float
+    moves: bool  # whether the values change
+    seen: float  # share of rows with a number
+    farthest: float  # largest absolute value
 
 
 def body_entry(
@@ -51,9 +49,9 @@ def body_entry(
     farthest: float,
     file: str = "",
 ) -> list[str]:
-    """Lines of the entry of a body, by what it, or else its file, is called, and its columns.
+    """Lines of the entry of a body with its columns, named after the body or else its file.
 
-    All bodies of a table have one unit: `farthest` is the largest number of any.
+    All bodies of a table have one unit: `farthest` is the largest number of any body.
     """
     values, _ = without_zeros(np.column_stack([columns[name].values for name in names]))
     extent = float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0)))
@@ -84,7 +82,7 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
     ]
     if len(set(called)) < len(called) or {*called} & {*"xyzXYZ"}:  # axes of a body
         called = [joint.name for joint in joints]
-    bare = [UNIT_END.sub("", name) for name in called]  # the unit is another from here on
+    bare = [UNIT_END.sub("", name) for name in called]  # the entry has another unit
     called = bare if len(set(bare)) == len(bare) else called
     names = [re.sub(r"\W+", "_", name).strip("_") for name in called]
     farthest = max(joint.farthest for joint in joints)
@@ -100,23 +98,23 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
 
 
 def is_angle(table: Table, name: str) -> bool:
-    """Whether a column may be an angle, by the unit that the file says."""
+    """Whether a column may be an angle, by its unit in the file."""
     return _said(table, name) in ("", *ANGLES)
 
 
 def is_length(table: Table, name: str) -> bool:
-    """Whether a column may be a length, by the unit that the file says."""
+    """Whether a column may be a length, by its unit in the file."""
     unit = _said(table, name)
     return unit not in ANGLES and "/" not in unit
 
 
 def _said(table: Table, name: str) -> str:
-    """The unit that the file says of a column, "" for none."""
+    """The unit of a column in the file, "" for none."""
     return spelled(table.said_of(name))
 
 
 def _unit_of(table: Table, names: Sequence[str], farthest: float, base: str) -> tuple[str, str]:
-    """Unit of columns, "" where it is that of the entry, or not of all, and how it is known."""
+    """Unit of columns and its source; "" for the unit of the entry, or for different units."""
     said, *others = {_said(table, name) for name in names}
     if others:
         return "", "from the file"
@@ -145,18 +143,18 @@ PLACES = {
     "geometry_msgs/msg/PointStamped": "point",
     "geometry_msgs/msg/Pose": "position",
 }
-"""Types of messages that hold the place of one body [m], and where."""
+"""Types of messages with the position of one body [m], and its field."""
 ARRAYS = {
     "geometry_msgs/msg/PoseArray": ("poses", "position"),
     "tf2_msgs/msg/TFMessage": ("transforms", "transform.translation"),
 }
-"""Types of messages that hold places of several bodies [m]: their array, and where in each."""
+"""Types of messages with positions of several bodies [m]: the array, and the field in each."""
 MOST_OF_ARRAY = 8
-"""Bodies of an array that a suggestion has. Convention: a person is asked to delete the others."""
+"""Most bodies of an array in a suggestion; a person deletes those not needed."""
 
 
 def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
-    """The text of a map that labels recordings by their names."""
+    """Suggest the text of a map that labels recordings by their names."""
     reader = BagReader(bags[0])
     filled = {t.name: t.type for t in reader.topics.values() if t.message_count}
     poses = [name for name, kind in filled.items() if kind in PLACES]
@@ -190,7 +188,7 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
 
 
 def _elements(reader: BagReader, topic: str, array: str, place: str) -> list[str]:
-    """Where the places of the bodies in an array are, by its first messages."""
+    """Paths of the positions of bodies in an array, by its first messages."""
     messages = islice(reader.messages([topic]), FIRST_MESSAGES)
     listed = [pair for m in messages for pair in enumerate(getattr(m.message, array))]
     names = dict.fromkeys(getattr(one, "child_frame_id", k) for k, one in listed)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the names of columns say of them, by which a map is suggested."""
+"""Recognises columns by their names, to suggest a map."""
 
 import re
 from collections import Counter
@@ -15,11 +15,11 @@ from intent_recognition.tables.times import TIME_NAME
 
 COUNT_NAME = re.compile(r"(?i)(frame|index|idx|row|sample|count(?:er)?)#?$")
 COMMANDED = re.compile(r"(?i)(?:^|[./_])actions?(?:[._/]|$)")
-"""What columns are called that were commanded, not measured."""
+"""Names of columns that were commanded, not measured."""
 COMMANDS = {"target", "desired", "des", "commanded", "command", "cmd", "setpoint", "planned", "ref",
             "d", "next", "w"}  # fmt: skip
 MEASURED = {"actual", "measured", "msr", "state", "obs", "observation", "observations", "q"}
-"""Words in names by which what is commanded, or comes a step later, differs from the measured."""
+"""Words by which names of commanded, or later, columns differ from those of measured ones."""
 WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 NO_JOINT = re.compile(
     r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag)|gyr|secs?\b"
@@ -29,34 +29,34 @@ NO_JOINT = re.compile(
     r"|(?:^|[\W_])(?:cos|sin)(?:[\W_]|$)|wrench|gravity|rgb|colou?r|voltage|pressure|reward|bits|register|scaling"
     rf"|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
 )
-"""What columns are called that move and are no position of a joint of an arm."""
+"""Names of columns that move without being the position of an arm's joint."""
 SEGMENT_NAME = re.compile(
     r"(?i)(?:.*[\W_])?(?:trial|episode|demo(?:nstration)?|repetition|segment)"
     r"(?:[\W_]?(?:id|index|idx|number|nr|no))?"
 )
-"""What columns are called that count demonstrations."""
+"""Names of columns that number the demonstrations."""
 TASK_NAME = re.compile(
     r"(?i)(?:.*[\W_])?(?:task|label|class|gesture|activity|skill)(?:[\W_]?name)?"
 )
-"""What columns are called that say the task."""
+"""Names of columns that hold the task."""
 NO_TASK = re.compile(r"(?i)frame_?id|(?:^|[\W_])(?:date|time)")
-"""What columns of texts are called that say no task."""
+"""Names of columns of texts that hold no task."""
 LANDMARK = re.compile(r"(?P<body>(?:.+\.)?\d+)\.(?P<element>\d)")
-"""Elements of arrays (T, n, d): of places, if d is 3, or 2, or 4 and the last says how sure."""
+"""Elements of arrays (T, n, d): positions if d is 2 or 3, or 4 with a confidence at the end."""
 ELEMENTS = re.compile(
     r"(?i)^(?P<body>.*(pos|position|xyz|translation|pose|wrist|hand|eef|tcp|marker)s?)"
     r"(?:[\s_]*[\[(]?[cdm]?m[\])]?)?"
     r"[._\[](?P<element>\d)\]?$"
 )
 ARRAY = re.compile(r"(?P<body>.*[^\W\d_].*?)(?:\.|\[)(?P<element>\d)\]?")
-"""Elements of any array, which is a place if it has three, unless its name says something else."""
+"""Elements of any array; three are a position unless the name says something else."""
 NO_PLACE_IN_ARRAY = re.compile(
     r"(?i)joint|action|angle|(?:^|[\W_])d{0,2}q$"
     r"|(?:^|[\W_])(?:qpos|arm|robot|state|theta|phi|rpy|ctrl|config|finger|leg)s?[\W_\d]*$"
 )
 POSE_NAME = re.compile(r"(?i)pose|cartesian")
 POSE_SIZES = (3, 6, 7)
-"""Elements of a place: x, y, z, and a rotation vector or a quaternion."""
+"""Numbers of elements of a pose: x, y, z alone, with a rotation vector or with a quaternion."""
 UNIT_END = re.compile(
     r"(?i)\s*(?:[\[(](?P<unit>[^\[\]()]*)[\])]"
     r"|(?<=[xyz])[_ ./-](?:[mcd]?m|(?:milli|centi|deci)?met(?:er|re)s?|inch(?:es)?))$"
@@ -76,14 +76,14 @@ TURN = re.compile(
     r"(?:[\W_]*(?:angle|vec(?:tor)?)s?)?[\W_]*(?:[wxyz\d]\]?)?|[orq][wxyz]"
     r"|(?:rot)?(?:roll|pitch|yaw)|(?-i:[ABCWPR])|az(?:imuth)?|el(?:evation)?|ro)"
 )
-"""Angles of a body, beside its place."""
+"""Names of angles of a body, beside those of its position."""
 PLACE_WORD = re.compile(
     r"(?:(?:^|[\W_]+)(?i:pos(?:ition)?|loc(?:ation)?|pose|trans(?:lation)?|xyz|t|p)|(?<=[a-z])Pos(?:ition)?)?[\W_]*$"
 )
-"""What follows the body in the names of its place."""
+"""What follows the name of a body in the names of its position."""
 OTHERS = (NO_JOINT, NO_PLACE, NO_PLACE_IN_ARRAY)
 NUMBERED = re.compile(r"(?P<body>.*?)[._\[( ]*(?P<at>\d+(?:[._,\]\[]+\d+)?)[\])]?")
-"""Elements of any array, `q1`, `q.1`, `q[1]`, `m12`, `m_1_2`, `m[1][2]`, no names."""
+"""Elements of any array: `q1`, `q.1`, `q[1]`, `m12`, `m_1_2`, `m[1][2]`, or bare numbers."""
 OF_MATRIX = [
     ((rows, width), kind)
     for rows, width in ((4, 4), (3, 4), (3, 3))
@@ -93,14 +93,14 @@ OF_MATRIX = [
         [str(n) for n in range(k, k + rows * width)],
     )
 ]
-"""Shapes of matrices of poses and of rotations, and the numbers of their elements."""
+"""Shapes of pose and rotation matrices, each with the indices that name its elements."""
 OF_ARM = re.compile(r"(?i)shoulder|elbow")
 NO_PLACE_BEFORE_AXIS = re.compile(r"(?i)(?:^|[\W_])[ravwfmgq]$")
-"""Letters right before an axis that speak of an angle, a velocity, a force, ..., as in `rx`."""
+"""Letters right before an axis that mean an angle, a velocity, a force, ..., as in `rx`."""
 
 
 def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
-    """Columns x, y, z of each body, or x, y of one in an image."""
+    """Columns x, y, z of each body, or x, y of a body in an image."""
     found: dict[str, dict[str, str]] = {}
     for name in columns:
         if COMMANDED.search(name):
@@ -123,7 +123,7 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
     bodies = {body: place for body, (place, _) in poses.items() if place}
     parts = {name for both in poses.values() for names in both for name in names}
     sizes_of = Counter(NUMBERED.sub(r"\g<body>", name) for name in columns if OF_ARM.search(name))
-    is_arm = any(size != 3 for size in sizes_of.values())  # whose wrist_1 to wrist_3 are joints
+    is_arm = any(size != 3 for size in sizes_of.values())  # then wrist_1 to wrist_3 are joints
     arrays: dict[str, set[int]] = {}  # sizes of the last axes
     for body, axes in found.items():
         arrays.setdefault(body.rpartition(".")[0], set()).add(len(axes))
@@ -147,16 +147,17 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
 
 
 def _are_seen(*columns: SeenColumn) -> bool:
-    """Whether the last of four columns may say how sure the place in the others is."""
+    """Whether the last of four columns may be the confidence of the position in the others."""
     last = columns[3].values[np.isfinite(columns[3].values)]
     by_name = {column.name: column for column in columns}
     return bool(np.all((last >= 0.0) & (last <= 1.0))) and not _quaternions(by_name, [*by_name])
 
 
 def _poses(columns: Mapping[str, SeenColumn]) -> dict[str, tuple[list[str], list[str]]]:
-    """Columns of the place, and of the orientation, of poses in arrays: of matrices (T, 4, 4), or
-    (T, 16), also transposed ones, as libfranka has them, (T, 3, 4), or (T, 3, 3) without a place,
-    and of quaternions before or behind a place. Columns without names are one array.
+    """Columns of position and orientation of each pose in an array.
+
+    Poses are matrices (T, 4, 4) or (T, 16), also transposed as in libfranka, (T, 3, 4), (T, 3, 3)
+    without a position, or quaternions beside a position. Unnamed columns are one array.
     """
     arrays: dict[str, dict[str, str]] = {}
     for name in columns:
@@ -186,7 +187,7 @@ def _poses(columns: Mapping[str, SeenColumn]) -> dict[str, tuple[list[str], list
 
 
 def _quaternions(columns: Mapping[str, SeenColumn], names: Sequence[str]) -> list[int]:
-    """Where four columns after one another, some of which change, are of length 1."""
+    """Indices at which four successive columns, not all constant, are vectors of length 1."""
     found: list[int] = []
     for at in range(len(names) - 3):
         four = [columns[name] for name in names[at : at + 4]]
@@ -207,8 +208,8 @@ def _is_unit(columns: Sequence[SeenColumn]) -> bool:
 def orientations_of(
     columns: Mapping[str, SeenColumn], bodies: Mapping[str, Sequence[str]]
 ) -> set[str]:
-    """Columns of an orientation: those of an array behind its place, quaternions, matrices, angles
-    beside a place.
+    """Columns of orientations: quaternions, matrices, angles beside a position, and the elements
+    of an array after its position.
     """
     arrays = {array_of(place[0]) for place in bodies.values()} - {""}
     rest = {name for name in columns if array_of(name) in arrays}
@@ -228,7 +229,7 @@ def is_marker_of(body: str, bodies: Sequence[str]) -> bool:
 
 
 def commanded(names: Collection[str]) -> list[str]:
-    """Columns that are commanded, or come later, as their names say, beside the measured ones."""
+    """Columns that by their names are commanded, or later, copies of measured columns."""
     words = {name: [word.lower() for word in WORD.findall(name)] for name in names}
     bare = {
         name: tuple(w for w in of if w not in COMMANDS | MEASURED) for name, of in words.items()
@@ -241,13 +242,13 @@ def commanded(names: Collection[str]) -> list[str]:
 
 
 def array_of(name: str) -> str:
-    """The array that a column is an element of, `q` for `q.0`, `q_0` and `q[0]`; "" for none."""
+    """The array of which a column is an element: `q` for `q.0`, `q_0` and `q[0]`, "" for none."""
     match = re.fullmatch(r"(.*?)[._\[]\d+\]?", name)
     return match[1] if match else ""
 
 
 def is_joint(name: str) -> bool:
-    """Whether a column that moves may be the position of a joint, by its name."""
+    """Whether the name of a moving column may be that of a joint position."""
     axis = PLACES.match(UNIT_END.sub("", name))
     before = axis["body"] if axis and not axis["between"] else ""
     is_rate = before[-1:].lower() != "r" and NO_PLACE_BEFORE_AXIS.search(before) is not None
@@ -262,6 +263,6 @@ def counts_rows(column: SeenColumn) -> bool:
 
 
 def are_counts(column: SeenColumn, steps: Floats) -> bool:
-    """Whether steps are a count's, not a clock's: one whole number, as of every second row."""
+    """Whether steps are those of a count, not a clock: all the same whole number."""
     is_even = steps.size and column.values[0] < FIRST_CLOCK_S and np.ptp(steps) == 0.0
     return bool(is_even and steps[0] >= 1.0 and steps[0] % 1.0 == 0.0)

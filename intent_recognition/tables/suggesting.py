@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A first map from what a table holds: places, what moves, times, units."""
+"""Suggests a first map from what a table holds: positions, moving columns, times, units."""
 
 import re
 from collections import Counter
@@ -45,29 +45,29 @@ from intent_recognition.tables.table import Table
 from intent_recognition.tables.times import PER_UNIT, TIME_NAME, stamps_ns, usual_unit
 
 MOST_LISTED = 12
-"""Columns of a kind that a comment lists. Convention."""
+"""Most columns of a kind that a comment lists."""
 MOST_JOINTS, MOST_BODIES = 16, 8
-"""Joints and bodies that a suggestion has. Convention: two arms with a hand; a person is asked to
-delete the others."""
+"""Most joints and bodies in a suggestion: two arms with a hand, and bodies of which a person is
+asked to delete those not needed."""
 NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
-"""What the nanoseconds beside a column of whole seconds are called."""
+"""Names of a column of nanoseconds beside a column of whole seconds."""
 MOSTLY, REPEATED = 0.9, 0.3
-"""Share of times that must be later than those before: where some go back, and where some repeat.
-Convention: a file has few demonstrations on end; a clock may be three times slower than rows."""
+"""Least share of times later than the time before, if some go back and if some only repeat. A file
+holds few demonstrations in succession; a clock may be three times slower than the rows."""
 LEAST_MS = 5.0
-"""Even steps from 0 on that may be milliseconds without saying so, not every n-th row. Convention:
-robots log at 200 Hz or less, or say it."""
+"""Shortest even step from 0 on that may be unnamed milliseconds rather than every n-th row: robots
+that log above 200 Hz name the unit."""
 NO_RATE = "not in the file: give the rate in Hz"
-"""Comment of a time that is not used until somebody corrects it."""
+"""Comment on a time that is disabled until somebody corrects it."""
 
 
 def suggest_map(source: Path) -> str:
-    """The text of a map of what is in a source, with comments; it is to be corrected.
+    """Suggest the text of a map for a source, with comments, for the user to correct.
 
-    Recordings of several files, in a folder for each kind, get an entry for each kind.
+    Recordings of several files, in a folder for each kind, get entries for each kind.
 
     Raises:
-        BagError: nothing can be read.
+        BagError: nothing in the source can be read or suggested.
     """
     if source.exists() and not has_tables(source) and (bags := find_bags(source)):
         return suggest_of_bags(source, bags)
@@ -108,7 +108,7 @@ def _twice(table: Table) -> list[str]:
 
 
 def _distinct(entries: Sequence[list[str]]) -> list[list[str]]:
-    """Entries whose topics, or joints, differ: further ones of the same name have a number."""
+    """Give entries different topics or joints by numbering repeated names."""
     seen: Counter[str] = Counter()
     taken: set[str] = set()
     for (first, *_), entry in zip(entries, entries, strict=True):
@@ -126,7 +126,7 @@ def _distinct(entries: Sequence[list[str]]) -> list[list[str]]:
 
 
 class _Part(NamedTuple):
-    """What a kind of file contributes to a map: lines."""
+    """Lines that a kind of file contributes to a map."""
 
     source: str
     notes: Sequence[str]
@@ -143,8 +143,9 @@ class _Part(NamedTuple):
 
 
 def _suggest(kind: FileKind, name: str) -> list[_Part]:
-    """The parts of a kind of file: of most of its numbers, and of columns of another length, such
-    as at another rate, with times of their own.
+    """The parts of a kind of file, one for each length of columns, that with most numbers first.
+
+    Columns of another length, such as at another rate, have times of their own.
     """
     columns, labels, texts_ = _columns(kind.table)
     of_size: dict[int, dict[str, SeenColumn]] = {}
@@ -164,7 +165,7 @@ def _suggest(kind: FileKind, name: str) -> list[_Part]:
 
 
 def _line(title: str, names: Sequence[str]) -> list[str]:
-    """A comment that lists columns, none where there are none."""
+    """A comment that lists columns; no line without columns."""
     more = [f"and {len(names) - MOST_LISTED} more"] if names[MOST_LISTED:] else []
     return [f"# {title}: {', '.join([*names[:MOST_LISTED], *more])}"] if names else []
 
@@ -176,7 +177,7 @@ def _part(
     labels: Mapping[str, list[str]],
     is_main: bool = True,
 ) -> _Part:
-    """The part of columns of one length, whose entries name the file if it has a name."""
+    """The part for columns of one length; its entries name the file if `name` is given."""
     table = kind.table
     rows = max((one.values.size for one in columns.values()), default=0)
     later = commanded(columns)
@@ -246,7 +247,7 @@ def _part(
 
 
 def _files(kinds: Sequence[FileKind]) -> Iterator[str]:
-    """The patterns of file names, where they tell the task or belong together."""
+    """Patterns of file names, if they contain the task or the files of one recording."""
     if len(kinds) > 1:
         yield "files:  # of one recording"
         for kind in kinds:
@@ -256,13 +257,13 @@ def _files(kinds: Sequence[FileKind]) -> Iterator[str]:
 
 
 def _columns(table: Table) -> tuple[dict[str, SeenColumn], dict[str, list[str]], list[str]]:
-    """Columns with a name of their own: those of numbers, those of texts, and why of texts."""
+    """Columns with unique names: numbers, texts, and why the first text is no number."""
     found: dict[str, SeenColumn] = {}
     labels: dict[str, list[str]] = {}
     why: list[str] = []
     names = [name or str(k) for k, name in enumerate(table.names)]  # pandas' index has none
     alone = [k for k, name in enumerate(names) if names.count(name) == 1]
-    for start in range(0, len(alone), 50):  # of many columns not all are in memory
+    for start in range(0, len(alone), 50):  # so that not all of many columns are in memory
         part = alone[start : start + 50]
         for k, cells in zip(part, table.read(part), strict=True):
             name = names[k]
@@ -285,7 +286,7 @@ def _columns(table: Table) -> tuple[dict[str, SeenColumn], dict[str, list[str]],
 def _cut(
     table: Table, columns: Mapping[str, SeenColumn], labels: Mapping[str, Sequence[str]]
 ) -> str:
-    """The column whose value changes with the demonstration, "" for none."""
+    """The column whose value changes with each demonstration; "" for none."""
     said = table.defaults.get("segments")
     if isinstance(said, Mapping):
         return str(said.get("column"))
@@ -300,7 +301,7 @@ def _time(
     cut: str,
     places: Collection[str],
 ) -> tuple[dict[str, object], str]:
-    """Where times are, and how that is known: columns by their names, dates, a first column."""
+    """The `time` entry and its comment: from the file, names of columns, dates, a first column."""
     said = table.defaults.get("time")
     if isinstance(said, Mapping):
         rate = said.get("rate")
@@ -340,7 +341,7 @@ def _time(
 
 
 def _are_later(table: Table, name: str, cells: Sequence[str]) -> bool:
-    """Whether texts are dates, or times of day, each later than that before."""
+    """Whether texts are dates or times of day, each later than the one before."""
     try:
         ns = stamps_ns(np.array(cells, object), "s", None, table.source, name).ns
     except BagError:
@@ -349,13 +350,13 @@ def _are_later(table: Table, name: str, cells: Sequence[str]) -> bool:
 
 
 def _is_even(column: SeenColumn, steps: Floats) -> bool:
-    """Whether numbers go on by nearly the same steps, which do not count: time in any language."""
+    """Whether numbers grow by nearly equal steps that are no count, as times in any language do."""
     is_even = steps.size and steps.min() > 0.8 * steps.max() > 0.0
     return bool(is_even) and not are_counts(column, steps)
 
 
 def _are_nanoseconds(values: Floats) -> bool:
-    """Whether numbers may be what is beyond whole seconds, as `ros2 topic echo --csv` has it."""
+    """Whether numbers may be nanoseconds beside whole seconds, as in `ros2 topic echo --csv`."""
     inside = (values >= 0.0) & (values < NANOSECONDS) & (np.floor(values) == values)
     return bool(np.all(inside) and values.max() >= NANOSECONDS // 1000)
 
@@ -363,7 +364,7 @@ def _are_nanoseconds(values: Floats) -> bool:
 def _of_texts(
     kind: FileKind, labels: Mapping[str, Sequence[str]], used: Collection[str], cut: str
 ) -> Iterator[str]:
-    """Where demonstrations begin, and what their label is."""
+    """Lines that say where demonstrations begin and which column holds their label."""
     table = kind.table
     for key in ("segments", "task"):
         if isinstance(said := table.defaults.get(key), Mapping):
@@ -391,7 +392,7 @@ def _of_texts(
 
 
 def _new_labels(said: Sequence[str]) -> Iterator[str]:
-    """Labels instead of those that cannot name a task, such as sentences that are too long."""
+    """A line with new labels for texts that cannot name a task, such as long sentences."""
     new: dict[str, str] = {}
     for text in dict.fromkeys(filter(None, said)):
         if not can_name_task(text):
