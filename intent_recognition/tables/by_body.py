@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which body numbers are of: rows of a table for each body and moment, lists of bodies."""
+"""Assigns numbers to bodies: tables with a row per body and time, and lists of bodies."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -19,27 +19,26 @@ OF_BODY = re.compile(
     r"|tracker|tracking|track|tag|device|child(?:_frame)?|topic|port|tool|handle|station)"
     r"(?:[_ ]?(?:name|type|id))?"
 )
-"""The column that says which body a row is of."""
+"""Names of the column that identifies the body of a row."""
 OF_ANY = re.compile(r"(?i)name|id|object|hand|side|person|subject|agent")
-"""Likewise, where the rows of a moment follow one another; else a recording may be meant."""
+"""Further such names, if rows are in order of time; otherwise they may identify a recording."""
 OF_MOMENT = re.compile(r"(?i)t|%?(?:time|stamp|frame|sec|nsec|nanosec|seq|date).*|header\..*")
-"""Columns that are of a moment, not of a body; so are those before the name of the body that say
-the same of all."""
+"""Names of columns of a time rather than a body. Columns before that of the body may be, too, if
+their values are the same for all bodies at a time."""
 MOST_BODIES = 1000
-"""Bodies of a table. Convention: landmarks of a face and two hands are some 500."""
+"""Most bodies in a table; landmarks of a face and two hands are about 500."""
 ROWS_A_MOMENT = 1.5
-"""Rows of a moment, on an average, at least. Convention: two bodies, one of which is often hidden.
-"""
+"""Least mean number of rows per time: two bodies, one of which is often hidden."""
 
 
 def by_body(table: Table) -> Table:
-    """Columns `BODY.x` of a table that has a column of bodies and several rows for each moment.
+    """Reshape a table with a column of bodies and several rows per time to columns `BODY.x`.
 
-    A body that is missing at a moment was not measured. Any other table is returned as it is.
+    A body without a row at a time was not measured then. Any other table is returned unchanged.
     """
     names, bare = table.names, [name.strip() for name in table.names]
     named = [k for of in (OF_BODY, OF_ANY) for k, n in enumerate(bare) if of.fullmatch(n)]
-    named.sort(key=lambda k: bare[k].lower().endswith("type"))  # many may be of one
+    named.sort(key=lambda k: bare[k].lower().endswith("type"))  # many bodies may have one type
     for which in named if len(names) > 2 else ():
         said = [k for k, n in enumerate(bare) if k < which or OF_MOMENT.fullmatch(n)]
         texts, *columns = table.read([which, *said])
@@ -81,7 +80,7 @@ def by_body(table: Table) -> Table:
 
 
 def _with_note(table: Table, bodies: Sequence[str], body: Integers) -> Table:
-    """The table, with a note where rows of a few bodies alternate, each at times of its own."""
+    """The table, with a note if rows of a few bodies alternate, each with its own times."""
     if not np.count_nonzero(np.diff(body)) > len(body) / 2 > len(bodies) or "" in bodies:
         return table
     note = (
@@ -92,19 +91,19 @@ def _with_note(table: Table, bodies: Sequence[str], body: Integers) -> Table:
 
 
 def _distinct(values: Values) -> tuple[list[str], Integers]:
-    """Texts in the order in which they first come, and the number of that of each row (T,)."""
+    """Distinct texts in order of appearance, and the index of each row's text (T,)."""
     numbers: dict[str, int] = {}
     rows = [numbers.setdefault(str(value).strip(), len(numbers)) for value in values.tolist()]
     return list(numbers), np.array(rows, dtype=np.int64)
 
 
 def _joined(columns: Sequence[Values]) -> Values:
-    """Each row of several columns as one text (T,)."""
+    """Each row of several columns, joined to one text (T,)."""
     return np.array([" ".join(map(str, row)) for row in zip(*columns, strict=True)])
 
 
 def _ranks(moments: Sequence[str]) -> Integers:
-    """Numbers of moments by their times; by when they first come where these are no numbers."""
+    """Ranks of times, or their order of appearance if they are not numbers."""
     try:
         return np.argsort(np.argsort(np.array(moments, np.float64), kind="stable"))
     except ValueError:
@@ -112,10 +111,10 @@ def _ranks(moments: Sequence[str]) -> Integers:
 
 
 def _at(values: Values, moment: Integers, rows: np.ndarray, count: int) -> Values:
-    """The values of some rows at their moments; elsewhere they are missing."""
+    """Values of selected rows at the indices of their times; missing values elsewhere."""
     if values.dtype.kind not in "biuf":
         values = values.astype(object)
-    elif np.count_nonzero(rows) < count:  # whole numbers have no value for what is missing
+    elif np.count_nonzero(rows) < count:  # integers have no missing value
         values = values.astype(np.float64)
     missing = {"O": "", "f": np.nan}.get(values.dtype.kind, 0)
     made = np.full(count, missing, values.dtype)
@@ -124,9 +123,9 @@ def _at(values: Values, moment: Integers, rows: np.ndarray, count: int) -> Value
 
 
 def flat(content: Any, name: str = "", by_name: bool = True) -> Iterator[tuple[str, Any]]:
-    """Numbers and texts in mappings and lists within one another, by their paths: `0`, `1.x`.
+    """Numbers and texts in nested mappings and lists, with their paths: `0`, `1.x`.
 
-    Mappings in a list that say which body each is of are called so, not by their places.
+    In a list of mappings that name their bodies, paths use those names instead of indices.
     """
     if isinstance(content, dict | list):
         listed = _own_names(content) if by_name and isinstance(content, list) else count()
@@ -138,7 +137,7 @@ def flat(content: Any, name: str = "", by_name: bool = True) -> Iterator[tuple[s
 
 
 def _own_names(listed: Sequence[Any]) -> Sequence[object]:
-    """Different names or numbers that mappings have for themselves; of others their places."""
+    """Unique names or numbers of bodies in a list of mappings; otherwise indices."""
     keys = listed[0] if listed and isinstance(listed[0], dict) else ()
     for key in [k for of in (OF_BODY, OF_ANY) for k in keys if of.fullmatch(str(k))]:
         names = [one.get(key) if isinstance(one, dict) else None for one in listed]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Headers of several lines that motion capture and simulators write above a table of text."""
+"""Multi-line headers that motion capture and simulators write above a table of text."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -12,19 +12,19 @@ from intent_recognition.tables.table import is_unit, without_subjects
 from intent_recognition.tables.times import PER_UNIT, unit_of_times
 
 OF_VICON = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
-"""Titles of tables of Nexus and Tracker; of those in one file the first of these is read."""
+"""Titles of tables of Nexus and Tracker; the first of these that a file holds is read."""
 QTM_UNITS = {"x": "mm", "y": "mm", "z": "mm", "Roll": "deg", "Pitch": "deg", "Yaw": "deg"}
-"""By the ends of names."""
+"""Units of Qualisys, by the ends of names."""
 OF_ALL, OF_BODY = ("scorer",), ("bodyparts",)
-"""Lines of DeepLabCut that say who found the places, and which bodies they are of."""
+"""First cells of DeepLabCut's lines that name the scorer and the body parts."""
 OF_RATES = {"Velocities": "/s", "Speeds": "/s", "Accelerations": "/s^2"}
-"""What the titles of OpenSim's files say of the units of their columns."""
+"""Titles of OpenSim's files, and what they add to the units of the columns."""
 OF_VECTORS = {"vec3": "xyz", "quaternion": "wxyz"}
-"""Kinds of OpenSim's cells that hold several numbers, and what these are called."""
+"""OpenSim's types of cells with several numbers, and the names of these numbers."""
 OF_LENGTHS = ("_tx", "_ty", "_tz", "_X", "_Y", "_Z")
-"""Ends of the names of its translations and places."""
+"""Ends of OpenSim's names of translations and positions."""
 NUMBER = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?|\d[\d:.,T /-]*")
-"""A number, or a time."""
+"""A number or a time."""
 AXIS = re.compile(r"(?i)(?:.*[\W_])?([xyz])(?:\s*[\[(][^\[\]()]*[\])])?")
 """The name of a coordinate: `x`, `pos_x`, `X (mm)`."""
 Rows = Sequence[Sequence[str]]
@@ -32,22 +32,22 @@ Rows = Sequence[Sequence[str]]
 
 @dataclass(frozen=True)
 class Header:
-    """What is above the numbers."""
+    """The header of a table."""
 
     names: tuple[str, ...]
     skip: int  # rows before the numbers
     about: Mapping[str, Any] = field(default_factory=dict)  # further attributes of the `Table`
     ends_blank: bool = False  # whether a blank line ends the table
-    commas: bool = False  # whether cells hold several numbers, between commas
+    commas: bool = False  # whether cells hold several numbers, separated by commas
 
 
 def known_header(rows: Rows) -> Header | None:
-    """The header of a file that a program of motion capture exported; None of any other."""
+    """The header of a file exported by a known motion capture program; None for other files."""
     for read in READERS:
         try:
             if header := read(rows):
                 return header
-        except (LookupError, ValueError, StopIteration):  # it only begins like one
+        except (LookupError, ValueError, StopIteration):  # the file only begins like one
             continue
     return None
 
@@ -60,7 +60,7 @@ def motive(rows: Rows) -> Header | None:
     at = next(k for k, row in enumerate(rows) if row and row[0].strip() == "Frame")
     heads = [row for row in rows[1:at] if any(cell.strip() for cell in row)]
     above = {row[1].strip(): row for row in heads if len(row) > 1}
-    if not above.keys() & {"Name", "Type"}:  # before version 1.21 these rows are not named
+    if not above.keys() & {"Name", "Type"}:  # before version 1.21 these rows have no names
         above = dict(zip(("Type", "Name"), heads, strict=False))
     bodies, sorts, kinds, axes = above["Name"], above.get("Type"), rows[at - 1], rows[at]
     names = [*axes[:2]]
@@ -121,14 +121,14 @@ def trc(rows: Rows) -> Header | None:
 
 
 def _places_of(labels: Sequence[str]) -> list[str]:
-    """Columns `LABEL.x`, ... of markers; some may have no label, cells after the last are none."""
+    """Columns `LABEL.x`, ... of markers; some may have no label, up to the last that has one."""
     count = max((k for k, label in enumerate(labels, 1) if label), default=0)
     known = [label or f"unlabelled_{k}" for k, label in enumerate(labels[:count], 1)]
     return [f"{label}.{axis}" for label in known for axis in "xyz"]
 
 
 def qtm(rows: Rows) -> Header | None:
-    """TSV of Qualisys: `MARKER.x` or `BODY.x`; its lengths are millimetres, its angles degrees."""
+    """TSV of Qualisys: `MARKER.x` or `BODY.x`, with lengths in millimetres, angles in degrees."""
     if rows[0][0].strip() != "NO_OF_FRAMES":
         return None
     said = {row[0].strip(): row for row in rows if row}
@@ -161,8 +161,9 @@ def _qtm_bodies(cells: Sequence[str]) -> list[str]:
 
 
 def opensim(rows: Rows) -> Header | None:
-    """MOT and STO of OpenSim: angles in degrees where it says so, translations in metres; vectors
-    and quaternions as `BODY.x`, ....
+    """MOT and STO of OpenSim: angles in degrees if it says so, translations in metres.
+
+    Vectors and quaternions become columns `BODY.x`, ....
     """
     at = next((k for k, row in enumerate(rows) if row and row[0].strip() == "endheader"), None)
     if at is None:
@@ -187,7 +188,7 @@ def opensim(rows: Rows) -> Header | None:
 
 
 def levels(rows: Rows) -> Header | None:
-    """Names in several lines, the last of axes, as DeepLabCut and Visual3D write: `BODY.x`."""
+    """Names in several lines with axes in the last, as in DeepLabCut and Visual3D: `BODY.x`."""
     has_number = (any(NUMBER.fullmatch(cell.strip()) for cell in row) for row in rows)
     at = next((k for k, found in enumerate(has_number) if found), 0)
     count = len(rows[at])
@@ -211,14 +212,14 @@ def levels(rows: Rows) -> Header | None:
 
 
 def _clock(rows: Rows, names: Sequence[str], rate: str) -> dict[str, object]:
-    """Where times are: in the second column, or, where that is blank, in frames at the rate."""
+    """Where times are: in the second column or, if that is blank, in frames at the rate."""
     if rate.strip() and not any(row[1].strip() for row in rows if row[1:]):
         return {"column": names[0], "unit": "samples", "rate": float(with_point(rate))}
     return {"column": names[1]}
 
 
 def _spread(row: Sequence[str]) -> list[str]:
-    """Labels of groups, of which only the first cell is filled in, in each of their cells."""
+    """Repeat the label of a group, given in its first cell only, in each of its cells."""
     spread = [*row[:1]]
     for cell in row[1:]:
         spread.append(cell or (spread[-1] if len(spread) > 1 else ""))

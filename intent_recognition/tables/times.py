@@ -31,10 +31,10 @@ PER_UNIT = {"s": NANOSECONDS, "ms": 10**6, "us": 10**3, "ns": 1, "min": 60 * NAN
             "ticks": 100}  # fmt: skip
 """Nanoseconds in each unit of time; Windows and Kinect count ticks."""
 EPOCHS_NS = (11_644_473_600 * NANOSECONDS, 62_135_596_800 * NANOSECONDS)
-"""How long before 1970 other clocks begin [ns]: those of Windows (1601) and of .NET (year 1)."""
+"""Time from the origin of other clocks to 1970 [ns]: Windows (1601) and .NET (year 1)."""
 SLOW_S = 0.2
-"""Steps in one unit that are longer are rather shorter ones in another [s]. Convention: Kinect's at
-30 Hz, in ticks, not microseconds."""
+"""Step above which another unit with a shorter step is preferred [s]: Kinect's 30 Hz are in ticks,
+not microseconds."""
 TIME_UNIT = re.compile(
     r"(?i)(?:^|[\W_])(?:(?P<ms>msecs?|ms|millis|milliseconds?)"
     r"|(?P<us>[u\u00b5\u03bc]secs?|[u\u00b5\u03bc]s|micros|microseconds?)"
@@ -45,12 +45,11 @@ TIME_UNIT = re.compile(
 TIME_NAME = re.compile(
     r"(?i)(^|[^a-z])(t|ts|times?|elapsed|timestamps?|stamps?|secs?|seconds|zeit)([^a-z]|$)"
 )
-"""What columns of times are called."""
+"""Names of columns of times."""
 SAMPLES = "samples"
-"""Unit of a column that counts samples, at a rate."""
+"""Unit of a column that counts samples at a rate."""
 SINCE_NS = 946_684_800 * NANOSECONDS
-"""From what times count that do not say [ns]: 2000-01-01 UTC. Convention; a stamp of zero counts as
-none."""
+"""Origin of times without one [ns]: 2000-01-01 UTC. A stamp of zero counts as none."""
 FIRST_CLOCK_NS = int(FIRST_CLOCK_S) * NANOSECONDS
 LAST_NS = 2**31 * NANOSECONDS
 """The first time [ns] that a stamp of ROS cannot hold: its seconds are int32."""
@@ -84,9 +83,9 @@ TIME_OF_DAY = re.compile(
     r"|(?P<short>\d{1,2}):(?P<rest>\d\d[.,]\d+))(?:\s*(?P<half>[ap])\.?m\.?)?",
     re.IGNORECASE,
 )
-"""A time of day, also after days as pandas writes it, or minutes and seconds with decimals, as
-spreadsheets show them. What follows a third colon is milliseconds, or frames, whose rate is not
-said."""
+"""A time of day, also after days as pandas writes it, or minutes and seconds with decimals as
+spreadsheets show them. Three or more digits after a third colon are milliseconds; fewer would be
+frames of an unknown rate."""
 WITH_UNIT = re.compile(r"(?P<count>.+) (?P<unit>sec|min|hr)")
 """A duration of MATLAB."""
 PER_WORD = {"sec": NANOSECONDS, "min": 60 * NANOSECONDS, "hr": HOUR_NS}
@@ -96,8 +95,8 @@ class Stamps(NamedTuple):
     """Times of rows."""
 
     ns: Integers  # stamps (T,)
-    known: Flags  # where there is one (T,)
-    zero_ns: int  # the stamp of the file's own time zero; of dates that of the first row
+    known: Flags  # whether a row has one (T,)
+    zero_ns: int  # stamp of the file's own time zero; for dates that of the first row
 
 
 def unit_of_times(name: str) -> str:
@@ -107,8 +106,9 @@ def unit_of_times(name: str) -> str:
 
 
 def usual_unit(steps: Floats, said: str = "", first: float = 0.0) -> str:
-    """The unit that is said, or else in which steps between samples are usual, and the first time
-    is before 2038; "" for none.
+    """The unit `said` if steps permit, else one of usual steps and a first time before 2038.
+
+    "" if there is none.
     """
     step = float(np.median(steps)) if steps.size else 0.0
     if said and SHORTEST_PERIOD_S <= step * PER_UNIT[said] / NANOSECONDS <= LONGEST_PERIOD_S:
@@ -122,7 +122,7 @@ def usual_unit(steps: Floats, said: str = "", first: float = 0.0) -> str:
 
 
 def is_clock(name: str, values: Values) -> bool:
-    """Whether a column holds times, by its name and because it mostly goes on by usual steps."""
+    """Whether a column holds times: by its name, and since it mostly grows by usual steps."""
     if not TIME_NAME.search(name) or values.dtype.kind not in "fiu" or values.size < 2:
         return False
     steps = np.diff(values.astype(np.float64))
@@ -133,11 +133,11 @@ def is_clock(name: str, values: Values) -> bool:
 def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, name: str) -> Stamps:
     """Times (T,) as stamps, without rounding where the column holds whole numbers or decimal texts.
 
-    Dates, also as text (`DATES`), are taken as they are: between slashes and dashes the month comes
-    first, unless a first number of the column is above 12, between dots the day. Times of day go on
-    after midnight, minutes and seconds after an hour. The unit is a key of `PER_UNIT`. They count
-    from `since_ns`; None for 1970, or one of `EPOCHS_NS`, where they are later than 2001, else
-    `SINCE_NS`.
+    Dates, also as text (`DATES`), keep their own origin. In those with slashes or dashes the month
+    comes first, unless a first number of the column is above 12; in those with dots the day. Times
+    of day continue after midnight, minutes and seconds after an hour. `unit` is a key of
+    `PER_UNIT`. Times count from `since_ns`; None selects 1970 or one of `EPOCHS_NS` if they are
+    then later than 2001, else `SINCE_NS`.
     """
     per, place = PER_UNIT[unit], f"{source}: {name}"
     known = np.ones(values.size, bool)
@@ -177,7 +177,7 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
                 cure = "Name a column of numbers, 10:00:00.5 or 2024-01-31 10:00:00.5 under time."
                 raise BagError.about(place, "times", got, cure) from error
     if are_dates:
-        is_zero = known.any() and counts[known].min() < DAY_NS  # times that were saved as dates
+        is_zero = known.any() and counts[known].min() < DAY_NS  # times saved as dates
         stamps = _checked(counts, known, SINCE_NS if is_zero else 0, place, per)
         return Stamps(stamps, known, int(stamps[known][0]) if known.any() else 0)
     if since_ns is None:
@@ -190,7 +190,7 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
 
 
 def counted_ns(values: Floats, rate_hz: float, since_ns: int | None, source: Path) -> Stamps:
-    """Stamps of samples at a rate [Hz] by their numbers (T,); the first one is at `since_ns`."""
+    """Stamps of samples at a rate [Hz] from their numbers (T,); the first is at `since_ns`."""
     known = np.isfinite(values)
     first = values[known][0] if known.any() else 0.0
     ticks = np.rint(np.where(known, values - first, 0.0) * (NANOSECONDS / rate_hz))
@@ -199,7 +199,7 @@ def counted_ns(values: Floats, rate_hz: float, since_ns: int | None, source: Pat
 
 
 def _checked(counts: NDArray[Any], known: Flags, since_ns: int, place: str, per: int) -> Integers:
-    """Stamps [ns] of nanoseconds since another time, where they are known."""
+    """Stamps [ns] from nanoseconds after `since_ns`, which stands for unknown ones."""
     there = counts[known]
     lowest, highest = (there.min(), there.max()) if there.size else (1, 1)
     if lowest + since_ns <= 0 or highest + since_ns >= LAST_NS:
@@ -216,15 +216,15 @@ def _checked(counts: NDArray[Any], known: Flags, since_ns: int, place: str, per:
 
 
 def _date(text: str) -> re.Match[str] | None:
-    """The parts of a date and time, None where it is none."""
+    """The parts of a date and time; None if the text is none."""
     return next(filter(None, (form.fullmatch(text) for form in DATES)), None)
 
 
 def _date_ns(date: re.Match[str], day_first: bool) -> int:
-    """A date and time as nanoseconds since 1970, without a zone in UTC.
+    """A date and time as nanoseconds since 1970, in UTC unless it names a zone.
 
     Raises:
-        ValueError: there is no such day.
+        ValueError: the day does not exist.
     """
     said = {"between": "", "half": "", **date.groupdict()}
     is_named = said["middle"].isalpha()
@@ -245,7 +245,7 @@ def _date_ns(date: re.Match[str], day_first: bool) -> int:
 
 
 def _of_day(hour: int, half: str | None) -> int:
-    """An hour from 0 to 23, of one from 1 to 12 before or after noon."""
+    """An hour from 0 to 23; with `half`, from an hour of 1 to 12 before or after noon."""
     if not half:
         return hour
     if not 1 <= hour <= 12:
@@ -254,7 +254,7 @@ def _of_day(hour: int, half: str | None) -> int:
 
 
 def _nanoseconds(text: str, per: int) -> int:
-    """A number, or a time of day, as nanoseconds; ArithmeticError or ValueError if none."""
+    """A number or a time of day as nanoseconds; ArithmeticError or ValueError for other texts."""
     if day := TIME_OF_DAY.fullmatch(text):
         hours = _of_day(int(day["hours"] or 0), day["half"])
         minutes, rest = day["minutes"] or day["short"], day["seconds"] or day["rest"]
