@@ -14,6 +14,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.motion.path import JointPath
+from intent_recognition.motion.plan import STEP_S
 
 N_GRID = 100
 """Intervals of the grid over the phase, each 1 % of an interaction."""
@@ -190,6 +191,14 @@ def _next_rate(
             v_next *= 0.5
             _, high = _phase_acceleration(bounds, s, v_next, step_s)
         v_next = max(min(v_next, v + high * step_s), min(v, v_next))
+    # within a step s'^2 is linear in s: a long one keeps under the cap at the grid points it passes
+    passed = range(int(s * N_GRID + 1e-4) + 1, N_GRID) if step_s > STEP_S else ()
+    for i in passed:
+        ahead = i / N_GRID - s
+        if 2.0 * ahead >= (v + v_next) * step_s:
+            break
+        under = v + (limits.cap[i] - v * v) * step_s / (2.0 * ahead)
+        v_next = min(v_next, max(under, 2.0 * ahead / step_s - v, v + low * step_s, 0.0))
     return _under_cap(limits, s + step_s * v / 2.0, v_next, step_s / 2.0)
 
 

@@ -207,7 +207,7 @@ class SlowPlaces:
         """Largest phase rate (G,) [1/s] in the intervals of a path's grid; infinite away from all.
 
         Each interval is sampled `_N_LOOKS` times. Places are widened by half that spacing, and by
-        two steps of a plan, which speeds up one step before its first faster sample.
+        two short steps of a plan, which speeds up one step before its first faster sample.
         """
         phase = np.linspace(0.0, 1.0, _N_LOOKS * N_GRID + 1)
         hand = self._arm.skeleton(path.spline(phase))[:, -1]

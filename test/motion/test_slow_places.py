@@ -7,7 +7,7 @@ import pytest
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import LWR_LIMITS, Arm
 from intent_recognition.motion import NominalTiming, SlowPlaces, make_path, parse_places
-from intent_recognition.motion.plan import JointReference, scaled_limits
+from intent_recognition.motion.plan import STEP_S, JointReference, scaled_limits
 from intent_recognition.motion.planning import plan_interaction
 from intent_recognition.motion.retiming import N_GRID
 from sim_bridge.arm import find_robot
@@ -15,20 +15,25 @@ from sim_bridge.scenarios.toolbox import HOME
 
 LIMITS = scaled_limits(LWR_LIMITS)
 SPEED_M_S, WAY_M = 0.1, 0.5
+ARM = Arm.from_urdf(find_robot("lwr").description)
+
+
+def turn_of(duration_s):
+    """A path on which the base joint turns evenly."""
+    turn = np.array([0.8, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    ends = np.stack([HOME - 0.5 * turn, HOME, HOME + 0.5 * turn])
+    return make_path(duration_s * np.array([0.0, 0.5, 1.0]), ends, LIMITS)
 
 
 @pytest.mark.parametrize(("phase", "radius_m"), [(0.5, 0.03), (0.505, 0.002)])
 def test_the_hand_keeps_the_speed_at_a_place_and_is_as_fast_as_before_elsewhere(phase, radius_m):
     """The smaller one is between two points of the path's grid."""
-    arm = Arm.from_urdf(find_robot("lwr").description)
-    turn = np.array([0.8, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    ends = np.stack([HOME - 0.5 * turn, HOME, HOME + 0.5 * turn])
-    path = make_path(np.array([0.0, 0.5, 1.0]), ends, LIMITS)
-    place_m = arm.forward_kinematics(path.spline(phase))[:3, 3]
+    path = turn_of(1.0)
+    place_m = ARM.forward_kinematics(path.spline(phase))[:3, 3]
     places = SlowPlaces(
-        arm, parse_places([f"{' '.join(map(str, place_m))} {radius_m} {SPEED_M_S}"])
+        ARM, parse_places([f"{' '.join(map(str, place_m))} {radius_m} {SPEED_M_S}"])
     )
-    start = JointReference.at_rest(ends[0])
+    start = JointReference.at_rest(path.spline(0.0))
     plans = [
         plan_interaction(path, NominalTiming(0.0, 1.0), start, LIMITS, rate_ceiling=ceiling)
         for ceiling in (None, places.rate_ceiling(path))
@@ -36,7 +41,7 @@ def test_the_hand_keeps_the_speed_at_a_place_and_is_as_fast_as_before_elsewhere(
     speeds = []
     for plan in plans:
         times_s = np.arange(0.0, plan.duration_s, 1e-3)
-        hand = arm.forward_kinematics(np.array([plan.at(t).position for t in times_s]))[:, :3, 3]
+        hand = ARM.forward_kinematics(np.array([plan.at(t).position for t in times_s]))[:, :3, 3]
         speed = np.linalg.norm(np.gradient(hand, times_s, axis=0), axis=1)
         at_place = np.linalg.norm(hand - place_m, axis=1) < radius_m
         slow_way = np.sum(speed[speed < 1.2 * SPEED_M_S]) * 1e-3
@@ -47,6 +52,19 @@ def test_the_hand_keeps_the_speed_at_a_place_and_is_as_fast_as_before_elsewhere(
     assert slow_way - at_ends < 2.0 * radius_m + WAY_M / N_GRID * 2.0
     assert elsewhere > 0.7 * fastest
     assert plans[0].end == pytest.approx(plans[1].end)
+
+
+@pytest.mark.parametrize("duration_s", [4.0, 10.0])
+def test_the_hand_keeps_a_low_speed_at_a_place_between_the_samples_of_a_long_plan(duration_s):
+    path = turn_of(duration_s)
+    place_m = ARM.forward_kinematics(path.spline(0.587))[:3, 3]
+    places = SlowPlaces(ARM, np.array([[*place_m, 0.06, 0.1 * WAY_M / duration_s]]))
+    start, ceiling = JointReference.at_rest(path.spline(0.0)), places.rate_ceiling(path)
+    plan = plan_interaction(
+        path, NominalTiming(0.0, duration_s), start, LIMITS, rate_ceiling=ceiling
+    )
+    assert plan.times_s[1] > 2.0 * STEP_S
+    assert places.excess(plan) < 1.01
 
 
 @pytest.mark.parametrize(
