@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may open the page, and who may operate it. No ROS, no viser."""
+"""Checks of who may open the page and who may operate it. No ROS, no viser."""
 
 import base64
 import hashlib
@@ -18,23 +18,23 @@ from urllib.request import urlopen
 from intent_recognition.errors import ArgumentError
 
 TOKEN_VARIABLE = "INTENT_PAGE_TOKEN"
-"""Environment variable that sets the token; a variable is not seen by other users, unlike a
-parameter."""
+"""Environment variable that sets the token. Other users of the machine cannot read it, as they
+could a parameter."""
 TOKEN_FORM = re.compile(r"[A-Za-z0-9_-]{16,128}")
 IDLE_S = 60.0
-"""An operator that has done nothing for so long may be followed by another [s]. Convention."""
+"""Time without an action after which another connection may take over as operator [s]."""
 _HOST = re.compile(r"(?:\[(?P<number>[0-9A-Fa-f:.]+)\]|(?P<name>[\w.-]+))(?::\d{1,5})?", re.ASCII)
-"""A `Host`: an address of IPv6 or a name, and a port."""
+"""A `Host` header: an IPv6 address or a name, and optionally a port."""
 _SCRIPT = re.compile(r"<script\b[^>]*>(.*?)</script>", re.DOTALL | re.IGNORECASE)
 
 
 def random_token() -> str:
-    """192 random bits, which cannot be guessed."""
+    """A token of 192 random bits, which nobody can guess."""
     return secrets.token_urlsafe(24)
 
 
 def answers(address: str) -> bool:
-    """Whether the page answers at its address within two seconds."""
+    """Whether a page at this address answers within two seconds."""
     try:
         with urlopen(address, timeout=2.0) as answer:
             return bool(answer.status == 200)
@@ -45,20 +45,20 @@ def answers(address: str) -> bool:
 class Admission:
     """Checks the request that opens a page or its connection.
 
-    A request must name this server (`Host`), come from its own page if it comes from a page
-    (`Origin`), and carry the token: in the address the first time, in a cookie from then on.
+    A request must name this server (`Host`). A request made by a page (`Origin`) must come from
+    this server's own page. It must carry the token: first in the address, later in a cookie.
 
     Args:
-        host: address the page is served on.
-        port: its port.
-        token: what the address and the cookie carry.
-        names: further names under which the page is reached, such as that of a reverse proxy.
+        host: address at which the page is served.
+        port: port at which the page is served.
+        token: token that the address or the cookie must carry.
+        names: further names under which the page is reached, such as a reverse proxy's.
     """
 
     def __init__(self, host: str, port: int, token: str, names: Iterable[str] = ()):
         self._port, self._token = port, token
         self._cookie = f"intent_page_{port}"  # cookies are shared by all ports of a machine
-        # Programs on other ports set cookies of any form: ours is looked for, nothing else is read.
+        # other ports may set cookies of any form: search for ours only
         self._ours = re.compile(rf'(?<![^;,\s]){self._cookie}="?([^";,\s]*)')
         own = {host, "localhost", socket.gethostname(), f"{socket.gethostname()}.local", *names}
         self._names = frozenset(name.lower() for name in own)
@@ -66,23 +66,23 @@ class Admission:
 
     @property
     def address(self) -> str:
-        """What the operator opens."""
+        """Address that the operator opens, with the token."""
         host = "127.0.0.1" if self._host in ("", "0.0.0.0", "::") else self._host
         host = f"[{host}]" if ":" in host else host
         return f"http://{host}:{self._port}/?token={self._token}"
 
     @property
     def cookie(self) -> str:
-        """The header that gives a browser its cookie."""
+        """The `Set-Cookie` header that stores the token in a browser."""
         return f"{self._cookie}={self._token}; HttpOnly; SameSite=Strict; Path=/"
 
     def refusal(self, path: str, headers: Mapping[str, list[str]], upgrade: bool) -> str:
-        """Why a request is refused, in a sentence; empty if it is admitted.
+        """Why a request is refused, in one sentence; empty if it is admitted.
 
         Args:
             path: path and query of the request.
             headers: all values of each header, by lower-case name.
-            upgrade: whether it asks for a connection; a browser then always names its origin.
+            upgrade: whether the request opens a WebSocket; browsers then always send `Origin`.
         """
         host = headers.get("host", [])
         if len(host) != 1 or not self._is_own(host[0]):
@@ -111,7 +111,7 @@ class Admission:
         return secrets.compare_digest(given.encode(errors="replace"), self._token.encode())
 
     def _is_own(self, host: str) -> bool:
-        """Whether a `Host` is a known name, or a number, which no name server gives to a page."""
+        """Whether a `Host` is a known name or an IP address, which DNS rebinding cannot use."""
         if not (found := _HOST.fullmatch(host)):
             return False
         name = (found["number"] or found["name"]).lower()
@@ -125,10 +125,10 @@ class Admission:
 
 
 class Operator:
-    """One connection at a time operates the page; the others look on.
+    """The one connection that may operate the page; all others only watch.
 
-    The first to come operates, until it leaves or has done nothing for `IDLE_S`; then whoever
-    acts next does. Nobody operates a page that is read only. The clock is monotonic [s].
+    The first connection operates the page until it leaves or does nothing for `IDLE_S`; then the
+    next one that acts takes over. Nobody operates a read-only page. `clock` is monotonic [s].
     """
 
     def __init__(self, read_only: bool = False, clock: Callable[[], float] = time.monotonic):
@@ -138,19 +138,19 @@ class Operator:
         self._lock = threading.Lock()
 
     def enter(self, who: Hashable) -> None:
-        """A connection has come."""
+        """Register a new connection."""
         with self._lock:
             if self._who is None:
                 self._who, self._acted_s = who, self._clock()
 
     def leave(self, who: Hashable) -> None:
-        """A connection has gone."""
+        """Forget a closed connection."""
         with self._lock:
             if self._who == who:
                 self._who = None
 
     def may_act(self, who: Hashable) -> bool:
-        """Whether what this connection does is to be done; it operates from then on."""
+        """Whether this connection may act; if so, it is the operator from now on."""
         with self._lock:
             now_s = self._clock()
             free = self._who is None or now_s - self._acted_s > IDLE_S
@@ -161,7 +161,7 @@ class Operator:
 
     @property
     def refusal(self) -> str:
-        """Why an onlooker's action was not done; all browsers show it, the operator's too."""
+        """Why an onlooker's action was refused. All browsers show it, the operator's too."""
         if self._read_only:
             return "This page is read only."
         free = f"until it closes the page, or rests for {IDLE_S:.0f} s"
@@ -169,10 +169,10 @@ class Operator:
 
 
 def new_token() -> str:
-    """The token of `TOKEN_VARIABLE`, or a new one.
+    """The token in `TOKEN_VARIABLE`, or a new random one.
 
     Raises:
-        ArgumentError: the variable holds something that can be guessed or does not fit an address.
+        ArgumentError: the token in the variable is easy to guess or does not fit in an address.
     """
     token = os.environ.get(TOKEN_VARIABLE) or random_token()
     if not TOKEN_FORM.fullmatch(token):
@@ -183,9 +183,9 @@ def new_token() -> str:
 
 
 def response_headers(scripts: Iterable[str], host: str) -> dict[str, str]:
-    """Headers of every answer: no frame, no other origin, no script but the page's own.
+    """Security headers of every answer: no frames, no other origins, only the page's own scripts.
 
-    The scripts are those of `script_sources`, the host that of the request, which was checked.
+    `scripts` come from `script_sources`; `host` is the request's, already checked.
     """
     rules = {
         "default-src": "'none'",
@@ -211,6 +211,6 @@ def response_headers(scripts: Iterable[str], host: str) -> dict[str, str]:
 
 
 def script_sources(page: str) -> list[str]:
-    """Hashes of the scripts in the text of a page; what they insert themselves may run, too."""
+    """Hashes of the scripts in a page's text; scripts that they insert may run, too."""
     scripts = (hashlib.sha256(text.encode()).digest() for text in _SCRIPT.findall(page))
     return [f"'sha256-{base64.b64encode(digest).decode()}'" for digest in scripts]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the browsers on the page may send, checked as it is decoded. No ROS, no viser.
+"""Messages that a browser may send to the page, checked while they are decoded. No ROS, no viser.
 
-viser knows more messages (uploads, a public tunnel): nothing here asks for them.
+Other messages that viser knows (uploads, a public tunnel) are not accepted.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ class _Sent(Struct, tag_field="type", forbid_unknown_fields=True, kw_only=True):
 
 
 class LookFrom(_Sent, tag="ViewerCameraMessage"):
-    """From where a browser looks: all that an onlooker's may send."""
+    """The camera pose of a browser: the only message accepted from an onlooker."""
 
     wxyz: Quaternion
     position: Vector
@@ -43,20 +43,20 @@ class _NewValue(Struct, forbid_unknown_fields=True):
 
 
 class ChangeControl(_Sent, tag="GuiUpdateMessage"):
-    """A control is changed or pressed."""
+    """A person changed or pressed a control."""
 
     uuid: Text
     updates: _NewValue
 
 
 class GrabHandle(_Sent, tag=GRAB):
-    """A handle is taken."""
+    """A person grabbed a drag handle."""
 
     name: Text
 
 
 class DragHandle(_Sent, tag=DRAG):
-    """It is moved."""
+    """A person moved a drag handle."""
 
     name: Text
     wxyz: Quaternion
@@ -64,7 +64,7 @@ class DragHandle(_Sent, tag=DRAG):
 
 
 class LeaveHandle(_Sent, tag=LEAVE):
-    """It is let go."""
+    """A person let go of a drag handle."""
 
     name: Text
 
@@ -74,7 +74,7 @@ _DECODER = msgspec.msgpack.Decoder(LookFrom | Action)
 
 
 def read_message(data: bytes | str) -> LookFrom | Action | None:
-    """What a browser has sent; None where this page's controls send no such thing."""
+    """Decode a message of a browser; None if this page's controls cannot send it."""
     try:
         return _DECODER.decode(data if isinstance(data, bytes) else b"")
     except (msgspec.MsgspecError, ValueError, RecursionError):
@@ -82,9 +82,9 @@ def read_message(data: bytes | str) -> LookFrom | Action | None:
 
 
 def can_become(value: ControlValue, present: object, options: Sequence[str] | None = None) -> bool:
-    """Whether a browser can give this value to a control that has another, and offers options.
+    """Whether a browser may change a control from `present` to `value`.
 
-    Without options it may have any value of the same kind.
+    The value must be among the options, if there are any, and of the same type as `present`.
     """
     if isinstance(present, tuple):
         return isinstance(value, list) and len(value) == len(present)

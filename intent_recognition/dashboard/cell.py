@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State of the cell: the newest of every topic, and a bounded past. No ROS, no page.
+"""State of the cell: the newest message of every topic and a bounded history. No ROS, no page.
 
-Times are seconds of a monotonic clock at arrival, so that silence is noticed whatever the clock
-of the graph does.
+Times are arrival times on a monotonic clock [s], so that silence is noticed even when the clock of
+the graph stops or jumps.
 """
 
 from collections import deque
@@ -18,18 +18,18 @@ from intent_recognition.model import ARRIVED, TO_KEEP, TO_UNDO, WAITING
 from intent_recognition.plans import WorkPlan
 
 PLOTTED_S, PLOTTED_STEP_S = 20.0, 0.05
-"""Past that is plotted, and shortest time between two of its values [s]. Convention: 400 points of
-a curve."""
+"""Length of the plotted history and shortest time between two of its values [s]: 400 points per
+curve."""
 WRIST_S = 3.0
-"""Past of the wrist that is drawn [s]. Convention: about one reach."""
+"""Length of the wrist's path that is drawn [s]: about one reach."""
 FORCES, SENSOR = ("load", "weight", "grip_force"), "sensor"
-"""Forces on `intent/transfer`, and the magnitude of that on `wrench` [N]."""
+"""Forces on `intent/transfer`, and the name of the magnitude of `wrench` [N]."""
 SHARE, SLIP = "load_share", "slip"
-"""What else is shown of `intent/transfer`."""
+"""Other values of `intent/transfer` that are shown."""
 ASKED = "asked for help"
-"""Key of the diagnostics of `primitive_activation`."""
+"""Key in the diagnostics of `primitive_activation`: who asked when it chose whom to help."""
 FRESH_S, STALE_S = 1.0, 1.5
-"""What is older is shown as old [s], and a prediction not at all. Convention."""
+"""Ages beyond which a value is drawn as old and a prediction is hidden [s]."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class PathMarkers:
 
 @dataclass(frozen=True)
 class NodeHealth:
-    """The newest report of one node: level 0 to 3, message, values, when; whether the last."""
+    """The newest report of one node: level 0 to 3, message, values, arrival time, whether ended."""
 
     level: int
     message: str
@@ -75,21 +75,21 @@ class NodeHealth:
     ended: bool = False
 
     def silent_s(self, now_s: float) -> float:
-        """For how long it has been silent; zero while reports are due."""
+        """How long the node has been silent [s]; zero while its next report is not overdue."""
         waited = now_s - self.at_s
-        return waited if waited > 3.0 else 0.0  # three of its periods
+        return waited if waited > 3.0 else 0.0  # three periods of the reports
 
 
 @dataclass(frozen=True)
 class SkillRow:
-    """A change of a task in words, and the numbers of its executions since, by name."""
+    """One change of a task in words, and statistics of the executions since then, by name."""
 
     what: str
     values: Mapping[str, str]
 
 
 class Past:
-    """Named numbers of the last seconds; what is older is forgotten."""
+    """History of named numbers over the last seconds; older values are dropped."""
 
     def __init__(self) -> None:
         self._rows: deque = deque(maxlen=int(PLOTTED_S / PLOTTED_STEP_S))
@@ -98,24 +98,24 @@ class Past:
         return len(self._rows)
 
     def take(self, names: Sequence[str], values: ArrayLike, now_s: float) -> None:
-        """Keep these, unless others came within `PLOTTED_STEP_S`."""
+        """Store values, unless others were stored less than `PLOTTED_STEP_S` ago."""
         if not self._rows or now_s - self._rows[-1][0] >= PLOTTED_STEP_S:
             self._rows.append((now_s, dict(zip(names, np.asarray(values), strict=True))))
 
     def columns(self, names: Sequence[str], now_s: float) -> tuple[Floats, ...]:
-        """Times (T,) [s], zero is now, and the values (T,) of each name: NaN where it had none."""
+        """Times (T,) [s] before now, and the values (T,) of each name, NaN where there is none."""
         rows = [row for row in self._rows if now_s - row[0] <= PLOTTED_S]
         times = np.array([at_s - now_s for at_s, _ in rows])
         return times, *(np.array([row.get(name, np.nan) for _, row in rows]) for name in names)
 
 
 class PersonState:
-    """The newest of what is measured and believed of a person.
+    """What was last measured and estimated of one person.
 
     Attributes:
         wrist: newest position (3,) [m], None before the first.
-        posterior, predicted, drawn: newest, None before the first.
-        past: of the probabilities.
+        posterior, predicted, drawn: newest message of each, None before the first.
+        past: history of the task probabilities.
     """
 
     def __init__(self) -> None:
@@ -128,28 +128,28 @@ class PersonState:
         self._wrist_past: deque = deque(maxlen=int(WRIST_S * 100))
 
     def take_wrist(self, position: Floats, now_s: float) -> None:
-        """A position of the wrist (3,) [m]."""
+        """Store a position of the wrist (3,) [m]."""
         self.wrist, self.wrist_at_s = position, now_s
         self._wrist_past.append((now_s, position))
 
     def take_posterior(self, posterior: Posterior, now_s: float) -> None:
-        """A task posterior."""
+        """Store a task posterior."""
         self.posterior, self.tasks_at_s = posterior, now_s
         self.past.take(posterior.labels, posterior.probabilities, now_s)
 
     def wrist_path(self, now_s: float) -> Floats:
-        """The wrist's path of the last seconds (T, 3)."""
+        """Path of the wrist over the last seconds (T, 3) [m]."""
         recent = [position for at, position in self._wrist_past if now_s - at <= WRIST_S]
         return np.array(recent).reshape(-1, 3)
 
 
 class TransferState:
-    """The newest of `intent/transfer` and `wrench`, and the forces of the last seconds.
+    """The newest of `intent/transfer` and `wrench`, and the history of the forces.
 
     Attributes:
-        holding: who holds the object, such as `offering`; empty before the first.
-        felt: the values by name.
-        forces: [N], of `FORCES` and `SENSOR`.
+        holding: state of the handover, such as `offering`; empty before the first message.
+        felt: values of `intent/transfer` by name.
+        forces: history of the forces `FORCES` and `SENSOR` [N].
     """
 
     def __init__(self) -> None:
@@ -159,45 +159,44 @@ class TransferState:
         self._sensor_n = np.nan
 
     def take(self, holding: str, felt: Mapping[str, float], now_s: float) -> None:
-        """What `intent/transfer` says."""
+        """Store the content of `intent/transfer`."""
         self.holding, self.felt, self.at_s = holding, dict(felt), now_s
         sensed = self._sensor_n if now_s - self.sensed_at_s <= FRESH_S else np.nan
         self.forces.take((*FORCES, SENSOR), [*(felt[name] for name in FORCES), sensed], now_s)
 
     def take_sensor(self, force_n: float, now_s: float) -> None:
-        """Magnitude of the force on `wrench`."""
+        """Store the magnitude of the force on `wrench` [N]."""
         self._sensor_n, self.sensed_at_s = force_n, now_s
         if now_s - self.at_s > FRESH_S:
             self.forces.take((SENSOR,), (force_n,), now_s)
 
     def names(self, now_s: float) -> tuple[str, ...]:
-        """Of the forces that came in the plotted time."""
+        """Names of the forces received within the plotted time."""
         felt = FORCES if now_s - self.at_s <= PLOTTED_S else ()
         return (*felt, SENSOR) if now_s - self.sensed_at_s <= PLOTTED_S else felt
 
     def newest(self, name: str) -> float | None:
-        """A force now [N], None where it is not known."""
+        """Newest value of a force [N]; None if there is no recent one."""
         value = self._sensor_n if name == SENSOR else self.felt.get(name, np.nan)
         return None if np.isnan(value) else value
 
 
 @dataclass
 class CellState:
-    """The newest of everything received. One thread writes and reads.
+    """The newest of everything received. One thread reads and writes it.
 
     Attributes:
         joints: position by joint name [rad].
-        people: by name; the only one has none.
-        helped: name of whom the arm helps, empty for nobody.
+        people: state of each person by name; the only person has an empty name.
+        helped: name of the person whom the arm helps; empty for nobody.
         active: task being executed.
-        unfinished: task that was executed last, and what ended it before its end; empty if nothing
-            did.
-        truth: what the simulated coworker really does; None if it is not published.
+        unfinished: task executed last and the reason why it was cut short; empty if it was not.
+        truth: actual movement of the simulated coworker; None if it is not published.
         nodes: health by node name.
-        teaching: last sentence of `teach/status`.
-        skills: changes of each task, the oldest first.
-        plan: of the assembly, None without one.
-        progress: of each step, whether it is `done`, `forgotten`, `may come` or `later`.
+        teaching: newest text of `teach/status`.
+        skills: changes of each task, oldest first.
+        plan: work plan of the assembly; None without one.
+        progress: state of each step: `done`, `forgotten`, `may come` or `later`.
         transfer: what is felt at the robot's hand.
     """
 
@@ -221,27 +220,27 @@ class CellState:
 
     @property
     def person(self) -> PersonState:
-        """Whom the arm helps, or the first one."""
+        """The person whom the arm helps, or else the first one."""
         return self.people.get(self.helped) or next(iter(self.people.values()))
 
     def pose_topics(self, body: str) -> list[str]:
-        """Where a tracked body is heard: without a person, and of the first who has a name."""
+        """Pose topics of a tracked body: without a person's name, and with the first person's."""
         first = sorted(name for name in self.people if name)[:1]
         return [f"mocap/{body}/pose", *(f"mocap/{name}/{body}/pose" for name in first)]
 
     @property
     def believes(self) -> bool:
-        """Whether anything is believed of anybody."""
+        """Whether there is a task posterior for any person."""
         return any(person.posterior is not None for person in self.people.values())
 
     @property
     def asked(self) -> str:
-        """Who asked when it was decided whom the arm helps; empty where nothing says so."""
+        """Who asked for help when the arm chose whom to help; empty if nothing reports it."""
         return next((n.values[ASKED] for n in self.nodes.values() if ASKED in n.values), "")
 
     @property
     def begun(self) -> str:
-        """The task that the person does: the truth where it is published, else what is active."""
+        """The task that the person is doing: the true one if published, else the active one."""
         return self.active if self.truth is None else self.truth
 
     @property
@@ -252,37 +251,37 @@ class CellState:
 
     @property
     def can_undo(self) -> bool:
-        """Whether the teacher has a change to take back."""
+        """Whether the teacher has a change that can be undone."""
         return self._any_skill(TO_UNDO)
 
     @property
     def can_keep(self) -> bool:
-        """Whether the teacher has a correction that was not kept."""
+        """Whether the teacher has a correction that can still be kept."""
         return self._any_skill(TO_KEEP)
 
     def _any_skill(self, key: str) -> bool:
         return any(key in row.values for rows in self.skills.values() for row in rows)
 
     def take_active(self, task: str) -> None:
-        """The task being executed, empty for none."""
+        """Store the task being executed; empty for none."""
         self.active = task
         if task:
             self.unfinished = None
 
     def take_outcome(self, task: str, what: str) -> None:
-        """What became of the execution of a task."""
+        """Store the outcome of a task's execution."""
         self.unfinished = None if what == ARRIVED else (task, what)
 
     def take_question(self, tasks: tuple[str, ...], now_s: float) -> None:
-        """The tasks that are in question, none where nothing is."""
+        """Store the tasks among which the recogniser is undecided; empty if it is decided."""
         self._question, self._question_at_s = tasks, now_s
 
     def question(self, now_s: float) -> tuple[str, ...]:
-        """The tasks to ask about: those in question for 0.5 s; most are recognised before."""
+        """Tasks to ask the person about, once undecided for 0.5 s: most doubts resolve sooner."""
         return self._question if now_s - self._question_at_s >= 0.5 else ()
 
     def take_joints(self, names: Sequence[str], positions: Sequence[float], now_s: float) -> None:
-        """A joint state, of all joints or some; names that keep changing are forgotten."""
+        """Store a joint state of all or some joints; names that keep changing are dropped."""
         self.joints.update(zip(names, positions, strict=False))
         self._joints_at_s |= dict.fromkeys(names, now_s)
         while len(self.joints) > 500:
@@ -290,9 +289,9 @@ class CellState:
             del self.joints[oldest], self._joints_at_s[oldest]
 
     def joints_at_s(self, names: Sequence[str]) -> float:
-        """When all of these joints, which are known, were there last."""
+        """Time at which all of these known joints were last received [s]."""
         return min(self._joints_at_s[name] for name in names)
 
     def fresh(self, at_s: float, now_s: float, within_s: float = FRESH_S) -> bool:
-        """Whether something of this time is recent."""
+        """Whether a time of arrival is at most `within_s` ago."""
         return now_s - at_s <= within_s

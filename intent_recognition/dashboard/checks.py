@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the page takes of a message: names, numbers and texts of bounded size."""
+"""Checks of the names, numbers and texts that the page accepts from messages."""
 
 from collections.abc import Sequence, Sized
 
@@ -11,17 +11,17 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.untrusted import LARGEST
 
 MOST_NAMES = 100
-"""Joints or tasks of a message, nodes whose health is shown, things of a scene and parts of each.
-Convention: far more than a cell has."""
+"""Largest number of joints or tasks in a message, of nodes with health, of things in a scene and of
+parts in a thing: far more than a cell has."""
 LONGEST_NAME, LONGEST_SENTENCE = 200, 2000
-"""Characters of a name, and of a message that is shown. Convention."""
+"""Largest number of characters in a name, and in a message that is shown."""
 
 
 def check(field: str, expected: str, holds: object, got: object) -> None:
-    """Make sure that something holds of a field.
+    """Require that a condition on a field holds.
 
     Raises:
-        ArgumentError: it does not.
+        ArgumentError: it does not hold.
     """
     if not holds:
         cure = "`ros2 topic info --verbose` names who publishes it."
@@ -29,7 +29,7 @@ def check(field: str, expected: str, holds: object, got: object) -> None:
 
 
 def check_count(field: str, items: Sized, most: int, what: str) -> None:
-    """Make sure that there are at most so many.
+    """Require that there are at most `most` items.
 
     Raises:
         ArgumentError: there are more.
@@ -38,7 +38,7 @@ def check_count(field: str, items: Sized, most: int, what: str) -> None:
 
 
 def checked_text(field: str, text: str, longest: int = LONGEST_NAME) -> str:
-    """A text of at most so many characters.
+    """Return the text if it has at most `longest` characters.
 
     Raises:
         ArgumentError: it is longer.
@@ -48,10 +48,10 @@ def checked_text(field: str, text: str, longest: int = LONGEST_NAME) -> str:
 
 
 def checked_names(field: str, names: Sequence[str]) -> tuple[str, ...]:
-    """At most `MOST_NAMES` names, each another.
+    """Return the names if there are at most `MOST_NAMES` and all differ.
 
     Raises:
-        ArgumentError: they are more, too long, or two are the same.
+        ArgumentError: there are too many, one is too long, or two are equal.
     """
     check_count(field, names, MOST_NAMES, "names")
     twice = [name for k, name in enumerate(names) if name in names[:k]]
@@ -60,13 +60,13 @@ def checked_names(field: str, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def checked_numbers(field: str, numbers: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """Numbers of this shape, finite and not beyond `LARGEST`.
+    """Return the numbers as an array of this shape, finite and at most `LARGEST` in magnitude.
 
     Raises:
-        ArgumentError: their shape is another, or one is not finite or too large.
+        ArgumentError: the shape differs, or a number is not finite or too large.
     """
     array = np.array(numbers, dtype=float)
     check(field, f"shape {shape}", array.shape == shape, f"shape {array.shape}")
-    beyond = array[~(np.abs(array) <= LARGEST)]  # NaN, too
+    beyond = array[~(np.abs(array) <= LARGEST)]  # also NaN
     check(field, f"numbers up to {LARGEST:g}", not beyond.size, beyond[:1])
     return array

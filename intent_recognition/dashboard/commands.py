@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Service calls of the page to other nodes; each answer is reported in one sentence."""
+"""Service calls from the page to other nodes; each answer is reported in one sentence."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -25,19 +25,19 @@ from intent_recognition.registry import LEARNING
 Notify = Callable[[bool, str], None]
 ESTIMATOR, ACTIVATION, TEACHER = ("intent_estimator", "primitive_activation", "task_teacher")
 GUIDING = tuple(f"{arm}/gravity_compensation" for arm in ARMS)
-"""Services of simulated arms, of which at most one is there."""
+"""Services that let a simulated arm be guided by hand; at most one of them exists."""
 
 
 class Commands:
-    """Service calls that do not block, one at a time of each service.
+    """Non-blocking service calls, at most one at a time per service.
 
     Args:
         node: owner of the clients.
-        notify: called with (whether it went well, what happened) when an answer has come.
+        notify: called with (success, sentence) when an answer arrives.
 
     Attributes:
-        notify: the same, for who has something to say.
-        helping: whether the activation is active, as it last reported; see `ask_for_help`.
+        notify: the argument of the same name, for other parts of the page.
+        helping: whether the activation node was active when last asked; see `ask_for_help`.
     """
 
     def __init__(self, node: Node, notify: Notify):
@@ -45,7 +45,7 @@ class Commands:
         self._clients: dict[str, Client] = {}
         self._calls: dict[str, tuple[Future, float]] = {}
         self.helping = True
-        for service in LEARNING:  # known to the teacher before: answers to new clients can be lost
+        for service in LEARNING:  # created early: answers to a new client can be lost
             self._client(f"{TEACHER}/{service}", Trigger)
         self._feedback = node.create_publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
         self._answers = node.create_publisher(String, "intent/answer", qos.STATE)
@@ -55,7 +55,7 @@ class Commands:
         return self._client(service, kind).service_is_ready()
 
     def can_switch_help(self) -> bool:
-        """Whether there is an activation to switch on and off."""
+        """Whether there is an activation node to switch on or off."""
         return self.offers(f"{ACTIVATION}/change_state", ChangeState) and self.offers(
             f"{ACTIVATION}/get_state", GetState
         )
@@ -65,25 +65,25 @@ class Commands:
         return any(self.offers(service, SetBool) for service in GUIDING)
 
     def trigger(self, service: str, done: Notify | None = None) -> None:
-        """Call a Trigger."""
+        """Call a Trigger service."""
         self._call(service, Trigger, Trigger.Request(), done)
 
     def tell(self, task: str, values: Mapping[str, str]) -> None:
-        """Say something about the execution of a task, now or last."""
+        """Send feedback on the present or last execution of a task."""
         self._feedback.publish(DiagnosticStatus(name=task, values=key_values(values)))
 
     def answer(self, task: str) -> None:
-        """Say which task the movement under way is."""
+        """Answer which task the present movement is."""
         self._answers.publish(String(data=task))
 
     def gravity_compensation(self, enabled: bool) -> None:
-        """Let the arm be guided, or hold it."""
+        """Let the arm be guided by hand, or make it hold its position."""
         request = SetBool.Request(data=enabled)
         offered = [service for service in GUIDING if self.offers(service, SetBool)]
         self._call((offered or GUIDING)[0], SetBool, request, None)
 
     def robot_helps(self, enabled: bool, done: Notify | None = None) -> None:
-        """Activate or deactivate `primitive_activation`, unless that is what it is already."""
+        """Activate or deactivate `primitive_activation`, unless it is already in that state."""
         wanted = Transition.TRANSITION_ACTIVATE if enabled else Transition.TRANSITION_DEACTIVATE
         request = ChangeState.Request(transition=Transition(id=wanted))
         notify = done or self.notify
@@ -105,11 +105,11 @@ class Commands:
             notify(False, f"no node offers {ACTIVATION}/get_state")
 
     def ask_for_help(self) -> None:
-        """Ask the activation whether it is active, whoever switched it; `helping` follows."""
+        """Ask whether the activation is active, whoever switched it; `helping` is updated."""
         self._ask_for_state(self._on_state)
 
     def give_up_lost(self) -> None:
-        """Await no answer of a service that is gone: who asked is told so."""
+        """Stop waiting for services that are gone, and report this to the callers."""
         for service, (future, _) in list(self._calls.items()):
             if not future.done() and not self._clients[service].service_is_ready():
                 future.cancel()
@@ -139,7 +139,7 @@ class Commands:
             self._send(service, request).add_done_callback(partial(self._answered, service, notify))
 
     def _ask_for_state(self, then: Callable[[Future], None]) -> bool:
-        """Ask the activation for its state, unless it is being asked; false if there is none."""
+        """Request the activation's state unless a request is pending; False without a service."""
         service = f"{ACTIVATION}/get_state"
         if not self._client(service, GetState).service_is_ready():
             return False
@@ -148,14 +148,14 @@ class Commands:
         return True
 
     def _awaited(self, service: str) -> Future | None:
-        """The call of a service whose answer is awaited."""
+        """The pending call of a service, None if there is none."""
         future, since_s = self._calls.get(service, (None, 0.0))
         if future is None or future.done() or time.monotonic() - since_s > ANSWER_S:
             return None
         return future
 
     def _send(self, service: str, request: object) -> Future:
-        """Call a service; one that has not answered is given up."""
+        """Call a service; a pending call of the same service is abandoned."""
         before = self._calls.get(service)
         future = self._clients[service].call_async(request)
         self._calls[service] = future, time.monotonic()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two models side by side on one recording: their posteriors, and when each would act."""
+"""Tab that runs two models on one recording and shows both posteriors and both decisions."""
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -28,7 +28,7 @@ CURES = (
 
 
 class CompareTab:
-    """Runs models on a recording in a thread of its own, not on the live topics."""
+    """Runs models on a recording in a separate thread, independently of the live topics."""
 
     def __init__(
         self,
@@ -55,7 +55,7 @@ class CompareTab:
         self._show_fields()
 
     def refresh(self) -> None:
-        """Look for models again; new ones are offered."""
+        """Look for new models and offer them."""
         found = names_of(self._find())
         if found.keys() != self._models.keys() and found:
             self._models = found
@@ -72,7 +72,7 @@ class CompareTab:
         threading.Thread(target=self._run, name="compare", daemon=True).start()
 
     def _show_fields(self) -> None:
-        """There is something to choose only where there is a model and a recording."""
+        """Show the fields only if there is a model and a recording to choose."""
         for field in (self._bag, *self._chosen, self._button):
             field.visible = bool(self._models and self._bags)
 
@@ -103,7 +103,7 @@ class CompareTab:
         self._result.content = table + reasons
 
     def _draw(self, found: Sequence[tuple]) -> None:
-        """One diagram for each model, in the same colours and over the same time."""
+        """Draw one diagram per model, with the same colours and the same time axis."""
         labels = {label for _, columns, _ in found for label in columns}
         taken = self._colours()
         colours = task_colours(labels | taken.keys(), taken)
@@ -125,7 +125,7 @@ def posterior_over(
     """Posterior of a model over a recording: times (T,) [s], probabilities (T,) per task, summary.
 
     Raises:
-        IntentError: bag or model cannot be used, or do not fit one another.
+        IntentError: bag or model cannot be used, or they do not fit each other.
     """
     rows = list(replay(BagReader(bag, tolerant=True), load_model(model)))
     if not rows:
@@ -149,10 +149,10 @@ def posterior_over(
 
 
 def why_over(bag: Path, model: Path, name: str) -> str:
-    """Why a model's first decision in a recording was taken, as HTML; empty without movement.
+    """Explanation of a model's first decision in a recording, as HTML; empty without movement.
 
     Raises:
-        IntentError: bag or model cannot be used, or do not fit one another.
+        IntentError: bag or model cannot be used, or they do not fit each other.
     """
     found = explain(BagReader(bag, tolerant=True), load_model(model))
     if not found:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Handles to drag in the scene: two goals, or the wrist and the arm's hand directly."""
+"""Drag handles in the scene: for the two goals, or for the wrist and the arm's hand."""
 
 import time
 from collections.abc import Callable
@@ -24,13 +24,13 @@ NAMES = {
 }
 COLOURS = {WRIST: DARK, HAND: GREY}
 ANCHORS: dict[str, Literal["top-left", "top-right"]] = {WRIST: "top-left", HAND: "top-right"}
-"""Where names hang: seen with the robot on the left, neither covers the other."""
+"""Corner of each label: with the robot on the left, neither label covers the other."""
 
 Moved = Callable[[Floats], None]
 
 
 def add_handle(scene: viser.SceneApi, name: str, place: Floats) -> viser.TransformControlsHandle:
-    """Hidden arrows of 14 cm to drag at a position (3,) [m], seen through everything."""
+    """Add hidden arrows of 14 cm to drag at a position (3,) [m]; they are drawn in front of all."""
     return scene.add_transform_controls(
         name, 0.14, disable_rotations=True, depth_test=False, position=place, visible=False
     )
@@ -39,14 +39,14 @@ def add_handle(scene: viser.SceneApi, name: str, place: Floats) -> viser.Transfo
 def add_ball(
     scene: viser.SceneApi, name: str, colour: Colour, place: Floats, opacity: float | None = None
 ) -> viser.IcosphereHandle:
-    """A ball that marks a position (3,) [m] in its frame."""
+    """Add a ball that marks a position (3,) [m] in its frame."""
     return scene.add_icosphere(name, 0.018, colour, opacity=opacity, position=place)
 
 
 class Drag:
-    """Drags of a handle, in the order in which they were sent.
+    """Drag events of a handle, in the order in which they were sent.
 
-    `moved` is called with the position (3,) [m], and whether the handle was left there.
+    `moved` is called with the position (3,) [m] and with whether the handle was released there.
     """
 
     def __init__(
@@ -60,18 +60,18 @@ class Drag:
 
     @property
     def held(self) -> bool:
-        """Whether somebody drags it, who has not left the page to others by doing nothing."""
+        """Whether somebody drags the handle and has moved it within the last `IDLE_S`."""
         return time.monotonic() - self._moved_s <= admission.IDLE_S
 
     async def _update(self, event: viser.TransformControlsEvent) -> None:
         left = event.phase == "end"
         self._moved_s = -np.inf if left else time.monotonic()
-        if not left or event.client_id in self._server.get_clients():  # viser ends those of others
+        if not left or event.client_id in self._server.get_clients():  # unless client left
             self._moved(np.array(event.target.position, dtype=float), left)
 
 
 class DragHandles:
-    """Two pairs of viser transform controls, hidden until shown; places (3,) [m] are by body."""
+    """Two pairs of drag handles, hidden until shown. `places` are positions (3,) [m] by body."""
 
     def __init__(self, server: viser.ViserServer, places: dict[str, Floats]):
         self._server = server
@@ -79,12 +79,12 @@ class DragHandles:
         self._handles = {key: self._make(*key, places[key[1]]) for key in NAMES}
 
     def on_moved(self, kind: str, body: str, moved: Moved) -> None:
-        """Call `moved` with the position (3,) [m] while a person drags this handle."""
+        """Call `moved` whenever a person drags this handle."""
         key = (kind, body)
         self._drags[key] = Drag(self._server, self._handles[key], lambda place, _: moved(place))
 
     def show(self, kind: str | None) -> bool:
-        """Show one pair and hide the other, or hide both; returns whether that changed anything."""
+        """Show one pair and hide the other, or hide both (None); returns whether this changed."""
         changed = False
         for (of_kind, _), handle in self._handles.items():
             if handle.visible != (of_kind == kind):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The posture of a simple figure of a person whose wrist is given: inverse kinematics, arrays only.
+"""Posture of a simple human figure with a given wrist position: inverse kinematics on arrays.
 
-Only the wrist is measured. Shoulder, elbow and all else are one posture out of many that a person
-may have; they say nothing of where the person is.
+Only the wrist is measured. Shoulder, elbow and the other parts show one of many possible postures
+and say nothing about where the person is.
 
 Lengths are shares of the body's height (Drillis and Contini 1966, in D. A. Winter, Biomechanics
 and Motor Control of Human Movement, 4th ed., Fig. 4.1).
@@ -20,21 +20,21 @@ from intent_recognition.array_types import Floats
 HIP, SHOULDER, UPPER_ARM, FOREARM = 0.530, 0.818, 0.186, 0.146
 SHOULDER_HALF_WIDTH = 0.129
 MOST_LEAN_RAD = 0.8
-"""The upper body leans this far [rad]; for what is farther away the figure is moved. Convention."""
+"""Largest lean of the upper body [rad]; for a wrist farther away the whole figure is moved."""
 
 
 @dataclass(frozen=True)
 class Stance:
     """Where a person stands."""
 
-    ground_m: Floats  # between the feet (3,), world
-    faces_rad: float = 0.0  # direction of the face, about the world's z; 0 is along x
+    ground_m: Floats  # point between the feet (3,), world
+    faces_rad: float = 0.0  # facing direction about the world's z; 0 faces along x
     height_m: float = 1.75
-    left: bool = False  # whether the left wrist is the given one
+    left: bool = False  # whether the measured wrist is the left one
 
     @property
     def arm_m(self) -> tuple[float, float]:
-        """Lengths of upper arm and forearm."""
+        """Lengths of upper arm and forearm [m]."""
         return UPPER_ARM * self.height_m, FOREARM * self.height_m
 
     @property
@@ -44,18 +44,18 @@ class Stance:
 
     @cached_property
     def arm(self) -> Floats:
-        """From the middle between the hips to the shoulder of the upright person (3,), world."""
+        """Vector (3,) from the middle of the hips to the shoulder of an upright person, world."""
         across, up = self.side * SHOULDER_HALF_WIDTH, SHOULDER - HIP
         return self.rotation @ (self.height_m * np.array([0.0, across, up]))
 
     @cached_property
     def pole(self) -> Floats:
-        """Where the elbow points (3,), world: backward, away from the body, and down."""
+        """Direction in which the elbow points (3,), world: backward, outward and down."""
         return self.rotation @ [-0.35, 0.45 * self.side, -1.0]
 
     @cached_property
     def rotation(self) -> Floats:
-        """Axes of the person, forward, left and up, in the world (3, 3)."""
+        """The person's axes forward, left and up as columns (3, 3), world."""
         return Rotation.from_euler("z", self.faces_rad).as_matrix()
 
 
@@ -63,10 +63,10 @@ class Posture(NamedTuple):
     """A posture; points (3,) [m] and rotations (3, 3) are in the world.
 
     Attributes:
-        moved: how far the figure is moved from its stance, all of it.
-        hip: the middle between the hips, about which the upper body leans.
-        upper_body: axes of the upper body, forward, left and up.
-        shoulder, elbow, wrist: of the arm whose wrist is given.
+        moved: displacement of the whole figure from its stance.
+        hip: middle of the hips, about which the upper body leans.
+        upper_body: axes forward, left and up of the upper body.
+        shoulder, elbow, wrist: joints of the arm whose wrist is given.
     """
 
     moved: Floats
@@ -78,15 +78,15 @@ class Posture(NamedTuple):
 
 
 def reach(stance: Stance, wrist: Floats) -> Posture:
-    """The posture of a figure whose wrist is at a point (3,) [m], world.
+    """Compute the posture of a figure whose wrist is at a point (3,) [m], world.
 
-    The upper body leans toward a wrist that is out of the arm's reach, by as little as is needed;
-    where that is not enough the whole figure is moved. The wrist is always reached, bones keep
-    their lengths, and the posture changes continuously with the wrist.
+    The upper body leans as little as needed toward a wrist out of the arm's reach; if that does
+    not suffice, the whole figure is moved. The wrist is always reached, bones keep their lengths,
+    and the posture changes continuously with the wrist.
     """
     upper, fore = stance.arm_m
     hip = stance.ground_m + np.array([0.0, 0.0, HIP * stance.height_m])
-    # a stretched arm has no plane to bend in
+    # a stretched arm defines no plane to bend in
     longest, shortest = 0.98 * (upper + fore), 1.1 * abs(upper - fore)
     lean = lean_toward(stance.arm, wrist - hip, longest)
     shoulder = hip + lean @ stance.arm
@@ -100,14 +100,14 @@ def reach(stance: Stance, wrist: Floats) -> Posture:
 
 
 def lean_toward(arm: Floats, target: Floats, reach_m: float) -> Floats:
-    """The smallest rotation (3, 3) of a lever that brings its end within reach of a target.
+    """Smallest rotation (3, 3) of a lever that brings its end within reach of a target.
 
-    It is at most `MOST_LEAN_RAD`, and none where the target is within reach already.
+    The angle is at most `MOST_LEAN_RAD`, and zero if the target is already within reach.
 
     Args:
-        arm: end of the lever from its pivot (3,) [m].
-        target: from the pivot (3,) [m].
-        reach_m: wanted distance between the two.
+        arm: vector (3,) [m] from the pivot to the lever's end.
+        target: vector (3,) [m] from the pivot to the target.
+        reach_m: largest distance between lever's end and target.
     """
     lever, distance = float(np.linalg.norm(arm)), float(np.linalg.norm(target))
     axis = np.cross(arm, target)
@@ -125,14 +125,14 @@ def lean_toward(arm: Floats, target: Floats, reach_m: float) -> Floats:
 
 
 def bend(root: Floats, end: Floats, first_m: float, second_m: float, pole: Floats) -> Floats:
-    """The joint (3,) between two bones, in the plane of their ends and a direction.
+    """Position (3,) of the joint between two bones, in the plane of their ends and a direction.
 
     Args:
-        root: where the first bone begins (3,) [m].
-        end: where the second one ends (3,) [m], no farther than both are long.
+        root: start of the first bone (3,) [m].
+        end: end of the second bone (3,) [m], at most the sum of both lengths away.
         first_m: length of the first bone.
-        second_m: of the second one.
-        pole: direction that the joint points to (3,), not along the line between the ends.
+        second_m: length of the second bone.
+        pole: direction in which the joint bends (3,), not parallel to the line between the ends.
     """
     way = end - root
     distance = float(np.linalg.norm(way))
@@ -144,7 +144,7 @@ def bend(root: Floats, end: Floats, first_m: float, second_m: float, pole: Float
 
 
 def bone_axes(bone: Floats, pole: Floats) -> Floats:
-    """Axes (3, 3) whose z runs along a bone (3,), and whose x is as near as it can be to a pole."""
+    """Axes (3, 3) with z along a bone (3,) and x as close as possible to a pole direction."""
     z = bone / np.linalg.norm(bone)
     x = pole - (pole @ z) * z
     x /= np.linalg.norm(x)

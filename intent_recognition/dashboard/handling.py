@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who holds which body, from what the topics say: no ROS, no page.
+"""Estimates who holds each body, from what the topics report. No ROS, no page.
 
-Bodies are not tracked. That one is taken or given is concluded from the task and from where the
-robot's hand and the person's wrist are, as `docs/dashboard.md` says; a body without evidence stays
-where it is.
+Bodies are not tracked. The task and the positions of the robot's hand and the person's wrist tell
+when a body is taken or given, as `docs/dashboard.md` describes; without evidence a body stays where
+it is.
 """
 
 from collections import defaultdict
@@ -20,13 +20,14 @@ from intent_recognition.dashboard.scene_file import PERSON, ROBOT, Body
 from intent_recognition.signals import homogeneous
 
 CARRIED_M = 0.12
-"""What is carried less far is not given or laid down [m]; as the simulated gripper has it."""
+"""Shortest distance over which a body is carried [m], as in the simulated gripper; below it the
+body is neither given nor laid down."""
 GLIDE_S = 0.5
-"""Duration of what is drawn where a body changes its place without a measured way [s]."""
+"""Duration of the drawn motion when a body changes its place without a measured path [s]."""
 
 
 class BodyHolder(Enum):
-    """Who holds a body, or where it is."""
+    """Who holds a body, or where it lies."""
 
     PLACE = "place"
     ROBOT = "robot"
@@ -35,14 +36,14 @@ class BodyHolder(Enum):
 
 
 class Rest:
-    """Whether a point rests, within 12 mm for 0.3 s, and since when."""
+    """Detects whether a point rests: within 12 mm for 0.3 s."""
 
     def __init__(self) -> None:
         self._anchor: Floats | None = None
         self._since_s = 0.0
 
     def update(self, point: Floats | None, now_s: float) -> bool:
-        """The newest place (3,) [m], None if it is unknown; returns whether it rests."""
+        """Take the newest position (3,) [m], None if unknown; return whether the point rests."""
         if point is None:
             self._anchor = None
             return False
@@ -53,38 +54,38 @@ class Rest:
 
 @dataclass(frozen=True)
 class HandlingMoment:
-    """What the topics say now."""
+    """What the topics report at one moment."""
 
     now_s: float
     active: str  # task that the robot is executing, "" if none
     begun: str  # task that the person does, as far as is known, "" if none
     hand: Floats | None  # pose of the robot's hand (4, 4), world; None if it is unknown
-    # of the people by name (3,) [m], world; None if it is unknown
+    # wrist position of each person by name (3,) [m], world; None if it is unknown
     wrists: Mapping[str, Floats | None]
-    helped: str = ""  # name of whom the robot helps; empty for nobody, or the only person
+    helped: str = ""  # person whom the robot helps; empty for nobody, or for the only person
 
     @property
     def wrist(self) -> Floats | None:
-        """Of whom the robot helps."""
+        """Wrist of the person whom the robot helps."""
         return self.wrists.get(self.helped)
 
     @property
     def together(self) -> bool:
-        """Whether the robot's hand and the person's wrist are near one another."""
+        """Whether the robot's hand and the person's wrist are close to each other."""
         if self.hand is None or self.wrist is None:
             return False
         return bool(np.linalg.norm(self.hand[:3, 3] - self.wrist) <= 0.4)  # with a body between
 
 
 class Handling:
-    """Where the bodies of a scene are."""
+    """Tracks where the bodies of a scene are."""
 
     def __init__(self, bodies: Sequence[Body]):
         self._followed = {body.name: _Followed(body) for body in bodies}
         self._hand_rest, self._rests = Rest(), defaultdict[str, Rest](Rest)
 
     def update(self, moment: HandlingMoment) -> None:
-        """Look at the newest."""
+        """Update all bodies."""
         hand = None if moment.hand is None else moment.hand[:3, 3]
         hand_rests = self._hand_rest.update(hand, moment.now_s)
         resting = {
@@ -96,7 +97,7 @@ class Handling:
             followed.update(moment, hand_rests, followed.who in resting)
 
     def follows_hand(self, active: str) -> bool:
-        """Whether any body depends on where the robot's hand is, while it does a task."""
+        """Whether any body's place depends on the robot's hand while this task is active."""
         return any(
             active == followed.task or followed.holder is BodyHolder.ROBOT
             for followed in self._followed.values()
@@ -107,19 +108,19 @@ class Handling:
         return self._followed[name].holder
 
     def pose(self, name: str) -> Floats:
-        """Where a body is (4, 4), world."""
+        """Pose of a body (4, 4), world."""
         return self._followed[name].pose
 
 
 class _Followed:
-    """One body, and where it is."""
+    """One body and its holder."""
 
     def __init__(self, body: Body):
         self._body, self.task = body, body.task
         self._laid = body.pose if body.laid is None else with_position(body.pose, body.laid)
-        self.holder, self.who = BodyHolder.PLACE, ""  # who: of people, the last one who held it
+        self.holder, self.who = BodyHolder.PLACE, ""  # who: the person who held it last
         self.pose = body.pose
-        self._local: Floats = np.eye(4)  # in the frame of who holds it
+        self._local: Floats = np.eye(4)  # pose in the holder's frame
         self._glides_from: Floats | None = None
         self._glides_since_s = 0.0
         self._nearest_m, self._came_m = np.inf, 0.0
@@ -127,14 +128,14 @@ class _Followed:
         self._was_active = self._had_begun = False
 
     def update(self, moment: HandlingMoment, hand_rests: bool, wrist_rests: bool) -> None:
-        """Decide who holds it, and put it there."""
+        """Decide who holds the body, and update its pose."""
         active, begun = moment.active == self.task, moment.begun == self.task
         if active and not self._was_active:
             self._nearest_m = np.inf
             self._taken_m = None if moment.hand is None else moment.hand[:3, 3]
         if self.holder is BodyHolder.LAID and (active or begun):
             self._put(BodyHolder.PLACE, moment)
-            self._glides_from = None  # it is the next one
+            self._glides_from = None  # a new body of the same kind appears at once
         if self.holder is BodyHolder.PLACE:
             self._from_place(moment, active, begun and not self._had_begun, hand_rests)
         elif self.holder is BodyHolder.ROBOT:
@@ -154,7 +155,7 @@ class _Followed:
         elif active and moment.hand is not None and self._body.grasp is not None:
             distance = float(np.linalg.norm(moment.hand[:3, 3] - self._body.grasp))
             self._nearest_m = min(self._nearest_m, distance)
-            # more than the noise of joints
+            # 4 mm: more than the noise of the joints
             passed = distance > self._nearest_m + 0.004 or hand_rests
             if passed and self._nearest_m <= 0.06 and distance <= 0.12:
                 self._hold(moment)
@@ -178,20 +179,20 @@ class _Followed:
                 self._put(BodyHolder.LAID, moment)
 
     def _is_away(self, moment: HandlingMoment) -> bool:
-        """Whether the hand has come a way since it took the body, or since the task began."""
+        """Whether the hand has moved since it took the body, or since the task began."""
         if moment.hand is None or self._taken_m is None:
             return False
         return bool(np.linalg.norm(moment.hand[:3, 3] - self._taken_m) > CARRIED_M)
 
     def _hold(self, moment: HandlingMoment) -> None:
-        """The robot takes it as it is, without a jump."""
+        """Let the robot hold the body as it is, without a jump."""
         assert moment.hand is not None
         self.holder, self._glides_from = BodyHolder.ROBOT, None
         self._local = np.asarray(np.linalg.solve(moment.hand, self.pose))
         self._taken_m = moment.hand[:3, 3]
 
     def _put(self, holder: BodyHolder, moment: HandlingMoment) -> None:
-        """Give it to somebody else, or put it down; it glides where that is elsewhere."""
+        """Change the holder or put the body down; the drawn body glides to a different place."""
         self.holder = holder
         self._glides_from, self._glides_since_s = self.pose, moment.now_s
         if holder is BodyHolder.PERSON:
@@ -219,14 +220,14 @@ class _Followed:
 
 
 def with_position(pose: Floats, position: ArrayLike) -> Floats:
-    """A pose (4, 4) turned like another, at a position (3,)."""
+    """Pose (4, 4) with the orientation of another, at a position (3,)."""
     moved = pose.copy()
     moved[:3, 3] = position
     return moved
 
 
 def between(start: Floats, end: Floats, share: float) -> Floats:
-    """A pose (4, 4) on the way between two, smooth at both ends; share 0 to 1."""
+    """Pose (4, 4) between two poses, smooth at both ends; `share` runs from 0 to 1."""
     way = share * share * (3.0 - 2.0 * share)
     turns = Rotation.from_matrix(np.stack((start[:3, :3], end[:3, :3])))
     place = start[:3, 3] + way * (end[:3, 3] - start[:3, 3])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pieces of the page as HTML text: bars, a table of nodes, remarks."""
+"""Pieces of the page as HTML: bars, a table of nodes, remarks."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -24,7 +24,7 @@ from intent_recognition.transfer import Holding
 
 RULE = "#e3e8ee"
 PERSON_COLOURS = ("#2b5163", "#8c3b57", "#4d6a1f", "#5b4a9c", "#7d4b1e", "#1f6e66", INK, "#6a5f6d")
-"""Of people, one after the other: darker than those of tasks."""
+"""Colours of people, in order; darker than the colours of tasks."""
 FORCE_COLOURS = dict(zip((*FORCES, SENSOR), PALETTE, strict=False))
 GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", NONE_COLOUR
 LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
@@ -60,21 +60,21 @@ STYLE = f"""<style>
 .i-item {{grid-template-columns: 1.5em 1fr}}
 .i-item > :first-child {{font-weight: 600}}
 </style>"""
-"""Looks of all pieces; viser's panel for narrow windows is as wide as they are."""
+"""Style sheet of all pieces; in narrow windows it widens viser's panel to the window."""
 STEP_LOOKS = {
     "done": ("&#10003;", GOOD, "400"),
     "forgotten": ("!", BAD, "600"),
     "may come": ("&rarr;", INK, "600"),
 }
-"""Mark, colour and weight of a step of a plan that is not for later."""
+"""Mark, colour and font weight of a plan's step, by its state; `later` has none."""
 MAY_END = frozenset({"bag_player", "bag_recorder", "coworker_sim"})
-"""Nodes that end when their work is done: their silence is no alarm."""
+"""Nodes that end when their work is done, so that their silence is no alarm."""
 
 
 def bars(
     person: PersonState, active: str, colours: Mapping[str, str], fresh: bool, head: str = ""
 ) -> str:
-    """The task posterior as bars, with the phase of each task; grey where it is old."""
+    """The task posterior as bars, with each task's phase; grey if it is old."""
     posterior = person.posterior
     if posterior is None:
         return ""
@@ -100,7 +100,7 @@ def bars(
 
 
 def now_line(state: CellState, colours: Mapping[str, str], people: Mapping[str, str]) -> str:
-    """What the robot does or did not finish, for whom and why; what the simulated coworker does."""
+    """What the robot does or did not finish, for whom and why, and the simulated task."""
     task_chip = lambda task: chip(readable(task), colours.get(task, STALE))  # noqa: E731
     parts = [f"robot: {task_chip(state.active) if state.active else 'waits'}"]
     if state.helped:
@@ -109,7 +109,7 @@ def now_line(state: CellState, colours: Mapping[str, str], people: Mapping[str, 
         task, what = state.unfinished
         parts.append(f"{task_chip(task)} <b style='color:{BAD}'>{escape(what)}</b>")
     why = coworker = ""
-    if state.truth is not None:  # in a row of its own: no tab moves when both have a task
+    if state.truth is not None:  # a row of its own, so that tabs do not move when both have a task
         coworker = f"<br>coworker: {task_chip(state.truth) if state.truth else '-'}"
     if state.helped and (asked := state.asked):
         said = f"{ASKED} when this was decided: {escape(asked)}"
@@ -119,7 +119,7 @@ def now_line(state: CellState, colours: Mapping[str, str], people: Mapping[str, 
 
 
 def plan(of: WorkPlan | None, progress: Mapping[str, str]) -> str:
-    """The steps of an assembly, what became of each, and which ones it waits for."""
+    """The steps of an assembly, the state of each, and the steps it waits for."""
     if of is None:
         return ""
     names, before = of.names, of.before > LIKELY_BEFORE
@@ -138,7 +138,7 @@ def plan(of: WorkPlan | None, progress: Mapping[str, str]) -> str:
 
 
 def transfer(of: TransferState, fresh: bool) -> str:
-    """Who holds the object, and the forces now, in the colours of their curves; grey where old."""
+    """The handover's state and present forces, in their curves' colours; grey if old."""
     told = [f"handover: <b>{escape(of.holding)}</b>"] if of.holding else []
     offered = of.holding in (Holding.OFFERING.value, Holding.RELEASING.value)
     told += [f"the person carries {of.felt[SHARE]:.0%}"] if offered else []
@@ -154,27 +154,27 @@ def transfer(of: TransferState, fresh: bool) -> str:
 
 
 def _in_a_row(parts: Iterable[str]) -> str:
-    """Pieces of HTML beside one another, where there is room."""
+    """Pieces of HTML side by side, as far as there is room."""
     spans = "".join(f"<span>{part}</span>" for part in parts)
     return f'<div class="i-row">{spans}</div>'
 
 
 def nodes_table(nodes: Mapping[str, NodeHealth], now_s: float) -> str:
-    """Every node that ever reported: state, message, rates, latency; silent ones stand out."""
+    """Table of all nodes that have reported: state, message, rates, latency; silent ones in red."""
     if not nodes:
         return remark("No node has reported yet.")
     return _block("".join(_node(name, nodes[name], now_s) for name in sorted(nodes)))
 
 
 def silent_nodes(nodes: Mapping[str, NodeHealth], now_s: float) -> list[str]:
-    """Names of nodes that reported once and are silent now."""
+    """Names of nodes that have reported but are silent now."""
     return sorted(
         name for name, health in nodes.items() if health.silent_s(now_s) > 0.0 and not may_end(name)
     )
 
 
 def may_end(name: str) -> bool:
-    """Whether a node ends by itself; `name` may have a namespace."""
+    """Whether a node may end by itself; `name` may include a namespace."""
     return name.rsplit("/", 1)[-1] in MAY_END
 
 
@@ -184,19 +184,19 @@ def remark(text: str) -> str:
 
 
 def banner(text: str, colour: str = BAD) -> str:
-    """A sentence that must be seen."""
+    """A highlighted sentence."""
     return _block(f'<div class="i-banner" style="background:{colour}">{escape(text)}</div>')
 
 
 def notice(text: str, colour: str = BAD) -> str:
-    """A sentence that must be seen, at the window's corner: the panel's buttons stay in place."""
+    """A highlighted sentence in the window's corner, where it does not move the panel's buttons."""
     return f'<div class="i-notice">{banner(text, colour)}</div>'
 
 
 def steps(lines: Sequence[str], done: int | None = None) -> str:
-    """What to do, numbered; commands between backquotes.
+    """A numbered list of instructions, with commands between backquotes.
 
-    So many as are done are ticked, the next one stands out; None: all are alike.
+    The first `done` steps are ticked and the next one is highlighted; None: all look alike.
     """
     items = []
     for k, line in enumerate(lines):
@@ -210,7 +210,7 @@ def steps(lines: Sequence[str], done: int | None = None) -> str:
 
 
 def ways(title: str, lines: Sequence[str]) -> str:
-    """Why there is nothing to show, and what to do about it, commands below."""
+    """An explanation why there is nothing to show, with the commands that help below."""
     items = "".join(f'<div class="i-way">{_with_code(line)}</div>' for line in lines)
     return _block(f'<div class="i-head">{escape(title)}</div>{items}')
 
@@ -221,7 +221,7 @@ def heading(text: str) -> str:
 
 
 def table(head: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
-    """A small table of texts, which may have several lines."""
+    """A small table of texts, whose cells may have several lines."""
     lines = [("th", head), *(("td", row) for row in rows)]
     cells = ("".join(f"<{kind}>{escape(text)}</{kind}>" for text in line) for kind, line in lines)
     return _block(f"<table>{''.join(f'<tr>{row}</tr>' for row in cells)}</table>")
@@ -258,7 +258,7 @@ def _details(values: Mapping[str, str]) -> str:
 
 
 def _number(text: str, form: str) -> str:
-    """A number in this format, or what came in its place."""
+    """The number in this format, or the text itself if it is not a number."""
     try:
         return format(float(text), form)
     except ValueError:
@@ -266,7 +266,7 @@ def _number(text: str, form: str) -> str:
 
 
 def chip(label: str, colour: str) -> str:
-    """A label in white on a colour."""
+    """A white label on a coloured background."""
     return f'<span class="i-chip" style="background:{colour}">{escape(label)}</span>'
 
 
@@ -276,7 +276,7 @@ def people_colours(names: Iterable[str]) -> dict[str, str]:
 
 
 def _item(mark: str, content: str, colour: str, weight: str) -> str:
-    """A line of a list: a mark, and HTML."""
+    """A list item: a mark followed by HTML."""
     return (
         f'<div class="i-item" style="color:{colour}"><span>{mark}</span>'
         f'<span style="font-weight:{weight}">{content}</span></div>'

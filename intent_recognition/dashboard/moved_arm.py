@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arm that is moved from the page: its joints, and where they have the hand."""
+"""Kinematics of the arm that the page moves."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -18,13 +18,13 @@ from intent_recognition.kinematics import (
 
 
 class MovedArm(NamedTuple):
-    """What is needed of an arm's kinematics.
+    """An arm's kinematics, as far as the page needs them.
 
     Attributes:
-        joint_names: its joints, n of them.
-        hand: where its hand is (3,) [m], world, for joint angles (n,) [rad].
-        posture_at: joint angles (n,) near others (n,) that have the hand at a position (3,); raises
-            KinematicsError where there are none.
+        joint_names: names of the n joints.
+        hand: forward kinematics: position of the hand (3,) [m], world, at joint angles (n,) [rad].
+        posture_at: inverse kinematics: joint angles (n,), near given ones (n,), with the hand at a
+            position (3,); raises KinematicsError if there are none.
     """
 
     joint_names: tuple[str, ...]
@@ -34,16 +34,16 @@ class MovedArm(NamedTuple):
 
 
 LWR = MovedArm(JOINT_NAMES, hand_position, reach_position, LWR_LIMITS)
-"""The LWR, which needs no description."""
+"""The LWR, which needs no URDF."""
 
 
 class ArmFinder:
-    """Finds the arm of a cell: an LWR by its joints, another by `robot_description`.
+    """Finds the arm of a cell: an LWR by its joint names, others by `robot_description`.
 
     Without `hand_link` the hand is the last link before the tree branches.
 
     Attributes:
-        problem: why the arm on `robot_description` cannot be moved, empty if it can.
+        problem: why the arm in `robot_description` cannot be moved; empty if it can.
     """
 
     def __init__(self, hand_link: str = ""):
@@ -53,7 +53,7 @@ class ArmFinder:
         self.problem = ""
 
     def find(self, state: CellState) -> MovedArm | None:
-        """The arm whose joint states are there; None without one."""
+        """The arm whose joint states are received; None without one."""
         if all(name in state.joints for name in JOINT_NAMES):
             return LWR
         if state.description != self._description:
@@ -68,10 +68,10 @@ class ArmFinder:
 
 
 def describe_arm(description: str, hand_link: str = "") -> MovedArm:
-    """An arm by its URDF; it is drawn to the posture that it has.
+    """Kinematics of an arm from its URDF; the inverse prefers postures close to the present one.
 
     Raises:
-        ArgumentError: it cannot be used.
+        ArgumentError: the URDF cannot be used.
     """
     arm = arm_in_world(description, hand_link)
     return MovedArm(

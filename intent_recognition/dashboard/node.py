@@ -31,11 +31,11 @@ from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.share import share_path
 
 NEVER_PLAYED = ("joint_trajectory", "clock", "diagnostics", "rosout")
-"""A replay shows; it must not move a robot that is there."""
+"""Topics that a replay does not publish: it must not move a robot that is connected."""
 
 
 class Dashboard(Node):
-    """Serves the page and keeps it up to date."""
+    """Node that serves the page and keeps it up to date."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("dashboard", **kwargs)
@@ -92,7 +92,7 @@ class Dashboard(Node):
         return list(islice(filter(_is_model, found), 50))
 
     def _play(self, bag: Path, offset_s: float, rate: float) -> BagPlayer:
-        """Play what nobody else publishes, stamped with the present; the first person's body."""
+        """Play the topics that nobody else publishes, restamped; a body as the first person's."""
         stored = [topic.lstrip("/") for topic in BagReader(bag, tolerant=True).topics]
         topics = self.state.pose_topics(self._body)
         heard = {topic: topic for topic in stored} | {topics[0]: topics[-1]}
@@ -129,13 +129,13 @@ class Dashboard(Node):
 
 
 def shipped_bags() -> list[Path]:
-    """The shipped recordings, first those that the demo's model fits and was not learned from."""
+    """Shipped recordings, first those that the demo's model fits but was not learned from."""
     bags = share_path("bags")
     return sorted(find_bags(bags), key=lambda bag: not bag.is_relative_to(bags / "toolbox/test"))
 
 
 def _is_model(path: Path) -> bool:
-    """Whether a file, which may be gone, is a model."""
+    """Whether a path is a model file; False if it is gone."""
     try:
         return _was_model(path, path.stat().st_mtime_ns)
     except OSError:
@@ -144,7 +144,7 @@ def _is_model(path: Path) -> bool:
 
 @lru_cache(maxsize=1000)
 def _was_model(path: Path, changed_ns: int) -> bool:
-    """Whether a file is a model, looked at once for each of its versions."""
+    """Whether a file is a model, cached for each version of the file."""
     try:
         load_model(path)
     except IntentError:

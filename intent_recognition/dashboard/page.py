@@ -32,16 +32,16 @@ TITLE = "intent recognition"
 class DashboardPage:
     """Shows a cell and passes on what is pressed; call `update` at the rate of the page.
 
-    Callbacks of the page run in its threads; what they ask for is done in `update`, which the
-    graph's thread calls. Without `hand_link` the hand is the link that most joints move; `light` is
-    as of `welcome`.
+    Callbacks run in the page's threads; `update`, called by the graph's thread, carries out what
+    they ask for. Without `hand_link` the hand is the link with the most joints above it; `welcome`
+    describes `light`.
 
     Attributes:
-        address: what its operator opens; it carries the token.
+        address: address that the operator opens, with the token.
 
     Raises:
         ResourceBusyError: the port is taken.
-        ArgumentError: the token of the environment cannot be used.
+        ArgumentError: the token in the environment variable cannot be used.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class DashboardPage:
             control_width="large",
             show_logo=False,
             show_share_button=False,
-            brand_color=(72, 104, 130),  # a slate that no task has
+            brand_color=(72, 104, 130),  # a slate that is no task's colour
         )
         gui.set_panel_label(TITLE)
         gui.add_html(markup.STYLE)
@@ -118,7 +118,7 @@ class DashboardPage:
             self._nodes = gui.add_html("")
 
     def show_message(self, ok: bool, text: str) -> None:
-        """Notify what happened, for a few seconds; what went wrong stands out."""
+        """Show a notification for a few seconds; failures stand out."""
         if not text:
             return
         colour = INK if ok else markup.WARNING
@@ -127,15 +127,15 @@ class DashboardPage:
         self._message_until_s = self._clock() + 6.0
 
     def update(self) -> None:
-        """Do what was asked for, and show the newest."""
+        """Carry out what was asked for, and show the newest state."""
         with self._asking:
             asked, self._asked = self._asked, {}
         for action in asked:
             try:
                 action()
             except (IntentError, LookupError, ValueError, TypeError, ArithmeticError) as error:
-                self.show_message(False, one_line(error))  # a browser may send what makes no sense
-        with self._server.atomic():  # one transmission: each costs more than what is in it
+                self.show_message(False, one_line(error))  # a browser may send nonsense
+        with self._server.atomic():  # one transmission: each has a fixed cost
             self._show()
 
     def _show(self) -> None:
@@ -162,20 +162,20 @@ class DashboardPage:
         self._server.stop()
 
     def _ask(self, action: Callable[[], None]) -> None:
-        """Have something done at the next update: once, however often it is asked for till then."""
+        """Queue an action for the next update; repeated requests until then count once."""
         with self._asking:
             self._asked[action] = None
-            if len(self._asked) > 200:  # a second of drags
+            if len(self._asked) > 200:  # about a second of drags
                 del self._asked[next(iter(self._asked))]
 
     def _lighten(self) -> None:
-        self._scene.lighten()  # asked for by browsers that may come before there is a scene
+        self._scene.lighten()  # browsers may come before there is a scene
 
     def _shade(self) -> None:
         self._scene.shade()
 
     def _choose_colours(self) -> None:
-        """One colour per task, the same as in the reports; a task of the model keeps it."""
+        """One colour per task, as in the reports; a task of the model keeps its colour."""
         people = self._state.people.values()
         labels = next((person.posterior.labels for person in people if person.posterior), ())
         seen = (*labels, self._state.truth or "", self._state.active)

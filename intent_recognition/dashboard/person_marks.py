@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is measured and expected of a person in the scene: wrist, paths, tube, task."""
+"""Marks of a person in the scene: wrist, measured and predicted path, tube, task."""
 
 from collections.abc import Mapping
 
@@ -14,11 +14,11 @@ from intent_recognition.report import NONE_COLOUR, readable
 
 NOTHING = np.zeros((0, 3))
 GREY = rgb(NONE_COLOUR)
-"""Of what is old."""
+"""Colour of old values."""
 
 
 class Lines:
-    """Paths below a node of the scene, made when there is something to draw."""
+    """Paths below a node of the scene, created when first drawn."""
 
     def __init__(self, server: viser.ViserServer, root: str = ""):
         self._scene, self._root = server.scene, root
@@ -39,13 +39,13 @@ class Lines:
             )
             return
         handle.points = pairs
-        # Of the whole line: those of points come out paler.
+        # One colour for the whole line: colours per point come out paler.
         handle.colors = np.array(colour, dtype=np.uint8)
         handle.visible = True
 
 
 class PersonMarks:
-    """Draws a `PersonState`; the only person has no name, and no label."""
+    """Draws a `PersonState`; the only person has neither name nor label."""
 
     def __init__(self, server: viser.ViserServer, name: str, colour: Colour):
         self._scene, self._name, self._colour = server.scene, name, colour
@@ -61,7 +61,7 @@ class PersonMarks:
         self._label = scene.add_label(f"{root}/task", "", visible=False, anchor="bottom-center")
 
     def update(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
-        """Draw the newest; somebody with a name who is not seen any more is not drawn."""
+        """Draw the newest state; hide a named person who is no longer seen."""
         person = state.people[self._name]
         if person.wrist is not None:
             fresh = state.fresh(person.wrist_at_s, now_s)
@@ -72,7 +72,7 @@ class PersonMarks:
         best = person.posterior.best if person.posterior is not None else ""
         colour = rgb(colours.get(best, NONE_COLOUR))
         known = best != NONE and state.fresh(person.drawn_at_s, now_s, STALE_S)
-        shown = person.drawn if known else None  # the tube of none is metres wide
+        shown = person.drawn if known else None  # an unknown movement's is metres wide
         path = NOTHING if shown is None else shown.predicted
         self._lines.draw("predicted", path, colour)
         self._draw_tube(NOTHING if shown is None else shown.tube, colour)
@@ -82,7 +82,7 @@ class PersonMarks:
             self._label.text = readable(best)
 
     def remove(self) -> None:
-        """Draw nothing of somebody with a name any more."""
+        """Remove the marks of a named person."""
         if self._frame is not None:
             self._frame.remove()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A person on the page: a figure whose wrist is the measured one."""
+"""Figure of a person on the page, posed to the measured wrist."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,16 +14,16 @@ from intent_recognition.dashboard.things_view import Colour, quaternions
 
 ROOT = "/person"
 FIGURE_GREY = (158, 160, 163)
-"""Red, green and blue of a figure of nobody in particular, 0 to 255. Convention: no skin's."""
+"""Default colour of a figure, red, green and blue from 0 to 255: no skin colour."""
 UPPER_ARM_FRAME = "/upper_body/upper_arm"
 FOREARM_FRAME = f"{UPPER_ARM_FRAME}/forearm"
 MOVED_M = 1e-3
-"""What is drawn follows what has moved farther [m]: each move is sent to all browsers. Convention:
-noise of a tracker at rest."""
+"""Shortest move of the wrist that is drawn [m], above a tracker's noise at rest: each drawn move is
+sent to all browsers."""
 Ball = tuple[float, float, float, float]
-"""Middle and radius, as shares of the body's height."""
+"""Centre (x, y, z) and radius, as fractions of the body's height."""
 
-# Forward, left and up from the middle between the hips; a pair stands for both sides.
+# Axes forward, left and up from the middle of the hips; paired parts are listed once, for the left.
 CHEST: tuple[Ball, ...] = (
     (-0.006, 0.108, 0.276, 0.034),
     (0.004, 0.062, 0.235, 0.05),
@@ -49,21 +49,21 @@ OTHER_ARM: tuple[tuple[Ball, ...], ...] = (
     ((0.037, 0.147, -0.045, 0.018), (0.058, 0.142, -0.095, 0.014)),
 )
 UPPER_ARM_BALLS, FOREARM_BALLS = (0.031, 0.023), (0.023, 0.0165)
-"""Radii at both ends, as shares of the body's height."""
+"""Radii at the start and end of each bone, as fractions of the body's height."""
 HAND: tuple[Ball, ...] = (
     (0.0, 0.0, 0.004, 0.0155),
     (0.0, 0.013, 0.034, 0.0145),
     (0.0, -0.013, 0.034, 0.0145),
     (0.004, 0.0, 0.052, 0.011),
 )
-"""A loose fist, along the forearm from the wrist."""
+"""A loose fist: balls along the forearm, from the wrist."""
 
 
 class PersonView:
-    """Draws the figure of a person, below a node of the scene; without a wrist there is none.
+    """Draws the figure of a person below a node of the scene; hidden until the first wrist.
 
-    The frames of the bones hang on one another, so that a posture is sent as two rotations, and
-    one more where the figure leans.
+    The frames of the bones form a chain, so that a posture is sent as two rotations, plus one
+    where the figure leans.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class PersonView:
         self._build()
 
     def update(self, wrist: Floats) -> None:
-        """Let the figure's wrist be at a point (3,) [m], if it is not there already."""
+        """Pose the figure with its wrist at a point (3,) [m], unless it is there already."""
         if np.abs(wrist - self._wrist).max() <= MOVED_M:
             return
         self._wrist = wrist
@@ -102,7 +102,7 @@ class PersonView:
         self._root.visible = True
 
     def remove(self) -> None:
-        """Draw it no longer."""
+        """Remove the figure."""
         self._root.remove()
 
     def _frame(self, name: str, **options: Any) -> viser.FrameHandle:
@@ -132,12 +132,12 @@ class PersonView:
 
 
 def on_sides(balls: Sequence[Ball], *sides: float) -> list[Ball]:
-    """Balls on the left side (1), the right one (-1) or both."""
+    """Balls on the left side (1), the right side (-1) or both."""
     return [(x, side * y, z, radius) for x, y, z, radius in balls for side in sides]
 
 
 def around(balls: Floats) -> trimesh.Trimesh:
-    """The convex hull of balls (n, 4): middles and radii."""
+    """Convex hull of balls (n, 4): centres and radii."""
     sphere = trimesh.creation.icosphere(subdivisions=2).vertices
     points = balls[:, None, :3] + balls[:, None, 3:] * sphere
     return trimesh.Trimesh(points.reshape(-1, 3)).convex_hull

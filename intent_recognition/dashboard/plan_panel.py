@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far an assembly is, and its plan changed from the page: order, what is needed, undo, save."""
+"""Progress of an assembly, and controls to change, undo and save its plan."""
 
 from collections import deque
 from collections.abc import Callable
@@ -25,9 +25,9 @@ MUST, NEED_NOT = "Must wait", "Need not"
 
 
 class PlanPanel:
-    """A folder that is there where there is a plan.
+    """A folder of controls, visible while there is a plan.
 
-    The node that holds the plan checks each change: it is the parameter `plan` that is set.
+    Changes are sent as the parameter `plan` of the node that holds the plan, which checks them.
     """
 
     def __init__(self, page: PageAccess):
@@ -53,7 +53,7 @@ class PlanPanel:
         page.on_click(self._save, partial(page.commands.trigger, SAVE))
 
     def update(self, state: CellState) -> None:
-        """Show the plan in force, and how far it is."""
+        """Show the plan in force and its progress."""
         self._list.content = markup.plan(state.plan, state.progress)
         if state.plan == self._plan:
             return
@@ -67,7 +67,7 @@ class PlanPanel:
                 set_value(field, chosen if chosen in names else at_first)
 
     def update_controls(self) -> None:
-        """Disable what nobody could do."""
+        """Disable the controls that have no effect now."""
         self._undo.disabled = not self._before
         self._save.disabled = not self._commands.offers(SAVE)
 
@@ -94,7 +94,7 @@ class PlanPanel:
             self._set_plan(self._before[-1], done)
 
     def _send(self, plan: WorkPlan) -> None:
-        """Put a changed plan in force; the one of now can be taken back then."""
+        """Put a changed plan in force; the present plan can then be restored."""
         before = self._plan
 
         def done(ok: bool, why: str) -> None:

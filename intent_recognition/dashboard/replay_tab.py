@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Choose a recording and play it into the graph, from any point on, at any rate."""
+"""Tab to play a recording into the graph, from any point and at any rate."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -22,7 +22,7 @@ Play = Callable[[Path, float, float], BagPlayer]
 
 
 class ReplayTab:
-    """Plays recordings to the nodes that run."""
+    """Plays recordings to the running nodes."""
 
     def __init__(
         self, page: PageAccess, bags: Sequence[Path], play: Play, stop: Callable[[BagPlayer], None]
@@ -48,7 +48,7 @@ class ReplayTab:
             self._describe()
 
     def update(self) -> None:
-        """Show how far it is; end what is over."""
+        """Show the position in the recording; stop the player at its end."""
         present = self._commands.offers(f"{ESTIMATOR}/reset") or not self._bags
         self._hint.content = "" if present else markup.ways(SHOWN_ONLY, START_ESTIMATOR)
         player = self._player
@@ -73,7 +73,7 @@ class ReplayTab:
         self._describe()
 
     def _describe(self) -> None:
-        """Notify what the chosen recording is, and how long."""
+        """Show the task, length and topics of the chosen recording."""
         try:
             found = read_metadata(self._bags[self._bag.value])
         except BagError as error:
@@ -101,7 +101,7 @@ class ReplayTab:
         self._commands.notify(True, f"playing {self._bag.value}")
 
     def close(self) -> None:
-        """End what is being played."""
+        """Stop the recording being played."""
         if self._player is None:
             return
         self._stop(self._player)

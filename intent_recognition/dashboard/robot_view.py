@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arm on the page, from the URDF on `robot_description`."""
+"""The arm in the scene, from the URDF on `robot_description`."""
 
 import io
 import re
@@ -24,20 +24,20 @@ from intent_recognition.untrusted import LARGEST
 ROOT = "/robot"
 TURNING, SHIFTING = ("revolute", "continuous"), ("prismatic",)
 MOST_JOINTS = 300
-"""Joints of a description. Convention: a humanoid with two hands has 80."""
+"""Largest number of joints in a description; a humanoid with two hands has 80."""
 
 
 class RobotView:
     """The robot of one URDF.
 
     Args:
-        server: the page.
-        description: text of the URDF; it must use only what yourdfpy knows (no capsules).
-        hand_link: the link that is the hand; empty, or one that the URDF has not: the link that
-            most joints move.
+        server: server of the page.
+        description: text of the URDF, limited to what yourdfpy supports (no capsules).
+        hand_link: name of the hand's link; if it is empty or not in the URDF, the link with the
+            most joints above it.
 
     Raises:
-        Exception: of any kind: what yourdfpy, lxml and trimesh raise is no part of their contract.
+        Exception: any kind; yourdfpy, lxml and trimesh do not document what they raise.
     """
 
     def __init__(self, server: viser.ViserServer, description: str, hand_link: str = ""):
@@ -57,14 +57,14 @@ class RobotView:
             self._shown, self._hand = q, None
 
     def hand_pose(self) -> Floats | None:
-        """Where the hand is (4, 4), as the arm is shown; None before it was moved."""
+        """Pose of the hand (4, 4) as drawn; None before the first update."""
         if self._hand is None and self._shown is not None:
             values = joint_values(self._chain, self._joints, self._shown[None])[0]
             self._hand = tip_poses(self._poses, values)
         return self._hand
 
     def hand_path(self, joints: Sequence[str], positions: Floats) -> Floats:
-        """Positions of the hand (T', 3) [m] along a trajectory (T, d) of joints [rad] or of it."""
+        """Positions of the hand (T', 3) [m] along a trajectory (T, d) of joints [rad] or hand."""
         chosen = np.unique(np.linspace(0, len(positions) - 1, 32).round().astype(int))
         if is_hand(joints):
             return positions[chosen, :3]
@@ -76,7 +76,7 @@ def load_urdf(description: str) -> yourdfpy.URDF:
     """Read a URDF that is small enough to be drawn.
 
     Raises:
-        ArgumentError: it has too many joints, or numbers that cannot be drawn.
+        ArgumentError: the URDF has too many joints, or numbers that cannot be drawn.
         Exception: yourdfpy cannot read it.
     """
     expected, cure = f"at most {MOST_JOINTS} joints", "Publish a simpler description."
@@ -94,7 +94,7 @@ def load_urdf(description: str) -> yourdfpy.URDF:
 
 
 def _paint(shape: Any) -> None:
-    """Give a shape of one colour a material: glTF takes what has none for metal, which is black."""
+    """Give a plain shape a material: glTF draws shapes without one as black metal."""
     colours = getattr(shape.visual, "face_colors", None)
     if colours is not None and len(colours) and np.all(colours == colours[0]):
         blend = {"alphaMode": "BLEND"} if colours[0][3] < 255 else {}
@@ -103,13 +103,13 @@ def _paint(shape: Any) -> None:
 
 
 def _mesh_file(fname: str) -> str:
-    """Where a mesh is, as yourdfpy looks for it; nowhere if it is too large."""
+    """Path of a mesh as yourdfpy resolves it; empty if it is missing or too large."""
     path = yourdfpy.urdf.filename_handler_magic(fname, dir="")
     return path if Path(path).is_file() and Path(path).stat().st_size <= 50_000_000 else ""
 
 
 class _MovingUrdf(ViserUrdf):
-    """A URDF in the scene that is updated 25 times a second: only what moves is sent."""
+    """A URDF in the scene that is updated 25 times a second and sends only the joints that move."""
 
     def __init__(self, server: viser.ViserServer, urdf: yourdfpy.URDF, **options: Any) -> None:
         super().__init__(server, urdf, **options)
@@ -118,7 +118,7 @@ class _MovingUrdf(ViserUrdf):
         self.update_cfg(np.zeros(len(urdf.actuated_joint_names)))  # fixed joints, once
 
     def move(self, names: Sequence[str], positions: Floats) -> None:
-        """Turn and shift the joints of these names (d,), [rad or m]."""
+        """Move the named joints to positions (d,) [rad or m]."""
         values = joint_values(self._all, names, positions[None])[0]
         poses = joint_poses(self._local, values)
         wxyz = np.roll(Rotation.from_matrix(poses[:, :3, :3]).as_quat(), 1, axis=1)
@@ -132,7 +132,7 @@ class _MovingUrdf(ViserUrdf):
 def joint_values(
     chain: Sequence[yourdfpy.Joint], names: Sequence[str], positions: Floats
 ) -> Floats:
-    """Values of a chain's joints (T, n), from those of named joints (T, d); zero where unnamed."""
+    """Values of a chain's joints (T, n), from those of named joints (T, d); zero if not named."""
     values = np.zeros((len(positions), len(chain)))
     for k, joint in enumerate(chain):
         copied = joint.mimic
@@ -145,19 +145,19 @@ def joint_values(
 
 
 def chain_of(joints: Sequence[yourdfpy.Joint]) -> Chain:
-    """Joints of a URDF, one the child of the other, as numbers."""
+    """Kinematics of a serial chain of URDF joints, as arrays."""
     none = np.zeros(3)
     origins = [np.eye(4) if joint.origin is None else joint.origin for joint in joints]
     turns = [joint.axis if joint.type in TURNING else none for joint in joints]
     shifts = [joint.axis if joint.type in SHIFTING else none for joint in joints]
-    n = len(joints)  # which may be 0
+    n = len(joints)  # may be 0
     return Chain(
         np.reshape(origins, (n, 4, 4)), np.reshape(turns, (n, 3)), np.reshape(shifts, (n, 3))
     )
 
 
 def chain_to(urdf: yourdfpy.URDF, link: str = "") -> tuple[yourdfpy.Joint, ...]:
-    """The joints from the base to a link, by default or if there is none such to the last one."""
+    """Joints from the base to a link; without such a link, the longest chain."""
     above = {joint.child: joint for joint in urdf.joint_map.values()}
 
     def chain(link: str) -> tuple[yourdfpy.Joint, ...]:
@@ -168,7 +168,7 @@ def chain_to(urdf: yourdfpy.URDF, link: str = "") -> tuple[yourdfpy.Joint, ...]:
 
 
 def greyed(description: str) -> str:
-    """A URDF whose materials are grey, what was colourful a little lighter."""
+    """The URDF with all materials grey; strong colours become slightly lighter."""
 
     def grey(found: re.Match) -> str:
         try:

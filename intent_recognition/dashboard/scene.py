@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The cell in three dimensions: arm, people, things, and where the hand is expected to go."""
+"""The cell in 3D: arm, people, things and the predicted path of the hand."""
 
 from collections.abc import Callable, Mapping
 from typing import TypeVar
@@ -26,15 +26,15 @@ from intent_recognition.report import INK, NONE_COLOUR
 
 Result = TypeVar("Result")
 DARK = rgb(INK)
-"""Of the only person's wrist, and of what has no task."""
+"""Colour of the only person's wrist, and of things without a task."""
 
 
 class PageScene:
-    """Draws a `CellState`; `update` is cheap where nothing has changed.
+    """Draws a `CellState`; `update` sends only what has changed.
 
     Attributes:
-        robot: the arm, once its description was received and could be read.
-        hand_path: task and positions (T, 3) [m] of the path predicted last; None before the first.
+        robot: the arm; None until its description is received and can be drawn.
+        hand_path: task and positions (T, 3) [m] of the last predicted path; None before it.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class PageScene:
             self._figures[""] = PersonView(server, self._stances[""])
 
     def lighten(self) -> None:
-        """Draw no shadows any more, no light of the environment and no plane: all are slow."""
+        """Do without shadows, environment light and a solid floor, all of which draw slowly."""
         if self._light:
             return
         self._light = True
@@ -80,10 +80,10 @@ class PageScene:
     def update(
         self, state: CellState, colours: Mapping[str, str], people: Mapping[str, str], now_s: float
     ) -> str:
-        """Draw the newest, in the colours of tasks and people.
+        """Draw the newest state, in the colours of tasks and people.
 
         Returns:
-            What is wrong with the robot's description, empty if nothing.
+            Problem with the robot's description, empty if there is none.
         """
         self._guarded(lambda: self._update_robot(state))
         bare = self.robot is None and not self._problem
@@ -115,10 +115,10 @@ class PageScene:
             self._figures[name].update(person.wrist)
 
     def _guarded(self, of_robot: Callable[[], Result]) -> Result | None:
-        """What is asked of the robot; None of one that cannot be drawn, which is dropped."""
+        """Call a function of the robot; drop a robot that cannot be drawn and return None."""
         try:
             return of_robot()
-        except Exception as error:  # whatever the parsers of XML and meshes raise, or made of it
+        except Exception as error:  # XML and mesh parsers raise anything
             self._server.scene.remove_by_name(ROOT)
             self.robot = None
             self._problem = f"robot_description cannot be drawn: {one_line(error)}"
@@ -126,7 +126,7 @@ class PageScene:
 
     def _prepare(self) -> None:
         scene = self._server.scene
-        # before all that is drawn, for which a slow browser would compile shaders with shadows
+        # First: a slow browser would compile shaders with shadows for all that is drawn before.
         scene.configure_default_lights(cast_shadow=False)
         scene.set_up_direction("+z")
         scene.add_grid(
@@ -164,7 +164,7 @@ class PageScene:
         hand = None
         if self.robot is not None and self._things.handling.follows_hand(state.active):
             hand = self._guarded(self.robot.hand_pose)
-        self._helped = state.helped or self._helped  # told no more when the task ends
+        self._helped = state.helped or self._helped  # no longer published after the task
         wrists = {name: person.wrist for name, person in state.people.items()}
         moment = HandlingMoment(now_s, state.active, state.begun, hand, wrists, self._helped)
         self._things.update(moment, colours)
@@ -188,7 +188,7 @@ class PageScene:
 
 
 def _skeleton(joints: Mapping[str, float]) -> Floats:
-    """The points (8, 3) [m] where the axes of an LWR without description meet; none for others."""
+    """The points (8, 3) [m] where an LWR's axes meet, drawn without a URDF; none for other arms."""
     if not all(name in joints for name in JOINT_NAMES):
         return NOTHING
     poses = frame_poses(np.array([joints[name] for name in JOINT_NAMES]))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands in a cell, from a YAML file: furniture, bodies that are handed over, and the person.
+"""Reads the contents of a cell from a YAML file: furniture, bodies that are handed over, people.
 
-A page knows no more of a cell than this file and the topics say. docs/dashboard.md has the keys.
+The page knows the cell only from this file and the topics. docs/dashboard.md lists the keys.
 """
 
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ from intent_recognition.signals import homogeneous
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
 LARGEST_M = 100.0
-"""Farthest place and longest edge [m]. Convention: a mistake in the unit is farther."""
+"""Farthest position and longest edge [m]; larger values are mistakes in the unit."""
 Coordinate = Annotated[float, Meta(ge=-LARGEST_M, le=LARGEST_M)]
 Size = Annotated[float, Meta(gt=0.0, le=LARGEST_M)]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
@@ -35,24 +35,24 @@ T = TypeVar("T")
 
 
 class Placed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, dict=True):
-    """Something with a place: xyz [m], and rpy [rad] about the fixed axes x, y and z."""
+    """A pose in the file: xyz [m], and rpy [rad] about the fixed axes x, y and z."""
 
     xyz: Vector = (0.0, 0.0, 0.0)
     rpy: Vector = (0.0, 0.0, 0.0)
 
     @cached_property
     def pose(self) -> Floats:
-        """As in a URDF (4, 4)."""
+        """Pose (4, 4) with the conventions of a URDF."""
         return homogeneous(Rotation.from_euler("xyz", self.rpy).as_matrix(), self.xyz)
 
 
 class ScenePart(Placed, frozen=True):
-    """A shape with a colour, placed in the frame of its thing; a cylinder lies along z."""
+    """A coloured shape, placed in its thing's frame; a cylinder lies along z."""
 
-    box: tuple[Size, Size, Size] | None = None  # its edges [m]
-    cylinder: tuple[Size, Size] | None = None  # its radius and length [m]
-    sphere: Size | None = None  # its radius [m]; of the three there is one
-    # #rrggbb; empty: that of the thing's task
+    box: tuple[Size, Size, Size] | None = None  # edge lengths [m]
+    cylinder: tuple[Size, Size] | None = None  # radius and length [m]
+    sphere: Size | None = None  # radius [m]; exactly one of the three shapes is given
+    # #rrggbb; if empty, the colour of the thing's task
     colour: Annotated[str, Meta(pattern=r"^#[0-9a-fA-F]{6}\Z")] = ""
 
     def __post_init__(self) -> None:
@@ -61,20 +61,20 @@ class ScenePart(Placed, frozen=True):
 
 
 class Thing(Placed, frozen=True):
-    """Something that stays where it is, in the world."""
+    """A fixed thing, placed in the world."""
 
     name: Annotated[str, Meta(pattern=r"^\w+\Z")]  # one word, unique in the scene
     parts: Annotated[tuple[ScenePart, ...], Meta(min_length=1, max_length=MOST_NAMES)]
 
 
 class Body(Thing, frozen=True):
-    """Something that is taken and given in a task, and whose place is `pose` before.
+    """A thing that is handed over in a task; `pose` is its place before.
 
     Attributes:
-        brought_by: `robot` fetches it for the person, or `person` for the robot.
-        grasp: where the robot's hand is when it takes it from its place [m], world.
-        in_hand: its middle from the wrist of a person who brings it [m], world axes.
-        laid: where a person puts it down [m], world; None: back to its place.
+        brought_by: `robot` if the robot fetches it for the person, `person` for the reverse.
+        grasp: position of the robot's hand when it grasps the body in its place [m], world.
+        in_hand: centre relative to the wrist of the person who brings it [m], world axes.
+        laid: position where a person puts it down [m], world; None: back in its place.
     """
 
     task: Annotated[str, Meta(min_length=1)]
@@ -91,15 +91,15 @@ class Body(Thing, frozen=True):
 
 @dataclass(frozen=True)
 class CellScene:
-    """All that the file says."""
+    """Contents of a scene file."""
 
     floor_m: float = 0.0  # height of the floor in the world
-    person: Stance | None = None  # where the only person stands; None: no figure is drawn
-    furniture: tuple[Thing, ...] = ()  # what never moves
-    bodies: tuple[Body, ...] = ()  # what is taken and given
-    # where the camera is at first, and what it looks at, (3,) [m] each
+    person: Stance | None = None  # stance of the only person; None: no figure is drawn
+    furniture: tuple[Thing, ...] = ()  # things that never move
+    bodies: tuple[Body, ...] = ()  # things that are handed over
+    # initial position and target of the camera, (3,) [m] each
     view: tuple[Vector, Vector] = ((1.72, -1.38, 1.05), (0.48, 0.0, 0.33))
-    people: Mapping[str, Stance] = field(default_factory=dict)  # where others stand, by name
+    people: Mapping[str, Stance] = field(default_factory=dict)  # stances of named people
 
 
 class _Person(Struct, forbid_unknown_fields=True):
@@ -117,7 +117,7 @@ class _Person(Struct, forbid_unknown_fields=True):
 class _SceneFile(Struct, forbid_unknown_fields=True):
     floor: Coordinate = 0.0
     person: _Person | None = None
-    people: dict[str, object] = {}  # each a `_Person`: msgspec does not name the key at fault
+    people: dict[str, object] = {}  # each a `_Person`, checked singly: errors then name the key
     furniture: Annotated[tuple[Thing, ...], Meta(max_length=MOST_NAMES)] = ()
     bodies: Annotated[tuple[Body, ...], Meta(max_length=MOST_NAMES)] = ()
     view: tuple[Vector, Vector] = CellScene.view
@@ -129,10 +129,10 @@ class _SceneFile(Struct, forbid_unknown_fields=True):
 
 
 def load_scene(path: str | Path) -> CellScene:
-    """Read a scene from a YAML file, or a shipped one by its name, such as `toolbox`.
+    """Read a scene from a YAML file, or a shipped scene by name, such as `toolbox`.
 
     Raises:
-        ArgumentError: it is missing, no YAML or malformed; names the place in the file.
+        ArgumentError: the file is missing, not YAML or malformed; names the place in the file.
     """
     source = _source(path)
     found = _checked(_content(source), _SceneFile, source)
@@ -152,7 +152,7 @@ def load_scene(path: str | Path) -> CellScene:
 
 
 def _checked(content: object, kind: type[T], source: Path, within: str = "") -> T:
-    """What a part of the file says, or where in the file it is malformed."""
+    """Convert a part of the file; errors name the place in the file."""
     try:
         return msgspec.convert(content, kind)
     except msgspec.ValidationError as error:
@@ -163,7 +163,7 @@ def _checked(content: object, kind: type[T], source: Path, within: str = "") -> 
 
 
 def _source(path: str | Path) -> Path:
-    """The file of a path, or of a shipped scene's name."""
+    """The file at a path, or of a shipped scene by name."""
     source = Path(path)
     if source.name == str(path) and not source.suffix and not source.exists():
         names = [found.stem for found in sorted(share_path(SHIPPED).glob("*.yaml"))]
@@ -175,7 +175,7 @@ def _source(path: str | Path) -> Path:
 
 
 def _content(source: Path) -> object:
-    """What a file holds; with `like`, beside what that scene, which is like no other, has."""
+    """Content of a file, merged into the scene that its key `like` names, if any."""
     content = _yaml(source)
     if not isinstance(content, dict) or "like" not in content:
         return content

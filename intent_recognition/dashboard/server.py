@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """viser's server behind an `Admission`.
 
-viser 1.1 takes no check of its own for requests or messages. It serves with
-`websockets.asyncio.server.serve`, which has documented places for them (`process_request`,
-`process_response`, `create_connection`): `serve_page` fills them while viser starts, and refuses
-to go on if viser did not come that way.
+viser 1.1 has no hooks to check requests or messages. It serves with
+`websockets.asyncio.server.serve`, which documents such hooks (`process_request`,
+`process_response`, `create_connection`): `serve_page` fills them in while viser starts, and raises
+an error if viser did not call that function.
 """
 
 import asyncio
@@ -41,25 +41,25 @@ from intent_recognition.dashboard.welcome import AUTO, LIGHT, NEVER, PLAIN, TOLD
 from intent_recognition.errors import ResourceBusyError, one_line
 
 MOST_CLIENTS, MOST_SOCKETS = 8, 64
-"""Browsers that have the page open at once, and connections, admitted or not. Convention: a browser
+"""Largest number of browsers with the page open, and of connections, admitted or not; a browser
 opens six."""
 SEND_S = 10.0
-"""A browser that takes nothing for so long is cut off [s]. Convention."""
+"""Time after which a browser that reads nothing is disconnected [s]."""
 LARGEST_MESSAGE = 2**16
-"""Bytes of a message from a browser. Convention: it sends where a handle is."""
+"""Largest message from a browser [bytes]; it sends handle poses and control values."""
 WINDOW = 32
-"""Messages that viser packs into one transmission, which is what a slow browser holds in memory.
-Convention: an update of the page has fewer."""
+"""Number of messages that viser packs into one transmission, which bounds the memory held for a
+slow browser; an update of the page has fewer."""
 CLIENT = Path(viser.__file__).parent / "client/build/index.html"
 _LOGGER = logging.getLogger("intent_recognition.page")
 
 
 @_LOGGER.addFilter
 def _in_one_line(record: logging.LogRecord) -> bool:
-    """Tell errors without a traceback, and a port that is probed to those who debug."""
+    """Log errors without traceback, and failed handshakes at debug level only."""
     error = record.exc_info and record.exc_info[1]
     text = record.getMessage() + (f": {one_line(error)}" if error else "")
-    record.msg = text.encode(errors="backslashreplace").decode()  # a request may be of any bytes
+    record.msg = text.encode(errors="backslashreplace").decode()  # requests may hold any bytes
     record.args = record.exc_info = record.exc_text = None
     if isinstance(error, (InvalidMessage, ConnectionClosed)):
         record.levelno, record.levelname = logging.DEBUG, "DEBUG"
@@ -76,14 +76,14 @@ def serve_page(
     light: str = NEVER,
     opened: Callable[[bool], None] = lambda slow: None,
 ) -> viser.ViserServer:
-    """A server on exactly this port: viser by itself would take the next free one.
+    """Start a server on exactly this port; viser alone would take the next free one.
 
-    In its thread it tells `refused` why an onlooker's action was not done, and `opened`, when
-    a browser opens a page that depends on it, whether it draws slowly.
+    In its thread the server calls `refused` with the reason when it refuses an onlooker's action,
+    and `opened` with whether the browser draws slowly when one opens the page with `light` auto.
 
     Raises:
-        ResourceBusyError: the port is taken, the address is not this machine's, or this viser
-            cannot be guarded.
+        ResourceBusyError: the port is taken, the address is not this machine's, or the installed
+            viser cannot be guarded.
     """
     _check_free(host, port)
     page = welcome(light, CLIENT.read_text(encoding="utf-8"))
@@ -114,7 +114,7 @@ def _check_free(host: str, port: int) -> None:
 
 
 class _Guard:
-    """What the connections of one server have in common."""
+    """State shared by all connections of one server."""
 
     def __init__(
         self,
@@ -134,7 +134,7 @@ class _Guard:
 
     @contextmanager
     def installed(self) -> Iterator[None]:
-        """While this lasts, a server that is started is guarded."""
+        """Context in which a server that starts is guarded."""
         serve = websockets_server.serve
         guard = self
 
@@ -161,7 +161,7 @@ class _Guard:
             websockets_server.serve = serve  # type: ignore[misc]
 
     def refuse(self, connection: ServerConnection, request: Request) -> Response | None:
-        """The answer to a request that is not admitted, or that brings the token."""
+        """The response to a request that is refused or brings the token; None to go on."""
         upgrade = "upgrade" in request.headers
         headers: dict[str, list[str]] = {}
         for name, value in request.headers.raw_items():
@@ -187,7 +187,7 @@ class _Guard:
     def protect(
         self, connection: ServerConnection, request: Request, response: Response
     ) -> Response:
-        """Every answer with the headers that protect it."""
+        """Add the security headers to a response, and register an admitted browser."""
         if response.status_code == 101:
             self.clients.add(connection)
             self.operator.enter(connection)
@@ -197,7 +197,7 @@ class _Guard:
         return response
 
     def can_be_done(self, action: Action, held: set[str]) -> bool:
-        """Whether the page shows what is acted on, enabled, so that a person can do it."""
+        """Whether the control or handle acted on is shown and enabled, so that a person can act."""
         if self.page is None:
             return False
         if isinstance(action, ChangeControl):
@@ -214,27 +214,27 @@ class _Guard:
 
 
 class _Connection(ServerConnection):
-    """A connection that is counted, whose messages are checked and which must be read."""
+    """A connection that is counted, checks its messages and must be read in time."""
 
     _guard: _Guard
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Count it; too many are not even answered."""
-        self._held: set[str] = set()  # names of the handles that are dragged
+        """Count the connection; close it at once if there are too many."""
+        self._held: set[str] = set()  # names of the handles being dragged
         self._guard.sockets.add(self)
         super().connection_made(transport)
         if len(self._guard.sockets) > MOST_SOCKETS:
             self.transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget it."""
+        """Stop counting the connection."""
         self._guard.sockets.discard(self)
         self._guard.clients.discard(self)
         self._guard.operator.leave(self)
         super().connection_lost(exc)
 
     async def recv(self, decode: bool | None = None) -> Any:
-        """The next message that may have an effect; the others are dropped."""
+        """Return the next message that may have an effect; drop all others."""
         guard = self._guard
         while True:
             data = await super().recv(decode)
@@ -252,7 +252,7 @@ class _Connection(ServerConnection):
             guard.refused(guard.operator.refusal)
 
     async def send(self, message: Any, text: bool | None = None) -> None:
-        """Send, or cut off a browser that does not read."""
+        """Send a message, or disconnect a browser that does not read."""
         try:
             await asyncio.wait_for(super().send(message, text), SEND_S)
         except asyncio.TimeoutError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the tasks have done, and what a person thinks of it: keep, undo, thumbs."""
+"""Tab with the statistics of each task's changes, and controls to keep, undo and rate them."""
 
 from functools import partial
 
@@ -25,7 +25,7 @@ HEAD = ("change", "done", "arrived", "corrected", "good / bad", "spilled")
 
 
 class SkillsTab:
-    """Shows what became of each task's changes, and takes one back."""
+    """Shows the results of each task's changes, and can undo the last one."""
 
     def __init__(self, page: PageAccess):
         gui, self._commands = page.server.gui, page.commands
@@ -48,7 +48,7 @@ class SkillsTab:
         page.on_click(self._thumbs, self._judge)
 
     def update(self, state: CellState) -> None:
-        """Show what changed, and what can be done now."""
+        """Show the changes, and enable what can be done now."""
         self._task = state.active or self._task
         teacher = self._commands.offers(f"{TEACHER}/keep")
         self._keep.disabled = not teacher or not state.can_keep
@@ -73,7 +73,7 @@ def skills_table(skills: dict[str, list[SkillRow]]) -> str:
 
 
 def _task_table(rows: list[tuple[str, ...]]) -> str:
-    """The table of a task; what is spilled only where it is known, for the panel is narrow."""
+    """Table of one task; spilling has a column only where it is measured: the panel is narrow."""
     known = len(HEAD) if any(row[-1] not in UNKNOWN for row in rows) else len(HEAD) - 1
     return markup.table(HEAD[:known], [row[:known] for row in rows])
 

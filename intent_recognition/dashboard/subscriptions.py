@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Topics of the cell into what the page knows."""
+"""Subscriptions that fill the page's state of the cell from the topics."""
 
 import time
 from collections.abc import Callable
@@ -50,15 +50,15 @@ from intent_recognition.nodes.diagnostics import ENDED
 from intent_recognition.plans import read_plan
 
 MOST_POINTS = 10_000
-"""Points of a path, a tube or a trajectory. Convention: 100 s at 100 Hz."""
+"""Largest number of points in a path, tube or trajectory: 100 s at 100 Hz."""
 MOST_PEOPLE = 8
-"""People with names who are shown at a time; who is seen no more makes room. Convention."""
+"""Largest number of named people shown; the one not seen for longest makes room."""
 LONGEST_DESCRIPTION = 1_000_000
-"""Characters of a URDF. Convention: thirty times that of the simulated arm."""
+"""Largest number of characters in a URDF: thirty times the simulated arm's."""
 
 
 class CellSubscriptions:
-    """Fills a `CellState`; `reject` is told why a message cannot be shown, and what was wrong."""
+    """Fills a `CellState`; calls `reject` with a reason and a text for a message it cannot show."""
 
     def __init__(
         self,
@@ -91,12 +91,12 @@ class CellSubscriptions:
         self._hear_estimator("")
 
     def meet(self, name: str) -> None:
-        """Show a person with a name, too, as soon as somebody sees that one."""
+        """Show a named person, too, as soon as a message about that person arrives."""
         wrist = partial(self._on_wrist, name)
         self._subscribe((Odometry, f"human/{name}/{self._body}", wrist, qos.SENSOR))
 
     def _is_shown(self, name: str) -> bool:
-        """Whether there is a place for a person who is seen: a free one, or of who is not."""
+        """Whether a person can be shown; a person not seen for `PLOTTED_S` makes room."""
         people, now_s = self._state.people, self._clock()
         if name in people:
             return True
@@ -114,7 +114,7 @@ class CellSubscriptions:
 
     def _hear_estimator(self, name: str) -> None:
         of = f"intent/{name}/" if name else "intent/"
-        person = self._state.people[name]  # what is queued comes after it is shown no more
+        person = self._state.people[name]  # queued messages may come after its removal
         predicted = partial(self._on_predicted, person)
         self._beliefs[name] = self._subscribe(
             (JointState, f"{of}tasks", partial(self._on_tasks, person), qos.STATE),
@@ -129,7 +129,7 @@ class CellSubscriptions:
         ]
 
     def _take(self, topic: str, take: Callable, message: Any) -> None:
-        """Take a message, or count one that cannot be shown."""
+        """Handle a message, or count it as rejected if it cannot be shown."""
         try:
             take(message)
         except ArgumentError as error:
@@ -206,7 +206,7 @@ class CellSubscriptions:
         self._state.progress = {step: what.rpartition(" ")[0] for step, what in told.items()}
 
     def _text(self, field: str) -> Callable[[String], None]:
-        """Keeps the newest text of a topic in a field of the state."""
+        """A callback that stores the newest text of a topic in a field of the state."""
         longest = {"description": LONGEST_DESCRIPTION, "teaching": LONGEST_SENTENCE}
         return lambda message: setattr(
             self._state, field, checked_text("data", message.data, longest.get(field, LONGEST_NAME))

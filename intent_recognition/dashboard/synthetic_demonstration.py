@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One shown demonstration: the wrist reaches its goal while the arm goes to its own.
+"""A demonstration shown by the page: the wrist reaches its goal while the arm moves to its own.
 
-Minimum jerk (Flash and Hogan 1985) for both; the arm sets out a little later and arrives a little
-later, as a helper does.
+Both follow minimum-jerk motions (Flash and Hogan 1985); the arm starts and arrives slightly later,
+as a helper does.
 """
 
 from dataclasses import dataclass
@@ -15,20 +15,20 @@ from intent_recognition.motion import JointPlan, JointReference, decay, sample_t
 from intent_recognition.promp import minimum_jerk
 
 REACTION_SHARE = 0.15
-"""The arm sets out after this share of the wrist's movement. Convention."""
+"""Delay of the arm's start, as a fraction of the wrist's duration."""
 PEAK_SPEED, PEAK_ACCELERATION = 15.0 / 8.0, 10.0 / np.sqrt(3.0)
-"""Of a minimum-jerk motion from 0 to 1 in unit time (Flash and Hogan 1985)."""
+"""Peaks of a minimum-jerk motion from 0 to 1 in unit time (Flash and Hogan 1985)."""
 
 
 @dataclass(frozen=True)
 class SyntheticDemonstration:
-    """A demonstration to be shown, in seconds since it begins.
+    """A demonstration to be shown; times are seconds since its start.
 
     Attributes:
-        start_m, goal_m: of the wrist (3,).
-        bow_m: how far the path bows out in its middle (3,).
-        duration_s: of the wrist's movement.
-        rest_s: both rest before it, as the onset is found from rest, and after the arm has arrived.
+        start_m, goal_m: start and goal of the wrist (3,).
+        bow_m: offset of the path's middle from the straight line (3,).
+        duration_s: duration of the wrist's movement.
+        rest_s: rest of both before the movement, which onset detection needs, and after it.
     """
 
     start_m: Floats
@@ -39,21 +39,21 @@ class SyntheticDemonstration:
 
     @property
     def arm_start_s(self) -> float:
-        """When the arm sets out."""
+        """Time at which the arm starts to move."""
         return self.rest_s + REACTION_SHARE * self.duration_s
 
     @property
     def arm_duration_s(self) -> float:
-        """How long the arm moves."""
+        """Duration of the arm's movement."""
         return (1.0 - REACTION_SHARE) * self.duration_s + 0.3
 
     @property
     def length_s(self) -> float:
-        """From the first rest to the end of the last."""
+        """Duration from the start of the first rest to the end of the last."""
         return self.arm_start_s + self.arm_duration_s + self.rest_s
 
     def wrist(self, time_s: float) -> Floats:
-        """Where the wrist is (3,) [m]."""
+        """Position of the wrist (3,) [m] at a time."""
         share = minimum_jerk((time_s - self.rest_s) / self.duration_s)
         straight = self.start_m + share * (self.goal_m - self.start_m)
         return straight + 4.0 * share * (1.0 - share) * self.bow_m
@@ -62,13 +62,13 @@ class SyntheticDemonstration:
 def sample_demonstration(
     rng: np.random.Generator, start_m: Floats, goal_m: Floats, duration_s: float, variation_m: float
 ) -> tuple[SyntheticDemonstration, Floats]:
-    """A demonstration toward about this goal, and the shift (3,) [m] the arm's goal makes with it.
+    """Sample a demonstration and the shift (3,) [m] of its goal, which also applies to the arm's.
 
     Args:
         rng: source of the variation.
-        start_m: where the wrist rests (3,).
-        goal_m: where it goes (3,).
-        duration_s: usual duration; it varies by a tenth.
+        start_m: start of the wrist (3,).
+        goal_m: mean goal of the wrist (3,).
+        duration_s: mean duration; its standard deviation is a tenth.
         variation_m: standard deviation of the goal along each axis.
     """
     shift = variation_m * rng.standard_normal(3)
@@ -91,7 +91,7 @@ def shortest_s(way_rad: Floats, limits: JointLimits) -> float:
 def arm_motion(
     start: JointReference, goal_rad: Floats, duration_s: float, limits: JointLimits
 ) -> JointPlan:
-    """To a posture (d,) at rest in so much time [s], or in as much as the limits ask for."""
+    """Motion to rest at a posture (d,) in `duration_s`, or longer if the limits require it."""
     offset = decay(
         start.position - goal_rad,
         start.velocity,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Teach a task without hardware: the wrist and the arm's hand are moved from the page."""
+"""Tab to teach a task without hardware: the page moves the wrist and the arm's hand."""
 
 from functools import partial
 
@@ -18,7 +18,7 @@ from intent_recognition.dashboard.widgets import PageAccess, set_value, slider_v
 
 SET_GOALS, BY_HAND = "set two goals", "drag both myself"
 FEW = 3
-"""Demonstrations of a task that are recorded before learning. Convention."""
+"""Number of demonstrations that a person is asked to record before learning."""
 RECORD, REACH = "Record a demonstration", "Reach to the wrist goal"
 TAKE = "Tick `Take the wrist`."
 BY_GOALS = (
@@ -49,7 +49,7 @@ ARMS = (
 
 
 class TeachTab:
-    """Records and learns what is shown from the page."""
+    """Records and learns demonstrations given on the page."""
 
     def __init__(self, page: PageAccess, teleoperation: Teleoperation, session: TeachingSession):
         self._page, self._commands = page, page.commands
@@ -78,7 +78,7 @@ class TeachTab:
         self._connect()
 
     def update(self, state: CellState) -> None:
-        """Show what can be done now, what is next, and the teacher's status."""
+        """Show the possible actions, the next step and the teacher's status."""
         teleoperation, session = self._teleoperation, self._session
         teacher = self._commands.offers(f"{TEACHER}/start")
         taken, by_hand = teleoperation.holds_wrist, self._how.value == BY_HAND
@@ -105,7 +105,7 @@ class TeachTab:
         self._status.content = markup.remark(state.teaching)
 
     def _obstacle(self, teacher: bool, taken: bool) -> str:
-        """What has to be mended before anything can be recorded, and how; empty if nothing."""
+        """What prevents recording and how to mend it; empty if nothing does."""
         if not teacher:
             return markup.ways("Nobody records yet.", NO_TEACHER)
         if not taken and self._teleoperation.others_move_wrist():
@@ -115,7 +115,7 @@ class TeachTab:
         return ""
 
     def _steps_done(self, waiting: int, taken: bool) -> int:
-        """How many of the steps are behind."""
+        """Number of completed steps."""
         session = self._session
         if not taken:
             return 0
@@ -126,7 +126,7 @@ class TeachTab:
         return 1
 
     def _update_handles(self, kind: str, taken: bool) -> None:
-        """Show the pair in use; the leading pair is where wrist and hand are at rest."""
+        """Show the pair of handles in use, with the leading pair at wrist and hand."""
         shown = self._handles.show(kind if taken else None)
         rests = not self._session.busy
         if kind == DIRECT and taken and (shown or (rests and not self._rested)):
@@ -150,7 +150,7 @@ class TeachTab:
         handles.on_moved(DIRECT, HAND, lambda to: page.do(partial(session.drag_hand, to)))
 
     def _join(self, body: str, field: viser.GuiVector3Handle) -> None:
-        """Let a goal's handle and its field of numbers follow one another."""
+        """Keep a goal's handle and its number field in step."""
 
         def dragged(position: Floats) -> None:
             x, y, z = (round(float(value), 3) for value in position)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One session after the other: what has to happen, in which order, to show, record and learn."""
+"""Sequence of a teaching session: show, record, learn, one step after another."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -27,9 +27,9 @@ class TeachingSession:
     def show(
         self, task: str, wrist_goal: Floats, hand_goal: Floats, length_s: float, vary: float
     ) -> None:
-        """Record one demonstration of a task: wrist to its goal, hand of the arm to its own.
+        """Record one demonstration of a task, in which wrist and hand move to their goals.
 
-        Goals are (3,) [m], world, and vary between demonstrations by a standard deviation [m].
+        The goals (3,) [m] are in the world; `vary` is their standard deviation [m] between shows.
         """
         if not self._is_free() or not self._holds_wrist():
             return
@@ -48,24 +48,24 @@ class TeachingSession:
         self._begin(task, lambda: self._teleoperation.play(demonstration, posture, shown))
 
     def start_by_hand(self, task: str) -> None:
-        """Begin to record what is dragged."""
+        """Start recording what a person drags."""
         if not self._is_free() or not self._holds_wrist():
             return
         self._begin(task, lambda: self._notify(True, "recording: drag the wrist, then the hand"))
 
     def stop_by_hand(self) -> None:
-        """End that recording."""
+        """Stop the recording by hand."""
         self._finish(self._rest)
 
     def drag_hand(self, position: Floats) -> None:
-        """Let the arm bring its hand to a position (3,) [m]; not beside a robot that helps."""
+        """Move the arm's hand to a position (3,) [m]; refused while the robot helps."""
         if self._commands.can_switch_help() and self._commands.helping:
             self._notify(False, "the robot helps: begin to record before you drag its hand")
         else:
             self._teleoperation.drag_hand(position)
 
     def discard(self) -> None:
-        """Do not learn what is being recorded by hand, or was recorded last."""
+        """Discard the present recording by hand, or the last recording."""
         if not self.recording and not self._is_free():
             return
 
@@ -76,7 +76,7 @@ class TeachingSession:
         self._commands.trigger(f"{TEACHER}/discard", discarded)
 
     def learn(self) -> None:
-        """Learn what was recorded; the robot helps again afterwards."""
+        """Learn the recordings; the robot helps again afterwards."""
         if not self._is_free():
             return
         self.busy = True
@@ -84,7 +84,7 @@ class TeachingSession:
         self._commands.trigger(f"{TEACHER}/learn", self._learned)
 
     def reach(self, goal: Floats, length_s: float) -> None:
-        """Move the wrist alone: what will the robot do?"""
+        """Move only the wrist, to see what the robot does."""
         if not self._is_free() or not self._holds_wrist():
             return
         start = self._teleoperation.position
@@ -103,7 +103,7 @@ class TeachingSession:
         return self._teleoperation.holds_wrist
 
     def _begin(self, task: str, then: Callable[[], None]) -> None:
-        """Switch the help off, name the task, start the recorder: one after the other."""
+        """Switch the help off, name the task and start the recorder, one after another."""
         self.busy = True
         calls = self._commands
         steps = [
@@ -123,7 +123,7 @@ class TeachingSession:
         self._in_turn(steps, started)
 
     def _in_turn(self, steps: Sequence[Callable], then: Callable[[], None]) -> None:
-        """Do each step once the one before has gone well."""
+        """Call each step after the previous one succeeded; stop at the first failure."""
 
         def done(ok: bool, text: str) -> None:
             if ok:
@@ -143,7 +143,7 @@ class TeachingSession:
         self._commands.trigger(f"{TEACHER}/stop", stopped)
 
     def _go_back(self, start: Floats, home: Floats | None) -> None:
-        """Wrist and arm return to where they were; nothing of it is recorded."""
+        """Return wrist and arm to their starts, without recording."""
         way = SyntheticDemonstration(
             self._teleoperation.position, start, np.zeros(3), duration_s=1.5, rest_s=0.3
         )
@@ -153,7 +153,7 @@ class TeachingSession:
         self.busy = False
 
     def _over(self) -> None:
-        """Nothing is recorded any more: the robot helps again if it did before."""
+        """End the recording session; the robot helps again if it did before."""
         self.busy = self.recording = False
         if self._resumes and self._commands.can_switch_help():
             self._commands.robot_helps(True, self._resumed)

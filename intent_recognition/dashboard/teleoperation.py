@@ -24,17 +24,17 @@ from intent_recognition.nodes.conversions import TrajectoryBuilder, to_pose, to_
 from intent_recognition.nodes.runtime import CLOCK_BACK_NS, elapsed_s, steady_timer
 
 RATE_HZ = 100.0
-"""Rate of the published poses [Hz]: that of the shipped recordings."""
+"""Rate of the published poses [Hz], as in the shipped recordings."""
 SILENT_ARM = "The arm's joint states have stopped."
 
 
 class Teleoperation:
     """Publishes `mocap/<body>/pose` while it holds the wrist, and `joint_trajectory` when asked.
 
-    Where people have names, the first one's wrist is held.
+    If people have names, it holds the first person's wrist.
 
-    What is asked of the arm raises a KinematicsError where there is none, its joint states have
-    stopped, or the place is out of reach.
+    Methods that move the arm raise a KinematicsError if there is no arm, its joint states have
+    stopped, or the position is out of reach.
     """
 
     def __init__(self, node: Node, state: CellState, body: str = "wrist", hand_link: str = ""):
@@ -58,12 +58,12 @@ class Teleoperation:
 
     @property
     def holds_wrist(self) -> bool:
-        """Whether the wrist is moved from here."""
+        """Whether this object moves the wrist."""
         return self._timer is not None
 
     @property
     def position(self) -> Floats:
-        """Where the wrist is (3,) [m]."""
+        """Position of the wrist (3,) [m]."""
         return self._position.copy()
 
     def others_move_wrist(self) -> bool:
@@ -73,7 +73,7 @@ class Teleoperation:
         return publishers > len(self._poses)
 
     def take_wrist(self, position: Floats) -> None:
-        """Begin to publish the wrist, at rest at a position (3,) [m], unless it is held already."""
+        """Start publishing the wrist, at rest at a position (3,) [m], unless it is held already."""
         if self.holds_wrist:
             return
         self._position, self._target = np.array(position, float), np.array(position, float)
@@ -91,21 +91,21 @@ class Teleoperation:
             self._timer, self._poses, self._playing = None, [], None
 
     def drag_wrist(self, target: Floats) -> None:
-        """Let the wrist follow a target (3,) [m]."""
+        """Move the wrist smoothly to a target (3,) [m]."""
         self._target = np.array(target, dtype=float)
 
     def can_move_arm(self) -> bool:
-        """Whether there is an arm whose inverse kinematics are known, and listens."""
+        """Whether there is an arm with inverse kinematics that listens to commands."""
         return self._find() is not None and self._arm.get_subscription_count() > 0
 
     @property
     def arm_problem(self) -> str:
-        """Why the arm that is there cannot be moved; empty if nothing is wrong with it."""
+        """Why the present arm cannot be moved; empty if it can."""
         arm = self._finder.find(self._state)
         return self._finder.problem or ("" if arm is None or self._speaks(arm) else SILENT_ARM)
 
     def drag_hand(self, position: Floats) -> None:
-        """Let the arm bring its hand to a position (3,) [m], soon."""
+        """Move the arm's hand to a position (3,) [m] at the next step."""
         self._found()
         self._hand = np.array(position, dtype=float)
         if self._timer is None:
@@ -116,32 +116,32 @@ class Teleoperation:
         return np.array([self._state.joints[name] for name in self._found().joint_names])
 
     def hand(self) -> Floats:
-        """Where the arm's hand is (3,) [m]."""
+        """Position of the arm's hand (3,) [m]."""
         return self._found().hand(self.measured())
 
     def posture_at(self, position: Floats) -> Floats:
-        """Joint angles (n,) [rad] near the present ones that have the hand there."""
+        """Joint angles (n,) [rad] near the present ones with the hand at a position (3,) [m]."""
         return self._found().posture_at(np.asarray(position, dtype=float), self.measured())
 
     def send_arm(self, goal: Floats, duration_s: float) -> float:
-        """Send the arm to a posture (n,), from the motion under way or from rest.
+        """Send the arm to a posture (n,), starting from its present motion or from rest.
 
         Returns:
-            How long it takes [s]: longer than duration_s where its limits ask for that.
+            Duration of the motion [s]; longer than `duration_s` if the limits require it.
         """
         arm, moving = self._found(), self._reference()
         rest = JointReference.at_rest(self.measured())
         for start, wanted_s in ((moving, duration_s), (moving, 0.1), (rest, duration_s)):
             plan = arm_motion(start, goal, wanted_s, arm.limits)
             if np.all(position_violation(plan.positions, arm.limits) <= POSITION_TOLERANCE_RAD):
-                break  # a slow motion may go past its goal, and past a limit beside it
+                break  # a slow motion may overshoot the goal, past a limit near it
         motion = plan.times_s, plan.positions, plan.velocities
         self._arm.publish(TrajectoryBuilder(arm.joint_names).build(0, *motion))
         self._sent = plan, elapsed_s(self._node)
         return plan.duration_s
 
     def _reference(self) -> JointReference:
-        """Where the arm is asked to be now; at rest where it is if that is far from there."""
+        """Present reference of the arm's motion; if far from the measured posture, rest at that."""
         measured = self.measured()
         if self._sent is not None:
             plan, sent_s = self._sent
@@ -155,11 +155,11 @@ class Teleoperation:
         return JointReference.at_rest(measured)
 
     def _speaks(self, arm: MovedArm) -> bool:
-        """Whether its joint states are recent: where it is planned from must be where it is."""
+        """Whether the arm's joint states are recent enough to plan from."""
         return self._state.fresh(self._state.joints_at_s(arm.joint_names), time.monotonic())
 
     def _find(self) -> MovedArm | None:
-        """The arm that can be moved, if there is one."""
+        """The arm that can be moved, None if there is none."""
         arm = self._finder.find(self._state)
         return arm if arm is not None and self._speaks(arm) else None
 
@@ -176,13 +176,13 @@ class Teleoperation:
         arm_goal: Floats | None,
         done: Callable[[], None],
     ) -> None:
-        """Show a demonstration; the arm of now goes along if it has a goal (n,) [rad]."""
+        """Show a demonstration; the present arm moves along if there is a goal (n,) [rad]."""
         self._shown_arm = self._find()
         self._playing, self._arm_goal, self._done = demonstration, arm_goal, done
         self._began_s, self._length_s = time.monotonic(), demonstration.length_s
 
     def step_arm(self) -> None:
-        """Send the arm after the hand's target, if that has moved."""
+        """Send the arm toward the hand's target, if the target has moved."""
         now_s = time.monotonic()
         if self._hand is None or now_s - self._arm_sent_s < 0.15:
             return
@@ -192,7 +192,7 @@ class Teleoperation:
         except KinematicsError:
             return
         distance = float(np.max(np.abs(goal - self.measured())))
-        self.send_arm(goal, max(0.4, distance / 0.9))  # [rad/s] of the fastest joint
+        self.send_arm(goal, max(0.4, distance / 0.9))  # fastest joint at 0.9 rad/s
 
     def _step(self) -> None:
         if self._playing is not None:
@@ -217,7 +217,7 @@ class Teleoperation:
             self._done()
 
     def _follow(self) -> None:
-        """A critically damped spring, solved exactly over one step."""
+        """Track the target with a critically damped spring, solved exactly over one step."""
         step_s, w = 1.0 / RATE_HZ, 12.0  # [rad/s]: smooth, not sluggish
         away = self._position - self._target
         carried = self._velocity + w * away

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Furniture and bodies of a cell on the page."""
+"""Furniture and bodies of a cell in the scene."""
 
 from collections.abc import Mapping, Sequence
 
@@ -27,7 +27,7 @@ class ThingsView:
         self._shown = {body.name: _ShownBody(server, body) for body in scene.bodies}
 
     def update(self, moment: HandlingMoment, colours: Mapping[str, str]) -> None:
-        """Put the bodies where they are now, in the colours of their tasks."""
+        """Move the bodies to their present poses, in the colours of their tasks."""
         self.handling.update(moment)
         for body in self._bodies:
             colour = rgb(colours.get(body.task, NONE_COLOUR))
@@ -35,7 +35,7 @@ class ThingsView:
 
 
 class _ShownBody:
-    """A body on the page; what is sent again is what has changed."""
+    """A body in the scene; only changes are sent again."""
 
     def __init__(self, server: viser.ViserServer, body: Body):
         self._colour, self._pose = rgb(NONE_COLOUR), body.pose
@@ -45,7 +45,7 @@ class _ShownBody:
         ]
 
     def update(self, pose: Floats, colour: Colour) -> None:
-        """Show it at a pose (4, 4)."""
+        """Draw the body at a pose (4, 4)."""
         if pose is not self._pose:
             self._pose = pose
             self._frame.position, self._frame.wxyz = pose[:3, 3], quaternions(pose[:3, :3])
@@ -86,6 +86,6 @@ def quaternions(rotations: Floats) -> Floats:
 
 
 def rgb(colour: str) -> Colour:
-    """#rrggbb as three numbers."""
+    """Red, green and blue from #rrggbb."""
     red, green, blue = bytes.fromhex(colour.removeprefix("#"))
     return red, green, blue

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Via points on the page: the predicted path of the hand is dragged, and let go again."""
+"""Via points on the page: drag the predicted path of the hand, and remove the points again."""
 
 import numpy as np
 import viser
@@ -13,11 +13,11 @@ from intent_recognition.dashboard.scene import DARK
 from intent_recognition.dashboard.widgets import PageAccess, set_value, slider_value
 
 NOTHING = "none"
-"""Stands in the list while no via point is in force."""
+"""Entry of the list while no via point is in force."""
 
 
 class ViaPointControls:
-    """A folder of controls, and a handle on the path that was predicted last."""
+    """A folder of controls, and a handle on the last predicted path."""
 
     def __init__(self, page: PageAccess):
         server, gui, self._page = page.server, page.server.gui, page
@@ -38,9 +38,9 @@ class ViaPointControls:
         page.on_click(self._remove, self.remove)
 
     def update(self, points: tuple[ViaPoint, ...], path: tuple[str, Floats] | None) -> None:
-        """Show the points in force, and the handle on the path of a task, if there is one.
+        """Show the points in force and the handle on the predicted path, if there is one.
 
-        It has positions of the hand (T, 3) [m], evenly spaced in time.
+        `path` holds a task and positions of the hand (T, 3) [m], evenly spaced in time.
         """
         self._path = path
         visible = bool(self._drag.value) and path is not None
@@ -54,7 +54,7 @@ class ViaPointControls:
             self._show()
 
     def drop(self, place: Floats) -> None:
-        """Have the hand pass through a place (3,) [m], at the phase chosen."""
+        """Make the hand pass through a position (3,) [m] at the chosen phase."""
         if self._path is None:
             return
         names = {point.name for point in self._points}
@@ -67,7 +67,7 @@ class ViaPointControls:
         self._send((*self._points, new))
 
     def remove(self) -> None:
-        """Take the chosen point back."""
+        """Remove the chosen point."""
         self._send(tuple(point for point in self._points if point.name != self._chosen.value))
 
     def _send(self, points: tuple[ViaPoint, ...]) -> None:

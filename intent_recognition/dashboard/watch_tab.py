@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is believed, how far the assembly is, what is felt; and the everyday controls."""
+"""Tab with task posteriors, progress of the assembly, forces and the everyday controls."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -22,7 +22,7 @@ NEXT_STEPS = (
 
 
 class WatchTab:
-    """Shows who does what, and switches the nodes."""
+    """Shows who does what, and switches nodes on and off."""
 
     def __init__(self, page: PageAccess, tab: viser.GuiTabHandle):
         gui, commands = page.server.gui, page.commands
@@ -49,13 +49,13 @@ class WatchTab:
     def update(
         self, state: CellState, colours: Mapping[str, str], people: Mapping[str, str], now_s: float
     ) -> None:
-        """Show the newest, in the colours of tasks and people."""
+        """Show the newest state, in the colours of tasks and people."""
         self._empty.visible = not state.joints and not state.believes
         for name in self._people.keys() - state.people.keys():
             self._people.pop(name).remove()
         for name in state.people:
             if name not in self._people:
-                with self._tab:  # above what follows the first one
+                with self._tab:  # above the rows that follow the first panel
                     self._n_met += 1
                     order = self._people[""].bars.order + 1e-6 * self._n_met
                     self._people[name] = PersonPanel(self._page.server, name, people[name], order)
@@ -77,7 +77,7 @@ class WatchTab:
         self._plan.update_controls()
 
     def _update_transfer(self, state: CellState, now_s: float) -> None:
-        """The forces that are felt, while there were any in the plotted time."""
+        """Show the forces, if any were received within the plotted time."""
         transfer = state.transfer
         names = transfer.names(now_s)
         self._transfer_line.content = (
@@ -88,7 +88,7 @@ class WatchTab:
             self._forces.draw(columns, names, markup.FORCE_COLOURS)
 
     def _ask(self, tasks: tuple[str, ...]) -> None:
-        """A button for each task in question."""
+        """Show a button for each task among which the recogniser is undecided."""
         if tasks == tuple(self._choices):
             return
         for button in self._choices.values():
@@ -106,7 +106,7 @@ class WatchTab:
 
 
 class PersonPanel:
-    """Bars, and a plot below; somebody with a name who is gone is not shown."""
+    """Bars with a plot below; hidden while a named person is not seen."""
 
     def __init__(
         self, server: viser.ViserServer, name: str, colour: str = "", order: float | None = None
@@ -117,12 +117,12 @@ class PersonPanel:
         self._plot = TimePlot(server, title, 1.0, order)
 
     def remove(self) -> None:
-        """Show nothing any more."""
+        """Remove the panel."""
         self.bars.remove()
         self._plot.remove()
 
     def update(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
-        """Show the newest."""
+        """Show the newest state."""
         person = state.people[self._name]
         fresh = state.fresh(person.tasks_at_s, now_s)
         active = state.active if state.helped in ("", self._name) else ""

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a browser does first at the address with the token: is the light page the one for it?
+"""First script in a browser that opens the page: decides whether it needs the light scene.
 
-By software a frame with shadows takes seconds. A small picture is drawn and timed, unless the
-renderer says that it is software. Where that is slow, the page has a quarter of the pixels (viser's
-`fixedDpr`), and the server is told that shadows and the light of an environment must go.
+Software rendering takes seconds for a frame with shadows. The script times the drawing of a small
+picture, unless the renderer's name says that it is software. If drawing is slow, the page gets a
+quarter of the pixels (viser's `fixedDpr`), and the server removes shadows and environment light.
 """
 
 AUTO, ALWAYS, NEVER = "auto", "always", "never"
-"""When the scene is light; auto: where a browser draws slowly. On and off are booleans in YAML."""
+"""When the scene is light; auto: if a browser draws slowly. YAML reads on and off as booleans."""
 PLAIN, LIGHT = "/", "/?fixedDpr=0.5"
 TOLD = {"/plain": False, "/light": True}
-"""Whether a browser that has come draws slowly, by the path that it tells it with."""
+"""Path with which a browser reports how it draws, and whether that means slowly."""
 SLOW_MS = 12.0
-"""Time of the picture from which on drawing is slow [ms]. By software it took 35 to 45 on two
-cores; a graphics processor needs one or two."""
+"""Drawing time of the picture above which a browser is slow [ms]. Software rendering took 35 to 45
+on two cores; a graphics processor needs one or two."""
 MEASURE = """
 let slow = true;
 const gl = document.createElement("canvas").getContext("webgl2");
@@ -55,6 +55,6 @@ fetch(slow ? "/light" : "/plain");
 
 
 def welcome(light: str, page: str) -> str:
-    """The page with what is done first; `light` is `AUTO`, `ALWAYS` or `NEVER`."""
+    """The page with the script inserted first; `light` is `AUTO`, `ALWAYS` or `NEVER`."""
     first = MEASURE % SLOW_MS if light == AUTO else f"const slow = {light == ALWAYS:d};"
     return page.replace("<head>", f"<head><script>{first}{GO_ON}</script>", 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the tabs have in common: a plot over time, and small changes of viser's controls."""
+"""Shared parts of the tabs: a plot over time, and helpers for viser's controls."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, TypeVar
@@ -16,17 +16,17 @@ from intent_recognition.report import NONE_COLOUR, readable
 
 FONT = "12px sans-serif"
 PULSE = uplot.Series(scale="pulse", points={"show": False})
-"""Unseen, and different at each drawing, so that uPlot lays out its axes anew. It fails to where a
-new width and new data come at once, as on a page that opens, whose times then had no numbers."""
+"""Invisible series that changes at each drawing to force uPlot to lay out its axes. Otherwise a new
+width and new data that arrive together, as when the page opens, leave the axes without numbers."""
 ControlValue = TypeVar("ControlValue")
 
 
 class PageAccess(NamedTuple):
-    """What the parts of the page need; each is made on the page where it is called.
+    """What the parts of the page need; a part adds its controls where it is constructed.
 
     Attributes:
-        commands: reaches the other nodes, and notifies.
-        do: runs a function in the thread of the graph, at the next update.
+        commands: service calls to other nodes, and notifications.
+        do: runs a function in the graph's thread, at the next update.
     """
 
     server: viser.ViserServer
@@ -36,11 +36,11 @@ class PageAccess(NamedTuple):
     def on_click(
         self, button: viser.GuiButtonHandle | viser.GuiButtonGroupHandle, action: Callable
     ) -> None:
-        """Do something whenever a button is pressed."""
+        """Run an action in the graph's thread whenever a button is pressed."""
         button.on_click(lambda _: self.do(action))
 
     def on_change(self, handle: viser.GuiInputHandle, action: Callable) -> None:
-        """Do something whenever a person changes a control, not when the program does."""
+        """Run an action when a person changes a control, but not when the program does."""
 
         def update(event: viser.GuiEvent) -> None:
             if event.client is not None:
@@ -55,15 +55,15 @@ def set_value(handle: viser.GuiInputHandle[ControlValue], value: ControlValue) -
 
 
 def slider_value(handle: viser.GuiSliderHandle) -> float:
-    """Where a slider stands, inside its range whatever a browser has sent."""
+    """Value of a slider, clipped to its range whatever a browser sent."""
     return float(min(max(handle.value, handle.min), handle.max))
 
 
 class TimePlot:
-    """Curves over the last seconds in a folder, which is there while there is something to draw.
+    """Curves over the last seconds, in a folder that is shown while there is data.
 
-    The title says what is plotted, with its unit. `top` is the largest value that is expected;
-    None: as large as it is. Without an order the folder is the last one.
+    The title names the quantity and its unit. `top` is the largest expected value; None: fit to the
+    data. Without an order the folder comes last.
     """
 
     def __init__(
@@ -79,11 +79,11 @@ class TimePlot:
         self._drawn_at_s, self._pulse = -np.inf, False
 
     def remove(self) -> None:
-        """Take it off the page."""
+        """Remove the plot from the page."""
         self._folder.remove()
 
     def due(self, visible: bool, now_s: float) -> bool:
-        """Show or hide it; whether it is time to draw."""
+        """Show or hide the plot; return whether it should be redrawn now."""
         self._folder.visible = visible
         if not visible or now_s - self._drawn_at_s < 0.2:
             return False
@@ -93,7 +93,7 @@ class TimePlot:
     def draw(
         self, columns: tuple[Floats, ...], names: Sequence[str], colours: Mapping[str, str]
     ) -> None:
-        """Show times (T,) [s] and the curves (T,) of these names."""
+        """Draw times (T,) [s] and the named curves (T,)."""
         if len(columns[0]) < 2:
             return
         look = (*series_of(names, colours), PULSE)
@@ -119,7 +119,7 @@ def time_plot(
     last_s: float = 0.0,
     title: str | None = None,
 ) -> viser.GuiUplotHandle:
-    """Curves over time [s]; what is around it says of what, an axis has no room."""
+    """Curves over time [s]; axes have no room for labels, so the surroundings name the quantity."""
     height = uplot.Scale() if top is None else uplot.Scale(auto=False, range=(-0.02, 1.06 * top))
     return gui.add_uplot(
         data=columns,
@@ -129,7 +129,7 @@ def time_plot(
         axes=(_axis("time [s]", 34), _axis("", 46)),
         legend=uplot.Legend(show=False),
         height=165,
-        padding=(8, 20, 0, 0),  # the uppermost number is whole
+        padding=(8, 20, 0, 0),  # leaves room for the uppermost number
     )
 
 
@@ -146,7 +146,7 @@ def _axis(label: str, size: int) -> uplot.Axis:
 
 
 def series_of(names: Sequence[str], colours: Mapping[str, str]) -> tuple[uplot.Series, ...]:
-    """Time and one curve per name, in its colour."""
+    """The time series and one named curve each, in its colour."""
     series = [uplot.Series(label="time [s]")]
     for name in names:
         width, colour = 1.5 if name == NONE else 2.5, colours.get(name, NONE_COLOUR)
