@@ -13,18 +13,18 @@ SHELLS = ("bash", "zsh", "fish")
 
 
 class PrintCompletion(argparse.Action):
-    """Prints the script of the parser it belongs to, and ends."""
+    """Prints the completion script of its parser, and ends the program."""
 
     def __call__(
         self, parser: argparse.ArgumentParser, namespace: Any, values: Any, _: object = None
     ) -> None:
-        """Print it."""
+        """Print the script."""
         sys.stdout.write(completion(parser, values) + "\n")
         parser.exit()
 
 
 def add_completion_option(parser: argparse.ArgumentParser) -> None:
-    """The option of `intent` itself."""
+    """Add `--print-completion`, an option of `intent` itself."""
     parser.add_argument(
         COMPLETION,
         action=PrintCompletion,
@@ -35,19 +35,19 @@ def add_completion_option(parser: argparse.ArgumentParser) -> None:
 
 
 def completion(parser: argparse.ArgumentParser, shell: str) -> str:
-    """The script for a shell; it needs nothing of this package when a key is pressed."""
+    """Completion script for a shell; when it runs it does not load this package."""
     import shtab
 
     _prepare(parser, shtab.FILE, shtab.DIRECTORY)
     script = shtab.complete(parser, shell=shell)
     if shell != "zsh":
         return script
-    # what shtab writes for `nargs` of + and * zsh takes for one argument and no more
+    # zsh takes shtab's form of `nargs` + and * for exactly one argument
     return re.sub(r'^  "\(\*\)::?', '  "*:', script, flags=re.MULTILINE)
 
 
 def offer(parser: argparse.ArgumentParser, name: str, words: tuple[str, ...]) -> None:
-    """Complete these words for an argument."""
+    """Offer these words as completions of an argument."""
     (action,) = (action for action in parser._actions if action.dest == name)
     vars(action)["offered"] = words
 

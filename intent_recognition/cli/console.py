@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The console all commands print to, and progress on it."""
+"""The console to which all commands print, and progress bars on it."""
 
 import sys
 import threading
@@ -24,38 +24,38 @@ from rich.text import Text
 from intent_recognition.errors import printable
 
 NEWS_S = 30.0
-"""Time between two lines of progress where the output is no terminal [s]. Convention."""
+"""Time between two lines of progress if the output is not a terminal [s]."""
 
 
 class _Output(Console):
-    """Texts of files and nodes are printed as they are: no markup, no emoji, no escape sequence.
+    """Prints texts of files and nodes literally: no markup, no emoji, no escape sequences.
 
-    It is left to `main` to end where the reader has had enough; rich would end with 1.
+    `main` handles a closed pipe; rich alone would end the program with exit code 1.
     """
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """A text as it is printed."""
+        """Text with unprintable characters escaped."""
         return super().render_str("\n".join(map(printable, text.split("\n"))), **options)
 
     def on_broken_pipe(self) -> None:
-        """Take it for what it is."""
+        """Raise the error that `main` handles."""
         raise BrokenPipeError
 
 
 def make_console(stderr: bool = False) -> Console:
-    """A console as wide as the terminal, or wide enough for every table."""
+    """A console as wide as the terminal; without one, wide enough for every table."""
     width = None if (sys.stderr if stderr else sys.stdout).isatty() else 140
     return _Output(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
 
 
 def say(console: Console, text: object, style: str | None = None) -> None:
-    """Print a text on one line however long: paths and messages can be copied."""
+    """Print a text without wrapping it, so that paths and messages can be copied."""
     console.print(str(text), style=style, soft_wrap=True)
 
 
 @contextmanager
 def news(console: Console, text: Callable[[], str]) -> Iterator[None]:
-    """Print a text again and again, every `NEWS_S`, where the output is no terminal."""
+    """Print a text every `NEWS_S` if the output is not a terminal."""
     over = threading.Event()
 
     def tell() -> None:
@@ -76,7 +76,7 @@ def news(console: Console, text: Callable[[], str]) -> Iterator[None]:
 
 @contextmanager
 def bar_with(console: Console, *columns: ProgressColumn) -> Iterator[Progress]:
-    """A progress bar with these columns behind it, removed at its end; lines without a terminal."""
+    """A progress bar with these columns, removed at its end; plain lines without a terminal."""
     shown = (TextColumn("{task.description}", markup=False), BarColumn(), *columns)
     bar = Progress(*shown, console=console, transient=True, disable=not console.is_terminal)
     with bar, news(console, lambda: "; ".join(map(_state, bar.tasks))):
@@ -84,7 +84,7 @@ def bar_with(console: Console, *columns: ProgressColumn) -> Iterator[Progress]:
 
 
 def _state(task: Task) -> str:
-    """How far a task of a bar has come."""
+    """Progress of a bar's task, as text."""
     elapsed_s = task.elapsed or 0.0
     if task.total is None:
         return f"{task.description}: {elapsed_s:.0f} s"
@@ -97,7 +97,7 @@ def _state(task: Task) -> str:
 
 @contextmanager
 def progress_bar(console: Console) -> Iterator[Progress]:
-    """A bar for work whose pieces are counted."""
+    """A progress bar for a known number of items."""
     with bar_with(console, MofNCompleteColumn(), TimeRemainingColumn()) as bar:
         yield bar
 
@@ -119,13 +119,13 @@ def print_facts(console: Console, facts: Mapping[str, str]) -> None:
 
 
 def plain_table(*titles: str) -> Table:
-    """A table whose titles beginning with `>` head columns of numbers."""
+    """A table without a box; columns whose title begins with `>` hold numbers."""
     table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 0, 0))
     return _with_columns(table, titles, "fold")
 
 
 def boxed_table(title: str, *titles: str) -> Table:
-    """The same with a title and in a box; headings are words, which wrap."""
+    """A table with a title and a box; headings wrap at words."""
     words = [heading.replace("_", " ") for heading in titles]
     return _with_columns(Table(title=title), words, "ellipsis")
 

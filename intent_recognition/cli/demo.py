@@ -117,7 +117,7 @@ OPTIONS = {
 def run(args: argparse.Namespace) -> int:
     """Run the demo; 1 if a node died or more than one interaction in forty was missed."""
     console = console_beside(args)
-    import rclpy  # noqa: F401  before anything is trained
+    import rclpy  # noqa: F401  fails before any training
 
     end_like_interrupted(*END_SIGNALS)
     if args.recordings is not None:
@@ -142,7 +142,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run_several(args: argparse.Namespace, arms: list[str], console: Console) -> int:
-    """The same session with one arm after the other, and one report of all."""
+    """Run the same session with one arm after another, and write one report of all."""
     from intent_recognition.report import write_arms_report
 
     alone = {"record": None, "dashboard": False, "model": None, "tip": "", "base": ""}
@@ -176,7 +176,7 @@ def _end(records: list["InteractionRecord"], console: Console) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Check before the training what would otherwise end the demo after it."""
+    """Check before the training whatever could stop the demo after it."""
     of_pouring = {"pour": "empty", "pair": None}
     refuse_options(args, of_pouring, f"--scenario {args.scenario}", "Add --scenario pouring.")
     if args.scenario != "toolbox":
@@ -208,7 +208,7 @@ def _check(args: argparse.Namespace) -> None:
 def _run_one(
     args: argparse.Namespace, scene: Scene, console: Console
 ) -> tuple[list["InteractionRecord"], dict]:
-    """A session: run it, print its table and write its report; its records and numbers."""
+    """Run one session, print its table and write its report; return its records and numbers."""
     from intent_recognition.evaluation import summarise, to_json
     from intent_recognition.report import write_demo_report
     from sim_bridge.scenarios.toolbox import score_people
@@ -241,7 +241,7 @@ def _run_one(
 
 
 def table_of(records: Sequence["InteractionRecord"]) -> Table:
-    """A row for each interaction, in 80 columns; the report also has the movements' durations."""
+    """A table with one row per interaction, 80 columns wide; the report has further columns."""
     from intent_recognition.report import fields_of
 
     fields = [field for field in fields_of(records) if field.title != "movement"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The model of a demo: trained from its recordings, kept for the next one, or checked."""
+"""The model of a demo: trained and cached, or checked if the user names one."""
 
 import os
 import time
@@ -21,7 +21,7 @@ from intent_recognition.share import share_path
 
 
 def check_model(path: Path, scene: Scene) -> None:
-    """Make sure that a model observes what the scenario shows."""
+    """Require that a model observes only topics that the scenario publishes."""
     shown = load_dofs(share_path(scene.dofs)) if scene.dofs else load_dofs()
     observed, topics = (
         {entry.topic for entry in dofs.observed} for dofs in (load_model(path).dofs, shown)
@@ -33,7 +33,7 @@ def check_model(path: Path, scene: Scene) -> None:
 
 
 def trained_model(path: Path, console: Console, scene: Scene) -> Path:
-    """Write the model of a scene, which is kept between demos of the same recordings and code."""
+    """Write the model of a scene; it is cached by the content of recordings and code."""
     from intent_recognition.cli.train import print_library, train, with_sessions
 
     started = time.monotonic()
@@ -51,17 +51,17 @@ def trained_model(path: Path, console: Console, scene: Scene) -> Path:
         model = with_sessions(model, [share_path(scene.sessions)], console)
     save_model(path, model, report.trained)
     console.print(f"trained in {time.monotonic() - started:.1f} s")
-    with suppress(OSError):  # a home that cannot be written to only costs the training
+    with suppress(OSError):  # an unwritable home only costs a new training
         cache.mkdir(parents=True, exist_ok=True)
         older = sorted(cache.glob("*.npz"), key=lambda file: file.stat().st_mtime)
-        for file in older[:-3]:  # four are kept: of two scenarios and two versions
+        for file in older[:-3]:  # keep four: two scenarios in two versions
             file.unlink()
         durable.copy(path, kept)
     return path
 
 
 def content_key(paths: Iterable[Path]) -> str:
-    """Digest of files, and of the recordings and code in folders: of names and contents."""
+    """Digest of the names and contents of files, and of all files in folders."""
     digest = blake2b(digest_size=16)
     for path in paths:
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:

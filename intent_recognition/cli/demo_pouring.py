@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Done(NamedTuple):
-    """A pour of the demo: from what, into what, their warped parameters, and counts of balls."""
+    """One pour of the demo: both containers, their warped parameters, and counts of balls."""
 
     cup: str
     second: str
@@ -35,12 +35,12 @@ class Done(NamedTuple):
 
     @property
     def n_balls(self) -> int:
-        """Balls in the cup at the start."""
+        """Number of balls in the cup at the start."""
         return sum(self.balls[name] for name in ("in_cup", "in_second", "spilled"))
 
 
 def run_pouring(args: argparse.Namespace, console: Console) -> int:
-    """Learn from the shipped demonstrations and pour; 1 if more than two of 40 are spilled."""
+    """Learn from the shipped demonstrations and pour; 1 if over two of 40 balls are spilled."""
     from sim_bridge.scenarios.pouring import balls_above_m, learn_pouring_skill
 
     _check(args)
@@ -65,7 +65,7 @@ def run_pouring(args: argparse.Namespace, console: Console) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Refuse what only the other scenarios take, before anything is learned or started."""
+    """Refuse options of the other scenarios before anything is learned or started."""
     usual: dict[str, object] = dict.fromkeys(("record", "sequences", "params", "transfers"))
     usual |= {"dashboard": False, "arm": "lwr", "changes": 0, "task_list": "habit"}
     cure = "Leave it out, or choose another --scenario."
@@ -90,7 +90,7 @@ def _pairs(args: argparse.Namespace) -> Sequence[tuple[str, str]]:
 def _pour(
     args: argparse.Namespace, skill: Path, cup: str, second: str, above_m: float, console: Console
 ) -> Done:
-    """Start the nodes of the graph "pouring", ask for a pour, wait until it is over."""
+    """Start the nodes of the graph `pouring`, request a pour and wait for its end."""
     from intent_recognition.nodes.demo_observers import PouringObserver
 
     given = {
@@ -116,7 +116,7 @@ def _pour(
 
 
 def _follow(args: argparse.Namespace, observer: "PouringObserver", watch: NodeWatch) -> None:
-    """Ask for the pour, and wait until it is over."""
+    """Request the pour and wait for its end."""
     watch.until(observer.is_ready, 180.0, "the containers, seen and warped")
     observer.ask(args.pour)
     watch.until(lambda: bool(observer.active or observer.refused), 60.0, "the pour")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent demo --recordings`: an arm does what was learned, as recorded people move."""
+"""`intent demo --recordings`: an arm reacts to recorded people with a learned model."""
 
 import argparse
 from collections.abc import Mapping, Sequence
@@ -41,18 +41,18 @@ if TYPE_CHECKING:
     from sim_bridge.scenarios.toolbox import ToolboxArm
 
 AFTER_S = 6.0
-"""Longest motion of the arm after a recording [s]. Convention: a recording ends with the person's
-movement, and the arm goes on with what it has begun."""
+"""Longest motion of the arm after a recording [s]: a recording ends with the person's movement, and
+the arm completes its own."""
 
 
 class Shown(NamedTuple):
-    """What the arm did while a recording was played."""
+    """Reaction of the arm to one recording."""
 
-    name: str  # of the recording
-    label: str  # of the recording; empty where it has none
-    task: str  # that the arm acted on; empty for none
-    after_s: float  # when, from the recording's begin [s]
-    # distance from the arm's hand to where the taught one ended; NaN if it did not act
+    name: str  # name of the recording
+    label: str  # label of the recording; empty if it has none
+    task: str  # task that the arm acted on; empty for none
+    after_s: float  # time of the action since the start of the recording [s]
+    # distance between the hand's final positions, executed and demonstrated; NaN without an action
     off_cm: float
 
 
@@ -92,7 +92,7 @@ def run_recordings(args: argparse.Namespace, console: Console) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Refuse what means nothing here, before anything is started."""
+    """Refuse options that have no meaning here, before anything is started."""
     if args.model is None:
         cure = "intent train RECORDINGS --output M.npz makes one."
         raise ArgumentError.about("--model", "a model with --recordings", "none", cure)
@@ -102,7 +102,7 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _arm(args: argparse.Namespace, model: Model) -> "tuple[ToolboxArm, Floats]":
-    """The arm, and the posture (n,) in which the tasks begin [rad]."""
+    """The arm, and the posture (n,) from which the tasks start [rad]."""
     from sim_bridge.arm import find_robot
     from sim_bridge.scenarios.toolbox import ToolboxArm
 
@@ -123,7 +123,7 @@ def _arm(args: argparse.Namespace, model: Model) -> "tuple[ToolboxArm, Floats]":
 def _calls(
     args: argparse.Namespace, model: Model, arm: "ToolboxArm", home: Floats
 ) -> dict[str, NodeCall]:
-    """The nodes to start, by name: those of the demo without its coworker."""
+    """The nodes to start, by name: those of the demo except its coworker."""
     robot, dofs = arm.robot, model.dofs
     hand = is_hand(dofs.controlled_message_names)
     tracked = [e.topic for e in (*dofs.observed, *dofs.velocities) if is_raw_pose(e.topic, e.type)]
@@ -155,7 +155,7 @@ def _calls(
     }
     calls = {call.name: call for call in resolve("demo", given, own)}
     if args.dashboard:
-        del calls["dashboard"].parameters["scene"]  # the toolbox's
+        del calls["dashboard"].parameters["scene"]  # a toolbox
     return calls
 
 
@@ -172,7 +172,7 @@ def _play(
     observer: "RecordingObserver",
     watch: NodeWatch,
 ) -> Shown:
-    """Play the person's part of a recording, and wait until the arm is at home again."""
+    """Play the person's topics of a recording, and wait until the arm is back home."""
     dofs = model.dofs
     recorded, _ = read_demonstrations(bag, dofs)
     lasts_s = sum((one.end_ns - one.start_ns) * 1e-9 for one in recorded)
@@ -199,7 +199,7 @@ def _play(
 
 
 def _end(recorded: Demonstration, model: Model, arm: "ToolboxArm") -> Floats:
-    """Where the taught arm's hand was at the end of a recording (3,) [m]."""
+    """Final position of the demonstrated hand in a recording (3,) [m]."""
     names = model.dofs.controlled_message_names
     values = []
     for signal in recorded.controlled:
@@ -211,7 +211,7 @@ def _end(recorded: Demonstration, model: Model, arm: "ToolboxArm") -> Floats:
 
 
 def _report(args: argparse.Namespace, shown: Sequence[Shown], console: Console) -> int:
-    """Print what came of it; 1 if more than half was not recognised, or nothing played."""
+    """Print the results; 1 if more than half were not recognised, or nothing was played."""
     if not shown:
         write_json(args.json, [])
         return int(not args.dashboard)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a session of the demo is of: recordings to learn from, a worker's plan, an arm."""
+"""Contents of a demo's session: recordings to learn from, the worker's plan, an arm."""
 
 import argparse
 from collections.abc import Mapping
@@ -23,57 +23,57 @@ if TYPE_CHECKING:
 
 CELL = "cell"
 LIVE = ("toolbox", "assembly", CELL)
-"""Scenarios with a worker and an arm in a graph of nodes."""
+"""Scenarios with a worker and an arm that run as a graph of nodes."""
 LWR = "lwr"
 BASES_M = ((0.0, 0.0, 0.0), (0.12, 0.0, 0.05), (0.3, -0.05, 0.1), (0.5, -0.1, 0.15))
-"""Where the base of a user's arm may stand, world [m]: the first from where it reaches all places.
-Convention: toward the worker; an arm of 0.4 m reaches them from the last."""
+"""Positions to try for the base of a user's arm, world [m]; the first from which it reaches all
+places is taken. They approach the worker; an arm of 0.4 m reaches all places from the last."""
 CELL_PLAN = "config/examples/cell_plan.yaml"
 """Work plan of the scenario `cell`."""
 CELL_BOXES = ("bin 0.56 -0.26 0.12 0.04 0.04 0.24", "lamp 0.62 -0.14 0.555 0.06 0.05 0.10")
-"""Boxes on the way of its arm. Convention: below the way to the screwdriver, and above that to the
-plates and the screws, but 2.5 cm clear of the LWR at the stands and wherever something is handed
-over: where the end of a way touches, there is no way."""
+"""Obstacles of the arm in the scenario `cell`. They lie below the path to the screwdriver and above
+the path to plates and screws, and keep 2.5 cm clear of the LWR at the stands and at all handovers:
+an obstacle that touches the end of a path leaves no path."""
 CELL_PEOPLE = ("anna", "ben")
-"""Who work in the scenario `cell`."""
+"""Names of the people in the scenario `cell`."""
 WITH_PEOPLE = ("coworker_sim", "object_transfer", *RECOGNITION)
-"""Nodes that are told their names, beside the arm's."""
+"""Nodes that get the names of the people, in addition to the arm's nodes."""
 OF_EACH = (
     *("mocap/wrist/pose", "coworker/task"),
     *("intent/tasks", "intent/robot_trajectory", "intent/next_task"),
 )
-"""Of the topics that are recorded, those that everybody with a name has."""
+"""Recorded topics of which each named person has one."""
 CELL_SEPARATION: Mapping[str, object] = {
     "person_dofs": [f"mocap/wrist/pose.pose.position.{axis}" for axis in "xyz"],
     "human_speed": 0.5,
     "intrusion": 0.05,
     "least_speed": 0.15,
 }
-"""How its arm slows near both of them [m/s], [m]. Convention: their hands wait for it, or go where
-they are predicted to."""
+"""Speed and separation of the arm in the scenario `cell` [m/s], [m]: both people's hands wait for
+the arm, or go where their prediction says."""
 
 
 class Scene(NamedTuple):
-    """A session before it begins."""
+    """Definition of a session."""
 
     bags: str  # shipped recordings to learn from
-    dofs: str  # shipped DOF file that they are read by; empty: the default
-    sessions: str  # shipped recordings that tell which task follows which; empty: none
-    graph: str  # of the nodes
-    arguments: Mapping[str, object]  # of the graph
+    dofs: str  # shipped DOF file of the recordings; empty: the default
+    sessions: str  # shipped recordings for the transition prior; empty: none
+    graph: str  # name of the graph of nodes
+    arguments: Mapping[str, object]  # arguments of the graph
     own: Mapping[str, Mapping[str, object]]  # parameters that depend on the arm, by node
-    plans: Mapping[str, "SessionPlan"]  # what the workers do, by name; the only one has none
-    scorings: Mapping[str, "Scoring"]  # where the hand belongs, and where it is, for each of them
-    note: str = ""  # what a user should know of the arm; empty: nothing
+    plans: Mapping[str, "SessionPlan"]  # each worker's plan by name; the only one's name is empty
+    scorings: Mapping[str, "Scoring"]  # by worker: desired and actual position of the hand
+    note: str = ""  # remark on the arm for the user; empty for none
 
 
 def make_scene(args: argparse.Namespace) -> Scene:
-    """The session that the options of `intent demo` ask for."""
+    """The session that the options of `intent demo` describe."""
     return _assembly(args) if args.scenario == "assembly" else _toolbox(args)
 
 
 def session_tasks(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
-    """The entries of each worker's task list, by name, some of them changed on the way."""
+    """Each worker's task list by name, with some tasks changed midway."""
     from sim_bridge.coworker import change_some, parse_task_list, work_shares
 
     people = CELL_PEOPLE if args.scenario == CELL else ("",)
@@ -92,7 +92,7 @@ def session_tasks(args: argparse.Namespace) -> dict[str, tuple[str, ...]]:
 
 
 def _toolbox(args: argparse.Namespace) -> Scene:
-    """The LWR by its joints, as it was taught; another arm by its hand."""
+    """Scene of the toolbox: the LWR is controlled by joints, other arms by the hand's pose."""
     from sim_bridge.arm import NAMES, find_robot
     from sim_bridge.coworker import SessionTiming, plan_people
     from sim_bridge.handover import with_fingers
@@ -110,8 +110,8 @@ def _toolbox(args: argparse.Namespace) -> Scene:
     tasks = session_tasks(args)
     usual = args.arm in NAMES or args.scenario == CELL
     by_force = usual if args.transfers is None else args.transfers
-    # Of two people who wait for one arm the second has the object up to 11 s after the own
-    # movement: after 3 s for the other, and 5 s past two hands.
+    # With two people at one arm, the second gets the object up to 11 s after the own movement:
+    # 3 s for the other person, and 5 s for an arm that passes two hands.
     hold_s = ONE_HOLDS_S if len(tasks) == 1 else (13.0, 14.0)
     timing = SessionTiming(hold_s=hold_s) if by_force else SessionTiming()
     sessions = plan_people(args.seed, list(tasks.values()), timing)
@@ -168,7 +168,7 @@ def _toolbox(args: argparse.Namespace) -> Scene:
 
 
 def _assembly(args: argparse.Namespace) -> Scene:
-    """Learned from two people; the arm is in the second one's place."""
+    """Scene of the assembly: learned from two people, with the arm in the second one's place."""
     from sim_bridge.coworker import SessionTiming
     from sim_bridge.scenarios.assembly import REST_M, in_assistants_place, of_worker, plan_live
     from sim_bridge.scenarios.toolbox import Scoring
@@ -194,7 +194,7 @@ def _assembly(args: argparse.Namespace) -> Scene:
 
 
 def _arm(args: argparse.Namespace, home_m: Floats, places_m: Floats, fingers: bool) -> "ToolboxArm":
-    """The arm that the options name; one from a file stands where it reaches the places (n, 3)."""
+    """The arm that the options name; one from a file stands where it reaches all places (n, 3)."""
     from sim_bridge.arm import NAMES, find_robot
     from sim_bridge.handover import with_fingers
     from sim_bridge.scenarios.toolbox import ToolboxArm
@@ -223,7 +223,7 @@ def _arm(args: argparse.Namespace, home_m: Floats, places_m: Floats, fingers: bo
 
 
 def _file(args: argparse.Namespace, robot: "Robot") -> str:
-    """What the nodes are told of an arm: a name, or a URDF in which only this arm moves."""
+    """Description of the arm for the nodes: a name, or a URDF in which only this arm moves."""
     from sim_bridge.arm import NAMES
 
     if args.arm in NAMES and not (args.base or args.tip):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A session of the demo: its nodes as processes, watched from the terminal until the end."""
+"""A session of the demo: starts its nodes as processes and watches them until the end."""
 
 import argparse
 import os
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
     from intent_recognition.nodes.session_observer import SessionObserver
 
 LIBRARY = "tasks"
-"""Folder of what is taught on the page, below the demo's."""
+"""Folder of the tasks taught on the page, within the demo's output."""
 DOMAINS = (1, 101)
-"""ROS domains whose ports lie below the ephemeral ports of Linux (ROS 2 documentation, "The
-ROS_DOMAIN_ID")."""
+"""Lowest and highest ROS domain whose ports lie below Linux's ephemeral ports (ROS 2
+documentation, "The ROS_DOMAIN_ID")."""
 
 
 def run_session(
@@ -47,11 +47,11 @@ def run_session(
     """Start the nodes, follow the session, stop the nodes.
 
     Returns:
-        The log of each worker, by name, the stamp of the first sample, and how time went, in words.
+        Each worker's log by name, the stamp of the first sample, and the pace of time in words.
 
     Raises:
-        IntentError: a node died, or nothing was received from one.
-        KeyboardInterrupt: interrupted; all nodes are stopped by then.
+        IntentError: a node died, or sent nothing.
+        KeyboardInterrupt: the user interrupted; all nodes have been stopped.
     """
     from sim_bridge.scenarios.toolbox import first_sample_ns
 
@@ -72,7 +72,7 @@ def run_session(
 def refuse_options(
     args: argparse.Namespace, usual: Mapping[str, object], beside: str, cure: str
 ) -> None:
-    """Refuse options, given by their usual values, that mean nothing beside something else."""
+    """Refuse options, given with their default values, that mean nothing beside another option."""
     for name, value in usual.items():
         if (got := getattr(args, name)) != value:
             option = f"--{name.replace('_', '-')}"
@@ -80,13 +80,13 @@ def refuse_options(
 
 
 def begin_library(library: Path, model: Path, console: Console) -> None:
-    """Let the teacher begin with the estimator's model; what was taught before is kept.
+    """Let the teacher start from the estimator's model, and keep tasks that were taught before.
 
     Args:
-        library: folder of the page's tasks; where it is there, it gets the next free number, unless
-            the estimator's model is its own.
+        library: folder of the page's tasks; an existing one is renamed to the next free number,
+            unless the estimator's model is its own.
         model: model file of the estimator.
-        console: where that is told.
+        console: console that reports the new name.
     """
     if not library.exists() or model.resolve() == (library / LIBRARY_MODEL).resolve():
         return
@@ -106,9 +106,9 @@ def begin_library(library: Path, model: Path, console: Console) -> None:
 def watched_graph(
     args: argparse.Namespace, make_observer: Callable[..., Any], *, simulated_time: bool = True
 ) -> Iterator[tuple[Any, NodeWatch]]:
-    """A domain for a node of this process and those that it starts, which end with it.
+    """Start an observer node in an own ROS domain; nodes started within end with the context.
 
-    Meanwhile signals are noted.
+    Meanwhile signals are only noted.
     """
     from diagnostic_msgs.msg import DiagnosticArray
     from rclpy.parameter import Parameter
@@ -146,7 +146,7 @@ def _run_graph(
     scene: Scene,
     console: Console,
 ) -> tuple[dict[str, "SessionLog"], dict[str, object]]:
-    """Run the nodes through one session; what was observed of each worker, and how time went."""
+    """Run the nodes through one session; return each worker's log and the pace of time in words."""
     from intent_recognition.nodes.session_observer import SessionObserver
 
     people = [person for person in scene.plans if person]
@@ -183,12 +183,12 @@ def _start_nodes(
     observer: "SessionObserver",
     watch: NodeWatch,
 ) -> None:
-    """Start all nodes; the coworker last, when the others have found one another."""
+    """Start all nodes; start the coworker last, when the others have discovered one another."""
     coworker = calls.pop(COWORKER)
     for call in calls.values():
         watch.processes.start(call.name, call.module, call.parameters, params_file=args.params)
     watch.until(observer.graph_is_complete, START_S, "the node graph")
-    n_listeners = 2 + bool(args.record) + ("object_transfer" in calls)  # the arm, too, then
+    n_listeners = 2 + bool(args.record) + ("object_transfer" in calls)  # the arm listens, too
     listeners = {"exit_at_end": True, "wait_for_subscribers": n_listeners}
     watch.processes.start(coworker.name, coworker.module, coworker.parameters | listeners)
 
@@ -196,9 +196,9 @@ def _start_nodes(
 def _follow(
     args: argparse.Namespace, observer: "SessionObserver", progress: ProgressLine, watch: NodeWatch
 ) -> float:
-    """Show the session until the last motion is over; returns the pace of its time."""
+    """Show the session until the last motion ends; return simulated seconds per real second."""
     start_s = 120.0
-    longest_s = start_s + 300.0 * progress.total  # each at the slowest pace
+    longest_s = start_s + 300.0 * progress.total  # at the slowest pace
     began_s, began_ns = time.monotonic(), observer.get_clock().now().nanoseconds
     with progress:
         watch.until(lambda: not watch.processes.running(COWORKER), longest_s, "the session's end")
@@ -231,7 +231,7 @@ def _calls(args: argparse.Namespace, model: Path, scene: Scene) -> dict[str, Nod
 
 
 def waits_for_answers() -> dict[str, object]:
-    """Parameter of an arm whose time waits for all that answer."""
+    """Parameter that makes the arm's clock wait for all nodes that answer."""
     from sim_bridge.arm import ANSWERING
 
     return {"wait_for_answers": list(ANSWERING)}
@@ -257,10 +257,10 @@ def page_address(args: argparse.Namespace) -> str:
 
 
 def refuse_busy_domain(observer: "Node", watch: NodeWatch) -> None:
-    """Make sure that no other graph with such nodes, or publishers, is in this domain."""
+    """Require that the domain holds no node of the demo and no publisher of its topics."""
     watch.for_seconds(0.5)
     taken = sorted(set(observer.get_node_names()) & set(GRAPHS["demo"].nodes))
-    own = ("mocap/wrist/pose", "joint_states", "/clock")  # nothing else may publish them
+    own = ("mocap/wrist/pose", "joint_states", "/clock")  # topics that nobody else may publish
     published = [topic for topic in own if observer.count_publishers(topic)]
     taken += [f"publishers of {topic}" for topic in published]
     if taken:
@@ -273,7 +273,7 @@ def refuse_busy_domain(observer: "Node", watch: NodeWatch) -> None:
 
 
 def _domain() -> int:
-    """The user's ROS_DOMAIN_ID, or one of this process's own."""
+    """The user's ROS_DOMAIN_ID, or else one that depends on this process."""
     chosen = os.environ.get("ROS_DOMAIN_ID")
     if not chosen:
         return DOMAINS[0] + os.getpid() % (DOMAINS[1] - DOMAINS[0] + 1)

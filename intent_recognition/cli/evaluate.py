@@ -61,7 +61,7 @@ MORE = (partial(add_recording_options, segmentation="recording"), add_unlabelled
 
 
 def run(args: argparse.Namespace) -> int:
-    """Evaluate, print tables, write what was asked for."""
+    """Evaluate, print the tables and write the requested files."""
     console = output.console_beside(args, "report")
     wanted = n_components(args)
     dofs = settle_orientations(load_dofs(args.dofs), args.bags)
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     mixture = {}
     if args.unlabelled:
         found = find_components(recorded, training_settings(args), wanted, console)
-        purity = found.purity  # none where nothing had a label
+        purity = found.purity  # None if no recording had a label
         mixture = {"mixture": {"n_components": found.choice.n_components, "purity": purity}}
         if not _labelled(recorded):
             return _finish_unlabelled(args, mixture, found, rejections, console)
@@ -116,7 +116,7 @@ def _finish_unlabelled(
     rejections: list[Rejection],
     console: Console,
 ) -> int:
-    """Print and write what there is without a single label."""
+    """Print and write the results for recordings without any label."""
     print_left_out(console, rejections)
     console.print("no recording has a label: recognition and prediction are not scored")
     unread: list[Rejection | StreamFinding]
@@ -127,7 +127,7 @@ def _finish_unlabelled(
 
 
 def _write(args: argparse.Namespace, result: dict, title: str, console: Console) -> int:
-    """Write what was asked for."""
+    """Write the requested files."""
     output.write_json(args.json, result)
     if args.report:
         from intent_recognition.report import write_evaluation_report
@@ -143,7 +143,7 @@ def _labelled(demonstrations: list[Demonstration]) -> list[Demonstration]:
 
 
 def _test_folder(args: argparse.Namespace) -> Path | None:
-    """The folder to test on, None for a protocol that divides the recordings."""
+    """The folder to test on; None if the protocol splits the recordings."""
     protocol, _, folder = (args.protocol or "").partition(":")
     if args.test is None:
         return Path(folder) if protocol == "holdout" and folder else None
@@ -154,7 +154,7 @@ def _test_folder(args: argparse.Namespace) -> Path | None:
 
 
 def _title(bags: list[Path], test: Path | None) -> str:
-    """Of the report: what was scored, and what was learned from where that is something else."""
+    """Title of the report: what was scored, and the training recordings if they differ."""
     names = ", ".join(path.name for path in bags)
     return f"Evaluation on {f'{test.name}, learned from ' if test else ''}{names}"
 
@@ -178,7 +178,7 @@ def _as_json(left_out: Rejection | StreamFinding) -> dict[str, str]:
 
 
 def print_result(console: Console, result: dict) -> None:
-    """Tables of recognition, prediction and decision."""
+    """Print tables of recognition, prediction and decision."""
     console.print(
         f"{result['n_demonstrations']} demonstrations of {', '.join(result['tasks'])};"
         f" errors in {result['unit']}"
@@ -199,7 +199,7 @@ def print_result(console: Console, result: dict) -> None:
 
 
 def print_online(console: Console, online: dict) -> None:
-    """One table: what the nodes would have done."""
+    """Print a table of what the nodes would have done."""
     title = "online, as the nodes run"
     rows = {
         phase.removesuffix("_phase"): {name: row[name] for name in ONLINE}
@@ -211,7 +211,7 @@ def print_online(console: Console, online: dict) -> None:
 def _print_scores(
     console: Console, title: str, head: str, scores: Mapping[str, Mapping], form: str = "{:.3f}"
 ) -> None:
-    """A table with a row for each score, whose names are long, and a column for each case."""
+    """Print a table with one row per score and one column per case."""
     table = boxed_table(title, head, *(f">{case}" for case in scores))
     for name in next(iter(scores.values())):
         cells = (_cell(values[name], form) for values in scores.values())
@@ -220,7 +220,7 @@ def _print_scores(
 
 
 def print_reactive(console: Console, reactive: dict) -> None:
-    """One table: errors of the controlled agent's pose a little ahead, by task."""
+    """Print a table of the errors of the controlled agent's pose a little ahead, by task."""
     names = list(next(iter(next(iter(reactive.values())).values())))
     title = "reactive: pose at every moment, unknown task and phase"
     table = boxed_table(title, "task", ">ahead", *(f">{name}" for name in names))

@@ -63,7 +63,7 @@ MORE = (offer_names,)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run them; 1 if one broke off."""
+    """Run the experiments; 1 if one failed."""
     if not are_here():
         what = "the source tree, in which the experiments lie beside the package"
         cure = "Clone the repository, install it with `pip install -e .[all]`, and run this there."

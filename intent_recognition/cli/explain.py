@@ -27,7 +27,7 @@ from intent_recognition.model import load_model
 from intent_recognition.report import heading, without_rows, write_explanation_report
 
 PARTS = 3
-"""Parts of the time until a decision that the table shows. Convention: one screen."""
+"""Number of intervals into which the table divides the time until a decision."""
 
 
 OPTIONS = {"model": {"required": True}}
@@ -52,14 +52,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def write_report(console: Console, path: Path, found: list[Explanation], bag: Path) -> None:
-    """Write the figures as a page."""
+    """Write the figures as an HTML page."""
     with busy(console, "writing the report"):
         write_explanation_report(path, found, f"Decisions in {bag.name}")
     say(console, f"wrote {path}")
 
 
 def print_explanation(console: Console, one: Explanation) -> None:
-    """A table: what each DOF added in each part of the time, and what happens without it."""
+    """Print each DOF's evidence in each interval, and the decision without that DOF."""
     found = one.evidence
     edges = np.linspace(0.0, found.times_s[-1], PARTS + 1)
     part = np.clip(np.searchsorted(edges, found.times_s, side="left") - 1, 0, PARTS - 1)

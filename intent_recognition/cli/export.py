@@ -30,7 +30,7 @@ OPTIONS = {"output": {"required": True}}
 
 
 def run(args: argparse.Namespace) -> int:
-    """Read, write the table and its map, print what was left out."""
+    """Read the bags, write the table and its map, and print what was left out."""
     console = make_console()
     output.check_output("--output", args.output)
     dofs = settle_orientations(load_dofs(args.dofs), args.bags)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How `intent --help` and the help of each command read."""
+"""Layout of `intent --help` and of each command's help."""
 
 import argparse
 
@@ -35,7 +35,7 @@ GROUPS = {
     "practise": {"improve": "let the robot practise a task to lower its cost"},
     "measure objects": {"warp": "measure a container by warping an annotated one onto it"},
 }
-"""The commands by purpose, in the order in which the help lists them, and what each does."""
+"""The commands by purpose, in the order of the help, with a line on each."""
 
 COMMANDS = {name: what for commands in GROUPS.values() for name, what in commands.items()}
 
@@ -43,7 +43,7 @@ HEADING = "examples:\n"
 
 
 class Formatter(argparse.HelpFormatter):
-    """Wraps descriptions and leaves examples as they are; commands stand in their groups."""
+    """Wraps descriptions, keeps examples as written, and lists commands by group."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         if text.startswith(HEADING):

@@ -41,7 +41,7 @@ from intent_recognition.tables import (
 
 
 def run(args: argparse.Namespace) -> int:
-    """Import, write the bags and the DOF file, print what was found and what was left out."""
+    """Import, write the bags and the DOF file, and print what was found and left out."""
     if args.suggest:
         text = suggest_map(args.source)
         if args.output is None:

@@ -61,7 +61,7 @@ from intent_recognition.cli.teach import add_library_options
 from intent_recognition.improvement import Cost, PracticeSession, Rollout, compare, load_cost
 
 CHECKS = 5
-"""Pours with which the start and what practice has come to are compared at the end."""
+"""Number of fresh rollouts with which the initial and the improved skill are compared."""
 
 
 def _accept_or_undo(parser: argparse.ArgumentParser) -> None:
@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _tell(args: argparse.Namespace, console: Console, what: str, said: str) -> None:
-    """Print what was accepted or undone, and write it."""
+    """Print what was accepted or undone, and write it as JSON."""
     if args.json != output.PRINTED:
         say(console, said)
     output.write_json(args.json, {what: said})
@@ -116,7 +116,7 @@ def _tell(args: argparse.Namespace, console: Console, what: str, said: str) -> N
 
 def _practise(session: PracticeSession, rollouts: int, console: Console) -> None:
     try:
-        if session.about["cost"] == THUMBS:  # the question has the terminal for itself
+        if session.about["cost"] == THUMBS:  # the question needs the terminal
             while len(session.tried) < rollouts:
                 session.step()
             return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `intent improve` can practise: pouring, or a task of a folder of tasks."""
+"""Subjects of `intent improve`: pouring, or a task of a folder of tasks."""
 
 import argparse
 from collections.abc import Callable, Iterator
@@ -55,7 +55,7 @@ PRACTICE_FOLDER = Path("practice")
 
 @contextmanager
 def subject_of(args: argparse.Namespace, console: Console) -> "Iterator[Pouring | TaskOfFolder]":
-    """What the arguments name."""
+    """Context with the subject that the arguments name."""
     if is_pouring(args):
         from sim_bridge.scenarios.pouring import PouringPractice
 
@@ -67,12 +67,12 @@ def subject_of(args: argparse.Namespace, console: Console) -> "Iterator[Pouring 
 
 
 def is_pouring(args: argparse.Namespace) -> bool:
-    """Whether it is pouring that is practised, and no task of a folder."""
+    """Whether pouring is practised, rather than a task of a folder."""
     return args.task == POURING and args.library is None
 
 
 def undo(args: argparse.Namespace, console: Console) -> str:
-    """Take the last accepted practice back; says what is so now."""
+    """Undo the last accepted practice; return the new state in words."""
     if not is_pouring(args):
         folder, task = _folder(args), args.task
         what = f"took practice of {task} back"
@@ -92,14 +92,14 @@ def _undo_pouring(folder: Path) -> str:
 
 
 class Pouring:
-    """A skill of pouring, which is a file in the folder of practice."""
+    """Practice of pouring, whose skill is a file in the folder of practice."""
 
     def __init__(self, args: argparse.Namespace, practice: "PouringPractice") -> None:
         self._args, self.practice = args, practice
         self._folder = args.output or PRACTICE_FOLDER
 
     def session(self, cost: Cost) -> PracticeSession:
-        """The folder of practice, from where it was left."""
+        """Session of the folder of practice, continued or new."""
         args, practice = self._args, self.practice
         about = {"task": POURING, "cup": args.cup, "second": args.into}
         about |= {"wanted": args.wanted, "seed": args.seed, "short": args.short}
@@ -110,7 +110,7 @@ class Pouring:
         return session
 
     def accept(self, session: PracticeSession) -> str:
-        """Take over what it came to; says what that is."""
+        """Accept the improved skill; return the result in words."""
         weights, skill = session.settled(), self._folder / SKILL
         if skill.exists():
             if np.array_equal(load_pouring_skill(skill).primitive.mean, weights):
@@ -121,7 +121,7 @@ class Pouring:
 
 
 class TaskOfFolder:
-    """A task of a folder of tasks, where it becomes a version of the model."""
+    """Practice of a task in a folder of tasks, where it becomes a version of the model."""
 
     def __init__(self, args: argparse.Namespace, console: Console) -> None:
         if args.output is not None:
@@ -141,15 +141,15 @@ class TaskOfFolder:
 
     @property
     def practice(self) -> Practice:
-        """What can be executed."""
+        """The practice to execute."""
         return self._practised.practice
 
     def session(self, cost: Cost) -> PracticeSession:
-        """The practice that goes on with this cost and seed, or a new one."""
+        """Session with this cost and seed, continued or new."""
         return self._practised.session(cost, self._args.seed)
 
     def accept(self, session: PracticeSession) -> str:
-        """As of `Pouring`."""
+        """Accept the improved task; return the result in words."""
         practised, what = self._practised, f"accepted practice of {self._practised.task}"
         accept = partial(practised.accept, session)
         return _changed(self._args, self._console, practised.folder, accept, what)
@@ -164,7 +164,7 @@ def _folder(args: argparse.Namespace) -> TaskFolder:
         raise ModelError.about(str(path), expected, f"no {LIBRARY_MODEL} in it", cure)
     refuse_other_model(path, args.model, args.dofs)
     model = present if present.exists() else args.model
-    loaded, _ = load_trained(model)  # refused before anything is made
+    loaded, _ = load_trained(model)  # fails before anything is created
     check_task(args.task, loaded.library.labels)
     folder = TaskFolder(path, loaded.dofs, now)
     if not present.exists():
@@ -179,7 +179,7 @@ def _changed(
     change: Callable[[], Change],
     what: str,
 ) -> str:
-    """Change a folder of tasks, and let an estimator that runs its model use it; says who does."""
+    """Change a folder of tasks and hand the model to a running estimator; return the status."""
     if find_spec("rclpy") is None:
         change()
         return f"{what}; no estimator was asked, for ROS 2 is not here"
@@ -195,7 +195,7 @@ def _changed(
 
 
 def _skill(args: argparse.Namespace) -> "PouringSkill":
-    """The skill that practice of pouring begins with."""
+    """The pouring skill with which practice starts."""
     from sim_bridge.scenarios.pouring import learn_pouring_skill, read_demonstrated, short_skill
 
     if args.start is not None and args.start.is_file():

@@ -57,7 +57,7 @@ CURE = "Give a bag, a folder of bags, or a model that `intent train` wrote."
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print them: models first, then the recordings, several in one table."""
+    """Print all paths: models first, then the recordings, several of them in one table."""
     output.check_outputs(args)
     console = Console(quiet=True) if args.json == output.PRINTED else make_console()
     models = [path for path in args.paths if path.suffix == ".npz"]
@@ -102,7 +102,7 @@ def _bags_of(source: Path) -> list[Path]:
 def _inspect_bags(
     console: Console, root: Path, bags: Sequence[Path], dofs: DofSpec | None, is_one: bool
 ) -> tuple[list[object], bool]:
-    """All about one readable bag, or a line for each; JSON, and whether one is damaged."""
+    """Print one readable bag in full, or a line per bag; return JSON and whether any is damaged."""
     found: list[tuple[Path, BagSummary | BagError]] = []
     stderr = Console(stderr=True)
     for bag in track(
@@ -132,7 +132,7 @@ def _inspect_bags(
 def _stream_faults(
     bags: Sequence[tuple[Path, BagSummary | BagError]], root: Path, dofs: DofSpec | None
 ) -> dict[Path, list[StreamFinding]]:
-    """What may be wrong between the streams of each bag; nothing is told of damaged ones."""
+    """Possible faults between the streams of each bag that can be read."""
     faults: dict[Path, list[StreamFinding]] = {path: [] for path, _ in bags}
     correlations, owners = [], []
     for path, summary in bags:
@@ -154,7 +154,7 @@ def _stream_faults(
 
 
 def _print_tasks(console: Console, path: Path, skills: dict[str, list[SkillPeriod]]) -> None:
-    """A row for each change of each task, with what became of the executions since."""
+    """Print one row per change of each task, with the outcomes of the executions since then."""
     n = sum(one.n_executions for periods in skills.values() for one in periods)
     print_facts(console, {"tasks": str(path), "executions": str(n)})
     numbers = ">shown", ">done", ">arrived", ">corrected", ">good", ">bad", ">spilled"

@@ -25,7 +25,7 @@ def bag_json(summary: BagSummary) -> dict:
 
 
 def print_bag(console: Console, summary: BagSummary) -> None:
-    """Everything about one bag."""
+    """Print everything known about one bag."""
     facts = {
         "bag": summary.path,
         "task": summary.task or "(no label)",
@@ -65,7 +65,7 @@ def print_bag(console: Console, summary: BagSummary) -> None:
 def print_folder(
     console: Console, root: Path, found: Sequence[tuple[Path, BagSummary | BagError]]
 ) -> None:
-    """One line per bag below `root`, then how many of each task."""
+    """Print one line per bag below `root`, then the number of bags of each task."""
     table = plain_table("bag", "task", ">seconds", ">messages", ">topics", ">gaps", "problems")
     tasks: Counter[str] = Counter()
     for path, got in found:
@@ -95,7 +95,7 @@ def print_folder(
 
 
 def problems(topic: TopicSummary) -> str:
-    """What a node would drop, what is not finite, what cannot be decoded."""
+    """Counts of messages that a node would drop, that are not finite or cannot be decoded."""
     parts = [f"{count} {reason}" for reason, count in sorted(topic.rejected.items()) if count]
     if topic.not_finite and not topic.rejected.get("not_finite"):
         parts.append(f"{topic.not_finite} not finite")
@@ -105,13 +105,13 @@ def problems(topic: TopicSummary) -> str:
 
 
 def damage_line(damage: Damage) -> str:
-    """One stretch of a file that cannot be read."""
+    """Describe one damaged stretch of a file."""
     when = f", {moment(damage.start_ns)}" if damage.start_ns else ""
     return f"damaged at byte {damage.offset}{when}: {damage.reason}"
 
 
 def moment(stamp_ns: int) -> str:
-    """A date in UTC; plain seconds for clocks that do not count from 1970."""
+    """Date in UTC, or plain seconds for clocks that do not start in 1970."""
     if stamp_ns < 365 * 86_400 * 1_000_000_000:  # before 1971
         return f"t = {stamp_ns * 1e-9:.3f} s"
     when = datetime.fromtimestamp(stamp_ns * 1e-9, tz=timezone.utc)

@@ -20,11 +20,11 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "score": " (of log loss and error, less is better)",
     },
 }
-"""Of words in parts of the provenance that do not speak for themselves."""
+"""Explanations of words in the provenance, by part."""
 
 
 def model_json(model: Model) -> dict:
-    """What a model holds as plain values, its large arrays left out."""
+    """A model as plain values, without its large arrays."""
     library = model.library
     names, context = (*library.observed_names, *library.controlled_names), library.context
     return {
@@ -57,7 +57,7 @@ def model_json(model: Model) -> dict:
 
 
 def _progress(library: TaskLibrary) -> str:
-    """How people's progress is modelled."""
+    """Describe how the phase model represents people's progress."""
     deviation = library.phase_deviation
     largest = f"phase deviations of {100 * deviation.deviation_std.max():.2g} % of the movement"
     follows = "follows them" if deviation.controlled_follows else "keeps steady progress"
@@ -65,14 +65,14 @@ def _progress(library: TaskLibrary) -> str:
 
 
 def _in_frames(frames: Frames) -> str:
-    """In which frames the poses were learned."""
+    """Describe the frames in which the poses were learned."""
     if len(set(frames.values())) == 1:
         return f"frame {' and '.join(next(iter(frames.values())))}"
     return ", ".join(f"{topic} in {' and '.join(found)}" for topic, found in frames.items())
 
 
 def print_model(console: Console, path: Path, model: Model) -> None:
-    """What was learned, with what accuracy, and from what."""
+    """Print the tasks of a model, its accuracy and its provenance."""
     library = model.library
     origin = dict(library.provenance)
     named = origin.pop("bags", ())

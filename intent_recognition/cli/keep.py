@@ -8,6 +8,6 @@ intent keep --library tasks
 """
 
 from intent_recognition.cli.teach import add_library_options
-from intent_recognition.cli.undo import run  # noqa: F401  of this command, too
+from intent_recognition.cli.undo import run  # noqa: F401  runs this command, too
 
 MORE = (add_library_options,)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent COMMAND`: one parser, one module per command."""
+"""`intent COMMAND`: one parser, and one module per command."""
 
 import argparse
 import contextlib
@@ -27,13 +27,13 @@ CURES = {
     MemoryError: "Give it fewer or smaller files, or more memory.",
     OSError: "Check that path, who may use it, and the free space.",
 }
-"""What helps against errors that say none themselves."""
+"""Cures for errors that name none themselves."""
 
 
 def make_parser(commands: Iterable[str] = COMMANDS, whole: bool = True) -> argparse.ArgumentParser:
-    """The parser of all commands or some, with their options or the names alone.
+    """The parser of all or some commands; `whole` adds their options, else only the names.
 
-    What is left out need not be imported.
+    Only the modules of whole commands are imported.
     """
     parser = CommandParser(
         prog="intent",
@@ -57,10 +57,10 @@ def make_parser(commands: Iterable[str] = COMMANDS, whole: bool = True) -> argpa
 
 
 class _Version(argparse.Action):
-    """Prints the version, and which update conditions the hypotheses."""
+    """Prints the version and the kernel that updates the hypotheses."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from intent_recognition.gaussian import KERNEL  # imports numpy and scipy: not always
+        from intent_recognition.gaussian import KERNEL  # imports numpy and scipy
 
         written = "numpy (install a C compiler and the package again for the fast one)"
         update = "compiled C" if KERNEL == "c" else written
@@ -88,7 +88,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return code
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:  # the reader has had enough
+    except BrokenPipeError:  # the reader closed the pipe
         _drop_output()
         return 0
     except ImportError as error:
@@ -107,14 +107,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _print_whatever_comes() -> None:
-    """What the encoding of standard output lacks is printed as an escape, as on stderr."""
+    """Escape characters that the encoding of standard output lacks, as stderr does."""
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _drop_output() -> None:
-    """Nothing more is written where nothing can be written: not at the end of Python either."""
-    with contextlib.suppress(OSError, ValueError):  # as in tests, where it is no file
+    """Redirect standard output to null after a closed pipe, for Python's final flush, too."""
+    with contextlib.suppress(OSError, ValueError):  # in tests it is no file
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, sys.stdout.fileno())
         os.close(null)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a command says what it takes: its help as text, types of arguments, and a node's options."""
+"""Builds a command's parser from its help text; argument types and options of nodes."""
 
 import argparse
 import math
@@ -21,7 +21,7 @@ Number = TypeVar("Number", int, float)
 
 PART = r"[A-Za-z_{][\w{}]*"
 NAME = rf"(?:~/|/)?{PART}(?:/{PART})*"
-"""A name of ROS 2: relative, absolute or private; parts of it may be substitutions in braces."""
+"""Pattern of a ROS 2 name: relative, absolute or private, possibly with substitutions in braces."""
 
 PATHS = {
     *("BAG", "BAGS", "BAGS|FILE", "BAG|MODEL|TASKS", "DIR", "F", "FILE", "FOLDER", "M.npz"),
@@ -29,11 +29,11 @@ PATHS = {
 }
 """Metavars of arguments that are paths."""
 PRINTED = Path("-")
-"""The value of `--json` without OUT: standard output."""
+"""Value of `--json` without OUT: standard output."""
 
 
 class CommandParser(argparse.ArgumentParser):
-    """Takes options by their whole names only; an unknown one is the first thing it complains of.
+    """Accepts options by their full names only, and reports an unknown option before all else.
 
     The parsers of the commands are of this class, too.
     """
@@ -44,7 +44,7 @@ class CommandParser(argparse.ArgumentParser):
     def parse_known_args(  # type: ignore[override]
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
     ) -> tuple[argparse.Namespace, list[str]]:
-        """Parse, once all options are known."""
+        """Check that all options are known, then parse."""
         words = list(sys.argv[1:] if args is None else args)
         self._refuse_unknown(words)
         return super().parse_known_args(words, namespace)
@@ -53,7 +53,7 @@ class CommandParser(argparse.ArgumentParser):
         known = self._option_string_actions
         for word in words:
             if word == "--" or (self._subparsers is not None and not word.startswith("-")):
-                return  # what follows is no option, or one of the command
+                return  # an argument follows, or a command with own options
             name = word.partition("=")[0]
             short = not word.startswith("--") and word[:2] in known
             if not re.match("--?[A-Za-z]", word) or " " in name or name in known or short:
@@ -67,7 +67,7 @@ class CommandParser(argparse.ArgumentParser):
 def number(
     kind: type[Number], minimum: float = -math.inf, maximum: float = math.inf
 ) -> Callable[[str], Number]:
-    """The `type` of an option that takes a finite number within limits, both included."""
+    """Argument type of a finite number within inclusive limits."""
     limits = f"{minimum:g} or more" if maximum == math.inf else f"{minimum:g} to {maximum:g}"
     if minimum == -math.inf:
         limits = "a finite number"
@@ -78,15 +78,15 @@ def number(
             raise argparse.ArgumentTypeError(f"expected {limits}, got {text}")
         return value
 
-    read.__name__ = kind.__name__  # argparse names it where `text` is no number
+    read.__name__ = kind.__name__  # argparse prints this name if `text` is not a number
     return read
 
 
 def add_module(subparsers: Subparsers, name: str, module: ModuleType) -> None:
-    """Add the command of a module by `add_command`.
+    """Add a module's command with `add_command`.
 
-    Its function `run` does it, if it has one, and its docstring is the text. `OPTIONS` are further
-    keywords, and functions in `MORE` add to the parser what is no row of a table.
+    Its docstring is the help text; its function `run`, if any, runs the command. `OPTIONS` holds
+    further keywords; functions in `MORE` add what the tables of the docstring cannot express.
     """
     if module.__doc__ is None:
         expected = "0 or 1, as the docstrings of commands are their options"
@@ -105,16 +105,16 @@ def add_command(
     /,
     **more: Any,
 ) -> argparse.ArgumentParser:
-    """Add a command, or an action of one.
+    """Add a command, or an action of a command.
 
     Args:
-        subparsers: get it.
-        name: of the command.
-        run: what does it, from its arguments to the exit code; None: one of its actions.
-        text: what its help says, the docstring of a command's file: in sections between empty
-            lines what it does, the tables of `add_options`, and its examples, each a line
+        subparsers: parsers to which it is added.
+        name: name of the command.
+        run: function from the arguments to the exit code; None if the command has actions.
+        text: help text, usually the docstring of the command's file. Empty lines separate its
+            sections: description, tables for `add_options`, and examples, each with a line
             `# what it does` above the command.
-        more: as of `add_options`.
+        more: keywords of `add_options`.
     """
     about, *sections = textwrap.dedent(text).strip().split("\n\n")
     examples = sections.pop() if sections and sections[-1].startswith("#") else ""
@@ -133,25 +133,25 @@ def add_command(
 
 
 def add_actions(parser: argparse.ArgumentParser) -> Subparsers:
-    """Where the actions of a command are added, of which one has to be named."""
+    """Make the actions of a command, one of which must be given."""
     return parser.add_subparsers(
         title="actions", dest="action", metavar="ACTION", required=True, help="what to do"
     )
 
 
 def add_options(group: argparse._ActionsContainer, tables: str, /, **more: Any) -> None:
-    """Add the arguments of tables, in which they stand as in the help of the command.
+    """Add the arguments listed in tables, which have the form of the command's help.
 
     Args:
-        group: parser or group that gets them.
-        tables: for each argument its name and its metavar, two spaces or more, and what it does;
-            without a metavar it is a switch, `...` takes one or more, and `PATHS` are paths. A line
-            that ends in a colon is the title of a group. Of `--json OUT` it says what is written;
-            that option means the same in every command.
-        more: by the name of an argument its type, or other keywords of `add_argument`.
+        group: parser or group to which the arguments are added.
+        tables: one row per argument: its name and metavar, two or more spaces, and its help. A
+            row without metavar is a switch, `...` takes one or more values, and metavars in
+            `PATHS` are paths. A line that ends in a colon is the title of a group. The row of
+            `--json OUT` says what is written; the rest of its help is the same everywhere.
+        more: by argument name its type, or keywords of `add_argument`.
     """
     for section in filter(None, textwrap.dedent(tables).strip().split("\n\n")):
-        # each row with the lines below that are indented
+        # one row is a line with the indented lines below it
         rows = [re.sub(r"\n +", "  ", row, count=1) for row in re.split(r"\n(?! )", section)]
         within = group
         if rows[0].endswith(":"):
@@ -168,7 +168,7 @@ def add_options(group: argparse._ActionsContainer, tables: str, /, **more: Any) 
 
 
 def _argument(row: str) -> tuple[str, dict[str, Any]]:
-    """Name of an argument, and what its row says for `add_argument`."""
+    """Name of an argument and its keywords for `add_argument`, from its row."""
     spec, text = re.split(r" {2,}", row, maxsplit=1)
     name, *metavars = spec.split(" ")
     options: dict[str, Any] = {"help": " ".join(text.split())}
@@ -191,14 +191,14 @@ def _argument(row: str) -> tuple[str, dict[str, Any]]:
 
 
 def a_path(text: str) -> Path:
-    """The `type` of an option that takes a path: the empty one is no name of the present folder."""
+    """Argument type of a path; refuses the empty text, which pathlib takes for this folder."""
     if not text:
         raise argparse.ArgumentTypeError("expected a path, got nothing; the present folder is .")
     return Path(text)
 
 
 def matching(pattern: str, expected: str) -> Callable[[str], str]:
-    """The `type` of an option whose whole text matches a pattern."""
+    """Argument type of a text that matches a pattern as a whole."""
 
     def read(text: str) -> str:
         if not re.fullmatch(pattern, text, re.ASCII):
@@ -218,7 +218,7 @@ _remapping = matching(
 
 
 def add_node_options(parser: argparse.ArgumentParser) -> None:
-    """Options of every command that runs a node: namespace and remapping."""
+    """Add the options of commands that run a node: namespace and remapping."""
     group = parser.add_argument_group("topics")
     add_options(
         group,
@@ -232,7 +232,7 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
 
 
 def node_arguments(args: argparse.Namespace, parameters: Mapping[str, object]) -> list[str]:
-    """Command line of a node; the first entry is the program's name."""
+    """Command line of a node; its first entry is the program's name."""
     command = ["intent", "--ros-args"]
     for name, value in parameters.items():
         command += ["-p", f"{name}:={yaml_value(value)}"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What commands write: checked before long work, then written to a file or printed as JSON."""
+"""Output files of commands: checked before long work, then written, or printed as JSON."""
 
 import argparse
 import json
@@ -16,16 +16,16 @@ from intent_recognition.errors import ArgumentError, ResourceBusyError, optional
 
 
 def console_beside(args: argparse.Namespace, *options: str) -> Console:
-    """The console for all else: standard error where JSON has standard output to itself.
+    """Console for all other output: standard error if `--json` writes to standard output.
 
-    `--json` and these options are checked before, see `check_outputs`.
+    Also checks `--json` and these options with `check_outputs`.
     """
     check_outputs(args, *options)
     return make_console(stderr=args.json == PRINTED)
 
 
 def check_outputs(args: argparse.Namespace, *options: str) -> None:
-    """`check_output` for these options and `--json`, which may have taken the next argument."""
+    """Check these options and `--json`, which may have swallowed the next argument."""
     path: Path | None = args.json
     others = {f"--{name}": getattr(args, name) for name in options}
     for option, other in others.items():
@@ -44,7 +44,7 @@ def check_outputs(args: argparse.Namespace, *options: str) -> None:
 
 
 def check_output(option: str, path: Path | None) -> None:
-    """Find out before long work that its result could not be written."""
+    """Refuse a path to which the result of long work could not be written."""
     if path is None:
         return
     if option == "--report":
@@ -63,14 +63,14 @@ def check_output(option: str, path: Path | None) -> None:
 
 
 def check_new(path: Path, text: str) -> None:
-    """Find out before anything is written whether a text for `--output` would replace another."""
+    """Refuse an `--output` at which a different text exists, before anything is written."""
     if path.exists() and path.read_bytes() != text.encode():
         got, cure = f"{path}, which says something else", "Choose another, or delete it."
         raise ResourceBusyError.about("--output", "a new file", got, cure)
 
 
 def write_json(path: Path | None, content: object, indent: int | None = 2) -> None:
-    """Write JSON where `--json` says; the folder is made if it is missing.
+    """Write JSON to where `--json` points; create the folder if it is missing.
 
     Args:
         path: a file, PRINTED, or None for nowhere.
@@ -90,7 +90,7 @@ def write_json(path: Path | None, content: object, indent: int | None = 2) -> No
 
 
 def _plain(value: object) -> str:
-    """A path as text; all else has to be plain already."""
+    """Convert a path to text; other values must already be plain."""
     if isinstance(value, Path):
         return str(value)
     raise TypeError(f"expected plain values for JSON, got {type(value).__name__}")

@@ -90,7 +90,7 @@ def _show(args: argparse.Namespace) -> int:
 
 
 def print_plan(console: Console, plan: WorkPlan) -> None:
-    """A table of the steps and what must come before each."""
+    """Print a table of the steps and of their predecessors."""
     relations = {**plan.order, **plan.by_hand}
     hand = {pair for pair, p in plan.by_hand.items() if p > 0.0}
     title = f"{len(plan.steps)} steps, from {plan.n_assemblies} assemblies"
@@ -113,7 +113,7 @@ def print_plan(console: Console, plan: WorkPlan) -> None:
 
 
 def _assemblies(paths: Sequence[Path], pause_s: float, console: Console) -> tuple[Assembly, ...]:
-    """What is done in YAML files and bags."""
+    """Assemblies recorded in YAML files and bags."""
     found = [one for path in paths if path.suffix in YAML for one in _read(path, read_assemblies)]
     bags = [path for path in paths if path.suffix not in YAML]
     sequences, rejections = read_task_sequences(bags, pause_s)

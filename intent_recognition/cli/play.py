@@ -25,7 +25,7 @@ from intent_recognition.cli.console import progress_bar
 from intent_recognition.cli.options import add_node_options, node_arguments, number
 
 PARAMETERS = ("rate", "loop", "start_paused", "wait_for_subscribers", "clock", "restamp")
-"""Options that are parameters of the node `bag_player` under these names."""
+"""Options that are parameters of the node `bag_player` with the same names."""
 
 
 OPTIONS = {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options and reading of the commands that learn from recordings."""
+"""Shared options and reading of the commands that learn from recordings."""
 
 import argparse
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ DOFS = "dofs.yaml"
 
 
 def add_recording_options(parser: argparse.ArgumentParser, segmentation: str) -> None:
-    """Options of `train` and `evaluate`: the bags, the DOF file and how to learn."""
+    """Add the options of `train` and `evaluate`: bags, DOF file and learning."""
     add_options(
         parser,
         """
@@ -42,14 +42,14 @@ def add_recording_options(parser: argparse.ArgumentParser, segmentation: str) ->
 
 
 def training_settings(args: argparse.Namespace) -> TrainingSettings:
-    """Settings of the learner from the options."""
+    """Settings of learning from the options."""
     return TrainingSettings(n_basis=args.basis, segmentation=args.segment)
 
 
 def read_all(
     paths: Sequence[Path], dofs: DofSpec, console: Console, *, of_model: bool = False
 ) -> tuple[list[Demonstration], list[Rejection]]:
-    """Read all recordings with a progress bar; the DOFs may be those of a model."""
+    """Read all recordings with a progress bar. `of_model`: the DOFs come from a model."""
     demonstrations: list[Demonstration] = []
     rejections: list[Rejection] = []
     bags = [bag for path in paths for bag in find_bags(path) or [path]]
@@ -77,7 +77,7 @@ def accumulate_all(
     run: Run = map,
     preprocessing: Preprocessing | None = None,
 ) -> FromBags:
-    """Statistics of all recordings with a progress bar, in memory that does not grow with them."""
+    """Statistics of all recordings, with a progress bar; memory does not grow with their number."""
     total = len(list_bags(paths)[0])
     with progress_bar(console) as bar:
         task = bar.add_task("reading bags", total=total)
@@ -97,7 +97,7 @@ def accumulate_all(
 def nothing_read(
     paths: Sequence[Path], dofs: DofSpec | None, rejections: Sequence[Rejection]
 ) -> BagError:
-    """The error that no recording could be read with these DOFs; None are those of a model."""
+    """The error that no recording could be read with these DOFs; None: the DOFs of a model."""
     cure = "Check path and DOFs."
     if dofs is None:
         cure = "Give recordings of what the model was learned from."
@@ -109,6 +109,6 @@ def nothing_read(
 
 
 def provenance_of(bags: list[str], frames: Frames) -> dict[str, object]:
-    """Where a model comes from: package version, date, names of the recordings, and frames."""
+    """Provenance of a model: package version, date, names of recordings, and frames."""
     created = datetime.now(timezone.utc).isoformat(timespec="seconds")
     return {"package_version": __version__, "created": created, "bags": bags, FRAMES: frames}

@@ -25,7 +25,7 @@ OPTIONS = {"output": {"required": True}}
 
 
 def run(args: argparse.Namespace) -> int:
-    """Recover, and print what was saved and what was not."""
+    """Recover a bag, and print what was saved and what was lost."""
     output.check_outputs(args)
     with busy(Console(stderr=True), "recovering"):
         report = recover(args.bag, args.output)
@@ -36,13 +36,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def report_json(report: RecoveryReport) -> dict:
-    """What was saved and what was not, as plain values."""
+    """The report as plain values."""
     counts = dict(report.message_counts)
     return asdict(replace(report, message_counts=counts)) | {"message_count": report.message_count}
 
 
 def report_lines(report: RecoveryReport) -> list[str]:
-    """What was saved, topic by topic, then what was lost."""
+    """Lines with what was saved, topic by topic, and what was lost."""
     span_s = (report.end_ns - report.start_ns) * 1e-9
     width = max(map(len, report.message_counts), default=0)
     saved = [f"  {topic.ljust(width)}  {n}" for topic, n in sorted(report.message_counts.items())]

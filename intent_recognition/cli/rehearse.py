@@ -38,7 +38,7 @@ OPTIONS = {"max_wrong": {"type": number(float, 0.001, 0.5), "default": MAX_WRONG
 
 
 def run(args: argparse.Namespace) -> int:
-    """Rehearse, print, write what was asked for."""
+    """Rehearse, print the results and write the requested files."""
     console = output.console_beside(args, "report")
     model, trained = load_trained(args.model)
     found, rejections = read_all(args.bags, model.dofs, console, of_model=True)
@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
 def _movements(
     console: Console, trained: Trained, found: list[Demonstration]
 ) -> list[Demonstration]:
-    """Labelled recordings, cut to the movement; says which the model was trained on."""
+    """Labelled recordings, cut to the movement; reports those that the model was trained on."""
     bags = trained.library.provenance.get("bags")
     known = {*bags} if isinstance(bags, (list, tuple)) else set()
     if again := sum(one.name in known for one in found):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of the recordings could not be used, as lines on the console."""
+"""Prints which parts of the recordings could not be used."""
 
 import re
 from collections import Counter
@@ -19,7 +19,7 @@ from intent_recognition.signals import Demonstration, Rejection, SpeedCorrelatio
 def print_left_out(
     console: Console, left_out: Sequence[object], n_left_out: int | None = None
 ) -> None:
-    """Print what could not be used and why, a line for each or for all that are alike."""
+    """Print what could not be used and why, one line for each kind of reason."""
     lines = [f"left out {line}" for line in _folded(left_out)]
     if n_left_out is not None and n_left_out > len(left_out):
         lines.append(f"left out {n_left_out - len(left_out)} more")
@@ -27,7 +27,7 @@ def print_left_out(
 
 
 def nothing_of(argument: str, expected: str, left_out: Sequence[Rejection], cure: str) -> BagError:
-    """The error that all was left out: a line for each kind of reason, and each cure once."""
+    """The error that all was left out: one line per kind of reason, and each cure once."""
     alike: dict[str, list[Rejection]] = {}
     for one in left_out:
         alike.setdefault(_without_numbers(f"{one.topic}: {one.reason}"), []).append(one)
@@ -48,17 +48,17 @@ def _without_numbers(text: str) -> str:
 
 
 def print_doubtful(console: Console, doubtful: Sequence[object]) -> None:
-    """Print what was used but may be wrong, a line for each or for all that are alike."""
+    """Print what was used but may be wrong, one line for each kind of reason."""
     _print_lines(console, [f"doubtful {line}" for line in _folded(doubtful)])
 
 
 def print_mixed_frames(console: Console, frames: Frames) -> None:
-    """Print which topics were recorded in several frames, a line for each."""
+    """Print which topics were recorded in several frames, one line per topic."""
     _print_lines(console, mixed_frames(frames))
 
 
 def _folded(items: Sequence[object]) -> Iterator[str]:
-    """A line for each item, or for all whose reasons differ in numbers alone."""
+    """One line for each item, or for all items whose reasons differ only in numbers."""
     kinds: dict[tuple[str, int], dict[str, str]] = {}
     for item in items:
         name = item.path if isinstance(item, Rejection) else str(item).partition(": ")[0]
@@ -86,14 +86,14 @@ def with_found(
     rejections: Sequence[Rejection],
     correlations: Sequence[SpeedCorrelation],
 ) -> TrainingReport:
-    """A report that also names what could not be read, and what is doubtful."""
+    """Extend a report by unreadable recordings and doubtful streams."""
     unread = [(r.path, f"{r.topic}: {r.reason}" if r.topic else r.reason) for r in rejections]
     doubts = tuple(stream_doubts(correlations))
     return report._replace(rejected=(*unread, *report.rejected), doubts=doubts)
 
 
 def print_found(console: Console, found: FromBags) -> None:
-    """Print what of the bags could not be used and why."""
+    """Print which parts of the bags could not be used, and why."""
     accumulated = found.accumulated
     print_left_out(console, found.rejections, found.n_rejections)
     reasons = [f"{name}: {reason}" for name, reason in accumulated.rejected]

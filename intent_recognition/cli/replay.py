@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def print_rows(console: Console, library: TaskLibrary, rows: list[dict]) -> None:
-    """About twenty lines of the posterior over time, and when which task became active."""
+    """Print about twenty lines of the posterior over time, and when each task became active."""
     labels = (*library.labels, NONE)
     titles = (f">{column}" for column in ("time [s]", *labels, "phase", "active"))
     step = max(1, len(rows) // 20)
@@ -91,5 +91,5 @@ def print_rows(console: Console, library: TaskLibrary, rows: list[dict]) -> None
 
 
 def _since(rows: list[dict], row: dict) -> str:
-    """Seconds since the first observation."""
+    """Seconds since the first observation, as text."""
     return f"{(row['stamp'] - rows[0]['stamp']) * 1e-9:.2f}"

@@ -46,7 +46,7 @@ MORE = (_labelled_or_not,)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Segment, write the bags, print what was found."""
+    """Segment a session, write the bags and print the segments."""
     console = output.console_beside(args)
     if args.model and args.dofs:
         cure = "Leave one of them out: a model has its own DOFs."

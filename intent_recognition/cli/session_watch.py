@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `intent demo` shows of a session and how it waits: for the nodes, and for signals."""
+"""Watches a session of `intent demo`: shows progress, and waits for nodes and signals."""
 
 import time
 from collections.abc import Callable, Iterable, Set
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 COWORKER, PLAYER = "coworker_sim", "bag_player"
 """Nodes that end by themselves."""
 START_S = 60.0
-"""Longest wait for nodes that start, and until they have found one another [s]. Convention."""
+"""Longest wait for nodes to start and to discover one another [s]."""
 HUNG_S = 30.0
-"""A node that has said nothing on /diagnostics for so long hangs [s]. Convention: six times the
-longest that learning keeps one busy, since other work may slow all of them."""
+"""Silence on /diagnostics after which a node counts as hung [s]: six times the longest time for
+which learning blocks one, since other work may slow all of them."""
 
 
 class Heartbeats:
-    """For how long nodes that have reported once have been silent.
+    """Duration of the silence of all nodes that have reported once.
 
     Attributes:
-        unanswered: nodes that simulated time went on without, in words; empty for none.
+        unanswered: nodes for which simulated time no longer waits, in words; empty for none.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -41,18 +41,18 @@ class Heartbeats:
 
     @property
     def names(self) -> Set[str]:
-        """Nodes that have reported."""
+        """Names of the nodes that have reported."""
         return self._silent_s.keys()
 
     def hear(self, name: str, unanswered: str = "") -> None:
-        """A node has reported; one with a clock also who is not waited for."""
+        """Note a node's report; a node with a clock also reports whom it no longer waits for."""
         self._silent_s[name] = 0.0
         self.unanswered = unanswered or self.unanswered
 
     def check(self, names: Iterable[str]) -> None:
-        """Make sure that none of these nodes hangs."""
+        """Require that none of these nodes hangs."""
         now_s = self._clock()
-        # this process may have been stopped
+        # limited, as this process itself may have been stopped
         step_s, self._looked_s = min(now_s - self._looked_s, 1.0), now_s
         for name in self._silent_s:
             self._silent_s[name] += step_s
@@ -66,8 +66,7 @@ class Heartbeats:
 class NodeWatch:
     """Runs the callbacks of this process while the nodes run.
 
-    A callback must not be interrupted halfway: signals are noted, and end what is waited for after
-    the callback under way.
+    Signals must not interrupt a callback: they are noted, and end the wait after the callback.
     """
 
     def __init__(
@@ -86,8 +85,8 @@ class NodeWatch:
         """Wait until a condition holds.
 
         Raises:
-            IntentError: a node died or hangs, or the deadline is over.
-            KeyboardInterrupt: a signal came.
+            IntentError: a node died or hangs, or the deadline has passed.
+            KeyboardInterrupt: a signal arrived.
         """
         end_s = time.monotonic() + deadline_s
         while not condition():
@@ -97,13 +96,13 @@ class NodeWatch:
             self._step()
 
     def until_or(self, condition: Callable[[], bool], longest_s: float) -> None:
-        """Wait until a condition holds, or for a time; raises as `until`."""
+        """Wait until a condition holds or a time has passed; raises as `until` does."""
         end_s = time.monotonic() + longest_s
         while not condition() and time.monotonic() <= end_s:
             self._step()
 
     def for_seconds(self, seconds: float) -> None:
-        """Wait for a time; raises as `until`."""
+        """Wait for a time; raises as `until` does."""
         self.until_or(lambda: False, seconds)
 
     def until_interrupted(self) -> None:
@@ -123,8 +122,8 @@ class NodeWatch:
 class ProgressLine:
     """One line with the progress of the session.
 
-    Of several people, whom the arm helps in turn, nothing is counted as right: their report says.
-    Counted are the movements that have ended, as the plan on the page ticks its steps then.
+    With several people, whom the arm helps in turn, it counts no right activations; their report
+    does. It then counts movements that have ended, as the plan on the page does.
     """
 
     def __init__(self, total: int, console: Console):
@@ -146,7 +145,7 @@ class ProgressLine:
         self._status.stop()
 
     def on_task(self, label: str, person: str = "") -> None:
-        """Take note of the ground truth: a person's movement began, became another, or ended."""
+        """Note the ground truth: a person's movement started, changed, or ended."""
         before, self._truth[person] = self._truth.get(person, ""), label
         self._changed = bool(label and before)
         if label and not before:
@@ -157,7 +156,7 @@ class ProgressLine:
         self._show()
 
     def on_active(self, label: str) -> None:
-        """Take note of the active task; of one person's the first counts, or after a change."""
+        """Note the active task; with one person the first counts, or the first after a change."""
         keeps = "" in self._truth and not (label and self._changed)
         self._active = (self._active if keeps else "") or label
         self._show()

@@ -33,20 +33,20 @@ if TYPE_CHECKING:
     from intent_recognition.nodes.task_teacher import TaskTeacher
 
 DISCOVERY_S = 5.0
-"""Longest wait for the topics to record [s]. Convention."""
+"""Longest wait for the topics to record [s]."""
 HANDED_OVER_S = 12.0
-"""Longest wait for a running estimator to load a model [s]: the teacher asks again after five."""
+"""Longest wait for a running estimator to load a model [s]; the teacher asks again after 5 s."""
 DEFAULT_LIBRARY = Path("tasks")
 QUIT = "q"
 
 Spin = Callable[[Callable[[], object], float], bool]
-"""Run callbacks until a condition holds, at most so many seconds; returns whether it holds."""
+"""Runs callbacks until a condition holds or a time [s] has passed; returns whether it holds."""
 
 
 def add_library_options(
     parser: argparse.ArgumentParser, default: Path | None = DEFAULT_LIBRARY
 ) -> None:
-    """Options of the commands that work on a library of tasks."""
+    """Add the options of commands that work on a library of tasks."""
     add_options(
         parser,
         f"""
@@ -80,9 +80,9 @@ def run(args: argparse.Namespace) -> int:
 
 @contextmanager
 def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["TaskTeacher", Spin]]:
-    """A task_teacher of this process, and a function that runs its callbacks.
+    """A task_teacher in this process, and a function that runs its callbacks.
 
-    What it would log the command prints.
+    The command prints its results; the node itself logs only warnings.
     """
     from intent_recognition.nodes.runtime import spin_until, spinning
     from intent_recognition.nodes.task_teacher import TaskTeacher
@@ -94,7 +94,7 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["Ta
 
 
 def wait_until_used(teacher: "TaskTeacher", spin: Spin, console: Console, what: str) -> str:
-    """Wait until a running estimator uses the model; says how it went, or what was done."""
+    """Wait until a running estimator uses the model; return its status, or `what`."""
     with busy(console, "sending the model"):
         if not spin(lambda: not teacher.sending_model, HANDED_OVER_S):
             return f"{what}; the estimator has not answered"
@@ -102,13 +102,13 @@ def wait_until_used(teacher: "TaskTeacher", spin: Spin, console: Console, what: 
 
 
 def _paths(args: argparse.Namespace) -> dict[str, str]:
-    """Library, model and DOF file, as far as they are given."""
+    """The given ones of library, model and DOF file, as absolute paths."""
     names = ("library", "model", "dofs")
     return {name: str(path.absolute()) for name in names if (path := getattr(args, name))}
 
 
 def refuse_other_model(library: Path, model: Path | None, dofs: Path | None) -> None:
-    """Make sure that a library that has a model is not asked to begin with another one."""
+    """Refuse a model other than the one with which an existing library began."""
     if not is_task_folder(library):
         return
     folder = TaskFolder(library, library_dofs(library, model or "", dofs or ""))
@@ -120,7 +120,7 @@ def refuse_other_model(library: Path, model: Path | None, dofs: Path | None) -> 
 
 
 def _wait_for_topics(args: argparse.Namespace) -> None:
-    """Wait for publishers of what is recorded, before anything is written."""
+    """Wait for publishers of the topics to record, before anything is written."""
     from rclpy.node import Node
 
     from intent_recognition.demonstrations import topics_of
@@ -142,7 +142,7 @@ def _wait_for_topics(args: argparse.Namespace) -> None:
 
 
 def _teach(args: argparse.Namespace, teacher: "TaskTeacher", spin: Spin, console: Console) -> int:
-    """Record and learn demonstrations one after the other; returns how many were learned."""
+    """Record and learn demonstrations one after another; return the number learned."""
     lines = None if args.seconds else _InputLines()
     learned = shown = 0
     while not args.count or shown < args.count:
@@ -170,14 +170,14 @@ def _teach(args: argparse.Namespace, teacher: "TaskTeacher", spin: Spin, console
 
 
 def _asked(lines: "_InputLines", spin: Spin, console: Console, question: str) -> bool:
-    """Ask and wait for a line; False where it is to quit, or at the end of the input."""
+    """Ask and wait for a line; False if it is `q` or the input has ended."""
     console.print(question)
     spin(lambda: lines.ready, float("inf"))
     return lines.take() not in (QUIT, None)
 
 
 class _InputLines:
-    """Lines of standard input, read by a thread of their own; None at the end."""
+    """Lines of standard input, read in a separate thread; None at the end."""
 
     def __init__(self) -> None:
         self._lines: queue.Queue[str | None] = queue.Queue()

@@ -80,7 +80,7 @@ PACE_WORDS = {
     "shared": "at a shared pace",
     "aligned": "aligned in time",
 }
-"""How `PACES` are printed."""
+"""Words with which `PACES` are printed."""
 
 
 OPTIONS = {"output": {"required": True}, "sessions": {"default": []}}
@@ -92,7 +92,7 @@ MORE = (
 
 
 def run(args: argparse.Namespace) -> int:
-    """Train, write the model, print what was learned and what was left out."""
+    """Train, write the model, and print what was learned and left out."""
     console = output.console_beside(args, "output")
     settings = training_settings(args)
     wanted = n_components(args)
@@ -112,7 +112,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def finish(args: argparse.Namespace, model: Model, report: TrainingReport, console: Console) -> int:
-    """Print what was learned, add transitions, write the model."""
+    """Print what was learned, add transitions, and write the model."""
     if args.json != output.PRINTED:
         print_library(console, model.library, report)
     print_mixed_frames(console, frames_of(model.library))
@@ -125,7 +125,7 @@ def finish(args: argparse.Namespace, model: Model, report: TrainingReport, conso
 
 
 def report_json(model: Model, report: TrainingReport) -> dict:
-    """What was learned, from what, and what was left out, as plain values."""
+    """What was learned, from which recordings, and what was left out, as plain values."""
     library = model.library
     return {
         "n_used": report.n_used,
@@ -152,7 +152,7 @@ def train(
     console: Console,
     run: Run = map,
 ) -> tuple[Model, TrainingReport]:
-    """Read bags and learn; what was left out is printed to the console."""
+    """Read bags and learn; print what was left out."""
     dofs = settle_orientations(load_dofs(dofs_path), bags)
     found = accumulate_all(bags, dofs, settings, console, run=run)
     provenance = provenance_of(list(found.accumulated.used), found.frames)
@@ -163,7 +163,7 @@ def train(
 
 
 def print_library(console: Console, library: TaskLibrary, report: TrainingReport) -> None:
-    """A table of the tasks, one line on the regularisation, and warnings if it predicts badly."""
+    """Print a table of the tasks, the regularisation, and warnings about poor predictions."""
     titles = ("task", ">demonstrations", ">duration [s]", ">std of duration")
     table = boxed_table(f"learned from {report.n_used} demonstrations", *titles)
     for index, label in enumerate(library.labels):
@@ -202,7 +202,7 @@ def print_library(console: Console, library: TaskLibrary, report: TrainingReport
 
 
 def with_sessions(model: Model, sessions: Sequence[Path], console: Console) -> Model:
-    """The model with the transition prior of recorded sessions; as it is when there are none."""
+    """The model with a transition prior from recorded sessions; unchanged without sessions."""
     if not sessions:
         return model
     library = model.library
@@ -230,7 +230,7 @@ def with_sessions(model: Model, sessions: Sequence[Path], console: Console) -> M
 
 
 def print_transitions(console: Console, library: TaskLibrary, n_seen: int) -> None:
-    """A table of p(next | last)."""
+    """Print a table of the transition probabilities p(next | last)."""
     title = f"which task follows which, from {n_seen} tasks in sessions"
     table = boxed_table(title, "after", *(f">{label}" for label in library.labels))
     for label, row in zip((*library.labels, "no task"), library.transition_prior, strict=True):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent train --add`: more demonstrations for a model that is there, without its old bags."""
+"""`intent train --add`: adds demonstrations to a model without its old bags."""
 
 import argparse
 from dataclasses import replace
@@ -24,7 +24,7 @@ from intent_recognition.model import Model, Run, check_dofs, load_trained, with_
 
 
 def check_adding(args: argparse.Namespace) -> None:
-    """Refuse what has no meaning without a model to add to."""
+    """Refuse options that need `--add` if it is missing."""
     if args.choose_again and args.add is None:
         cure = "Leave it out: training anew always chooses."
         raise ArgumentError.about("--choose-again", "--add with it", "none", cure)
@@ -33,7 +33,7 @@ def check_adding(args: argparse.Namespace) -> None:
 def add_to_model(
     args: argparse.Namespace, settings: TrainingSettings, console: Console, run: Run
 ) -> tuple[Model, TrainingReport]:
-    """The model of `--add` with the demonstrations of the bags; what was left out is printed."""
+    """The model of `--add` with the bags' demonstrations added; prints what was left out."""
     model, trained = load_trained(args.add)
     _check_settings(args.add, settings, trained.preprocessing.settings)
     dofs = model.dofs
@@ -70,7 +70,7 @@ def add_to_model(
 
 
 def _print_known(console: Console, trained: Trained, accumulated: Accumulated) -> None:
-    """Warn of recordings whose names the model has: it keeps no more of them to compare."""
+    """Warn of recordings with names that the model knows: it can compare nothing but names."""
     before = trained.library.provenance.get("bags")
     known = {*before} if isinstance(before, (list, tuple)) else set()
     if again := [name for name in accumulated.used if name in known]:
@@ -80,7 +80,7 @@ def _print_known(console: Console, trained: Trained, accumulated: Accumulated) -
 
 
 def _check_settings(path: Path, given: TrainingSettings, kept: TrainingSettings) -> None:
-    """Options left at their default are the model's; others must not contradict it."""
+    """Refuse options that contradict the model; options at their default take the model's value."""
     for option, name in (("--basis", "n_basis"), ("--segment", "segmentation")):
         value, ours = getattr(given, name), getattr(kept, name)
         if value not in (ours, getattr(DEFAULTS, name)):

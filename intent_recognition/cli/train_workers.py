@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where work is done: in this process, in others on this machine, or by a dask scheduler."""
+"""Runs work in this process, in other processes on this machine, or on a dask scheduler."""
 
 import argparse
 from collections import deque
@@ -17,14 +17,13 @@ from intent_recognition.interrupts import uninterrupted_children
 from intent_recognition.model import Run
 
 AHEAD = 3
-"""Pieces of work per worker that are under way. Convention: none waits, and results do not pile up.
-"""
+"""Pieces of work in progress per worker: none waits for work, and results do not pile up."""
 CONNECT_S = 10.0
-"""Longest wait for a dask scheduler [s]. Convention."""
+"""Longest wait for a dask scheduler [s]."""
 
 
 def add_worker_options(parser: argparse.ArgumentParser) -> None:
-    """Options of a command whose work can be done elsewhere."""
+    """Add the options of commands whose work can be distributed."""
     where = parser.add_argument_group("where bags are read")
     group = where.add_mutually_exclusive_group()
     add_options(
@@ -43,8 +42,8 @@ def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Run]:
     """A `map` over `jobs` processes, or over the workers of a dask scheduler.
 
     Args:
-        jobs: number of processes; 1 is this one.
-        scheduler: address as `tcp://127.0.0.1:8786`; its workers read the same paths.
+        jobs: number of processes; 1 works in this process.
+        scheduler: address such as `tcp://127.0.0.1:8786`; its workers must see the same paths.
     """
     if scheduler is not None:
         with _dask(scheduler) as run:
@@ -58,7 +57,7 @@ def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Run]:
 
 @contextmanager
 def _processes(jobs: int) -> Iterator[Run]:
-    # A fresh interpreter each: to fork one whose progress bar has a thread may lock up.
+    # Spawn fresh interpreters: forking a process with a progress bar's thread may deadlock.
     pool = ProcessPoolExecutor(jobs, get_context("spawn"))
 
     def submit(*work: Any) -> Future:
@@ -101,7 +100,7 @@ def _dask(scheduler: str) -> Iterator[Run]:
 
 
 def _in_order(submit: Callable, ahead: int, function: Callable, items: Iterable) -> Iterator:
-    """Results in the order of the items, at most `ahead` of them under way."""
+    """Results in the order of the items, with at most `ahead` in progress."""
     pending: deque[Any] = deque()
     for item in items:
         pending.append(submit(function, item))

@@ -19,14 +19,14 @@ from intent_recognition.errors import ModelError
 from intent_recognition.model import is_task_folder
 
 FOUND_S = 5.0
-"""Longest wait for a running estimator [s]: a busy machine needs more than 2 to find it."""
+"""Longest wait for a running estimator [s]; discovery takes more than 2 on a busy machine."""
 
 
 MORE = (add_library_options,)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Change the library as the command says, and give the model to a running estimator."""
+    """Change the library as the command says, and hand the model to a running estimator."""
     if not is_task_folder(args.library):
         came = "another folder" if args.library.is_dir() else "none"
         cure = "Name the one that `intent teach` or task_teacher made."

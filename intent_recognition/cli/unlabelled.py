@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`--unlabelled` of `intent train` and `intent evaluate`: tasks are found in the recordings."""
+"""`--unlabelled` of `intent train` and `intent evaluate`: finds the tasks in the recordings."""
 
 import argparse
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ from intent_recognition.signals import Demonstration, correlate_speeds
 
 
 def add_unlabelled_options(parser: argparse.ArgumentParser) -> None:
-    """Options of a command that may look for the tasks itself."""
+    """Add the options of commands that can find the tasks themselves."""
     add_options(
         parser,
         """
@@ -42,7 +42,7 @@ def add_unlabelled_options(parser: argparse.ArgumentParser) -> None:
 
 
 def n_components(args: argparse.Namespace) -> int | None:
-    """What `--components` asks for, None for `auto`."""
+    """Number of components from `--components`, None for `auto`."""
     text = args.components
     if text != "auto" and not (text.isdecimal() and len(text) < 10 and int(text) > 0):
         raise ArgumentError.about("--components", "`auto` or a number", text, "Try auto.")
@@ -53,7 +53,7 @@ def n_components(args: argparse.Namespace) -> int | None:
 
 
 def check_alone(args: argparse.Namespace) -> None:
-    """Refuse what `train` cannot do together with `--unlabelled`."""
+    """Refuse options that `train` cannot combine with `--unlabelled`."""
     clashes = {"--add": args.add, "--scheduler": args.scheduler, "--jobs": args.jobs > 1}
     for option, given in clashes.items():
         if given:
@@ -69,7 +69,7 @@ def train_unlabelled(
     wanted: int | None,
     console: Console,
 ) -> tuple[Model, TrainingReport]:
-    """Read bags, find the components and learn them as tasks; prints what came of it."""
+    """Read bags, find the components and learn them as tasks; print the result."""
     dofs = settle_orientations(load_dofs(dofs_path), bags)
     demonstrations, rejections = read_all(bags, dofs, console)
     found = find_components(demonstrations, settings, wanted, console)
@@ -92,13 +92,13 @@ def find_components(
     wanted: int | None,
     console: Console,
 ) -> Relabelled:
-    """The components of recordings, with a progress bar; prints what was tried and taken."""
+    """Find the components of recordings with a progress bar; print candidates and choice."""
     with progress_bar(console) as bar:
         task = bar.add_task("looking for components", total=MAX_COMPONENTS)
         found = label_by_components(
             demonstrations,
             settings,
-            np.random.default_rng(0),  # the same recordings give the same components
+            np.random.default_rng(0),  # reproducible
             n_components=wanted,
             progress=lambda done: bar.update(task, completed=done),
         )
@@ -108,7 +108,7 @@ def find_components(
 
 
 def print_components(console: Console, found: Relabelled) -> None:
-    """What was tried, what was taken, and how pure it is where labels are known."""
+    """Print the candidates, the choice, and its purity where labels are known."""
     titles = (">components", ">nll [nats per sample]", ">error [std]", ">")
     table = boxed_table("left-out prediction", *titles)
     for tried in found.choice.tried:

@@ -74,7 +74,7 @@ OPTIONS = {
 
 
 def run(args: argparse.Namespace) -> int:
-    """Warp and print."""
+    """Warp, and print the results."""
     output.check_outputs(args, "report")
     source = ObjectModel.learn(load_object(find_object(str(args.source))))
     viewpoint = None if args.viewpoint is None else np.array(args.viewpoint)
@@ -155,7 +155,7 @@ def _table(
         ]
     for title, value, factor, unit in rows:
         digits = 1 if unit else 2
-        rounded = np.round(np.atleast_1d(value) * factor, digits) + 0.0  # no -0.0
+        rounded = np.round(np.atleast_1d(value) * factor, digits) + 0.0  # avoids -0.0
         shown = (f"{number:.{digits}f}" for number in rounded)
         table.add_row(title, "  ".join(shown), unit)
     return table
