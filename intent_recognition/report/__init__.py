@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages and figures: drawing and writing, neither training nor scoring.
+"""Report pages and their figures; this package draws and writes, but neither trains nor scores.
 
-A file for each page, and for the figures on it.
+Each page has a file, and so have the figures on it.
 """
 
 from intent_recognition.report.demo_report import write_arms_report, write_demo_report

@@ -36,7 +36,7 @@ def reliability_figures(result: Mapping) -> list[html.Figure]:
 
 
 def confusion_section(result: Mapping, segment: str) -> html.Section:
-    """Confusion matrices early in the `segment` (movement or recording), mistakes at its end."""
+    """Confusion matrices early in the `segment` (movement or recording); mistakes at its end."""
     rows: list[html.Block] = []
     for phase, by_fraction in by_phase(result.get("confusion")).items():
         figures = []
@@ -57,7 +57,7 @@ def confusion_section(result: Mapping, segment: str) -> html.Section:
 
 
 def none_section(result: Mapping) -> html.Section:
-    """Recognition of movements of unknown tasks, where it was scored."""
+    """Recognition of movements of unknown tasks, if it was scored."""
     none, blocks = result.get("none") or {}, tuple[html.Block, ...]()
     if none.get("area") is not None:
         curve = none["roc"]
@@ -104,7 +104,7 @@ def _left_out_table(left_out: Mapping) -> html.TableBlock:
 
 
 def by_phase(content: Mapping | None) -> dict[str, Mapping]:
-    """The content per kind of phase, in order; absent kinds are left out."""
+    """Content by kind of phase, in order, without missing kinds."""
     return {phase: content[phase] for phase in PHASE_NAMES if content and content.get(phase)}
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The drawn sections of the demo's report: accuracy, timing, recognition, single interactions."""
+"""Figures in the demo's report: accuracy, timing, recognition, single interactions."""
 
 from collections.abc import Mapping, Sequence
 
@@ -40,7 +40,7 @@ TRANSFER = (
 def figures_of_records(
     records: Sequence[InteractionRecord], summary: DemoSummary, labels: Sequence[str]
 ) -> tuple[Block, ...]:
-    """Hand errors, how early, and arrivals, with the tasks' labels."""
+    """Figures of hand errors, decision times and arrivals, coloured by task."""
     errors_m, shares, arrivals = (
         _per_task(records, name) for name in ("hand_error_m", "decision_share", "arrival_s")
     )
@@ -71,7 +71,7 @@ def figures_of_records(
 def figures_of_posteriors(
     records: Sequence[InteractionRecord], by_index: Mapping[int, Trace]
 ) -> tuple[Block, ...]:
-    """What was recognised, and the posteriors of the interactions by index."""
+    """Figures of recognised tasks and posteriors; traces are by index of the interaction."""
     if not records:
         return ()
     rows, columns, counts = figures_session.confusion_counts(
@@ -92,7 +92,7 @@ def figures_of_posteriors(
         probabilities,
         [r.decision_share for r, _ in both],
     )
-    noticed = [p[p[:, -1] < 1.0] for p in probabilities]  # before the onset was, none is certain
+    noticed = [p[p[:, -1] < 1.0] for p in probabilities]  # without estimates before the onset
     truth = [
         np.tile([label == r.task for label in labels], (len(p), 1))
         for (r, _), p in zip(both, noticed, strict=True)
@@ -105,7 +105,7 @@ def figures_of_posteriors(
 
 
 def details(records: Sequence[InteractionRecord], by_index: Mapping[int, Trace]) -> list[Section]:
-    """A typical interaction of each task, and what was missed."""
+    """A typical interaction of each task, and all missed interactions."""
     chosen = {}
     for task in sorted({r.task for r in records}):
         own = [r for r in records if r.task == task and r.index in by_index]
@@ -156,7 +156,7 @@ def _sentence(record: InteractionRecord) -> str:
 
 
 def _per_task(records: Sequence[InteractionRecord], name: str) -> dict[str, list[float]]:
-    """Values per task in order of the labels; every task that has a record is there, or none."""
+    """Values per task in the order of the labels: all tasks with a record, or none of them."""
     values: dict[str, list[float]] = {task: [] for task in sorted({r.task for r in records})}
     for record in records:
         value = getattr(record, name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reports of the demo: with one arm, beside the paper's numbers, and of the same with several."""
+"""Reports of the demo: one arm's results beside the paper's, or several arms' results."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -30,7 +30,7 @@ from intent_recognition.report.figures_session import hand_error_figure
 from intent_recognition.report.interaction_table import fields_of
 
 LARGEST_FORCE_N = 15.0
-"""That a person may have to bear in a transfer [N] (docs/transfer.md)."""
+"""Largest acceptable force on a person in a transfer [N] (docs/transfer.md)."""
 COLOURS = "Green: an aim is met; red: missed; blue: no aim."
 
 
@@ -44,12 +44,12 @@ def write_demo_report(
     """Write the demo's report as one HTML file.
 
     Args:
-        path: of the file; its folder is made if it is missing.
+        path: path of the file; its folder is created if it is missing.
         records: all interactions, in order.
-        summary: of these records.
-        traces: arrays of as many interactions as there are (keys: `evaluation.Trace`); figures
-            without data are left out.
-        settings: name and value of what the session was run with, shown at the end.
+        summary: summary of the records.
+        traces: arrays of any of the interactions (keys: `evaluation.Trace`); figures without data
+            are left out.
+        settings: names and values of the session's settings, listed at the end.
 
     Raises:
         ResourceBusyError: the file cannot be written.
@@ -63,7 +63,7 @@ def demo_page(
     traces: Sequence[Trace],
     settings: Mapping[str, object],
 ) -> html.ReportPage:
-    """The report's content; arguments as of `write_demo_report`."""
+    """Content of the report; the arguments are those of `write_demo_report`."""
     by_index = {trace["index"]: usable(trace) for trace in traces}
     labels = [label for trace in by_index.values() for label in trace.get("labels", ())]
     unchanged = [record for record in records if not record.changed_from]
@@ -135,7 +135,7 @@ def _key_numbers(summary: DemoSummary, of_paper: bool) -> html.KeyNumbers:
 
 
 def _all_of(label: str, count: int, n: int) -> html.KeyNumber:
-    """A count of n, which is good where it is all of them."""
+    """A count out of n, coloured good if it is n."""
     return html.KeyNumber(label, f"{count}/{n}", good=count == n)
 
 
@@ -184,7 +184,7 @@ def _settings(settings: Mapping[str, object]) -> tuple[html.Block, ...]:
 
 
 def hand_error_text(error: HandError) -> str:
-    """As `3.2 +- 2.6 cm`, or what is known of it."""
+    """Text such as `3.2 +- 2.6 cm`, or a part of it if the rest is not known."""
     return _absent(error.mean_cm, lambda _: error.short.replace("+-", "\N{PLUS-MINUS SIGN}"))
 
 
@@ -193,7 +193,7 @@ def _absent(value: float | None, form: Callable[[float], str]) -> str:
 
 
 def _meets(error: HandError, paper: HandError | None) -> bool | None:
-    """Whether an error is no larger than the paper's; None where one of them is no mean of many."""
+    """Whether an error is at most the paper's; None if either has no mean and spread."""
     if paper is None or paper.mean_cm is None or error.mean_cm is None or error.n < 2:
         return None
     return error.mean_cm <= paper.mean_cm
@@ -218,7 +218,7 @@ OF_ARM: tuple[tuple[html.Column, Callable[[DemoSummary, list[float]], object]], 
     (html.Column("median arrival", "s", form="+.2f"), lambda of, _: of.median_arrival_s),
     (html.Column("latest", "s", form="+.2f"), lambda of, _: of.latest_arrival_s),
 )
-"""What is told of each arm, from its summary and its hand errors [cm]."""
+"""Columns of the table of arms: heading, and value from a summary and its hand errors [cm]."""
 CAPTION = (
     "hand error: mean and two standard deviations over the tasks whose place depends on the human,"
     " as in the report of one arm; median and largest are of all interactions. arrival: after the"

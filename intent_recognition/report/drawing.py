@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one place that loads matplotlib: blank figures in this project's style, and their bytes.
+"""Blank figures in this project's style and their bytes; the only file that loads matplotlib.
 
-Figures are objects of their own and never registered anywhere: dropping one frees it.
+Figures are not registered with pyplot, so that an unused figure is freed.
 """
 
 import functools
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Look: TypeAlias = dict[str, Any]
 """Keyword arguments of matplotlib."""
 Drawing: TypeAlias = "Figure"
-"""A figure of matplotlib, which is loaded when one is drawn."""
+"""A matplotlib Figure; matplotlib is loaded only when one is drawn."""
 
 NONE_COLOUR = "#8792a0"
 INK = "#1d2733"
@@ -31,24 +31,24 @@ SOFT = "#5a6777"
 PAPER_COLOUR = "#3d4856"
 
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#7a5195", "#8c564b")
-"""Okabe and Ito's colours, told apart with every common colour blindness; yellow is darkened."""
+"""Okabe and Ito's colours, distinct under common colour blindness; yellow is darkened."""
 
 PREDICTED_COLOUR = "#b3123f"
-"""Of what is predicted, where curves of tasks are not drawn: a crimson that no task has."""
+"""Colour of predictions in figures without tasks' curves: a crimson that no task has."""
 
 MARKERS = "os^Dv<>P"
 
 DASHED: "LineStyleType" = (0, (4, 2))
-"""Of references: truths, baselines, the paper's figures."""
+"""Line style of references: true values, baselines, the paper's values."""
 
 LAYOUT: Literal["constrained"] | None = "constrained"
-"""How panels are placed."""
+"""Layout engine that places the panels."""
 
 STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
     "text.color": INK,
-    "text.parse_math": False,  # names may hold dollars
+    "text.parse_math": False,  # names may contain dollar signs
     "figure.facecolor": "white",
     "axes.facecolor": "white",
     "axes.edgecolor": "#b6c0cb",
@@ -88,7 +88,7 @@ T = TypeVar("T")
 
 
 def styled(draw: Callable[P, T]) -> Callable[P, T]:
-    """Run a drawing function in this project's style, whatever the user's settings are."""
+    """Run a drawing function in this project's style, whatever the user's settings."""
 
     @functools.wraps(draw)
     def run(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -102,31 +102,31 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
 
 def new_figure(width_in: float, height_in: float) -> "Figure":
-    """A blank matplotlib Figure, sizes in inches, drawn without a display."""
+    """A blank matplotlib Figure of a size in inches, which needs no display."""
     Figure = optional("matplotlib.figure").Figure
     return Figure(figsize=(width_in, height_in), layout=LAYOUT)
 
 
 def new_axes(width_in: float, height_in: float) -> "tuple[Figure, Axes]":
-    """A blank figure, sizes in inches, and the one panel it has."""
+    """A blank figure of a size in inches, and its only panel."""
     figure = new_figure(width_in, height_in)
     return figure, figure.subplots()
 
 
 @styled
 def to_svg(figure: "Figure") -> bytes:
-    """The figure as an SVG file; equal figures give equal bytes.
+    """Render a figure as an SVG file; equal figures give equal bytes.
 
-    It carries no date and, but for the XML namespaces, no address.
+    The file contains no date and, except for XML namespaces, no address.
     """
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     stream = BytesIO()
     nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
     engine = figure.get_layout_engine()
-    if engine is not None:  # `savefig` would draw everything twice, once to lay it out
+    if engine is not None:  # else `savefig` would draw everything twice
         FigureCanvasSVG(figure)
-        figure.dpi = 72  # as matplotlib measures SVG files
+        figure.dpi = 72  # resolution at which matplotlib measures SVG files
         engine.execute(figure)
         figure.set_layout_engine(None)
     figure.savefig(stream, format="svg", metadata=nothing)
@@ -136,13 +136,13 @@ def to_svg(figure: "Figure") -> bytes:
 
 
 def svg_figure(figure: "Figure", caption: str) -> html.Figure:
-    """The figure with its caption, as it stands on a page."""
+    """A figure with its caption, as a block of a page."""
     return html.Figure(to_svg(figure), caption)
 
 
 @styled
 def to_png(figure: "Figure", dpi: float = 150.0) -> bytes:
-    """The figure as a PNG file."""
+    """Render a figure as a PNG file."""
     stream = BytesIO()
     figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
     return stream.getvalue()
@@ -164,7 +164,7 @@ def fill_two_sigma(
 
 
 def shared_legend(figure: "Figure", panels: Iterable["Axes"], n_columns: int) -> None:
-    """One legend below the figure for several panels; what they share is named once."""
+    """Draw one legend for several panels below the figure; shared entries appear once."""
     entries: dict[str, Artist] = {}
     for axes in panels:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
@@ -175,11 +175,11 @@ def shared_legend(figure: "Figure", panels: Iterable["Axes"], n_columns: int) ->
 
 
 def task_colours(labels: Iterable[str], earlier: Mapping[str, str] | None = None) -> dict[str, str]:
-    """One colour per label, the same wherever the same labels are drawn; `none` is grey.
+    """One colour per label, equal wherever the same labels are drawn; `none` is grey.
 
     Args:
-        labels: of all tasks.
-        earlier: colours that tasks keep; the others get those that are left.
+        labels: labels of all tasks.
+        earlier: colours that tasks keep; the other tasks get the remaining colours.
     """
     tasks = sorted(set(labels) - {NONE, ""})
     colours = {task: earlier[task] for task in tasks if task in earlier} if earlier else {}
@@ -196,5 +196,5 @@ def task_markers(labels: Iterable[str]) -> dict[str, str]:
 
 
 def readable(label: str) -> str:
-    """A label as words."""
+    """A label with spaces instead of underscores."""
     return label.replace("_", " ") or NONE

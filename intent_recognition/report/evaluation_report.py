@@ -58,15 +58,15 @@ def write_evaluation_report(path: str | Path, result: Mapping, title: str) -> Pa
     """Write the report as one HTML file.
 
     Args:
-        path: of the file; its folder is made if it is missing.
-        result: the JSON of `intent evaluate`; parts that are missing are left out.
-        title: of the page.
+        path: path of the file; its folder is created if it is missing.
+        result: the JSON of `intent evaluate`; missing parts are left out.
+        title: title of the page.
     """
     return html.write_page(path, evaluation_page(result, title))
 
 
 def evaluation_page(result: Mapping, title: str) -> html.ReportPage:
-    """The report's content; arguments as of `write_evaluation_report`."""
+    """Content of the report; the arguments are those of `write_evaluation_report`."""
     tasks = ", ".join(str(task) for task in result.get("tasks", ()))
     segment = result.get("segment", "movement")
     explained = " ".join([*remarks_on(result), EXPLANATION.format(segment=segment)])
@@ -87,14 +87,14 @@ def evaluation_page(result: Mapping, title: str) -> html.ReportPage:
 
 
 def number(value: object, unit: str) -> float:
-    """One number of the JSON: itself, that of the unit where there are several, or NaN."""
+    """A number of the JSON, for one unit if there are several; NaN if it is missing."""
     if isinstance(value, Mapping):
         value = value.get(unit)
-    return float("nan") if value is None else float(value)  # type: ignore[arg-type]  # of a JSON
+    return float("nan") if value is None else float(value)  # type: ignore[arg-type]  # from JSON
 
 
 def series(table: Mapping, name: str, unit: str = "") -> tuple[list[float], list[float]]:
-    """Fractions in order, and the value of `name` at each of them."""
+    """Fractions in order, and the value of `name` at each fraction."""
     ordered = sorted(table, key=float)
     return [float(f) for f in ordered], [number(table[f].get(name), unit) for f in ordered]
 
@@ -177,7 +177,7 @@ def _prediction_table(table: Mapping, unit: str, segment: str, caption: str) -> 
 
 
 def _online(online: Mapping) -> tuple[html.Block, ...]:
-    """What the nodes would have done: shares of the recordings."""
+    """Table of what the nodes would have done, as shares of the recordings."""
     phases = by_phase(online)
     if not phases:
         return ()
@@ -191,7 +191,7 @@ def _online(online: Mapping) -> tuple[html.Block, ...]:
 
 
 def _faults(result: Mapping) -> tuple[html.Block, ...]:
-    """Recordings that were not scored, and those whose streams may not belong together."""
+    """Recordings that were not scored, and recordings with doubtful streams."""
     rows = [
         (str(one["recording"]), kind, str(one["reason"]))
         for key, kind in (("left_out", "left out"), ("doubtful", "doubtful"))
@@ -228,7 +228,7 @@ def _mixture(mixture: Mapping) -> tuple[html.Block, ...]:
 
 
 def _text(value: float, form: str = "") -> str | None:
-    """Three significant digits unless a form is given; None for what is not known."""
+    """A number with three significant digits or in `form`; None if it is not known."""
     if not np.isfinite(value):
         return None
     decimals = 2 - int(np.floor(np.log10(abs(value)))) if value else 2

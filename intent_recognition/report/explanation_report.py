@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Why decisions were taken: evidence over time and by DOF, and what less would have led to."""
+"""Explanations of decisions: evidence over time and by DOF, and decisions without signals."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -45,7 +45,7 @@ def write_explanation_report(
 
 
 def heading(one: Explanation) -> str:
-    """What was decided, and when, in words."""
+    """The decision and its time, in words."""
     after = f"{one.after_s:.2f} s after onset"
     rival = readable(one.evidence.rival)
     if one.task:
@@ -54,7 +54,7 @@ def heading(one: Explanation) -> str:
 
 
 def without_rows(one: Explanation) -> list[tuple[str, float | None, str]]:
-    """For each name what it added, and what would have been decided without it."""
+    """For each name, its evidence and the decision without it."""
     by_dof = dict(zip(one.evidence.names, one.evidence.by_dof.sum(axis=0), strict=True))
     names = dict.fromkeys([*by_dof, *one.without])
     rows = []
@@ -70,7 +70,7 @@ def without_rows(one: Explanation) -> list[tuple[str, float | None, str]]:
 
 @styled
 def evidence_figure(one: Explanation) -> "Figure":
-    """Evidence so far over time, in all and by DOF, and what each DOF added by the decision."""
+    """Figure of the accumulated evidence over time, by DOF and in total, and its final values."""
     found = one.evidence
     figure = new_figure(8.6, 3.4)
     over_time, in_all = figure.subplots(1, 2, width_ratios=(2, 1))
@@ -93,7 +93,7 @@ def evidence_figure(one: Explanation) -> "Figure":
 
 
 def short_name(name: str, names: Sequence[str]) -> str:
-    """A DOF's name without what all names begin with alike, up to the last point."""
+    """A DOF's name without the prefix, up to a point, that all names share."""
     stems = {one.rpartition(".")[0] for one in names}
     return name.rpartition(".")[2] if len(stems) == 1 and len(names) > 1 else name
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of an evaluation on recordings left out of training."""
+"""Figures of an evaluation on held-out recordings."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,7 @@ PHASE_STYLES: dict[str, dict[str, Any]] = {
     "known_phase": {"color": PALETTE[0], "marker": "o", "markeredgecolor": "white"},
     "unknown_phase": {"color": PALETTE[1], "marker": "s", "ls": DASHED, "markerfacecolor": "none"},
 }
-"""How a kind of phase is drawn: the second one, which is often as good, does not hide the first."""
+"""Style of each kind of phase; the second, often as accurate, does not hide the first."""
 RMSE_STYLES: dict[str, tuple[str, str, str, "LineStyleType"]] = {
     "rmse": ("library, true task", PALETTE[0], "o", "-"),
     "rmse_inferred_task": ("library, inferred task", PALETTE[5], "s", (0, (1, 1.5))),
@@ -39,16 +39,16 @@ RMSE_STYLES: dict[str, tuple[str, str, str, "LineStyleType"]] = {
     "rmse_nearest_neighbour": ("nearest neighbour", PALETTE[3], "v", (0, (4, 1.6))),
 }
 TWO_SIGMA = 0.9545
-"""Probability within two standard deviations of a normal distribution."""
+"""Probability of the interval within two standard deviations of a normal distribution."""
 
 ScoreValues = Sequence[float] | Floats
 Series = Mapping[str, tuple[ScoreValues, ScoreValues]]
-"""Per name, fractions observed (F,) and values (F,); NaN is left out."""
+"""By name, fractions observed (F,) and values (F,); NaN values are not drawn."""
 
 
 @styled
 def recognition_figure(accuracy: Series, log_loss: Series, segment: str = "movement") -> "Figure":
-    """Accuracy and log loss over the share observed, phase known and unknown."""
+    """Accuracy and log loss over the observed share, with known and with unknown phase."""
     figure = new_figure(11.2, 3.5)
     left, right = figure.subplots(1, 2)
     _phases(left, accuracy, segment)
@@ -61,7 +61,7 @@ def recognition_figure(accuracy: Series, log_loss: Series, segment: str = "movem
 
 @styled
 def rmse_figure(panels: Mapping[str, Series], unit: str, segment: str = "movement") -> "Figure":
-    """Error of the controlled agent beside the baselines, a panel per phase knowledge."""
+    """Error of the controlled agent beside the baselines, one panel per kind of phase."""
     figure = new_figure(11.2, 3.9)
     grid = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     for axes, (phase, series) in zip(grid, panels.items(), strict=True):
@@ -81,7 +81,7 @@ def rmse_figure(panels: Mapping[str, Series], unit: str, segment: str = "movemen
 
 @styled
 def coverage_figure(coverage: Series, segment: str = "movement") -> "Figure":
-    """Share of true values within +-2 sigma; 95 % is right."""
+    """Share of true values within +-2 sigma; the ideal is 95 %."""
     figure, axes = new_axes(5.6, 3.7)
     axes.axhline(100 * TWO_SIGMA, color=INK, linewidth=1.2, linestyle=DASHED)
     look: Look = {"color": SOFT, "fontsize": 8.5, "transform": axes.get_yaxis_transform()}
@@ -100,8 +100,8 @@ def reliability_figure(confidence: Floats, share_right: Floats, counts: Integers
 
     Args:
         confidence: mean probability per bin; NaN for an empty bin.
-        share_right: share of true ones per bin.
-        counts: probabilities per bin; the area of the dots.
+        share_right: share of true tasks per bin.
+        counts: number of probabilities per bin, drawn as the area of the dots.
     """
     counts = np.asarray(counts, dtype=float)
     figure, axes = new_axes(5.6, 3.7)
@@ -114,7 +114,7 @@ def reliability_figure(confidence: Floats, share_right: Floats, counts: Integers
     axes.scatter(x, y, s=area, zorder=3, **look)
     axes.set(xlabel="probability given to a task", ylabel="share of cases in which it was true")
     axes.set(xlim=(-0.04, 1.04), ylim=(-0.04, 1.04))
-    figure.legend(loc="outside upper center", ncols=2, markerscale=0.6)  # points may be anywhere
+    figure.legend(loc="outside upper center", ncols=2, markerscale=0.6)  # points fill the axes
     return figure
 
 
@@ -122,9 +122,9 @@ def reliability_figure(confidence: Floats, share_right: Floats, counts: Integers
 def confusion_shares_figure(
     counts: Floats, true: Sequence[str], recognised: Sequence[str]
 ) -> "Figure":
-    """How often each task (rows) was taken for which (columns), as shares of the row.
+    """Confusion matrix: true tasks (rows) and recognised tasks (columns), as shares of the row.
 
-    Of counts (K, K + 1) and the names of both, none the last column.
+    `counts` are (K, K + 1), with the names of rows and columns; the last column is `none`.
     """
     counts = np.asarray(counts, dtype=float)
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
@@ -153,7 +153,7 @@ def confusion_shares_figure(
 
 @styled
 def roc_figure(unknown: Sequence[float], known: Sequence[float], area: float) -> "Figure":
-    """Share of known against share of unknown movements that reach each threshold, as steps."""
+    """Share of known over share of unknown movements that reach each threshold, as steps."""
     figure, axes = new_axes(5.0, 3.9)
     axes.plot([0, 1], [0, 1], color=SOFT, linewidth=1.2, linestyle=DASHED, label="chance")
     axes.plot(unknown, known, color=PALETTE[0], label=f"area {area:.3f}")
@@ -167,7 +167,7 @@ def roc_figure(unknown: Sequence[float], known: Sequence[float], area: float) ->
 def _phases(axes: "Axes", series: Series, segment: str) -> None:
     for phase, (fractions, values) in series.items():
         percent, numbers = 100 * np.asarray(fractions, dtype=float), np.asarray(values, dtype=float)
-        look = {"markersize": 5.5, "clip_on": False, "zorder": 3}  # whole at the axis, too
+        look = {"markersize": 5.5, "clip_on": False, "zorder": 3}  # not clipped at the axes
         axes.plot(percent, numbers, label=PHASE_NAMES[phase], **(look | PHASE_STYLES[phase]))
     axes.set(xlabel=_observed(segment), xlim=(0, 103))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One interaction in detail: its posterior over time, and the forces of its transfer."""
+"""Figures of one interaction: its posterior over time, and the forces of its transfer."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -29,7 +29,7 @@ OBSERVED, PREDICTED, TUBE = INK, PREDICTED_COLOUR, "#f5dfe5"
 
 @styled
 def transfer_figure(trace: Mapping) -> "Figure":
-    """Forces while an object changes hands; keys as in `evaluation.Trace`."""
+    """Forces while an object changes hands; keys are those of `evaluation.Trace`."""
     figure = new_figure(11.2, 4.2)
     axes, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     felt_s = np.asarray(trace["transfer_s"], dtype=float)
@@ -46,7 +46,7 @@ def transfer_figure(trace: Mapping) -> "Figure":
 
 @styled
 def posterior_over_time_figure(trace: Mapping, movement_s: float) -> "Figure":
-    """One interaction's task posterior over time, with its decision and the human's end."""
+    """Task posterior of one interaction over time, with its decision and the movement's end."""
     colours = task_colours(trace["labels"])
     time_s = thin(np.asarray(trace["share"], dtype=float)) * movement_s
     probabilities = thin(np.asarray(trace["probabilities"], dtype=float))
@@ -62,7 +62,7 @@ def posterior_over_time_figure(trace: Mapping, movement_s: float) -> "Figure":
 
 
 def thin(values: Floats, count: int = 400) -> Floats:
-    """At most `count` rows, evenly spaced, first and last kept."""
+    """At most `count` rows, evenly spaced, including the first and the last."""
     if len(values) <= count:
         return values
     return values[np.linspace(0, len(values) - 1, count).round().astype(int)]

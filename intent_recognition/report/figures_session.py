@@ -38,13 +38,13 @@ def hand_error_figure(
     remarks: Mapping[str, str] | None = None,
     labels: Sequence[str] = (),
 ) -> "Figure":
-    """Every hand error as a dot, their mean +- two standard deviations, and the paper's beside.
+    """Each hand error as a dot, with mean +- two standard deviations, beside the paper's values.
 
     Args:
         errors_cm: per task, (n,) distances in cm.
         paper_cm: per task, mean and two standard deviations in cm.
         remarks: per task, a word below its name.
-        labels: of all tasks, also those that did not happen: colours and markers depend on them.
+        labels: labels of all tasks, which determine colours and markers.
     """
     paper_cm, remarks = paper_cm or {}, remarks or {}
     tasks = {*errors_cm, *labels}
@@ -84,14 +84,14 @@ def histogram_figure(
     form: str,
     labels: Sequence[str] = (),
 ) -> "Figure":
-    """How often there was which value, tasks on top of each other, and the median of all.
+    """Stacked histogram of values by task, with the median of all values.
 
     Args:
         values: per task, (n,).
-        what: they are, with the unit.
-        end: of the human's movement, where a line is drawn.
-        form: of the median, as `str.format` takes it.
-        labels: of all tasks, as of `hand_error_figure`.
+        what: name of the quantity, with its unit.
+        end: value of the end of the human's movement, drawn as a line.
+        form: format of the median, for `str.format`.
+        labels: labels of all tasks, as in `hand_error_figure`.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -100,7 +100,7 @@ def histogram_figure(
     figure, axes = new_axes(5.6, 3.7)
     look: Look = {"edgecolor": "white", "linewidth": 0.6, "stacked": True}
     look |= {"color": [colours[task] for task in values], "label": [*map(readable, values)]}
-    edges = np.histogram_bin_edges(np.append(everything, end), bins=30)  # bars of one value, too
+    edges = np.histogram_bin_edges(np.append(everything, end), bins=30)  # also with equal values
     axes.hist(list(values.values()), bins=list(edges), **look)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(visible=False, axis="x")
@@ -125,14 +125,14 @@ def posterior_figure(
     probabilities: Sequence[Floats],
     decisions: Sequence[float | None],
 ) -> "Figure":
-    """Task posteriors over the share of the movement: one panel per true task, a line each.
+    """Task posteriors over the share of the movement: panels by true task, a line per interaction.
 
     Args:
         tasks: true task of each of n interactions.
-        labels: of the L columns of the probabilities.
+        labels: labels of the L columns of the probabilities.
         shares: (T_i,) share of the human's movement at each observation, increasing.
-        probabilities: (T_i, L) of each interaction.
-        decisions: share at which each was decided, marked by a tick at the top.
+        probabilities: (T_i, L) posteriors of each interaction.
+        decisions: share at the decision of each interaction, marked by a tick at the top.
     """
     colours = task_colours(labels)
     panels = sorted(set(tasks))
@@ -156,7 +156,7 @@ def posterior_figure(
 def confusion_counts(
     true: Sequence[str], recognised: Sequence[str]
 ) -> tuple[list[str], list[str], Floats]:
-    """Rows (true tasks), columns (those and what else was recognised, none last) and counts."""
+    """Rows (true tasks), columns (true and other recognised tasks, `none` last) and counts."""
     recognised = [name or NONE for name in recognised]
     rows = sorted(set(true))
     columns = [*sorted((set(recognised) | set(rows)) - {NONE}), NONE]
@@ -167,7 +167,7 @@ def confusion_counts(
 
 
 def _bundle(axes: "Axes", lines: Sequence[tuple[Floats, Floats]], colour: str, name: str) -> None:
-    """Thin lines, and their median; a line that stops early is held."""
+    """Draw thin lines and their median; a line that ends early is held at its last value."""
     for share, values in lines:
         inside = np.asarray(share) <= 1.0
         x, y = 100 * np.asarray(share)[inside], np.asarray(values)[inside]
@@ -179,7 +179,7 @@ def _bundle(axes: "Axes", lines: Sequence[tuple[Floats, Floats]], colour: str, n
 
 
 def _spread(values: Floats, half_width: float) -> Floats:
-    """Offsets that keep dots of a strip apart, the same every time."""
+    """Horizontal offsets that separate the dots of a strip; equal input gives equal offsets."""
     offsets = np.zeros(values.size)
     pattern = np.array([0.0, 0.5, -0.5, 1.0, -1.0, 0.25, -0.25, 0.75, -0.75])
     offsets[np.argsort(values)] = pattern[np.arange(values.size) % pattern.size]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A report as one HTML page that needs no network: own style, figures inside.
+"""A report as one HTML page with its own style and figures inside, which needs no network.
 
-A page is a tree of frozen values; `render` turns it into text. Everything given is escaped.
+A page is a tree of frozen values; `render` turns it into text. All content is escaped.
 """
 
 import base64
@@ -21,7 +21,7 @@ ABSENT = "\N{EN DASH}"
 
 @dataclass(frozen=True)
 class Paragraph:
-    """One paragraph; a small one is set as a remark."""
+    """A paragraph; a small one is a remark."""
 
     text: str
     small: bool = False
@@ -29,27 +29,27 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Column:
-    """Heading of a table's column."""
+    """Heading and format of a table's column."""
 
     title: str
-    unit: str = ""  # of its numbers
-    align: Literal["left", "right", "center"] = "right"  # of heading and cells
-    form: str = ""  # of its numbers, as `format` takes it
+    unit: str = ""  # unit of its numbers
+    align: Literal["left", "right", "center"] = "right"  # alignment of heading and cells
+    form: str = ""  # format of its numbers, for `format`
 
 
 @dataclass(frozen=True)
 class TableBlock:
-    """Rows of cells: texts, numbers, which are written as their column says, and None, a dash.
+    """Rows of cells: texts, numbers in the column's format, and None, shown as a dash.
 
     Raises:
         ShapeError: a row has more or fewer cells than there are columns.
     """
 
-    columns: Sequence[Column]  # C headings
-    rows: Iterable[Sequence[object]]  # each of C cells
+    columns: Sequence[Column]  # C columns
+    rows: Iterable[Sequence[object]]  # rows of C cells
     caption: str = ""
-    marked: Collection[int] = ()  # indices of rows to be set off (misses, say)
-    strong: Collection[int] = ()  # indices of rows in bold (totals, say)
+    marked: Collection[int] = ()  # indices of highlighted rows, such as misses
+    strong: Collection[int] = ()  # indices of bold rows, such as totals
 
     def __post_init__(self) -> None:
         rows = []
@@ -68,38 +68,38 @@ def _written(value: object, form: str) -> str | None:
 
 @dataclass(frozen=True)
 class Figure:
-    """An image, shown at up to its own width."""
+    """An image, shown at most at its own width."""
 
     data: bytes
     caption: str = ""
 
     @property
     def suffix(self) -> str:
-        """Of a file with these bytes: svg or png."""
+        """File name extension for these bytes: svg or png."""
         return "png" if self.data.startswith(b"\x89PNG") else "svg"
 
 
 @dataclass(frozen=True)
 class Row:
-    """Figures side by side where the page is wide enough."""
+    """Figures side by side if the page is wide enough."""
 
     figures: tuple[Figure, ...]
 
 
 @dataclass(frozen=True)
 class KeyNumber:
-    """One number that matters, with the paper's beside it."""
+    """A highlighted number with the paper's value beside it."""
 
     label: str
     ours: str  # value with unit, as text
-    paper: str = ""  # the paper's value, empty without one
-    good: bool | None = None  # True or False colours it, None does not
+    paper: str = ""  # the paper's value; empty without one
+    good: bool | None = None  # True and False set a colour, None does not
     note: str = ""  # a short remark
 
 
 @dataclass(frozen=True)
 class KeyNumbers:
-    """A band of key numbers."""
+    """A row of key numbers."""
 
     numbers: tuple[KeyNumber, ...]
 
@@ -109,7 +109,7 @@ Block = Paragraph | TableBlock | Figure | Row | KeyNumbers
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what stands below it."""
+    """A heading and the blocks below it."""
 
     heading: str
     blocks: tuple[Block, ...]
@@ -117,7 +117,7 @@ class Section:
 
 @dataclass(frozen=True)
 class ReportPage:
-    """A whole report; `footer` says where it came from."""
+    """A whole report; `footer` states its origin."""
 
     title: str
     subtitle: str
@@ -126,12 +126,12 @@ class ReportPage:
 
 
 def text_columns(*names: str) -> list[Column]:
-    """Headings of columns of texts; one with `>` before its name is set to the right."""
+    """Columns of texts; a name that begins with `>` is aligned to the right."""
     return [Column(n.removeprefix(">"), align="right" if n[:1] == ">" else "left") for n in names]
 
 
 def render(page: ReportPage) -> str:
-    """The page as one self-contained HTML document."""
+    """Render the page as one self-contained HTML document."""
     footer = f"<footer>{escape(page.footer)}</footer>" if page.footer else ""
     body = "\n".join(_section(section) for section in page.sections if section.blocks)
     return f"""<!DOCTYPE html>
@@ -154,7 +154,7 @@ def render(page: ReportPage) -> str:
 
 
 def write_page(path: str | Path, page: ReportPage) -> Path:
-    """Write the page; the folder is made if it is missing.
+    """Write the page; create its folder if it is missing.
 
     Raises:
         ResourceBusyError: the file cannot be written.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The columns of the demo's table."""
+"""Columns of the demo's table of interactions."""
 
 from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
@@ -9,7 +9,7 @@ from intent_recognition.report.drawing import readable
 
 
 class Field(NamedTuple):
-    """One column: heading, unit, side, and how a record fills it."""
+    """One column: heading, unit, alignment, and its text for a record."""
 
     title: str
     unit: str
@@ -34,7 +34,8 @@ FIELDS = (
     Field("handed over", "s", "right", lambda r: _number(r.transfer_s, form="+.2f")),
     Field("note", "", "left", lambda r: _note(r)),
 )
-"""decided = after onset; share = of the human's movement; arrival = after the human's end."""
+"""Columns; "decided" counts from onset, "share" is of the human's movement, "arrival" counts from
+its end."""
 
 
 def _note(record: InteractionRecord) -> str:
@@ -46,5 +47,5 @@ def _note(record: InteractionRecord) -> str:
 
 
 def fields_of(records: Sequence[InteractionRecord]) -> tuple[Field, ...]:
-    """The columns of a session's table: those in which any record has something."""
+    """Columns of a session's table, without those that are empty for all records."""
     return tuple(field for field in FIELDS if any(map(field.cell, records)))

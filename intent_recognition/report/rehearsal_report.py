@@ -33,13 +33,13 @@ CAPTION = (
     " the worst moment; bars below: what was active."
 )
 Tables = Mapping[str, Sequence[Sequence[str]]]
-"""By title the names of the columns, and rows of texts."""
+"""By title, the names of the columns and rows of texts."""
 
 
 def rehearsal_tables(
     rehearsal: Rehearsal, suggestions: Sequence[Suggestion], worst: Sequence[Rehearsed]
 ) -> Tables:
-    """What a rehearsal says, as texts."""
+    """Results of a rehearsal, as tables of texts."""
     n, (low, high) = len(rehearsal.runs), rehearsal.wrong_interval()
     decided_s = [run.decided_s for run in rehearsal.runs if not run.missed] or [np.nan]
     computed_ms = 1e3 * np.concatenate([run.computed_s for run in rehearsal.runs])
@@ -72,7 +72,7 @@ def rehearsal_tables(
 
 
 def write_rehearsal_report(path: str | Path, tables: Tables, worst: Sequence[Rehearsed]) -> Path:
-    """Write the report as one HTML file, whose folder is made; the worst runs come first."""
+    """Write the report as one HTML file and create its folder; the worst runs come first."""
     sections = []
     for title, (names, *rows) in tables.items():
         table = html.TableBlock(html.text_columns(*names), rows)
@@ -88,7 +88,7 @@ def write_rehearsal_report(path: str | Path, tables: Tables, worst: Sequence[Reh
 
 @styled
 def worst_figure(runs: Sequence[Rehearsed]) -> "Figure":
-    """A small plot for each run: probabilities over time, and what was active."""
+    """A small plot for each run: probabilities over time, and the active task."""
     columns = 5
     rows = -(-len(runs) // columns)
     figure = new_figure(11.2, 0.6 + 2.2 * rows)
@@ -117,7 +117,7 @@ def worst_figure(runs: Sequence[Rehearsed]) -> "Figure":
 
 
 def _movement(run: Rehearsed) -> str:
-    """Name, person, first and last position of a movement."""
+    """Name, person, and first and last position of a movement."""
     start_ns, end_ns = run.recorded.start_ns, run.recorded.end_ns
     parts = [signal.between(start_ns, end_ns).values for signal in run.recorded.observed]
     ends = (np.concatenate([part[k] for part in parts]) for k in (0, -1))

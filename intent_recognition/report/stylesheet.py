@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a report looks: by day and by night."""
+"""Style sheet of the reports, in a light and a dark scheme."""
 
 STYLESHEET = """
 :root {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report of one warp: its parameters, the points with their parts, and a cut."""
+"""The report of one warp: its parameters, the points by part, and a section."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -67,7 +67,7 @@ def write_warp_report(
 
 
 def _text(value: object) -> str:
-    """A JSON value in short."""
+    """Short text of a JSON value."""
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, list):
@@ -82,7 +82,7 @@ def parts_figure(views: tuple[tuple[str, Floats, NDArray[np.integer]], ...]) -> 
     """Points of several objects, coloured by part, each upright in its own frame.
 
     Args:
-        views: title, local points (n, 3) [m] with the first axis up, and labels (n,) of each.
+        views: per object its title, local points (n, 3) [m], first axis up, and labels (n,).
     """
     figure = new_figure(4.2 * len(views), 4.0)
     for number, (title, points, labels) in enumerate(views):
@@ -105,7 +105,7 @@ def parts_figure(views: tuple[tuple[str, Floats, NDArray[np.integer]], ...]) -> 
 
 @styled
 def cut_figure(warped: WarpedObject, parameters: PouringParameters) -> "Figure":
-    """Cut along the lip: points near it, the cavity, and the level that leaves half of it."""
+    """Section along the lip: points near it, the cavity, and the level that leaves half of it."""
     rim, cavity = warped.rim, warped.cavity
     along = parameters.lip_point - rim.centre
     along = along - (along @ rim.up) * rim.up
