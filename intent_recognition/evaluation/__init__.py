@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scores of recognition and prediction, calibration, unknown movements, sessions.
 
-A file for each score and each way of replaying: all are of the same left-out recordings.
+Each score and each way of replaying has a file; all use held-out recordings.
 """
 
 from intent_recognition.evaluation.calibration import reliability_bins

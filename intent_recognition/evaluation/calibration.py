@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibration of recognition and prediction: what was predicted beside what was true."""
+"""Calibration of recognition and prediction: predicted values beside true ones."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ QUANTILES = {
     0.9545: 2.0,
     0.99: 2.57583,
 }
-"""Half widths in standard deviations of the central intervals of the normal distribution that
-should contain these shares of the truth."""
+"""Half widths, in standard deviations, of the normal distribution's central intervals with these
+probabilities."""
 
 
 class RecognitionRecords:
-    """Recognised tasks of many recordings, by phase knowledge and share observed.
+    """Recognised tasks of many recordings, by kind of phase and observed share.
 
     Attributes:
-        mistaken: recordings that are taken for another task even when all of them was seen, the
-            phase unknown: by name, with the true and the recognised task.
+        mistaken: recordings recognised as another task even when fully observed with unknown
+            phase; by name, the true and the recognised task.
     """
 
     def __init__(self) -> None:
@@ -45,14 +45,14 @@ class RecognitionRecords:
         none: bool,
         name: str = "",
     ) -> None:
-        """Add one recording at one share observed: of the K tasks, (K,), and whether none led."""
+        """Add one recording at one observed share: probabilities (K,), and whether none led."""
         self._records[phase][fraction].append((truth, tuple(labels), probabilities, none))
         answer = labels[int(np.argmax(probabilities))]
         if fraction == 1.0 and phase == "unknown_phase" and answer != truth:
             self.mistaken.append({"recording": name, "true": truth, "recognised": answer})
 
     def confusion(self) -> dict[str, dict[str, dict]]:
-        """Per phase and share: rows are true tasks, columns recognised ones, none the last."""
+        """Per phase and share: true tasks in rows, recognised ones in columns, none in the last."""
         every = [one for by in self._records.values() for rows in by.values() for one in rows]
         tasks = sorted({name for truth, labels, _, _ in every for name in (truth, *labels)})
         columns = [*tasks, NONE]
@@ -67,7 +67,7 @@ class RecognitionRecords:
         return self._by_fraction(counted)
 
     def accuracy_beside_none(self) -> dict[str, dict[str, dict]]:
-        """Per phase and share: accuracy with none competing and without."""
+        """Per phase and share: accuracy with none as a hypothesis, and without it."""
 
         def accuracy(records: list[tuple]) -> dict[str, float]:
             right = [t == labels[int(np.argmax(p))] for t, labels, p, _ in records]
@@ -83,7 +83,7 @@ class RecognitionRecords:
         }
 
     def reliability(self) -> dict[str, dict[str, list]]:
-        """Per phase, over all shares and tasks: probability given, share true, count per bin."""
+        """Per phase, over all shares and tasks: mean probability, true share and count per bin."""
         content = {}
         for phase, by_fraction in self._records.items():
             records = [one for rows in by_fraction.values() for one in rows]
@@ -99,18 +99,18 @@ class RecognitionRecords:
 
 
 class NormalisedErrors:
-    """Errors of predictions in predicted standard deviations, by phase knowledge."""
+    """Errors of predictions in predicted standard deviations, by kind of phase."""
 
     def __init__(self) -> None:
         self._inside: dict[str, list[Floats]] = defaultdict(list)
 
     def add(self, phase: str, normalised_error: Floats) -> None:
-        """Add one prediction: errors over their standard deviations, any shape."""
+        """Add one prediction: errors divided by their standard deviations, any shape."""
         size = np.abs(normalised_error).ravel()
         self._inside[phase].append(np.mean(size[:, None] < np.array([*QUANTILES.values()]), axis=0))
 
     def table(self) -> dict[str, dict[str, list[float]]]:
-        """Per phase: nominal and actual coverage of each interval, mean over predictions."""
+        """Per phase: nominal and actual coverage of each interval, averaged over predictions."""
         return {
             phase: {"should": list(QUANTILES), "does": np.mean(rows, axis=0).tolist()}
             for phase, rows in self._inside.items()
@@ -120,12 +120,12 @@ class NormalisedErrors:
 def reliability_bins(
     probabilities: Floats, truth: Floats, n_bins: int = 10
 ) -> tuple[Floats, Floats, Integers]:
-    """Mean probability, share true and count per bin of probability, each (B,).
+    """Mean probability, true share and count per bin of probability, each (B,).
 
     Args:
         probabilities: (n,) in [0, 1].
-        truth: (n,) whether each event was true, 0 or 1.
-        n_bins: bins of equal width B.
+        truth: (n,) 1 where the event happened, else 0.
+        n_bins: number B of bins, which have equal width.
     """
     probabilities, truth = np.asarray(probabilities, float), np.asarray(truth, float)
     bins = np.minimum((probabilities * n_bins).astype(int), n_bins - 1)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Why the decisions during a recording were taken, and what they would have been with less seen.
+"""Explains decisions during a recording, and what they would have been without some signals.
 
-Each decision is explained by the evidence for its task against a rival (`recognition.explaining`).
-What a signal was worth is found by running estimator and decision over the recording again, as if
-it had not been there: onset and all.
+The evidence for the task of a decision against a rival explains it (`recognition.explaining`). The
+value of a signal is found by running estimator and decision over the recording again without this
+signal, from the onset on.
 """
 
 from collections import Counter
@@ -28,26 +28,26 @@ from intent_recognition.recognition import (
 
 
 class Without(NamedTuple):
-    """What would have been decided without a signal."""
+    """The decision that would have been taken without a signal."""
 
-    task: str  # the first that would have become active during the movement; empty for none
-    after_s: float | None  # when, after the onset that was found with all signals; None for never
+    task: str  # first task active during the movement; empty for none
+    after_s: float | None  # time since the onset that all signals gave; None for never
 
 
 class Explanation(NamedTuple):
-    """A decision, or a movement during which none was taken."""
+    """A decision, or a movement without a decision."""
 
-    task: str  # what became active; empty where nothing did
+    task: str  # task that became active; empty for none
     onset_ns: int
-    after_s: float  # of the decision, after onset; without one, when a task was the most probable
-    labels: tuple[str, ...]  # of the K tasks, and none
-    times_s: Floats  # of the n estimates of the movement, after onset, (n,)
-    probabilities: Floats  # theirs, (n, K + 1)
-    evidence: Evidence  # for the task (or the most probable one) against a rival, at that moment
-    without: Mapping[str, Without]  # what would have been decided, by the name of what was missing
+    after_s: float  # time of the decision since onset, or of the most probable task
+    labels: tuple[str, ...]  # the K tasks, and none
+    times_s: Floats  # times of the n estimates of the movement since onset, (n,)
+    probabilities: Floats  # posteriors at these times, (n, K + 1)
+    evidence: Evidence  # for the task (or the most probable one) against a rival, then
+    without: Mapping[str, Without]  # decisions without a signal, by its name
 
     def to_json(self) -> dict[str, object]:
-        """As plain values; stamps in nanoseconds, evidence in nats."""
+        """The explanation as plain values; stamps in nanoseconds, evidence in nats."""
         found = self.evidence
         return {
             "task": self.task,
@@ -69,8 +69,8 @@ def explain(
     """Explain each decision during a recording, and each movement without one.
 
     Args:
-        reader: the recording.
-        model: the trained model.
+        reader: recording to explain.
+        model: trained model.
         rejected: filled with the number of dropped observations, by reason.
     """
     rejected = Counter() if rejected is None else rejected
@@ -86,7 +86,7 @@ def explain(
         if one.estimate.moving:
             movements.setdefault(one.estimate.onset_ns, []).append(k)
     moments = dict[int, list[int]]()
-    for some in movements.values():  # its decisions, or without any its best moment
+    for some in movements.values():  # all decisions, or else the best moment
         acted = [k for k in some if run[k].state.acts]
         best = max(some, key=lambda k: run[k].estimate.probabilities[:-1].max())
         moments |= dict.fromkeys(acted or [best], some)
@@ -97,7 +97,7 @@ def explain(
         task = run[k].state.active if run[k].state.acts else ""
         explained = task or estimate.labels[int(np.argmax(estimate.probabilities[:-1]))]
         evidence = estimator.explain(explained)
-        assert evidence is not None  # a movement is under way
+        assert evidence is not None  # always so during a movement
         movement = [run[one] for one in moments[k]]
         times_s = [(one.estimate.stamp_ns - estimate.onset_ns) * 1e-9 for one in movement]
         found.append(
@@ -116,7 +116,7 @@ def explain(
 
 
 def missing(model: Model) -> dict[str, frozenset[int]]:
-    """What may be missing, by name: each observed DOF, and of several signals each."""
+    """Signals to leave out, by name: each observed DOF, and all DOFs of each of several signals."""
     library = model.library
     found = {}
     if library.n_observed > 1:
@@ -139,7 +139,7 @@ def _run(
 
 
 def _drop(samples: Sequence[Sample], library: TaskLibrary, dropped: frozenset[int]) -> list[Sample]:
-    """The samples without some observed DOFs."""
+    """The samples without the dropped observed DOFs."""
     kept = []
     for sample in samples:
         if sample.source is not Source.OBSERVED:
@@ -150,7 +150,7 @@ def _drop(samples: Sequence[Sample], library: TaskLibrary, dropped: frozenset[in
 
 
 def _first(run: Sequence[Decided], movement: Sequence[Decided]) -> Without:
-    """The first decision during a movement of another run."""
+    """The first decision of a run during a movement that another run found."""
     first_ns, last_ns = movement[0].estimate.onset_ns, movement[-1].estimate.stamp_ns
     for one in run:
         if one.state.acts and first_ns <= one.estimate.stamp_ns <= last_ns:

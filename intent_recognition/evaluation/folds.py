@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Protocols: which recordings to train and to test on."""
+"""Protocols that split recordings into training and test sets."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from intent_recognition.errors import ArgumentError, check_whole
 from intent_recognition.signals import Demonstration, numbered
 
 Fold = tuple[list[int], list[int]]
-"""Indices to train and to test on."""
+"""Indices of training and of test recordings."""
 PROTOCOLS = "loo, kfold:K, logo:KEY or temporal[:F]"
 
 
 def make_folds(recordings: Sequence[Demonstration], protocol: str) -> list[Fold]:
-    """Indices to train and to test on.
+    """Indices of training and test recordings, by protocol.
 
     Args:
         recordings: labelled demonstrations.
-        protocol: "loo" leaves one out at a time; "kfold:K" makes K folds, by index modulo K;
-            "logo:KEY" leaves out at a time the recordings with one value of a key of `metadata`,
-            such as a person; "temporal" or "temporal:F" trains on the first share F of each task,
-            by name, and tests on the rest.
+        protocol: "loo" leaves out one recording at a time; "kfold:K" makes K folds, by index modulo
+            K; "logo:KEY" leaves out all recordings with the same value of a key of `metadata`, such
+            as a person; "temporal" or "temporal:F" trains on the first share F of each task's
+            recordings, sorted by name, and tests on the rest.
 
     Raises:
-        ArgumentError: an unknown protocol, or too few recordings or groups for it.
+        ArgumentError: unknown protocol, or too few recordings or groups for it.
     """
     name, colon, argument = str(protocol).partition(":")
     recordings = [*numbered(recordings)]
@@ -42,7 +42,7 @@ def make_folds(recordings: Sequence[Demonstration], protocol: str) -> list[Fold]
 
 
 def merge_folds(folds: Sequence[Fold], most: int) -> list[Fold]:
-    """At most so many folds that test the same recordings, none of which its fold trains on."""
+    """At most `most` folds that together test the same recordings, and train on none they test."""
     merged = []
     for first in range(min(most, len(folds))):
         group = folds[first::most]
@@ -53,7 +53,7 @@ def merge_folds(folds: Sequence[Fold], most: int) -> list[Fold]:
 
 
 def of_learned_tasks(folds: Sequence[Fold], recordings: Sequence[Demonstration]) -> list[Fold]:
-    """The folds without tests of a task that they do not train on; those that test nothing go."""
+    """The folds without tests of tasks missing in their training set; empty folds are dropped."""
     found = []
     for train, test in folds:
         learned = {recordings[index].task for index in train}
@@ -63,10 +63,10 @@ def of_learned_tasks(folds: Sequence[Fold], recordings: Sequence[Demonstration])
 
 
 def check_folds(folds: Sequence[Fold], n: int) -> list[Fold]:
-    """Folds of n recordings that somebody else has made, as lists.
+    """Check a user's folds of n recordings, and return them as lists.
 
     Raises:
-        ArgumentError: they are no pairs of indices, or there is no such recording.
+        ArgumentError: they are not pairs of indices, or an index is out of range.
     """
     expected = f"{PROTOCOLS}, or pairs of the indices to train and to test on"
     try:
@@ -90,7 +90,7 @@ def _by_index(n: int, k: int) -> list[Fold]:
 
 
 def _by_group(recordings: Sequence[Demonstration], key: str) -> list[Fold]:
-    """One fold for each value of a key, in the order of the values."""
+    """One fold per value of a key, in the order of the values."""
     groups = defaultdict(list)
     for index, recorded in enumerate(recordings):
         if key not in recorded.metadata:
@@ -108,7 +108,7 @@ def _by_group(recordings: Sequence[Demonstration], key: str) -> list[Fold]:
 
 
 def _by_name(recordings: Sequence[Demonstration], share: float) -> Fold:
-    """The first of each task, by name, and the rest; at least one of each on either side."""
+    """The first recordings of each task, by name, and the rest; at least one of each in both."""
     by_task = defaultdict(list)
     for index in sorted(range(len(recordings)), key=lambda i: recordings[i].name):
         by_task[recordings[index].task].append(index)
@@ -128,7 +128,7 @@ def _fold(n: int, test: Iterable[int]) -> Fold:
 
 
 def _share(text: str) -> float | None:
-    """The number in (0, 1) that a text is, or None."""
+    """A text as a number in (0, 1); None if it is not one."""
     try:
         share = float(text)
     except ValueError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes would have done during a recording: onset, filter and decision."""
+"""Simulates what the nodes would have done during a recording: onset, filter and decision."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -25,11 +25,11 @@ from intent_recognition.signals import Demonstration, common_span, merge
 class OnlineOutcome(NamedTuple):
     """The decisions during one recording."""
 
-    task: str  # the true one
-    # the first task that met every condition of the decision but a certain end; empty if none did
+    task: str  # true task
+    # first task that met all conditions of the decision except a certain end; empty if none did
     recognised: str
     activated: tuple[str, ...]  # all tasks that became active, in order
-    # share of the movement passed when the true one became active; NaN if it never did
+    # share of the movement at which the true task became active; NaN if it never did
     decided_share: float
 
 
@@ -44,10 +44,10 @@ def run_online(
 
     Args:
         library: the learned tasks.
-        recorded: a recording; its observations are fed up to the end of its movement, from the
-            beginning of the recording on, so that the estimator has to find the onset.
-        settings: of the decision; the node's defaults when None.
-        phase_known: give the movement's start and duration instead.
+        recorded: a recording, fed from its beginning to the end of its movement, so that the
+            estimator has to find the onset.
+        settings: settings of the decision; None: the node's defaults.
+        phase_known: give the estimator the movement's start and duration.
     """
     settings = settings or decision_settings(library)
     followed = [*follow_online(library, recorded, settings, phase_known=phase_known)]
@@ -57,9 +57,9 @@ def run_online(
 
 
 def actions(recorded: Demonstration, followed: Iterable[Decided]) -> tuple[tuple[str, ...], float]:
-    """All tasks that became active, in order; when the true one did.
+    """All tasks that became active, in order, and the time at which the true task did.
 
-    The time is that after the movement's start [s]; NaN if it never did.
+    The time is counted from the movement's start [s]; NaN if the true task never became active.
     """
     began = [(one.state.active, one.estimate.stamp_ns) for one in followed if one.state.acts]
     decided_ns = (stamp_ns for task, stamp_ns in began if task == recorded.task)
@@ -82,7 +82,7 @@ def follow_online(
 def _estimates(
     estimator: IntentEstimator, recorded: Demonstration, phase_known: bool
 ) -> Iterator[Estimate]:
-    """After each observation until the movement ends, from the recording's beginning or its own."""
+    """Yield an estimate per observation up to the end of the movement, from recording or onset."""
     n_agents = len(recorded.observed) + len(recorded.controlled)
     for observation in merge([*recorded.observed, *recorded.controlled, *recorded.context]):
         if observation.stamp_ns > recorded.end_ns:
@@ -106,10 +106,10 @@ def score_online(
     settings: TrainingSettings,
     progress: Callable[[int], None] = lambda done: None,
 ) -> dict[str, dict[str, float | None]]:
-    """What the nodes would have done, by phase knowledge; see `summarise_online`.
+    """What the nodes would have done, by kind of phase; see `summarise_online`.
 
-    The models are those of `intent train`: learned from the movements, whatever the settings say.
-    Folds are merged to at most ten, which bounds the time, and test the tasks that they learn;
+    The models are those of `intent train`, learned from movements whatever the settings say. To
+    bound the time, folds are merged to at most ten; they test only tasks that they learn.
     `progress` is called with the number of recordings fed so far.
     """
     settings = replace(settings, segmentation="recording")
@@ -128,17 +128,17 @@ def score_online(
 
 
 def where_both_were_recorded(recorded: Demonstration) -> Demonstration:
-    """The recording from where to where the controlled agent was recorded, too."""
+    """The recording, cut to the span in which both agents were recorded."""
     start_ns, end_ns = common_span(recorded)
     return replace(recorded, start_ns=start_ns, end_ns=end_ns)
 
 
 def _told(library: TaskLibrary, recorded: Demonstration) -> IntentEstimator:
-    """An estimator that knows when the movement begins and how long it lasts."""
+    """An estimator that knows start and duration of the movement."""
     log_duration = np.log(recorded.duration_s)
     sure_std = 1e-6
     sure = np.full(library.n_tasks, sure_std)
-    # so that nothing rests
+    # any speed counts as motion
     told = replace(
         library,
         log_duration_mean=np.full(library.n_tasks, log_duration),
@@ -153,8 +153,8 @@ def _told(library: TaskLibrary, recorded: Demonstration) -> IntentEstimator:
 def summarise_online(outcomes: Sequence[OnlineOutcome]) -> dict[str, float | None]:
     """Shares of the recordings, and the median share of the movement at the decision.
 
-    `recognised`: the first task recognised was the true one; `acted_on`: it became active;
-    `wrongly_acted_on`: another became active at any time.
+    `recognised`: the first recognised task was the true one; `acted_on`: the true one became
+    active; `wrongly_acted_on`: another task became active at any time.
     """
     shares = [o.decided_share for o in outcomes if not np.isnan(o.decided_share)]
     n = max(len(outcomes), 1)

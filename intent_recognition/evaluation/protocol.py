@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cross-validation of recognition and prediction on recordings left out of training."""
+"""Cross-validation of recognition and prediction on held-out recordings."""
 
 from __future__ import annotations
 
@@ -65,24 +65,24 @@ def evaluate(
 
     Args:
         demonstrations: labelled recordings with the same DOFs.
-        protocol: see `make_folds`, or pairs of the indices to train and to test on.
-        settings: how to learn; `TrainingSettings()` when None.
+        protocol: see `make_folds`; or a list of pairs of training and test indices.
+        settings: settings of learning; `TrainingSettings()` when None.
         start_posture: condition predictions on the controlled agent's position at the start.
         unknown_tasks: also leave out every task in turn and score its movements as unknown.
-        online: also say what the nodes would have done, see `score_online`.
-        progress: called with the number of runs so far: each demonstration is scored, and once more
-            for each of `unknown_tasks` and `online`.
+        online: also simulate what the nodes would have done, see `score_online`.
+        progress: called with the number of runs so far; each demonstration takes one run, and one
+            more for each of `unknown_tasks` and `online`.
 
     Returns:
-        Numbers by name, as docs/recognition.md defines them: `recognition` and `prediction` by
-        phase knowledge and share observed, `reactive` by task and time ahead, `segment`
-        ("movement" or "recording") that it is a share of, `reliability`, `coverage`, `confusion`
-        and `none`; which recordings are `mistaken` for another task, and which `left_out` or
+        Numbers by name, defined in docs/recognition.md: `recognition` and `prediction` by kind of
+        phase and observed share, `reactive` by task and horizon, `segment` ("movement" or
+        "recording", of which the share is meant), `reliability`, `coverage`, `confusion` and
+        `none`; recordings that are `mistaken` for another task, and recordings `left_out` or
         `doubtful`, each with the reason.
 
     Raises:
-        ArgumentError: an item is not a `Demonstration`, an unknown protocol, an index of no
-            demonstration, or too few demonstrations for it.
+        ArgumentError: an item is not a `Demonstration`, the protocol is unknown, an index is out of
+            range, or there are too few demonstrations.
         TrainingError: a fold cannot be learned from.
     """
     settings = TrainingSettings() if settings is None else settings
@@ -160,7 +160,7 @@ def evaluate(
 def defects(
     demonstrations: Sequence[Demonstration], settings: TrainingSettings
 ) -> dict[int, StreamFinding]:
-    """Recordings that can neither be learned from nor scored, by index, and why."""
+    """Reasons why recordings can be neither learned from nor scored, by index."""
     reasons = [stream_defect(recorded) for recorded in demonstrations]
     sound = [index for index, reason in enumerate(reasons) if not reason]
     examples = examples_together([demonstrations[index] for index in sound], settings)
@@ -175,7 +175,7 @@ def defects(
 
 
 def _only(kept: Sequence[int], folds: Sequence[Fold]) -> list[Fold]:
-    """The folds that still test something, in positions among the recordings kept."""
+    """The folds restricted to kept recordings, as positions among these, without empty tests."""
     place = {index: position for position, index in enumerate(kept)}
     both = [[[place[i] for i in part if i in place] for part in fold] for fold in folds]
     return [(train, test) for train, test in both if train and test]
@@ -199,7 +199,7 @@ def _tables(collected: EvaluationRecords, units: Sequence[str]) -> dict[str, obj
 
 
 def remarks_on(result: Mapping) -> list[str]:
-    """Sentences to stand beside the tables of `evaluate`: what the shares are of, and limits."""
+    """Remarks to print with the tables of `evaluate`: the meaning of shares, and limitations."""
     lines = [SEGMENTS[result.get("segment", "movement")]]
     n_tasks = len(result.get("tasks", ()))
     if n_tasks < 2:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reactive prediction: where the controlled agent is now and shortly after, at every moment.
+"""Reactive prediction of the controlled agent: its present and near-future pose at every moment.
 
-Task and phase are unknown. What is known is what the observed agent has done so far, and where the
-controlled agent stood at the start, as online (`IntentEstimator.predict_controlled_at`).
+Task and phase are unknown. The observed agent's motion so far and the controlled agent's posture at
+the start are known, as they are online (`IntentEstimator.predict_controlled_at`).
 """
 
 from collections.abc import Sequence
@@ -18,17 +18,17 @@ from intent_recognition.promp import StartPosture
 from intent_recognition.signals import Demonstration, Signal
 
 HORIZONS_S = (0.0, 0.25, 0.5, 1.0)
-"""How far ahead the controlled agent is predicted [s] (docs/recognition.md)."""
+"""Prediction horizons of the controlled agent [s] (docs/recognition.md)."""
 MOMENTS = tuple(k / 20 for k in range(1, 21))
-"""Shares of a recording after which it is. Convention: so many bound the time."""
+"""Shares of a recording at which predictions are scored; 20 moments bound the time."""
 WINDOW, N_NEAREST = 5, 20
-"""Consecutive samples of the observed agent in a window, and windows whose mean is the baseline.
-Convention."""
+"""Samples of the observed agent in a window of the baseline, and number of nearest windows that it
+averages."""
 REACTIVE_NAMES = ("mse", "mse_nearest_windows", "mse_last_pose")
 
 
 class NearestWindows:
-    """The baseline: mean of the controlled agent beside the most similar windows of training."""
+    """Baseline: mean controlled pose beside the training windows most similar to the last one."""
 
     def __init__(self, training: Sequence[Demonstration]):
         intervals = [np.median(np.diff(one.observed[0].stamps_ns)) for one in training]
@@ -45,20 +45,20 @@ class NearestWindows:
         self._tree, self._poses = cKDTree(stacked / self._scale), np.concatenate(poses)
 
     def predict(self, seen: Demonstration, elapsed_s: float) -> Floats:
-        """Poses at `HORIZONS_S` after a moment, (H, Q), from what was seen until then."""
+        """Predict poses at `HORIZONS_S` after a moment, (H, Q), from the motion so far."""
         window = self._windows(seen.observed, seen.start_ns, np.array([elapsed_s])) / self._scale
         _, nearest = self._tree.query(window[0], min(N_NEAREST, len(self._poses)))
         return self._poses[np.atleast_1d(nearest)].mean(axis=0)
 
     def _windows(self, signals: Sequence[Signal], start_ns: int, times_s: Floats) -> Floats:
-        """Windows that end at times after a stamp, (T, WINDOW P)."""
+        """Windows that end at the given times after a stamp, (T, WINDOW P)."""
         back_s = self._interval_s * np.arange(WINDOW - 1, -1, -1)
         values = sample(signals, start_ns, (times_s[:, None] - back_s).ravel())
         return values.reshape(len(times_s), -1)
 
 
 def _scale(windows: Floats, signals: Sequence[Signal]) -> Floats:
-    """By what each value of a window is divided, so that DOFs in several units can be compared."""
+    """Divisor of each value of a window, which makes DOFs of different units comparable."""
     units = np.array([signal.unit for signal in signals for _ in signal.names])
     scale = np.ones(len(units))
     if len(set(units)) > 1:
@@ -69,18 +69,18 @@ def _scale(windows: Floats, signals: Sequence[Signal]) -> Floats:
 
 
 class ReactiveCase(NamedTuple):
-    """One recording that was left out."""
+    """One held-out recording."""
 
     windows: NearestWindows
     test: Demonstration
-    start: StartPosture  # posture of the controlled agent when it begins
+    start: StartPosture  # posture of the controlled agent at its start
 
     def score(
         self, scores: ScoreTable, run: MovementFilter, task_weights: Floats, elapsed_s: float
     ) -> None:
-        """Add the squared errors, by task and horizon, at a moment [s after the start].
+        """Add the squared errors at a time after the start [s], by task and horizon.
 
-        The filter has run until then, and the K tasks have these probabilities, (K,).
+        The filter has run up to this time; the K tasks have the probabilities `task_weights`, (K,).
         """
         times_s = elapsed_s + np.array(HORIZONS_S)
         times_s = times_s[times_s <= self.test.duration_s + 1e-9]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A rehearsal before deployment: what a model would have done during recordings it does not know.
+"""Rehearsal before deployment: what a model would have done during recordings new to it.
 
-Misses and wrong actions, with an interval for the share of these; the worst moments; how long
-decisions and computations take; and what to demonstrate next: which task, and like which movement.
+It counts misses and wrong actions, with a confidence interval of the latter's share; finds the
+worst moments; times decisions and computations; and suggests what to demonstrate next.
 """
 
 from collections.abc import Iterable, Sequence
@@ -24,21 +24,21 @@ from intent_recognition.signals import Demonstration
 
 
 class Rehearsed(NamedTuple):
-    """What a model would have done during one recording."""
+    """Simulated run of a model during one recording."""
 
     recorded: Demonstration
     activated: tuple[str, ...]  # all tasks that became active, in order
-    decided_s: float  # when the true one did, after the movement's start; NaN if it never did
-    labels: tuple[str, ...]  # of the K tasks, and none
-    times_s: Floats  # of the n estimates of the movement, after its start, (n,)
-    probabilities: Floats  # theirs, (n, K + 1)
-    active: tuple[str, ...]  # what was active then, empty for nothing, n texts
+    decided_s: float  # activation of the true task since the movement's start; NaN: never
+    labels: tuple[str, ...]  # the K tasks, and none
+    times_s: Floats  # times of the n estimates since the movement's start, (n,)
+    probabilities: Floats  # posteriors at these times, (n, K + 1)
+    active: tuple[str, ...]  # active task at these times, empty for none, n texts
     odds_against: Floats  # log odds of all else against the true task, (n,)
-    computed_s: Floats  # what each observation took to compute, (m,)
+    computed_s: Floats  # computation time of each observation [s], (m,)
 
     @property
     def task(self) -> str:
-        """The true one."""
+        """The true task."""
         return str(self.recorded.task)
 
     @property
@@ -53,35 +53,35 @@ class Rehearsed(NamedTuple):
 
     @property
     def worst(self) -> int:
-        """The moment in the second half of the movement at which the odds are the worst."""
+        """Index of the highest odds against the task in the movement's second half."""
         half = len(self.odds_against) // 2
         return half + int(np.argmax(self.odds_against[half:]))
 
 
 class Rehearsal(NamedTuple):
-    """What a model would have done during some recordings."""
+    """Simulated runs of a model during several recordings."""
 
     runs: tuple[Rehearsed, ...]
 
     @property
     def n_missed(self) -> int:
-        """In how many the true task never became active."""
+        """Number of runs in which the true task never became active."""
         return sum(run.missed for run in self.runs)
 
     @property
     def n_wrong(self) -> int:
-        """In how many another task became active."""
+        """Number of runs in which another task became active."""
         return sum(run.wrong for run in self.runs)
 
     def wrong_interval(self) -> tuple[float, float]:
-        """Of the share acted on wrongly, by Clopper and Pearson, recordings being independent."""
+        """Clopper-Pearson interval of the share acted on wrongly, for independent recordings."""
         wrong, right = self.n_wrong, len(self.runs) - self.n_wrong
         low = betaincinv(wrong, right + 1, 0.025) if wrong else 0.0
         high = betaincinv(wrong + 1, right, 0.975) if right else 1.0
         return float(low), float(high)
 
     def worst(self, most: int) -> list[Rehearsed]:
-        """The runs with the worst moments: wrong ones, then misses, then by the odds."""
+        """The `most` worst runs: wrong ones, then misses, then by odds against the true task."""
         order = sorted(
             (run for run in self.runs if len(run.times_s)),
             key=lambda run: (run.wrong, run.missed, run.odds_against[run.worst]),
@@ -95,12 +95,12 @@ def rehearse(
     recordings: Iterable[Demonstration],
     settings: DecisionSettings | None = None,
 ) -> Rehearsal:
-    """Follow recordings, whose starts and ends are those of the movements, as the nodes do.
+    """Feed recordings, each cut to its movement, to a model as the nodes do.
 
-    The settings of the decision are the node's defaults when None.
+    `settings` of the decision are the node's defaults when None.
 
     Raises:
-        ArgumentError: no recording, or one of a task that the library does not know.
+        ArgumentError: no recording, or a recording of a task that the library does not know.
     """
     settings, runs = settings or decision_settings(library), []
     for recorded in recordings:
@@ -136,18 +136,18 @@ def _follow(library: TaskLibrary, recorded: Demonstration, settings: DecisionSet
 
 
 class Suggestion(NamedTuple):
-    """A demonstration that is worth more than others."""
+    """A demonstration that is expected to reduce the risk most."""
 
     task: str
-    like: int  # number of the rehearsed movement that it should be like
-    prevented: float  # of the rehearsed interactions, how many fewer are expected to go wrong
+    like: int  # number of the rehearsed movement to repeat
+    prevented: float  # expected decrease in the number of rehearsed movements that fail
 
 
 def suggest_next(trained: Trained, rehearsal: Rehearsal, n: int) -> list[Suggestion]:
-    """What to demonstrate next to the tasks that were rehearsed; see `suggest`.
+    """Suggest what to demonstrate next for the rehearsed tasks; see `suggest`.
 
     Raises:
-        TrainingError: a recording is too short to be compared with.
+        TrainingError: a recording is too short to compare.
     """
     shown = [example for task in trained.tasks.values() for example in task.examples]
     rehearsed = [example_of(run.recorded, trained.preprocessing) for run in rehearsal.runs]
@@ -160,23 +160,23 @@ def suggest(
     failed: Sequence[bool],
     n: int,
 ) -> list[Suggestion]:
-    """What to demonstrate next, one after the other.
+    """Suggest which movements to demonstrate next, one after another.
 
-    What demonstrations leave unknown of a movement is known worse the fewer of them were like it:
-    of a Gaussian of known covariance, the variance of the mean of m is the covariance over m (the
-    1 / m in `TaskLibrary.weight_covariance`). The risk of a movement is taken to fall likewise: a
-    demonstration that is like it by a share k lowers the risk r to r m / (m + k), where m is one
-    plus the shares of the task's demonstrations, each exp(-d^2 / 2); d is the distance of the
-    observed paths in standard deviations of the tasks' demonstrations. The risk of a rehearsed
-    movement is whether it failed, shrunk half-way to the share that failed of its task (rule of
-    succession). Each suggestion is the rehearsed movement
-    that a demonstration should be like to lower the sum of the risks most.
+    The uncertainty about a movement falls with the number of similar demonstrations: the mean of m
+    samples of a Gaussian of known covariance has this covariance over m (the 1 / m in
+    `TaskLibrary.weight_covariance`). The risk of a movement is assumed to fall in the same way. A
+    demonstration with similarity k lowers its risk r to r m / (m + k). Here k = exp(-d^2 / 2), with
+    the distance d of the observed paths in standard deviations of the tasks' demonstrations, and m
+    is one plus the sum of the similarities of the task's demonstrations. The initial risk of a
+    rehearsed movement is 1 if it failed and else 0, shrunk half-way to the failed share of its task
+    (rule of succession). Each suggestion is the rehearsed movement whose demonstration lowers the
+    sum of the risks most.
 
     Args:
         shown: the demonstrations that were learned from, two or more.
-        rehearsed: movements with what is expected of people, one or more.
-        failed: whether each of them was missed or acted on wrongly.
-        n: how many suggestions.
+        rehearsed: movements that represent those expected of people, one or more.
+        failed: whether each rehearsed movement was missed or acted on wrongly.
+        n: number of suggestions.
     """
     tasks = np.array([one.task for one in (*shown, *rehearsed)])
     known, new = len(shown), slice(len(shown), None)
@@ -201,7 +201,7 @@ def suggest(
 def _squared_distances(
     shown: Sequence[TrainingExample], rehearsed: Sequence[TrainingExample]
 ) -> Floats:
-    """Of the rehearsed paths from all, in variances of each DOF about its task, (J, D + J)."""
+    """Mean squared distances of rehearsed paths from all, in within-task variances, (J, D + J)."""
     paths = np.array([one.observed for one in (*shown, *rehearsed)])
     known, own = paths[: len(shown)], [one.task for one in shown]
     about = [known[[task == one for one in own]].mean(axis=0) for task in own]
@@ -213,7 +213,7 @@ def _squared_distances(
 
 
 def rehearsal_to_json(rehearsal: Rehearsal, suggestions: Sequence[Suggestion]) -> dict[str, object]:
-    """A rehearsal and what to demonstrate next as plain values."""
+    """A rehearsal and the suggested demonstrations as plain values."""
     return {
         "n": len(rehearsal.runs),
         "wrong": rehearsal.n_wrong,

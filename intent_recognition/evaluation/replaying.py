@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The online estimator over a recording, without ROS."""
+"""Runs the online estimator over a recording, without ROS."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -22,23 +22,23 @@ from intent_recognition.tracking import IngestSettings
 
 
 class Decided(NamedTuple):
-    """An estimate, and what the decision made of it."""
+    """An estimate and the resulting decision."""
 
-    estimate: Estimate  # after an observation of the human
-    state: DecisionState  # of the decision
-    # what was predicted of the end, by unit; None where the decision did not depend on it
+    estimate: Estimate  # estimate after an observation of the human
+    state: DecisionState  # state of the decision
+    # predicted standard deviation of the end, by unit; None where the decision did not need it
     end_std: Mapping[str, float] | None
 
 
 def samples_of(reader: BagReader, model: Model, rejected: Counter[str]) -> Iterator[Sample]:
-    """What a model reads of a recording, in order; the frame it was learned in is the world."""
+    """Samples of a recording that a model reads, in order, in the frame in which it was learned."""
     return iter_samples(reader, model.dofs, _ingest_settings(model), rejected)
 
 
 def follow(
     estimator: IntentEstimator, samples: Iterable[Sample], rejected: Counter[str]
 ) -> Iterator[Estimate]:
-    """Show samples to an estimator; its estimate after each observation of the human.
+    """Feed samples to an estimator; yield its estimate after each observation of the human.
 
     `rejected` is filled with the number of dropped observations, by reason.
     """
@@ -59,9 +59,9 @@ def follow(
 def decisions(
     estimator: IntentEstimator, settings: DecisionSettings, followed: Iterable[Estimate]
 ) -> Iterator[Decided]:
-    """What the decision makes of each estimate, as the activation node takes it.
+    """Decide after each estimate as the activation node does.
 
-    The estimator that gives them predicts the ends.
+    `estimator` must be the one that gives the estimates: it predicts the ends.
     """
     state = DecisionState()
     for estimate in followed:
@@ -71,7 +71,7 @@ def decisions(
 
 
 def _ingest_settings(model: Model) -> IngestSettings | None:
-    """What `mocap_ingest` is to be told for a model; None for its defaults, and the extrinsics."""
+    """Settings of `mocap_ingest` that fit a model; None for its defaults and extrinsics."""
     raw = {entry.topic for entry in model.dofs.recorded if is_raw_pose(entry.topic, entry.type)}
     frames = {f for topic, found in frames_of(model.library).items() if topic in raw for f in found}
     if model.dofs.extrinsics is not None or len(frames) != 1:
@@ -85,13 +85,13 @@ def replay(
     rejected: Counter[str] | None = None,
     held_back: dict[str, str] | None = None,
 ) -> Iterator[dict]:
-    """One dictionary per observation: stamp [ns], probabilities, phase, active task.
+    """Yield one dictionary per observation: stamp [ns], probabilities, phase, active task.
 
     Args:
-        reader: the recording.
-        model: the trained model; its own DOF file says what is read.
+        reader: recording to replay.
+        model: trained model, whose DOF file defines what is read.
         rejected: filled with the number of dropped observations, by reason.
-        held_back: filled with the last reason why a recognised task was not active, by task.
+        held_back: filled with the last reason that held back each recognised task.
     """
     rejected = Counter() if rejected is None else rejected
     settings = decision_settings(model.library)

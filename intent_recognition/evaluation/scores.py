@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers of left-out recordings and their means; baselines of prediction.
+"""Means of scores over held-out recordings, and baselines of prediction.
 
 The baselines are the task's mean and the most similar demonstration.
 """
@@ -15,13 +15,13 @@ from intent_recognition.signals import Demonstration, Signal
 
 
 class ScoreTable:
-    """Sums of what is averaged over demonstrations, by phase knowledge, fraction and name."""
+    """Sums of scores over demonstrations, by kind of phase, fraction and name."""
 
     def __init__(self) -> None:
         self._values: dict[tuple[str, float, str], list] = defaultdict(list)
 
     def add(self, phase: str, fraction: float, **values: float | Floats) -> None:
-        """Add one demonstration's numbers (scalars, or (U,) arrays with one number per unit)."""
+        """Add one demonstration's scores: scalars, or arrays (U,) with one number per unit."""
         for name, value in values.items():
             self._values[phase, fraction, name].append(value)
 
@@ -38,7 +38,7 @@ class ScoreTable:
 
 
 def _number(values: list, units: Sequence[str]) -> float | dict[str, float | None] | None:
-    """Mean over demonstrations; of several units one number each, None where there is none."""
+    """Mean over demonstrations, one per unit if there are several; None without values."""
     if not values:
         return None
     mean = np.mean(np.array(values, dtype=np.float64), axis=0)
@@ -57,7 +57,7 @@ def per_unit(library: TaskLibrary, values: Floats) -> Floats:
 
 
 def sample(signals: Sequence[Signal], start_ns: int, times_s: Floats) -> Floats:
-    """All DOFs of the signals at times after `start_ns`, held at both ends, (T, d)."""
+    """Sample all DOFs of the signals at times after `start_ns`, held at both ends, (T, d)."""
     columns = [
         np.interp(times_s, signal.seconds(start_ns), column)
         for signal in signals
@@ -67,7 +67,7 @@ def sample(signals: Sequence[Signal], start_ns: int, times_s: Floats) -> Floats:
 
 
 def _times(recorded: Demonstration, test: Demonstration, phases: Floats, known: bool) -> Floats:
-    """Times in `recorded` that correspond to phases of the test: by phase, or by the clock."""
+    """Times in `recorded` that match phases of the test: by phase if known, else by the clock."""
     reference = recorded if known else test
     return phases * (reference.end_ns - reference.start_ns) * 1e-9
 
@@ -88,7 +88,7 @@ def nearest_neighbour(
     fraction: float,
     known: bool,
 ) -> Floats:
-    """Controlled agent of the demonstration whose observed agent moved most alike, (T, Q)."""
+    """Controlled agent in the demonstration with the most similar observed agent, (T, Q)."""
     seen = phases[phases <= fraction + 1e-9]
     observed = sample(test.observed, test.start_ns, _times(test, test, seen, known))
     distances = [

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scores of one recording left out of training."""
+"""Scores of one held-out recording."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -36,7 +36,7 @@ from intent_recognition.promp import StartPosture, TaskLibrary, angle_starts
 from intent_recognition.signals import Demonstration, merge
 
 RECOGNITION_FRACTIONS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
-"""Shares of the movement, or of the recording, after which recognition is scored. Convention."""
+"""Shares of the movement, or of the recording, at which recognition is scored."""
 TRUTH_PHASES = np.linspace(0.0, 1.0, 100)
 PHASES = ("known_phase", "unknown_phase")
 PREDICTION_NAMES = (
@@ -53,14 +53,14 @@ PREDICTION_NAMES = (
 
 @dataclass
 class EvaluationRecords:
-    """What is recorded over all left-out recordings.
+    """Results collected over all held-out recordings.
 
     Attributes:
-        scores: means by phase knowledge, share observed and name.
+        scores: means by kind of phase, observed share and name.
         recognitions: recognised and true tasks.
         normalised_errors: errors in predicted standard deviations.
-        outcomes: the decision about each movement, its duration unknown.
-        reactive: squared errors of predictions a little ahead, by task and horizon.
+        outcomes: decision about each movement of unknown duration.
+        reactive: squared errors of reactive predictions, by task and horizon.
     """
 
     scores: ScoreTable = field(default_factory=ScoreTable)
@@ -78,15 +78,15 @@ def score_demonstration(
     start_posture: bool,
     windows: NearestWindows | None = None,
 ) -> None:
-    """Add one left-out demonstration's scores.
+    """Add the scores of one held-out demonstration.
 
     Args:
-        collected: what they are added to.
-        library: learned without it.
-        training: what it was learned from.
-        test: the demonstration.
-        start_posture: whether the controlled agent's start is known to the tables of prediction.
-        windows: baseline of reactive prediction; None to leave that out.
+        collected: results to which the scores are added.
+        library: tasks learned without this demonstration.
+        training: demonstrations from which the library was learned.
+        test: held-out demonstration.
+        start_posture: whether predictions know the controlled agent's start.
+        windows: baseline of reactive prediction; None to skip it.
     """
     duration, test = test.duration_s, in_turns(test, angle_starts(library))
     times = TRUTH_PHASES * duration
@@ -130,7 +130,7 @@ def _score_recognition(
     posterior: TaskPosterior,
     probabilities: Floats,
 ) -> None:
-    """Add what is believed of the task; the probabilities (K,) are those without none."""
+    """Add the recognised task; the probabilities (K,) are those without none."""
     task = str(test.task)
     own = probabilities[library.labels.index(task)]
     collected.scores.add(
@@ -146,7 +146,7 @@ def _score_recognition(
 
 
 class _PredictionCase(NamedTuple):
-    """One recording at one share observed: the filter, and the truth (T, Q) at times (T,)."""
+    """A recording at one observed share: the filter, and the true poses (T, Q) at times (T,)."""
 
     run: MovementFilter
     label: int
@@ -175,7 +175,7 @@ class _PredictionCase(NamedTuple):
 
 
 def _without_none(posterior: TaskPosterior, hypotheses: PriorGrid) -> Floats:
-    """Probabilities of the K tasks, renormalised in logs: none may outweigh all by far, (K,)."""
+    """Probabilities of the K tasks, (K,), renormalised in logs as none may outweigh all tasks."""
     log_task = (hypotheses.log_task_prior + posterior.log_evidence)[:-1]
     return np.exp(log_task - np.logaddexp.reduce(log_task))
 
@@ -187,7 +187,7 @@ def _snapshots(
     fractions: list[float],
     monitor: DecisionMonitor | None,
 ) -> Iterator[tuple[float, MovementFilter]]:
-    """The filter after each share of the movement's time, in order."""
+    """Yield the filter after each share of the movement's time, in order."""
     run = MovementFilter(library, hypotheses, test.start_ns)
     for observation in merge(test.observed):
         elapsed = (observation.stamp_ns - test.start_ns) * 1e-9

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A session into demonstrations: where its interactions are, and, by a model, which they are."""
+"""Splits a session into demonstrations: finds its interactions and labels them with a model."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,12 +29,12 @@ class Segment(NamedTuple):
     """One interaction of a session."""
 
     start_ns: int  # onset of the human's movement
-    end_ns: int  # when the last of both agents has come to rest
-    task: str | None  # its label; None where no model has said one
+    end_ns: int  # stamp at which both agents have come to rest
+    task: str | None  # label; None without a model
 
 
 def propose_segments(path: Path, dofs: DofSpec) -> list[Segment]:
-    """Propose the interactions of a session from motion alone (`signals.propose_spans`).
+    """Propose the interactions of a session by motion alone (`signals.propose_spans`).
 
     Raises:
         BagError: the session cannot be read.
@@ -44,17 +44,17 @@ def propose_segments(path: Path, dofs: DofSpec) -> list[Segment]:
 
 
 def recognise_segments(path: Path, model: Model) -> list[Segment]:
-    """The interactions of a session with the tasks that the online estimator takes them for.
+    """Find the interactions of a session and label them with the online estimator.
 
-    Where the agents do not rest in between, an interaction begins where the estimator says that
-    another movement began. What is none of the tasks when it ends is left out.
+    If the agents do not rest in between, an interaction starts where the estimator detects a new
+    onset. A movement that is unknown at its end is left out.
 
     Raises:
         BagError: the session cannot be read.
     """
     session = read_whole(path, model.dofs)
     spans = propose_spans(session.observed, session.controlled)
-    estimator = IntentEstimator(model.library, switching=False)  # a part is of one task
+    estimator = IntentEstimator(model.library, switching=False)  # one task per part
     samples = samples_of(BagReader(path), model, Counter())
     return label_spans(spans, follow(estimator, samples, Counter()))
 
@@ -62,7 +62,7 @@ def recognise_segments(path: Path, model: Model) -> list[Segment]:
 def label_spans(spans: Sequence[Span], seen: Iterable[Estimate]) -> list[Segment]:
     """Divide spans at the onsets that an estimator found within them, and label each part.
 
-    An onset that is nearer to a boundary than movements rest is that of what begins there.
+    An onset closer to a boundary than the shortest rest belongs to the part that starts there.
     """
     rest_ns = round(OnsetSettings.rest_s * 1e9)
     moving = [one for one in seen if one.moving]
@@ -85,13 +85,13 @@ def label_spans(spans: Sequence[Span], seen: Iterable[Estimate]) -> list[Segment
 def write_segments(
     path: Path, dofs: DofSpec, segments: Sequence[Segment], output: Path
 ) -> list[Path]:
-    """Write segments of a session, in order of time, as demonstrations, each a bag of its own.
+    """Write segments of a session, in order of time, as demonstrations with a bag each.
 
-    They are `<name of the session>_000` and so on in the output folder. All topics are copied but
-    the session's own markers. The DOFs are those by which it was segmented.
+    The bags are named `<name of the session>_000` and so on. They hold all topics except the
+    session's own markers. `dofs` are those used for the segmentation.
 
     Raises:
-        ResourceBusyError: a directory exists already.
+        ResourceBusyError: a directory already exists.
     """
     reader = BagReader(path)
     entries = {entry.topic: entry for entry in dofs.observed}
@@ -112,7 +112,7 @@ def write_segments(
         for number, segment in enumerate(segments)
     ]
     markers = [name for name in reader.topics if f"/{name}".endswith(f"/{MARKER_TOPIC}")]
-    for part in parts:  # before anything is written
+    for part in parts:  # check all before writing any
         if part.path.exists():
             cure = "Choose another folder."
             raise ResourceBusyError.about("output", "no bag of that name", part.path, cure)
@@ -121,7 +121,7 @@ def write_segments(
 
 
 def _labels(custom_data: Mapping[str, str], session: str, segment: Segment) -> dict[str, str]:
-    """Labels of a segment's bag: the session's, but for those of the whole of it."""
+    """Labels of a segment's bag: the session's, except those that describe it as a whole."""
     labels = {key: value for key, value in custom_data.items() if key not in ("task", "tasks")}
     labels["session"] = session
     return labels | ({"task": segment.task} if segment.task else {})

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the demo measured: one record per interaction, and their summary beside the paper's."""
+"""Results of the demo: one record per interaction, and a summary beside the paper's results."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -8,13 +8,13 @@ from statistics import fmean, median, stdev
 CM_PER_M = 100.0
 """Centimetres in a metre."""
 MISSES_ALLOWED = 1 / 40
-"""Share of interactions that may be missed: one of the 40 of the paper (`PAPER_RECOGNISED`)."""
+"""Acceptable share of missed interactions: one of the paper's 40 (`PAPER_RECOGNISED`)."""
 
 TASKS_APART = frozenset({"screw_handover"})
-"""Tasks in which the hand goes to the same place whatever the human does: their hand error says
-nothing of prediction and is left out of the overall one."""
+"""Tasks in which the hand's goal does not depend on the human: their hand error does not measure
+prediction and is left out of the overall one."""
 FIXED_PLACE = "not in the overall hand error: its place is fixed"
-"""What is remarked of them."""
+"""Remark on these tasks."""
 
 CONDITIONS = (
     "Conditions differ: the paper's hand errors are forward kinematics of trajectories predicted "
@@ -26,14 +26,14 @@ CONDITIONS = (
 
 @dataclass(frozen=True)
 class HandError:
-    """Distance between hand and its right place over n interactions, in cm."""
+    """Distance between the hand and its correct place over n interactions, in cm."""
 
-    n: int  # interactions measured
-    mean_cm: float | None  # mean, None when n is 0
-    two_std_cm: float | None  # two (sample) standard deviations, None when n is below 2
+    n: int  # number of interactions measured
+    mean_cm: float | None  # mean; None when n is 0
+    two_std_cm: float | None  # two sample standard deviations; None when n is below 2
 
     def __str__(self) -> str:
-        """As `3.2 +- 2.6 cm`; a dash stands for what is not known."""
+        """Text such as `3.2 +- 2.6 cm`, with a dash for an unknown value."""
         if self.mean_cm is None:
             return "- cm"
         spread = "-" if self.two_std_cm is None else f"{self.two_std_cm:.1f}"
@@ -41,14 +41,14 @@ class HandError:
 
     @property
     def short(self) -> str:
-        """As `str`, but without the spread where it is not known: `3.2 cm`."""
+        """The same text without an unknown spread: `3.2 cm`."""
         if self.mean_cm is None or self.two_std_cm is not None:
             return str(self)
         return f"{self.mean_cm:.1f} cm"
 
 
 PAPER_RECOGNISED = (40, 40)
-"""Interactions recognised, of how many (Ewerton et al. 2015, Sec. IV-B)."""
+"""Number of recognised interactions and of all (Ewerton et al. 2015, Sec. IV-B)."""
 PAPER_HAND_ERROR: Mapping[str, HandError] = {
     "plate_handover": HandError(15, 3.2, 2.6),
     "hold_screwdriver": HandError(13, 2.1, 2.3),
@@ -58,36 +58,36 @@ PAPER_HAND_ERROR: Mapping[str, HandError] = {
 
 @dataclass(frozen=True)
 class InteractionRecord:
-    """One interaction, scored."""
+    """Results of one interaction."""
 
     index: int  # number in the session, from 1
     task: str
-    # what was decided first; of a changed movement, what was active soon after its end. Empty or
-    # "none" if nothing was.
+    # first decision; for a changed movement, the task active soon after its end. Empty or "none"
+    # if there was none.
     recognised: str
     observations: int | None  # number of observations from onset to the decision
     decision_time_s: float | None  # time from onset to the decision
     # share of the human's movement that had passed at the decision; 1 = its end
     decision_share: float | None
-    # measured hand to the place the demonstrator's rule gives; None if the task was not recognised
+    # distance of the hand from the place given by the demonstrator's rule; None if not recognised
     hand_error_m: float | None
-    # the robot's arrival, counted from the human's end; negative = before it
+    # arrival of the robot after the end of the human's movement; negative = before it
     arrival_s: float | None
     movement_s: float
     note: str = ""
-    # the task as which a movement began that the human changed on the way, else empty; `task` is
-    # what it became
+    # the task with which a movement started that the human then changed to `task`; empty without
+    # a change
     changed_from: str = ""
-    # whether the object changed hands and was not dropped; None where objects are not handed over
+    # whether the object changed hands without being dropped; None if objects are not handed over
     # by force
     handed_over: bool | None = None
-    transfer_s: float | None = None  # when it had changed hands, counted from the human's end
-    largest_force_n: float | None = None  # of the person on it
-    # the most probable task at the end of the movement, whether or not the arm acted
+    transfer_s: float | None = None  # time of the change of hands after the human's end
+    largest_force_n: float | None = None  # largest force of the person on the object
+    # most probable task at the end of the movement, whether or not the arm acted
     believed: str = ""
-    person: str = ""  # who did it; empty for the only one
-    # times that the arm began to help while that one neither moved nor waited, until the next
-    # interaction
+    person: str = ""  # name of the person; empty for a single one
+    # number of times, up to the next interaction, that the arm began to help while the person
+    # neither moved nor waited
     wrong_helps: int = 0
 
     @property
@@ -97,9 +97,9 @@ class InteractionRecord:
 
     @property
     def before_end(self) -> bool:
-        """Whether the right decision fell before the end of the human's movement.
+        """Whether the task was recognised before the end of the human's movement.
 
-        Of several people, who wait for the one arm: whether the task was the most probable then.
+        With several people, who wait for one arm: whether it was the most probable then.
         """
         if self.person:
             return self.believed == self.task
@@ -108,50 +108,50 @@ class InteractionRecord:
 
 @dataclass(frozen=True)
 class PersonSummary:
-    """The interactions of one of several people."""
+    """Results of one of several people."""
 
     person: str
-    n: int  # interactions
-    recognised: int  # of them those whose task was the most probable one at the end of the movement
-    helped: int  # of them those in which the arm did that task for this person
-    handed_over: int  # of them those in which the object changed hands
-    wrong_helps: int  # times that the arm began to help while the person neither moved nor waited
-    median_arrival_s: float | None  # after the end of the movement; None where the arm never came
-    largest_force_n: float | None  # of the person on an object; None without any
+    n: int  # number of interactions
+    recognised: int  # number in which the task was most probable at the movement's end
+    helped: int  # number in which the arm did that task for this person
+    handed_over: int  # number in which the object changed hands
+    wrong_helps: int  # times the arm began to help while the person neither moved nor waited
+    median_arrival_s: float | None  # after the movement's end; None if the arm never came
+    largest_force_n: float | None  # largest force on an object; None without any
 
 
 @dataclass(frozen=True)
 class DemoSummary:
-    """All interactions of a session; those that the human changed on the way stand apart."""
+    """Results of a session; interactions that the human changed midway are counted separately."""
 
-    n: int  # interactions that were not changed; all above `n_changed` is of these
-    recognised_right: int  # of them recognised
-    decided_before_end: int  # of them recognised before the human's movement was over
-    # over those recognised, None without any; several people wait for the one arm, and have none
+    n: int  # unchanged interactions, to which all fields before `n_changed` refer
+    recognised_right: int  # number recognised
+    decided_before_end: int  # number recognised before the end of the human's movement
+    # over recognised interactions; None without any, or with several people, who wait for one arm
     median_decision_share: float | None
-    # mean and two standard deviations over every task whose place depends on the human
+    # over all tasks in which the place depends on the human
     hand_error: HandError
-    hand_error_by_task: Mapping[str, HandError]  # the same for each task, those apart too
+    hand_error_by_task: Mapping[str, HandError]  # by task, including `tasks_apart`
     tasks_apart: tuple[str, ...]  # tasks left out of `hand_error`
-    # median_arrival_s, latest_arrival_s: after the human's end, over all that arrived
+    # median_arrival_s, latest_arrival_s: after the human's end, over all arrivals
     median_arrival_s: float | None
     latest_arrival_s: float | None
-    n_changed: int  # interactions that were changed
-    changes_followed: int  # of them those whose new task was active soon after the movement's end
-    changed_hand_error: HandError  # of these, over every task whose place depends on the human
-    n_transfers: int = 0  # interactions in which an object was to be handed over by force, of all
-    handed_over: int = 0  # of them those in which it was
-    largest_force_n: float | None = None  # of a person on an object; None without any
-    people: tuple[PersonSummary, ...] = ()  # each of several; empty for one
+    n_changed: int  # number of changed interactions
+    changes_followed: int  # number whose new task was active soon after the movement's end
+    changed_hand_error: HandError  # over changed interactions, as `hand_error`
+    n_transfers: int = 0  # number of all interactions with a handover by force
+    handed_over: int = 0  # number in which the object was handed over
+    largest_force_n: float | None = None  # largest force of a person on an object; None without any
+    people: tuple[PersonSummary, ...] = ()  # results of each of several people; empty for one
 
     @property
     def missed(self) -> int:
-        """Interactions not recognised, or recognised as another task."""
+        """Number of interactions not recognised, or recognised as another task."""
         return self.n - self.recognised_right
 
     @property
     def too_many_missed(self) -> bool:
-        """Whether more than one in forty was missed, or not handed over: the demo ends with 1."""
+        """Whether more than one in forty was missed or not handed over; the demo then returns 1."""
         allowed = MISSES_ALLOWED * (self.n + self.n_changed)
         not_handed_over = self.n_transfers - self.handed_over
         return self.missed > MISSES_ALLOWED * self.n or not_handed_over > allowed
@@ -165,7 +165,7 @@ def hand_error(errors_m: Sequence[float]) -> HandError:
 
 
 def summarise(records: Sequence[InteractionRecord]) -> DemoSummary:
-    """Count and average; hand errors of `TASKS_APART` stay out of the overall hand error."""
+    """Summarise records; hand errors of `TASKS_APART` are left out of the overall hand error."""
     people = tuple(
         _summary_of(person, [r for r in records if r.person == person])
         for person in sorted({r.person for r in records} - {""})
@@ -221,7 +221,7 @@ def _summary_of(person: str, records: Sequence[InteractionRecord]) -> PersonSumm
 
 
 def summary_line(summary: DemoSummary) -> str:
-    """The demo's last line; +- is two standard deviations, paper's figures in brackets."""
+    """The demo's last line; +- is two standard deviations, the paper's values are in brackets."""
     helped, known = ("helped", "recognised") if summary.people else ("recognised", "decided")
     parts = [
         f"{helped} {summary.recognised_right}/{summary.n}",
@@ -254,7 +254,7 @@ def summary_line(summary: DemoSummary) -> str:
 def to_json(
     records: Sequence[InteractionRecord], summary: DemoSummary, settings: Mapping | None = None
 ) -> dict:
-    """Everything as plain values for `json.dump`; distances in m in records, cm in the summary."""
+    """All results as plain values for `json.dump`; records are in m, the summary is in cm."""
     return {
         "summary": asdict(summary)
         | {

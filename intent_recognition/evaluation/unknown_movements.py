@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decisions about movements of known tasks and of tasks that a library does not know.
+"""Decisions about movements of known tasks and of tasks unknown to a library.
 
-Every task is left out in turn, and a library of the others filters its movements; known movements
-are those left out of training one by one (or by folds). Durations are unknown throughout, and the
-decision is the nodes' own, with its default settings.
+Every task is left out in turn, and a library of the other tasks filters its movements; known
+movements are held out of training one by one (or by folds). Durations are always unknown, and the
+decision is that of the nodes, with its default settings.
 """
 
 from collections import deque
@@ -31,21 +31,20 @@ from intent_recognition.signals import Demonstration, merge
 class MovementOutcome(NamedTuple):
     """The decision about one movement."""
 
-    task: str  # the true one
-    # highest log odds that one known task held against all else for as many consecutive
-    # observations as the decision requires; minus infinity if there were too few
+    task: str  # true task
+    # highest log odds that one known task kept against all else during as many consecutive
+    # observations as the decision requires; minus infinity with fewer observations
     log_odds: float
-    above_threshold: bool  # whether they passed the decision's threshold
-    activated: str  # the task that became active first, empty if none did
-    recognised: str = ""  # the first without the limit on the uncertainty of the predicted end
-    # standard deviation of the predicted end of what was recognised, at the end of the movement,
-    # the largest over the controlled DOFs of the unit in which it is least certain; NaN where
-    # nothing was recognised
+    above_threshold: bool  # whether these odds passed the decision's threshold
+    activated: str  # first task that became active; empty if none did
+    recognised: str = ""  # first task, ignoring the limit on the uncertainty of the end
+    # standard deviation of the recognised task's predicted end, after the whole movement: the
+    # largest over the controlled DOFs of the least certain unit; NaN where no task was recognised
     end_std: float = np.nan
 
     @property
     def held_back(self) -> bool:
-        """Whether it was recognised but not acted on, because its end was too uncertain."""
+        """Whether the task was recognised but not acted on, as its end was too uncertain."""
         return bool(self.recognised) and not self.activated
 
 
@@ -79,7 +78,7 @@ class DecisionMonitor:
             self._end_std = partial(run.end_std, self._labels.index(self._recognised))
 
     def outcome(self, task: str) -> MovementOutcome:
-        """The decision about the movement, which was of this task."""
+        """The outcome of the movement, whose true task is given."""
         threshold = self._settings.threshold
         limit = np.log(threshold) - np.log1p(-threshold) if threshold < 1.0 else np.inf
         found = self._activated, self._recognised
@@ -97,7 +96,7 @@ def decide_when_ready(
     log_evidence: Floats | None,
     predicted_end_std: Callable[[], Mapping[str, float] | None],
 ) -> tuple[DecisionState, Mapping[str, float] | None]:
-    """As `decide`; the end's uncertainty is computed, and given, only where this depends on it."""
+    """Like `decide`; computes and returns the end's uncertainty only if the decision needs it."""
     current, end_std = (settings, state, labels, probabilities), None
     following, _ = decide(*current, end_std, log_evidence)
     if recognised(settings, following) not in ("", following.active):
@@ -107,17 +106,17 @@ def decide_when_ready(
 
 
 def recognised(settings: DecisionSettings, state: DecisionState) -> str:
-    """The task that meets every condition of the decision but a certain end; empty if none."""
+    """The task that meets all conditions of the decision except a certain end; empty if none."""
     return state.candidate if state.n_for >= settings.n_observations else ""
 
 
 def in_context(library: TaskLibrary, recorded: Demonstration) -> TaskLibrary:
-    """The library in the context in which a recording began; as it is where none was recorded."""
+    """The library in the context in which a recording began; unchanged without one."""
     return library.given(recorded.context_values) if recorded.context else library
 
 
 def follow(library: TaskLibrary, recorded: Demonstration) -> MovementOutcome:
-    """The decision about a whole recording, its duration unknown."""
+    """The decision about a whole recording of unknown duration."""
     monitor, library = DecisionMonitor(library), in_context(library, recorded)
     run = MovementFilter(library, make_prior_grid(library), recorded.start_ns)
     for observation in merge(recorded.observed):
@@ -132,7 +131,7 @@ def follow_unknown(
     settings: TrainingSettings,
     progress: Callable[[int], None] = lambda done: None,
 ) -> list[MovementOutcome]:
-    """Every task left out in turn: the decisions of a library of the others about its movements.
+    """Decisions about the movements of each task by a library of all other tasks.
 
     Tasks without which nothing can be learned are skipped.
     """
@@ -151,12 +150,12 @@ def follow_unknown(
 def compare(
     known: Sequence[MovementOutcome], unknown: Sequence[MovementOutcome]
 ) -> dict[str, object]:
-    """The JSON of known against unknown movements; None where there are none of either.
+    """Compare known and unknown movements, as JSON; values without movements are None.
 
-    `area` is the probability that a known movement reaches higher odds than an unknown one, the
-    area under `roc`, which has one point per threshold.
-    `recognised` counts movements that pass the decision without its limit on the uncertainty of the
-    end, `held_back` those of them that never pass this limit, `activated` the others.
+    `area` is the area under `roc`, which has one point per threshold: the probability that a known
+    movement reaches higher odds than an unknown one. `recognised` counts movements that pass the
+    decision without its limit on the uncertainty of the end, `held_back` those of them that never
+    pass this limit, `activated` the others.
     """
     scores = [np.array([one.log_odds for one in outcomes]) for outcomes in (known, unknown)]
     content: dict[str, object] = {
@@ -197,7 +196,7 @@ def end_std(recognised: Sequence[MovementOutcome]) -> dict[str, float] | None:
 
 
 def area(known: Floats, unknown: Floats) -> float | None:
-    """Share of pairs in which the known one is higher, ties half; None without a pair."""
+    """Share of pairs in which the known value is higher, counting ties half; None without pairs."""
     if not len(known) or not len(unknown):
         return None
     above = known[:, None] > unknown[None]
@@ -206,7 +205,7 @@ def area(known: Floats, unknown: Floats) -> float | None:
 
 
 def roc(known: Floats, unknown: Floats) -> dict[str, list[float]]:
-    """Shares of known and of unknown ones at or above each threshold, from (0, 0) to (1, 1)."""
+    """Shares of known and unknown values at or above each threshold, from (0, 0) to (1, 1)."""
     thresholds = np.unique(np.r_[known, unknown])[::-1]
     return {
         name: [0.0, *(float(np.mean(values >= t)) for t in thresholds)]
