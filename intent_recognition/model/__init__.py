@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Model files, and folders of tasks that grow by one recording at a time."""
+"""Model files, and task folders that grow by one recording at a time."""
 
 from intent_recognition.model.executions import (
     ARRIVED,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The DOFs of a library that was learned from arrays, which have no topics."""
+"""DOFs of a library that was learned from arrays, which have no topics."""
 
 from collections.abc import Sequence
 from itertools import accumulate, groupby, pairwise
@@ -10,10 +10,10 @@ from intent_recognition.promp import TaskLibrary
 
 
 def dofs_of_arrays(library: TaskLibrary) -> DofSpec:
-    """Each signal as a named vector (JointState) on a topic of its own.
+    """Describe each signal as a named vector (JointState) on a topic of its own.
 
-    The topics are `human`, `robot` and `context`; where there are several signals, `human_1` and so
-    on. Controlled DOFs of one unit that follow each other are one signal.
+    The topics are `human`, `robot` and `context`, or `human_1` and so on for several signals.
+    Consecutive controlled DOFs of the same unit form one signal.
     """
     controlled = [len(list(same)) for _, same in groupby(library.controlled_units)]
     context = library.context
@@ -35,7 +35,7 @@ def _entries(
     *,
     context: bool = False,
 ) -> tuple[DofEntry, ...]:
-    """One entry for each signal of so many DOFs."""
+    """One entry for each signal, with as many DOFs as `sizes` says."""
     ends = list(accumulate(sizes, initial=0))
     topics = [topic] if len(sizes) == 1 else [f"{topic}_{k + 1}" for k in range(len(sizes))]
     return tuple(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays of a model file: what each must be like, and symmetric matrices by half."""
+"""Checks of a model file's arrays, and storage of symmetric matrices by their upper half."""
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -11,16 +11,14 @@ from numpy.typing import NDArray
 from intent_recognition.errors import ModelError
 
 LARGEST = 1e15
-"""Largest magnitude of a number in a model [any unit]. Convention: squares and sums of them are
-finite."""
+"""Largest magnitude of a number in a model [any unit]; sums of its squares are finite."""
 ROUNDING = 1e-9
-"""Share of the largest entry by which a covariance may miss. Convention: a million times the
-rounding of doubles."""
+"""Tolerance of covariances as a share of the largest entry: far above the rounding of doubles."""
 RETRAIN = "Train it again with `intent train`."
 
 
 def require(sound: bool, place: str, expected: str, got: object, cure: str = RETRAIN) -> None:
-    """Make sure that a part of a model file is as expected; the error names its place if not."""
+    """Require that a part of a model file is sound; the error names its place."""
     if not sound:
         raise ModelError.about(place, expected, got, cure)
 
@@ -34,7 +32,7 @@ def check_arrays(
     largest: float = LARGEST,
     cure: str = RETRAIN,
 ) -> None:
-    """Make sure that arrays are there, real, of their shape and finite."""
+    """Require that arrays are present, real, finite and of the right shape."""
     for name, shape in shapes.items():
         place = f"{path}: {name}"
         require(name in arrays, place, "an array", "none", cure)
@@ -49,7 +47,7 @@ def check_arrays(
 
 
 def check_covariances(path: str | Path, name: str, matrices: NDArray[Any]) -> None:
-    """Make sure that matrices (..., n, n) are symmetric and not negative, up to rounding."""
+    """Require that matrices (..., n, n) are symmetric positive semidefinite up to rounding."""
     place = f"{path}: {name}"
     scale = np.abs(matrices).max(initial=0.0)
     difference = np.abs(matrices - matrices.swapaxes(-1, -2)).max(initial=0.0)
@@ -60,20 +58,20 @@ def check_covariances(path: str | Path, name: str, matrices: NDArray[Any]) -> No
 
 
 def check_positive(path: str | Path, arrays: Mapping[str, NDArray[Any]], *names: str) -> None:
-    """Make sure that all numbers of some arrays are above zero."""
+    """Require that all numbers of the named arrays are above zero."""
     for name in names:
         positive = bool(np.all(arrays[name] > 0.0))
         require(positive, f"{path}: {name}", "above zero", arrays[name])
 
 
 def upper(matrices: NDArray[Any]) -> NDArray[Any]:
-    """Upper triangles of symmetric matrices (..., n, n), row after row, (..., n (n + 1) / 2)."""
+    """Upper triangles of symmetric matrices (..., n, n), row by row, (..., n (n + 1) / 2)."""
     rows, columns = np.triu_indices(matrices.shape[-1])
     return matrices[..., rows, columns]
 
 
 def from_upper(triangles: NDArray[Any], size: int) -> NDArray[Any]:
-    """The symmetric matrices (..., size, size) of such triangles."""
+    """Symmetric matrices (..., size, size) from their upper triangles, the inverse of `upper`."""
     rows, columns = np.triu_indices(size)
     matrices = np.zeros((*triangles.shape[:-1], size, size))
     matrices[..., rows, columns] = matrices[..., columns, rows] = triangles

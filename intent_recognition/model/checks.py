@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the arrays and the header of a model file must be like."""
+"""Checks of the arrays and the header of a model file."""
 
 from collections.abc import Mapping
 from math import inf
@@ -32,10 +32,10 @@ from intent_recognition.promp import (
 
 DEVIATION_STD = "phase_deviation_std"
 OF_DEVIATION = ("correlation", "evidence", "controlled_follows", "duration_exponent")
-"""The rest of the phase deviation, which is in the header."""
+"""Fields of the phase deviation that are stored in the header."""
 MAX_EXPONENT = 10.0
-"""Largest size of an exponent of the duration. Convention: with 1 a movement begins at one speed,
-however long it takes."""
+"""Largest magnitude of a duration's exponent; with exponent 1 movements start at the same speed
+whatever their duration."""
 PLAUSIBLE = {
     "log_duration_mean": 20.0,
     "none_log_duration": 20.0,
@@ -43,8 +43,8 @@ PLAUSIBLE = {
     "displacement_exponent": MAX_EXPONENT,
     "delay_s": 1e6,
 }
-"""Largest size of logarithms of durations [log s], of their standard deviations, of exponents, and
-of a delay. Convention: neither nanoseconds nor years; from milliseconds to days."""
+"""Largest magnitude of logarithmic durations [log s], their standard deviations, exponents and the
+delay; they span milliseconds to days, and exclude wrong units."""
 SCALARS = (
     "noise_scale",
     "correlation_time_s",
@@ -75,12 +75,12 @@ SHAPES = {
     "observed_weight_covariance": "koo",
     **dict.fromkeys(SCALARS, ""),
 }
-"""Axes of each array of a model: k tasks, l one more; d DOFs, the observed ones in g groups; w
-weights, o of them observed."""
+"""Axes of each array of a model: k tasks, l one more; d DOFs, of which the observed ones form g
+groups; w weights, of which o are observed."""
 
 
 def shapes_of(n_tasks: int, dofs: DofSpec, n_basis: int) -> dict[str, tuple[int, ...]]:
-    """Shapes of the arrays of a model of so many tasks."""
+    """Shapes of the arrays of a model with `n_tasks` tasks."""
     observed = len(dofs.observed_names)
     n_dofs = observed + len(dofs.controlled_names)
     size = {"k": n_tasks, "l": n_tasks + 1, "d": n_dofs, "g": len(dofs.observed), "2": 2}
@@ -89,7 +89,7 @@ def shapes_of(n_tasks: int, dofs: DofSpec, n_basis: int) -> dict[str, tuple[int,
 
 
 def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
-    """Make sure that variances, covariances, probabilities and durations can be some."""
+    """Require valid variances, covariances, probabilities and durations."""
     scales = "noise_variance", "noise_scale", "correlation_time_s", "log_duration_std"
     check_positive(path, numbers, *scales, "task_evidence")
     for name in ("task_prior", "transition_prior"):
@@ -109,7 +109,7 @@ def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
 
 
 def check_groups(path: str | Path, groups: NDArray[Any], n_observed: int, n_onset: int) -> None:
-    """Make sure that signals divide the observed DOFs among them."""
+    """Require that the groups partition the observed DOFs, with one onset setting each."""
     divided = (groups.sum(), n_onset) == (n_observed, len(groups)) and np.all(groups >= 1)
     expected = f"groups of {n_observed} DOFs, one onset setting each"
     got = f"{groups.tolist()} and {n_onset} settings"
@@ -117,7 +117,7 @@ def check_groups(path: str | Path, groups: NDArray[Any], n_observed: int, n_onse
 
 
 def labels_of(labels: list) -> tuple[str, ...]:
-    """Names of the tasks, checked."""
+    """Labels of the tasks, checked."""
     named = isinstance(labels, list) and all(isinstance(label, str) for label in labels)
     if not named or len({*labels, NONE}) != len(labels) + 1 or not labels:
         raise ArgumentError.about("labels", f"different names other than {NONE!r}", labels, RETRAIN)
@@ -125,7 +125,7 @@ def labels_of(labels: list) -> tuple[str, ...]:
 
 
 def evidence_freedom(path: str | Path, header: dict) -> float:
-    """Degrees of freedom of the evidence; null stands for the normal density."""
+    """Degrees of freedom of the evidence; null stands for a normal density."""
     found = header.get("evidence_freedom")
     if found is None:
         return inf
@@ -135,7 +135,7 @@ def evidence_freedom(path: str | Path, header: dict) -> float:
 
 
 def left_out_odds(path: str | Path, header: dict) -> LeftOutOdds:
-    """What is known of the risk of acting."""
+    """Log odds of left-out demonstrations, from which the risk of acting is estimated, checked."""
     try:
         entry = header["left_out_odds"]
         odds, groups = tuple(map(float, entry["odds"])), tuple(map(str, entry["groups"]))
@@ -150,7 +150,7 @@ def left_out_odds(path: str | Path, header: dict) -> LeftOutOdds:
 def phase_deviation(
     path: str | Path, header: dict, content: dict[str, NDArray[Any]]
 ) -> PhaseDeviation:
-    """The prior of the phase deviation, checked."""
+    """Prior of the phase deviation, checked."""
     n_phases = max(np.size(content.get(DEVIATION_STD, ())), 2)
     check_arrays(path, content, {DEVIATION_STD: (n_phases,)})
     try:
@@ -173,11 +173,11 @@ def phase_deviation(
 USUAL = "usual_log_duration"
 CONTEXT = ("context_mean", "context_covariance", "context_gain")
 COUPLING = tuple(f"coupling_{name}" for name in ResidualCoupling._fields)
-"""Names of the arrays of what not every library has."""
+"""Names of the arrays of the residual coupling, which not every library has."""
 
 
 def optional_arrays(library: TaskLibrary) -> dict[str, Floats]:
-    """What is written of a library's context, coupling and usual durations, where it has them."""
+    """Arrays of a library's context, coupling and usual durations, as far as it has them."""
     context, coupling, usual = library.context, library.coupling, library.usual_log_duration
     arrays = () if context is None else (context.mean, context.covariance, context.gain)
     durations = {} if usual is None else {USUAL: usual}
@@ -187,7 +187,7 @@ def optional_arrays(library: TaskLibrary) -> dict[str, Floats]:
 def read_usual(
     path: str | Path, content: Mapping[str, NDArray[Any]], n_tasks: int
 ) -> Floats | None:
-    """What durations are relative to, checked; None for the means of the timing priors."""
+    """Usual log durations, checked; None: the means of the timing priors."""
     if USUAL not in content:
         return None
     check_arrays(path, content, {USUAL: (n_tasks + 1,)})
@@ -203,7 +203,7 @@ def read_context(
     dofs: DofSpec,
     numbers: Mapping[str, NDArray[Any]],
 ) -> ContextModel | None:
-    """How the weights depend on the context, checked; None without one."""
+    """Dependence of the weights on the context, checked; None without a context."""
     if not dofs.context:
         return None
     (n_tasks, n_weights), n = numbers["weight_mean"].shape, len(dofs.context_names)
@@ -230,7 +230,7 @@ def read_coupling(
     n_controlled: int,
     n_observed: int,
 ) -> ResidualCoupling | None:
-    """The coupling, checked; None without one."""
+    """Residual coupling, checked; None without one."""
     if not any(name in content for name in COUPLING):
         return None
     shapes = [part.shape for part in ResidualCoupling.none(n_tasks, n_controlled, n_observed)]

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What became of each execution of a task, and so how each task has done over time.
+"""Outcomes of the executions of tasks, and each task's performance over time.
 
-Executions are kept in the folder of tasks beside their recordings.
+Executions are kept in the task folder beside the recordings:
 
     my_tasks/
-      outcomes.jsonl                                 one line per thing that became known
+      outcomes.jsonl                                 one line per new fact
       executions/give_cup/give_cup_0000, ...         the newest recordings of each task
 
-A line is written once, at the end of the file, and on the disk before anything goes on. One that
-was not written to its end never happened. Later lines add to, or change, what is known of the same
-recording.
+Each line is appended once and synchronised to disk before anything else happens. An incomplete last
+line counts as never written. Later lines extend or change what is known of the same recording.
 """
 
 import json
@@ -39,29 +38,28 @@ EXECUTIONS, OUTCOMES = "executions", "outcomes.jsonl"
 OUTCOME, CORRECTIONS, THUMBS, SPILLED = "outcome", "corrections", "thumbs", "spilled"
 ARRIVED, UP, DOWN = "arrived", "up", "down"
 MOST_VALUES, LONGEST_VALUE = 50, 200
-"""Values of an execution, and characters of each, that are kept. Convention."""
+"""Largest number of values of an execution, and of characters of each."""
 
 
 @dataclass(frozen=True)
 class Execution:
-    """What is known of one execution, which ended at a time (ISO 8601)."""
+    """What is known of one execution, which ended at `time` (ISO 8601)."""
 
     time: str
     task: str
-    bag: str  # the recording, relative to the folder; an old one may have been removed
-    # what the task was like then: the model in the folder, relative to it; empty where the folder
-    # had none
+    bag: str  # recording, relative to the folder; an old one may have been removed
+    # model with which the task was executed, relative to the folder; empty if the folder had none
     model: str
-    # by name: `outcome`, `corrections`, `thumbs` (`up`, `down`), `spilled` and others
+    # values by name: `outcome`, `corrections`, `thumbs` (`up`, `down`), `spilled` and others
     values: Mapping[str, str]
 
     @property
     def corrected(self) -> bool:
-        """Whether a person led the arm elsewhere."""
+        """Whether a person corrected the arm's motion."""
         return self.number(CORRECTIONS) > 0.0
 
     def number(self, name: str) -> float:
-        """A value as a number; 0 where it is none."""
+        """A value as a number; 0 if it is missing or not a number."""
         try:
             return float(self.values.get(name, 0.0))
         except ValueError:
@@ -69,7 +67,7 @@ class Execution:
 
 
 class Executions:
-    """The executions in a folder of tasks."""
+    """Executions in a task folder."""
 
     def __init__(self, path: Path, clock: Callable[[], datetime]):
         self.path, self._clock = path, clock
@@ -77,9 +75,9 @@ class Executions:
         self._read_to = 0
 
     def all(self) -> list[Execution]:
-        """Every execution that something is known of, the oldest first.
+        """Every known execution, oldest first.
 
-        Only what was added since the last time is read.
+        Reads only the lines added since the last call.
         """
         for line in self._new_lines():
             one = _execution(line) if line else None
@@ -91,7 +89,7 @@ class Executions:
         return list(self._known.values())
 
     def _new_lines(self) -> list[str]:
-        """The whole lines that were added since the last time; all of a file that is shorter."""
+        """Complete lines added since the last call; all lines if the file has become shorter."""
         file = self.path / OUTCOMES
         size = file.stat().st_size if file.exists() else 0
         if size < self._read_to:
@@ -104,7 +102,7 @@ class Executions:
         return whole.decode(errors="replace").split("\n")
 
     def new_bag(self, task: str) -> Path:
-        """Where the next execution of a task is to be recorded.
+        """Path for the recording of the next execution of a task.
 
         Raises:
             BagError: the label names no task.
@@ -116,10 +114,10 @@ class Executions:
         return self.path / EXECUTIONS / task / f"{task}_{number:04d}"
 
     def add(self, bag: Path, values: Mapping[str, str], model: str = "") -> None:
-        """Note something about an execution, unless it is known.
+        """Store values of an execution, unless they are known already.
 
         Raises:
-            ResourceBusyError: it cannot be written.
+            ResourceBusyError: the file cannot be written.
         """
         kept = {str(k)[:LONGEST_VALUE]: str(v)[:LONGEST_VALUE] for k, v in values.items()}
         kept = dict(list(kept.items())[:MOST_VALUES])
@@ -133,20 +131,20 @@ class Executions:
             append_line(file, ("\n" if _is_torn(file) else "") + json.dumps(asdict(line)))
 
     def thin(self, task: str, most: int) -> None:
-        """Remove the oldest recordings of a task; what became of them stays known."""
+        """Remove the oldest recordings of a task; their outcomes are kept."""
         found = sorted((self.path / EXECUTIONS / task).glob("*_[0-9]*"), key=_number)
         for bag in found[: max(len(found) - most, 0)]:
             shutil.rmtree(bag, ignore_errors=True)
 
 
 def _number(bag: Path) -> int:
-    """The number at the end of a recording's name; -1 where there is none."""
+    """Number at the end of a recording's name; -1 without one."""
     end = bag.name.rpartition("_")[2]
     return int(end) if end.isdecimal() else -1
 
 
 def _is_torn(file: Path) -> bool:
-    """Whether a file's last line was not written to its end."""
+    """Whether the last line of a file is incomplete."""
     if not file.exists() or not file.stat().st_size:
         return False
     with file.open("rb") as stream:
@@ -155,7 +153,7 @@ def _is_torn(file: Path) -> bool:
 
 
 def _execution(line: str) -> Execution | None:
-    """The execution of a line, None where it is not a whole one."""
+    """Execution stored in a line; None if the line is invalid."""
     try:
         found = Execution(**load_json(line))
     except (TypeError, UntrustedError):
@@ -169,29 +167,29 @@ def _execution(line: str) -> Execution | None:
 
 SKILL_COLUMNS = ("executions", "arrived", "corrected", "thumbs up", "thumbs down", "spilled")
 TO_UNDO, TO_KEEP = "to undo", "to keep"
-"""Keys on `teach/skills` of the change that an undo takes back, and of one that has a correction to
-be kept."""
+"""Keys on `teach/skills` that mark the change which an undo takes back, and a task with a
+correction that can be kept."""
 WAITING = "recordings that wait"
-"""Key of the diagnostics of `task_teacher`: how many recordings are not learned yet."""
+"""Key in the diagnostics of `task_teacher`: number of recordings not yet learned."""
 
 
 class SkillPeriod(NamedTuple):
-    """A task between two of its changes."""
+    """Performance of a task between two of its changes."""
 
     task: str
-    since: str  # when it began, ISO 8601; empty: with the first execution
-    what: str  # the change, in words
-    model: str  # the model since then, relative to the folder
+    since: str  # start, ISO 8601; empty: at the first execution
+    what: str  # change in words
+    model: str  # model since then, relative to the folder
     n_demonstrations: int
     n_executions: int = 0
     n_arrived: int = 0
-    n_corrected: int = 0  # executions that a person corrected by hand; n_up and n_down liked or not
+    n_corrected: int = 0  # corrected by hand; n_up, n_down: rated so
     n_up: int = 0
     n_down: int = 0
-    spilled: float | None = None  # mean of those of which that is known; None: of none
+    spilled: float | None = None  # mean over executions with this value; None without any
 
     def texts(self) -> tuple[str, ...]:
-        """The numbers of `SKILL_COLUMNS`, for people."""
+        """Values of the columns `SKILL_COLUMNS`, as text."""
         n = self.n_executions
         counts = (self.n_arrived, self.n_corrected, self.n_up, self.n_down)
         shown = [f"{one}" for one in counts] if n else ["-"] * len(counts)
@@ -201,10 +199,10 @@ class SkillPeriod(NamedTuple):
 def skill_history(
     changes: Sequence[Change], executions: Sequence[Execution]
 ) -> dict[str, list[SkillPeriod]]:
-    """The periods of each task, the oldest first, from changes in that order and any executions.
+    """Periods of each task, oldest first, from chronological changes and executions in any order.
 
-    An execution belongs to the last change of its task before it. Where a change was taken back,
-    that is a period of its own.
+    An execution belongs to the last change of its task before it. Undoing a change starts a period,
+    too.
     """
     found: dict[str, list[SkillPeriod]] = {}
     for change in changes:
@@ -222,7 +220,7 @@ def skill_history(
 def _counted(
     label: str, periods: list[SkillPeriod], executions: Sequence[Execution]
 ) -> list[SkillPeriod]:
-    """The periods of a task with what became of its executions."""
+    """Periods of a task with statistics of its executions."""
     own = sorted((one for one in executions if one.task == label), key=lambda one: _at(one.time))
     if own and (not periods or _at(own[0].time) < _at(periods[0].since)):
         periods = [SkillPeriod(label, "", "before", "", 0), *periods]
@@ -259,7 +257,7 @@ def _words(change: Change) -> str:
 
 
 def _at(time: str) -> float:
-    """Seconds of an ISO time; minus infinity where it is none."""
+    """Seconds of an ISO time; minus infinity if it is invalid."""
     try:
         return datetime.fromisoformat(time).timestamp()
     except ValueError:

@@ -51,7 +51,7 @@ from intent_recognition.signals import OnsetSettings
 from intent_recognition.untrusted import UntrustedError, load_json, read_arrays
 
 FORMAT_VERSION = 3
-"""Of the file; others are not read."""
+"""Version of the file format; other versions are rejected."""
 MODEL_FILE = "a model file written by `intent train`"
 
 
@@ -60,15 +60,15 @@ class Model:
     """A library together with the DOF file it was trained with.
 
     Attributes:
-        library: the learned tasks.
-        dofs: where its DOFs come from.
+        library: learned tasks.
+        dofs: source of each DOF.
     """
 
     library: TaskLibrary
     dofs: DofSpec
 
     def __repr__(self) -> str:
-        """Tasks, and the topics of both agents."""
+        """Tasks and the topics of both agents."""
         human, robot = (
             ", ".join(dict.fromkeys(entry.topic for entry in side)) or "nothing"
             for side in (self.dofs.observed, self.dofs.controlled)
@@ -89,19 +89,19 @@ class Model:
 def save_model(
     path: str | Path, model: Model | TaskLibrary, trained: Trained | None = None
 ) -> None:
-    """Write the model; the file appears whole or not at all.
+    """Write a model file atomically.
 
     Args:
-        path: the file, such as `tasks.npz`.
-        model: what to write. A library alone, learned from arrays, is written with each of its
-            signals as a named vector (JointState) on the topics `human`, `robot` and `context`.
-        trained: statistics of its demonstrations; without them nothing can be added to it later.
+        path: path of the file, such as `tasks.npz`.
+        model: model, or a library that was learned from arrays. Each signal of such a library is
+            stored as a named vector (JointState) on the topics `human`, `robot` and `context`.
+        trained: statistics of the demonstrations; later additions to the model need them.
 
     Raises:
-        ArgumentError: it is neither a model nor a library.
+        ArgumentError: `model` is neither a model nor a library.
         ModelError: the folder cannot be written to.
         DofError: an orientation has no reference, see `settle_orientations`; or two DOFs of a
-            library alone have the same name.
+            library from arrays have the same name.
     """
     if isinstance(model, TaskLibrary):
         model = Model(model, dofs_of_arrays(model))
@@ -142,9 +142,9 @@ def load_model(path: str | Path) -> Model:
     """Read and check a model file.
 
     Raises:
-        ArgumentError: the path is none.
-        ModelError: no such file, not a model, unknown version, missing array, wrong shape, or a
-            value that is not finite or makes no sense; names the file and the array.
+        ArgumentError: `path` is not a path.
+        ModelError: there is no such file, it is not a model, has an unknown version, or an array is
+            missing, misshaped or has invalid values; names the file and the array.
     """
     path = as_path("path", path)
     content = _read(path)
@@ -152,7 +152,7 @@ def load_model(path: str | Path) -> Model:
 
 
 def _model(path: Path, content: dict[str, NDArray[Any]], header: dict) -> Model:
-    """The model of what a file holds, which is checked."""
+    """Build the model from a file's content, and check it."""
     try:
         dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")
         labels = labels_of(header["labels"])
@@ -193,10 +193,10 @@ def _model(path: Path, content: dict[str, NDArray[Any]], header: dict) -> Model:
 
 
 def load_trained(path: str | Path) -> tuple[Model, Trained]:
-    """Read a model with the statistics that it takes to add demonstrations to it.
+    """Read a model and the statistics that are needed to add demonstrations to it.
 
     Raises:
-        ModelError: as `load_model`, or the file holds no statistics.
+        ModelError: as for `load_model`, or the file has no statistics.
     """
     path = as_path("path", path)
     content = _read(path, ARRAYS)
@@ -209,14 +209,14 @@ def load_trained(path: str | Path) -> tuple[Model, Trained]:
 
 
 def check_dofs(model: Model, dofs: DofSpec, source: str) -> DofSpec:
-    """Make sure that a DOF file is the one the model was trained with.
+    """Require that a DOF file agrees with the one the model was trained with.
 
     Returns:
-        The same DOFs with the references of the model's orientations, and its extrinsics, where
-        they have none.
+        The DOFs, in which missing references of orientations and missing extrinsics are taken
+        from the model.
 
     Raises:
-        DofError: they differ; both sides are named.
+        DofError: they differ; names both sides.
     """
     found = replace(
         dofs,
@@ -237,7 +237,7 @@ def check_dofs(model: Model, dofs: DofSpec, source: str) -> DofSpec:
 def _with_references(
     entries: tuple[DofEntry, ...], settled: tuple[DofEntry, ...]
 ) -> tuple[DofEntry, ...]:
-    """Entries with the references of others, where they are the same but for that."""
+    """Entries with the references of `settled` if they agree in everything else."""
     pairs = zip_longest(entries, settled[: len(entries)])
     return tuple(
         other if other is not None and entry == replace(other, reference=()) else entry
@@ -246,7 +246,7 @@ def _with_references(
 
 
 def _read(path: Path, more: Sequence[str] = ()) -> dict[str, NDArray[Any]]:
-    """Header, arrays of a model, and more arrays, as far as the file holds them."""
+    """Header, arrays of a model, and further arrays, as far as the file has them."""
     wanted = ("header", *SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING, USUAL, *more)
     try:
         return read_arrays(path, wanted)
@@ -258,7 +258,7 @@ def _read(path: Path, more: Sequence[str] = ()) -> dict[str, NDArray[Any]]:
 
 
 def _header(path: str | Path, content: dict[str, NDArray[Any]]) -> dict:
-    if "header" not in content:  # such as a skill of pouring
+    if "header" not in content:  # such as a pouring skill
         raise ModelError.about(str(path), MODEL_FILE, "another file, without a header", RETRAIN)
     try:
         header = load_json(str(content["header"]))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is in a folder of tasks: which it is, its DOFs, and what recordings are good for."""
+"""Contents of a task folder: its DOFs, its model, and the state of its recordings."""
 
 from pathlib import Path
 
@@ -12,16 +12,16 @@ from intent_recognition.model.from_bags import FromBags
 from intent_recognition.model.history import HISTORY
 
 LIBRARY_MODEL = "model.npz"
-"""Its present model, which the nodes load."""
+"""Name of the present model, which the nodes load."""
 
 
 def is_task_folder(path: Path) -> bool:
-    """Whether something was learned in a folder, or executed."""
+    """Whether tasks were learned or executed in a folder."""
     return (path / HISTORY).is_file() or (path / OUTCOMES).is_file()
 
 
 def library_dofs(library: str | Path, model: str | Path = "", dofs: str | Path = "") -> DofSpec:
-    """The DOFs of a library: as given, else those of its model, else the shipped ones."""
+    """DOFs of a library: the given ones, or else those of its model, or else the shipped ones."""
     if dofs:
         return load_dofs(dofs)
     present = Path(library) / LIBRARY_MODEL
@@ -36,7 +36,7 @@ def is_correction(bag: Path) -> bool:
 
 
 def is_finished(bag: Path) -> bool:
-    """Whether a recording was closed."""
+    """Whether a recording was closed properly."""
     try:
         return BagReader(bag, tolerant=True).is_finished
     except BagError:
@@ -44,7 +44,7 @@ def is_finished(bag: Path) -> bool:
 
 
 def check_usable(found: FromBags, bag: Path) -> None:
-    """Say why nothing of a recording can be used."""
+    """Raise an error with the reasons if nothing of a recording can be used."""
     if found.accumulated.n_used:
         return
     reasons = [str(r) for r in found.rejections] + [r for _, r in found.accumulated.rejected]

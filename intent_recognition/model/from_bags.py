@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Statistics of the demonstrations in bags, accumulated in this process or in others.
 
-A bounded, evenly spaced part of the bags is read first: its recordings settle the preprocessing.
-The other bags are turned into statistics where they are read. They are divided into the same parts
-whoever does the work, so the result does not depend on it.
+A bounded, evenly spaced sample of the bags is read first and determines the preprocessing. The
+other bags are reduced to statistics where they are read. The division of the bags does not depend
+on who does the work, so neither does the result.
 """
 
 from collections import Counter
@@ -36,14 +36,14 @@ from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration, Rejection, SpeedCorrelation, correlate_speeds
 
 FRAMES = "frames"
-"""Key of the provenance."""
+"""Key of the frames in the provenance."""
 
 Frames = Mapping[str, tuple[str, ...]]
-"""By topic the frames its poses are in, sorted."""
+"""Sorted names of the frames of poses, by topic."""
 
 
 def merge_frames(parts: Iterable[Frames]) -> dict[str, tuple[str, ...]]:
-    """All frames of each topic."""
+    """Union of the frames of each topic."""
     merged: dict[str, set[str]] = {}
     for part in parts:
         for topic, frames in part.items():
@@ -52,7 +52,7 @@ def merge_frames(parts: Iterable[Frames]) -> dict[str, tuple[str, ...]]:
 
 
 def frames_of(library: TaskLibrary) -> dict[str, tuple[str, ...]]:
-    """Frames in which a library was learned; nothing where that is not known."""
+    """Frames in which a library was learned; empty if unknown."""
     kept = library.provenance.get(FRAMES)
     if not isinstance(kept, Mapping):
         return {}
@@ -64,14 +64,14 @@ def frames_of(library: TaskLibrary) -> dict[str, tuple[str, ...]]:
 
 
 def with_frames(trained: Trained, frames: Frames) -> Trained:
-    """What was learned, with the frames of further demonstrations."""
+    """Trained state with the frames of further demonstrations added."""
     merged = merge_frames([frames_of(trained.library), frames])
     provenance = {**trained.library.provenance, FRAMES: merged}
     return replace(trained, library=replace(trained.library, provenance=provenance))
 
 
 def mixed_frames(frames: Frames) -> list[str]:
-    """A sentence for each topic, and for all of `mocap_ingest`, recorded in several frames."""
+    """A sentence for each topic recorded in several frames, or for all topics of `mocap_ingest`."""
     tracked = [topic for topic in frames if is_raw_pose(topic, POSE)]
     groups = [tracked, *([topic] for topic in frames if topic not in tracked)]
     sentences = []
@@ -88,23 +88,23 @@ def mixed_frames(frames: Frames) -> list[str]:
 T = TypeVar("T")
 R = TypeVar("R")
 Run = Callable[[Callable[[T], R], Iterable[T]], Iterator[R]]
-"""Applies a function to items, here or elsewhere, and yields the results in order, as `map`."""
+"""Applies a function to items, here or elsewhere, and yields results in order like `map`."""
 
 
 class FromBags(NamedTuple):
     """Statistics of the demonstrations in bags, and what was left out."""
 
     accumulated: Accumulated
-    # why bags, or parts of them, are left out; of very many the first ones
+    # reasons why bags, or parts of them, were left out; limited to the first ones
     rejections: tuple[Rejection, ...] = ()
     n_rejections: int = 0
-    dropped: Mapping[str, int] = Counter()  # number of messages dropped, by reason
-    # of both agents' speeds, for `stream_doubts`; of very many the first ones
+    dropped: Mapping[str, int] = Counter()  # number of dropped messages, by reason
+    # correlations of both agents' speeds, for `stream_doubts`; limited to the first ones
     correlations: tuple[SpeedCorrelation, ...] = ()
-    frames: Frames = merge_frames(())  # in which the poses are
+    frames: Frames = merge_frames(())  # frames of the poses
 
     def plus(self, other: "FromBags") -> "FromBags":
-        """Both together."""
+        """Combine both."""
         return FromBags(
             merge_accumulated(self.accumulated, other.accumulated),
             (self.rejections + other.rejections)[:NAMES_KEPT],
@@ -126,9 +126,9 @@ def accumulate_bags(
 ) -> FromBags:
     """Statistics of all demonstrations below `paths`.
 
-    A preprocessing that is given has settings of its own; without one it is settled here. `run`
-    applies the work to the bags as `map` does, and `progress` is called with the number of bags
-    dealt with since the last call.
+    A given `preprocessing` brings its own settings; without one it is determined here. `run`
+    applies the work to the bags like `map`; `progress` is called with the number of bags processed
+    since its last call.
 
     Raises:
         BagError: a path does not exist.
@@ -139,7 +139,7 @@ def accumulate_bags(
         head, bags = split_evenly(bags, REFERENCE_RECORDINGS)
         total = total.plus(_collect(run(partial(read_bag, dofs), head), settings, progress))
     settled = total.accumulated.preprocessing
-    if settled is None:  # not one usable recording
+    if settled is None:  # no usable recording
         return total
     parts = [bags[start : start + BATCH] for start in range(0, len(bags), BATCH)]
     work = partial(accumulate_part, dofs, settled)
@@ -165,7 +165,7 @@ def list_bags(paths: Iterable[Path]) -> tuple[list[Path], list[Rejection]]:
 
 
 def split_evenly(items: Sequence[T], n: int) -> tuple[list[T], list[T]]:
-    """At most n of the items, evenly spaced, and the others; both in order."""
+    """At most n of the items, evenly spaced, and the remaining items; both in order."""
     if len(items) <= n:
         return list(items), []
     taken = {k * len(items) // n for k in range(n)}
@@ -174,12 +174,12 @@ def split_evenly(items: Sequence[T], n: int) -> tuple[list[T], list[T]]:
 
 
 def read_bag(dofs: DofSpec, bag: Path) -> list[Demonstration | Rejection]:
-    """What is in one bag."""
+    """Demonstrations and rejections of one bag."""
     return list(iter_demonstrations([bag], dofs))
 
 
 def accumulate_part(dofs: DofSpec, preprocessing: Preprocessing, bags: Sequence[Path]) -> FromBags:
-    """Statistics of some bags, read one after the other."""
+    """Statistics of some bags, read one after another."""
     contents = (read_bag(dofs, bag) for bag in bags)
     return _collect(contents, preprocessing.settings, lambda n_bags: None, preprocessing)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The history of a folder of tasks: one line per change, written at once at the file's end."""
+"""History of a task folder: one line per change, appended in a single write."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,25 +15,25 @@ ACTIONS = (START, LEARN, WAIT, UNDO, KEEP, IMPROVE)
 
 @dataclass(frozen=True)
 class Change:
-    """One line of the history."""
+    """One change, stored as a line of the history."""
 
-    time: str  # ISO 8601, local time with its offset
-    # "start" (a model to begin with), "learn", "wait" (recorded, too few yet to learn from), "keep"
-    # (a correction, which moved its task), "improve" (what practice came to) or "undo"
+    time: str  # ISO 8601, local time with offset
+    # "start" (from an existing model), "learn", "wait" (recorded, but too few to learn yet), "keep"
+    # (a correction that changed its task), "improve" (accepted practice) or "undo"
     action: str
-    task: str  # label of the recording; empty for none, as the paths, relative to the folder, are
-    bag: str  # the recording, or the folder of practice
-    model: str  # the model since then, with demonstrations per task in `tasks`
+    task: str  # label of the recording; empty for none. Paths are relative to the folder
+    bag: str  # recording, or folder of practice
+    model: str  # model since then; `tasks` counts its demonstrations
     tasks: Mapping[str, int]
 
 
 def read_history(path: Path) -> list[Change]:
-    """All changes of a folder of tasks, the oldest first; nothing in it is touched."""
+    """All changes of a folder, oldest first; does not modify the folder."""
     return [change for _, change in history_lines(path) if change is not None]
 
 
 def standing(changes: Sequence[Change]) -> list[Change]:
-    """The changes that were not taken back, of all, the oldest first."""
+    """Changes that were not undone, oldest first."""
     kept: list[Change] = []
     for change in changes:
         if change.action == UNDO:
@@ -44,13 +44,13 @@ def standing(changes: Sequence[Change]) -> list[Change]:
 
 
 def undoable(changes: Sequence[Change]) -> Change | None:
-    """The change that an undo takes back: the last that stands, unless it is what came first."""
+    """Change that an undo takes back: the last one in force, unless it is the start."""
     last = standing(changes)[-1:]
     return last[0] if last and last[0].action != START else None
 
 
 def history_lines(path: Path) -> list[tuple[str, Change | None]]:
-    """Lines of the history, each with its change; None for what is not whole."""
+    """Lines of the history, each with its change; None for an invalid line."""
     try:
         lines = read_log(path / HISTORY).decode(errors="replace").split("\n")
     except FileNotFoundError:
@@ -59,7 +59,7 @@ def history_lines(path: Path) -> list[tuple[str, Change | None]]:
 
 
 def _change(line: str) -> Change | None:
-    """The change of a line, None where it is not a whole one."""
+    """Change stored in a line; None if the line is invalid."""
     try:
         change = Change(**load_json(line))
     except (TypeError, UntrustedError):
@@ -73,10 +73,10 @@ def _change(line: str) -> Change | None:
 
 
 def are_texts(values: Iterable[object]) -> bool:
-    """Whether all are texts that a terminal may see, and no longer than paths are."""
+    """Whether all values are printable texts, no longer than a path."""
     return all(isinstance(v, str) and len(v) <= 300 and v.isprintable() for v in values)
 
 
 def is_inside(name: str) -> bool:
-    """Whether a path relative to a folder stays in it."""
+    """Whether a path relative to a folder stays inside it."""
     return ".." not in Path(name).parts and name[:1] != "/"

@@ -14,12 +14,12 @@ from intent_recognition.untrusted import read_arrays
 from intent_recognition.warping import N_WARPED, PouringSkill, Reached, WarpedPrimitive
 
 FORMAT_VERSION = 1
-"""Of the file; others are not read."""
+"""Version of the file format; other versions are rejected."""
 CURE = "Write it again: `intent improve pouring --accept`, or `save_pouring_skill`."
 
 
 def save_pouring_skill(path: str | Path, skill: PouringSkill) -> Path:
-    """Write what was learned from demonstrated pours."""
+    """Write a skill learned from demonstrated pours."""
     primitive = skill.primitive
     arrays = {
         "format_version": np.array(FORMAT_VERSION),
@@ -34,10 +34,10 @@ def save_pouring_skill(path: str | Path, skill: PouringSkill) -> Path:
 
 
 def load_pouring_skill(path: str | Path) -> PouringSkill:
-    """Read what was learned from demonstrated pours.
+    """Read a skill learned from demonstrated pours.
 
     Raises:
-        ModelError: it is not there, of another version, or an array is missing or bad.
+        ModelError: the file is missing or of another version, or an array is missing or invalid.
     """
     try:
         found = dict(read_arrays(Path(path)))
@@ -46,7 +46,7 @@ def load_pouring_skill(path: str | Path) -> PouringSkill:
     version = found.pop("format_version", np.array(np.nan))
     known = not version.shape and bool(version == FORMAT_VERSION)
     require(known, f"{path}: format_version", str(FORMAT_VERSION), version, CURE)
-    # a pour takes a minute, and moves by metres
+    # a pour takes about a minute and moves by metres
     check = partial(check_arrays, path, found, largest=1e4, cure=CURE)
     check({"basis": (2,), "duration_s": (), "reached": (3,)})
     try:

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Practice of taught tasks, in the folder of tasks.
+"""Practice of taught tasks in a task folder.
 
     my_tasks/practice/give_cup/practice_00/
       practice.json, rollouts/...   see `improvement.PracticeSession`
-      trial.npz                     the model that is tried, while a person judges executions
+      trial.npz                     the model being tried while a person judges executions
 
-What is accepted is a change in the history, with the number of the model after it; its practice is
-closed, and goes to `undone` when it is taken back.
+Accepted practice is a change in the history, with the number of the new model. Its session is then
+closed; undoing the change moves it to `undone`.
 """
 
 from collections.abc import Sequence
@@ -31,10 +31,10 @@ TRIAL = "trial.npz"
 
 
 class PractisedTask:
-    """A task of a folder that is practised; further options are those of `TaskPractice`.
+    """A task of a folder for practice; further options are those of `TaskPractice`.
 
     Raises:
-        ModelError: there is no model yet.
+        ModelError: the folder has no model yet.
         ArgumentError: the task cannot be practised.
     """
 
@@ -57,7 +57,7 @@ class PractisedTask:
         self._about = {"task": task, "beside": _text(beside_m or ()), "moved": _text(moved_m)}
 
     def session(self, cost: Cost, seed: int) -> PracticeSession:
-        """The practice that goes on with this cost and seed, or a new one."""
+        """Continue the practice with this cost and seed, or start a new one."""
         home = self.folder.path / PRACTICE / self.task
         closed = {change.bag for change in standing(self.folder.history())}
         search = CovarianceSearch(self.practice.space.n_axes, seed, self.practice.step)
@@ -69,23 +69,23 @@ class PractisedTask:
             try:
                 return PracticeSession(place, self.practice, search, cost, about)
             except ResourceBusyError:
-                continue  # practice of something else
+                continue  # practice with another cost or seed
         undone = self.folder.path / UNDONE / self.task
         used = {path.name for path in (*begun, *undone.glob("practice_[0-9]*"))}
         number = next(n for n in range(len(used) + 1) if f"practice_{n:02d}" not in used)
         return PracticeSession(home / f"practice_{number:02d}", self.practice, search, cost, about)
 
     def accept(self, session: PracticeSession) -> Change:
-        """Take over what practice has come to.
+        """Change the model to the result of practice.
 
         Raises:
-            ModelError: it has come to nothing, or the model has changed since.
+            ModelError: there is no improvement, or the model has changed since practice began.
         """
         change = self.practice.change(session.settled())
         return self.folder.improve(self.task, session.folder, change, self.since)
 
     def write_trial(self, session: PracticeSession) -> Path:
-        """The model with the point that is to be tried next; returns its file."""
+        """Write the model with the point to try next; return its file."""
         weights = self.practice.space.weights(session.next())
         tried = change_rule(self._trained, self.task, self.practice.change(weights))
         path = session.folder / TRIAL
@@ -94,15 +94,15 @@ class PractisedTask:
 
 
 def _text(numbers: Sequence[float]) -> str:
-    """Numbers as the file of practice holds them."""
+    """Numbers in the format of the practice file."""
     return " ".join(f"{number:g}" for number in numbers)
 
 
 def undo_practice(folder: TaskFolder, task: str) -> Change:
-    """Take the practice of a task back that was accepted last.
+    """Undo the last accepted practice of a task.
 
     Raises:
-        ModelError: the last change is another one.
+        ModelError: the last change is a different one.
     """
     kept = standing(folder.history())
     last = kept[-1] if kept else None

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Statistics of the demonstrations inside a model file, so that a later session can add to it.
+"""Statistics of the demonstrations in a model file, to which later sessions can add.
 
-The file holds the arrays of `TaskStatistics`, one row per task, with the upper triangle of each
-scatter matrix; those of the examples kept whole, task after task; both also for the aligned
-examples; and the templates these were aligned with. Names, preprocessing and hyperparameters are in
+The file holds the arrays of `TaskStatistics` with one row per task, scatter matrices as upper
+triangles; the arrays of the examples that are kept whole, task by task; both again for the aligned
+examples; and the templates of the alignment. Names, preprocessing and hyperparameters are stored in
 the header under `statistics`.
 """
 
@@ -47,10 +47,10 @@ PARTS = tuple(
     name for name in TrainingExample._fields if name not in ("name", "task", "aligned", "group")
 )
 OF_CONTEXT = "context"
-"""Part of the names of arrays that files without a context do not have."""
+"""Part of the names of arrays that a file has only with a context."""
 COUNT = "examples_count"
 STEADY, ALIGNED = "", "aligned_"
-"""Prefixes of the arrays of the examples as they were recorded, and of the aligned ones."""
+"""Prefixes of the arrays of recorded and of aligned examples."""
 EXPONENTS, DELAY = ("duration_exponent", "displacement_exponent"), "delay_s"
 TIMING = ("timing_values", "timing_scale", "timing_deviation_std")
 ARRAYS = (
@@ -63,7 +63,7 @@ ARRAYS = (
 
 
 def pack_statistics(trained: Trained) -> tuple[dict[str, object], dict[str, NDArray[Any]]]:
-    """Statistics, preprocessing and hyperparameters as an entry of the header, and arrays."""
+    """Header entry and arrays with the statistics, preprocessing and hyperparameters."""
     preprocessing, tasks = trained.preprocessing, list(trained.tasks.values())
     header: dict[str, object] = {
         "preprocessing": _plain(preprocessing),
@@ -86,7 +86,7 @@ def pack_statistics(trained: Trained) -> tuple[dict[str, object], dict[str, NDAr
 def unpack_statistics(
     path: str, library: TaskLibrary, header: Mapping, arrays: Mapping[str, NDArray[Any]]
 ) -> Trained:
-    """Statistics of a model file, checked against the library they belong to."""
+    """Statistics from a model file, checked against its library."""
     try:
         n_dofs = library.n_observed + library.n_controlled
         timing = _timing(path, header["preprocessing"], arrays, n_dofs)
@@ -120,7 +120,7 @@ def unpack_statistics(
 
 
 def _hyperparameters(chosen: Mapping) -> Hyperparameters:
-    """Those of the header."""
+    """Hyperparameters from the header, checked."""
     if set(chosen) != set(Hyperparameters._fields):
         raise KeyError(f"chosen of {', '.join(Hyperparameters._fields)}")
     pace, numbers = chosen["pace"], [chosen[name] for name in Hyperparameters._fields[1:]]
@@ -130,7 +130,7 @@ def _hyperparameters(chosen: Mapping) -> Hyperparameters:
 
 
 def _pack_tasks(tasks: Sequence[TaskStatistics], kind: str) -> dict[str, NDArray[Any]]:
-    """Arrays of the statistics and of the examples kept whole, task after task."""
+    """Arrays of the statistics and of the examples kept whole, task by task."""
     sums = {name: np.array([getattr(task, name) for task in tasks]) for name in SUMS}
     sums["scatter"] = upper(sums["scatter"])
     examples = [example for task in tasks for example in task.examples]
@@ -165,12 +165,12 @@ def _unpack_tasks(
 
 
 def _plain_value(value: NDArray[Any]) -> Any:
-    """A row of an array: a number where the array has one dimension."""
+    """A row of an array, or a number if the array has one dimension."""
     return value.item() if np.ndim(value) == 0 else value
 
 
 def _pack_timing(timing: Timing) -> dict[str, NDArray[Any]]:
-    """Templates label after label, and the phase deviations."""
+    """Arrays of the templates, label by label, and of the phase deviations."""
     templates = timing.templates.values()
     values, scales = [one.values for one in templates], [one.scale for one in templates]
     parts = np.array(values), np.array(scales), timing.deviation_std
@@ -178,7 +178,7 @@ def _pack_timing(timing: Timing) -> dict[str, NDArray[Any]]:
 
 
 def _timing(path: str, header: Mapping, arrays: Mapping[str, NDArray[Any]], n_dofs: int) -> Timing:
-    """Timing of a model file, checked."""
+    """Timing from a model file, checked."""
     labels: Sequence[str] = header["templates"]
     values, scale, deviation_std = (arrays.get(name, np.zeros(0)) for name in TIMING)
     n_phases, n_deviations = np.shape(values)[1:2], max(len(np.atleast_1d(deviation_std)), 2)
@@ -187,7 +187,7 @@ def _timing(path: str, header: Mapping, arrays: Mapping[str, NDArray[Any]], n_do
         values_shape = (len(labels), *(n_phases or (2,)), n_dofs)
         shapes = (values_shape, (len(labels), n_dofs), (n_deviations,))
     bounded = {name: arrays[name] for name in TIMING if name in arrays}
-    if "timing_scale" in bounded and scale.dtype.kind == "f":  # infinite for what never moves
+    if "timing_scale" in bounded and scale.dtype.kind == "f":  # infinite for DOFs that never move
         bounded["timing_scale"] = np.where(np.isposinf(scale), 1.0, scale)
     check_arrays(path, bounded, dict(zip(TIMING, shapes, strict=True)))
     check_positive(path, bounded, "timing_scale", "timing_deviation_std")
@@ -203,7 +203,7 @@ def _timing(path: str, header: Mapping, arrays: Mapping[str, NDArray[Any]], n_do
 
 
 def _plain(preprocessing: Preprocessing) -> dict[str, object]:
-    """A preprocessing without the arrays of its timing."""
+    """A preprocessing as plain values, without the arrays of its timing."""
     plain = {
         f.name: getattr(preprocessing, f.name) for f in fields(preprocessing) if f.name != "timing"
     }

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The library of tasks as a folder that a person can read: recordings, model, history.
+"""A library of tasks as a readable folder of recordings, models and a history.
 
     my_tasks/
-      model.npz              what the nodes load
-      history.jsonl          one line per change: when, what, which recording, tasks since
+      model.npz              present model, which the nodes load
+      history.jsonl          one line per change: time, action, recording, tasks since then
       bags/give_cup/give_cup_00, ...   the recordings, by task
-      undone/...             recordings that were taken back; nothing recorded is ever lost
-      models/0001.npz, ...   the model after each change, to go back to
-      practice/give_cup/practice_00, ...   what was practised, see `practised`
+      undone/...             undone recordings; no recording is ever deleted
+      models/0001.npz, ...   the model after each change, for undo
+      practice/give_cup/practice_00, ...   practice, see `practised`
       executions/, outcomes.jsonl   see `executions`
 
-A recording is learned by adding its statistics to the model (`learning.add_statistics`), in
-milliseconds; a folder without a model learns from all its recordings once there are enough. How
-much evidence against `none` counts is learned again while tasks have few recordings.
+Learning a recording adds its statistics to the model (`learning.add_statistics`), in milliseconds;
+a folder without a model learns from all recordings once there are enough. While tasks have few
+recordings, the weight of evidence against `none` is learned again, too.
 """
 
 import filecmp
@@ -75,17 +75,17 @@ METADATA = "metadata.yaml"
 
 
 def now() -> datetime:
-    """The local time, with its offset."""
+    """Local time with its offset."""
     return datetime.now().astimezone()
 
 
 class TaskFolder:
-    """A library of tasks on disk that grows by one recording at a time; the folder is made.
+    """A library of tasks on disk that grows by one recording at a time; creates the folder.
 
-    The DOFs must be the model's, once there is one; the clock tells the time for the history.
+    `dofs` must match the model's, if there is one; `clock` gives the times in the history.
 
     Raises:
-        ResourceBusyError: the folder cannot be made.
+        ResourceBusyError: the folder cannot be created.
         DofError: the model in the folder has other DOFs.
     """
 
@@ -107,28 +107,28 @@ class TaskFolder:
 
     @property
     def model_path(self) -> Path:
-        """The present model; it is not there before anything was learned."""
+        """Path of the present model, which exists only once something was learned."""
         return self.path / LIBRARY_MODEL
 
     def history(self) -> list[Change]:
-        """All changes, the oldest first."""
+        """All changes, oldest first."""
         return read_history(self.path)
 
     def waiting(self) -> list[Path]:
-        """Recordings that are complete, and were neither learned nor taken back, by name."""
+        """Complete recordings that were neither learned nor undone, by name."""
         if (self.path / DAMAGED).exists():
-            return []  # what was learned is not known
+            return []  # unknown which ones were learned
         known = {change.bag for change in self.history()}
         bags = sorted(path.parent for path in (self.path / BAGS).glob(f"*/*/{METADATA}"))
         return [bag for bag in bags if self._relative(bag) not in known and is_finished(bag)]
 
     def start_from(self, model: str | Path) -> None:
-        """Begin with a model that was trained elsewhere.
+        """Start with an existing model that was trained elsewhere.
 
         Raises:
-            ModelError: it holds no statistics to add to.
-            DofError: it has other DOFs.
-            ResourceBusyError: the folder has a model already.
+            ModelError: the model holds no statistics to add to.
+            DofError: the model has other DOFs.
+            ResourceBusyError: the folder already has a model.
         """
         with self._locked():
             if self.model_path.exists():
@@ -140,15 +140,15 @@ class TaskFolder:
             self._keep(START, "", "", trained)
 
     def began_with(self, model: str | Path) -> bool:
-        """Whether a model is the one that the folder began with, or its present one."""
+        """Whether a model equals the one the folder started with, or the present one."""
         began = [self.path / change.model for change in self.history() if change.action == START]
         return any(_same(Path(model), one) for one in (*began, self.model_path) if one.is_file())
 
     def new_bag(self, task: str) -> Path:
-        """Directory for the next recording of a task; nothing is made yet.
+        """Directory for the next recording of a task; it is not created.
 
         Raises:
-            BagError: the label cannot be the name of a folder, or means no task.
+            BagError: the label cannot be a folder name, or does not name a task.
         """
         check_label(task)
         used = {p.name for home in (BAGS, UNDONE) for p in (self.path / home / task).glob("*")}
@@ -156,14 +156,14 @@ class TaskFolder:
         return self.path / BAGS / task / f"{task}_{number:02d}"
 
     def learn(self, bag: Path) -> Change:
-        """Add one recording of this folder to the model; a correction moves its task.
+        """Add one recording of this folder to the model; a correction changes its task.
 
         Returns:
-            What changed; its action is "wait" where a first model needs more recordings.
+            The change; its action is "wait" if a first model needs more recordings.
 
         Raises:
             BagError: the recording cannot be read.
-            TrainingError: it cannot be learned from; it is moved to `undone`.
+            TrainingError: nothing can be learned from it; it is moved to `undone`.
         """
         task, name = bag.parent.name, self._relative(bag)
         with self._locked():
@@ -179,10 +179,10 @@ class TaskFolder:
             return self._keep(learned if trained else WAIT, task, name, trained)
 
     def improve(self, task: str, practice: Path, change: RuleChange, since: str) -> Change:
-        """Change the rule of a task to what practice, in a folder of this one, came to.
+        """Change the rule of a task to the result of practice, whose folder is inside this one.
 
         Raises:
-            ModelError: the model is no longer `since`, the one that was practised.
+            ModelError: the model is no longer `since`, with which practice began.
         """
         with self._locked():
             if not since or self.present_model() != since:
@@ -194,10 +194,10 @@ class TaskFolder:
             return self._keep(IMPROVE, task, self._relative(practice), changed)
 
     def undo(self) -> Change:
-        """Take the last change back: the model before it returns, its bag goes to `undone`.
+        """Undo the last change: restore the model before it and move its bag to `undone`.
 
         Raises:
-            ModelError: there is nothing to take back.
+            ModelError: there is nothing to undo.
         """
         with self._locked():
             history = self.history()
@@ -218,11 +218,11 @@ class TaskFolder:
             )
 
     def correct(self, execution: Path) -> Path:
-        """Make a demonstration of a corrected execution, to be learned; returns its recording.
+        """Make a demonstration from a corrected execution; return its recording.
 
         Raises:
-            BagError: it was not corrected.
-            ResourceBusyError: it was kept before.
+            BagError: the execution was not corrected.
+            ResourceBusyError: the correction was kept before.
         """
         target, unfinished = (self.path / home / _kept(execution) for home in (BAGS, UNFINISHED))
         labels = BagReader(execution, tolerant=True).custom_data
@@ -237,11 +237,11 @@ class TaskFolder:
         return target
 
     def was_kept(self, execution: Path) -> bool:
-        """Whether a demonstration was made of an execution, taken back or not."""
+        """Whether a demonstration was ever made from an execution, even if it was undone."""
         return any((self.path / home / _kept(execution)).exists() for home in (BAGS, UNDONE))
 
     def present_model(self) -> str:
-        """The model of the last change, relative to the folder; empty where there is none."""
+        """Model of the last change, relative to the folder; empty if there is none."""
         changes = self.history()
         return changes[-1].model if changes else ""
 
@@ -270,13 +270,13 @@ class TaskFolder:
         return with_margins(more) if is_outdated(before, now) else more
 
     def _kept_of(self, task: str) -> list[Path]:
-        """The newest corrections of a task that are in force, the oldest first."""
+        """The newest corrections of a task that are in force, oldest first."""
         kept = [change for change in standing(self.history()) if change.action == KEEP]
         bags = [self.path / change.bag for change in kept if change.task == task]
-        return [bag for bag in bags[-10:] if bag.exists()]  # each is read, in some 50 ms
+        return [bag for bag in bags[-10:] if bag.exists()]  # reading each takes about 50 ms
 
     def _first(self, bag: Path) -> Trained | None:
-        """Learn from the recordings that waited and this one, if there are enough by now."""
+        """Learn from this and all waiting recordings; None if there are still too few."""
         waited = [self.path / change.bag for change in standing(self.history())]
         bags = [*filter(Path.exists, waited), bag]
         self.dofs = settle_orientations(self.dofs, bags)
@@ -305,10 +305,10 @@ class TaskFolder:
         return change
 
     def _follow(self) -> None:
-        """Bring model and recordings to what the history says.
+        """Make model and recordings agree with the history.
 
-        The line in the history is what commits a change: before it everything is as it was, and
-        whatever comes after it is made up for at the next start.
+        A change is committed by its line in the history. A crash before it changes nothing; work
+        after it is completed at the next start.
         """
         changes = self.history()
         bags = {change.bag for change in standing(changes)}
@@ -325,14 +325,14 @@ class TaskFolder:
             copy(self.path / model, self.model_path)
 
     def _recover(self) -> None:
-        """Make up for a kill at any instant; nothing that was recorded is removed."""
+        """Recover from a crash at any instant; recordings are never removed."""
         for part in (*self.path.glob("*.part"), *(self.path / MODELS).glob("*.part")):
             part.unlink()
         shutil.rmtree(self.path / UNFINISHED, ignore_errors=True)  # copies, see `correct`
         lines = history_lines(self.path)
         if any(change is None for _, change in lines):
             damaged = [line for line, change in lines[:-1] if change is None]
-            for line in damaged:  # the last one was not written to its end: it never happened
+            for line in damaged:  # an incomplete last line never happened
                 append_line(self.path / DAMAGED, line)
             whole = "".join(f"{line}\n" for line, change in lines if change is not None)
             write_text(self.path / HISTORY, whole)
@@ -346,7 +346,7 @@ class TaskFolder:
         self._follow()
 
     def _derive(self) -> None:
-        """Begin a history that was lost anew, with the model there is."""
+        """Start a new history with the present model if the history was lost."""
         models = sorted((self.path / MODELS).glob("*.npz"))
         if not models:
             return
@@ -358,7 +358,7 @@ class TaskFolder:
 
     @contextmanager
     def _locked(self) -> Iterator[None]:
-        """Let no other teacher change the folder meanwhile."""
+        """Lock the folder against changes by other teachers, and recover it first."""
         with locked(self.path / LOCK):
             self._recover()
             yield
@@ -368,7 +368,7 @@ class TaskFolder:
 
 
 def _kept(execution: Path) -> Path:
-    """Where the demonstration made of an execution is, below a folder of bags."""
+    """Path, below a folder of bags, of the demonstration made from an execution."""
     return Path(execution.parent.name) / f"{execution.name}_kept"
 
 
