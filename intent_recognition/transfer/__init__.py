@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Handing objects over by force: who carries how much, how hard to grip, and when to let go."""
+"""Handovers by force: who carries how much, how hard to grip, and when to let go."""
 
 from intent_recognition.transfer.load import LoadEstimator
 from intent_recognition.transfer.machine import (

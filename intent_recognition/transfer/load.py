@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The force at the hand, from the torques of the joints and the arm's model.
+"""Estimates the force at the hand from joint torques and the arm's model.
 
-What the model does not explain of the torques comes from outside (De Luca and Mattone 2005,
-"Sensorless robot collision detection and hybrid force/motion control", ICRA). Here it is computed
-from differences of the measured velocity instead of the momentum: the same first-order filter of
-the same residual, without the Coriolis matrix. A difference is the acceleration halfway between two
-measurements; so torque and posture are taken there, too.
+Torques that the model does not explain are external (De Luca and Mattone 2005, "Sensorless robot
+collision detection and hybrid force/motion control", ICRA). This implementation differentiates the
+measured velocity instead of using the momentum: the same first-order filter of the same residual,
+without the Coriolis matrix. A difference gives the acceleration halfway between two measurements,
+so torque and posture are evaluated there, too.
 """
 
 import numpy as np
@@ -15,15 +15,15 @@ from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics import Arm
 
 BANDWIDTH_RAD_S = 45.0
-"""Of the residual's filter [rad/s]: at 63 % after 22 ms, as a slip must be noticed within 50 ms
-(docs/transfer.md), with as little noise of differenced velocities as that allows."""
+"""Bandwidth of the residual's filter [rad/s]. It reaches 63 % after 22 ms, to notice a slip within
+50 ms (docs/transfer.md) with as little noise of differenced velocities as possible."""
 CLOCK_BACK_S = 0.1
-"""A state so much earlier than the last comes from a clock that was set back [s]. Convention: as of
-nodes (`runtime.CLOCK_BACK_NS`)."""
+"""A state earlier than the last one by this time means that the clock was set back [s]; nodes use
+the same limit (`runtime.CLOCK_BACK_NS`)."""
 
 
 class LoadEstimator:
-    """Filters the wrench at the hand of an arm, whose base has the axes of the world."""
+    """Filters the wrench at the hand of an arm whose base is aligned with the world's axes."""
 
     def __init__(self, arm: Arm) -> None:
         self.arm = arm
@@ -33,16 +33,16 @@ class LoadEstimator:
         self.speed_m_s = self.rise_m_s2 = self.doubt_n = 0.0
 
     def update(self, time_s: float, q: Floats, velocity: Floats, torque: Floats) -> Floats:
-        """The force on the hand (3,) [N] in the axes of the base, after a joint state.
+        """Update with a joint state; return the force on the hand (3,) [N] in axes of the base.
 
-        Also kept: `wrench` (6,) [N, Nm] with the moment about the tip, `speed_m_s` of the tip;
-        and through the same filter `rise_m_s2`, its acceleration upward, and `doubt_n`, how wrong
-        the vertical force may be where torques stepped at a time between two measurements: after
-        a gap, by as much as it changed.
+        It also updates `wrench` (6,) [N, Nm] with the moment about the tip; `speed_m_s`, the tip's
+        speed; and, through the same filter, `rise_m_s2`, the tip's upward acceleration, and
+        `doubt_n`, the possible error of the vertical force if torques stepped at an unknown time
+        between two measurements (after a gap: their whole change).
 
-        A measurement (n,) [rad], [rad/s] that is no later changes nothing. The torque (n,) [Nm] is
-        that of the motors, which carries the arm's weight too. After a gap of more than 0.1 s the
-        filter begins anew, as if nothing accelerated.
+        A measurement (n,) [rad], [rad/s] no later than the last is ignored. `torque` (n,) [Nm] is
+        that of the motors, which includes the arm's weight. After a gap of more than 0.1 s the
+        filter restarts with zero acceleration.
 
         Raises:
             ShapeError: an argument does not fit the arm.
@@ -65,7 +65,7 @@ class LoadEstimator:
         at, moving, held = halfway
         residual = self.arm.inverse_dynamics(at, moving, acceleration) - held
         step_n = wrench_from_torques(J, residual - self._residual if step is None else step)[2]
-        doubt_n = max(abs(float(step_n)) - 0.5, 0.0)  # 90 % of steps with 0.1 Nm of noise are below
+        doubt_n = max(abs(float(step_n)) - 0.5, 0.0)  # noise of 0.1 Nm gives less in 90 % of steps
         self._residual = self._residual + share * (residual - self._residual)
         self.rise_m_s2 += share * (rise_m_s2 - self.rise_m_s2)
         self.doubt_n += share * (doubt_n - self.doubt_n)
@@ -76,11 +76,11 @@ class LoadEstimator:
 
 
 def wrench_from_torques(J: Floats, torque: Floats) -> Floats:
-    """The wrench w (6,) that most probably makes the joint torques J^T w (n,).
+    """Most probable wrench w (6,) for the joint torques J^T w (n,).
 
-    Gaussian prior of w and noise of the torques: bounded at singular postures.
+    A Gaussian prior of w and noise of the torques keep it bounded at singular postures.
     """
-    prior = np.repeat([20.0**2, 1.0**2], 3)  # [N], [Nm]: twice what a transfer has
+    prior = np.repeat([20.0**2, 1.0**2], 3)  # [N], [Nm]: twice the values in a transfer
     PJ = prior[:, None] * J
-    S = J.T @ PJ + 0.2**2 * np.eye(J.shape[1])  # [Nm] of noise
+    S = J.T @ PJ + 0.2**2 * np.eye(J.shape[1])  # noise in [Nm]
     return PJ @ np.linalg.solve(S, torque)
