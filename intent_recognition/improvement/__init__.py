@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Improving a primitive by practice: what is practised, where to look, and what it costs."""
+"""Improvement of a primitive by practice: what to practise, where to search, what it costs."""
 
 from intent_recognition.improvement.cost import Cost, Rollout, load_cost
 from intent_recognition.improvement.search import (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a rollout costs: by name, or by a Python file of the user's."""
+"""Cost of a rollout: a named cost, or a function in a user's Python file."""
 
 import hashlib
 import inspect
@@ -16,21 +16,21 @@ from intent_recognition.errors import ArgumentError, number
 from intent_recognition.untrusted import UntrustedError, check_regular
 
 MODULE = "cost_of_practice"
-"""Name of the module that a file of the user's is run as."""
+"""Name of the module as which a user's file is run."""
 
 
 @dataclass(frozen=True)
 class Rollout:
-    """One execution, as a cost sees it."""
+    """One execution, as a cost function receives it."""
 
-    times_s: Floats  # since the start (T,); of a taught task since the person's onset
-    joints_rad: Floats  # of the arm (T, n)
-    # what came of it, by name; of a pour `balls`, `caught`, `spilled`, `kept` and `wanted`, each a
-    # number of balls; of a taught task `distance_m` and `late_s`
+    times_s: Floats  # since the start (T,); for a taught task since the person's onset
+    joints_rad: Floats  # joints of the arm (T, n)
+    # results by name; for a pour the numbers of balls `balls`, `caught`, `spilled`, `kept` and
+    # `wanted`; for a taught task `distance_m` and `late_s`
     outcome: Mapping[str, float]
-    # where the arm's hand was (T, 3) [m], in the frame of its base; None of a pour
+    # position of the arm's hand (T, 3) [m] in the frame of its base; None for a pour
     hand_m: Floats | None = None
-    person_m: Floats | None = None  # where the person's hand was (T, 3) [m]; None of a pour
+    person_m: Floats | None = None  # position of the person's hand (T, 3) [m]; None for a pour
 
 
 CostOf: TypeAlias = Callable[[Rollout], float]
@@ -38,9 +38,9 @@ CostOf: TypeAlias = Callable[[Rollout], float]
 
 @dataclass(frozen=True)
 class Cost:
-    """A cost, by the name it was asked for; lower is better.
+    """A cost function and the name by which it was requested; lower is better.
 
-    Its version tells one content of a user's file from another; empty for the others.
+    `version` identifies the content of a user's file; it is empty for named costs.
     """
 
     name: str
@@ -51,11 +51,11 @@ class Cost:
         """The cost of a rollout.
 
         Raises:
-            ArgumentError: the function failed, or returned no finite number.
+            ArgumentError: the function failed, or did not return a finite number.
         """
         try:
             value = self.of(rollout)
-        except Exception as error:  # the user's own code may raise anything
+        except Exception as error:  # the user's code may raise anything
             where = traceback.extract_tb(error.__traceback__)[-1]
             got = f"{type(error).__name__}: {error} (line {where.lineno} of {where.filename})"
             cure = "Correct the function; the rollouts so far are kept."
@@ -68,25 +68,25 @@ class Cost:
 
 
 def spilled(rollout: Rollout) -> float:
-    """Balls that fell beside, and balls more or fewer than wanted in the second container.
+    """Number of balls spilled, plus the deviation of the second container from the wanted number.
 
-    One that is spilled is also missing: it counts twice, one left in the cup once.
+    A spilled ball counts twice, as it is also missing; a ball left in the cup counts once.
     """
     return rollout.outcome["spilled"] + level(rollout)
 
 
 def level(rollout: Rollout) -> float:
-    """Balls more or fewer than wanted in the second container."""
+    """Deviation of the number of balls in the second container from the wanted number."""
     return abs(rollout.outcome["wanted"] - rollout.outcome["caught"])
 
 
 def distance(rollout: Rollout) -> float:
-    """How far the hand is from where it must be, once both agents have come to rest [m]."""
+    """Distance of the hand from its goal once both agents have come to rest [m]."""
     return rollout.outcome["distance_m"]
 
 
 def time(rollout: Rollout) -> float:
-    """How long the person waits for the hand to be where it must be [s]."""
+    """Time for which the person waits for the hand to reach its goal [s]."""
     return max(rollout.outcome["late_s"], 0.0)
 
 
@@ -96,14 +96,14 @@ COSTS: Mapping[str, CostOf] = {
     "distance": distance,
     "time": time,
 }
-"""The costs that have a name."""
+"""Costs that have a name."""
 
 
 def load_cost(name: str, known: Sequence[str] = tuple(COSTS), *, files: bool = True) -> Cost:
-    """The cost of a name, or of the one public function in a Python file.
+    """Load a named cost, or the only public function of a Python file.
 
     Raises:
-        ArgumentError: no such cost is known, or the file cannot be run or has not one function.
+        ArgumentError: unknown name, or the file cannot be run or has not exactly one function.
     """
     if name in known:
         return Cost(name, COSTS[name])
@@ -124,7 +124,7 @@ def load_cost(name: str, known: Sequence[str] = tuple(COSTS), *, files: bool = T
 
 
 def _run(path: Path) -> dict[str, Any]:
-    """What the file defines, by name."""
+    """Run a file and return its global names."""
     try:
         check_regular(path)
     except (OSError, UntrustedError) as error:
@@ -132,7 +132,7 @@ def _run(path: Path) -> dict[str, Any]:
         raise ArgumentError.about(f"cost {path}", "a Python file", error, cure) from error
     try:
         return runpy.run_path(str(path), run_name=MODULE)
-    except Exception as error:  # the user's own code may raise anything
+    except Exception as error:  # the user's code may raise anything
         got, cure = f"{type(error).__name__}: {error}", "Correct the file."
         expected = "a Python file that runs"
         raise ArgumentError.about(f"cost {path}", expected, got, cure) from error

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Episodic search for a cheaper point among a primitive's weights, by what was tried so far.
+"""Episodic search for a cheaper point among a primitive's weights, given the points tried so far.
 
-CMA-ES (Hansen & Ostermeier 2001; the package `cma`) begins with the primitive's own distribution.
-Nothing is remembered between calls: each runs the search again over all points tried and their
-costs, which takes milliseconds. So it can be stopped and gone on with at any time, to the same
-result to the bit.
+CMA-ES (Hansen & Ostermeier 2001; the package `cma`) starts from the primitive's own distribution.
+No state is kept between calls: each call replays the search over all points tried and their costs,
+which takes milliseconds. The search can therefore stop and continue at any time, with bitwise equal
+results.
 """
 
 from collections.abc import Callable
@@ -18,23 +18,23 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError, optional
 
 HELD = 0.95
-"""Share of the paths' variance that is searched, each DOF counted alike. Convention."""
+"""Share of the paths' variance that the search space covers, with all DOFs weighted equally."""
 NEGLIGIBLE = 1e-10
 """Singular values below this share of the largest one are numerical zeros."""
 
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """The weights that practice may try: mean + axes z with |z| at most `bound`.
+    """Weights that practice may try: mean + axes z with |z| at most `bound`.
 
-    Those of the primitive are N(mean, S S'). The axes are the leading principal ones of its paths,
-    so that z ~ N(0, I) is the primitive itself: no linear function of the weights, such as a DOF at
-    any phase, leaves its own `bound` standard deviations, as |f'A z| <= |f'A| |z|. Where they hold
-    all of the covariance, |z| is the Mahalanobis distance.
+    The primitive's weights are N(mean, S S'). The axes are the leading principal axes of its paths,
+    so z ~ N(0, I) is the primitive itself. As |f'A z| <= |f'A| |z|, no linear function of the
+    weights, such as a DOF at some phase, deviates by more than `bound` of its standard deviations.
+    If the axes hold all of the covariance, |z| is the Mahalanobis distance.
     """
 
-    mean: Floats  # weights of the primitive as it was shown, (d,)
-    axes: Floats  # principal axes, each as long as its standard deviation, (d, k)
+    mean: Floats  # mean weights of the demonstrated primitive, (d,)
+    axes: Floats  # principal axes scaled by their standard deviations, (d, k)
     bound: float = 2.0
 
     @property
@@ -47,7 +47,7 @@ class SearchSpace:
         return self.mean + self.axes @ np.asarray(point, dtype=np.float64)
 
     def within(self, point: ArrayLike) -> Floats:
-        """The point (k,) itself, or drawn toward the mean until it is inside the bound."""
+        """The point (k,), drawn toward the mean if it is outside the bound."""
         inside = np.asarray(point, dtype=np.float64)
         length = float(np.linalg.norm(inside))
         return inside * (self.bound / length) if length > self.bound else inside
@@ -56,11 +56,11 @@ class SearchSpace:
 def search_space(mean: ArrayLike, spread: ArrayLike, design: ArrayLike) -> SearchSpace:
     """The search space of a primitive.
 
-    It depends on the paths alone: another basis of the weights (w -> M w, design -> design M^-1)
-    or another unit of a DOF gives the same points the same paths, but for the signs of axes.
+    It depends only on the paths: another basis of the weights (w -> M w, design -> design M^-1) or
+    another unit of a DOF gives the same paths for the same points, except for the signs of axes.
 
-    Its weights have a mean (d,) and a spread (d, r), a factor of their covariance, S S'; the design
-    (Q, m, d) gives Q DOFs at m phases.
+    `mean` (d,) and `spread` S (d, r) describe the weights, with covariance S S'; `design` (Q, m, d)
+    maps weights to Q DOFs at m phases.
 
     Raises:
         ShapeError: the arrays do not fit each other.
@@ -89,11 +89,11 @@ def search_space(mean: ArrayLike, spread: ArrayLike, design: ArrayLike) -> Searc
 
 
 Limits = Callable[[Floats], bool]
-"""Whether weights (d,) keep the limits."""
+"""Whether the path of weights (d,) keeps the limits."""
 
 
 class Search(Protocol):
-    """A way to look for a cheaper point (k,), after those tried (n, k) and their costs (n,)."""
+    """A search for a cheaper point (k,), given those tried (n, k) and their costs (n,)."""
 
     def ask(self, points: Floats, costs: Floats) -> Floats:
         """The next point to try."""
@@ -104,11 +104,11 @@ class Search(Protocol):
 
 @dataclass(frozen=True)
 class CovarianceSearch:
-    """CMA-ES in whitened coordinates; the first point tried is the primitive's mean."""
+    """CMA-ES in whitened coordinates, starting from the primitive's mean."""
 
     n_axes: int  # number of coordinates k
     seed: int
-    step: float = 1.0  # standard deviation of the first points; 1 is the primitive's own
+    step: float = 1.0  # standard deviation of the first points; 1 is the primitive's
 
     def ask(self, points: Floats, costs: Floats) -> Floats:
         """The next point to try (k,), given those tried (n, k) and their costs (n,).
@@ -122,9 +122,9 @@ class CovarianceSearch:
         return np.asarray(generation[left], dtype=np.float64)
 
     def favourite(self, points: Floats, costs: Floats) -> Floats:
-        """The mean of the search's distribution after its last whole generation, (k,).
+        """Mean of the search's distribution after its last complete generation, (k,).
 
-        A mean of many tries is surer than the one luckiest of noisy costs.
+        This mean of many tries is more reliable than the lowest of noisy costs.
 
         Raises:
             ShapeError: the arrays do not fit.
@@ -135,7 +135,7 @@ class CovarianceSearch:
         return np.array(strategy.mean, dtype=np.float64)
 
     def _replayed(self, points: Floats, costs: Floats) -> tuple[Any, list, int]:
-        """The strategy, its present generation, and how many of that have been tried."""
+        """The strategy, its present generation, and the number of its points tried already."""
         if np.shape(points) != (len(costs), self.n_axes):
             expected = f"shapes ({len(costs)}, {self.n_axes}) and ({len(costs)},)"
             got, cure = (np.shape(points), np.shape(costs)), "Give one point for each cost."
@@ -155,7 +155,7 @@ class CovarianceSearch:
         rng = np.random.default_rng(self.seed)
         options = {
             "randn": lambda *shape: rng.standard_normal(shape),
-            "seed": np.nan,  # no global random numbers
+            "seed": np.nan,  # uses no global random numbers
             "verbose": -9,
         }
         return cma.CMAEvolutionStrategy(np.zeros(self.n_axes), self.step, options)
@@ -164,7 +164,7 @@ class CovarianceSearch:
 def next_point(
     search: Search, space: SearchSpace, points: Floats, costs: Floats, limits: Limits
 ) -> Floats:
-    """The next point to try (k,), inside the bound and the limits, after (n, k) that cost (n,)."""
+    """Next point to try (k,), inside bound and limits, given points (n, k) and costs (n,)."""
     point = _allowed(search.ask(points, costs), space, limits)
     if not (point.any() or limits(space.mean)):
         cure = "Teach the task inside the limits first."
@@ -175,12 +175,12 @@ def next_point(
 def settled_point(
     search: Search, space: SearchSpace, points: Floats, costs: Floats, limits: Limits
 ) -> Floats:
-    """The point to settle for (k,), inside the bound and the limits; arguments as `next_point`."""
+    """Point to settle for (k,), inside the bound and the limits; arguments as in `next_point`."""
     return _allowed(search.favourite(points, costs), space, limits)
 
 
 def _allowed(point: Floats, space: SearchSpace, limits: Limits) -> Floats:
-    """A point (k,), drawn toward the mean as far as bound and limits ask; else the mean itself."""
+    """A point (k,), drawn toward the mean until it keeps bound and limits, or the mean itself."""
     point = space.within(point)
     for _ in range(8):
         if limits(space.weights(point)):

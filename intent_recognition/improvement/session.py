@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be practised, one try at it, and practice that is kept in a folder.
+"""What can be practised, a single try, and practice that is stored in a folder.
 
     practice.json       what is practised, and each point tried with its cost and outcome
     rollouts/000, ...   the rollouts as bags
 
-The file is written to the disk and renamed after each rollout. Whoever ends the process at any
-instant loses at most the rollout under way, which is made again, alike.
+The file is replaced atomically after each rollout. Ending the process at any instant loses at most
+the current rollout, which is then repeated identically.
 """
 
 import hashlib
@@ -27,35 +27,35 @@ from intent_recognition.untrusted import UntrustedError, load_json, read_text
 
 
 class Practice(Protocol):
-    """What can be practised."""
+    """A movement that can be practised in simulation."""
 
     @property
     def costs(self) -> Sequence[str]:
-        """Names of the costs that fit, the usual one first."""
+        """Names of suitable costs, the default first."""
 
     @property
     def step(self) -> float:
-        """How far the search begins to look, in standard deviations."""
+        """Initial step of the search, in standard deviations."""
 
     @property
     def space(self) -> SearchSpace:
-        """Where to look."""
+        """Space of the weights to search."""
 
     def keeps_limits(self, weights: Floats) -> bool:
-        """Whether a path of these weights (d,) can be executed."""
+        """Whether the path of weights (d,) can be executed."""
 
     def rollout(self, weights: Floats, rng: np.random.Generator) -> Sequence[Rollout]:
-        """Execute it, once or once with each of several people."""
+        """Execute weights once, or once with each of several people."""
 
     def check(self, weights: Floats, count: int) -> Sequence[Rollout]:
-        """Execute it as often, in ways that `rollout` never does where there are others."""
+        """Execute weights `count` times, in conditions not used by `rollout` if there are any."""
 
     def write(self, folder: Path, rollouts: Sequence[Rollout], labels: Mapping[str, str]) -> None:
-        """Write a rollout as a bag, or as several below the folder."""
+        """Write rollouts as a bag, or as several bags below the folder."""
 
 
 class PracticeComparison(NamedTuple):
-    """Mean cost and mean outcome of the start and of some weights, in the same fresh executions."""
+    """Mean cost and mean outcome of initial and other weights in the same fresh executions."""
 
     before: float
     after: float
@@ -64,7 +64,7 @@ class PracticeComparison(NamedTuple):
 
 
 def compare(practice: Practice, cost: Cost, weights: Floats, count: int) -> PracticeComparison:
-    """The start and weights (d,), in `count` fresh executions each."""
+    """Compare the initial weights with weights (d,) in `count` fresh executions each."""
     before, after = (practice.check(w, count) for w in (practice.space.mean, weights))
     return PracticeComparison(
         mean_cost(cost, before), mean_cost(cost, after), mean_outcome(before), mean_outcome(after)
@@ -72,12 +72,12 @@ def compare(practice: Practice, cost: Cost, weights: Floats, count: int) -> Prac
 
 
 def mean_cost(cost: Cost, rollouts: Sequence[Rollout]) -> float:
-    """Mean cost of some executions."""
+    """Mean cost of some rollouts."""
     return float(np.mean([cost(one) for one in rollouts]))
 
 
 def mean_outcome(rollouts: Sequence[Rollout]) -> dict[str, float]:
-    """Mean of each outcome of some executions."""
+    """Mean of each outcome of some rollouts."""
     return {
         name: float(np.mean([one.outcome[name] for one in rollouts]))
         for name in rollouts[0].outcome
@@ -86,12 +86,12 @@ def mean_outcome(rollouts: Sequence[Rollout]) -> dict[str, float]:
 
 STATE, ROLLOUTS = "practice.json", "rollouts"
 FORMAT = 1
-"""Version of the file; another one is not read."""
+"""Version of the file format; other versions are rejected."""
 
 
 @dataclass(frozen=True)
 class Tried:
-    """One rollout: the point (k) in whitened coordinates, its cost, its bag and what came of it."""
+    """One rollout: the point (k,) in whitened coordinates, its cost, bag and outcome."""
 
     point: tuple[float, ...]
     cost: float
@@ -100,12 +100,12 @@ class Tried:
 
 
 class PracticeSession:
-    """Practice that is kept in a folder, made if it is missing, and goes on from there.
+    """Practice stored in a folder, which is created if needed; continues from the stored state.
 
-    `about` says what else the result depends on, such as task, containers and seed.
+    `about` holds everything else that the result depends on, such as task, containers and seed.
 
     Raises:
-        ResourceBusyError: the folder holds another practice, or cannot be made.
+        ResourceBusyError: the folder holds another practice, or cannot be created.
         ModelError: its file is damaged.
     """
 
@@ -132,15 +132,15 @@ class PracticeSession:
 
     @property
     def costs(self) -> Floats:
-        """Their costs (n,)."""
+        """Costs of the points tried (n,)."""
         return np.array([one.cost for one in self.tried], dtype=np.float64)
 
     def step(self) -> Tried:
-        """Execute the next rollout, log it, and keep what it cost.
+        """Execute the next rollout, record it, and store its cost.
 
         Raises:
             ArgumentError: the cost function failed, or the primitive's mean breaks the limits.
-            BagError, ResourceBusyError: it cannot be written.
+            BagError, ResourceBusyError: the bag cannot be written.
         """
         number, practice = len(self.tried), self._practice
         rng = np.random.default_rng([int(self.about["seed"]), number])
@@ -155,26 +155,26 @@ class PracticeSession:
         return self.keep(point, cost, name, mean_outcome(rollouts))
 
     def next(self) -> Floats:
-        """The point (k,) to try next."""
+        """Next point to try (k,)."""
         practice = self._practice
         tried = self.points, self.costs
         return next_point(self._search, practice.space, *tried, practice.keeps_limits)
 
     def keep(self, point: Floats, cost: float, bag: str, outcome: Mapping[str, float]) -> Tried:
-        """Keep what came of a point, on the disk.
+        """Store the result of a point on disk.
 
         Raises:
-            ResourceBusyError: it cannot be written.
+            ResourceBusyError: the file cannot be written.
         """
         tried = Tried(tuple(point.tolist()), cost, bag, dict(outcome))
         self._write([*self.tried, tried])
         return tried
 
     def settled(self) -> Floats:
-        """Weights (d,) that practice has come to.
+        """Improved weights (d,) that practice found.
 
         Raises:
-            ModelError: nothing was tried, or nothing better than the first.
+            ModelError: nothing was tried, or nothing is better than the initial weights.
         """
         if not self.tried:
             cure = "Practise first."
@@ -186,11 +186,11 @@ class PracticeSession:
 
     @property
     def improved(self) -> bool:
-        """Whether something better than the first was found."""
+        """Whether practice found something better than the initial weights."""
         return not np.array_equal(self.best(), self._practice.space.mean)
 
     def best(self) -> Floats:
-        """The same, those of the first where there is nothing better."""
+        """Improved weights (d,), or the initial weights if there is no improvement."""
         space, keeps = self._practice.space, self._practice.keeps_limits
         return space.weights(settled_point(self._search, space, self.points, self.costs, keeps))
 

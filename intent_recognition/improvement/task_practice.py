@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Practising a taught task: the robot's part of it, beside people as they were recorded.
+"""Practice of a taught task: varies the robot's part beside recorded people.
 
-The robot follows from the person by the rule w_c = A (w_o - m) + mu + e. Practice looks for other
-controlled weights mu + d and for how far the robot runs ahead of the person, in the logarithm of
-its pace, u: with M(u) w the weights of the path that w takes at the phases min(z exp(u), 1),
+The robot follows the person by the rule w_c = A (w_o - m) + mu + e. Practice searches for other
+controlled weights mu + d and for the logarithm u of the pace at which the robot runs ahead of the
+person. Let M(u) w be the weights of w's path evaluated at the phases min(z exp(u), 1). Then
 
     w_c = M(u) (A (w_o - m) + mu + d) + e.
 
-(d, u) is Gaussian as it was shown: d with the covariance of the controlled weights, u with the
-timing prior of the task. What is recognised, and what a person does, are left alone.
+(d, u) is Gaussian as demonstrated: d has the covariance of the controlled weights, u the timing
+prior of the task. Recognition and the people's movements do not change.
 
-A rollout is the arm's kinematics: the plan that `primitive_activation` makes for the predicted
-path, from the rest posture and from when a task is usually decided, beside some of the people.
+A rollout is kinematic: it executes the plan that `primitive_activation` makes for the predicted
+path, from the rest posture and from the usual time of the decision, beside some of the people.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,29 +46,28 @@ from intent_recognition.promp import NormalizedRBFBasis
 from intent_recognition.tables import EntrySamples, ImportedDemonstration
 
 N_PHASES = 50
-"""Phases at which paths are compared. Convention: 2 % of a movement apart."""
+"""Number of phases at which paths are compared: every 2 % of a movement."""
 DECIDED_SHARE = 0.2
-"""Share of the movement after which the arm sets out. Measurement: the median of `make demo`
-(README)."""
+"""Share of the movement at which the arm starts: the median measured in `make demo` (README)."""
 NEAR_M = 0.03
-"""A hand is there within this distance [m]. Convention: what a person reaches over without a
+"""Distance from its goal at which a hand counts as arrived [m]: a person reaches over it without a
 step."""
 
 
 class Person(NamedTuple):
-    """A person as recorded, and what the robot has to do."""
+    """A recorded person and the robot's task beside this person."""
 
     name: str
-    duration_s: float  # of the interaction [s]
-    observed: Floats  # at `sample_phases()`, (m, P)
-    hand_m: Floats  # where the person's hand was then (m, 3) [m]
-    weights: Floats  # of the robot's path that the rule gives, (Q N,)
-    place_m: Floats  # where the robot's hand must be (3,) [m]
-    context: Floats  # of the scene (M,)
+    duration_s: float  # duration of the interaction
+    observed: Floats  # observed DOFs at `sample_phases()`, (m, P)
+    hand_m: Floats  # position of the person's hand at these phases (m, 3)
+    weights: Floats  # weights of the robot's path by the rule, (Q N,)
+    place_m: Floats  # goal of the robot's hand (3,)
+    context: Floats  # context of the scene (M,)
 
 
 def check_task(task: str, labels: Sequence[str]) -> None:
-    """Raises ArgumentError where a library with these labels has no such task."""
+    """Raise ArgumentError if a library with these labels has no such task."""
     if task not in labels:
         cure = "Check the spelling, or teach it first."
         raise ArgumentError.about("TASK", f"one of {', '.join(labels)}", task, cure)
@@ -77,10 +76,10 @@ def check_task(task: str, labels: Sequence[str]) -> None:
 class TaskPractice:
     """Rollouts of one task of a library.
 
-    Weights that are practised are the controlled ones and u, (Q N + 1,). The robot's hand must be
-    `beside_m` (3,) [m] from where the person's hand comes to rest, in the frame of the arm's base,
-    or else where it was in the demonstrations, and `moved_m` from there. Without an arm the joints
-    are the LWR's. One rollout is executed with `most_people` at most.
+    The practised weights are the controlled ones and u, (Q N + 1,). The goal of the robot's hand is
+    `beside_m` (3,) [m] from where the person's hand comes to rest, in the frame of the arm's base;
+    by default it is the demonstrated one. `moved_m` is added to it. Without `arm` the joints are
+    the LWR's. A rollout includes at most `most_people` people.
 
     Raises:
         ArgumentError: no such task, the person's hand is not observed, or the arm has other joints.
@@ -125,7 +124,7 @@ class TaskPractice:
 
     @cached_property
     def space(self) -> SearchSpace:
-        """The spread of the robot's part, and of its timing."""
+        """Search space of the robot's path and its timing."""
         library, phases = self._library, np.linspace(0.0, 1.0, N_PHASES)
         basis, n_dofs = library.basis, library.n_controlled
         n = library.n_observed_weights
@@ -141,13 +140,13 @@ class TaskPractice:
         return search_space(np.append(self._mean, 0.0), spread, design)
 
     def keeps_limits(self, weights: Floats) -> bool:
-        """Whether the path beside each of the people is inside the arm's position limits."""
+        """Whether the path beside each person keeps the arm's position limits."""
         phases = np.linspace(0.0, 1.0, N_PHASES)
         paths = np.array([self._path(person, weights, phases) for person in self._people])
         return bool(np.all((paths >= self._limits.lower) & (paths <= self._limits.upper)))
 
     def rollout(self, weights: Floats, rng: np.random.Generator) -> list[Rollout]:
-        """Execute it beside every second one of the people, or as many drawn from these."""
+        """Execute weights beside every second person, or beside a sample of these people."""
         practised = self._people[::2]
         if len(practised) > self._most:
             drawn = rng.choice(len(practised), self._most, replace=False)
@@ -155,18 +154,18 @@ class TaskPractice:
         return [self._execute(person, weights) for person in practised]
 
     def check(self, weights: Floats, count: int) -> list[Rollout]:
-        """Execute it once beside each of the others, however many are asked for."""
+        """Execute weights once beside each of the other people, whatever `count` is."""
         return [self._execute(person, weights) for person in self._people[1::2] or self._people]
 
     def change(self, weights: Floats) -> RuleChange:
-        """What practised weights change of the rule."""
+        """Change of the rule by practised weights."""
         warped = warping_matrix(self._library.basis, weights[-1])
         every = np.kron(np.eye(self._library.n_controlled), warped)
         matrix = self._library.regressions[self._number].matrix
         return RuleChange(every @ matrix - matrix, every @ weights[:-1] - self._mean)
 
     def write(self, folder: Path, rollouts: Sequence[Rollout], labels: Mapping[str, str]) -> None:
-        """Write a bag for each of the people, as a demonstration is recorded."""
+        """Write a bag for each person, in the form of a recorded demonstration."""
         for number, one in enumerate(rollouts):
             stamps = np.round((one.times_s + 1.0) * 1e9).astype(np.int64)
             outcome = {name: f"{value:.4f}" for name, value in one.outcome.items()}
@@ -205,7 +204,7 @@ class TaskPractice:
         )
 
     def _hand(self, joints: Floats) -> Floats:
-        """Where the hand is (T, 3) [m] for joints (T, n)."""
+        """Positions of the hand (T, 3) [m] for joints (T, n)."""
         if self._arm is None:
             return hand_position(joints)
         return self._arm.forward_kinematics(joints)[:, :3, 3]
@@ -230,10 +229,10 @@ class TaskPractice:
         return plan_interaction(path, timing, start, self._limits)
 
     def _execute(self, person: Person, weights: Floats) -> Rollout:
-        """Run it; where there is no plan the arm stays at rest."""
+        """Execute weights beside a person; without a feasible plan the arm stays at rest."""
         plan, decided_s = self._plan(person, weights), DECIDED_SHARE * person.duration_s
         end_s = decided_s + (0.0 if plan is None else plan.duration_s)
-        times = np.arange(0.0, max(end_s, person.duration_s) + 0.5, 0.02)  # and a rest
+        times = np.arange(0.0, max(end_s, person.duration_s) + 0.5, 0.02)  # plus a rest
         joints = np.tile(self._rest, (len(times), 1))
         if plan is not None:
             for k in np.flatnonzero(times >= decided_s):
@@ -250,10 +249,10 @@ class TaskPractice:
 
 
 def arrival_s(times_s: Floats, points_m: Floats, place_m: Floats) -> float:
-    """From when on points (T, 3) stay within `NEAR_M` of a place, at times (T,) [s].
+    """Time from which points (T, 3), at times (T,) [s], stay within `NEAR_M` of a place.
 
-    Where they do not, it is as if they went on from the last one at 0.25 m/s, a slow reach,
-    so that the cost is continuous.
+    If they do not, they are extrapolated from the last one at 0.25 m/s, a slow reach, so that the
+    cost is continuous.
     """
     far_m = np.linalg.norm(points_m - place_m, axis=1)
     outside = np.flatnonzero(far_m > NEAR_M)
@@ -265,9 +264,9 @@ def arrival_s(times_s: Floats, points_m: Floats, place_m: Floats) -> float:
 
 
 def warping_matrix(basis: NormalizedRBFBasis, ahead: float) -> Floats:
-    """M (N, N): M w has, at each phase z, the value that w has at min(z exp(ahead), 1).
+    """Matrix M (N, N) such that M w has at each phase z the value of w at min(z exp(ahead), 1).
 
-    By least squares over the phase; the unit matrix for ahead = 0.
+    It is the least-squares fit over the phase, and the identity for ahead = 0.
     """
     if ahead == 0.0:
         return np.eye(basis.n_basis)
