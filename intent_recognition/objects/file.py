@@ -14,9 +14,9 @@ from intent_recognition.untrusted import UntrustedError, read_arrays
 from intent_recognition.warping import AnnotatedObject, Grasp
 
 KNOWN_VERSIONS = (1, 2)
-"""Versions that are read. 1 has no grasp."""
+"""Versions that can be read; version 1 has no grasp."""
 FOLDER = "config/objects"
-"""Where the shipped objects are, in the share directory."""
+"""Folder of the shipped objects in the share directory."""
 CURE = "Write it again with `save_object`; docs/warping.md says how."
 
 
@@ -42,7 +42,7 @@ def load_object(path: str | Path) -> AnnotatedObject:
     """Read an annotated object.
 
     Raises:
-        ModelError: it is not there, of another version, or an array is missing or bad.
+        ModelError: the file is missing or of another version, or an array is missing or invalid.
     """
     try:
         arrays = read_arrays(as_path("path", path))
@@ -74,7 +74,7 @@ def find_object(name: str | Path) -> Path:
     """Path of an annotated object: a file, or the name of a shipped one.
 
     Raises:
-        ModelError: neither.
+        ModelError: it is neither.
     """
     if Path(name).is_file():
         return Path(name)

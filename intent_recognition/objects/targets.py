@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Targets of warping from files: meshes, or clouds."""
+"""Reads the targets of warping, meshes or clouds, from files."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     import trimesh
 
 N_POINTS = 4000
-"""Points of a cloud that is warped. Convention: a few millimetres apart on a cup."""
+"""Number of points of a cloud that is warped; a few millimetres apart on a cup."""
 N_SURFACE_POINTS = 100_000
-"""Points of the surface that distances are measured to. Convention: under 1 mm apart on a cup."""
+"""Number of surface points to which distances are measured; under 1 mm apart on a cup."""
 MOSTLY_SOLID = 0.8
-"""Share of its convex hull above which a mesh counts as closed on top. Convention: a container
-with walls fills less."""
+"""Share of its convex hull above which a mesh counts as closed on top; a container with walls fills
+less."""
 APART = 0.05
-"""Share of its area that may be of bodies apart from a mesh's largest one, which are left out.
-Convention: specks of a scan, not another object."""
+"""Largest share of a mesh's area in bodies apart from its largest one that is left out, as specks
+of a scan; more is another object."""
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".xyz")
-"""Kinds that are read. Others of trimesh are archives and XML, which may unpack without end."""
+"""File types that are read; trimesh's other types are archives and XML, which may never end."""
 NEEDED = "a mesh file (.obj, .ply, .stl, .off, .glb, .gltf) or a cloud (.ply, .xyz)"
 
 
@@ -36,10 +36,10 @@ class Target:
     """An object onto which an annotated one is warped."""
 
     cloud: ObjectCloud  # points of its surface
-    # many points on all of its surface; None if the file is a cloud, which never shows all sides
+    # dense points on the whole surface; None for a cloud, which never shows all sides
     surface: ObjectCloud | None
-    # thickness of its wall, measured below the surface [m]: 0 of one surface without a wall, NaN of
-    # a cloud
+    # thickness of the wall, measured below the surface [m]; 0 for a single surface without a wall,
+    # NaN for a cloud
     wall_m: float = float("nan")
 
 
@@ -50,9 +50,9 @@ def load_target(
     viewpoint: Floats | None = None,
     seed: int = 0,
 ) -> Target:
-    """Read a mesh or a cloud, by a factor to metres: 0.001 for a file in millimetres.
+    """Read a mesh or a cloud; `scale` converts to metres, such as 0.001 for millimetres.
 
-    Clouds without normals need a viewpoint: where the camera was (3,) [m].
+    Clouds without normals need `viewpoint`, the position of the camera (3,) [m].
 
     Raises:
         ArgumentError: the file cannot be read, or its content is not an open container.
@@ -68,11 +68,11 @@ def load_target(
         got = f"a file of more than {MOST_MESH} bytes"
         raise ArgumentError.about(place, NEEDED, got, "Export fewer triangles.")
     try:
-        # Files may lack material values; trimesh computes with the gaps.
+        # Files may lack material values, with which trimesh then computes.
         with np.errstate(invalid="ignore"):
-            # Neither materials nor textures, which could be any file, also one without end.
+            # No materials or textures: they may refer to any file, also an endless one.
             loaded = trimesh.load(place, resolver=_buffers(place), skip_materials=True)
-    except Exception as error:  # every reader of trimesh has errors of its own
+    except Exception as error:  # each reader of trimesh has its own errors
         got = f"{type(error).__name__}: {error}"
         raise ArgumentError.about(place, NEEDED, got, "Export it again.") from error
     try:
@@ -87,7 +87,7 @@ def load_target(
 
 
 def _buffers(place: str) -> "trimesh.resolvers.FilePathResolver":
-    """What gives a glTF its buffers: regular files beside it, of bounded size."""
+    """Resolver of a glTF's buffers: only regular files beside it, of bounded size."""
     trimesh = optional("trimesh")
 
     class Buffers(trimesh.resolvers.FilePathResolver):  # type: ignore[name-defined]
@@ -102,13 +102,13 @@ def _buffers(place: str) -> "trimesh.resolvers.FilePathResolver":
 def mesh_target(
     mesh: "trimesh.Trimesh", n_points: int = N_POINTS, scale: float = 1.0, seed: int = 0
 ) -> Target:
-    """Sample a mesh, by a factor to metres, evenly over its surface.
+    """Sample a mesh evenly over its surface; `scale` converts to metres.
 
-    Triangles are turned outward if need be. One surface without a wall has two sides.
+    Triangles are turned outward if needed. A surface without a wall is sampled on both sides.
 
     Raises:
-        ArgumentError: no area, vertices that are not finite, a body that is closed, or triangles
-            that cannot be wound to one side.
+        ArgumentError: the mesh has no area, vertices that are not finite, a closed body, or
+            triangles that cannot be oriented consistently.
     """
     trimesh = optional("trimesh")
 
@@ -118,7 +118,7 @@ def mesh_target(
     used = vertices[np.unique(faces)]
     _check_size("vertices", used)
     solid = trimesh.Trimesh(vertices, faces, process=False)
-    # Scans repeat vertices along the seams of their texture.
+    # Scans repeat vertices along the seams of their textures.
     with np.errstate(invalid="ignore"):
         solid.merge_vertices(merge_tex=True, merge_norm=True)
     if not solid.area > 0.0:
@@ -131,7 +131,7 @@ def mesh_target(
         got = f"a body that fills {100.0 * share:.0f} % of its convex hull"
         cure = "It is closed on top: open it in a mesh editor, or scan it without its lid."
         raise ArgumentError.about("mesh", "a container with an open top", got, cure)
-    if is_sheet:  # its wall has two sides and no thickness
+    if is_sheet:  # two sides, no thickness
         both = np.concatenate([solid.faces, solid.faces[:, ::-1]])
         solid = trimesh.Trimesh(solid.vertices, both, process=False)
     points, face = trimesh.sample.sample_surface(solid, N_SURFACE_POINTS, seed=seed)
@@ -181,7 +181,7 @@ def _wind(solid: "trimesh.Trimesh") -> None:
 
 
 def _hull_share(solid: "trimesh.Trimesh") -> float:
-    """Volume as a share of that of the convex hull; 0 where there is none."""
+    """Volume as a share of the convex hull's; 0 without a hull."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
@@ -194,12 +194,12 @@ def _hull_share(solid: "trimesh.Trimesh") -> float:
 def _is_sheet(solid: "trimesh.Trimesh") -> bool:
     uses = np.bincount(solid.edges_unique_inverse)
     rim_m = float(solid.edges_unique_length[uses == 1].sum())
-    # a round rim as wide as its cup is high has 1.8; holes of scans are shorter
+    # a round rim as wide as its cup is high gives 1.8; holes of scans are shorter
     return rim_m > 0.5 * float(solid.scale)
 
 
 def _wall_m(solid: "trimesh.Trimesh", points: NDArray, faces: NDArray) -> float:
-    """Median thickness [m] below points of the surface, (n, 3), on `faces` (n,)."""
+    """Median thickness of the wall [m] below surface points (n, 3) on `faces` (n,)."""
     inward = -solid.face_normals[faces]
     hits, rays, _ = solid.ray.intersects_location(
         points + inward * 1e-6 * solid.scale,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plans of assemblies: which steps there are and their order, learned, written, followed online."""
+"""Plans of assemblies: their steps and order, learned, written and followed online."""
 
 from intent_recognition.plans.file import (
     Assembly,

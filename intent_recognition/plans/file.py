@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plans and sessions as YAML, which people read and change."""
+"""Plans and sessions as YAML, which people can read and edit."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ PLAN_KEYS = ("assemblies", "repeated", "wrong", "steps", "order", "by_hand")
 
 
 class DoneTask(NamedTuple):
-    """What a person or robot did in an assembly, and how many objects of each kind it took.
+    """A task that a person or robot did in an assembly, and how many objects of each kind it used.
 
-    Name and time are empty and 0 where they were not recorded.
+    An unknown name is empty, and an unknown time is 0.
     """
 
     task: str
@@ -29,11 +29,11 @@ class DoneTask(NamedTuple):
 
 
 Assembly = tuple[DoneTask, ...]
-"""One assembly: what was done, in order."""
+"""One assembly: the tasks done, in order."""
 
 
 def write_plan(plan: WorkPlan) -> str:
-    """The YAML of a plan, as `read_plan` takes it.
+    """YAML of a plan, for `read_plan`.
 
     Raises:
         ArgumentError: a step has a name that the file cannot hold.
@@ -62,9 +62,9 @@ def write_plan(plan: WorkPlan) -> str:
 
 
 def read_plan(text: str) -> WorkPlan:
-    """A plan from YAML.
+    """Read a plan from YAML.
 
-    Such as::
+    For example::
 
         steps:
         - {step: base, task: base_handover, share: 0.97, duration: 3.1}
@@ -74,10 +74,10 @@ def read_plan(text: str) -> WorkPlan:
         by_hand:
           base < screw: 1
 
-    Only `steps` is required, and of a step its name or its task.
+    Only `steps` is required, and for each step its name or its task.
 
     Raises:
-        ArgumentError: it is none.
+        ArgumentError: the text is not a plan.
     """
     content = CHECKS.load("plan", text)
     steps = content.get("steps") if isinstance(content, Mapping) else None
@@ -99,15 +99,15 @@ def read_plan(text: str) -> WorkPlan:
 
 
 def read_assemblies(text: str) -> tuple[Assembly, ...]:
-    """Sessions from YAML: a list of tasks is one assembly, a list of such lists several.
+    """Read sessions from YAML: a list of tasks is one assembly, a list of lists is several.
 
-    A task is a label, or has `task`, `who`, `start` and `end` [s], and `objects`::
+    A task is a label, or a mapping with `task`, `who`, `start` and `end` [s], and `objects`::
 
         - [base, screw, {task: lid, who: anna, start: 7.5, end: 9.0, objects: {lid: 1}}]
         - [base, lid, screw]
 
     Raises:
-        ArgumentError: it is none.
+        ArgumentError: the text does not hold sessions.
     """
     content = CHECKS.load("session", text)
     if not isinstance(content, list) or not content:
@@ -124,10 +124,10 @@ def read_assemblies(text: str) -> tuple[Assembly, ...]:
 
 
 def begun_with(assemblies: Sequence[Assembly], task: str) -> tuple[Assembly, ...]:
-    """The same, cut before each time that a task is done: what assemblies begin with.
+    """Split assemblies before each occurrence of the task with which every assembly begins.
 
     Raises:
-        ArgumentError: none holds the task.
+        ArgumentError: no assembly has the task.
     """
     tasks = {one.task for assembly in assemblies for one in assembly}
     if task not in tasks:

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A plan from a few assemblies: which steps there are, and the posterior of their partial order.
+"""Learns a plan from a few assemblies: their steps, and the posterior of the steps' partial order.
 
-An assembly is taken as drawn step by step: with probability 1 - e the next step is any of those
-whose predecessors are done, all being equally probable, and with probability e any at all (the
-queue-jumping error of Nicholls and Muir Watt 2011, Jiang, Nicholls and Lee 2023). A rule that would
-have forbidden nothing that was possible earns nothing; one that was kept while it forbade several
-steps earns their number. Beforehand, each further relation makes an order a little less probable.
-The posterior is sampled by Metropolis and Hastings, one relation being added or removed at a time,
-and kept as the probability of each relation: "i must be done before j" (Mannila and Meek 2000 learn
-one such order; Beerenwinkel, Eriksson and Sturmfels 2007 learn them with errors).
+The model generates an assembly step by step: with probability 1 - e the next step is drawn
+uniformly from the steps whose predecessors are done, and with probability e from all remaining
+steps (the queue-jumping error of Nicholls and Muir Watt 2011, Jiang, Nicholls and Lee 2023). A
+relation that never excluded a possible step gains no likelihood; one that excluded several and was
+still kept gains by their number. A priori each further relation makes an order a bit less probable.
+Metropolis-Hastings samples the posterior by adding or removing one relation at a time; the result
+is the probability of each relation "i must be done before j" (Mannila and Meek 2000 learn one such
+order; Beerenwinkel, Eriksson and Sturmfels 2007 learn one with errors).
 
-What people like to do next is learned from what they chose among the steps that could have come, so
-that a step which had to come says nothing of it.
+Preferences for the next step are learned from the choices among the steps that were possible; a
+step without alternative says nothing about them.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ from intent_recognition.plans.work_plan import (
 
 JUMPS = USUAL_SLIP
 ORDER_ODDS = 0.7
-"""Prior odds of one relation more in an order (docs/plans.md)."""
+"""Prior odds of each relation in an order (docs/plans.md)."""
 N_SAMPLES = 20_000
-"""Steps of the chain, of which the first fifth is left out (docs/plans.md)."""
+"""Length of the Markov chain, of which the first fifth is discarded (docs/plans.md)."""
 SLIP_WEIGHT = 30.0
-"""Movements that the prior of USUAL_SLIP counts as. Convention: two or three assemblies."""
+"""Number of movements that the prior of USUAL_SLIP is worth: two or three assemblies."""
 
 CHOICES, PREFERRED = 0.25, 1.2
-"""Choices that the prior of a strength counts as, and strength above which one is kept: of those
-tried the most right at a log loss of 0.7 of the table's (docs/plans.md)."""
+"""Number of choices that the prior of a strength is worth, and strength above which a preference is
+stored: the best of the values tried, with a log loss of 0.7 of the table's (docs/plans.md)."""
 
 Occurrence = tuple[str, int]
-"""A task, and how many times it has been done by then."""
+"""A task and the number of its occurrence in an assembly, from 1."""
 
 
 def learn_plan(
@@ -58,16 +58,16 @@ def learn_plan(
     rng: np.random.Generator,
     by_hand: Mapping[Pair, float] | None = None,
 ) -> WorkPlan:
-    """The plan of an assembly that was demonstrated a few times.
+    """Learn the plan of an assembly from a few demonstrations.
 
-    A task is a step if at least half of the assemblies hold it, and a step once more for each
-    further time that more than half hold it. What an assembly holds beyond is taken for a slip:
-    a step that was repeated, or done in vain before its last time.
+    A task is a step if at least half of the assemblies contain it, and a further step for each
+    repetition that more than half contain. Further occurrences count as slips: a repeated step, or
+    one done in vain before its last time.
 
-    Relations written by hand stay, but for those of steps that are no more.
+    Relations written by hand are kept, except those of steps that no longer exist.
 
     Raises:
-        ArgumentError: no task is in half of the assemblies.
+        ArgumentError: no task is in at least half of the assemblies.
     """
     done = [assembly for assembly in assemblies if assembly]
     found = _occurrences([[one.task for one in assembly] for assembly in done])
@@ -101,11 +101,11 @@ def learn_plan(
 
 
 def habits(sequences: Sequence[Sequence[int]], before: Floats) -> Floats:
-    """How many times as likely as others each step is chosen after each, or at first, (n + 1, n).
+    """Preference for each step (columns) after each step or at the start (rows), (n + 1, n).
 
-    Luce's choice axiom (1959): of the steps that are due, each is chosen in proportion to its
-    strength. With a gamma prior whose mode is 1, worth `CHOICES` choices, this is the posterior's
-    mode (the minorisation of Hunter 2004, with the prior of Caron and Doucet 2012).
+    By Luce's choice axiom (1959), each possible step is chosen in proportion to its strength. The
+    result is the posterior mode under a gamma prior with mode 1 that is worth `CHOICES` choices
+    (the minorisation of Hunter 2004, with the prior of Caron and Doucet 2012).
     """
     undone, drawn, previous = _Draws.of(sequences, len(before))
     offered = undone * np.exp(undone @ np.log1p(-before))
@@ -118,13 +118,13 @@ def habits(sequences: Sequence[Sequence[int]], before: Floats) -> Floats:
 
 
 def _listed(names: Sequence[str], strength: Floats) -> dict[str, float]:
-    """Strengths (n + 1,) after each step, as far as they are a preference."""
+    """Strengths (n + 1,) by the previous step, without those below `PREFERRED`."""
     pairs = zip((*names, ""), strength.tolist(), strict=True)
     return {name: round(one, 2) for name, one in pairs if one > PREFERRED}
 
 
 def _occurrences(tasks: Sequence[Sequence[str]]) -> list[list[Occurrence | None]]:
-    """Which step each movement does; None where it does none."""
+    """Step that each movement does; None if it does none."""
     counts = [Counter(one) for one in tasks]
     n = len(tasks)
     often = {
@@ -147,7 +147,7 @@ def _occurrences(tasks: Sequence[Sequence[str]]) -> list[list[Occurrence | None]
 
 
 def _places(found: Sequence[Sequence[Occurrence | None]]) -> dict[Occurrence, float]:
-    """Mean place of each step in the assemblies, in [0, 1)."""
+    """Mean position of each step in the assemblies, in [0, 1)."""
     places: dict[Occurrence, list[float]] = {}
     for one in found:
         for at, step in enumerate(one):
@@ -167,7 +167,7 @@ def _step(
         for assembly, one in zip(assemblies, found, strict=True)
         if step in one
     ]
-    # Beta prior: one in ten leaves a step out
+    # Beta prior: one assembly in ten omits a step
     share = (len(records) + 1.0) / (len(assemblies) + 1.0 + 0.1)
     people = Counter(record.who for record in records if record.who)
     objects: Counter[str] = Counter()
@@ -185,15 +185,15 @@ def _step(
 
 
 class _Draws(NamedTuple):
-    """Every step of the assemblies as a draw (T,) from the undone ones, 1 in (T, n)."""
+    """Each step of the assemblies as a draw (T,) from the undone steps, marked by 1 in (T, n)."""
 
     undone: Floats
     drawn: Integers
-    previous: Integers  # what was drawn before it; -1 where an assembly begins
+    previous: Integers  # previous step; -1 at the start of an assembly
 
     @classmethod
     def of(cls, sequences: Sequence[Sequence[int]], n: int) -> _Draws:
-        """The draws of some assemblies, whose steps are numbers below n."""
+        """Draws of assemblies, given as sequences of step numbers below n."""
         undone = np.zeros((sum(map(len, sequences)), n))
         drawn = np.array([step for one in sequences for step in one], dtype=np.int64)
         t = 0
@@ -217,8 +217,8 @@ def sample_orders(
 ) -> Floats:
     """Posterior probability that step i must be done before step j, (n, n).
 
-    Sequences hold of each assembly the numbers of its steps, below n, each at most once. The Markov
-    chain of `n_samples` steps begins with the relations that every assembly keeps.
+    Each sequence holds an assembly's step numbers, below n, each at most once. The Markov chain of
+    `n_samples` steps starts with the relations that every assembly keeps.
     """
     draws = _Draws.of(sequences, n)
     order = _kept_by_all(sequences, n)
@@ -239,7 +239,7 @@ def sample_orders(
 
 
 def _may_change(order: Floats, i: int, j: int) -> bool:
-    """Whether an order remains one, when just the relation of i to j is added or removed."""
+    """Whether adding or removing only the relation of i to j leaves a partial order."""
     if i == j or order[j, i]:
         return False
     if order[i, j]:
@@ -248,7 +248,7 @@ def _may_change(order: Floats, i: int, j: int) -> bool:
 
 
 def _kept_by_all(sequences: Sequence[Sequence[int]], n: int) -> Floats:
-    """1 where i came before j in every assembly that holds both, (n, n), without circles."""
+    """Relations (n, n), without cycles: 1 if i came before j in every assembly that has both."""
     seen = np.zeros((n, n))
     for one in sequences:
         for k, step in enumerate(one):

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far an assembly is: a belief over which steps are done, and which task comes next.
+"""Progress of an assembly: a belief over the sets of done steps, and predictions of the next task.
 
 The belief is a list of sets of done steps with their probabilities. From a set s, the next movement
 
-- does step i with a probability in proportion to share_i prod_j (1 - before_ji present_j) over the
-  undone steps j: whatever must come before it must be done, or be left out of this assembly;
+- does step i with probability proportional to share_i prod_j (1 - before_ji present_j) over the
+  undone steps j: each step that must come before i must be done, or omitted in this assembly;
 - does no step: it repeats one, or is wrong;
-- or begins the next assembly, if what is undone is usually left out.
+- or begins the next assembly, if the undone steps are usually omitted.
 
-A step that is undone while one is done that needs it was left out, and holds nothing up any more:
-present_j = share_j (1 - p(left out)). A movement that the recogniser takes for task k with
-probability p(k) moves the belief to sum_k p(k) p(s' | k), so that a step which was misrecognised is
-set right by those that come after (the filter of a hidden Markov model whose states are sets).
+An undone step counts as omitted once a step that needs it is done, and then blocks nothing:
+present_j = share_j (1 - p(omitted)). A movement recognised as task k with probability p(k) updates
+the belief to sum_k p(k) p(s' | k). Later steps can thus correct a misrecognised one (this is the
+filter of a hidden Markov model whose states are sets).
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ are never learned to be surer."""
 
 
 class StepState(NamedTuple):
-    """What is believed of a step."""
+    """Belief about one step."""
 
     name: str
     task: str
     done: float  # probability that it is done
     next: float  # probability that the next movement does it
-    forgotten: float  # probability that it was left out, though a step was done that needs it
+    forgotten: float  # probability that it was omitted although a step that needs it is done
 
     def __str__(self) -> str:
         if self.done >= 0.5:
@@ -50,12 +50,12 @@ class StepState(NamedTuple):
 
 
 class WorkProgress:
-    """Follows an assembly from one movement to the next, of which it has taken note of `n_taken`.
+    """Follows an assembly from movement to movement; `n_taken` counts the movements so far.
 
-    Steps whose tasks are not among the labels of the K that are recognised are left out of `plan`.
+    `plan` lacks the steps whose tasks are not among the K recognised labels.
 
     Raises:
-        ArgumentError: the plan has no step of these tasks.
+        ArgumentError: the plan has no step with one of these tasks.
     """
 
     def __init__(self, plan: WorkPlan, labels: Sequence[str]):
@@ -70,16 +70,16 @@ class WorkProgress:
         self._share = np.minimum([step.share for step in steps], MOST_SHARE)
         names = (*self.plan.names, "")
         self._after = np.array([[step.after.get(name, 1.0) for step in steps] for name in names])
-        # Laplace: without a rule, an order not seen in N assemblies comes with 1 / (N + 2)
+        # Laplace: without a relation, an order not seen in N assemblies has probability 1 / (N + 2)
         q, by_chance = self.plan.before, 1.0 / (self.plan.n_assemblies + 2.0)
         self._log_in_order = np.log1p(-q * USUAL_SLIP / (q * USUAL_SLIP + (1.0 - q) * by_chance))
         self.reset()
 
     def changed(self, plan: WorkPlan, labels: Sequence[str]) -> WorkProgress:
-        """The progress under another plan or other labels: steps of the same name stay done.
+        """Continue under another plan or other labels; steps of the same name stay done.
 
         Raises:
-            ArgumentError: the plan has no step of these tasks.
+            ArgumentError: the plan has no step with one of these tasks.
         """
         out = WorkProgress(plan, labels)
         place = {name: k for k, name in enumerate(self.plan.names)}
@@ -90,22 +90,22 @@ class WorkProgress:
         return out
 
     def reset(self) -> None:
-        """Nothing is done."""
+        """Start a new assembly, with no step done."""
         self.n_taken = 0
         self._done = np.zeros((1, len(self._task)), dtype=bool)
         self._weight = np.ones(1)
-        self._last = np.eye(len(self._after))[-1]  # which step was the last, or none yet, (n + 1,)
+        self._last = np.eye(len(self._after))[-1]  # last step, or none yet, (n + 1,)
 
     def next_tasks(self) -> Floats:
-        """Probability that each task is that of the next movement, (K,); sums to one."""
+        """Probability that the next movement does each task, (K,); sums to one."""
         step, anew, idle = self._choice()
         p = self._weight @ (step @ self._of_task + anew @ self._of_task + idle)
         return np.asarray(p / p.sum())
 
     def take(self, probabilities: Floats) -> None:
-        """Take note of a movement that has ended.
+        """Update the belief with a completed movement.
 
-        The probabilities (K + 1,), of the K tasks and none, include that of the plan.
+        `probabilities` (K + 1,) of the K tasks and none already include the plan's prior.
         """
         self.n_taken += 1
         n = len(self._task)
@@ -128,11 +128,11 @@ class WorkProgress:
         done, where = np.unique(sets, axis=0, return_inverse=True)
         weight = np.bincount(where.ravel(), weights, minlength=len(done))
         best = np.argsort(-weight, kind="stable")[:128]
-        if weight.any():  # else nothing that was possible came
+        if weight.any():  # else an impossible movement: keep the belief
             self._done, self._weight = done[best], weight[best] / weight[best].sum()
 
     def steps(self) -> tuple[StepState, ...]:
-        """What is believed of each step, in the order of the plan."""
+        """Belief about each step, in the order of the plan."""
         step, anew, _ = self._choice()
         columns = (
             self._weight @ self._done,
@@ -145,12 +145,12 @@ class WorkProgress:
         )
 
     def _left_out(self, done: Flags) -> Floats:
-        """Probability that each step was left out where these are done, (M, n)."""
+        """Probability that each step was omitted, given sets of done steps, (M, n)."""
         needed = 1.0 - np.exp(done.astype(np.float64) @ self._log_in_order.T)
         return np.asarray(needed * ~done)
 
     def _due(self, done: Flags, liked: Floats) -> Floats:
-        """Share of each step in what comes next where these are done, (M, n), or all zero."""
+        """Probability of each next step, given sets of done steps, (M, n), or all zero."""
         left_out = self._left_out(done)
         present = self._share * (1.0 - left_out) * ~done
         log_free = np.log1p(-self.plan.before * present[:, :, None]).sum(axis=1)
@@ -158,9 +158,10 @@ class WorkProgress:
         return np.asarray(weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300))
 
     def _choice(self) -> tuple[Floats, Floats, Floats]:
-        """Probability of what comes next, by the sets of done steps; rows of all three sum to one.
+        """Probabilities of the next movement by set; each row of the three arrays sums to one.
 
-        A step (M, n), a first step of the next assembly (M, n), a task that does no step (M, K).
+        The movement is a step (M, n), the first step of the next assembly (M, n), or no step, but a
+        task (M, K).
         """
         plan, done = self.plan, self._done
         begun = np.any(done, axis=1, keepdims=True)
@@ -174,5 +175,5 @@ class WorkProgress:
         step, anew = known * (1.0 - over) * into, known * over * fresh
         rest = np.maximum(1.0 - (step + anew).sum(axis=1) - again.sum(axis=1), 0.0)
         undone = (~done).astype(np.float64) @ self._of_task
-        vain = np.where(undone > 0.0, 0.1, 1.0)  # what is undone is seldom done in vain
+        vain = np.where(undone > 0.0, 0.1, 1.0)  # undone tasks are seldom done in vain
         return step, anew, again + rest[:, None] * vain / vain.sum(axis=1, keepdims=True)

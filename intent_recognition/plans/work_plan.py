@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of an assembly: its steps, which must come before which, and a person's changes."""
+"""Plan of an assembly: its steps, their partial order, and changes by a person."""
 
 from __future__ import annotations
 
@@ -16,16 +16,15 @@ from intent_recognition.untrusted import YamlChecks
 CHECKS = YamlChecks("docs/plans.md describes plans.")
 
 SURE = 1.0 - 1e-6
-"""Largest probability that a step must come before another. Numerical safeguard."""
+"""Largest probability that a step must come before another; keeps logarithms finite."""
 USUAL_SLIP = 0.03
-"""Share of movements that repeat a step, do none, or do one before its turn, where nothing else is
-known. Convention."""
+"""Default share of movements that repeat a step, do no step, or do a step before its turn."""
 FOLLOWS = 0.05
-"""An order is not listed where it is less probable than this, or where others imply it to within
-this probability. Convention: what two digits show."""
+"""Relations are listed only if their probability is at least this, and exceeds what other relations
+imply by at least this: two digits show no smaller difference."""
 
 LIKELY_BEFORE = 0.5
-"""Probability from which a step counts as one that must come before another. Convention."""
+"""Probability above which a step counts as one that must come before another."""
 
 Pair = tuple[str, str]
 
@@ -35,11 +34,11 @@ class WorkStep:
     """One step of an assembly.
 
     Attributes:
-        name: unlike any other: the task, and a number where it is done again ("screw 2").
-        share: of assemblies in which it is done, in (0, 1].
-        who: share of the times that it was done by each person or robot, where that was recorded.
-        objects, duration_s: that it takes: mean number of each kind, median time; 0: not recorded.
-        after: how many times as likely as others it is chosen right after a step of this name.
+        name: unique name: the task, with a number if it is repeated ("screw 2").
+        share: share of assemblies in which it is done, in (0, 1].
+        who: share of each person or robot in the recorded executions of the step.
+        objects, duration_s: mean number of objects of each kind, and median time; 0 if unknown.
+        after: strength of the preference to choose it right after each named step; 1 is neutral.
     """
 
     name: str
@@ -53,18 +52,18 @@ class WorkStep:
 
 @dataclass(frozen=True)
 class WorkPlan:
-    """The plan of an assembly: a partial order of steps, each relation with its probability.
+    """Plan of an assembly: a partial order of steps, each relation with its probability.
 
     Attributes:
-        steps: in a usual order.
-        order: probability that the first step of a pair must be done before the second, as
-            learned; relations that follow from others are left out.
-        by_hand: the same, written by a person: 1 for must, 0 for need not. It has precedence.
-        repeated, wrong: probability that a movement does again what was done, or no step.
+        steps: the steps, in a usual order.
+        order: learned probability that the first step of a pair must be done before the second;
+            relations implied by others are left out.
+        by_hand: relations written by a person: 1 for must, 0 for need not. They override `order`.
+        repeated, wrong: probability that a movement repeats a done step, or does no step.
 
     Raises:
-        ArgumentError: two steps have one name, a relation names no step or its steps in a circle,
-            or a number is no probability.
+        ArgumentError: two steps have the same name, a relation names no step or closes a cycle, or
+            a number is not a probability.
     """
 
     steps: tuple[WorkStep, ...]
@@ -106,18 +105,18 @@ class WorkPlan:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the steps."""
+        """Names of the steps."""
         return tuple(step.name for step in self.steps)
 
     @cached_property
     def before(self) -> Floats:
-        """Probability that step i must be done before step j, (n, n), with what is implied."""
+        """Probability that step i must be done before step j, (n, n), with implied relations."""
         place = {name: k for k, name in enumerate(self.names)}
         found = np.zeros((len(self.steps), len(self.steps)))
         for (first, then), p in {**self.order, **self.by_hand}.items():
             found[place[first], place[then]] = p
         for j, step in enumerate(self.steps):
-            for i in range(j):  # the second time comes after the first
+            for i in range(j):  # repetitions come in order
                 if self.steps[i].task == step.task:
                     found[i, j], found[j, i] = 1.0, 0.0
         found = closure(found)
@@ -126,12 +125,12 @@ class WorkPlan:
         return np.minimum(found, SURE)
 
     def of(self, labels: Sequence[str]) -> WorkPlan:
-        """The plan of the steps whose tasks are among some labels."""
+        """The plan restricted to steps whose tasks are among the labels."""
         kept = [k for k, step in enumerate(self.steps) if step.task in labels]
         return self if len(kept) == len(self.steps) else self.only(kept)
 
     def only(self, kept: Sequence[int]) -> WorkPlan:
-        """The plan of the steps at some places, in the order that the others imply."""
+        """The plan restricted to steps by index, with the order that the others imply."""
         names, before = self.names, self.before
         chosen = {names[k] for k in kept}
         by_hand = {pair: p for pair, p in self.by_hand.items() if chosen.issuperset(pair)}
@@ -144,19 +143,19 @@ class WorkPlan:
 
 
 def closure(before: Floats) -> Floats:
-    """What follows by transitivity: along the most probable chain, its links being independent.
+    """Transitive closure of the probabilities that i must come before j, (n, n).
 
-    Of the probability that i must come before j, (n, n).
+    An implied relation has the probability of its most probable chain of independent links.
     """
     found = before.copy()
-    for k in range(len(found)):  # Floyd and Warshall, with products in place of sums
+    for k in range(len(found)):  # Floyd-Warshall with products instead of sums
         np.maximum(found, np.outer(found[:, k], found[k]), out=found)
     np.fill_diagonal(found, 0.0)
     return found
 
 
 def covering(before: Floats, tolerance: float = FOLLOWS) -> Floats:
-    """The same without the relations that follow from the others, to within a tolerance."""
+    """Remove the relations that `closure` recovers from the others, up to a tolerance."""
     kept = before.copy()
     for i, j in sorted(np.argwhere(before > 0.0).tolist(), key=lambda pair: before[tuple(pair)]):
         kept[i, j] = 0.0
@@ -172,10 +171,10 @@ def listed(names: Sequence[str], before: Floats) -> dict[Pair, float]:
 
 
 def ordered(plan: WorkPlan, first: str, then: str, must: bool) -> WorkPlan:
-    """A step must come before another, or need not; what else is known of the order stays.
+    """Require that a step comes before another, or allow any order of both; keep all else.
 
     Raises:
-        ArgumentError: no such step, or the steps would wait for one another.
+        ArgumentError: there is no such step, or the order would have a cycle.
     """
     i, j = _place(plan, first), _place(plan, then)
     before = plan.before.copy()
@@ -188,11 +187,11 @@ def ordered(plan: WorkPlan, first: str, then: str, must: bool) -> WorkPlan:
 
 
 def moved(plan: WorkPlan, step: str, places: int) -> WorkPlan:
-    """A step so many places later, or earlier; steps that it passes and that waited for it, or it
-    for them, do so the other way round.
+    """Move a step later by `places`, or earlier if negative; where it passes a step to which it had
+    a relation, that relation is reversed.
 
     Raises:
-        ArgumentError: no such step, or the steps would wait for one another.
+        ArgumentError: there is no such step, or the order would have a cycle.
     """
     k = _place(plan, step)
     to = min(max(k + places, 0), len(plan.steps) - 1)
@@ -208,10 +207,10 @@ def moved(plan: WorkPlan, step: str, places: int) -> WorkPlan:
 
 
 def required(plan: WorkPlan, step: str) -> WorkPlan:
-    """A step is part of every assembly.
+    """Make a step part of every assembly.
 
     Raises:
-        ArgumentError: no such step.
+        ArgumentError: there is no such step.
     """
     k = _place(plan, step)
     steps = (*plan.steps[:k], replace(plan.steps[k], share=1.0), *plan.steps[k + 1 :])
@@ -219,10 +218,10 @@ def required(plan: WorkPlan, step: str) -> WorkPlan:
 
 
 def without(plan: WorkPlan, step: str) -> WorkPlan:
-    """A step is part of no assembly; what waited for it waits for what it waited for.
+    """Remove a step; steps that waited for it wait for its predecessors.
 
     Raises:
-        ArgumentError: no such step, or it is the only one.
+        ArgumentError: there is no such step, or it is the only one.
     """
     k = _place(plan, step)
     if len(plan.steps) == 1:
