@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recognise a coworker's task from the first motion and move the robot in time.
 
-`import intent_recognition as ir` offers the names of `__init__.pyi`; each room is loaded when one
-of its names is used for the first time. No name needs ROS, a simulator or a display.
+`import intent_recognition as ir` offers the names listed in `__init__.pyi`; a subpackage is loaded
+when one of its names is first used. No name needs ROS, a simulator or a display.
 """
 
 import lazy_loader

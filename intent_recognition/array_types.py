@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Short names of the arrays that most functions take and give, and what holds them on one line."""
+"""Short names for array types, read-only arrays, and one-line text of objects with arrays."""
 
 from collections.abc import Iterable
 from dataclasses import fields
@@ -18,7 +18,7 @@ AValue = TypeVar("AValue")
 
 
 def settle(owner: object, **values: object) -> None:
-    """Set attributes of a frozen dataclass that is being made; arrays cannot be written to then."""
+    """Set attributes of a frozen dataclass under construction; their arrays become read-only."""
     for name, value in values.items():
         if isinstance(value, np.ndarray):
             value.setflags(write=False)
@@ -26,12 +26,12 @@ def settle(owner: object, **values: object) -> None:
 
 
 def frozen(values: ArrayLike) -> Floats:
-    """A copy of numbers that nobody can change."""
+    """A read-only copy of numbers as an array."""
     return read_only(np.array(values, dtype=np.float64))
 
 
 def read_only(value: AValue) -> AValue:
-    """The same value; its arrays, those of a tuple too, cannot be written to from now on."""
+    """Make an array, or the arrays in a tuple, read-only; return the same object."""
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
     elif isinstance(value, tuple):
@@ -41,7 +41,7 @@ def read_only(value: AValue) -> AValue:
 
 
 class _Short(Repr):
-    """As Python's, but for arrays, of which the shape is said, and for what holds them."""
+    """Python's Repr, but with only the shapes of arrays, also inside of objects."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -60,7 +60,7 @@ class _Short(Repr):
 
 
 def brief(cls: AClass) -> AClass:
-    """Let a NamedTuple or a dataclass be printed on one line, of its arrays the shapes alone."""
+    """Class decorator for NamedTuples and dataclasses: repr on one line, with shapes of arrays."""
     names = getattr(cls, "_fields", ()) or [one.name for one in fields(cls)]
 
     def shown(self: object) -> str:

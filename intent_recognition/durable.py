@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are whole after a crash at any instant: written, synchronised, renamed; and locks."""
+"""Files that stay intact in a crash at any instant: write, synchronise, rename; and locks."""
 
 import fcntl
 import os
@@ -19,10 +19,10 @@ from intent_recognition.errors import ResourceBusyError, describe
 
 @contextmanager
 def writing(what: str, cure: str = "Free space, or choose another.") -> Iterator[None]:
-    """Write a file, by the name that an error gives it.
+    """Context for writing a file; `what` names it in the error.
 
     Raises:
-        ResourceBusyError: the disk is full, or what is written to cannot be.
+        ResourceBusyError: the disk is full, or the file cannot be written.
     """
     try:
         yield
@@ -31,7 +31,7 @@ def writing(what: str, cure: str = "Free space, or choose another.") -> Iterator
 
 
 def commit(temporary: Path, target: Path) -> None:
-    """Give a file that is complete its name; the old file or the new one is there, on the disk."""
+    """Rename a complete file to its target atomically and synchronise it to disk."""
     descriptor = os.open(temporary, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -42,14 +42,14 @@ def commit(temporary: Path, target: Path) -> None:
 
 
 def copy(source: Path, target: Path) -> None:
-    """Copy a file; the target is whole at every moment."""
+    """Copy a file atomically."""
     part = target.with_suffix(".part")
     shutil.copyfile(source, part)
     commit(part, target)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text; the file is the old one or the new one. Its folder is made if it is missing."""
+    """Write a text file atomically; create its folder if it is missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_suffix(".part")
     part.write_text(text, encoding="utf-8")
@@ -57,9 +57,9 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write an `.npz`, in a folder that is made where it is missing.
+    """Write an `.npz` file; create its folder if it is missing.
 
-    The file is the old one or the new one, whoever else writes it at the same time.
+    The file is replaced atomically, even if several processes write it at the same time.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, suffix=".npz.part")
@@ -75,7 +75,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def append_line(path: Path, line: str) -> None:
-    """Append a line in one write, on the disk before this returns."""
+    """Append a line in a single write, and synchronise it to disk before returning."""
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     try:
         os.write(descriptor, f"{line}\n".encode())
@@ -86,7 +86,7 @@ def append_line(path: Path, line: str) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Have the names in a folder on the disk."""
+    """Synchronise the names in a folder to disk."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)
@@ -98,15 +98,15 @@ def sync_folder(folder: Path) -> None:
 def locked(
     path: Path, patience_s: float = 60.0, clock: Callable[[], float] = time.monotonic
 ) -> Iterator[None]:
-    """Hold a lock among processes; the system releases it when one dies.
+    """Hold a lock between processes; the system releases it when its process dies.
 
     Args:
-        path: of the file that stands for it.
+        path: path of the lock file.
         patience_s: longest wait [s].
-        clock: seconds, monotonic.
+        clock: monotonic clock [s].
 
     Raises:
-        ResourceBusyError: another process has held it for so long.
+        ResourceBusyError: another process held the lock during the whole wait.
     """
     end_s = clock() + patience_s
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One exception family; messages name the argument, what was expected, what came and the cure."""
+"""One family of exceptions; messages name the argument, what was expected, what came and a cure."""
 
 import difflib
 import importlib
@@ -16,24 +16,24 @@ AnError = TypeVar("AnError", bound="IntentError")
 
 
 class IntentError(Exception):
-    """Base of every error this package raises on purpose.
+    """Base class of all errors that this package raises on purpose.
 
     Attributes:
-        cure: last sentence of the message, what the caller can do; empty where it has none.
+        cure: last sentence of the message, what the caller can do; may be empty.
     """
 
     cure: str = ""
 
     @classmethod
     def about(cls: type[AnError], argument: str, expected: str, got: object, cure: str) -> AnError:
-        """The error with the message of `describe`, from its four parts."""
+        """Create the error with the message of `describe`."""
         error = cls(describe(argument, expected, got, cure))
         error.cure = cure
         return error
 
 
 class ArgumentError(IntentError, ValueError):
-    """A value is outside what the function can take."""
+    """A value is outside the range that a function accepts."""
 
 
 class ShapeError(ArgumentError):
@@ -41,15 +41,15 @@ class ShapeError(ArgumentError):
 
 
 class DofError(IntentError):
-    """A DOF file is malformed, or disagrees with a model or a recording."""
+    """A DOF file is malformed, or disagrees with a model or recording."""
 
 
 class BagError(IntentError):
-    """A recording is damaged, incomplete or does not hold what was asked of it."""
+    """A recording is damaged, incomplete, or lacks what was requested."""
 
 
 class MessageError(BagError):
-    """A single message cannot be read or lacks a field or a joint."""
+    """A single message cannot be read, or lacks a field or joint."""
 
 
 class ModelError(IntentError):
@@ -57,7 +57,7 @@ class ModelError(IntentError):
 
 
 class TrainingError(IntentError):
-    """The demonstrations cannot be learned from."""
+    """Nothing can be learned from the demonstrations."""
 
 
 class TrajectoryError(IntentError):
@@ -77,13 +77,13 @@ class ResourceBusyError(IntentError):
 
 
 def describe(argument: str, expected: str, got: object, cure: str) -> str:
-    """Build the message every error of this package carries.
+    """Build the message of an error of this package.
 
     Args:
         argument: name of the argument, file or topic at fault.
-        expected: what would have been right.
+        expected: what would be right.
         got: what came instead.
-        cure: what the caller can do about it, as a sentence.
+        cure: what the caller can do, as a sentence.
     """
     said = _words(got, argument)[:2000] or "nothing"
     came = "\n".join(map(printable, said.split("\n")))
@@ -91,10 +91,10 @@ def describe(argument: str, expected: str, got: object, cure: str) -> str:
 
 
 def check_type(argument: str, value: object, expected: type, cure: str) -> None:
-    """Make sure that an argument is of a class of this package.
+    """Require that an argument is an instance of a class of this package.
 
     Raises:
-        ArgumentError: it is of another.
+        ArgumentError: it is not.
     """
     if not isinstance(value, expected):
         came = f"one of type {type(value).__name__}"
@@ -105,7 +105,7 @@ def check_type(argument: str, value: object, expected: type, cure: str) -> None:
 def check_whole(
     argument: str, value: object, least: int, cure: str, most: float = math.inf
 ) -> None:
-    """Make sure that an argument is a whole number in a range.
+    """Require that an argument is an integer in a range.
 
     Raises:
         ArgumentError: it is not.
@@ -116,16 +116,16 @@ def check_whole(
 
 
 def number(value: object) -> float:
-    """A number as it is; for what is none NaN, which is in no range."""
+    """The value if it is a number, else NaN, which is outside every range."""
     is_number = isinstance(value, Real) and not isinstance(value, bool)
     return cast(float, value) if is_number else math.nan
 
 
 def as_path(argument: str, value: object) -> Path:
-    """An argument as a path.
+    """Convert an argument to a path.
 
     Raises:
-        ArgumentError: it is none.
+        ArgumentError: it is not a path.
     """
     if not isinstance(value, str | PathLike):
         cure = "Pass where the file or the folder is."
@@ -134,25 +134,25 @@ def as_path(argument: str, value: object) -> Path:
 
 
 def one_line(error: BaseException) -> str:
-    """The message of an error on one printable line; the name of its class if it has none."""
+    """Message of an error as one printable line; the class name if it has no message."""
     return printable(" ".join(_words(error).split())) or type(error).__name__
 
 
 def _words(got: object, argument: str | None = None) -> str:
-    """What came; of an error of the system its path, unless the argument says it, and reason."""
+    """Text of a value; for a system error its path, unless in `argument`, and its reason."""
     if not (isinstance(got, OSError) and got.strerror):
         return str(got)
     reason = got.strerror
-    if argument is not None:  # inside of a sentence
+    if argument is not None:  # the text continues a sentence
         reason = reason[0].lower() + reason[1:]
     known = got.filename is None or str(got.filename) in (argument or "")
     return reason if known else f"{got.filename}: {reason}"
 
 
 def missing_package(error: ImportError) -> MissingPackageError | None:
-    """What to say of an import that failed because an optional package, or ROS 2, is not there.
+    """The error to raise if an import failed because ROS 2 or an optional package is missing.
 
-    None of any other: the error tells more than we could.
+    None for any other failure, whose own message says more.
     """
     if isinstance(error, MissingPackageError):
         return error
@@ -169,10 +169,10 @@ def missing_package(error: ImportError) -> MissingPackageError | None:
 
 
 def optional(module: str) -> Any:
-    """A module of a package that not everybody needs (`extras.EXTRAS`).
+    """Import a module of an optional package (`extras.EXTRAS`).
 
     Raises:
-        MissingPackageError: it is not installed; says how to install it.
+        MissingPackageError: the package is not installed; says how to install it.
     """
     try:
         return importlib.import_module(module)
@@ -181,8 +181,7 @@ def optional(module: str) -> Any:
 
 
 def printable(text: str) -> str:
-    r"""A text without what moves a cursor or colours a terminal: such characters as Python writes
-    them.
+    r"""Escape characters that move the cursor or colour a terminal, as in Python's literals.
 
     >>> print(printable("a\x1b[2Jb"))
     a\x1b[2Jb
@@ -191,12 +190,12 @@ def printable(text: str) -> str:
 
 
 def first_of(names: Sequence[str], most: int = 5) -> str:
-    """Names in words, and how many more there are."""
+    """The first names, and the number of remaining ones, in words."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 
 
 def nearest(name: str, known: Iterable[str], otherwise: str) -> str:
-    """The cure against a misspelt name: the one that it is most like, if there is one."""
+    """A cure for a misspelt name: the most similar known name, or else `otherwise`."""
     near = difflib.get_close_matches(name, list(known), 1)
     return f"Did you mean {near[0]}?" if near else otherwise

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be installed on top of the library, by extra: setup.py reads it, and messages name it.
+"""Optional packages by extra: setup.py reads them, and error messages name them.
 
-The library itself needs numpy, scipy and small packages. This file imports nothing of ours, so that
-setup.py can run it before anything is installed.
+The library itself needs only numpy, scipy and small packages. This file imports nothing from this
+package, so that setup.py can run it before anything is installed.
 """
 
 from collections.abc import Mapping
@@ -42,20 +42,20 @@ EXTRAS: Mapping[str, Mapping[str, str]] = {
     "files": {"pyarrow": "pyarrow>=14", "ezc3d": "ezc3d>=1.5", "h5py": "h5py>=3.9"},
     "dask": {"distributed": "distributed>=2024.1"},
 }
-"""Of each extra, the modules that are imported and what pip calls them."""
+"""For each extra, the imported modules and their names for pip."""
 NOT_IN_ALL = ("ros", "dask")
-"""Left out of the extra `all`: ROS may be sourced, and a cluster is rare."""
+"""Extras that `all` does not contain: ROS may be sourced instead, and clusters are rare."""
 
 
 def requirements() -> dict[str, list[str]]:
-    """The extras as setup.py gives them to pip, and `all` of them."""
+    """The extras in the form for pip, and `all`, which combines them."""
     extras = {extra: sorted(set(needed.values())) for extra, needed in EXTRAS.items()}
     chosen = (needed for extra, needed in extras.items() if extra not in NOT_IN_ALL)
     return {**extras, "all": sorted({one for needed in chosen for one in needed})}
 
 
 def installing(module: str) -> tuple[str, str] | None:
-    """What pip calls the package of an optional module, and the smallest extra that has it."""
+    """Pip name of an optional module's package, and the smallest extra that contains it."""
     found = [(len(needed), extra) for extra, needed in EXTRAS.items() if module in needed]
     if not found:
         return None

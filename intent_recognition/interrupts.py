@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Handling of interrupts by the executables, also while they import what they need.
 
-Importing a node takes a second or two. An interrupt meanwhile would leave a traceback from the
-middle of a library; here it ends the process, which has nothing to clean up yet.
+Importing a node takes a second or two. An interrupt meanwhile would print a traceback from inside a
+library; these handlers end the process instead, which has nothing to clean up yet.
 """
 
 import os
@@ -80,7 +80,7 @@ class Noted:
         return came
 
     def note(self, *_: object) -> None:
-        """Handle a signal."""
+        """Remember a signal, as its handler."""
         self._came = True
 
 

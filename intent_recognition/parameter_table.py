@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of all nodes, from one description: `parameters.yaml` beside this file.
+"""Parameters of all nodes, described once in `parameters.yaml` beside this file.
 
-Nodes declare them (`nodes.parameters.declare`), launch files refuse misspelt ones, and the
-reference shows them.
+Nodes declare them (`nodes.parameters.declare`), launch files reject misspelt ones, and the
+reference documentation lists them.
 """
 
 from collections.abc import Mapping
@@ -42,16 +42,16 @@ class ParameterSpec(NamedTuple):
     minimum: float | None = None  # smallest value allowed; None: any
     maximum: float | None = None  # largest value allowed; None: any
     live: bool = False  # whether it may change while the node runs
-    # its type, where the default is an empty list: "string_array" or "double_array"
+    # type if the default is an empty list: "string_array" or "double_array"
     kind: str = "string_array"
-    one_of: tuple[str, ...] = ()  # values allowed; empty: any
+    one_of: tuple[str, ...] = ()  # allowed values; empty: any
 
 
 @lru_cache(maxsize=1)
 def parameter_parts() -> Mapping[str, Mapping[str, ParameterSpec]]:
     """All parameters, by part and name."""
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    described = yaml.load(_FILE.read_text(encoding="utf-8"), loader)  # ours, and safe
+    described = yaml.load(_FILE.read_text(encoding="utf-8"), loader)  # our own file
     return {
         part: {name: _spec(**fields) for name, fields in parameters.items()}
         for part, parameters in described.items()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `.plot()` of estimates, predictions and libraries draws; matplotlib is loaded when drawn.
+"""Drawing for the methods `.plot()`; matplotlib is loaded only when they are called.
 
-Names may hold dollars, in which matplotlib would look for mathematics.
+Names may contain dollar signs, which must not start mathematical text.
 """
 
 from collections.abc import Sequence
@@ -17,21 +17,21 @@ from intent_recognition.errors import optional
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-else:  # so that annotations can be resolved without matplotlib
+else:  # lets annotations resolve without matplotlib
     Axes = Figure = Any
 
 
 def draw_bands(
     axes: Axes, times_s: Floats, mean: Floats, std: Floats, names: Sequence[str]
 ) -> None:
-    """Draw the mean of d DOFs over time, each in a band of two standard deviations.
+    """Draw the means of d DOFs over time, each with a band of two standard deviations.
 
     Args:
-        axes: to draw into.
-        times_s: (T,).
-        mean: (T, d).
-        std: (T, d).
-        names: of the DOFs.
+        axes: panel to draw into.
+        times_s: times (T,).
+        mean: means (T, d).
+        std: standard deviations (T, d).
+        names: names of the DOFs.
     """
     for k, name in enumerate(names):
         (line,) = axes.plot(times_s, mean[:, k], label=name)
@@ -42,7 +42,7 @@ def draw_bands(
 
 
 def name_lines(axes: Axes) -> None:
-    """Say beside a panel what its lines are."""
+    """Add a legend of the lines beside a panel."""
     anchor = 1.0, 0.5
     legend = axes.legend(fontsize="small", loc="center left", bbox_to_anchor=anchor, frameon=False)
     for text in legend.get_texts():
@@ -60,12 +60,12 @@ def draw_shares(axes: Axes, labels: Sequence[str], shares: Floats) -> None:
 
 
 def new_panels(n_rows: int = 1, n_columns: int = 1) -> tuple[Figure, NDArray[np.object_]]:
-    """A figure of pyplot, which shows and closes it, and its panels (n_rows, n_columns)."""
+    """A pyplot figure and its panels (n_rows, n_columns); pyplot shows and closes it."""
     pyplot = optional("matplotlib.pyplot")
     size = (max(5.0, 3.2 * n_columns), 2.4 * n_rows + 0.6)
     return pyplot.subplots(n_rows, n_columns, squeeze=False, figsize=size, layout="constrained")
 
 
 def by_unit(units: Sequence[str]) -> list[tuple[str, list[int]]]:
-    """Runs of neighbours with one unit, and which they are: what one panel can show."""
+    """Runs of consecutive equal units, with their indices; each run fits one panel."""
     return [(unit, list(run)) for unit, run in groupby(range(len(units)), lambda k: units[k])]

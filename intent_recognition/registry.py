@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The nodes of the package: where they are, what they do, and which topics and services they use.
+"""The nodes of the package: their modules, purposes, topics and services.
 
-One list feeds the executables (setup.py), the launch files, the policies of SROS 2 and the
-reference. This file imports nothing of ours, so that setup.py can run it before anything is
-installed.
+This list feeds the executables (setup.py), the launch files, the policies of SROS 2 and the
+reference. The file imports nothing from this package, so that setup.py can run it before anything
+is installed.
 """
 
 from collections.abc import Mapping
 from typing import NamedTuple
 
 BODY, HEARD, SAMPLED = "{body}", "{heard}", "{sampled}"
-"""Stand for each tracked body; for what the estimator hears of each DOF, and where it is from."""
+"""Placeholders: each tracked body; each DOF's topic for the estimator, and its recorded topic."""
 RECORDED = (
     "mocap/wrist/pose",
     "joint_states",
@@ -24,26 +24,27 @@ RECORDED = (
     "coworker/hand",
     "coworker/task",
 )
-"""Topics that `bag_recorder` records of a cell."""
+"""Topics of a cell that `bag_recorder` records."""
 OWN_TOPICS = ("intent/", "human/", "joint_trajectory", "clock", "diagnostics", "rosout")
-"""Topics that the nodes publish themselves; a recording must not be played onto them."""
+"""Topics that the nodes publish themselves, so that a recording must not be played on them."""
 ANSWERS = "clock_answers"
 """Topic on which each node tells the simulated clock what it has processed."""
 FRAMES = ("/tf", "/tf_static")
 """Topics with the frames of bodies and robots."""
 ARMS = ("lwr_sim", "arm_sim")
-"""Nodes of a simulated arm, of which one is started."""
+"""Nodes of simulated arms, of which one is started."""
 LEARNING = ("start", "stop", "learn", "discard", "keep", "undo")
 """Services of `task_teacher` that the page calls."""
 
 
 class RegisteredNode(NamedTuple):
-    """A node, and the names it uses beside those of every node; relative, `~/` is its own.
+    """A node and the names that it uses in addition to those of every node.
 
-    Names that only some of its parameters make it use are among them.
+    Names are relative; `~/` is the node's own namespace. They include names that the node uses only
+    with certain parameters.
     """
 
-    module: str  # whose `main` runs it
+    module: str  # module whose `main` runs the node
     does: str
     subscribes: tuple[str, ...] = ()
     publishes: tuple[str, ...] = ()
@@ -243,4 +244,4 @@ NODES: Mapping[str, RegisteredNode] = {
         publishes=("coworker/task", "mocap/wrist/pose"),
     ),
 }
-"""By the name of the executable, in the order of the reference."""
+"""Nodes by the name of the executable, in the order of the reference."""

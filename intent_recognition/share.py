@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The shipped files (config, bags), wherever the package was installed."""
+"""Location of shipped files (config, bags) for every way of installation."""
 
 import os
 import sys
@@ -11,7 +11,7 @@ PACKAGE = "intent_recognition"
 
 
 def source_tree() -> Path | None:
-    """The folder of the checkout that the package is run from; None of an installed package."""
+    """Root of the checkout from which the package runs; None for an installed package."""
     root = Path(__file__).resolve().parents[1]
     return root if (root / "package.xml").is_file() else None
 
@@ -19,11 +19,11 @@ def source_tree() -> Path | None:
 def share_path(relative: str) -> Path:
     """Path of a shipped file or folder, e.g. `share_path("bags/toolbox")`.
 
-    Looked for in the source tree (checkout, `pip install -e`), beside the installed package
-    (pip, colcon) and in the prefixes of `AMENT_PREFIX_PATH`, in this order.
+    Searches the source tree (checkout, `pip install -e`), then beside the installed package (pip,
+    colcon), then the prefixes of `AMENT_PREFIX_PATH`.
 
     Raises:
-        IntentError: it is in none of these places.
+        IntentError: the file is in none of these places.
     """
     root = source_tree()
     folders = [] if root is None else [root]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of strangers: regular, of bounded size; YAML, JSON, XML and arrays that cannot grow.
+"""Safe reading of untrusted files: regular files of bounded size; YAML, JSON, XML and arrays.
 
-Whatever is wrong with a file is an `UntrustedError`, whose text says what came in place of what was
-expected; the caller adds which file, and the cure.
+Every defect of a file raises an `UntrustedError`, whose text says what was found; the caller adds
+the file's name, what was expected and the cure.
 """
 
 import json
@@ -23,37 +23,37 @@ from intent_recognition.errors import ArgumentError, ModelError, describe
 Content = TypeVar("Content")
 
 MOST_TEXT = 4_000_000
-"""Bytes of a YAML or JSON text. Convention: the metadata of a thousand topics take 0.7 MB."""
+"""Largest YAML or JSON text [bytes]; the metadata of a thousand topics take 0.7 MB."""
 DEEPEST = 32
-"""Nesting of YAML and XML. Convention: a DOF file has 4 levels, a URDF 5, metadata.yaml 7."""
+"""Deepest nesting of YAML and XML; a DOF file has 4 levels, a URDF 5, metadata.yaml 7."""
 MOST_NODES = 100_000
-"""Nodes of YAML, with those that aliases repeat, and elements of XML. Convention: a thousand topics
-take 60 000, a thousand links 20 000."""
+"""Largest number of YAML nodes, including those repeated by aliases, or XML elements; a thousand
+topics take 60 000, a thousand links 20 000."""
 MOST_MESH = 200_000_000
-"""Bytes of a mesh or cloud. Convention: four million triangles."""
+"""Largest mesh or cloud [bytes]: four million triangles."""
 MOST_ARRAYS = 2**29
-"""Bytes of all arrays in an `.npz`, unpacked. Convention: a model of ten tasks takes 0.02 GB."""
+"""Largest size of all unpacked arrays in an `.npz` [bytes]; a model of ten tasks takes 0.02 GB."""
 LARGEST = 1e6
-"""Largest magnitude of a length, angle, mass or inertia, in SI units. Convention: beyond any arm or
-map, and single precision still draws it to 0.1."""
+"""Largest magnitude of a length, angle, mass or inertia, in SI units: beyond any arm or map, and
+still drawn to within 0.1 in single precision."""
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""The loader in C, where PyYAML was built with it: ten times as fast."""
+"""The C loader if PyYAML has it, which is ten times as fast."""
 
 
 class UntrustedError(ValueError):
-    """A file that is not what it should be; the text says what it is."""
+    """A file does not have the expected content; the text says what was found."""
 
 
 def check_regular(path: Path, most_bytes: int | None = None) -> None:
-    """Make sure that a path is a file that can be read to its end: no FIFO, device or folder.
+    """Require that a path is a regular file of bounded size: no FIFO, device or folder.
 
     Args:
-        path: of the file.
-        most_bytes: size allowed; None for any.
+        path: path of the file.
+        most_bytes: largest size; None for any.
 
     Raises:
-        OSError: nothing is there, or it may not be looked at.
-        UntrustedError: it is another thing, or too large.
+        OSError: the path does not exist or is not accessible.
+        UntrustedError: it is not a regular file, or too large.
     """
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):
@@ -63,11 +63,11 @@ def check_regular(path: Path, most_bytes: int | None = None) -> None:
 
 
 def read_text(path: Path, most_bytes: int = MOST_TEXT) -> str:
-    """The text of a file.
+    """Read a text file.
 
     Raises:
-        OSError: it cannot be read.
-        UntrustedError: it is no regular file, too large, or no UTF-8, or its name holds a NUL.
+        OSError: the file cannot be read.
+        UntrustedError: it is not a regular file, is too large, is not UTF-8, or its name has a NUL.
     """
     try:
         check_regular(path, most_bytes)
@@ -77,10 +77,10 @@ def read_text(path: Path, most_bytes: int = MOST_TEXT) -> str:
 
 
 def read_named(path: Path, argument: str, cure: str, parse: Callable[[str], Content]) -> Content:
-    """What is parsed from the text of the file that an argument names.
+    """Read the file that an argument names, and parse its text.
 
     Raises:
-        ArgumentError: there is none that could be used; says which file.
+        ArgumentError: the file cannot be read or parsed; names the file.
     """
     name = f"{argument} {path}".strip()
     try:
@@ -92,11 +92,11 @@ def read_named(path: Path, argument: str, cure: str, parse: Callable[[str], Cont
 
 
 def read_log(path: Path, start: int = 0) -> bytes:
-    """What a log of lines holds from a byte on.
+    """Read a log of lines from a byte offset on.
 
     Raises:
-        OSError: it cannot be read.
-        ModelError: it is no regular file, or too large.
+        OSError: the file cannot be read.
+        ModelError: it is not a regular file, or is too large.
     """
     try:
         check_regular(path, 100_000_000)  # 300,000 changes or executions
@@ -109,44 +109,44 @@ def read_log(path: Path, start: int = 0) -> bytes:
 
 
 def load_yaml(text: str) -> Any:
-    """Plain values of a YAML text.
+    """Parse a YAML text into plain values.
 
     Raises:
-        UntrustedError: it is no YAML, too deep, or aliases make it too large.
+        UntrustedError: it is not YAML, too deep, or too large with its aliases.
     """
     try:
         _check_events(text)
         return yaml.load(text, Loader=LOADER)
     except UntrustedError:
         raise
-    except Exception as error:  # dates, numbers and keys that are none raise what they meet
+    except Exception as error:  # constructors of dates, numbers and keys raise anything
         reason = " ".join(str(error).split()).replace(' in "<unicode string>",', " at")
         raise UntrustedError(f"none ({reason or type(error).__name__})") from error
 
 
 class YamlChecks(NamedTuple):
-    """Checks of what people write in YAML; what fails is an ArgumentError that names the place."""
+    """Checks of YAML written by people; failures raise an ArgumentError that names the place."""
 
-    cure: str  # last sentence of its message
+    cure: str  # last sentence of the messages
 
     def refuse(self, place: str, expected: str, got: object) -> NoReturn:
-        """Raise the error."""
+        """Raise the error for a place."""
         raise ArgumentError.about(place, expected, got, self.cure)
 
     def load(self, place: str, text: str) -> Any:
-        """As `load_yaml`."""
+        """Parse a YAML text with `load_yaml`."""
         try:
             return load_yaml(text)
         except UntrustedError as error:
             self.refuse(place, "YAML", error)
 
     def keys(self, place: str, content: Iterable[object], known: Collection[str]) -> None:
-        """Make sure that all keys of a mapping are known."""
+        """Require that all keys of a mapping are known."""
         if unknown := sorted(set(map(str, content)).difference(known)):
             self.refuse(place, f"keys of {', '.join(known)}", ", ".join(unknown))
 
     def number(self, place: str, value: Any, least: float = -math.inf) -> float:
-        """A finite number, not below the least."""
+        """Return a finite number that is at least `least`."""
         is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
         if not is_number or not math.isfinite(value) or value < least:
             limit = "" if least == -math.inf else f" from {least:g} on"
@@ -155,10 +155,10 @@ class YamlChecks(NamedTuple):
 
 
 def load_json(text: str) -> Any:
-    """Plain values of a JSON text.
+    """Parse a JSON text into plain values.
 
     Raises:
-        UntrustedError: it is no JSON, too deep or too large.
+        UntrustedError: it is not JSON, too deep or too large.
     """
     if len(text) > MOST_TEXT:
         raise UntrustedError(f"{len(text)} characters, more than {MOST_TEXT}")
@@ -169,21 +169,21 @@ def load_json(text: str) -> Any:
 
 
 def load_xml(text: str) -> ET.Element:
-    """The root of an XML text without a document type: no entities, nothing that is elsewhere.
+    """Parse an XML text without a document type, and so without entities or external references.
 
     Raises:
-        UntrustedError: it is no XML, has a document type, is too deep or too large.
+        UntrustedError: it is not XML, has a document type, or is too deep or too large.
     """
     try:
         return ET.fromstring(text, ET.XMLParser(target=_BoundedTree()))
     except UntrustedError:
         raise
-    except (ET.ParseError, ValueError, LookupError) as error:  # encodings that there are not
+    except (ET.ParseError, ValueError, LookupError) as error:  # unknown encodings
         raise UntrustedError(f"broken XML: {error}") from error
 
 
 class _BoundedTree(ET.TreeBuilder):
-    """Builds a tree as long as it is small."""
+    """Builds a tree while its size is within bounds."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -206,11 +206,11 @@ class _BoundedTree(ET.TreeBuilder):
 
 
 def check_archive(path: Path) -> None:
-    """Make sure that an `.npz` is a regular file and unpacks to a bounded size.
+    """Require that an `.npz` is a regular file that unpacks to a bounded size.
 
     Raises:
-        OSError: nothing is there, or it cannot be read.
-        UntrustedError: it is another thing, or too large.
+        OSError: the file does not exist or cannot be read.
+        UntrustedError: it is not an archive, or too large.
     """
     check_regular(path)
     try:
@@ -223,11 +223,11 @@ def check_archive(path: Path) -> None:
 
 
 def read_arrays(path: Path, wanted: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
-    """The arrays of an `.npz` without pickled objects: all, or those wanted that it has.
+    """Read arrays of an `.npz` without pickled objects: all of them, or the wanted ones it has.
 
     Raises:
-        OSError: nothing is there, or it may not be read.
-        UntrustedError: it is another thing, damaged, or too large.
+        OSError: the file does not exist or cannot be read.
+        UntrustedError: it is not an archive of arrays, damaged, or too large.
     """
     found, at = dict[str, NDArray[Any]](), ""
     check_archive(path)
@@ -238,7 +238,7 @@ def read_arrays(path: Path, wanted: Collection[str] | None = None) -> dict[str, 
                 found[at] = archive[at]
     except (OSError, MemoryError):
         raise
-    except Exception as error:  # numpy and zipfile raise many kinds for what is no archive
+    except Exception as error:  # numpy and zipfile raise many kinds for invalid archives
         is_pickled = "pickle" in str(error)
         got = f"pickled objects {at}".strip() if is_pickled else "another file, or a damaged one"
         raise UntrustedError(got) from error
@@ -248,9 +248,9 @@ def read_arrays(path: Path, wanted: Collection[str] | None = None) -> dict[str, 
 
 
 def _check_events(text: str) -> None:
-    """Bound depth, nodes and numbers before anything is built: the loaders recurse."""
-    sizes: dict[str, int] = {}  # nodes under each anchor
-    open_: list[tuple[str | None, int]] = []  # anchor, and nodes before it
+    """Check depth, nodes and numbers before anything is built: the loaders recurse."""
+    sizes: dict[str, int] = {}  # number of nodes below each anchor
+    open_: list[tuple[str | None, int]] = []  # anchor, and number of nodes before it
     nodes = 0
     for event in yaml.parse(text, Loader=LOADER):
         anchor = getattr(event, "anchor", None)
