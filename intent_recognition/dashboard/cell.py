@@ -246,8 +246,8 @@ class CellState:
     @property
     def waiting(self) -> int:
         """How many recordings the teacher has not learned yet."""
-        told = [health.values.get(WAITING, "") for health in self.nodes.values()]
-        return sum(int(n) for n in told if n.isdecimal())
+        counts = [health.values.get(WAITING, "") for health in self.nodes.values()]
+        return sum(int(n) for n in counts if n.isdecimal())
 
     @property
     def can_undo(self) -> bool:

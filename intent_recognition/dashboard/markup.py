@@ -118,14 +118,14 @@ def now_line(state: CellState, colours: Mapping[str, str], people: Mapping[str, 
     return _block(f'<div class="i-now">{rows}</div>')
 
 
-def plan(of: WorkPlan | None, progress: Mapping[str, str]) -> str:
+def plan(work_plan: WorkPlan | None, progress: Mapping[str, str]) -> str:
     """The steps of an assembly, the state of each, and the steps it waits for."""
-    if of is None:
+    if work_plan is None:
         return ""
-    names, before = of.names, of.before > LIKELY_BEFORE
+    names, before = work_plan.names, work_plan.before > LIKELY_BEFORE
     direct = before & ~(before @ before)
     lines = []
-    for k, step in enumerate(of.steps):
+    for k, step in enumerate(work_plan.steps):
         now = progress.get(step.name, "")
         mark, colour, weight = STEP_LOOKS.get(now, ("", SOFT, "400"))
         after = [readable(name) for name, waits in zip(names, direct[:, k], strict=True) if waits]
@@ -137,19 +137,19 @@ def plan(of: WorkPlan | None, progress: Mapping[str, str]) -> str:
     return _block("".join(lines))
 
 
-def transfer(of: TransferState, fresh: bool) -> str:
+def transfer(state: TransferState, fresh: bool) -> str:
     """The handover's state and present forces, in their curves' colours; grey if old."""
-    told = [f"handover: <b>{escape(of.holding)}</b>"] if of.holding else []
-    offered = of.holding in (Holding.OFFERING.value, Holding.RELEASING.value)
-    told += [f"the person carries {of.felt[SHARE]:.0%}"] if offered else []
-    told += [f'<b style="color:{BAD}">slips</b>'] if of.felt.get(SLIP) else []
+    remarks = [f"handover: <b>{escape(state.holding)}</b>"] if state.holding else []
+    offered = state.holding in (Holding.OFFERING.value, Holding.RELEASING.value)
+    remarks += [f"the person carries {state.felt[SHARE]:.0%}"] if offered else []
+    remarks += [f'<b style="color:{BAD}">slips</b>'] if state.felt.get(SLIP) else []
     forces = [
         f'<span style="color:{colour if fresh else STALE}">&#9632;</span>'
         f" {readable(name)} {value:.1f} N"
         for name, colour in FORCE_COLOURS.items()
-        if (value := of.newest(name)) is not None
+        if (value := state.newest(name)) is not None
     ]
-    rows = [_in_a_row(parts) for parts in (told, forces) if parts]
+    rows = [_in_a_row(parts) for parts in (remarks, forces) if parts]
     return _block("".join(rows)) if rows else ""
 
 
@@ -231,8 +231,8 @@ def _node(name: str, health: NodeHealth, now_s: float) -> str:
     silent = health.silent_s(now_s)
     alarm = silent and not may_end(name)
     colour = BAD if alarm else STALE if silent else LEVELS.get(health.level, STALE)
-    told = f"ended: {escape(health.message)}" if health.ended else f"silent for {silent:.0f} s"
-    message = told if silent else escape(health.message)
+    silence = f"ended: {escape(health.message)}" if health.ended else f"silent for {silent:.0f} s"
+    message = silence if silent else escape(health.message)
     details = "" if silent else _details(health.values)
     return (
         f'<div class="i-node" style="border-color:{colour}">'

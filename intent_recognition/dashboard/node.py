@@ -95,8 +95,8 @@ class Dashboard(Node):
         """Play the topics that nobody else publishes, restamped; a body as the first person's."""
         stored = [topic.lstrip("/") for topic in BagReader(bag, tolerant=True).topics]
         topics = self.state.pose_topics(self._body)
-        heard = {topic: topic for topic in stored} | {topics[0]: topics[-1]}
-        free = [t for t in stored if t not in NEVER_PLAYED and not self.count_publishers(heard[t])]
+        played = {topic: topic for topic in stored} | {topics[0]: topics[-1]}
+        free = [t for t in stored if t not in NEVER_PLAYED and not self.count_publishers(played[t])]
         if not free:
             cure = "Untick Take the wrist on the tab Teach, or stop the nodes that publish them."
             taken = ", ".join(stored)

@@ -113,13 +113,13 @@ class CellSubscriptions:
         return True
 
     def _hear_estimator(self, name: str) -> None:
-        of = f"intent/{name}/" if name else "intent/"
+        prefix = f"intent/{name}/" if name else "intent/"
         person = self._state.people[name]  # queued messages may come after its removal
         predicted = partial(self._on_predicted, person)
         self._beliefs[name] = self._subscribe(
-            (JointState, f"{of}tasks", partial(self._on_tasks, person), qos.STATE),
-            (JointTrajectory, f"{of}robot_trajectory", predicted, qos.COMMAND),
-            (MarkerArray, f"{of}markers", partial(self._on_markers, person), qos.COMMAND),
+            (JointState, f"{prefix}tasks", partial(self._on_tasks, person), qos.STATE),
+            (JointTrajectory, f"{prefix}robot_trajectory", predicted, qos.COMMAND),
+            (MarkerArray, f"{prefix}markers", partial(self._on_markers, person), qos.COMMAND),
         )
 
     def _subscribe(self, *inputs: tuple) -> list[Subscription]:
@@ -188,7 +188,7 @@ class CellSubscriptions:
         self._state.take_active(checked_text("data", message.data))
 
     def _on_feedback(self, message: DiagnosticStatus) -> None:
-        _, values = _told(message)
+        _, values = _status_content(message)
         if OUTCOME in values:
             self._state.take_outcome(checked_text("name", message.name), values[OUTCOME])
 
@@ -199,11 +199,11 @@ class CellSubscriptions:
     def _on_plan(self, message: DiagnosticStatus) -> None:
         steps = [pair for pair in message.values if pair.key != "yaml"]
         texts = [pair.value for pair in message.values if pair.key == "yaml"]
-        _, told = _told(DiagnosticStatus(message=message.message, values=steps))
+        _, content = _status_content(DiagnosticStatus(message=message.message, values=steps))
         plan = read_plan(checked_text("yaml", texts[0], 100_000)) if texts else None
         checked_names("step", plan.names if plan else ())
         self._state.plan = plan
-        self._state.progress = {step: what.rpartition(" ")[0] for step, what in told.items()}
+        self._state.progress = {step: what.rpartition(" ")[0] for step, what in content.items()}
 
     def _text(self, field: str) -> Callable[[String], None]:
         """A callback that stores the newest text of a topic in a field of the state."""
@@ -225,7 +225,7 @@ class CellSubscriptions:
             name = checked_text("name", status.name)
             known = name in nodes or len(nodes) < MOST_NAMES
             check("status", f"at most {MOST_NAMES} nodes", known, f"{name}, too")
-            text, values = _told(status)
+            text, values = _status_content(status)
             level = int.from_bytes(status.level, "little")
             nodes[name] = NodeHealth(level, text, values, now_s, ENDED in values)
 
@@ -233,12 +233,12 @@ class CellSubscriptions:
         check_count("status", message.status, 2000, "changes")
         skills: dict[str, list[SkillRow]] = {}
         for status in message.status:
-            row = SkillRow(*_told(status))
+            row = SkillRow(*_status_content(status))
             skills.setdefault(checked_text("name", status.name), []).append(row)
         self._state.skills = skills
 
 
-def _told(status: DiagnosticStatus) -> tuple[str, dict[str, str]]:
+def _status_content(status: DiagnosticStatus) -> tuple[str, dict[str, str]]:
     """Message and values of a status."""
     check_count("values", status.values, 200, "rows")
     text = checked_text("message", status.message, LONGEST_SENTENCE)

@@ -75,7 +75,7 @@ def follow_online(
     phase_known: bool = False,
 ) -> Iterator[Decided]:
     """Estimate and decision after each observation; the arguments are those of `run_online`."""
-    estimator = _told(library, recorded) if phase_known else IntentEstimator(library)
+    estimator = _phase_aware(library, recorded) if phase_known else IntentEstimator(library)
     return decisions(estimator, settings, _estimates(estimator, recorded, phase_known))
 
 
@@ -133,13 +133,13 @@ def where_both_were_recorded(recorded: Demonstration) -> Demonstration:
     return replace(recorded, start_ns=start_ns, end_ns=end_ns)
 
 
-def _told(library: TaskLibrary, recorded: Demonstration) -> IntentEstimator:
+def _phase_aware(library: TaskLibrary, recorded: Demonstration) -> IntentEstimator:
     """An estimator that knows start and duration of the movement."""
     log_duration = np.log(recorded.duration_s)
     sure_std = 1e-6
     sure = np.full(library.n_tasks, sure_std)
     # any speed counts as motion
-    told = replace(
+    informed = replace(
         library,
         log_duration_mean=np.full(library.n_tasks, log_duration),
         log_duration_std=sure,
@@ -147,7 +147,7 @@ def _told(library: TaskLibrary, recorded: Demonstration) -> IntentEstimator:
         none_log_duration=np.array([log_duration, sure_std]),
         onset=tuple(replace(own, reference_speed=1e-9) for own in library.onset),
     )
-    return IntentEstimator(told, n_scales=1)
+    return IntentEstimator(informed, n_scales=1)
 
 
 def summarise_online(outcomes: Sequence[OnlineOutcome]) -> dict[str, float | None]:

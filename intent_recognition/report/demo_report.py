@@ -206,17 +206,17 @@ def _who(summary: DemoSummary) -> str:
 
 
 OF_ARM: tuple[tuple[html.Column, Callable[[DemoSummary, list[float]], object]], ...] = (
-    (html.Column("recognised"), lambda of, _: f"{of.recognised_right}/{of.n}"),
-    (html.Column("before the end"), lambda of, _: f"{of.decided_before_end}/{of.n}"),
-    (html.Column("median decision", form=".0%"), lambda of, _: of.median_decision_share),
+    (html.Column("recognised"), lambda summary, _: f"{summary.recognised_right}/{summary.n}"),
+    (html.Column("before the end"), lambda summary, _: f"{summary.decided_before_end}/{summary.n}"),
+    (html.Column("median decision", form=".0%"), lambda summary, _: summary.median_decision_share),
     (
         html.Column("hand error", "cm"),
-        lambda of, _: hand_error_text(of.hand_error).removesuffix(" cm"),
+        lambda summary, _: hand_error_text(summary.hand_error).removesuffix(" cm"),
     ),
     (html.Column("median hand error", "cm", form=".1f"), lambda _, cm: median(cm) if cm else None),
     (html.Column("largest", "cm", form=".1f"), lambda _, cm: max(cm, default=None)),
-    (html.Column("median arrival", "s", form="+.2f"), lambda of, _: of.median_arrival_s),
-    (html.Column("latest", "s", form="+.2f"), lambda of, _: of.latest_arrival_s),
+    (html.Column("median arrival", "s", form="+.2f"), lambda summary, _: summary.median_arrival_s),
+    (html.Column("latest", "s", form="+.2f"), lambda summary, _: summary.latest_arrival_s),
 )
 """Columns of the table of arms: heading, and value from a summary and its hand errors [cm]."""
 CAPTION = (
