@@ -128,7 +128,7 @@ def as_path(argument: str, value: object) -> Path:
         ArgumentError: it is not a path.
     """
     if not isinstance(value, str | PathLike):
-        cure = "Pass where the file or the folder is."
+        cure = "Pass the path of the file or folder."
         raise ArgumentError.about(argument, "a path", f"one of type {type(value).__name__}", cure)
     return Path(value)
 

@@ -4,31 +4,31 @@ assemble a toolbox with the arm's help. Needs ROS 2.
 
 what happens:
 --scenario         toolbox (default): hand over parts; cell: two people, one work plan of 20 steps,
-                   boxes on the arm's way; assembly: the arm takes the place of the second of two
-                   people; pouring: --interactions pours (default: 2) with containers it was not
-                   taught with
---pour AMOUNT      how much is poured: empty (default), full or millilitres
+                   boxes in the arm's way; assembly: the arm replaces the second of two people;
+                   pouring: --interactions pours (default: 2) between containers it was not taught
+                   with
+--pour AMOUNT      amount to pour: empty (default), full or millilitres
 --pair CUP,SECOND  pour between these containers only, such as tea_cup,paper_cup
 --task-list F      labels separated by commas, OLD>NEW@SHARE for a reach whose goal changes, a file
                    of them, 'habit' (default: the usual order, with variation) or 'random'
---interactions N   number of interactions (default: those of the list; 40 with habit or random)
---changes N        the coworker changes his mind in N of them (default: 0)
---arm ARM          lwr (default), panda, iiwa, xarm, or the path of a URDF or xacro file; the others
-                   do with their hands what the LWR was taught. Several, separated by commas, run in
+--interactions N   number of interactions (default: as in the list; 40 with habit or random)
+--changes N        the coworker changes to another task in N of them (default: 0)
+--arm ARM          lwr (default), panda, iiwa, xarm, or the path of a URDF or xacro file; other arms
+                   move their hands as the LWR was taught. Several, separated by commas, run in
                    turn
 --tip LINK         the arm's hand, where there are two arms (default: the end of the branch with the
                    most joints, before the gripper)
 --base LINK        where the arm begins: joints before it, such as a lift, are held at zero
                    (default: the root)
---transfers        fingers and the worker's hand hold the objects by force; else hands are empty
+--transfers        fingers and the worker's hand hold objects by force; else hands are empty
                    (default: unless --arm is a path)
 --seed SEED        random seed of the session (default: 1)
 --sequences F      YAML file of sequences, in which the arm may begin a step by itself
---params F         ROS 2 parameter file (YAML), over the parameters that the demo sets
---no-anticipation  do not use the usual order of tasks, nor go ahead
+--params F         ROS 2 parameter file (YAML) that overrides the demo's parameters
+--no-anticipation  ignore the usual order of tasks and never act in advance
 --rate X           speed of simulated time; 1 is real time (default: 1.5, with --dashboard 1.0)
 --model M.npz      use this model (pouring: this skill) instead of training one
---recordings BAGS  play the people of these recordings in real time, in place of the coworker, with
+--recordings BAGS  play the people of these recordings in real time instead of the coworker, with
                    the --model learned from such recordings
 
 what is shown:
@@ -47,26 +47,26 @@ intent demo --dashboard
 intent demo --headless --interactions 5 --seed 2
 # keep the session and its numbers
 intent demo --headless --record out/session --json out/numbers.json
-# the coworker changes his mind in ten of forty interactions
+# the coworker changes to another task in ten of forty interactions
 intent demo --headless --changes 10
 # another arm does what the LWR was taught
-intent demo --arm panda
+# the left arm of a robot with two arms
 # the left one of a robot with two arms
 intent demo --arm robot.urdf --base torso --tip left_gripper
 # four arms, and one report of all
 intent demo --arm lwr,panda,iiwa,xarm
 # two people, a work plan, and boxes on the way
 intent demo --scenario cell --arm panda
-# an arm in the second of two people's place
+# the arm replaces one of two people
 intent demo --scenario assembly --arm panda
-# a task made of parts: the arm goes on by itself
+# a sequence of parts, which the arm continues by itself
 intent demo --sequences config/examples/toolbox_sequence.yaml --headless
   --task-list plate_handover,plate_handover,screw_handover
-# what was learned from recordings of your own, as their people move
+# recorded people, and a model of your own
 intent demo --arm panda --dashboard --model mine.npz --recordings held_out
 # the arm pours with other cups and bowls
 intent demo --scenario pouring
-# no more than 25 millilitres of it
+# only 25 millilitres
 intent demo --scenario pouring --pour 25
 """
 

@@ -83,7 +83,7 @@ def run_recordings(args: argparse.Namespace, console: Console) -> int:
         if args.dashboard:
             watch.until(lambda: answers(page_address(args)), START_S, "the page")
             say(console, f"the page is at {page_address(args)}")
-            say(console, "the recordings are played again and again until Ctrl-C")
+            say(console, "the recordings repeat until Ctrl-C")
         with suppress(KeyboardInterrupt):
             for bag in cycle(bags) if args.dashboard else bags:
                 say(console, f"playing {bag}")
@@ -229,7 +229,7 @@ def _report(args: argparse.Namespace, shown: Sequence[Shown], console: Console) 
     right = sum(bool(one.task) and one.task == one.label for one in shown)
     off = [one.off_cm for one in shown if np.isfinite(one.off_cm)]
     if right < len(shown):
-        say(console, "people move in real time, which a busy machine cannot follow; without it:")
+        say(console, "a busy machine may be too slow for real time; to evaluate without it:")
         say(console, f"  intent rehearse {quote(str(args.model))} {quote(str(args.recordings))}")
     by_hand = f", hand off by {np.mean(off):.1f} cm on average" if off else ""
     console.file.write(f"acted on as labelled {right}/{len(shown)}{by_hand}\n")

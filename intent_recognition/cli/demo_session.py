@@ -98,7 +98,7 @@ def begin_library(library: Path, model: Path, console: Console) -> None:
     library.rename(kept)
     say(
         console,
-        f"what the page was taught before is kept in {kept}; --model {kept / LIBRARY_MODEL} has it",
+        f"tasks taught on the page before are in {kept}; use --model {kept / LIBRARY_MODEL}",
     )
 
 
@@ -157,7 +157,7 @@ def _run_graph(
         if args.dashboard:
             begin_library(args.output / LIBRARY, model, console)
         _start_nodes(args, calls, observer, watch)
-        console.print("the nodes found one another; the session begins")
+        console.print("the nodes have found each other; the session begins")
         if args.dashboard:
             watch.until(lambda: answers(page_address(args)), START_S, "the page")
             say(console, f"the page is at {page_address(args)}")
@@ -170,7 +170,7 @@ def _run_graph(
             watch.until_interrupted()
         console.print(f"simulated time ran at {pace:.2f} x real time")
         if unanswered := watch.heartbeats.unanswered:
-            say(console, f"{unanswered} did not answer for 10 s, and time went on without")
+            say(console, f"{unanswered} did not answer for 10 s; simulated time went on")
         return logs, {
             "simulated time per real time": round(pace, 2),
             "did not answer for 10 s": unanswered or "none",

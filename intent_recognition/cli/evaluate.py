@@ -9,7 +9,7 @@ what is scored:
 --test FOLDER    the same as --protocol holdout:FOLDER
 --start-posture  whether predictions use the posture in which the controlled agent starts (default:
                  off)
---unknown-tasks  also leave every task out in turn: are its movements taken for another's? (default:
+--unknown-tasks  also leave each task out in turn: are its movements taken for others? (default:
                  on)
 
 what is written:

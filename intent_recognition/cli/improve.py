@@ -14,7 +14,7 @@ task TASK         `pouring`, or the label of a task in --library
 for a task of a library:
 --beside X Y Z  where the robot's hand should end, from where the person's comes to rest [m], along
                 the axes of the arm's base (default: as demonstrated)
---moved X Y Z   move that place by so much [m] (default: 0 0 0)
+--moved X Y Z   offset added to that place [m] (default: 0 0 0)
 --robot URDF    URDF of the arm that was taught (default: the LWR)
 
 for pouring:
@@ -30,11 +30,11 @@ for pouring:
 intent improve pouring --short 0.9
 # bring the plate earlier
 intent improve plate_handover --library tasks --cost time
-# with a cost of one's own
+# with your own cost
 intent improve pouring --cost my_cost.py
 # say up or down after each pour
 intent improve pouring --cost thumbs
-# take over what it has come to
+# accept the result
 intent improve pouring --short 0.9 --accept
 """
 
@@ -127,7 +127,7 @@ def _practise(session: PracticeSession, rollouts: int, console: Console) -> None
                 bar.advance(task)
                 bar.update(task, description=f"practising, last cost {tried.cost:.3g}")
     except KeyboardInterrupt:
-        done = f"stopped after {len(session.tried)} rollouts; the same command goes on from there"
+        done = f"stopped after {len(session.tried)} rollouts; the same command continues"
         sys.stderr.write(f"{done}\n")
         raise
 

@@ -75,7 +75,7 @@ def undo(args: argparse.Namespace, console: Console) -> str:
     """Undo the last accepted practice; return the new state in words."""
     if not is_pouring(args):
         folder, task = _folder(args), args.task
-        what = f"took practice of {task} back"
+        what = f"undid practice of {task}"
         return _changed(args, console, folder, partial(undo_practice, folder, task), what)
     return _undo_pouring(args.output or PRACTICE_FOLDER)
 
@@ -86,7 +86,7 @@ def _undo_pouring(folder: Path) -> str:
         raise ModelError.about(str(folder), "an accepted skill", "none", cure)
     if (folder / BEFORE).exists():
         (folder / BEFORE).replace(folder / SKILL)
-        return f"{folder}: the skill accepted before is back"
+        return f"{folder}: restored the skill accepted before"
     (folder / SKILL).unlink()
     return f"{folder}: nothing is accepted now"
 
@@ -182,15 +182,15 @@ def _changed(
     """Change a folder of tasks and hand the model to a running estimator; return the status."""
     if find_spec("rclpy") is None:
         change()
-        return f"{what}; no estimator was asked, for ROS 2 is not here"
+        return f"{what}; no estimator was notified: ROS 2 is not installed"
     args.library = folder.path
     with teacher_node(args) as (teacher, spin):
         if spin(teacher.estimator_runs, FOUND_S):
             spin(lambda: teacher.loaded is not None, HANDED_OVER_S)
             if not teacher.knows_loaded():
                 change()
-                runs = teacher.loaded or "a model that it does not tell"
-                return f"{what}; used by nobody: the estimator runs {runs}, and goes on with it"
+                runs = teacher.loaded or "an unknown model"
+                return f"{what}; not in use: the estimator runs {runs}"
         return wait_until_used(teacher, spin, console, teacher.changed(change(), what))
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Show what is in a bag (topics, rates, gaps, outliers, labels), in each bag of a folder, or in a
-model (tasks, degrees of freedom, timing, noise, provenance); of a library of tasks, how each
-task has done since each change. The exit code is 1 if a bag is damaged.
+"""Show the content of a bag (topics, rates, gaps, outliers, labels), of each bag of a folder, or
+of a model (tasks, degrees of freedom, timing, noise, provenance); of a library, each task's results
+since each change. The exit code is 1 if a bag is damaged.
 
 paths BAG|MODEL|TASKS...  a bag, a folder of bags, a model, or a library of tasks; any number
 --dofs F                  DOF file whose streams are checked (default: all tracked bodies and

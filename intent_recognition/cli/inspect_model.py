@@ -16,7 +16,7 @@ from intent_recognition.recognition import learned_risk
 MEANINGS: Mapping[str, Mapping[str, str]] = {
     "settings": {"ridge": " (smoothness of what is learned)"},
     "chosen": {
-        "ridge": " (of slopes from demonstrations alone; 0: others)",
+        "ridge": " (of slopes from demonstrations alone; 0: other slopes)",
         "score": " (of log loss and error, less is better)",
     },
 }

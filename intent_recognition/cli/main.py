@@ -25,7 +25,7 @@ from intent_recognition.interrupts import (
 
 CURES = {
     MemoryError: "Give it fewer or smaller files, or more memory.",
-    OSError: "Check that path, who may use it, and the free space.",
+    OSError: "Check the path, its permissions and the free space.",
 }
 """Cures for errors that name none themselves."""
 

@@ -65,7 +65,7 @@ def check_output(option: str, path: Path | None) -> None:
 def check_new(path: Path, text: str) -> None:
     """Refuse an `--output` at which a different text exists, before anything is written."""
     if path.exists() and path.read_bytes() != text.encode():
-        got, cure = f"{path}, which says something else", "Choose another, or delete it."
+        got, cure = f"{path}, which has other content", "Choose another, or delete it."
         raise ResourceBusyError.about("--output", "a new file", got, cure)
 
 

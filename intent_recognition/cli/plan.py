@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Learn the plan of an assembly from a few sessions: its steps, their order, who does them and what
-they take. The estimator's parameter `plan` takes it (docs/plans.md).
+they take. Pass it to the estimator as the parameter `plan` (docs/plans.md).
 
 # from session bags in which boxes are built one after the other
 intent plan learn bags/sessions --first plate_handover --output box.yaml
 # from written sessions
 intent plan learn sessions.yaml --output shelf.yaml
-# what it says
+# print it
 intent plan show shelf.yaml
 """
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write a whole new bag with every message of a truncated or damaged MCAP recording whose checksum
-holds. The damaged recording is not changed.
+"""Write a new bag with every message of a truncated or damaged MCAP recording that passes its
+checksum. The damaged recording is not changed.
 
 bag BAG       bag directory or .mcap file
 --output BAG  directory of the new bag

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Follow labelled recordings that a model was not trained on as the nodes would: how many are acted
-on wrongly or missed, how long decisions take, the worst moments, what to demonstrate next.
+"""Run a model on labelled recordings that it was not trained on, as the nodes would: wrong and
+missed actions, decision times, the worst moments, what to demonstrate next.
 
 model M.npz        model that `intent train` wrote
 bags BAG...        a labelled bag, a folder of them, or a session bag; any number

@@ -7,7 +7,7 @@ session SESSION  one bag, or its .mcap file
 --output BAGS    folder of the new bags (default: %(default)s)
 --json OUT       the segments
 
-# cut at the rests of both agents, then find out which tasks there are
+# cut where both agents rest, then find the tasks
 intent segment sessions/monday --unlabelled --output demos
 # then learn from them
 intent train demos --unlabelled --output model.npz

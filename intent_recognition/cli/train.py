@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Learn a library of tasks from labelled demonstrations, and write it to one file. What could not
-be used is named.
+"""Learn a library of tasks from labelled demonstrations, write it to one file, and name what could
+not be used.
 
 what is written:
 --output M.npz  model file to write
@@ -9,7 +9,7 @@ what is written:
 the order of tasks:
 --sessions DIR...  session bags, or folders of them, from which to learn which task follows which
 
-more demonstrations for a model that is there:
+more demonstrations for an existing model:
 --add M.npz     add the bags to this model, which keeps its DOFs, basis, onset thresholds and
                 regularisation
 --choose-again  with --add: choose the regularisation again
@@ -224,7 +224,7 @@ def with_sessions(model: Model, sessions: Sequence[Path], console: Console) -> M
     learned = replace(library, transition_prior=smoothed_transitions(counts), provenance=provenance)
     unknown = {t for sequence in sequences for t in sequence.tasks} - set(library.labels)
     for label in sorted(unknown):
-        say(console, f"passed over in sessions: {label}, no task of the model", "yellow")
+        say(console, f"ignored in sessions: {label}, which is no task of the model", "yellow")
     print_transitions(console, learned, int(counts.sum()))
     return replace(model, library=learned)
 

@@ -36,7 +36,7 @@ BY_POINTER = (
     "Drag the wrist again: the robot should help.",
 )
 NO_TEACHER = (
-    "The demo brings a teacher along: `intent demo --dashboard`",
+    "The demo starts a teacher: `intent demo --dashboard`",
     "Or start one:"
     " `ros2 run intent_recognition task_teacher --ros-args -p library:=tasks -p model:=M.npz`",
 )
@@ -44,7 +44,7 @@ OTHERS = ("With the demo: wait until the coworker is done.", "With a tracker: st
 NO_ARM = "No arm that can be moved from here publishes its joint states."
 ARMS = (
     "It must take `joint_trajectory`: the demo has one.",
-    "Others than the LWR need a URDF on `robot_description`, and pinocchio (`pip install pin`).",
+    "Other arms than the LWR need a URDF on `robot_description` and pinocchio (`pip install pin`).",
 )
 
 
@@ -107,7 +107,7 @@ class TeachTab:
     def _obstacle(self, teacher: bool, taken: bool) -> str:
         """What prevents recording and how to mend it; empty if nothing does."""
         if not teacher:
-            return markup.ways("Nobody records yet.", NO_TEACHER)
+            return markup.ways("No teacher is running.", NO_TEACHER)
         if not taken and self._teleoperation.others_move_wrist():
             return markup.ways("Another node moves the wrist.", OTHERS)
         if not self._teleoperation.can_move_arm():

@@ -167,7 +167,7 @@ class Teleoperation:
         arm = self._find()
         if arm is None:
             got, cure = self.arm_problem or "none", "See the tab Teach."
-            raise KinematicsError.about("joint_states", "those of an arm", got, cure)
+            raise KinematicsError.about("joint_states", "joint states of an arm", got, cure)
         return arm
 
     def play(

@@ -172,8 +172,8 @@ def _wind(solid: "trimesh.Trimesh") -> None:
         trimesh.repair.fix_winding(solid)
         if not solid.is_winding_consistent:
             cure = "Make its normals consistent in a mesh editor, all outward."
-            got = "some that cannot be turned so"
-            raise ArgumentError.about("mesh", "triangles wound to one side", got, cure)
+            got = "some that cannot be turned"
+            raise ArgumentError.about("mesh", "triangles that all face outward", got, cure)
     if solid.is_watertight and solid.body_count > 1:
         trimesh.repair.fix_inversion(solid, multibody=True)
     elif solid.volume < 0.0:

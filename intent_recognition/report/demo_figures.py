@@ -28,11 +28,11 @@ POSTERIORS = (
     " median, ticks at the top the decisions."
 )
 RELIABILITY = (
-    "Are the probabilities to be believed? Every posterior since the onset was noticed, pooled;"
+    "Are the probabilities calibrated? All posteriors since the onset was detected, pooled;"
     " those of one interaction are not independent."
 )
 TRANSFER = (
-    "The object changes hands: the person's force on it in truth, the load that the robot feels,"
+    "The object changes hands: the person's true force on it, the load that the robot feels,"
     " and the force of its fingers; below: the person's share of the load, as felt."
 )
 

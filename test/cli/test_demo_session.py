@@ -36,7 +36,7 @@ def test_each_session_begins_with_the_estimators_model_and_keeps_what_was_taught
     first = library.with_name("tasks_1")
     said = begin(library, library.with_name("model.npz"))
     assert said == (
-        f"what the page was taught before is kept in {first}; --model {first}/model.npz has it\n"
+        f"tasks taught on the page before are in {first}; use --model {first}/model.npz\n"
     )
     assert not library.exists() and (first / "model.npz").read_text() == "taught"
     library.mkdir()

@@ -136,7 +136,7 @@ def test_practice_is_given_to_an_estimator_of_its_library_alone(harness, tmp_pat
     assert command.process.returncode == 0
     assert folder.history()[-1].action == "undo"
     assert (estimator._model is not model) == own
-    wanted = "in use by intent_estimator" if own else f"used by nobody: the estimator runs {runs}"
+    wanted = "in use by intent_estimator" if own else f"not in use: the estimator runs {runs}"
     assert wanted in told
 
 

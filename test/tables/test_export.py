@@ -112,7 +112,7 @@ def test_a_map_that_was_edited_by_hand_is_kept(repository, tmp_path, capsys):
     (tmp_path / "a.map.yaml").write_text("by hand", encoding="utf-8")
     table.write_text("older", encoding="utf-8")
     assert main([*command, str(table)]) == 1
-    assert "a.map.yaml, which says something else" in capsys.readouterr().err
+    assert "a.map.yaml, which has other content" in capsys.readouterr().err
     assert (tmp_path / "a.map.yaml").read_text() == "by hand" and table.read_text() == "older"
 
 
