@@ -87,7 +87,7 @@ NODES: Mapping[str, RegisteredNode] = {
     ),
     "intent_estimator": RegisteredNode(
         "intent_recognition.nodes.intent_estimator",
-        "Recognises the human's task and predicts how both agents go on.",
+        "Recognises the human's task and predicts both agents' motion.",
         subscribes=(HEARD, "intent/answer", "intent/sequence", "joint_states", "robot_description"),
         publishes=(
             "intent/human_path",
@@ -149,7 +149,7 @@ NODES: Mapping[str, RegisteredNode] = {
     ),
     "object_warper": RegisteredNode(
         "intent_recognition.nodes.object_warper",
-        "Measures a seen container with the help of an annotated one.",
+        "Measures a seen container by warping an annotated one onto it.",
         subscribes=("object/cloud", "object/toward"),
         publishes=(
             "object/grasp",
@@ -161,7 +161,7 @@ NODES: Mapping[str, RegisteredNode] = {
     ),
     "warped_primitive": RegisteredNode(
         "intent_recognition.nodes.warped_primitive",
-        "Plans a pour for the containers seen, from a learned one.",
+        "Plans a pour between the containers seen, from a learned pour.",
         subscribes=(
             "cup/parameters",
             "cup/pose",
@@ -174,7 +174,7 @@ NODES: Mapping[str, RegisteredNode] = {
     ),
     "object_transfer": RegisteredNode(
         "intent_recognition.nodes.object_transfer",
-        "Feels at the hand who carries an object, and says when to let it go.",
+        "Estimates from forces who carries an object; decides when to let it go.",
         subscribes=(
             f"human/{BODY}",
             "intent/active_person",
@@ -236,7 +236,7 @@ NODES: Mapping[str, RegisteredNode] = {
     "arm_sim": _ARM,
     "lwr_sim": _ARM._replace(
         module="sim_bridge.nodes.lwr_sim",
-        does="Is arm_sim with the KUKA LWR 4+: the same, but for robot, tip and base_position.",
+        does="arm_sim with the KUKA LWR 4+, without the parameters robot, tip and base_position.",
     ),
     "coworker_sim": RegisteredNode(
         "sim_bridge.nodes.coworker_sim",
