@@ -50,8 +50,8 @@ intent demo --headless --record out/session --json out/numbers.json
 # the coworker changes to another task in ten of forty interactions
 intent demo --headless --changes 10
 # another arm does what the LWR was taught
+intent demo --arm panda
 # the left arm of a robot with two arms
-# the left one of a robot with two arms
 intent demo --arm robot.urdf --base torso --tip left_gripper
 # four arms, and one report of all
 intent demo --arm lwr,panda,iiwa,xarm

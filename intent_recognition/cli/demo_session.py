@@ -106,7 +106,7 @@ def begin_library(library: Path, model: Path, console: Console) -> None:
 def watched_graph(
     args: argparse.Namespace, make_observer: Callable[..., Any], *, simulated_time: bool = True
 ) -> Iterator[tuple[Any, NodeWatch]]:
-    """Start an observer node in an own ROS domain; nodes started within end with the context.
+    """Context with an observer node in the session's ROS domain; ends the nodes started in it.
 
     Meanwhile signals are only noted.
     """

@@ -187,8 +187,7 @@ def ordered(plan: WorkPlan, first: str, then: str, must: bool) -> WorkPlan:
 
 
 def moved(plan: WorkPlan, step: str, places: int) -> WorkPlan:
-    """Move a step later by `places`, or earlier if negative; where it passes a step to which it had
-    a relation, that relation is reversed.
+    """Move a step later by `places`, or earlier if negative; reverse the relations that it passes.
 
     Raises:
         ArgumentError: there is no such step, or the order would have a cycle.
