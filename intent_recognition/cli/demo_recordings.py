@@ -155,7 +155,7 @@ def _calls(
     }
     calls = {call.name: call for call in resolve("demo", given, own)}
     if args.dashboard:
-        del calls["dashboard"].parameters["scene"]  # a toolbox
+        del calls["dashboard"].parameters["scene"]  # it shows the toolbox
     return calls
 
 

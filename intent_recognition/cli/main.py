@@ -60,7 +60,7 @@ class _Version(argparse.Action):
     """Prints the version and the kernel that updates the hypotheses."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from intent_recognition.gaussian import KERNEL  # imports numpy and scipy
+        from intent_recognition.gaussian import KERNEL  # here, as it imports numpy and scipy
 
         written = "numpy (install a C compiler and the package again for the fast one)"
         update = "compiled C" if KERNEL == "c" else written

@@ -53,7 +53,7 @@ PAPER_HAND_ERROR: Mapping[str, HandError] = {
     "plate_handover": HandError(15, 3.2, 2.6),
     "hold_screwdriver": HandError(13, 2.1, 2.3),
 }
-"""Ewerton et al. 2015, Sec. IV-B; n is the number of demonstrations the paper trained on."""
+"""Hand errors of Ewerton et al. 2015, Sec. IV-B; n is their number of training demonstrations."""
 
 
 @dataclass(frozen=True)

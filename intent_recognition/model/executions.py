@@ -183,7 +183,7 @@ class SkillPeriod(NamedTuple):
     n_demonstrations: int
     n_executions: int = 0
     n_arrived: int = 0
-    n_corrected: int = 0  # corrected by hand; n_up, n_down: rated so
+    n_corrected: int = 0  # executions corrected by hand; n_up and n_down: rated good and bad
     n_up: int = 0
     n_down: int = 0
     spilled: float | None = None  # mean over executions with this value; None without any
