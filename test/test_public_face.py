@@ -214,7 +214,7 @@ def test_a_misspelt_label_is_a_warning(demonstrations):
         (lambda _: ir.learn_mixture(None), "demonstrations: expected a list of Demonstration"),
         (
             lambda _: ir.load_model(None),
-            "path: expected a path, got one of type NoneType. Pass where",
+            "path: expected a path, got one of type NoneType. Pass the path",
         ),
         (lambda one: ir.save_model(None, one), "path: expected a path, got one of type NoneType"),
         (lambda _: ir.load_dofs(3), "path: expected a path, got one of type int"),
