@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 BODY, HEARD, SAMPLED = "{body}", "{heard}", "{sampled}"
-"""Placeholders: each tracked body; each DOF's topic for the estimator, and its recorded topic."""
+"""Placeholders: each tracked body; the estimator's topic of each DOF; and its source topic."""
 RECORDED = (
     "mocap/wrist/pose",
     "joint_states",
@@ -24,7 +24,7 @@ RECORDED = (
     "coworker/hand",
     "coworker/task",
 )
-"""Topics of a cell that `bag_recorder` records."""
+"""Topics of a cell that the launch files and the demo record."""
 OWN_TOPICS = ("intent/", "human/", "joint_trajectory", "clock", "diagnostics", "rosout")
 """Topics that the nodes publish themselves, so that a recording must not be played on them."""
 ANSWERS = "clock_answers"
@@ -38,14 +38,13 @@ LEARNING = ("start", "stop", "learn", "discard", "keep", "undo")
 
 
 class RegisteredNode(NamedTuple):
-    """A node and the names that it uses in addition to those of every node.
+    """A node, and the relative names it uses beside those of every node; `~/` is the node's own.
 
-    Names are relative; `~/` is the node's own namespace. They include names that the node uses only
-    with certain parameters.
+    Names that it uses only with some parameters are among them.
     """
 
-    module: str  # module whose `main` runs the node
-    does: str
+    module: str  # its `main` runs the node
+    does: str  # a sentence for --help and the reference
     subscribes: tuple[str, ...] = ()
     publishes: tuple[str, ...] = ()
     offers: tuple[str, ...] = ()
@@ -87,7 +86,7 @@ NODES: Mapping[str, RegisteredNode] = {
     ),
     "intent_estimator": RegisteredNode(
         "intent_recognition.nodes.intent_estimator",
-        "Recognises the human's task and predicts both agents' motion.",
+        "Recognises the human's task and predicts the movements of both agents.",
         subscribes=(HEARD, "intent/answer", "intent/sequence", "joint_states", "robot_description"),
         publishes=(
             "intent/human_path",
@@ -161,7 +160,7 @@ NODES: Mapping[str, RegisteredNode] = {
     ),
     "warped_primitive": RegisteredNode(
         "intent_recognition.nodes.warped_primitive",
-        "Plans a pour between the containers seen, from a learned pour.",
+        "Plans a pour for the seen containers from a learned pour.",
         subscribes=(
             "cup/parameters",
             "cup/pose",
@@ -174,7 +173,7 @@ NODES: Mapping[str, RegisteredNode] = {
     ),
     "object_transfer": RegisteredNode(
         "intent_recognition.nodes.object_transfer",
-        "Estimates from forces who carries an object; decides when to let it go.",
+        "Estimates from forces at the hand who carries an object, and when to let it go.",
         subscribes=(
             f"human/{BODY}",
             "intent/active_person",
@@ -223,7 +222,7 @@ NODES: Mapping[str, RegisteredNode] = {
     ),
     "bag_recorder": RegisteredNode(
         "intent_recognition.nodes.bag_recorder",
-        "Records topics of any type, bit for bit.",
+        "Records topics of any type, byte for byte.",
         subscribes=RECORDED,
         offers=("~/start", "~/stop"),
     ),
@@ -236,7 +235,7 @@ NODES: Mapping[str, RegisteredNode] = {
     "arm_sim": _ARM,
     "lwr_sim": _ARM._replace(
         module="sim_bridge.nodes.lwr_sim",
-        does="arm_sim with the KUKA LWR 4+, without the parameters robot, tip and base_position.",
+        does="Runs arm_sim with the LWR 4+, without the parameters robot, tip and base_position.",
     ),
     "coworker_sim": RegisteredNode(
         "sim_bridge.nodes.coworker_sim",
