@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From demonstrations to a task library: examples, statistics, hyperparameters, unknown tasks.
 
-A file for each thing that is learned, and for each choice that validation makes: one library holds
-them all.
+Each file learns one part of the library or makes one choice by validation.
 """
 
 from intent_recognition.learning.accumulation import (

@@ -19,20 +19,20 @@ from intent_recognition.learning.statistics import TaskStatistics, merge_tasks, 
 from intent_recognition.signals import Demonstration, numbered
 
 REFERENCE_RECORDINGS = 100
-"""Recordings of a stream that settle its preprocessing. Convention: it bounds the memory."""
+"""Usable recordings at the start of a stream that determine its preprocessing; bounds memory."""
 NAMES_KEPT = 1000
-"""Names of recordings, used and rejected, that a report lists at most. Convention."""
+"""Most names of used, and of rejected, recordings that a report lists; bounds its size."""
 BATCH = 16
-"""Recordings turned into examples at a time (docs/training.md: memory and speed)."""
+"""Number of recordings turned into examples at a time (docs/training.md: memory and speed)."""
 
 
 class Accumulated(NamedTuple):
-    """Statistics of recordings, and what became of each."""
+    """Statistics of recordings, with the names of those used and rejected."""
 
-    preprocessing: Preprocessing | None  # how they became examples; None when none could be used
+    preprocessing: Preprocessing | None  # how examples were made; None if no recording was usable
     tasks: Mapping[str, TaskStatistics]  # statistics of each label
-    used: tuple[str, ...] = ()  # names of those learned from, the first `NAMES_KEPT`
-    # (name, reason) of those left out, the first `NAMES_KEPT`
+    used: tuple[str, ...] = ()  # names of the recordings used, the first `NAMES_KEPT`
+    # (name, reason) of the recordings rejected, the first `NAMES_KEPT`
     rejected: tuple[tuple[str, str], ...] = ()
     n_rejected: int = 0
 
@@ -47,14 +47,14 @@ def accumulate(
     settings: TrainingSettings,
     preprocessing: Preprocessing | None = None,
 ) -> Accumulated:
-    """Statistics of recordings in memory that does not grow with their number.
+    """Compute statistics of recordings in memory that does not grow with their number.
 
     Args:
-        recordings: a list, which settles its preprocessing as a whole; or a stream that is read
-            once, whose first `REFERENCE_RECORDINGS` usable recordings settle it. Those whose DOFs
-            are not the most frequent ones are left out.
-        settings: how to learn; ignored where a preprocessing is given, which has its own.
-        preprocessing: how to make examples, None to settle it.
+        recordings: a list, whose preprocessing is determined from all its recordings; or a stream,
+            read once, whose preprocessing is determined from the first `REFERENCE_RECORDINGS`
+            usable ones. Recordings without the most frequent DOFs are rejected.
+        settings: how to learn; ignored if `preprocessing` is given, which has its own settings.
+        preprocessing: how to make examples; None to determine it from the recordings.
 
     Raises:
         ArgumentError: an item is not a `Demonstration`.
@@ -76,7 +76,7 @@ def accumulate(
             return total
         preprocessing = settle_preprocessing(head, settings)
     head.reverse()
-    first = (head.pop() for _ in range(len(head)))  # none is kept once it is handed out
+    first = (head.pop() for _ in range(len(head)))  # frees each once used
     remaining = chain(first, stream)
     while batch := list(islice(remaining, BATCH)):
         total = merge_accumulated(total, _accumulate_batch(batch, preprocessing))
@@ -84,10 +84,10 @@ def accumulate(
 
 
 def merge_accumulated(first: Accumulated, second: Accumulated) -> Accumulated:
-    """Both together; names in this order.
+    """Merge two accumulations; the names of `first` come first.
 
     Raises:
-        TrainingError: they were accumulated with different preprocessing.
+        TrainingError: the two were accumulated with different preprocessing.
     """
     ours, theirs = first.preprocessing, second.preprocessing
     if ours and theirs and replace(ours, source="") != replace(theirs, source=""):
@@ -106,7 +106,6 @@ def merge_accumulated(first: Accumulated, second: Accumulated) -> Accumulated:
 def _accumulate_batch(
     recordings: Sequence[Demonstration], preprocessing: Preprocessing
 ) -> Accumulated:
-    """Statistics of a few recordings at once."""
     total = Accumulated(preprocessing, {})
     groups: dict[str, list[TrainingExample]] = {}
     used = []

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The number of components, by left-out prediction of the controlled agent given the observed one.
+"""Choose the number of mixture components by left-out prediction of the controlled agent.
 
 Every demonstration is left out in turn, the mixture is fitted to the rest, and the controlled
 agent's trajectory is predicted from the observed agent's. The score is the mean negative log
-density of the true trajectory. Of all numbers of components within one paired standard error of the
-best, the smallest is taken (Ewerton et al. 2015 choose it from a curve of errors).
+density of the true trajectory. The smallest number of components within one paired standard error
+of the best is chosen (Ewerton et al. 2015 choose it from a curve of errors).
 """
 
 from collections.abc import Callable, Sequence
@@ -27,27 +27,27 @@ from intent_recognition.gaussian import (
 from intent_recognition.learning.mixture import MIN_MEMBERS, Features, cluster
 
 MAX_COMPONENTS = 10
-"""Most components that are tried (docs/mixture.md)."""
+"""Largest number of components tried (docs/mixture.md)."""
 
 
 class ComponentTrial(NamedTuple):
-    """One number of components."""
+    """Labels and left-out score of one number of components."""
 
     n_components: int  # K
     labels: Integers  # component of each demonstration, (n,)
     nll: Floats  # left-out negative log density of the controlled agent, nats per sample, (n,)
-    rmse: Floats  # left-out error of its mean, in standard deviations of the DOFs, (n,)
+    rmse: Floats  # left-out RMS error of the mean, in standard deviations of the DOFs, (n,)
 
 
 class ComponentChoice(NamedTuple):
-    """The number of components taken, and all that were tried."""
+    """The trial with the chosen number of components, and all trials."""
 
     chosen: ComponentTrial
     tried: tuple[ComponentTrial, ...]
 
     @property
     def n_components(self) -> int:
-        """How many components have members; fewer than asked for if some are empty."""
+        """Number of components with members; fewer than requested if some are empty."""
         return int(self.chosen.labels.max()) + 1
 
 
@@ -56,8 +56,8 @@ class LeftOutPrediction(NamedTuple):
 
     log_posterior: Floats  # log p(k | observed trajectory), (n, K)
     mean: Floats  # of the controlled trajectory given component and observed trajectory, (n, K, s)
-    variance: Floats  # squared scale of its Student t distribution, (n, K, s)
-    freedom: Floats  # its degrees of freedom, (n, K)
+    variance: Floats  # squared scale of the Student t distribution of a value, (n, K, s)
+    freedom: Floats  # degrees of freedom of that distribution, (n, K)
 
 
 def choose_components(
@@ -67,12 +67,12 @@ def choose_components(
     max_components: int = MAX_COMPONENTS,
     progress: Callable[[int], None] = lambda done: None,
 ) -> ComponentChoice:
-    """The smallest number of components within one standard error of the best prediction.
+    """Choose the smallest number of components within one standard error of the best prediction.
 
     Args:
         features: the demonstrations.
-        rng: for the starts of EM.
-        max_components: most to try; fewer if components would have less than `MIN_MEMBERS`.
+        rng: draws the starts of EM.
+        max_components: largest number to try; less where `MIN_MEMBERS` each would not be left.
         progress: called with each number tried.
     """
     largest = max(1, min(max_components, len(features.coordinates) // MIN_MEMBERS))
@@ -106,9 +106,9 @@ def predict_left_out(
 ) -> LeftOutPrediction:
     """Predict each demonstration's controlled trajectory from its observed one.
 
-    The prior on the covariance is taken as inverse Wishart, so what is left out has a Student t
-    distribution: the covariance of a component with few members is uncertain. Mixture number i was
-    fitted without demonstration i; only a part of them is predicted.
+    The covariance of a component with few members is uncertain. Its prior is taken as inverse
+    Wishart, so a left-out demonstration has a Student t distribution. Mixture i was fitted without
+    demonstration i. Only the demonstrations in `part` are predicted.
     """
     split, points = features.n_observed, features.coordinates
     components = left_out.select(part)
@@ -145,9 +145,9 @@ def predict_left_out(
 
 
 def score(prediction: LeftOutPrediction, truth: Floats) -> tuple[Floats, Floats]:
-    """Negative log density per sample, and error of the mixture's mean, each (n,).
+    """Negative log density per sample and RMS error of the mixture's mean, (n,) each.
 
-    Of the true controlled trajectories (n, s).
+    `truth` holds the true controlled trajectories, (n, s).
     """
     squared = (truth[:, None] - prediction.mean) ** 2 / prediction.variance
     density = _log_student(squared, prediction.freedom[..., None], 1)
@@ -168,7 +168,7 @@ def _log_student(squared: Floats, freedom: Floats, size: int) -> Floats:
 
 
 def smallest_within_one_error(scores: Floats) -> int:
-    """First of c candidates within one paired standard error of the best, scores (c, n)."""
+    """Index of the first candidate within one paired standard error of the best; scores (c, n)."""
     best = int(np.argmin(scores.mean(axis=1)))
     if scores.shape[1] < 2:
         return 0

@@ -26,21 +26,21 @@ def fit_context(
     floor: Floats,
     chosen: Hyperparameters,
 ) -> tuple[ContextModel, Floats, Floats]:
-    """Regress the weights on the context; what that leaves is shrunk as without a context.
+    """Regress the weights on the context, and shrink the residual covariance as without a context.
 
-    The regression is Bayesian with a prior of CONTEXT_STRENGTH demonstrations, so that it exists
+    The regression is Bayesian with a prior of CONTEXT_STRENGTH demonstrations, so it is defined
     from the first demonstration on.
 
     Args:
         tasks: statistics of each label.
-        signals: names of the context.
+        signals: names and unit of each context signal.
         n_observed: number of observed DOFs.
         floor: variance floor per DOF, (D,).
-        chosen: how strong the target of each is, and what it borrows.
+        chosen: hyperparameters of each task's covariance target.
 
     Returns:
-        The context, and the covariances of all weights (K, D N, D N) and of the observed ones
-        (K, P N, P N) in an unknown context.
+        The context model, and the covariances of all weights (K, D N, D N) and of the observed
+        weights (K, P N, P N) when the context is unknown.
     """
     statistics = list(tasks.values())
     spread = np.diag(CONTEXT_STRENGTH * _typical_variance(statistics))
@@ -73,7 +73,7 @@ def fit_context(
 
 
 def _typical_variance(tasks: Iterable[TaskStatistics]) -> Floats:
-    """Variance of the context about the means of the tasks, (M,); huge where it did not vary."""
+    """Variance of the context about the tasks' means, (M,); 1e12 where it did not vary."""
     tasks = list(tasks)
     scatter = np.sum([np.diag(task.context_scatter) for task in tasks], axis=0)
     variance = scatter / max(sum(task.n - 1 for task in tasks), 1)

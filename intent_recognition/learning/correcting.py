@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A correction that is kept: the robot's part of a task moves, the person's stays as it is.
+"""Learn a correction: the robot's part of a task moves, the person's part stays the same.
 
-A demonstration says how a task is done, and adds to the others. A correction says that the others
-are wrong: the rule by which the robot follows from the person has moved,
+A demonstration adds to the others. A correction says that the others are wrong: the rule, which is
+the regression of the robot's weights on the person's, has changed,
 
     w_c = A w_o + b + W x + e,   x = (1, (w_o - m) / s),   s^2 = tr S_oo,
 
-with mean m and covariance S_oo of the observed weights (`place_scale` where they have several
-units). All controlled weights share x, so that W
-has one covariance P in parts of that of e, and one gain k. Each correction, with its residual
-r = w_c - A w_o - b, makes
+where m and S_oo are the mean and covariance of the observed weights (`place_scale` gives s where
+they have several units). All controlled weights share x, so the covariance of W is that of e times
+one matrix P, and there is one gain k. A correction with residual r = w_c - A w_o - b gives
 
     k = P x / (x^T P x + 1),   W = r k^T,   P <- P - k x^T P + Q,
 
-recursive least squares for coefficients that drift (Ljung 1999, Section 11.2), and A and b take W
-over. The first correction counts whole; of the later ones each counts less than the one before, so
-that what is off in a single one is averaged out, but never less than the drift Q asks for.
+which is recursive least squares for coefficients that drift (Ljung 1999, Section 11.2). W is then
+absorbed into A and b. The first correction counts almost in full. Each later one counts less than
+the one before, so that errors of single corrections average out, but never less than the drift Q
+requires.
 
-w_o is what the filter infers from the person's movement, as when the robot's path was predicted.
-What is recognised, how surely, and all other tasks are left alone to the last bit.
+The filter infers w_o from the person's movement, as it did when the robot's path was predicted.
+Recognition and all other tasks stay the same to the last bit.
 """
 
 from collections.abc import Sequence
@@ -44,12 +44,11 @@ from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, TaskL
 from intent_recognition.signals import Demonstration, commensurate
 
 OFFSET_VARIANCE = 20.0
-"""Variance of the rule's offset before the first correction, in parts of that of one correction.
-Convention: a person corrects what is off by several times what corrections differ among
-themselves."""
+"""Prior variance of the rule's offset, relative to the variance of one correction: people correct
+errors that are several times the spread of their corrections."""
 SLOPE_VARIANCE, DRIFT = 1.0, 0.5
-"""The same of how the offset depends on where the person reaches, and variance by which it drifts
-from one correction to the next. Measurement: docs/correcting.md."""
+"""Prior variance of the rule's dependence on where the person reaches, and variance by which the
+offset drifts between corrections, both relative to one correction's (docs/correcting.md)."""
 
 
 class RuleChange(NamedTuple):
@@ -64,11 +63,11 @@ def keep_correction(
 ) -> Trained:
     """Move the robot's part of a known task towards a corrected execution, in a copy.
 
-    `corrected` is what the person did, and how the robot was wanted to move, labelled; `earlier`
-    are corrections of the same task that were kept before, the oldest first.
+    `corrected` is labelled and holds the person's movement and the robot's desired movement.
+    `earlier` are the previous corrections of the same task, oldest first.
 
     Raises:
-        TrainingError: the task is not known, or an execution cannot be used; says why.
+        TrainingError: the task is not known, or an execution cannot be used (the message says why).
     """
     examples = [example_of(one, trained.preprocessing) for one in (*earlier, corrected)]
     return move_task(trained, examples[-1], examples[:-1])
@@ -77,7 +76,7 @@ def keep_correction(
 def move_task(
     trained: Trained, example: TrainingExample, earlier: Sequence[TrainingExample] = ()
 ) -> Trained:
-    """As `keep_correction`, from examples of the same preprocessing.
+    """Do what `keep_correction` does, from examples of the same preprocessing.
 
     Raises:
         TrainingError: the task is not known.
@@ -99,10 +98,10 @@ def move_task(
 
 
 def place_scale(library: TaskLibrary, task: int) -> Floats:
-    """What each observed weight's distance from its mean is divided by, s, (P N,).
+    """Scale s that divides each observed weight's distance from its mean, (P N,).
 
-    DOFs with commensurate units (`signals.commensurate`) have one scale, that of all where they
-    have; each kind counts as much as it has DOFs.
+    DOFs with commensurate units (`signals.commensurate`) share one scale; each kind of unit counts
+    in proportion to its DOFs. If all units are commensurate, s^2 = tr S_oo.
     """
     n, scale = library.n_observed, np.empty(library.n_observed_weights)
     variance = np.diagonal(library.weight_covariance[task])[: len(scale)].reshape(n, -1)
@@ -112,7 +111,7 @@ def place_scale(library: TaskLibrary, task: int) -> Floats:
 
 
 def change_rule(trained: Trained, label: str, change: RuleChange) -> Trained:
-    """Change the rule of a known task; all else stays as it is."""
+    """Change the rule of a known task, in a copy."""
     library, task = trained.library, trained.library.labels.index(label)
     statistics, bases = trained.tasks[label], trained.preprocessing.basis_of
     moved = _moved(statistics, change, library, bases(False))
@@ -125,9 +124,9 @@ def change_rule(trained: Trained, label: str, change: RuleChange) -> Trained:
 
 
 def correction_gain(places: Sequence[Floats]) -> Floats:
-    """The gain k of the last of some corrections of a task, (1 + M,), the offset's first.
+    """Gain k of the last correction of a task, (1 + M,), the offset's first.
 
-    Of where the person reached in each, the oldest first: (w_o - m) / s, (M,).
+    `places` holds (w_o - m) / s of each correction, (M,), oldest first.
     """
     covariance = np.diag(np.r_[OFFSET_VARIANCE, np.full(len(places[-1]), SLOPE_VARIANCE)])
     gain = np.empty(0)
@@ -142,13 +141,13 @@ def correction_gain(places: Sequence[Floats]) -> Floats:
 
 
 def _chosen(trained: Trained, example: TrainingExample) -> TrainingExample:
-    """The example over the phase of the library."""
+    """The aligned example if the library's primitives are aligned, else the example itself."""
     aligned = example.aligned if trained.chosen.aligned else None
     return example if aligned is None else aligned
 
 
 def inferred_weights(trained: Trained, example: TrainingExample) -> Floats:
-    """What the filter infers of the person's movement once it was seen, (P N,)."""
+    """Observed weights that the filter infers from the person's whole movement, (P N,)."""
     library, n_observed = trained.library, trained.library.n_observed
     task = library.labels.index(example.task)
     interval_s = library.correlation_time_s * SAMPLES_PER_MOVEMENT / SAMPLES_USED
@@ -168,7 +167,7 @@ def inferred_weights(trained: Trained, example: TrainingExample) -> Floats:
 
 
 def _with_rule(library: TaskLibrary, task: int, change: RuleChange) -> TaskLibrary:
-    """The library with one changed rule: A + slopes, and what it leaves uncertain as before."""
+    """The library with A + slopes in one task, and the residual covariance unchanged."""
     n = library.n_observed_weights
     means, covariances = library.weight_mean.copy(), library.weight_covariance.copy()
     means[task, n:] += change.offset
@@ -182,7 +181,7 @@ def _with_rule(library: TaskLibrary, task: int, change: RuleChange) -> TaskLibra
 
 
 def _sheared(matrix: Floats, slopes: Floats) -> Floats:
-    """T M T^T with T = [[1, 0], [slopes, 1]]; the observed block stays to the last bit."""
+    """T M T^T with T = [[1, 0], [slopes, 1]]; the observed block is the same to the last bit."""
     n, out = slopes.shape[1], matrix.copy()
     out[n:, :n] += slopes @ matrix[:n, :n]
     out[:n, n:] = out[n:, :n].T
@@ -193,7 +192,7 @@ def _sheared(matrix: Floats, slopes: Floats) -> Floats:
 def _moved(
     task: TaskStatistics, change: RuleChange, library: TaskLibrary, own: NormalizedRBFBasis
 ) -> TaskStatistics:
-    """Statistics, over the basis `own`, that follow a rule changed over that of a library."""
+    """Statistics over the basis `own` after a change that is given over the library's basis."""
     if own != library.basis:
         change = _onto(own, library.basis, change)
     slopes, n_basis = change.slopes, own.n_basis
@@ -205,7 +204,7 @@ def _moved(
         return (slopes @ (weights.ravel()[:n] - centre) + change.offset).reshape(-1, n_basis)
 
     def shift(example: TrainingExample) -> Floats:
-        """The same of what was recorded, (s, Q)."""
+        """The change of a demonstration's recorded controlled values, (s, Q)."""
         number = library.labels.index(example.task)
         scaling = replace(library, basis=own).in_durations(number, example.duration_s)
         return design @ scaling @ follow(example.weights).T
@@ -235,7 +234,7 @@ def _moved(
 
 
 def _onto(target: NormalizedRBFBasis, source: NormalizedRBFBasis, change: RuleChange) -> RuleChange:
-    """The change of one basis' weights as that of another's, by least squares over the phase."""
+    """Express a change over the `source` basis in the `target` basis, by least squares."""
     phases = np.linspace(0.0, 1.0, 201)
     designs = [basis.design_matrix(phases) for basis in (target, source)]
     there, back = (np.linalg.lstsq(a, b, rcond=None)[0] for a, b in (designs, designs[::-1]))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The coupling of both agents' residuals, learned from demonstrations that were left out.
+"""Learn how the residuals of both agents are coupled, from left-out demonstrations.
 
-What the filtered weights leave unexplained of a left-out demonstration's controlled agent is
-regressed on what they leave unexplained of its observed agent (`promp.coupling`). The decay and the
-shrinkage are those that predict the residuals of yet another demonstration of the task best; no
-coupling is one of the candidates.
+Residuals are what the filtered weights leave unexplained. Those of the controlled agent are
+regressed on those of the observed agent (`promp.coupling`). The decay and the shrinkage are chosen
+that best predict the residuals of another demonstration of the task; one candidate is to have no
+coupling.
 """
 
 from typing import NamedTuple
@@ -16,20 +16,20 @@ from intent_recognition.promp import ResidualCoupling, residual_weights
 
 
 class HeldOutResiduals(NamedTuple):
-    """What the filtered weights leave unexplained of n left-out demonstrations."""
+    """Residuals of n left-out demonstrations after each of f shares of the movement."""
 
-    task: Integers  # number of the task of each, (n,)
-    phases: Floats  # at which residuals are given, (s,)
-    seen: Floats  # share of the movement that was seen, (f,)
-    observed: Floats  # residuals of the observed agent, (f, n, s, P); what was not seen is not used
-    controlled: Floats  # of the controlled agent, (f, n, s, Q)
+    task: Integers  # index of each demonstration's task, (n,)
+    phases: Floats  # phases of the residuals, (s,)
+    seen: Floats  # shares of the movement that were seen, (f,)
+    observed: Floats  # residuals of the observed agent, (f, n, s, P); used up to the seen share
+    controlled: Floats  # residuals of the controlled agent, (f, n, s, Q)
 
 
 class _Moments(NamedTuple):
-    """Sums over phases of each of n demonstrations after each of f shares, at one decay."""
+    """Sums over phases for each of n demonstrations after each of f shares, at one decay."""
 
     observed: Floats  # outer products of the expected observed residuals, (f, n, P, P)
-    cross: Floats  # of these and the controlled residuals, (f, n, P, Q)
+    cross: Floats  # outer products of expected observed and controlled residuals, (f, n, P, Q)
     controlled: Floats  # squares of the controlled residuals, (f, n, Q)
 
     def gain(self, shrinkage: float) -> Floats:
@@ -39,7 +39,7 @@ class _Moments(NamedTuple):
         return np.linalg.solve(total + prior, self.cross.sum(axis=(0, 1)))
 
     def left(self, gains: Floats) -> Floats:
-        """Squares that are left of each demonstration with its own gain (n, P, Q): (f, n, Q)."""
+        """Residual squares of each demonstration under its own gain (n, P, Q), (f, n, Q)."""
         explained = 2.0 * self.cross - self.observed @ gains
         return np.maximum(self.controlled - np.sum(gains * explained, axis=2), 0.0)
 
@@ -54,11 +54,11 @@ class _Moments(NamedTuple):
 def learn_coupling(
     residuals: HeldOutResiduals, variance: Floats, durations_s: Floats
 ) -> tuple[ResidualCoupling, Floats]:
-    """The coupling of each task, and the squared errors that it leaves, each left out: (f, n, Q).
+    """Learn the coupling of each task; also return its left-out mean squared errors, (f, n, Q).
 
     Args:
-        residuals: of left-out demonstrations.
-        variance: by which the squares of the controlled DOFs are divided to be added up, (Q,).
+        residuals: residuals of left-out demonstrations.
+        variance: divides the squared errors of the controlled DOFs before they are added, (Q,).
         durations_s: usual duration of each task, (K,).
     """
     n_tasks, n_phases = len(durations_s), residuals.controlled.shape[2]

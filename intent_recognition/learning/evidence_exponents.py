@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much evidence counts, for the duration and for the task, by held-out validation.
+"""Exponents of the evidence for the duration and for the task, by held-out validation.
 
-Duration: left-out demonstrations are filtered under several, as online. The exponent of the
-evidence and the coupling of the residuals (`learning.coupling`) are those under which the
+Duration: left-out demonstrations are filtered under several durations, as online. The exponent of
+the evidence and the coupling of the residuals (`learning.coupling`) are those under which the
 controlled agent is predicted best at true times.
 
-Task: the innovations of one movement are correlated where the model does not fit a person, so that
-their product counts evidence several times: n of them are worth as much as a share of n independent
-ones. Evidence to the power a, the share, is what is believed of the task; a is uniform on (0, 1]
-beforehand. A left-out demonstration has the log loss of its own task as its log likelihood, mean
-over the movement: its moments are not independent, either. The expected share is taken, since a few
-demonstrations that are all recognised tell little of it.
+Task: where the model does not fit a person, the innovations of a movement are correlated, and their
+product counts evidence several times: n of them are worth only a share a of n independent ones. The
+evidence for the task is therefore raised to the power a, which has a uniform prior on (0, 1]. Its
+log likelihood is minus the log loss of each left-out demonstration's own task, averaged over the
+movement because the samples of a movement are not independent either. The posterior mean of a is
+used, since a few demonstrations that are all recognised say little about it.
 """
 
 from collections.abc import Sequence
@@ -34,9 +34,9 @@ from intent_recognition.learning.hyperparameters import EXPONENTS
 from intent_recognition.promp import ResidualCoupling, TaskLibrary
 
 N_DURATIONS = 7
-"""Durations under which a demonstration is filtered. Convention: it bounds the time."""
+"""Number of durations under which a demonstration is filtered; bounds computing time."""
 POWERS = np.linspace(0.1, 1.0, 10)
-"""Shares that are tried, evenly spaced, all of the evidence last (docs/decisions/new_people.md)."""
+"""Values of the exponent a that are tried, evenly spaced up to 1 (docs/decisions/new_people.md)."""
 
 
 def follow(
@@ -82,16 +82,16 @@ def choose_duration_evidence(
     shares: Sequence[float],
     variance: Floats,
 ) -> tuple[float, ResidualCoupling]:
-    """The exponent, and the coupling of what it leaves unexplained.
+    """Choose the exponent of the duration's evidence, with the coupling of the residuals.
 
-    The first value is kept unless another is better by more than the standard error over the
+    The default exponent is kept unless another is better by more than the standard error over the
     demonstrations.
 
     Args:
-        library: whose basis, noise and timing are used.
+        library: provides basis, noise and timing.
         left_out: the demonstrations.
-        shares: of the movement after which it is predicted, (f,).
-        variance: by which squares of the controlled DOFs are divided, (Q,).
+        shares: shares of the movement after which it is predicted, (f,).
+        variance: divides the squared errors of the controlled DOFs, (Q,).
     """
     parts = [follow(library, some, shares) for some in batches_of(library, left_out, N_DURATIONS)]
     log_evidence, observed, controlled = (
@@ -124,19 +124,19 @@ def choose_duration_evidence(
 
 
 def log_losses(log_evidence: Floats, own: Integers) -> Floats:
-    """Log loss of each demonstration's own task under each of the powers, (A, n).
+    """Log loss of each demonstration's own task under each of `POWERS`, (A, n).
 
     Args:
-        log_evidence: of the tasks that each demonstration is compared with, one demonstration
-            after the other, (h,).
-        own: places of the own tasks, each the first of its demonstration, (n,).
+        log_evidence: log evidence of the tasks that each demonstration is compared with, one
+            demonstration after the other, (h,).
+        own: indices of the own tasks, each the first of its demonstration, (n,).
     """
     counted = POWERS[:, None] * log_evidence
     return np.asarray(np.logaddexp.reduceat(counted, own, axis=1) - counted[:, own])
 
 
 def expected_power(losses: Floats) -> float:
-    """Posterior mean of the power, by log losses of what was left out under each power, (A, n)."""
+    """Posterior mean of the exponent a, from log losses of left-out demonstrations, (A, n)."""
     log_likelihood = -losses.sum(axis=1)
     weight = np.exp(log_likelihood - log_likelihood.max())
     return float(weight @ POWERS / weight.sum())

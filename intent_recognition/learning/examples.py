@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One recording as an example to learn from: cut to the movement, turned into weights."""
+"""Turn one recording into an example to learn from: cut it to the movement and fit weights."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from intent_recognition.signals import (
 )
 
 SAMPLES_PER_MOVEMENT = 30
-"""Samples of one movement that count as independent evidence; denser ones share it
+"""Samples of one movement that count as independent evidence; denser samples share this evidence
 (docs/alignment.md)."""
 SAMPLES_USED = 2 * SAMPLES_PER_MOVEMENT
 """Samples of one movement that the filter uses (`filtering.SPACING`)."""
@@ -42,8 +42,8 @@ class TrainingExample(NamedTuple):
     # the example over the reference phase of its task, with another basis; None where nothing was
     # aligned
     aligned: TrainingExample | None = None
-    context: Floats = np.empty(0)  # what was known of the scene, (M,)
-    # whose demonstration it is, such as a pair of people; "" where that is not known
+    context: Floats = np.empty(0)  # context values of the scene, (M,)
+    # who gave the demonstration, such as a pair of people; "" if unknown
     group: str = ""
 
 
@@ -65,17 +65,17 @@ def make_example(
     *,
     recorded_samples: bool = False,
 ) -> TrainingExample:
-    """Weights of one demonstration from its start to its end.
+    """Fit weights to one demonstration from its start to its end.
 
     Args:
         recorded: the demonstration.
         basis: the basis functions.
         ridge: relative weight of the curvature penalty.
-        warp: from the recorded to the reference phase; None for the recorded phase.
-        recorded_samples: take the samples of the example at recorded phases all the same.
+        warp: maps recorded phase to reference phase; None to use the recorded phase.
+        recorded_samples: take the samples of the example at recorded phases even with a `warp`.
 
     Raises:
-        TrainingError: too short, or a DOF has too few samples.
+        TrainingError: the movement is too short, or a DOF has too few samples.
     """
     sampled = parts = _movement(recorded)
     if warp is not None:
@@ -123,15 +123,15 @@ def _movement(recorded: Demonstration) -> list[_Part]:
 
 
 def interpolated(phases: Floats, at: Floats, values: Floats) -> Floats:
-    """Values (T, d) at phases (T,), linearly interpolated at other ones, (s, d)."""
+    """Interpolate values (T, d), given at phases `at` (T,), linearly at `phases`, (s, d)."""
     columns = [np.interp(phases, at, column) for column in values.T]
     return np.stack(columns, axis=1)
 
 
 def cut_to_movement(demonstrations: Sequence[Demonstration]) -> list[Demonstration]:
-    """The same recordings, each from the human's onset to both agents' rest.
+    """Cut recordings to the movement, from the human's onset until both agents rest.
 
-    Thresholds come from the recordings themselves; the onset is found as it would be online.
+    Thresholds are estimated from the recordings themselves; the onset is detected as online.
     """
     demonstrations = [*numbered(demonstrations)]
     if not demonstrations:
@@ -144,7 +144,7 @@ def cut_to_movement(demonstrations: Sequence[Demonstration]) -> list[Demonstrati
 def cut_one(
     recorded: Demonstration, observed: Sequence[OnsetSettings], controlled: Sequence[OnsetSettings]
 ) -> Demonstration:
-    """One recording from the human's onset to both agents' rest, by given thresholds."""
+    """Cut one recording from the human's onset until both agents rest, with given thresholds."""
     start_ns, end_ns = movement_span(
         recorded.observed,
         recorded.controlled,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The library that follows from statistics and hyperparameters: no recording is needed."""
+"""Build the library from statistics and hyperparameters; no recording is needed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -39,13 +39,13 @@ def library_from_statistics(
     chosen: Hyperparameters,
     provenance: Mapping[str, object] | None = None,
 ) -> TaskLibrary:
-    """The library of given statistics.
+    """Build the library from statistics.
 
     Args:
-        tasks: statistics of each label, sorted; at least one of two demonstrations.
-        preprocessing: how their examples were made.
+        tasks: statistics of each label, sorted; at least one task has two demonstrations.
+        preprocessing: how the examples were made.
         chosen: the hyperparameters.
-        provenance: stored in the library, beside settings and hyperparameters.
+        provenance: stored in the library together with the settings and hyperparameters.
     """
     settings, n_tasks = preprocessing.settings, len(tasks)
     observed, controlled = preprocessing.observed, preprocessing.controlled
@@ -70,7 +70,7 @@ def library_from_statistics(
 
 
 def chosen_fields(preprocessing: Preprocessing, chosen: Hyperparameters) -> dict[str, Any]:
-    """The fields of the library that change with the hyperparameters alone."""
+    """Fields of the library that depend only on the preprocessing and the hyperparameters."""
     evidence = preprocessing.settings.duration_evidence or chosen.duration_evidence
     return {
         "basis": preprocessing.basis_of(chosen.aligned),
@@ -84,7 +84,7 @@ def chosen_fields(preprocessing: Preprocessing, chosen: Hyperparameters) -> dict
 def learned_from(
     tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing, chosen: Hyperparameters
 ) -> dict[str, Any]:
-    """The fields of the library that change with every demonstration."""
+    """Fields of the library that change with every demonstration."""
     n_observed, over = preprocessing.n_observed, statistics_of(tasks, chosen.aligned)
     floor, noise = variance_scales(over, preprocessing.units)
     log_mean, log_std = _durations(list(tasks.values()))
@@ -129,7 +129,7 @@ def learned_from(
 def statistics_of(
     tasks: Mapping[str, TaskStatistics], aligned: bool
 ) -> Mapping[str, TaskStatistics]:
-    """Statistics of the aligned examples, or of those as they were recorded."""
+    """Statistics of the aligned examples if `aligned`, else of the examples as recorded."""
     if not aligned:
         return tasks
     found = aligned_statistics(tasks)
@@ -150,7 +150,7 @@ def predictive_covariances(
         tasks: statistics of each label.
         strength: equivalent sample size of the target, in demonstrations.
         floor: variance floor per DOF, (D,).
-        assumed: by the target of each.
+        assumed: assumptions of the target of each task's covariance.
     """
     pooled = pooled_moments(tasks.values())
     of_all = floor, strength, assumed
@@ -162,16 +162,16 @@ def predictive_covariances(
 def _durations(tasks: Sequence[TaskStatistics]) -> tuple[Floats, Floats]:
     """Mean and predictive standard deviation of each task's log duration, (K,) each.
 
-    The variance is shrunk towards the one pooled over all tasks; where demonstrations are known to
-    be of several people, it is that of a new one's.
+    The variance is shrunk towards the one pooled over all tasks. Where demonstrations are known to
+    come from several people, it is the variance of a new person's durations.
     """
     scatter = np.array([task.log_duration_scatter for task in tasks])
     n = np.array([task.n for task in tasks])
     pooled = scatter.sum() / max(n.sum() - len(n), 1)
-    size = 4.0  # demonstrations that say, beside the real ones, that all tasks vary alike
+    size = 4.0  # equivalent sample size of the pooled variance, in demonstrations
     variance = (scatter + size * pooled) / (n - 1 + size) * (1 + 1 / n)
     of_strangers = log_duration_variance_of_strangers([task.examples for task in tasks])
     if of_strangers is not None:
         variance = np.full(len(tasks), of_strangers)
     mean = np.array([task.log_duration_mean for task in tasks])
-    return mean, np.sqrt(np.maximum(variance, 0.05**2))  # of the log duration: 5 %
+    return mean, np.sqrt(np.maximum(variance, 0.05**2))  # at least 5 % of the duration

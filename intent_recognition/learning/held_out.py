@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The filter along held-out demonstrations, all at once, as it runs online."""
+"""Run the filter along held-out demonstrations in batches, as it runs online."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import inf
@@ -27,21 +27,20 @@ from intent_recognition.promp import (
 )
 
 MAX_FLOATS = 2**19
-"""Numbers in the covariances filtered at a time. Measured: 4 MB take about the least time."""
+"""Numbers in the covariances filtered at a time; 4 MB were measured to take the least time."""
 
 
 class FilteredSamples(NamedTuple):
-    """n hypotheses after some samples."""
+    """State of n hypotheses after some samples."""
 
-    n_samples: int  # how many
+    n_samples: int  # number of samples so far
     log_evidence: Floats  # log density of the samples, (n,)
     weights: GaussianBatch  # the filtered observed weights
-    # after each sample, the probability of each phase deviation and what the sample weighed them
-    # with, (n, E) each
+    # after each sample, probability and likelihood of each phase deviation, (n, E) each
     believed: Sequence[tuple[Floats, Floats]]
 
     def deviations(self, some: Integers) -> Deviations:
-        """What was believed of the phase deviations of some hypotheses, (k,)."""
+        """Filtered phase deviations of the hypotheses with indices `some`, (k,)."""
         filtered, likelihood = (
             np.array([part[some] for part in parts]) for parts in zip(*self.believed, strict=True)
         )
@@ -49,25 +48,25 @@ class FilteredSamples(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """Hypotheses of the own tasks of n demonstrations, S each, after some samples."""
+    """The S hypotheses of each of n demonstrations' own task, after some samples."""
 
-    progress: FilteredSamples  # these and others
-    own: Integers  # where they stand among them, (n, S)
-    pace: Floats  # of them, as in `filter_samples`, (n, S)
-    relative: Floats  # likewise
+    progress: FilteredSamples  # all hypotheses, those of other tasks included
+    own: Integers  # indices of the own tasks' hypotheses in `progress`, (n, S)
+    pace: Floats  # pace of these hypotheses, as in `filter_samples`, (n, S)
+    relative: Floats  # relative duration of these hypotheses, as in `filter_samples`, (n, S)
 
 
 def filter_samples(
     library: TaskLibrary, prior: Gaussian, pace: Floats, relative: Floats, values: Floats
 ) -> Iterator[FilteredSamples]:
-    """Filter samples at `sample_phases` of demonstrations; yields after each sample.
+    """Filter samples of demonstrations at `sample_phases`; yield the state after each sample.
 
     Args:
-        library: whose basis, noise and phase deviation are used.
-        prior: of the observed weights, (n, P N) and (n, P N, P N).
-        pace: duration of the demonstration in parts of the hypothesis' duration, (n,).
-        relative: the latter in parts of what its task usually takes, (n,).
-        values: observed DOFs, (m, n, P).
+        library: provides basis, noise and phase deviation.
+        prior: prior of the observed weights, (n, P N) and (n, P N, P N).
+        pace: duration of the demonstration divided by that of the hypothesis, (n,).
+        relative: duration of the hypothesis divided by the usual one of its task, (n,).
+        values: values of the observed DOFs, (m, n, P).
     """
     model, basis, n = library.phase_deviation, library.basis, len(pace)
     weights = GaussianBatch.of(*prior, basis.n_basis)
@@ -87,7 +86,7 @@ def filter_samples(
         moved = between if k else None
         one = LinearMeasurement(dofs, rows, values[k], noise, moved, model.evidence, freedom)
         density, likelihood = weights.condition(one, deviation)
-        evidence = evidence + density  # what was yielded stays
+        evidence = evidence + density  # a new array: the old one was yielded
         believed.append((deviation.copy(), likelihood))
         yield FilteredSamples(k + 1, evidence, weights, believed)
 
@@ -95,9 +94,9 @@ def filter_samples(
 def batches_of(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], n_hypotheses: int = 0
 ) -> Iterator[Sequence[LeftOutExample]]:
-    """As many demonstrations at a time as memory allows.
+    """Split demonstrations into batches whose covariances hold at most `MAX_FLOATS` numbers.
 
-    Each is filtered under so many hypotheses; of known duration under its own task and its rivals.
+    Each demonstration has `n_hypotheses` or, if that is 0, its own task and its rivals.
     """
     each = n_hypotheses or 1 + max(len(one.rivals) for one in left_out)
     most = max(1, MAX_FLOATS // (library.n_observed_weights**2 * each))
@@ -111,7 +110,7 @@ def follow_known(
     """Filter left-out demonstrations of known duration under their own tasks and the rivals.
 
     Yields:
-        The own tasks after each sample, S is 1.
+        The hypotheses of the own tasks after each sample, with S = 1.
     """
     prior, own = _priors(library, left_out, tasks)
     sizes = np.diff(np.append(own, len(prior.mean)))
@@ -125,7 +124,7 @@ def follow_known(
 def _priors(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
 ) -> tuple[Gaussian, Integers]:
-    """Observed weights under the own task and the rivals of each; where each own task stands."""
+    """Priors of the observed weights under own tasks and rivals; indices of the own tasks."""
     size, count = library.n_observed_weights, np.array([task.n for task in tasks.values()])
     mean, covariance = [], []
     for one in left_out:
@@ -137,14 +136,14 @@ def _priors(
 
 
 def _log_relative(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> Floats:
-    """Log of their durations in parts of the usual ones of own task and rivals."""
+    """Log durations of demonstrations relative to the usual ones of own task and rivals."""
     return np.concatenate(
         [np.log(one.duration_s / library.usual_s[[one.task, *one.rivals]]) for one in left_out]
     )
 
 
 def samples_at(shares: Sequence[float]) -> list[int]:
-    """After how many samples these shares of a movement were seen."""
+    """Numbers of samples after which these shares of a movement were seen."""
     return [round(share * SAMPLES_USED) for share in shares]
 
 
@@ -154,9 +153,9 @@ def predict_agents(
     """Means of both agents at the scored phases, (n, S, s, P) and (n, S, s, Q).
 
     Args:
-        library: whose basis and phase deviation are used.
+        library: provides basis and phase deviation.
         left_out: n demonstrations.
-        followed: their own tasks after some of their samples.
+        followed: hypotheses of their own tasks after some samples.
     """
     size = library.n_observed_weights
     mean = np.array([one.mean for one in left_out])[:, None]
@@ -177,7 +176,8 @@ def expected_rows(
 ) -> tuple[Floats, Floats]:
     """Basis functions of both agents at the scored phases, expected over phase deviations.
 
-    Of the observed and the controlled DOFs, (n S, s, N) each; arguments as of `predict_agents`.
+    Those of the observed and of the controlled DOFs, (n S, s, N) each, are returned. The arguments
+    are those of `predict_agents`.
     """
     model, basis = library.phase_deviation, library.basis
     pace, relative = followed.pace.reshape(-1, 1), followed.relative.reshape(-1, 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Demonstrations that are left out in turn, each with its task and its rivals without it."""
+"""Leave demonstrations out in turn, and estimate each one's task and rivals without it."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeVar
@@ -28,31 +28,31 @@ from intent_recognition.promp import (
 from intent_recognition.signals import commensurate
 
 MAX_RIVALS = 8
-"""Other tasks, those with the nearest means, that a demonstration is compared with. Convention: it
-bounds the time; tasks farther away have no evidence to speak of."""
+"""Most other tasks, nearest by their means, that a demonstration is compared with. Bounds computing
+time; tasks farther away have negligible evidence."""
 MAX_VALIDATED = 60
-"""Demonstrations left out, evenly drawn from all tasks. Convention: it bounds the time."""
+"""Most demonstrations left out, evenly drawn from all tasks; bounds computing time."""
 N_SCALES = 5
-"""Durations per task where margins are learned. Convention: it bounds the time; with 15 that of a
-change of mind is alike."""
+"""Durations per task when margins are learned. Bounds computing time; with 15, the margin of a
+change of mind is about the same."""
 T = TypeVar("T")
 
 
 class LeftOutExample(NamedTuple):
-    """One demonstration, and its task without it."""
+    """One demonstration, and its task estimated without it."""
 
-    task: int  # number of its task
-    mean: Floats  # weights of its task, (D N,)
-    covariance: Floats  # of the observed weights, shared by the tasks, (P N, P N)
-    joint: Floats  # covariance of all its weights, (D N, D N)
-    rule: Regression  # regression of the controlled weights on the observed ones, from the same
-    rivals: Integers  # numbers of the other tasks it is compared with
-    rival_means: Floats  # their observed weights, without the person who was left out, (r, P N)
-    observed: Floats  # its samples, (m, P)
-    seen: Floats  # the same at the scored phases, (s, P)
-    truth: Floats  # of the controlled DOFs there, (s, Q)
+    task: int  # index of its task
+    mean: Floats  # mean weights of its task, (D N,)
+    covariance: Floats  # covariance of the observed weights, shared by the tasks, (P N, P N)
+    joint: Floats  # covariance of all weights of its task, (D N, D N)
+    rule: Regression  # of the controlled weights on the observed ones, from `mean` and `joint`
+    rivals: Integers  # indices of the other tasks it is compared with
+    rival_means: Floats  # mean observed weights of the rivals, without a left-out person, (r, P N)
+    observed: Floats  # samples of the observed DOFs, (m, P)
+    seen: Floats  # observed DOFs at the scored phases, (s, P)
+    truth: Floats  # controlled DOFs at the scored phases, (s, Q)
     duration_s: float
-    log_duration: float  # mean of the logarithms of the others' durations [log s]
+    log_duration: float  # mean log duration of the task's other demonstrations [log s]
 
 
 def leave_out(
@@ -61,10 +61,10 @@ def leave_out(
     units: Sequence[str],
     chosen: Hyperparameters,
 ) -> list[LeftOutExample]:
-    """Demonstrations of tasks that have two or more, each with its task without it.
+    """Leave out demonstrations of each task that has two or more.
 
-    Where it is known whose they are, and others have shown each task, too, all demonstrations of
-    the person are left out with it.
+    Where all people are known, a person's demonstrations are left out together, provided that every
+    task keeps demonstrations of others and that at least two people remain.
     """
     statistics = list(tasks.values())
     floor, _ = variance_scales(tasks, units)
@@ -86,7 +86,7 @@ def leave_out(
 
 
 class _Rest(NamedTuple):
-    """A task without some demonstrations: weights (D N,), and what `LeftOutExample` has of it."""
+    """A task without some demonstrations; the fields are those of `LeftOutExample`."""
 
     mean: Floats
     covariance: Floats
@@ -98,7 +98,7 @@ class _Rest(NamedTuple):
 def _of_others(
     rest: Sequence[TaskStatistics], floor: Floats, chosen: Hyperparameters
 ) -> list[_Rest]:
-    """Every task of other people's demonstrations."""
+    """Estimate every task from other people's demonstrations."""
     n_observed = rest[0].examples[0].observed.shape[1]
     size, pooled = n_observed * rest[0].mean.shape[1], pooled_moments(rest)
     examples = [task.examples for task in rest]
@@ -169,7 +169,7 @@ def _left_out(
 
 
 def evenly(items: Sequence[T], most: int) -> list[T]:
-    """At most so many of the items, evenly spaced."""
+    """At most `most` of the items, evenly spaced."""
     count = min(len(items), most)
     return [items[i] for i in np.linspace(0, len(items) - 1, count).round().astype(int)]
 
@@ -177,12 +177,12 @@ def evenly(items: Sequence[T], most: int) -> list[T]:
 def paired_examples(
     tasks: Mapping[str, TaskStatistics], recorded: Mapping[str, TaskStatistics], most: int
 ) -> list[tuple[int, TrainingExample, TrainingExample]]:
-    """Demonstrations, evenly drawn from all tasks: number of the task, as learned, as recorded.
+    """Draw demonstrations evenly from all tasks: (index of the task, as learned, as recorded).
 
     Args:
         tasks: statistics that primitives are built from.
-        recorded: of the same labels or more, of the examples as they were recorded.
-        most: how many.
+        recorded: statistics of the examples as recorded, of the same labels or more.
+        most: largest number of demonstrations.
     """
     labels = list(recorded)
     pairs = [
@@ -199,14 +199,14 @@ def nearest_tasks(
     others: Integers,
     units: Sequence[str],
 ) -> Integers:
-    """The tasks whose mean weights come nearest to an example's, at most `MAX_RIVALS`.
+    """Indices of the tasks whose mean weights are nearest to an example's, at most `MAX_RIVALS`.
 
     Args:
-        tasks: their statistics.
-        example: what they are compared with.
-        others: numbers of those that are compared.
-        units: of the observed DOFs, (P,); distances in incommensurate ones are each divided by
-            their mean.
+        tasks: statistics of all tasks.
+        example: the example.
+        others: indices of the tasks to choose from.
+        units: units of the observed DOFs, (P,); squared distances in incommensurate units are each
+            divided by their mean.
     """
     if len(others) <= MAX_RIVALS:
         return others

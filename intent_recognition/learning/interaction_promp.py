@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The interaction primitive of one task, without timing, unknown tasks or a choice of settings."""
+"""Fit one task's interaction primitive alone: no timing, unknown movements or validation."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ def fit_interaction_promp(
 ) -> InteractionProMP:
     """Fit the joint Gaussian over both agents' weights to demonstrations of one task.
 
-    Each demonstration is taken from its start to its end, its phase running evenly from 0 to 1;
-    `cut_to_movement` cuts recordings with rest at their ends. The sample covariance (Maeda et al.
+    The phase runs evenly from 0 to 1 between the start and the end of each demonstration; use
+    `cut_to_movement` if recordings begin or end at rest. The sample covariance (Maeda et al.
     2014, Eq. 5) is shrunk toward a structured target (`promp.structured_target`), because few
     demonstrations leave it singular. `learn` fits all tasks at once.
 
     Args:
         demonstrations: two or more with the same DOFs, all of one task.
-        basis: basis functions of each DOF; None for those that `learn` uses by default.
+        basis: basis functions of each DOF; None for the default of `learn`.
         ridge: relative curvature penalty of the weights' regression.
         strength: equivalent sample size of the target, in demonstrations, positive.
 
     Raises:
-        TrainingError: fewer than two demonstrations, of one agent alone, or one is too short or has
-            too few samples.
+        TrainingError: there are fewer than two demonstrations, they lack one of the agents, or one
+            is too short or has too few samples.
         ArgumentError: the demonstrations differ in their DOFs or tasks, or `strength` or `ridge`
             is not positive.
     """

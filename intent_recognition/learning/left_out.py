@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Libraries without some of the demonstrations that they were learned from.
+"""Remove demonstrations from a library without learning it again.
 
-From the tasks' statistics, without learning anew: the hyperparameters, the timing of the tasks and
-what people's phases deviate by stay as all demonstrations gave them.
+The result follows from the tasks' statistics. Hyperparameters, the timing of the tasks and the
+phase deviations stay those of all demonstrations.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,17 +34,17 @@ from intent_recognition.promp import (
 
 
 class LeftOut(NamedTuple):
-    """What a library without some demonstrations believes of the observed weights."""
+    """Distributions of the observed weights in a library without some demonstrations."""
 
-    library: TaskLibrary  # of all demonstrations
-    mean: Floats  # of each task, (K, P N)
-    covariance: Floats  # under each task, its mean known, (P N, P N)
-    n: Integers  # demonstrations of each task, (K,)
-    none: Gaussian  # its none
-    timing: Floats  # mean and standard deviation of the log duration of none, (2,)
+    library: TaskLibrary  # library of all demonstrations
+    mean: Floats  # mean of each task, (K, P N)
+    covariance: Floats  # covariance about each task's known mean, (P N, P N)
+    n: Integers  # number of demonstrations of each task, (K,)
+    none: Gaussian  # weights of an unknown movement
+    timing: Floats  # mean and standard deviation of an unknown movement's log duration, (2,)
 
     def as_library(self) -> TaskLibrary:
-        """A library that observes with these beliefs, and controls with those of the whole one."""
+        """The whole library with these distributions of the observed weights."""
         weight_mean = self.library.weight_mean.copy()
         weight_mean[:, : self.library.n_observed_weights] = self.mean
         return replace(
@@ -58,7 +58,7 @@ class LeftOut(NamedTuple):
 
 
 class LeavingOut:
-    """Leaves demonstrations out of a library."""
+    """Leave demonstrations out of a library."""
 
     def __init__(self, library: TaskLibrary, tasks: Mapping[str, TaskStatistics]):
         self.library, self.tasks = library, tasks
@@ -67,16 +67,16 @@ class LeavingOut:
         self._pooled = observed_block(pooled_moments(self.statistics), size)
         self._floor = variance_scales(tasks, library.units)[0][: library.n_observed]
         self._departed = departures(self.statistics, library.observed_units)
-        self.group = cache(self._without_group)  # of many demonstrations the same
+        self.group = cache(self._without_group)  # many demonstrations share a group
 
     def nothing(self) -> LeftOut:
-        """With every demonstration."""
+        """Leave nothing out."""
         inflation = 1.0 + 1.0 / self.library.n_demonstrations[0]
         covariance = self.library.observed_covariance[0] / inflation
         return self._left_out(covariance, self._departed)
 
     def task(self, number: int) -> LeftOut:
-        """Without a task, as a library of the other tasks would have it."""
+        """Leave a whole task out, as in a library of the other tasks."""
         label, n_observed = self.library.labels[number], self.library.n_observed
         own = observed_block(self.tasks[label].moments, self.library.n_observed_weights)
         rest = Scatter(self._pooled.matrix - own.matrix, self._pooled.freedom - own.freedom)
@@ -89,7 +89,7 @@ class LeavingOut:
         return self._left_out(covariance, departed, without=number)
 
     def unseen(self, number: int, example: TrainingExample) -> LeftOut | None:
-        """Without the person who showed a demonstration, or without it alone; None: neither is."""
+        """Leave a demonstration out with all of its person's, or alone; None if neither works."""
         found = self.group(example.group)
         something_is_left = self.statistics[number].n > 1 and self._pooled.freedom > 1
         if found is None and something_is_left:
@@ -97,7 +97,7 @@ class LeavingOut:
         return found
 
     def demonstration(self, number: int, example: TrainingExample) -> LeftOut:
-        """Without one demonstration of a task."""
+        """Leave one demonstration of a task out."""
         task, size = self.statistics[number], self.library.n_observed_weights
         deviation = (example.weights - task.mean).ravel()[:size]
         own = observed_block(task.moments, size)
@@ -109,7 +109,7 @@ class LeavingOut:
         return self._left_out(covariance, self._departed, mean, n)
 
     def _without_group(self, name: str) -> LeftOut | None:
-        """Without all demonstrations of a group; None where a task has no others."""
+        """Leave out all demonstrations of a group; None if `without_group` cannot."""
         size = self.library.n_observed_weights
         kept = without_group(self.statistics, name)
         if kept is None:
@@ -128,7 +128,7 @@ class LeavingOut:
         n: Integers | None = None,
         without: int | None = None,
     ) -> LeftOut:
-        """None comes from all tasks but one; means and numbers are the library's if not given."""
+        """`none` comes from all tasks but `without`; `mean` and `n` default to the library's."""
         library = self.library
         mean = library.observed_mean[:-1] if mean is None else mean
         n = library.n_demonstrations if n is None else n

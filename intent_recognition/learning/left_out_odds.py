@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How probable a left-out demonstration ever makes other tasks than its own, and what follows.
+"""Largest odds against the true task along left-out demonstrations, and the switch margin.
 
-From the odds follows from which probability a task may be acted on (`promp.risk_of`,
-docs/recognition.md). Those of hypotheses that are born on the way say what must speak for a change
-of mind before it counts: they fit people who do not quite move as they were taught, too, and a
-change of mind has to be more probable than that (docs/decisions/change_of_mind.md). Demonstrations
-of a person are left out together, so that the odds are those of somebody new; where nobody else was
-recorded, one demonstration after the other.
+The odds determine from which probability a task may be acted on (`promp.risk_of`,
+docs/recognition.md). The odds of hypotheses born during a movement determine the evidence that a
+change of mind requires: such hypotheses also fit people who do not move quite as they were taught,
+and a change of mind must be more probable than that (docs/decisions/change_of_mind.md).
+Demonstrations of a person are left out together, so that the odds hold for a new person; where
+nobody else was recorded, they are left out one by one.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -23,8 +23,8 @@ from intent_recognition.promp import NO_ODDS, LeftOutOdds, TaskLibrary, conforma
 from intent_recognition.signals import observations_of
 
 MAX_FOLLOWED = 40
-"""Demonstrations that are followed at most. Convention: it bounds the time; 19 suffice for a share
-of one in twenty."""
+"""Most demonstrations that are filtered. Bounds computing time; 19 suffice for a share of one in
+twenty."""
 
 
 def learn_left_out_odds(
@@ -32,11 +32,11 @@ def learn_left_out_odds(
     tasks: Mapping[str, TaskStatistics],
     recorded: Mapping[str, TaskStatistics],
 ) -> LeftOutOdds:
-    """The largest odds against its own task along each demonstration that was left out.
+    """Largest odds against its own task along each left-out demonstration.
 
     Args:
         library: the learned tasks, with all margins.
-        tasks: statistics that it was built from.
+        tasks: statistics that the library was built from.
         recorded: statistics of the examples as they were recorded.
     """
     odds, groups = _of_left_out(library, tasks, recorded, largest_odds_against)
@@ -49,7 +49,7 @@ def _of_left_out(
     recorded: Mapping[str, TaskStatistics],
     largest: Callable[[TaskLibrary, int, TrainingExample], float],
 ) -> tuple[list[float], list[str]]:
-    """What is largest along each demonstration that was left out, and who showed it, if known."""
+    """`largest` of each left-out demonstration; the group left out with it, or "" if alone."""
     odds, groups = list[float](), list[str]()
     leaving_out = LeavingOut(library, tasks)
     for k, example, as_recorded in paired_examples(tasks, recorded, MAX_FOLLOWED):
@@ -74,9 +74,9 @@ def learn_switch_margin(
     tasks: Mapping[str, TaskStatistics],
     recorded: Mapping[str, TaskStatistics],
 ) -> float:
-    """Evidence by which turning to another task is held to be rarer, in nats, zero or more.
+    """Learn the evidence that a change to another task must overcome, in nats, zero or more.
 
-    Arguments as of `learn_left_out_odds`; the margin of the library is not used.
+    The arguments are those of `learn_left_out_odds`; the library's own switch margin is not used.
     """
     odds, _ = _of_left_out(library, tasks, recorded, largest_odds)
     # another task becomes more probable than the true one in one movement of twenty
@@ -84,10 +84,11 @@ def learn_switch_margin(
 
 
 def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> float:
-    """Highest log odds along a movement of other tasks that were born on the way.
+    """Highest log odds of other tasks that were born during a movement.
 
-    At least `-NEGLIGIBLE`: less probable hypotheses are given up. Evidence counts as it is here,
-    and to a power later (`filtering.posterior.counted_joint`): the margin is a cautious one.
+    They are at least `-NEGLIGIBLE`, since less probable hypotheses are pruned. The evidence is not
+    raised to a power here as it is online (`filtering.posterior.counted_joint`), which makes the
+    margin cautious.
     """
     largest = -NEGLIGIBLE
     for run in follow(replace(library, switch_margin=0.0), recorded):
@@ -99,7 +100,7 @@ def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> 
 
 
 def follow(library: TaskLibrary, recorded: TrainingExample) -> Iterator[MovementFilter]:
-    """The filter after each sample of a movement."""
+    """Filter a movement; yield the filter after each sample."""
     grid = make_prior_grid(library, n_scales=N_SCALES)
     run = MovementFilter(library, grid, 0, switching=True)
     stamps_ns = np.round(sample_phases() * recorded.duration_s * 1e9).astype(np.int64)

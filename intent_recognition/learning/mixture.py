@@ -3,7 +3,7 @@
 
 Each demonstration's weights describe a trajectory of every DOF. These trajectories, sampled at
 evenly spaced phases, are scaled to common units and expressed in orthonormal coordinates of the
-affine span of all demonstrations, separately for each agent. The mixture is fitted in these.
+affine span of all demonstrations, separately for each agent. The mixture is fitted there.
 """
 
 from typing import NamedTuple
@@ -26,10 +26,10 @@ from intent_recognition.gaussian import (
 from intent_recognition.promp import NormalizedRBFBasis
 
 BASIS = NormalizedRBFBasis(30, 1.0)
-"""Basis functions of the trajectories that are clustered. More than `learn` uses: the difference
-between a waved and a shaken hand is in the fast part of the movement (docs/mixture.md)."""
+"""Basis functions of the trajectories that are clustered. There are more than in `learn`: a waved
+and a shaken hand differ in the fast part of the movement (docs/mixture.md)."""
 RIDGE = 1e-3
-"""Relative curvature penalty of their regression, weaker than in `learn` for the same reason."""
+"""Relative curvature penalty of these trajectories, weaker than in `learn` for the same reason."""
 SAMPLED_PHASES = 40
 """Phases at which trajectories are compared (docs/mixture.md)."""
 STRENGTH, SHARED = 24.0, 5.0
@@ -39,18 +39,18 @@ MIN_MEMBERS = 3
 """Fewest demonstrations of a component: with one left out, two remain to estimate a variance."""
 MAX_FOLDS = 100
 """Up to this number, each demonstration is left out alone; beyond it, every hundredth together.
-Convention: it bounds the time."""
+Bounds computing time."""
 MAX_DEMONSTRATIONS = 2000
-"""Most demonstrations that a mixture is fitted to. Convention: it bounds memory and time."""
+"""Most demonstrations that a mixture is fitted to; bounds memory and computing time."""
 REASSIGNMENTS = 10
-"""Rounds of reassignment by the mixtures without each demonstration, at most. Convention."""
+"""Most rounds of reassigning demonstrations by left-out mixtures; bounds computing time."""
 
 
 class Features(NamedTuple):
-    """n demonstrations in the coordinates the mixture is fitted in."""
+    """n demonstrations in the coordinates in which the mixture is fitted."""
 
-    coordinates: Floats  # observed agent's first, (n, r)
-    n_observed: int  # how many of them are the observed agent's
+    coordinates: Floats  # the observed agent's come first, (n, r)
+    n_observed: int  # number of the observed agent's coordinates
     controlled: Floats  # scaled trajectories of the controlled agent less their mean, (n, s)
     loadings: Floats  # `controlled = coordinates[:, n_observed:] @ loadings`, (r - n_observed, s)
 
@@ -106,9 +106,9 @@ def cluster(features: Features, n_components: int, rng: np.random.Generator) -> 
     """Fit a mixture from many starts and keep the likeliest without small components.
 
     A fit with a component of fewer than `MIN_MEMBERS` is kept only if every start led to one: the
-    likelihood favours components that hold a single outlier. In many dimensions a demonstration
-    also stays in a component because it shaped it. Each is therefore reassigned by the mixture
-    fitted without it, and EM restarted from there, as long as the likelihood rises.
+    likelihood favours components that hold a single outlier. In many dimensions, a demonstration
+    also stays in a component because it shaped it. Each one is therefore reassigned by the mixture
+    fitted without it, and EM is restarted from the new labels as long as the likelihood rises.
     """
     points, prior = features.coordinates, features.prior
     n_starts = 30 if n_components > 1 else 1
@@ -133,9 +133,9 @@ def cluster(features: Features, n_components: int, rng: np.random.Generator) -> 
 def leave_each_out(
     points: Floats, labels: Integers, n_components: int, prior: CovariancePrior
 ) -> Components:
-    """For each of n points the mixture without it, started from the labels of the rest.
+    """Fit the mixture without each of n points, starting from the labels of the other points.
 
-    All are fitted in one batch; beyond `MAX_FOLDS` points those of one fold are left out together.
+    All are fitted in one batch. Beyond `MAX_FOLDS` points, those of a fold are left out together.
     """
     fold = np.arange(len(points)) % MAX_FOLDS
     included = fold != np.arange(min(len(points), MAX_FOLDS))[:, None]
@@ -155,13 +155,13 @@ def left_out_labels(points: Floats, left_out: Components) -> Integers:
 
 
 def _rank(fits: MixtureFit, index: int, n_components: int) -> tuple[bool, float]:
-    """Fits are ranked by whether all components are large enough, then by the likelihood."""
+    """Rank of a fit: whether all components are large enough, then the likelihood."""
     sizes = np.bincount(fits.labels[index], minlength=n_components)
     return bool(sizes.min() >= MIN_MEMBERS), float(fits.log_likelihood[index])
 
 
 def _ordered(labels: Integers) -> Integers:
-    """The labels renumbered by decreasing size of the components, then by their first member."""
+    """Renumber labels by decreasing size of the components, then by their first member."""
     found, first, sizes = np.unique(labels, return_index=True, return_counts=True)
     order = sorted(range(len(found)), key=lambda k: (-sizes[k], first[k]))
     rank = {int(found[k]): number for number, k in enumerate(order)}

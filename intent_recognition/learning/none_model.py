@@ -2,8 +2,9 @@
 """The hypothesis that a movement is none of the known tasks.
 
 An unknown movement is one more draw from the population of the known tasks. Its mean is distributed
-about their mean as they are themselves, and it varies as they vary. The scatter of few tasks is
-hardly known, so it is shrunk towards how far movements depart from their starts.
+about the average of their means as these are, and its covariance is the average of theirs. The
+scatter of a few tasks is poorly known, so it is shrunk towards how far movements depart from their
+starts.
 """
 
 from collections.abc import Sequence
@@ -24,19 +25,19 @@ their starts (docs/recognition.md)."""
 class Departure(NamedTuple):
     """How far movements depart from their starts in some observed DOFs."""
 
-    dofs: Integers  # which, (p,)
+    dofs: Integers  # indices of these DOFs, (p,)
     square: Floats  # mean square distance per basis function, (N,)
 
 
 def departures(tasks: Sequence[TaskStatistics], units: Sequence[str]) -> list[Departure]:
-    """Of the observed DOFs (P,), by what their units have in common (`signals.commensurate`)."""
+    """Departures in the observed DOFs, one per kind of commensurate `units` (P,)."""
     return [Departure(dofs, departure(tasks, dofs)) for dofs in commensurate(units)]
 
 
 def departure(tasks: Sequence[TaskStatistics], dofs: Integers) -> Floats:
     """Mean square distance of movements from where they start, per basis function, (N,).
 
-    The variance of the starts is added; mean over the given DOFs (p,).
+    The variance of the starts is added, and the mean is taken over the given DOFs (p,).
     """
     n_basis = tasks[0].mean.shape[1]
     count = np.array([task.n for task in tasks], dtype=np.float64)
@@ -58,12 +59,12 @@ def departure(tasks: Sequence[TaskStatistics], dofs: Integers) -> Floats:
 
 
 def none_primitive(means: Floats, covariances: Floats, departed: Sequence[Departure]) -> Gaussian:
-    """Observed weights of a movement that is none of K tasks but of their kind.
+    """Distribution of the observed weights of an unknown movement, given K tasks.
 
     Args:
-        means: of the tasks' observed weights, (K, P, N).
-        covariances: theirs, (K, P N, P N).
-        departed: see `departures`; tasks differ alike in the DOFs of each.
+        means: means of the tasks' observed weights, (K, P, N).
+        covariances: covariances of the tasks' observed weights, (K, P N, P N).
+        departed: see `departures`; the scatter of the tasks is averaged over the DOFs of each.
     """
     n_tasks, n_dofs, n_basis = means.shape
     centre = means.mean(axis=0)
@@ -84,5 +85,5 @@ def none_primitive(means: Floats, covariances: Floats, departed: Sequence[Depart
 
 
 def none_timing(log_mean: Floats, log_std: Floats) -> Floats:
-    """Mean and standard deviation of its log duration, (2,), from the tasks' (K,) and (K,)."""
+    """Mean and standard deviation of an unknown movement's log duration, from the tasks' (K,)."""
     return np.array([log_mean.mean(), np.sqrt(np.mean(log_std**2) + log_mean.var())])

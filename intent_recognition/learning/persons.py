@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How people differ from each other, beyond how demonstrations of one of them differ.
+"""Variation between people, beyond the variation within one person's demonstrations.
 
-Demonstrations of one person are alike: they are no more than one draw of a person. With the person
-g of a demonstration i of task k, its observed weights are
+Demonstrations of one person resemble each other: together they are a single draw from the
+population of people. The observed weights of demonstration i of task k by person g are
 
     w_kgi = mu_k + b_kg + e_kgi,    b ~ N(0, B),    e ~ N(0, E),
 
-a one-way model of random effects. E is estimated from the scatter about the means of each person's
-demonstrations of a task, C from the scatter of these means, and B from both by restricted maximum
-likelihood: in coordinates in which E is the identity, the eigenvalues of C less the share h of E in
-it, or zero (Amemiya 1985; h is the mean of 1 / n_kg).
+a one-way random-effects model. E is estimated from the scatter about the mean of each person's
+demonstrations of a task, and the covariance C of these means from their scatter. B follows from
+both by restricted maximum likelihood: in coordinates in which E is the identity, its eigenvalues
+are those of C less h, or zero, where h is the mean of 1 / n_kg (Amemiya 1985).
 """
 
 from collections.abc import Callable, Sequence
@@ -25,18 +25,19 @@ from intent_recognition.promp import Scatter, shared_covariance
 
 
 class Grouped(NamedTuple):
-    """Scatter of demonstrations by whose they are."""
+    """Scatter of demonstrations within and between people."""
 
     within: Scatter  # about the mean of each person's demonstrations of a task
     between: Scatter  # of these means about the mean of the task
     share: float  # mean of 1 / n over the numbers of demonstrations behind the means
-    n_groups: int  # people
+    n_groups: int  # number of people
 
 
 def compares_people(groups: Sequence[Sequence[str]]) -> bool:
-    """Whether groups of the demonstrations of each task tell how people differ.
+    """Whether the groups of each task's demonstrations show how people differ.
 
-    They do where some person has shown a task twice, and several have shown the same one.
+    They do if all are known, somebody has shown a task twice, and there are at least three more
+    pairs of person and task than tasks.
     """
     n, cells = sum(map(len, groups)), sum(len(set(task)) for task in groups)
     known = all(name for task in groups for name in task)
@@ -47,9 +48,9 @@ def compares_people(groups: Sequence[Sequence[str]]) -> bool:
 def group_scatter(
     examples: Sequence[Sequence[TrainingExample]], value: Callable[[TrainingExample], Floats]
 ) -> Grouped | None:
-    """The scatter of K tasks' demonstrations by group; None where groups say nothing of people.
+    """Scatter of K tasks' demonstrations by group; None if groups do not show how people differ.
 
-    Compared is a value (d,) of each example.
+    `value` returns the vector (d,) of an example that is compared.
     """
     if not compares_people([[one.group for one in task] for task in examples]):
         return None
@@ -72,15 +73,15 @@ def group_scatter(
 
 
 def people(tasks: Sequence[TaskStatistics]) -> int:
-    """How many have shown the tasks; 0 where it is not known of all demonstrations."""
+    """Number of people who have shown the tasks; 0 if the group of a demonstration is unknown."""
     names = {one.group for task in tasks for one in task.examples}
     return 0 if "" in names else len(names)
 
 
 def without_group(tasks: Sequence[TaskStatistics], name: str) -> list[TaskStatistics] | None:
-    """The tasks without a person's demonstrations; None where one has no others, or all have one.
+    """Tasks without a person's demonstrations; None if a task then has none, or each only one.
 
-    Those that were kept whole count; the group "" is nobody's.
+    Only demonstrations kept whole count. The group "" is an unknown person: None is returned.
     """
     kept = [[one for one in task.examples if one.group != name] for task in tasks]
     if not name or not all(kept) or sum(map(len, kept)) == len(kept):
@@ -91,11 +92,11 @@ def without_group(tasks: Sequence[TaskStatistics], name: str) -> list[TaskStatis
 def between_people(grouped: Grouped, floor: Floats, strength: float) -> tuple[Floats, Floats]:
     """Covariances E within and B between people, (d, d) each.
 
-    With few people, the DOFs in which they differ are mostly chance: B is shrunk towards equal
-    variation in all of them, which counts as `strength` people.
+    With few people, the DOFs in which they differ are mostly chance. B is therefore shrunk towards
+    equal variation in all DOFs, which counts as `strength` people.
 
     Args:
-        grouped: scatter by whose demonstrations they are.
+        grouped: scatter within and between people.
         floor: variance floor per observed DOF, (P,).
         strength: equivalent sample size of the target that both are shrunk towards.
     """
@@ -114,13 +115,14 @@ def between_people(grouped: Grouped, floor: Floats, strength: float) -> tuple[Fl
 def covariance_of_strangers(
     examples: Sequence[Sequence[TrainingExample]], pooled: Scatter, floor: Floats, strength: float
 ) -> Floats:
-    """Covariance of an unknown person's demonstrations about the means of their tasks, (d, d).
+    """Covariance of a new person's demonstrations about the means of their tasks, (d, d).
 
-    These means are uncertain, too, as if each of the G people were one demonstration: B counts
-    1 + 1 / G. Without people to compare it is the covariance that all demonstrations share.
+    The means are uncertain, too, as if each of the G people were one demonstration, so B is
+    multiplied by 1 + 1 / G. Without people to compare, the result is the covariance shared by all
+    demonstrations.
 
     Args:
-        examples: of each task.
+        examples: examples of each task.
         pooled: scatter of the observed weights of all demonstrations about the tasks' means.
         floor: variance floor per observed DOF, (P,).
         strength: equivalent sample size of the target, in demonstrations.
@@ -135,9 +137,9 @@ def covariance_of_strangers(
 def log_duration_variance_of_strangers(
     examples: Sequence[Sequence[TrainingExample]],
 ) -> float | None:
-    """Variance of an unknown person's log durations about the means of their tasks.
+    """Variance of a new person's log durations about the means of their tasks.
 
-    As `covariance_of_strangers`; None without people to compare.
+    It is estimated as in `covariance_of_strangers`; None without people to compare.
     """
     grouped = group_scatter(examples, lambda one: np.log([one.duration_s]))
     if grouped is None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How recordings become examples: basis, onset thresholds, DOFs and templates, settled once.
+"""How recordings become examples: basis, onset thresholds, DOFs and templates, all fixed once.
 
 The `Preprocessing` is fixed before the first example is made, so that statistics accumulated at
 other times, or by other processes, can be merged.
@@ -41,22 +41,22 @@ class SignalNames(NamedTuple):
 class Preprocessing:
     """How each recording becomes an example."""
 
-    settings: TrainingSettings  # basis, ridge and segmentation among them
+    settings: TrainingSettings  # including basis, ridge and segmentation
     # observed, controlled: DOFs of each signal
     observed: tuple[SignalNames, ...]
     controlled: tuple[SignalNames, ...]
     # onset, controlled_onset: thresholds of the movement for each signal
     onset: tuple[OnsetSettings, ...]
     controlled_onset: tuple[OnsetSettings, ...]
-    timing: Timing  # templates that recordings are aligned with
+    timing: Timing  # templates for alignment, and the timing of the tasks
     source: str = ""  # name of the recording that the DOFs are from
     context: tuple[SignalNames, ...] = ()  # names of each context signal
-    # where each DOF that is an angle begins, in the turn that all recordings are brought to [rad],
-    # observed ones first; None for other DOFs
+    # reference start of each DOF that is an angle, in its unit: recordings are shifted to the turn
+    # in which they start nearest to it; observed DOFs first, None for DOFs that are no angles
     angles: tuple[float | None, ...] = ()
 
     def basis_of(self, aligned: bool) -> NormalizedRBFBasis:
-        """The basis functions over recorded phase, or over reference phase of aligned examples."""
+        """Basis functions over recorded phase, or over reference phase if `aligned`."""
         settings = self.settings
         n_basis = settings.n_aligned_basis if aligned else settings.n_basis
         return NormalizedRBFBasis(n_basis, settings.width)
@@ -72,7 +72,7 @@ class Preprocessing:
         return tuple(s.unit for s in (*self.observed, *self.controlled) for _ in s.names)
 
     def cut(self, recorded: Demonstration) -> Demonstration:
-        """The recording in the turn of all, cut to the movement or whole as the settings say."""
+        """The recording with angles in the common turn, cut to the movement if settings say so."""
         recorded = in_turns(recorded, self.angles)
         if self.settings.segmentation == "movement":
             return cut_one(recorded, self.onset, self.controlled_onset)
@@ -82,7 +82,7 @@ class Preprocessing:
 def settle_preprocessing(
     recordings: Sequence[Demonstration], settings: TrainingSettings
 ) -> Preprocessing:
-    """Thresholds, templates and DOFs from recordings, at least one: those whose DOFs most have."""
+    """Determine DOFs, thresholds and templates from the recordings with the most frequent DOFs."""
     ((usual, _),) = Counter(map(_dofs, recordings)).most_common(1)
     recordings = [recorded for recorded in recordings if _dofs(recorded) == usual]
     first, angles = recordings[0], angle_references(recordings)
@@ -105,7 +105,7 @@ def settle_preprocessing(
 
 
 def angle_references(recordings: Sequence[Demonstration]) -> tuple[float | None, ...]:
-    """Where each angle begins, in the turn that recordings are brought to; None for other DOFs."""
+    """Reference start of each DOF that is an angle, which defines its turn; None for other DOFs."""
     agents = [(one.start_ns, (*one.observed, *one.controlled)) for one in recordings]
     starts = [
         np.concatenate([first_values(signal, start_ns) for signal in signals])
@@ -123,7 +123,7 @@ def angle_references(recordings: Sequence[Demonstration]) -> tuple[float | None,
 
 
 def in_turns(recorded: Demonstration, angles: Sequence[float | None]) -> Demonstration:
-    """The recording, each angle in the turn in which it begins nearest to its reference."""
+    """Shift each angle by whole turns so that it begins nearest to its reference."""
     if all(angle is None for angle in angles):
         return recorded
     n_observed = sum(len(signal.names) for signal in recorded.observed)
@@ -135,7 +135,7 @@ def in_turns(recorded: Demonstration, angles: Sequence[float | None]) -> Demonst
 def examples_of(
     recordings: Sequence[Demonstration], preprocessing: Preprocessing
 ) -> list[TrainingExample | TrainingError]:
-    """Each recording as an example, with its aligned counterpart; or why it cannot be used."""
+    """Turn each recording into an example with its aligned counterpart, or an error."""
     found: list[TrainingExample | TrainingError] = []
     usable, timing = [], preprocessing.timing
     for index, recorded in enumerate(recordings):
@@ -163,7 +163,7 @@ def _example(
     *,
     aligned: bool,
 ) -> TrainingExample:
-    """The example with the displacement that its controlled agent has at the usual duration."""
+    """Make an example whose controlled agent moves as far and as late as at the usual duration."""
     timing, n = preprocessing.timing, preprocessing.n_observed
     basis, ridge = preprocessing.basis_of(aligned), preprocessing.settings.ridge
     example = make_example(cut, basis, ridge, warp, recorded_samples=not aligned)
@@ -180,7 +180,7 @@ def _example(
 def examples_together(
     recordings: Sequence[Demonstration], settings: TrainingSettings
 ) -> list[TrainingExample | TrainingError]:
-    """The same with a preprocessing that those which can be used settle."""
+    """Do what `examples_of` does, with a preprocessing determined from the usable recordings."""
     reasons = [reason_against(recorded, None) for recorded in recordings]
     usable = [one for one, reason in zip(recordings, reasons, strict=True) if not reason]
     if not usable:
@@ -189,10 +189,10 @@ def examples_together(
 
 
 def example_of(recorded: Demonstration, preprocessing: Preprocessing) -> TrainingExample:
-    """One recording as an example.
+    """Turn one recording into an example.
 
     Raises:
-        TrainingError: it cannot be used; says why.
+        TrainingError: the recording cannot be used; the message says why.
     """
     (example,) = examples_of([recorded], preprocessing)
     if isinstance(example, TrainingError):

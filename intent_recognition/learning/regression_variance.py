@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How uncertain a task's regression is, from demonstrations that were left out.
+"""Uncertainty of a task's regression, from left-out demonstrations.
 
-The controlled weights given the observed ones are N(A w_o + b, C), and A stems from a dozen
-demonstrations. Given that its coefficients are normal with covariance r C (x) S_oo^-1, a prediction
+The controlled weights given the observed ones are N(A w_o + b, C), and A is estimated from perhaps
+a dozen demonstrations. If its coefficients are normal with covariance r C (x) S_oo^-1, a prediction
 from w_o has the covariance C (1 + r E[(w_o - mu_o)^T S_oo^-1 (w_o - mu_o)]): the farther a person
-is from those of the demonstrations, the less is known of the robot (the predictive distribution of
-Bayesian linear regression; Bishop 2006, Eq. 3.59). Validation chooses r by the log density of what
-was left out: where whole people are left out, by that of new people.
+is from the demonstrations, the less certain is the robot's movement (the predictive distribution of
+Bayesian linear regression; Bishop 2006, Eq. 3.59). Validation chooses r by the log density of
+left-out demonstrations; where whole people are left out, these are demonstrations of new people.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,10 +34,10 @@ def choose_regression_variance(
     tasks: Mapping[str, TaskStatistics],
     shares: Sequence[float],
 ) -> float:
-    """The variance of the coefficients under which the controlled agent is most probable.
+    """Choose the variance of the coefficients under which the controlled agent is most probable.
 
     The first value is kept unless another is better by more than the standard error over the
-    demonstrations. Arguments as of `choose_duration_evidence`, and the statistics of each label.
+    demonstrations. See `choose_duration_evidence`; `tasks` are the statistics of each label.
     """
     parts = [
         _losses(library, some, tasks, samples_at(shares)) for some in batches_of(library, left_out)

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hyperparameters chosen by held-out validation, with the filter that runs online.
+"""Choose hyperparameters by held-out validation, with the filter that runs online.
 
-Demonstrations are left out in turn. From samples of the observed agent the filter recognises the
-task and predicts the controlled agent. What is chosen is the pace of both agents
-(`learning.timing`), the noise of an observation, and of the target of a task's regression: whether
-it has a lag or borrows from the other tasks, how strong it is, and how independent the weights are.
-The coupling of the residuals is learned beside each (`learning.coupling`). The score of a candidate
-is in nats: the log loss of the task, plus that of the controlled agent's Q DOFs
-under a normal error whose variance is fitted after each share seen, Q / 2 log(mean squared error).
-Slopes from demonstrations alone (`promp.ridge`) must be better by more than the standard error over
-the demonstrations, to first order in each one's part of the score; not so where whole people are
-left out, whose demonstrations go together.
+Demonstrations are left out in turn. From samples of the observed agent, the filter recognises the
+task and predicts the controlled agent. Validation chooses the pace of both agents
+(`learning.timing`), the observation noise, and the covariance target behind a task's regression:
+its lag, its strength, how independent its weights are, and whether it borrows from other tasks.
+The coupling of the residuals is learned for each candidate (`learning.coupling`). The score, in
+nats, is the log loss of the task plus Q / 2 log(mean squared error), the log loss of the controlled
+agent's Q DOFs under a normal error whose variance is fitted after each share seen. Slopes from the
+demonstrations alone (`promp.ridge`) must be better by more than the standard error over the
+demonstrations, to first order in each one's part of the score. This does not apply where whole
+people are left out, since one person's demonstrations are not independent.
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,18 +51,17 @@ from intent_recognition.signals import is_spatial
 NOISE_SCALES = (1.0, 4.0, 16.0)
 """Factors of the observed DOFs' noise variance that are tried (docs/decisions/one_filter.md)."""
 FRACTIONS = (0.25, 0.5, 0.75, 1.0)
-"""Shares of the movement after which the rest is predicted, in `intent evaluate`, too. Convention.
-"""
+"""Shares of the movement after which the rest is predicted, in `intent evaluate`, too."""
 LEAST_ERROR = 1e-3
-"""Relative squared error, the square of 3 % of the standard deviation, below which predictions are
-alike: copies of a finished movement (docs/decisions/new_people.md)."""
+"""Relative squared error below which predictions count as equal, the square of 3 % of the standard
+deviation: such predictions copy a finished movement (docs/decisions/new_people.md)."""
 
 
 class Choice(NamedTuple):
-    """What was chosen.
+    """The chosen hyperparameters, and what was learned along with them.
 
     Attributes:
-        coupling: of the residuals, learned with them; None where there is none in any task.
+        coupling: coupling of the residuals; None if no task has any.
         tried: all hyperparameters that were scored.
     """
 
@@ -75,10 +74,10 @@ def choose(
     candidates: Mapping[str, tuple[TaskLibrary, Mapping[str, TaskStatistics]]],
     recorded: Mapping[str, TaskStatistics],
 ) -> Choice:
-    """The best hyperparameters, their coupling, and all that were tried.
+    """Choose the best hyperparameters; also return their coupling and all that were tried.
 
     Args:
-        candidates: by pace a library, with the statistics that it was built from.
+        candidates: for each pace, a library and the statistics that it was built from.
         recorded: statistics of the examples as they were recorded.
     """
 
@@ -104,7 +103,7 @@ def choose(
 
     def best_with(*more: Hyperparameters) -> Hyperparameters:
         tried.update((one, scored(one)) for one in more if one not in tried)
-        return min(tried, key=lambda one: round(tried[one].score, 9))  # whatever rounding adds
+        return min(tried, key=lambda one: round(tried[one].score, 9))  # ignores rounding
 
     if not all(left_out(Hyperparameters(pace)) for pace in candidates):
         return Choice(Hyperparameters(), None, (Hyperparameters(),))
@@ -121,13 +120,13 @@ def choose(
     if of_people:
         best = best_with(*(best._replace(ridge=one) for one in RIDGES[:2]))
     best = best_with(*(best._replace(strength=other) for other in REGRESSION_STRENGTHS[1:]))
-    for ridge in () if of_people else RIDGES:  # the strength has no part in such slopes
+    for ridge in () if of_people else RIDGES:  # these slopes do not depend on the strength
         alone = best._replace(ridge=ridge, strength=REGRESSION_STRENGTHS[0])
         best_with(alone)
         gained = parts[best] - parts[alone]
         if gained.mean() > gained.std() / np.sqrt(len(gained)):
             best = alone
-        elif not best.ridge and gained.mean() <= 0.0:  # nor will others be better
+        elif not best.ridge and gained.mean() <= 0.0:  # other ridges will not be better either
             break
     library = replace(candidates[best.pace][0], noise_scale=best.noise_scale)
     of_best, tasks = left_out(best), candidates[best.pace][1]
@@ -140,7 +139,7 @@ def choose(
 
 
 def _lags(library: TaskLibrary, tasks: Mapping[str, TaskStatistics]) -> list[float]:
-    """The lag that explains most of the controlled DOFs, if it is a peak among those compared."""
+    """The lag that explains most of the controlled DOFs, unless it is the first or the last."""
     floor, _ = variance_scales(tasks, library.units)
     explained = explained_by_lag(pooled_moments(tasks.values()), library.n_observed, floor)
     most = int(np.argmax(explained))
@@ -148,7 +147,7 @@ def _lags(library: TaskLibrary, tasks: Mapping[str, TaskStatistics]) -> list[flo
 
 
 def _variance(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> Floats:
-    """Variance of the controlled DOFs, by which their squared errors are divided, (Q,)."""
+    """Variance of the controlled DOFs, which divides their squared errors, (Q,)."""
     truth = np.concatenate([one.truth for one in left_out])
     size = np.where(is_spatial(library.controlled_units), 1.0, np.abs(truth).max(axis=0))
     return np.maximum(np.var(truth, axis=0), 1e-12 * np.where(size > 0.0, size, 1.0) ** 2)
@@ -157,10 +156,10 @@ def _variance(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> Float
 def validate(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
 ) -> tuple[Floats, Floats]:
-    """Log losses of the task and relative errors of the controlled agent, the duration known.
+    """Log losses of the task and relative errors of the controlled agent, at known duration.
 
-    The losses (A, n) are those under each of the powers of the evidence; the errors are those after
-    each of `FRACTIONS` which the coupling of the residuals leaves, (f, n).
+    The losses are those under each exponent of the evidence, (A, n). The errors are those after
+    each of `FRACTIONS`, with the coupling of the residuals applied, (f, n).
     """
     variance = _variance(library, left_out)
     parts = [_follow(library, some, tasks) for some in batches_of(library, left_out)]

@@ -18,16 +18,16 @@ class TrainingSettings:
     Attributes:
         n_basis: basis functions per DOF.
         n_aligned_basis: basis functions per DOF of the aligned primitives.
-        width: their width in units of their spacing.
+        width: width of the basis functions in units of their spacing.
         ridge: relative curvature penalty of the weights' regression.
         segmentation: "movement" cuts each recording to the interaction, as the online detector
             would; "recording" takes it whole.
-        none_prior: prior probability that a movement is none of the tasks; above one less the
-            decision's threshold, no task is acted on without evidence against none.
+        none_prior: prior probability of an unknown movement; above one minus the threshold of the
+            decision, no task is acted on without evidence against `none`.
         duration_evidence: exponent of the evidence in the posterior of a movement's duration, in
             (0, 1]; None lets held-out validation choose it.
-        switching: learn what must speak for a change of mind, for the online estimator to follow
-            one; takes longer than all the rest.
+        switching: learn the evidence that a change of mind requires, so that the online estimator
+            can follow one, and the risk of acting; takes longer than everything else.
 
     Raises:
         ArgumentError: a setting is out of range.
@@ -44,7 +44,7 @@ class TrainingSettings:
 
     def __post_init__(self) -> None:
         for n_basis in (self.n_basis, self.n_aligned_basis):
-            NormalizedRBFBasis(n_basis, self.width)  # says what is wrong with them
+            NormalizedRBFBasis(n_basis, self.width)  # raises if they are invalid
         if not number(self.ridge) > 0:
             raise ArgumentError.about("ridge", "a positive number", self.ridge, "Try 3e-3.")
         if self.segmentation not in SEGMENTATIONS:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sufficient statistics of a task's demonstrations: exact, mergeable, of a size that never grows.
+"""Sufficient statistics of a task's demonstrations: exact, mergeable and of bounded size.
 
-Means, covariances, noise, timing and the none model are functions of these sums. They are kept
+Means, covariances, noise, timing and the none model are functions of these sums. The sums are taken
 about their own means and merged pairwise (Chan, Golub & LeVeque 1983, Eq. 2.1), which loses no
 digits where the standard deviation is small compared to the mean. Only the choice of
-hyperparameters needs single demonstrations; of these a bounded sample is kept, the same one in
-whatever order they came.
+hyperparameters needs single demonstrations; a bounded sample of them is kept, which does not depend
+on their order.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,27 +22,27 @@ from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.promp import Scatter, weight_floor
 
 MAX_EXAMPLES = 200
-"""Demonstrations of one task that are kept whole, to choose hyperparameters on. Convention: it
-bounds the size of a model file."""
+"""Most demonstrations of one task that are kept whole, to choose hyperparameters on; bounds the
+size of a model file."""
 
 
 @dataclass(frozen=True)
 class TaskStatistics:
     """Sufficient statistics of n demonstrations of one task."""
 
-    n: int  # how many
+    n: int  # number of demonstrations
     mean: Floats  # mean weights, (D, N), observed DOFs first
-    scatter: Floats  # sum of outer products of their deviations from the mean, (D N, D N)
+    scatter: Floats  # sum of outer products of the weights' deviations from it, (D N, D N)
     # lowest, highest: smallest and largest weight of each DOF, (D,)
     lowest: Floats
     highest: Floats
     residual_sum: Floats  # sum of the residual variances, (D,)
     log_duration_mean: float  # mean of the logarithms of the durations in seconds
-    log_duration_scatter: float  # sum of their squared deviations from it
+    log_duration_scatter: float  # sum of squared deviations from that mean
     duration_sum_s: float
     context_mean: Floats  # mean context, (M,)
     context_scatter: Floats  # sum of outer products of the contexts' deviations from it, (M, M)
-    context_cross: Floats  # the same of the weights' and the contexts' deviations, (D N, M)
+    context_cross: Floats  # sum of outer products of both deviations, weights first, (D N, M)
     # all demonstrations, or `MAX_EXAMPLES` of them drawn by a hash of their names
     examples: tuple[TrainingExample, ...]
     # statistics of the aligned examples; None where nothing was aligned
@@ -58,7 +58,7 @@ def summarize(examples: Sequence[TrainingExample]) -> TaskStatistics:
     """Statistics of one or more demonstrations of one task.
 
     Raises:
-        ShapeError: no example.
+        ShapeError: there is no example.
     """
     if not examples:
         cure = "Leave the task out."
@@ -89,7 +89,7 @@ def summarize(examples: Sequence[TrainingExample]) -> TaskStatistics:
 
 
 def merge_statistics(first: TaskStatistics, second: TaskStatistics) -> TaskStatistics:
-    """Statistics of the demonstrations of both (Chan, Golub & LeVeque 1983, Eq. 2.1)."""
+    """Merge statistics of one task's demonstrations (Chan, Golub & LeVeque 1983, Eq. 2.1)."""
     n = first.n + second.n
     share, pairs = second.n / n, first.n * second.n / n
     step = second.mean - first.mean
@@ -123,7 +123,7 @@ def merge_statistics(first: TaskStatistics, second: TaskStatistics) -> TaskStati
 def merge_tasks(
     first: Mapping[str, TaskStatistics], second: Mapping[str, TaskStatistics]
 ) -> dict[str, TaskStatistics]:
-    """Statistics of the demonstrations of both by label, sorted."""
+    """Merge statistics by label, sorted."""
     merged = dict(first)
     for label, task in second.items():
         merged[label] = merge_statistics(merged[label], task) if label in merged else task
@@ -150,13 +150,13 @@ def variance_scales(
 
 
 def aligned_statistics(tasks: Mapping[str, TaskStatistics]) -> dict[str, TaskStatistics] | None:
-    """Statistics of the aligned examples of each label; None where one has none."""
+    """Statistics of the aligned examples of each label; None if a label has none."""
     aligned = {label: task.aligned for label, task in tasks.items() if task.aligned is not None}
     return aligned if len(aligned) == len(tasks) else None
 
 
 def _draw(examples: Sequence[TrainingExample]) -> tuple[TrainingExample, ...]:
-    """The `MAX_EXAMPLES` of the smallest hash: a fair sample in any order and grouping."""
+    """Sample the `MAX_EXAMPLES` with the smallest hash, whatever the order and grouping."""
 
     def key(example: TrainingExample) -> bytes:
         identity = f"{example.name}\0{example.duration_s!r}"

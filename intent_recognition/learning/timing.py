@@ -2,8 +2,8 @@
 """Timing of demonstrations: templates to align with, and deviations from steady progress.
 
 Templates and the standard deviation of the phase deviation are estimated once and are part of the
-preprocessing; a later recording is warped onto the same template by itself (Maeda et al. 2014, part
-III-E).
+preprocessing. Each later recording is aligned on its own with the same template (Maeda et al. 2014,
+part III-E).
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -19,10 +19,10 @@ from intent_recognition.promp import LAGS, STEADY, PhaseDeviation, steady_phase
 from intent_recognition.signals import GROUP, Demonstration
 
 BRIDGE = np.linspace(0.0, 1.0, 51) * np.linspace(1.0, 0.0, 51)
-"""u (1 - u) at the even phases of a phase deviation, which is zero at both ends. Convention."""
+"""u (1 - u) at evenly spaced phases u: a phase deviation is zero at both ends."""
 MIN_DEVIATION_STD, DEFAULT_DEVIATION_STD = 0.004, 0.03
-"""Smallest standard deviation of the phase deviation, and the largest along the movement where no
-task has two recordings, shares of the duration. Convention."""
+"""Smallest standard deviation of the phase deviation, and its peak along the movement if no task
+has two recordings, as shares of the duration."""
 DEVIATION_CORRELATION = 0.4
 """Correlation length of the phase deviation, in phase (docs/prediction.md)."""
 DEVIATION_EVIDENCE = 0.15
@@ -31,34 +31,35 @@ ALIGNED_FLOOR = 0.04
 """Smallest scale of the phase deviation of aligned primitives, a share of the duration
 (docs/decisions/one_filter.md)."""
 STEADY_SHARE, STEADY_FLOOR = 0.5, 0.01
-"""Share of the phase deviation that primitives at steady progress do not hold in their covariance
-(docs/decisions/one_filter.md), and its smallest scale, a share of the duration (convention)."""
+"""Share of the phase deviation that the covariance of primitives at steady progress does not hold
+(docs/decisions/one_filter.md), and its smallest scale, a share of the duration."""
 
 DISPLACEMENT_EXPONENTS = (1.0, 2.0)
-"""Exponents of the controlled agent's displacement that are tried beside zero: it integrates what
-the observed agent does once, as velocity follows a force, or twice."""
+"""Exponents of the controlled agent's displacement that are tried besides zero: the agent
+integrates the observed agent's action once, as a velocity that follows a force, or twice."""
 FEWEST_COMPARED, MOST_COMPARED = 5, 60
-"""Recordings of a task that these are tried on. Convention: the latter bounds the time."""
+"""Fewest and most recordings of a task on which these exponents are tried; the latter bounds
+computing time."""
 RIDGES_COMPARED = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
-"""Ridges that are tried, in parts of the mean eigenvalue. Convention."""
+"""Ridges that are tried, relative to the mean eigenvalue."""
 
 PhaseMap = Callable[[Floats], Floats]
 PACES = ("steady", "own", "shared", "aligned")
-"""Whose phase deviates from steady progress: nobody's, the observed agent's alone, or that of both
-together; and both together over a reference phase, with demonstrations aligned to it."""
+"""Whose phase deviates from steady progress: nobody's, the observed agent's alone, both agents'
+together, or both together over a reference phase to which demonstrations are aligned."""
 
 
 @dataclass(frozen=True, eq=False)
 class Timing:
     """Templates of tasks, and how far the phase of recordings deviates from steady progress."""
 
-    templates: Mapping[str, Template]  # of each label that had two recordings
+    templates: Mapping[str, Template]  # template of each label with two recordings
     deviation_std: Floats  # standard deviation of the phase deviation at even recorded phases, (U,)
     duration_exponent: float = 0.0  # how progress depends on the duration (`promp.steady_phase`)
-    # median duration of each of these labels; see `usual_of`
+    # geometric mean of the durations of each of these labels [s]; see `usual_of`
     usual_s: Mapping[str, float] = field(default_factory=dict)
     displacement_exponent: float = 0.0  # as in `promp.TaskLibrary`
-    delay_s: float = 0.0  # likewise
+    delay_s: float = 0.0  # as in `promp.TaskLibrary`
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Timing) or self.templates.keys() != other.templates.keys():
@@ -89,12 +90,12 @@ class Timing:
         )
 
     def usual_of(self, label: str) -> float:
-        """What durations of a task are relative to [s]; all tasks' for one that came later."""
+        """Usual duration of a task [s]; the geometric mean of all tasks' for a later task."""
         known = [self.usual_s[label]] if label in self.usual_s else [*self.usual_s.values()]
         return float(np.exp(np.mean(np.log(known or [1.0]))))
 
     def steady(self, recordings: Sequence[Demonstration]) -> list[PhaseMap]:
-        """From the recorded phase of each to the reference phase at steady progress."""
+        """Map from the recorded phase to the reference phase at steady progress, per recording."""
         usual_s = [self.usual_of(str(one.task)) for one in recordings]
         bent = replace(STEADY, duration_exponent=self.duration_exponent)
         return [
@@ -103,7 +104,7 @@ class Timing:
         ]
 
     def warps(self, recordings: Sequence[Demonstration]) -> list[Warp]:
-        """From reference phase to the recorded phase of each; the identity without a template."""
+        """Warps from reference phase to recorded phase; the identity without a template."""
         found = [Warp.identity()] * len(recordings)
         for label, indices in _by_task(recordings).items():
             if label in self.templates:
@@ -117,8 +118,8 @@ class Timing:
 def estimate_timing(recordings: Sequence[Demonstration]) -> Timing:
     """Templates and phase deviations of labelled recordings that are cut to their movements.
 
-    Recordings without a sample of some signal are ignored. Progress depends on the duration where
-    people are compared: durations of one person differ too little to tell.
+    Recordings without a sample of some signal are ignored. The duration exponent is estimated only
+    where people can be compared, since the durations of one person differ too little.
     """
     usable = [recorded for recorded in recordings if _has_samples(recorded)]
     templates, deviations, logs, usual_s, paths = {}, [], [], {}, []
@@ -151,14 +152,14 @@ def estimate_timing(recordings: Sequence[Demonstration]) -> Timing:
 def estimate_duration_exponent(
     deviations: Sequence[Floats], log_relative: Sequence[Floats]
 ) -> float:
-    """How the phase deviations of recordings depend on their durations (`promp.steady_phase`).
+    """Estimate how phase deviations depend on durations (`promp.steady_phase`).
 
     To first order a deviation is the exponent times the log relative duration times u (1 - u). The
-    exponent is the slope of a regression with the prior N(0, 1), in which the variance of single
-    recordings is that with an exponent of zero.
+    exponent is the slope of a regression with the prior N(0, 1), whose noise variance is the
+    variance of the recordings at an exponent of zero.
 
     Args:
-        deviations: of the recordings of each task, two or more of each, (n, U).
+        deviations: phase deviations of each task's recordings, two or more, (n, U).
         log_relative: logarithms of their durations less the mean of the task, (n,).
     """
     if not deviations:
@@ -176,15 +177,16 @@ def estimate_following(
     usual_s: Sequence[float],
     n_observed: int,
 ) -> tuple[float, float]:
-    """How far the controlled agent goes, as a power of the duration, and its delay [s].
+    """Estimate the exponent of the controlled agent's displacement, and its delay [s].
 
-    The exponent is the one with which ridge regression on all that the observed agent does predicts
-    recordings that are left out best (docs/mathematics.md). With a delay, where the observed agent
-    was so much earlier tells more than that does, and more than where it was a share of the
-    duration earlier. What is not zero is better by twice the standard error over the recordings.
+    The displacement grows as this power of the duration. The exponent is the one with which ridge
+    regression on the observed agent's whole path best predicts left-out recordings
+    (docs/mathematics.md). A delay is returned instead if the observed agent's place that much
+    earlier predicts better than this regression and than its place a share of the duration earlier.
+    Values other than zero must be better by twice the standard error over the recordings.
 
     Args:
-        paths: of each task's recordings at even phases, (n, T, D), observed DOFs first.
+        paths: paths of each task's recordings at even phases, (n, T, D), observed DOFs first.
         log_relative: logarithms of their durations less the mean of the task, (n,).
         usual_s: usual duration of each task [s].
         n_observed: number of observed DOFs.
@@ -214,7 +216,7 @@ def estimate_following(
 
 
 def _best(errors: Sequence[Sequence[Floats]]) -> tuple[Floats, Floats, int]:
-    """Log errors of each task's recordings with the first and the best candidate, and which."""
+    """Log errors of all recordings under the first and the best candidate; the best's index."""
     found = np.log(np.maximum(np.hstack(errors), 1e-12))
     best = int(np.argmin(found.mean(axis=1)))
     return found[0], found[best], best
@@ -226,7 +228,7 @@ def _clear(gained: Floats) -> bool:
 
 
 def _copy_errors(path: Floats, n_observed: int, lag: Floats | float) -> Floats:
-    """Mean square of what regression on the observed DOFs a lag (n,) before leaves, (n,)."""
+    """Mean squared residuals of regression on the observed DOFs a lag (n,) earlier, (n,)."""
     at, moved = np.arange(0, path.shape[1], 4), path - path[:, :1]
     places = at - np.rint(np.reshape(lag, (-1, 1)) * (path.shape[1] - 1)).astype(np.int64)
     before = moved[np.arange(len(path))[:, None], np.maximum(places, 0), :n_observed]
@@ -237,10 +239,10 @@ def _copy_errors(path: Floats, n_observed: int, lag: Floats | float) -> Floats:
 
 
 def _left_out_errors(observed: Floats, controlled: Floats, factor: Floats) -> Floats:
-    """Mean square of what the others leave unexplained of each recording's displacement, (n,).
+    """Mean squared error of each recording's displacement predicted from the others, (n,).
 
-    Ridge regression of displacements of a path (n, T, Q), divided by factors (n,), on what was
-    observed (n, T, P); each recording is left out in closed form (Hastie et al. 2009, Eq. 7.64).
+    Displacements of controlled paths (n, T, Q), divided by factors (n,), are regressed on observed
+    paths (n, T, P); each recording is left out in closed form (Hastie et al. 2009, Eq. 7.64).
     """
     n = len(factor)
     known = (observed - observed.mean(axis=0)).reshape(n, -1)
@@ -263,7 +265,7 @@ def _deviations(warps: Iterable[Warp]) -> Floats:
 
 
 def _deviation_std(deviations: Sequence[Floats]) -> Floats:
-    """Pooled standard deviation of the phase deviation (U,), of a bridge: c^2 4 u (1 - u)."""
+    """Pooled standard deviation of the phase deviation, (U,), with variance c^2 4 u (1 - u)."""
     bridge = 4.0 * BRIDGE
     largest = DEFAULT_DEVIATION_STD
     if deviations:

@@ -53,12 +53,12 @@ class TrainingReport(NamedTuple):
     """The learned library, and which demonstrations were used and left out.
 
     Attributes:
-        used: names of those learned from, of very many the first 1000.
-        rejected: (name, reason) of those left out, of very many the first 1000.
-        tried: all that were scored; none where the hyperparameters of a model were kept.
-        n_used, n_rejected: how many in all.
-        trained: the library with its statistics, to add demonstrations to.
-        doubts: what the recordings give reason to doubt, where they were looked at.
+        used: names of the demonstrations learned from, at most the first 1000.
+        rejected: (name, reason) of the demonstrations left out, at most the first 1000.
+        tried: all hyperparameters that were scored; empty if those of a model were kept.
+        n_used, n_rejected: numbers of demonstrations used and left out.
+        trained: the library with its statistics, to which demonstrations can be added.
+        doubts: doubtful findings in the recordings, if these were checked.
     """
 
     used: tuple[str, ...]
@@ -92,8 +92,8 @@ def learn(
 
     Noise, alignment in time and the margin over unknown movements are chosen by
     cross-validation. Demonstrations that cannot be used (too short, other DOFs, no label) are left
-    out with a warning; `learn_with_report` returns which and why instead. One that seems to be in
-    another unit than the others, or to have a misspelt label, is learned from, with a warning.
+    out with a warning; `learn_with_report` returns which and why instead. A demonstration that
+    seems to have other units than the rest, or a misspelt label, is used, with a warning.
 
     Args:
         demonstrations: labelled recordings with the same DOFs: a list, or a stream of any length,
@@ -167,7 +167,7 @@ def learn_accumulated(
 def choose_hyperparameters(
     tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing
 ) -> Choice:
-    """The hyperparameters by held-out validation, and all that were tried."""
+    """Choose hyperparameters by held-out validation; also return all that were tried."""
     paces = PACES if aligned_statistics(tasks) is not None else PACES[:-1]
     candidates = {}
     for pace in paces:
@@ -180,12 +180,12 @@ def choose_hyperparameters(
 def add_demonstration(trained: Trained, demonstration: Demonstration) -> Trained:
     """Add one labelled demonstration, of a known task or a new one.
 
-    Equals training anew with the same preprocessing and hyperparameters, which `choose_again`
-    chooses again.
-    Priors over tasks are kept; a new task takes its share of them.
+    The primitives equal those learned anew with the same preprocessing and hyperparameters. Margins
+    and couplings are kept; `choose_again` learns them again. Priors over tasks are kept, and a new
+    task takes its share of them.
 
     Raises:
-        TrainingError: the demonstration cannot be used, or is in another unit; says why.
+        TrainingError: the demonstration cannot be used, or is in another unit.
     """
     example = example_of(demonstration, trained.preprocessing)
     return add_statistics(trained, {example.task: summarize([example])}, [example.name])
@@ -194,9 +194,9 @@ def add_demonstration(trained: Trained, demonstration: Demonstration) -> Trained
 def add_statistics(
     trained: Trained, tasks: Mapping[str, TaskStatistics], names: Sequence[str] = ()
 ) -> Trained:
-    """Add demonstrations, whose statistics come from the same preprocessing, in a copy.
+    """Add demonstrations in a copy, from statistics made with the same preprocessing.
 
-    Their names go to the provenance.
+    Their names are added to the provenance.
 
     Raises:
         TrainingError: one of them is in another unit than those learned before.
@@ -219,7 +219,7 @@ def add_statistics(
 
 
 def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]]:
-    """Choose the hyperparameters again on all demonstrations; also all that were tried."""
+    """Choose hyperparameters and learn margins again; also return all that were tried."""
     chosen, coupling, tried = choose_hyperparameters(trained.tasks, trained.preprocessing)
     library = replace(
         trained.library,
@@ -232,7 +232,7 @@ def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]
 
 
 def with_margins(trained: Trained) -> Trained:
-    """The same with the margins and the risk of acting that these demonstrations give."""
+    """Learn margins and the risk of acting from the demonstrations, in a copy."""
     tasks = statistics_of(trained.tasks, trained.chosen.aligned)
     margin = learn_none_margin(trained.library, tasks, trained.tasks)
     library = replace(trained.library, none_margin=margin)
@@ -257,7 +257,7 @@ def _priors(before: TaskLibrary, labels: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _coupling(before: TaskLibrary, labels: tuple[str, ...]) -> ResidualCoupling | None:
-    """The coupling of more tasks: none in the new ones."""
+    """Extend the coupling to more tasks; the new ones have none."""
     if before.coupling is None:
         return None
     known = [labels.index(label) for label in before.labels]
@@ -268,7 +268,7 @@ def _coupling(before: TaskLibrary, labels: tuple[str, ...]) -> ResidualCoupling 
 
 
 def _check_enough(accumulated: Accumulated) -> Preprocessing:
-    """The preprocessing; an error where no covariance can be learned."""
+    """Return the preprocessing, or raise if no covariance can be learned."""
     reasons = "".join(f"; {name}: {reason}" for name, reason in accumulated.rejected[:3])
     if accumulated.preprocessing is None or not accumulated.tasks:
         raise TrainingError.about(

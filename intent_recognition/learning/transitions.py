@@ -11,9 +11,9 @@ from intent_recognition.errors import ShapeError
 
 
 def count_transitions(sequences: Iterable[Sequence[str]], labels: Sequence[str]) -> Floats:
-    """How often which task followed which, (K + 1, K); the last row counts first tasks.
+    """Count transitions from task to task, (K + 1, K); the last row counts first tasks.
 
-    A label that is none of the tasks is skipped, as online, where it is `none`.
+    Labels that are not among the tasks are skipped, as `none` is online.
     """
     index = {label: k for k, label in enumerate(labels)}
     counts = np.zeros((len(labels) + 1, len(labels)))
@@ -27,9 +27,9 @@ def count_transitions(sequences: Iterable[Sequence[str]], labels: Sequence[str])
 
 
 def smoothed_transitions(counts: Floats) -> Floats:
-    """p(next | last) from counts, (K + 1, K): Dirichlet smoothing, its strength from the data.
+    """p(next | last) from counts, (K + 1, K), with a smoothing strength estimated from the counts.
 
-    Row k is (n_kj + a) / (n_k + K a) under a symmetric Dirichlet prior with a pseudo-counts a
+    Row k is (n_kj + a) / (n_k + K a) under a symmetric Dirichlet prior with a pseudo-counts per
     task. The rows are averaged over a, weighted by the evidence of all counts (the
     Dirichlet-multinomial likelihood, flat in log a from 0.1 to 100), so that many counts move the
     probabilities more than few do. A row without counts is uniform.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether demonstrations that are learned from together are in the same units."""
+"""Check that demonstrations which are learned from together have the same units."""
 
 from collections.abc import Mapping
 
@@ -27,7 +27,7 @@ def other_units_of(
 
 
 def _sizes(example: TrainingExample, preprocessing: Preprocessing) -> dict[str, Size]:
-    """By the first DOF of each signal, how large its numbers are."""
+    """Size of each signal's values, keyed by its first DOF."""
     found = {}
     for signals, values in (
         (preprocessing.observed, example.observed),

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The margin of evidence that a known task must have over none before it counts.
 
-The log Bayes factor of the known tasks over none is computed along demonstrations of each task,
-with a library without the task, and with one without the demonstration alone. As a decision is
-taken the first time that a factor is high enough, the highest factor along each movement counts.
-The margin lies between those of unknown and of known movements (docs/recognition.md).
+The log Bayes factor of the known tasks over none is computed along demonstrations of each task:
+with a library without the task, and with one without the demonstration or its person. As a decision
+is taken the first time that a factor is high enough, the highest factor along each movement counts.
+The margin lies between the highest factors of unknown and of known movements (docs/recognition.md).
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,13 +29,12 @@ from intent_recognition.promp import TaskLibrary, conformal_bound
 from intent_recognition.signals import is_spatial
 
 UNKNOWN_ACCEPTED = 0.05
-"""Share of unknown movements that may count as known (docs/recognition.md). Convention."""
+"""Share of unknown movements that may count as known (docs/recognition.md)."""
 MIN_DEMONSTRATIONS, MAX_RECALIBRATED = 5, 10
-"""Demonstrations from which on a task is used for the margin, where two tasks have as many, and
-beyond which one more does not ask for a new margin (docs/recognition.md)."""
+"""Fewest demonstrations of a task that is used for the margin, if two tasks have as many; and the
+number beyond which one more does not require a new margin (docs/recognition.md)."""
 N_SIMULATED = 40
-"""Unknown movements simulated where there is one task only; the seed of their generator, too.
-Convention."""
+"""Number of unknown movements simulated if there is only one task; also the generator's seed."""
 
 
 def learn_none_margin(
@@ -45,8 +44,8 @@ def learn_none_margin(
 ) -> float:
     """Evidence that a known task must have over none before it counts, in nats, zero or more.
 
-    From the statistics `tasks` that the library was built from, and those of the examples as they
-    were `recorded`; its own none is not used.
+    `tasks` are the statistics that the library was built from, `recorded` those of the examples as
+    recorded. The library's own none model is not used.
     """
     leaving_out = LeavingOut(library, tasks)
     statistics = leaving_out.statistics
@@ -77,17 +76,17 @@ def learn_none_margin(
 
 
 def margin_between(unknown: Floats, known: Floats) -> float:
-    """The margin between unknown and known movements with these highest factors, zero or more.
+    """Margin between the highest factors of unknown and of known movements, zero or more.
 
-    Half-way between what unknown movements stay below (`conformal_bound`) and what known ones
-    exceed, where there is a gap: a new task is not of the unknown movements' kind, it differs from
-    them as they do from each other. At most what half of the known movements exceed: where unknown
-    ones cannot be told from them, hardly any would be acted on otherwise
-    (docs/decisions/unknown_movements.md). Of fewer than two unknown movements nothing is learned.
+    If there is a gap, the margin is half-way between the bound that unknown movements stay below
+    (`conformal_bound`) and the bound that known ones exceed: a new task differs from the unknown
+    movements as they differ from each other. The margin is at most the median of the known
+    movements; otherwise hardly any would be acted on where unknown movements resemble them
+    (docs/decisions/unknown_movements.md). With fewer than two unknown movements it is zero.
 
     Args:
         unknown: highest log Bayes factor of the known tasks over none along each, (n,).
-        known: along movements of known tasks, (n',).
+        known: the same along movements of known tasks, (n',).
     """
     if len(unknown) < 2:
         return 0.0
@@ -100,13 +99,13 @@ class Comparison(NamedTuple):
     """A movement along which some tasks are compared with none."""
 
     without: LeftOut  # a library without some demonstrations
-    compared: Integers  # numbers of the tasks
-    n_tasks: int  # how many share the prior; those not compared are too far away to count
+    compared: Integers  # indices of the tasks
+    n_tasks: int  # tasks that share the prior; those not compared are too far away to matter
     recorded: TrainingExample
 
     @property
     def n_hypotheses(self) -> int:
-        """How many are filtered: durations of the tasks, and of none."""
+        """Number of hypotheses that are filtered: durations of the tasks and of none."""
         return (len(self.compared) + 1) * N_SCALES
 
 
@@ -165,7 +164,7 @@ def _hypotheses(comparison: Comparison) -> tuple[Gaussian, Floats, Floats]:
 
 
 def calibrating_tasks(counts: Sequence[int]) -> Integers:
-    """Numbers of the tasks with `MIN_DEMONSTRATIONS`; of all where fewer than two have as many."""
+    """Indices of tasks with `MIN_DEMONSTRATIONS`, or of all if fewer than two have as many."""
     enough = np.flatnonzero(np.asarray(counts) >= MIN_DEMONSTRATIONS)
     return enough if len(enough) > 1 else np.arange(len(counts))
 
@@ -173,7 +172,7 @@ def calibrating_tasks(counts: Sequence[int]) -> Integers:
 def is_outdated(before: Mapping[str, int], now: Mapping[str, int]) -> bool:
     """Whether the margin should be learned again, from demonstrations per task before and now.
 
-    It should where other tasks are used by now, or more demonstrations of tasks that had few.
+    It should if other tasks are used now, or another number of demonstrations of tasks with few.
     """
 
     def used(counts: Mapping[str, int]) -> dict[str, int]:
@@ -185,13 +184,13 @@ def is_outdated(before: Mapping[str, int], now: Mapping[str, int]) -> bool:
 
 
 def _simulated_unknown(whole: LeftOut) -> list[Comparison]:
-    """Movements drawn from none itself, where no task can be left out."""
+    """Draw movements from the none model itself, for when no task can be left out."""
     library = whole.library
     rng = np.random.default_rng(N_SIMULATED)
     every = np.arange(library.n_tasks)
     design = library.basis.design_matrix(sample_phases())
     mean, covariance = whole.none
-    scale = _unit_scale(library, covariance)  # of what is drawn, too, the unit must not matter
+    scale = _unit_scale(library, covariance)  # makes draws independent of units
     weights = rng.multivariate_normal(
         mean / scale, covariance / np.outer(scale, scale), size=N_SIMULATED
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Demonstrations without labels become tasks: each component of the mixture is one."""
+"""Learn tasks from demonstrations without labels: each component of a mixture is a task."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from intent_recognition.signals import Demonstration, numbered
 class Relabelled(NamedTuple):
     """Demonstrations with their components as labels."""
 
-    # the same recordings, `task` being `component_1`, the largest, and so on
+    # the same recordings with `task` set to `component_1` (the largest) and so on
     demonstrations: tuple[Demonstration, ...]
-    rejected: tuple[tuple[str, str], ...]  # (name, reason) of those left out
+    rejected: tuple[tuple[str, str], ...]  # (name, reason) of each recording left out
     choice: ComponentChoice  # number of components, and all numbers that were tried
-    # agreement with the labels of those recordings that had one, None if none had
+    # agreement with existing labels; None if no recording had a label
     purity: float | None
 
 
@@ -70,13 +70,13 @@ def label_by_components(
     n_components: int | None = None,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Relabelled:
-    """Find the interaction patterns in demonstrations, whatever labels they have.
+    """Label demonstrations by mixture components; existing labels only give the purity.
 
     Args:
         demonstrations: recordings with the same DOFs.
-        settings: segmentation; the mixture has a basis and a ridge of its own.
-        rng: for the starts of EM.
-        n_components: how many, None to choose by left-out prediction.
+        settings: provides the segmentation; the mixture has its own basis and ridge.
+        rng: draws the starts of EM.
+        n_components: number of components; None to choose it by left-out prediction.
         progress: called with each number of components tried.
 
     Raises:
