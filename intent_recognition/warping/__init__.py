@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Warped parameters: what one annotated object tells about the next.
-
-A file for each step from the points of an object to a grasp or a pour.
-"""
+"""Transfer grasps and pours from an annotated object to others by warping (Brandl et al. 2014)."""
 
 from intent_recognition.warping.clipping import closed_tube_faces, half_volume_angle, surface_volume
 from intent_recognition.warping.grasp_warp import warp_grasp

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inner surface of a container, closed at the plane of its rim.
 
-Its shape is the rim's outline, shrunk with depth along one profile. The profile goes through the
-means of the points that face the cavity, so that noise does not widen it as it does a convex hull.
-Where the inside was not seen it follows the outside at the thickness of the wall.
+The cavity has the rim's outline at every depth, scaled along one profile. The profile goes through
+the means of the points that face the cavity, so noise does not widen it as it widens a convex hull.
+Where the inside was not seen, the profile follows the outside at the thickness of the wall.
 """
 
 from dataclasses import dataclass
@@ -17,22 +17,22 @@ from intent_recognition.warping.frame import N_LEVELS
 from intent_recognition.warping.rim import Rim
 
 N_BINS, MIN_IN_BIN = 24, 3
-"""Angles, seen from the axis at half depth, at which the profile is averaged, and points that one
-must have to count."""
+"""Number of angular bins, seen from the axis at half depth, in which the profile is averaged, and
+fewest points of a bin that is used."""
 FLOOR_TO_WALL = 1.7
-"""Thickness of a floor in thicknesses of the wall, where the floor was seen from one side only."""
+"""Thickness of the floor relative to the wall's, if the floor was seen from one side only."""
 MIN_DEPTH = 0.08
-"""Least depth of a cavity, in depths of the object."""
+"""Smallest depth of a cavity, relative to the depth of the object."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cavity:
-    """What a container can hold."""
+    """Inner surface of a container up to the plane of the rim."""
 
     vertices: Floats  # (n, 3) [m], in the coordinates of the points
     faces: Integers  # (m, 3), wound outward
     profile: Floats  # radius and depth (J, 2) [m], from the crest to the middle of the floor
-    height_m: float  # of the container, from the base to the crest
+    height_m: float  # height of the container, from the base to the crest
 
     @property
     def volume_m3(self) -> float:
@@ -83,7 +83,7 @@ def _levels(depth: Floats, radius: Floats, wall: Floats, depth_m: float) -> Floa
 
 
 def _inner(depth: Floats, radius: Floats, rim: Rim) -> Floats:
-    """Mean radius and depth (m, 2) of the points inside, by their angle from half the depth."""
+    """Mean radius and depth (m, 2) of the inner points, binned by angle from half the depth."""
     pole = 0.5 * float(np.quantile(depth, 0.98))
     start = np.arctan2(-pole, rim.radius_m)
     angle = (np.arctan2(depth - pole, radius) - start) / (0.5 * np.pi - start)
@@ -97,7 +97,7 @@ def _inner(depth: Floats, radius: Floats, rim: Rim) -> Floats:
 def _profile(
     inner: Floats, outer: Floats, floor_m: float | None, base_seen: bool, rim: Rim
 ) -> tuple[Floats, float]:
-    """Radius and depth from crest to floor, expected by the wall where unseen, and the height."""
+    """Profile from crest to floor, extrapolated along the wall where unseen; and the height."""
     floor_thickness = FLOOR_TO_WALL * _thickness(inner, outer, rim)
     height = rim.depth_m
     if floor_m is None:
@@ -113,7 +113,7 @@ def _profile(
 
 
 def _thickness(inner: Floats, outer: Floats, rim: Rim) -> float:
-    """Median distance of the outer from the inner wall, square to the wall."""
+    """Median distance between outer and inner wall, perpendicular to the wall."""
     usual = 0.05 * rim.radius_m
     wall = inner[inner[:, 0] > 0.6 * rim.radius_m]
     if len(outer) < 2 or not len(wall):

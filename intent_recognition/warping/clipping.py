@@ -22,9 +22,10 @@ def closed_tube_faces(n_rings: int, n_corners: int) -> Integers:
     """Triangles (m, 3), wound outward, of a tube with a fan at either end.
 
     Args:
-        n_rings: rings of corners, ring by ring the first vertices; each counter-clockwise seen from
-            the last one. Two more follow them: the middles of the first and of the last ring.
-        n_corners: corners of each.
+        n_rings: number of rings. Their corners are the first vertices, ring by ring, each ring
+            counter-clockwise seen from the last one; the centres of the first and of the last ring
+            are the two vertices after them.
+        n_corners: number of corners per ring.
     """
     around = np.arange(n_corners)
     after = np.roll(around, -1)
@@ -91,12 +92,12 @@ def half_volume_angle(
 
 
 def _below(heights: Floats, volumes: Floats) -> float:
-    """Volume below a plane through the origin: of tetrahedra (m,) between it and triangles.
+    """Volume below a plane through the origin, enclosed by a surface of triangles.
 
-    Of the heights (m, 3) of their corners above the plane.
-
-    Where the plane cuts a triangle, one corner is alone on its side. What it cuts off there is that
-    share of the two edges, and of the tetrahedron, whose third corner is on the plane.
+    `heights` (m, 3) are those of the corners above the plane, `volumes` (m,) those of the
+    tetrahedra between the triangles and the origin. Where the plane cuts a triangle, one corner is
+    alone on its side; the plane cuts off a share of both edges at that corner, and the product of
+    the two shares of the tetrahedron.
     """
     n_below = (heights < 0.0).sum(1)
     cut = (n_below == 1) | (n_below == 2)

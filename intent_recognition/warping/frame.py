@@ -9,24 +9,23 @@ from intent_recognition.array_types import Flags, Floats
 from intent_recognition.warping.opening import OpeningPlane, across
 
 N_LEVELS = 12
-"""Heights at which the outer wall is averaged."""
+"""Number of levels of the height at which the outer wall is averaged."""
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectFrame:
-    """Where an object is, how it stands and how large it is.
+    """Position, orientation and size of an object.
 
-    The paper's origin, the mean of the container's points, moves with what a camera happens to
-    see; the centre of the opening does not.
+    The origin is the centre of the opening. The paper's origin, the mean of the container's points,
+    depends on which part of the object a camera sees.
     """
 
     origin: Floats  # centre (3,) of the opening [m]
     axes: Floats  # rows (3, 3): toward the opening; toward the handle; their cross product
-    radius_m: float  # of the opening
+    radius_m: float  # radius of the opening
     height_m: float  # from the base to the opening
     reach_m: float  # from the axis to the handle's far end, 0 without a handle
-    # distance (N_LEVELS,) of the outer wall from the axis, from the base up, in radii of the
-    # opening
+    # distance (N_LEVELS,) of the outer wall from the axis, from the base up, in opening radii
     wall: Floats
 
     @property
@@ -39,7 +38,7 @@ class ObjectFrame:
         return (points - self.origin) @ self.axes.T
 
     def on_handle(self, local: Floats) -> Flags:
-        """Which points (n,) stand out of the wall on the handle's side; local (n, 3) [m]."""
+        """Whether points `local` (n, 3) [m] stand out of the wall on the handle's side, (n,)."""
         if not self.has_handle:
             return np.zeros(len(local), dtype=bool)
         radius = np.hypot(local[:, 1], local[:, 2])
@@ -48,10 +47,10 @@ class ObjectFrame:
 
 
 def coarse_frame(points: Floats, normals: Floats, opening: OpeningPlane) -> ObjectFrame:
-    """Frame of points (n, 3) [m] with outward unit normals (n, 3), whose opening is known.
+    """Frame of points (n, 3) [m] with outward unit normals (n, 3), given their opening.
 
-    The second axis points to the handle. Without one it is that of the largest spread across the
-    first axis, which does not matter for round objects.
+    The second axis points to the handle. Without a handle it is the direction of the largest spread
+    across the first axis, which does not matter for round objects.
     """
     up = opening.up
     offsets = points - opening.centre
@@ -65,7 +64,7 @@ def coarse_frame(points: Floats, normals: Floats, opening: OpeningPlane) -> Obje
     direction, reach = np.zeros(3), 0.0
     if handle.mean() > 0.006:
         direction = (flat[handle] / radius[handle, None]).mean(0)
-        # The corners of a square bowl stand out as well, but to all sides.
+        # The corners of a square bowl stand out as well, but on all sides.
         if np.linalg.norm(direction) > 0.7:
             reach = float(np.quantile(radius[handle], 0.98))
     if not reach:
@@ -80,15 +79,16 @@ def coarse_frame(points: Floats, normals: Floats, opening: OpeningPlane) -> Obje
 def outer_wall(share: Floats, radius: Floats, outward: Floats) -> Floats:
     """Distance (N_LEVELS,) of the outer wall from the axis, from the base up.
 
-    Of points at heights -1 to 0 above the opening, in those of the object, and radii [m] from the
-    axis, where normals point away from it, (n,) each.
+    `share` is each point's height relative to the opening, from -1 to 0 in heights of the object,
+    `radius` its distance from the axis [m], `outward` whether its normal points away from the axis,
+    (n,) each.
     """
     row = _level(share)
     wall = np.full(N_LEVELS, np.nan)
     for level in range(N_LEVELS):
         here = radius[(row == level) & outward]
         if len(here) >= 5:
-            # Below the median: a handle is outside of the wall, and nothing is inside.
+            # Below the median, because a handle is outside of the wall.
             wall[level] = np.quantile(here, 0.35)
     known = np.isfinite(wall)
     if not known.any():
@@ -97,12 +97,12 @@ def outer_wall(share: Floats, radius: Floats, outward: Floats) -> Floats:
 
 
 def protruding(share: Floats, radius: Floats, wall: Floats) -> Flags:
-    """Which points (n,) stand out of the wall (N_LEVELS,) by far."""
+    """Whether points (n,) stand out of the wall (N_LEVELS,) by more than a quarter."""
     return radius > 1.25 * np.maximum(wall[_level(share)], 0.6 * np.median(wall))
 
 
 def _level(share: Floats) -> Floats:
-    """Level (n,) of heights -1 to 0."""
+    """Level (n,) of each height from -1 to 0."""
     return np.clip(((1.0 + share) * N_LEVELS).astype(int), 0, N_LEVELS - 1)
 
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An annotated grasp carried to another object by the warp.
+"""Transfer an annotated grasp to another object by the warp.
 
-The surface that the pads touch on the source is warped as any part of it is: brought to the
-target's size in its frame, and from there to the nearest points whose normals agree. Both
-neighbourhoods, before and after, give a frame and a distance of the contacts; the grasp moves with
-the frame and widens with the distance.
+The surface that the pads touch on the source is warped like the rest: it is scaled to the target's
+size in the target's frame, and moved to the nearest points whose normals agree. Before and after
+the warp, the touched surfaces define a frame and a width. The grasp moves with the frame, and its
+width scales with the width.
 """
 
 from typing import NamedTuple
@@ -20,14 +20,13 @@ from intent_recognition.warping.object_model import AnnotatedObject, Grasp
 from intent_recognition.warping.object_warp import ObjectModel, WarpedObject, aligned_source
 
 MIN_FACING = 0.5
-"""Least cosine between a pad's direction and the normal of what it touches. Convention: 60
-degrees."""
+"""Smallest cosine between a pad's direction and the surface normal that it touches (60 degrees)."""
 MIN_POINTS = 4
-"""Points of the annotated object that a pad must touch."""
+"""Fewest points of the annotated object that a pad must touch."""
 
 
 class _Contacts(NamedTuple):
-    """What both pads touch: axes as columns (3, 3), middle (3,) and distance of the two sides."""
+    """Frame of both contacts: axes as columns (3, 3), middle (3,), and distance of the sides."""
 
     axes: Floats
     middle: Floats
@@ -35,8 +34,8 @@ class _Contacts(NamedTuple):
 
 
 class _Side(NamedTuple):
-    """The surface under one pad: rows (n,) of the source, and their points and normals (n, 3)
-    on the target; how far (3,) they were moved there, or None where nothing was seen.
+    """Surface under one pad: rows (n,) of the source, and their points and normals (n, 3) on the
+    target; `moved` is their mean displacement (3,), or None if the target was not seen there.
     """
 
     rows: NDArray[np.integer]
@@ -63,21 +62,21 @@ def contact_rows(
 
 
 def warp_grasp(source: ObjectModel, warped: WarpedObject) -> Grasp:
-    """Carry the annotated grasp to the object that the source was warped onto.
+    """Transfer the annotated grasp to the object that the source was warped onto.
 
-    A side of the wall that no camera saw is taken to be where the source's would be, moved along
-    with the other side.
+    A side of the wall that no camera saw is assumed where the aligned source has it, displaced like
+    the other side.
 
     Args:
         source: the annotated object, with a grasp.
-        warped: of `warp_object`, by any mapping.
+        warped: result of `warp_object`, with any mapping.
 
     Returns:
         The grasp in the target's coordinates.
 
     Raises:
-        ArgumentError: the source has no grasp, it holds a handle and the target has none, or the
-            fingers would have to come through the wall.
+        ArgumentError: the source has no grasp, the grasp holds a handle and the target has none, or
+            the fingers would have to come through the wall.
     """
     grasp = source.annotated.grasp
     if grasp is None:
@@ -127,10 +126,10 @@ def _moved(
     approach: Floats,
     reach: float,
 ) -> _Side:
-    """Points (n, 3) under a pad moved across the approach to the surface at those near (n, 3).
+    """Move points (n, 3) under a pad, across the approach, to the surface at `near` (n, 3).
 
-    Each moves to the plane through its target point, square to the normal there: how the target
-    happens to be sampled does not matter, and the depth along the approach stays.
+    Each point moves to the plane through its target point, perpendicular to the normal there. The
+    sampling of the target therefore does not matter, and the depth along the approach is kept.
     """
     offsets = near - points
     across = facing - np.outer(facing @ approach, approach)

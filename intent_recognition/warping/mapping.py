@@ -17,8 +17,8 @@ def agreeing_neighbours(
     Normals are unit vectors; k is at least 1.
 
     Returns:
-        Indices (n, k), nearest first. Where fewer than k candidates agree the nearest of those
-        that do are repeated; where none does, the nearest of all stands in.
+        Indices (n, k), nearest first. If fewer than k candidates agree, these are repeated; if none
+        agrees, the nearest of all candidates is used.
     """
     m = len(candidates)
     if not 1 <= k <= m:
@@ -41,7 +41,7 @@ def agreeing_neighbours(
 
 
 def majority(labels: NDArray[np.integer], n_labels: int) -> NDArray[np.integer]:
-    """Most frequent of k labels (n, k), that of the nearest neighbour where two are level."""
+    """Most frequent of k labels (n, k); in a tie, the nearest neighbour's label wins."""
     if labels.shape[1] == 1:
         return labels[:, 0]
     votes = np.stack([(labels == label).sum(1) for label in range(n_labels)], 1).astype(float)
@@ -52,8 +52,8 @@ def majority(labels: NDArray[np.integer], n_labels: int) -> NDArray[np.integer]:
 def _among_all(
     points: Floats, normals: Floats, candidates: Floats, candidate_normals: Floats, k: int
 ) -> NDArray[np.integer]:
-    """The same where the agreeing ones are far away: all candidates are looked at."""
-    # Squared distances but for a constant per point, in one product.
+    """`agreeing_neighbours` by comparing all candidates, for points whose neighbours are far."""
+    # Squared distances less a constant per point, in one product.
     extended = np.column_stack([candidates, (candidates * candidates).sum(1)])
     distance = np.column_stack([-2.0 * points, np.ones(len(points))]) @ extended.T
     masked = np.where(normals @ candidate_normals.T > 0.0, distance, np.inf)

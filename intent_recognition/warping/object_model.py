@@ -15,29 +15,29 @@ from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.untrusted import LARGEST
 
 NEIGHBOURS = 10
-"""Points that a plane is fitted to for a normal. Convention."""
+"""Number of points to which a plane is fitted to estimate a normal."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grasp:
-    """Where two parallel fingers hold an object.
+    """Grasp of an object with two parallel fingers.
 
     Attributes:
-        pose: of the fingers (4, 4) in the object's coordinates [m]: the origin is in the middle
-            between the pads, y the direction in which they close, z the one in which the hand
-            approaches. The two fingers are alike: a half turn about z is the same grasp.
-        width_m: distance of the pads that touch the object; to get there the hand opens wider.
+        pose: pose of the fingers (4, 4) in the object's coordinates [m]. The origin is midway
+            between the pads, the fingers close along y, and the hand approaches along z. The two
+            fingers are alike, so a half turn about z is the same grasp.
+        width_m: distance of the pads when they touch the object; the hand opens wider before.
 
     Raises:
         ShapeError: the pose is not (4, 4).
-        ArgumentError: it is no rigid motion, or the width is not above 0.
+        ArgumentError: the pose is no rigid motion, or the width is not above 0.
     """
 
     pose: Floats
     width_m: float
 
     def __post_init__(self) -> None:
-        """Check the values; take a copy of the pose that cannot be written to."""
+        """Check the values and make a read-only copy of the pose."""
         pose = np.array(self.pose, dtype=float)
         if pose.shape != (4, 4):
             raise ShapeError.about("pose", "shape (4, 4)", pose.shape, "Give a 4x4 matrix.")
@@ -85,7 +85,7 @@ class ObjectCloud:
 
     Attributes:
         points: (n, 3) [m], n at least 100.
-        normals: outward unit normals, (n, 3); other lengths are brought to one.
+        normals: outward normals, (n, 3), which are scaled to unit length.
 
     Raises:
         ShapeError: the arrays do not fit each other.
@@ -96,7 +96,7 @@ class ObjectCloud:
     normals: Floats
 
     def __post_init__(self) -> None:
-        """Check shapes, finiteness and normals; take unit copies that cannot be written to."""
+        """Check shapes, finiteness and normals; make read-only copies with unit normals."""
         points = checked_points(self.points)
         normals = np.array(self.normals, dtype=float)
         if normals.shape != points.shape:
@@ -123,8 +123,8 @@ class AnnotatedObject(ObjectCloud):
         points: (n, 3) [m], n at least 100.
         normals: outward unit normals, (n, 3).
         labels: part (n,) of each point, values of `Part`.
-        name: what it is.
-        grasp: where two fingers hold it; None if that is not annotated.
+        name: name of the object.
+        grasp: how two fingers hold it; None if no grasp is annotated.
 
     Raises:
         ShapeError: the arrays do not fit each other.
@@ -165,15 +165,15 @@ def checked_points(points: Floats) -> Floats:
 
 
 def with_estimated_normals(points: Floats, viewpoints: Floats | None) -> ObjectCloud:
-    """A cloud whose normals are those of the planes through each point's neighbours.
+    """Make a cloud whose normals are those of planes fitted to each point's neighbours.
 
-    A surface can only be seen from outside: each normal is turned toward the camera. Neighbours
-    on the other side of a thin wall are seen from another camera, or not at all: they are those
-    that the same camera sees, if it sees `NEIGHBOURS` at least.
+    A surface is only seen from outside, so each normal is turned toward the camera. Points on the
+    other side of a thin wall are not seen by the same camera; neighbours are therefore searched
+    among the points of the same camera, if it sees at least `NEIGHBOURS`.
 
     Args:
         points: (n, 3) [m].
-        viewpoints: place of the camera (3,), or that of each point's camera (n, 3) [m].
+        viewpoints: position of the camera (3,), or of each point's camera (n, 3) [m].
 
     Raises:
         ShapeError: viewpoints are neither (3,) nor (n, 3).
@@ -203,7 +203,7 @@ def with_estimated_normals(points: Floats, viewpoints: Floats | None) -> ObjectC
 
 
 def _plane_normals(points: Floats, cloud: Floats) -> Floats:
-    """Unit normals (n, 3), of either sign, of planes through a cloud's points next to others."""
+    """Unit normals (n, 3), of either sign, of planes through each point's neighbours in a cloud."""
     _, near = cKDTree(cloud).query(points, k=NEIGHBOURS)
     offsets = cloud[near] - cloud[near].mean(1, keepdims=True)
     _, vectors = np.linalg.eigh(offsets.transpose(0, 2, 1) @ offsets)

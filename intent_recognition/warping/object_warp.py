@@ -25,8 +25,8 @@ from intent_recognition.warping.rim import Rim, fit_rim
 
 Mapping = Literal["label", "point"]
 LEAST_M = 1e-6
-"""Least extent of an object, and distance of the middles of its wall and rim [m]. Convention: below
-any object."""
+"""Smallest extent of an object, and smallest distance between the means of its wall and rim [m];
+real objects are far above it."""
 
 
 @brief
@@ -36,8 +36,8 @@ class ObjectModel:
 
     Attributes:
         annotated: the object.
-        classifier: of the rim, from the local shape of the surface.
-        frame: of the object, found in the same way as that of a target.
+        classifier: recognises the rim from the local shape of the surface.
+        frame: frame of the object, found in the same way as that of a target.
     """
 
     annotated: AnnotatedObject
@@ -49,7 +49,7 @@ class ObjectModel:
         """Learn classifier and frame of the annotated object.
 
         Raises:
-            TrainingError: no rim is annotated.
+            TrainingError: no rim or no container is annotated, or both have the same mean.
             ArgumentError: the object has no opening.
         """
         parts = (Part.CONTAINER, Part.RIM)
@@ -71,14 +71,14 @@ class ObjectModel:
 @brief
 @dataclass(frozen=True, eq=False)
 class WarpedObject:
-    """What warping makes of source and target: points that know their parts.
+    """Result of warping source and target: points with part labels.
 
     Attributes:
         points: (n, 3) [m], in the target's coordinates.
         normals: outward unit normals (n, 3).
         labels: part (n,) of each point.
-        frame: of the target, with axes toward the opening and toward the handle.
-        mapping: "label": the points are the target's; "point": they are the source's, moved.
+        frame: frame of the target, with axes toward the opening and toward the handle.
+        mapping: "label" if the points are the target's, "point" if they are the source's, moved.
     """
 
     points: Floats
@@ -101,8 +101,8 @@ class WarpedObject:
     def cavity(self) -> Cavity:
         """The inner surface below the rim.
 
-        A place that many source points were drawn to, since the wall they belong to was not
-        seen, counts once.
+        Where many source points were moved to one place, because their part of the wall was not
+        seen, that place counts once.
         """
         kept = np.flatnonzero(self.labels != Part.HANDLE)
         if self.mapping == "point":
@@ -117,14 +117,15 @@ def warp_object(
     """Warp the annotated object onto another one (Brandl et al. 2014, II-B and II-C).
 
     Args:
-        source: the annotated object, of `ObjectModel.learn`.
-        target: an object in any place, direction and size.
+        source: the annotated object, from `ObjectModel.learn`.
+        target: an object of any position, orientation and size.
         mapping: "label" gives each target point the part of its nearest source points; "point"
             moves each source point to its nearest target points.
-        k: how many neighbours vote on a label, or are averaged.
+        k: number of neighbours that vote on a label, or are averaged.
 
     Raises:
-        ArgumentError: the target has no opening, the mapping is unknown, or k is less than one.
+        ArgumentError: the target is not one container with an opening, the mapping is unknown, or k
+            is not between one and the number of points.
     """
     if mapping not in ("label", "point"):
         cure = "See docs/warping.md."
@@ -143,7 +144,7 @@ def warp_object(
         near = agreeing_neighbours(seen, seen_normals, points, normals, k)
         warped = (target.points, target.normals, majority(labels[near], len(Part)))
     else:
-        # Points of a wall that no camera saw would be drawn to the inside of the handle.
+        # Points of an unseen part of the wall would be moved to the inside of the handle.
         body = np.flatnonzero(~frame.on_handle(seen))
         near = np.empty((len(points), k), dtype=int)
         for rows, to in ((labels != Part.HANDLE, body), (labels == Part.HANDLE, slice(None))):
@@ -174,11 +175,11 @@ def _frame(cloud: ObjectCloud, classifier: LogisticModel) -> ObjectFrame:
 def aligned_source(source: ObjectModel, target: ObjectFrame) -> tuple[Floats, Floats, Flags]:
     """Points (n, 3) and normals (n, 3) of the source, scaled to the target's size in its axes.
 
-    Height and radius are scaled apart, the radius level by level as the walls are wide. A handle
-    is stretched to the target's reach.
+    Height and radius are scaled separately, the radius level by level by the widths of the walls. A
+    handle is stretched to the target's reach.
 
     Returns:
-        Points, normals, and which of them (n,) the target has: not a handle where it has none.
+        Points, normals, and which points (n,) the target has: all but a handle that it lacks.
     """
     own = source.frame
     points = own.to_local(source.annotated.points)
@@ -186,7 +187,7 @@ def aligned_source(source: ObjectModel, target: ObjectFrame) -> tuple[Floats, Fl
     tall = target.height_m / own.height_m
     levels = ((np.arange(N_LEVELS) + 0.5) / N_LEVELS - 1.0) * own.height_m
     widths = target.wall * target.radius_m / (own.wall * own.radius_m)
-    # At the opening it is the rim that counts.
+    # At the opening, the rim gives the width.
     levels, widths = np.append(levels, 0.0), np.append(widths, target.radius_m / own.radius_m)
     wide = np.interp(points[:, 0], levels, widths)
     slope = np.interp(points[:, 0], levels, np.gradient(widths, levels))
@@ -221,7 +222,7 @@ def check_scan(points: Floats) -> None:
         cure = "Cut out the object, not the table, and scan it from more sides."
         got = f"one of {1e3 * spread[0]:.2g} by {1e3 * spread[2]:.2g} mm (standard deviations)"
         raise ArgumentError.about("points", "a body with a depth", got, cure)
-    # A thin rim may be all that joins two walls in one view, and be lost among few points.
+    # In one view, only a thin rim may join two walls; few points may miss it.
     for n_looked_at in (500, 4000):
         sizes = _pieces(points, n_looked_at)
         if len(sizes) == 1 or sizes[1] <= 0.25 * sizes[0]:
@@ -233,7 +234,7 @@ def check_scan(points: Floats) -> None:
 
 
 def _pieces(points: Floats, n_looked_at: int) -> NDArray[np.integer]:
-    """Sizes of the pieces of a cloud thinned to about so many points, largest first."""
+    """Sizes of connected pieces of a cloud thinned to about `n_looked_at` points, descending."""
     looked_at = points[:: max(1, len(points) // n_looked_at)]
     tree = cKDTree(looked_at)
     nearest = np.asarray(tree.query(looked_at, k=2)[0])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a container opens: the plane that its rim lies in and that bears on all of it."""
+"""Find the opening of a container: the plane in which its rim lies, with the rest below."""
 
 from dataclasses import dataclass
 
@@ -8,9 +8,9 @@ import numpy as np
 from intent_recognition.array_types import Floats
 
 MIN_RIM_POINTS = 8
-"""Fewer points are no rim."""
+"""Fewest points of a rim."""
 LIKELY_SHARE = 0.15
-"""Share of the points, the most rim-like ones, that hypotheses are drawn from."""
+"""Share of the points, the most rim-like ones, from which hypotheses are drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +25,9 @@ class OpeningPlane:
 def find_opening(points: Floats, normals: Floats, rim_probability: Floats) -> OpeningPlane | None:
     """Find the opening of points (n, 3) [m] with outward unit normals (n, 3).
 
-    It begins at a first guess of the rim, the probability (n,) of each point.
-
-    Planes through three probable rim points each are scored by the rim probability near them,
-    less what lies above; the best are kept and the one that looks into most surface is taken.
+    The search starts from the probability (n,) that each point belongs to the rim. Planes through
+    triples of probable rim points are scored by the rim probability near them, less the points
+    above. Of the best planes, the one is chosen whose ring lies on the rim and faces most surface.
 
     Returns:
         The opening; None if no plane has a ring of rim with a cavity below.
@@ -36,7 +35,7 @@ def find_opening(points: Floats, normals: Floats, rim_probability: Floats) -> Op
     middle = points.mean(0)
     size = float(np.sqrt(((points - middle) ** 2).sum(1).mean()))
     tolerance = 0.03 * size
-    # How probable a rim looks differs from camera to camera; what counts is the order.
+    # Probabilities differ from camera to camera; only their order counts.
     usual = np.quantile(rim_probability, 1.0 - LIKELY_SHARE)
     rim_probability = rim_probability / (rim_probability + usual + 1e-12)
     planes = _hypotheses(points, rim_probability, middle)
@@ -52,8 +51,8 @@ def find_opening(points: Floats, normals: Floats, rim_probability: Floats) -> Op
 
     by_rim = [_refine(points, rim_probability, plane, tolerance) for plane in likely]
     score_of = {opening: score(opening) for opening in by_rim if opening is not None}
-    if max(score_of.values(), default=0.0) < 0.9:  # of the rim found
-        _, axes = np.linalg.eigh(normals.T @ normals)  # or it opens along these, or back
+    if max(score_of.values(), default=0.0) < 0.9:  # no clear rim
+        _, axes = np.linalg.eigh(normals.T @ normals)  # try these axes, and planes turned over
         ways = np.concatenate([axes.T, -axes.T, -likely[:2, :3]])
         by_shape = [_bearing(points, up) for up in ways]
         score_of |= {opening: score(opening) for opening in by_shape if opening is not None}
@@ -79,7 +78,7 @@ def fit_plane(points: Floats, up: Floats) -> Floats:
 
 def across(up: Floats) -> tuple[Floats, Floats]:
     """Two unit vectors that make a right-handed frame with `up` as the third axis."""
-    # The axis that is least along `up` is turned square to it; products by hand, they are small.
+    # The first is the cross product with the axis least along `up`, written out for speed.
     x, y, z = up
     least = int(np.argmin(np.abs(up)))
     first = np.array([(0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)][least])
@@ -92,7 +91,7 @@ def _hypotheses(points: Floats, probability: Floats, middle: Floats) -> Floats:
     """Planes (m, 4): normals away from the middle, and their distances from the origin."""
     count = max(MIN_RIM_POINTS, int(LIKELY_SHARE * len(points)))
     likely = np.argsort(-probability, kind="stable")[:count]
-    # Always the same draws: the same cloud in another place gives the same planes.
+    # The draws are fixed: the same cloud in another place gives the same planes.
     draws = np.random.default_rng(0).integers(0, count, (300, 3))
     corners = points[likely[draws]]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -105,14 +104,14 @@ def _hypotheses(points: Floats, probability: Floats, middle: Floats) -> Floats:
 
 
 def _bearing(points: Floats, up: Floats) -> OpeningPlane | None:
-    """The plane that bears on the highest points all around, and the circle through these."""
+    """The plane and the circle through the highest points in all directions."""
     middle = points.mean(0)
     farthest, n_sectors = np.argmax(((points - middle) ** 2).sum(1)), 24
     for _ in range(4):
         first, second = across(up)
         flat = (points - middle) @ np.stack([first, second], 1)
         level = (points - middle) @ up
-        # Sectors are counted from a point of the object: they turn with it.
+        # Sectors are counted from a point of the object, so that they turn with it.
         angle = np.arctan2(flat[:, 1], flat[:, 0])
         share = (angle - angle[farthest]) / (2.0 * np.pi) % 1.0
         sector = (share * n_sectors).astype(int) % n_sectors
@@ -127,7 +126,7 @@ def _bearing(points: Floats, up: Floats) -> OpeningPlane | None:
 
 
 def _circle(rim: Floats, up: Floats) -> OpeningPlane | None:
-    """The circle through rim points (n, 3); None if they make none."""
+    """The circle through rim points (n, 3); None if they are far from a circle."""
     first, second = across(up)
     flat = rim @ np.stack([first, second], 1)
     centre, radius = fit_circle(flat)
@@ -165,7 +164,7 @@ def _ring_share(
 
 
 def _looks_into(points: Floats, normals: Floats, opening: OpeningPlane, tolerance: float) -> float:
-    """How much surface below the ring faces its centre, less what lies in the ring or above."""
+    """Share of points below the ring that face its centre, less those in or above the ring."""
     centre, up, radius = opening.centre, opening.up, opening.radius_m
     offsets = points - centre
     depth = -(offsets @ up)

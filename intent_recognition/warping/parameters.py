@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Warped parameters: functions of a warped object (Brandl et al. II-D).
 
-Own ones are functions of the warped object as well: of its parts' points, its rim and its cavity.
+Write your own as functions of a `WarpedObject`: of its parts' points, its rim and its cavity.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from intent_recognition.warping.object_warp import WarpedObject
 
 
 class References(NamedTuple):
-    """What the variables of one container are divided by."""
+    """Values of one container by which its variables are divided."""
 
-    opening_radius_m: float  # for horizontal distances from its opening
-    volume_m3: float  # for amounts in it
-    height_m: float  # for vertical distances
-    tilt_rad: float  # for its tilt
+    opening_radius_m: float  # divides horizontal distances from the opening
+    volume_m3: float  # divides amounts in the container
+    height_m: float  # divides vertical distances
+    tilt_rad: float  # divides the tilt
 
 
 class PouringParameters(NamedTuple):
-    """The parameters of pouring, of one container.
+    """Parameters of one container for pouring.
 
     Attributes:
         opening_radius_m: mean distance of the rim from its centre, the reference of horizontal
-            distances into it.
-        volume_m3: what it holds up to the rim.
-        height_m: from the base to the crest of the rim, the reference of vertical distances.
-        opening_centre: of the rim (3,) [m], at the height of its crest.
-        lip_point: (3,) [m].
+            distances.
+        volume_m3: volume up to the rim.
+        height_m: height from the base to the crest of the rim, the reference of vertical distances.
+        opening_centre: centre of the rim (3,) [m], at the height of its crest.
+        lip_point: point of the rim over which is poured (3,) [m].
         tilt_reference_rad: tilt about the lip that leaves half of the volume.
     """
 
@@ -48,7 +48,8 @@ class PouringParameters(NamedTuple):
 def lip_point(warped: WarpedObject, toward: Floats | None = None) -> Floats:
     """Point (3,) of the rim over which is poured [m].
 
-    It is the one closest to the other container, at `toward` (3,) [m]; else opposite to the handle.
+    It is the point closest to the other container at `toward` (3,) [m], or by default the point
+    opposite the handle.
     """
     rim = warped.rim
     return nearest_on_loop(
@@ -57,7 +58,7 @@ def lip_point(warped: WarpedObject, toward: Floats | None = None) -> Floats:
 
 
 def nearest_on_loop(corners: Floats, point: Floats) -> Floats:
-    """The point (d,) nearest to another (d,) on a closed line with corners (S, d)."""
+    """Point (d,) on a closed line with corners (S, d) that is nearest to `point` (d,)."""
     along = np.roll(corners, -1, axis=0) - corners
     share = ((point - corners) * along).sum(1) / (along**2).sum(1)
     nearest = corners + np.clip(share, 0.0, 1.0)[:, None] * along
@@ -72,7 +73,7 @@ def tilt_reference(warped: WarpedObject, lip: Floats | None = None) -> float:
 
 
 def pouring_parameters(warped: WarpedObject, toward: Floats | None = None) -> PouringParameters:
-    """All that pouring needs of one container; the other one is at `toward` (3,) [m], if any."""
+    """Parameters of one container for pouring; the other one is at `toward` (3,) [m], if any."""
     rim, cavity = warped.rim, warped.cavity
     lip = lip_point(warped, toward)
     tilt_rad = tilt_reference(warped, lip)

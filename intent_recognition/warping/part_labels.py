@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""First guess of the rim by how the surface looks nearby, learned from the annotated object.
+"""First guess of the rim from the local shape of the surface, learned from the annotated object.
 
-Logistic regression by iteratively reweighted least squares (Brandl et al. III-A).
+The classifier is a logistic regression, fitted by iteratively reweighted least squares (Brandl et
+al. III-A).
 """
 
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ class LogisticModel:
     bias: float  # log odds of the mean feature vector
     weights: Floats  # log odds (d,) per standard deviation of each feature
     offset: Floats  # mean (d,) of the features learned from
-    scale: Floats  # their standard deviation (d,), 1 where it was 0
+    scale: Floats  # standard deviation (d,) of these features, 1 where it was 0
 
     def log_odds(self, features: Floats) -> Floats:
         """Log odds (n,) at features (n, d)."""
@@ -36,10 +37,11 @@ class LogisticModel:
 
 
 def fit_logistic(features: Floats, labels: Floats, ridge: float = 1e-2) -> LogisticModel:
-    """Fit by Newton steps on the ridge-penalised likelihood, halved until it rises.
+    """Fit by Newton steps on the ridge-penalised likelihood, each halved until this rises.
 
     Features are standardised first; the penalty is `ridge / 2 * |weights|^2` on the standardised
-    weights and leaves the bias free. With a ridge above 0, separable labels have a finite answer.
+    weights and leaves the bias free. With a ridge above 0, weights are finite even for separable
+    labels.
 
     Args:
         features: (n, d), finite.
@@ -47,7 +49,7 @@ def fit_logistic(features: Floats, labels: Floats, ridge: float = 1e-2) -> Logis
         ridge: strength of the penalty, above 0.
 
     Raises:
-        TrainingError: only one label is present, or no step count sufficed.
+        TrainingError: only one label is present, or the weights do not converge.
     """
     labels = np.asarray(labels, dtype=float)
     if not 0.0 < labels.sum() < len(labels):
@@ -73,7 +75,7 @@ def fit_logistic(features: Floats, labels: Floats, ridge: float = 1e-2) -> Logis
         gradient = design.T @ (probability - labels) + penalty * beta
         curvature = probability * (1.0 - probability)
         hessian = (design * curvature[:, None]).T @ design + np.diag(penalty)
-        # Where every probability is 0 or 1 the bias has no curvature of its own.
+        # Where every probability is 0 or 1, the bias has no curvature.
         hessian[0, 0] += 1e-12 * len(labels)
         step = cho_solve(cho_factor(hessian), gradient)
         length = 1.0
@@ -89,14 +91,14 @@ def fit_logistic(features: Floats, labels: Floats, ridge: float = 1e-2) -> Logis
 
 
 N_POINTS = 2000
-"""Points of the whole object and of each view, as many as a scan has."""
+"""Most points of each training cloud but the whole object's, as many as a scan has."""
 
 
 def fit_rim_classifier(source: AnnotatedObject, up: Floats) -> LogisticModel:
-    """Learn to tell the rim from how the surface looks nearby (Brandl et al. II-B).
+    """Learn to recognise the rim from the local shape of the surface (Brandl et al. II-B).
 
-    A camera above sees more of the rim than of the walls. The annotated points are therefore
-    thinned as one to three cameras would, and the classifier sees these clouds besides the whole.
+    A camera above sees more of the rim than of the walls. The classifier is therefore trained on
+    the whole object and on points as one to three cameras would see them.
     """
     n_rim = int((source.labels == Part.RIM).sum())
     if not 0 < n_rim < len(source.labels):
@@ -117,18 +119,18 @@ def local_features(
 ) -> Floats:
     """Features of the neighbourhood of each point (Brandl et al. II-B).
 
-    The eigenvalues of the neighbourhood's covariance and the distance to its mean, as in the
-    paper, both in units of the neighbourhood's own size; neighbours on the other side of a thin
-    wall count less. The spread of the normals tells a rim from the edge of a scan.
+    They are the eigenvalues of the neighbourhood's covariance and the distance to its mean, as in
+    the paper, both relative to the neighbourhood's size; neighbours on the other side of a thin
+    wall count less. The spread of the normals distinguishes a rim from the edge of a scan.
 
     Args:
         points: (n, 3) in metres.
         normals: outward unit normals (n, 3).
-        tree: of the points, if there is one.
-        rows: of the points whose features are wanted.
+        tree: search tree of the points, built if None.
+        rows: rows of the points whose features are returned.
 
     Returns:
-        Features (m, 16): eight and their squares.
+        Features (m, 16): eight features and their squares.
     """
     tree = tree or cKDTree(points)
     count = min(20, len(points))
@@ -160,7 +162,7 @@ def local_features(
 def _seen(
     source: AnnotatedObject, up: Floats, n_views: int, rng: np.random.Generator
 ) -> NDArray[np.integer]:
-    """Indices of points that cameras above would see, hidden ones behind others included."""
+    """Draw points that face cameras above; points hidden behind others are not excluded."""
     first = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
     first /= np.linalg.norm(first)
     second = np.cross(up, first)

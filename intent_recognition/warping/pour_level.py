@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pouring to a level: how far a container is tilted to leave so much in it.
+"""Pouring to a level: how far a container is tilted to leave a given amount in it.
 
-Brandl et al. 2014 divide the tilt by one reference, the tilt that leaves half. Where the wall leans
-out, as a bowl's does, the second half needs a larger share of the tilt than in a mug, so that a
-ratio of tilts leaves some of it in there. Here the tilt is warped by two references: where the
-container at hand begins to pour, and where what is to be left is level with its lip.
+Brandl et al. 2014 divide the tilt by one reference, the tilt that leaves half of the volume. If the
+wall leans outward, as in a bowl, the second half takes a larger share of the tilt than in a mug, so
+a ratio of tilts leaves some of it in the bowl. Here the tilt is warped by two references: the tilt
+at which the container begins to pour, and the tilt at which it can hold just the amount to leave.
 """
 
 from typing import NamedTuple
@@ -18,40 +18,40 @@ from intent_recognition.warping.clipping import shares_left
 from intent_recognition.warping.object_warp import WarpedObject
 
 TILTS_RAD = np.deg2rad(np.arange(0.0, 141.0, 2.5))
-"""Tilts at which it is known what a container holds [rad]. Convention: linear interpolation is
-then exact to 0.1 % of the volume."""
+"""Tilts at which a container's content is computed [rad]; linear interpolation between them is
+exact to 0.1 % of the volume."""
 LEFT_WHEN_EMPTY = 0.01
-"""Share of the volume below which a container counts as empty. Convention: the last drops depend
-on the rim alone."""
+"""Share of the volume below which a container counts as empty; the last drops depend on the rim
+alone."""
 FULL_SHARE = 0.9
-"""Share of the second container's volume that fills it. Convention: a hand's care for the table."""
+"""Share of the second container's volume at which it counts as full, so that nothing spills."""
 EMPTY, FULL = "empty", "full"
 
 
 class Emptying(NamedTuple):
-    """What a container holds at a tilt about its lip."""
+    """How much a container can hold at each tilt about its lip."""
 
-    tilts_rad: Floats  # ascending from 0 (n,)
-    shares: Floats  # of its volume that it can hold, falling from 1 (n,)
+    tilts_rad: Floats  # tilts, ascending from 0 (n,)
+    shares: Floats  # shares of its volume that it can hold, falling from 1 (n,)
     empty_rad: float  # tilt at which `LEFT_WHEN_EMPTY` of its volume is below the lip
 
     def tilt_leaving(self, share: float) -> float:
-        """Tilt [rad] at which it can hold a share of its volume."""
+        """Tilt [rad] at which the container can just hold a share of its volume."""
         return float(np.interp(-share, -self.shares, self.tilts_rad))
 
 
 class Reached(NamedTuple):
     """How far the demonstrated pours tilt their container, which was half full."""
 
-    begin_ratio: float  # of the tilt at which it begins to pour to its tilt reference
-    largest_ratio: float  # of the largest tilt to it
-    beyond_rad: float  # how far the largest tilt is beyond the one that empties it
+    begin_ratio: float  # tilt at which it begins to pour, relative to its tilt reference
+    largest_ratio: float  # largest tilt, relative to its tilt reference
+    beyond_rad: float  # largest tilt less the tilt that empties it
 
 
 def emptying(warped: WarpedObject, lip: Floats, above_m: float = 0.0) -> Emptying:
-    """What a warped container holds when it is tilted over its lip (3,) [m].
+    """How much a warped container can hold when it is tilted about its lip (3,) [m].
 
-    What is in it stands `above_m` above the lip before it leaves: 0 for a liquid.
+    The content rises `above_m` above the lip before it leaves: 0 for a liquid.
     """
     rim, cavity = warped.rim, warped.cavity
     outward = rim.outward(lip)
@@ -63,16 +63,17 @@ def emptying(warped: WarpedObject, lip: Floats, above_m: float = 0.0) -> Emptyin
 
 
 def amount_to_leave(asked: str | float, fluid_m3: float, second_m3: float) -> float:
-    """What is to be left in the container [m^3], for what is asked of a pour.
+    """Volume to leave in the container [m^3] for a requested pour.
 
     Args:
-        asked: "empty": all is poured; "full": as much as fills the second container, or all; a
-            number: so many millilitres, as it is or as text.
-        fluid_m3: what is in the container.
-        second_m3: what the second one holds.
+        asked: "empty" to pour all, "full" to fill the second container or pour all, or a number of
+            millilitres, as a number or as text.
+        fluid_m3: volume in the container.
+        second_m3: volume that the second container can hold.
 
     Raises:
-        ArgumentError: none of these, or more than there is.
+        ArgumentError: `asked` is none of these, or more than the first container holds or the
+            second can hold.
     """
     if asked == EMPTY:
         return 0.0
@@ -90,15 +91,15 @@ def amount_to_leave(asked: str | float, fluid_m3: float, second_m3: float) -> fl
 
 
 def reached(ratios: Floats, tilt_reference_rad: float, shown: Emptying) -> Reached:
-    """How far demonstrated pours go, from the tilts of their mean as ratios to the reference (T,).
+    """How far demonstrated pours go, from their mean tilts relative to the tilt reference (T,).
 
-    That is of the demonstrated container, `shown`.
+    The tilt reference is that of the demonstrated container, `shown`.
 
     Raises:
-        ArgumentError: they do not tilt it so far that it begins to pour.
+        ArgumentError: the pours do not tilt the container so far that it begins to pour.
     """
     largest = float(np.max(ratios))
-    begin = shown.tilt_leaving(0.5) / tilt_reference_rad  # what the demonstrated one was filled to
+    begin = shown.tilt_leaving(0.5) / tilt_reference_rad  # it was half full
     if not begin < largest:
         expected, got = f"a tilt ratio above {begin:.2f}, at which it begins", f"{largest:.2f}"
         raise ArgumentError.about("pours", expected, got, "Tilt the container further.")
@@ -108,19 +109,20 @@ def reached(ratios: Floats, tilt_reference_rad: float, shown: Emptying) -> Reach
 def tilts_to_level(
     ratios: Floats, far: Reached, cup: Emptying, fluid: float, left: float
 ) -> Floats:
-    """Tilts (T,) [rad] of a demonstrated pour, for a container that is to be left with so much.
+    """Tilts (T,) [rad] of a demonstrated pour, for a container in which an amount is to be left.
 
-    Where the demonstrated one began to pour, this one does; where that one was tilted most, this
-    one is as far as it must be. Between these the tilt follows a monotone cubic without a kink. On
-    the way back it falls in proportion, so that what is left stays in, and so it rises beyond what
-    was demonstrated. What is emptied is tilted as far beyond as was demonstrated.
+    The tilt at which the demonstrated container began to pour is mapped to the one at which this
+    container does, and the largest tilt to the one that leaves the given amount. Between them the
+    tilt follows a monotone cubic without a kink. On the way back, and beyond what was demonstrated,
+    it is in proportion, so that the rest stays in. To empty a container, it is tilted as far beyond
+    its empty tilt as was demonstrated.
 
     Args:
-        ratios: demonstrated tilts as ratios to the tilt reference (T,).
-        far: how far they go.
+        ratios: demonstrated tilts relative to the tilt reference (T,).
+        far: how far the demonstrated pours go.
         cup: the container in the hand.
-        fluid: what is in it, as a share of its volume.
-        left: what is to be left, as a share of its volume, below `fluid`; 0 to empty it.
+        fluid: content of the container, as a share of its volume.
+        left: content to be left, as a share of its volume, below `fluid`; 0 to empty it.
     """
     begin, end = cup.tilt_leaving(fluid), cup.empty_rad + far.beyond_rad
     if left >= LEFT_WHEN_EMPTY:

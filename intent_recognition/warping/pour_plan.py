@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A pour as poses of the hand that holds the cup, from what was learned and what is seen.
+"""Plan a pour as poses of the hand that holds the cup, from the learned skill and seen containers.
 
-The primitive is conditioned on the containers' parameters and on where they stand: the cup's lip
-begins and ends where it is, relative to the second opening. All in one frame with z up.
+The primitive is conditioned on the containers' parameters and positions: the cup's lip begins and
+ends where it is now, relative to the second opening. All positions are in one frame with z up.
 """
 
 from typing import NamedTuple
@@ -22,44 +22,44 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 class PouringSkill(NamedTuple):
-    """What was learned from demonstrated pours."""
+    """A skill learned from demonstrated pours."""
 
-    primitive: WarpedPrimitive  # in the warped space
-    far: Reached  # how far they tilt the cup
+    primitive: WarpedPrimitive  # primitive in the warped space
+    far: Reached  # how far the demonstrated pours tilt the cup
 
 
 class SeenContainer(NamedTuple):
-    """A container as it was seen."""
+    """A container that was seen, with its warped parameters."""
 
-    references: References  # its warped parameters
+    references: References  # values by which its variables are divided
     opening_m: Floats  # centre of its opening (3,)
-    lip_m: Floats  # where it pours over (3,)
+    lip_m: Floats  # point of the rim over which it pours (3,)
     up: Floats  # unit axis (3,) out of its opening
-    emptying: Emptying  # what it holds at which tilt
+    emptying: Emptying  # how much it can hold at each tilt
 
 
 class PourPlan(NamedTuple):
     """A pour to execute."""
 
-    times_s: Floats  # from 0 (T,)
-    hand_poses: Floats  # of the hand (T, 4, 4)
-    # deviations of the hand by one standard deviation of each of the primitive's four numbers (T,
-    # 6, 4): translation [m] and rotation [rad]
+    times_s: Floats  # times from 0 (T,)
+    hand_poses: Floats  # poses of the hand (T, 4, 4)
+    # translation [m] and rotation [rad] of the hand for one standard deviation of each of the
+    # primitive's four DOFs (T, 6, 4)
     hand_std: Floats
-    left: float  # what is left in the cup in the end, as a share of its volume
+    left: float  # content left in the cup at the end, as a share of its volume
 
 
 def pour_axes(cup: SeenContainer) -> Floats:
-    """Along the pour, across it (to the left) and up, as columns (3, 3)."""
+    """Unit axes along the pour, across it (to the left) and up, as columns (3, 3)."""
     along = (cup.lip_m - cup.opening_m) * [1.0, 1.0, 0.0]
     along = along / np.linalg.norm(along)
     return np.column_stack([along, np.cross(UP, along), UP])
 
 
 def conditioned(skill: PouringSkill, cup: SeenContainer, second: SeenContainer) -> InteractionProMP:
-    """The learned pour, given the containers and where they stand.
+    """The learned pour, given the containers and their positions.
 
-    It begins and ends with the lip where it is, at rest and upright.
+    It begins and ends at rest and upright, with the lip where it is now.
     """
     given = skill.primitive.given(cup.references, second.references)
     stand = np.append((cup.lip_m - second.opening_m) @ pour_axes(cup), 0.0)
@@ -80,18 +80,18 @@ def plan_pour(
     """Poses of the hand for a pour from where the cup is, and back.
 
     Args:
-        skill: what was learned.
+        skill: the learned skill.
         cup: the container in the hand, upright.
-        second: the other one.
+        second: the other container.
         hand: pose of the hand (4, 4) that holds the cup.
         asked: "empty", "full" or millilitres; see `amount_to_leave`.
-        fluid: what is in the cup, as a share of its volume.
+        fluid: content of the cup, as a share of its volume.
 
     Raises:
-        ArgumentError: the cup is tilted, or it cannot be poured so much.
+        ArgumentError: the cup is tilted, or the amount cannot be poured.
     """
     tilted = float(np.arccos(np.clip(cup.up @ UP, -1.0, 1.0)))
-    if tilted > 0.1:  # what a soft arm sags
+    if tilted > 0.1:  # a compliant arm sags by less
         got = f"one tilted by {np.degrees(tilted):.0f} degrees"
         raise ArgumentError.about("cup", "an upright one", got, "Hold it upright.")
     own, other = cup.references, second.references

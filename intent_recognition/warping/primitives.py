@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A pour in the warped space, as a probabilistic movement primitive (Brandl et al. III-B).
 
-The warped space has four numbers: the lip's distance from the centre of the second opening along
-and across the pour, divided by the second's radius; its height above it, divided by the held
-container's height; and the tilt, divided by the held container's tilt reference angle. A primitive
-learned with one pair of containers is rescaled by those of the next.
+The warped space has four dimensions: the lip's distance from the centre of the second opening along
+and across the pour, divided by that opening's radius; its height above that centre, divided by the
+held container's height; and the tilt, divided by the held container's tilt reference. A primitive
+learned with one pair of containers is rescaled by the values of the next pair.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ N_WARPED = len(WARPED_NAMES)
 
 
 def warped_scale(cup: References, second: References) -> Floats:
-    """What along [m], across [m], up [m] and tilt [rad] are divided by (4,)."""
+    """Values (4,) by which along [m], across [m], up [m] and tilt [rad] are divided."""
     radius = second.opening_radius_m
     return np.array([radius, radius, cup.height_m, cup.tilt_rad])
 
 
 def to_warped(offset_m: Floats, tilt_rad: Floats, cup: References, second: References) -> Floats:
-    """A path of the lip as ratios (T, 4).
+    """Convert a path of the lip to ratios (T, 4).
 
-    Of its offsets (T, 3) from the centre of the second opening along, across and up [m], and of
-    tilts (T,) of the held container.
+    `offset_m` (T, 3) is the lip's offset from the centre of the second opening along, across and
+    up, `tilt_rad` (T,) the tilt of the held container.
     """
     return np.column_stack([offset_m, tilt_rad]) / warped_scale(cup, second)
 
 
 def from_warped(path: Floats, cup: References, second: References) -> tuple[Floats, Floats]:
-    """Offsets (T, 3) [m] and tilts (T,) [rad] of ratios (T, 4): the inverse of `to_warped`."""
+    """Convert ratios (T, 4) to offsets (T, 3) [m] and tilts (T,) [rad]; inverse of `to_warped`."""
     scaled = path * warped_scale(cup, second)
     return scaled[:, :3], scaled[:, 3]
 
@@ -48,13 +48,13 @@ def from_warped(path: Floats, cup: References, second: References) -> tuple[Floa
 @brief
 @dataclass(frozen=True)
 class WarpedPrimitive:
-    """Distribution over pours in the warped space; `learn` makes one.
+    """Distribution over pours in the warped space, made by `learn`.
 
     Attributes:
         basis: N basis functions of the phase.
-        mean: of the weights (4 N,), grouped by DOF.
-        spread: (4 N, r), whose product with its transpose is the weights' covariance: as many
-            columns as there were demonstrations.
+        mean: mean of the weights (4 N,), grouped by DOF.
+        spread: root (4 N, r) of the weights' covariance, spread @ spread.T, with one column per
+            demonstration.
         duration_s: mean duration of the demonstrations.
     """
 
@@ -73,12 +73,12 @@ class WarpedPrimitive:
         """Learn from demonstrations that begin and end together.
 
         Args:
-            paths: of each demonstration (T_i, 4), evenly spaced in time.
-            durations_s: of each.
-            basis: 20 basis functions where left out.
+            paths: path of each demonstration (T_i, 4), evenly spaced in time.
+            durations_s: duration of each demonstration.
+            basis: basis functions; 20 of them by default.
 
         Raises:
-            TrainingError: fewer than two demonstrations.
+            TrainingError: there are fewer than two demonstrations, or not one duration for each.
         """
         basis = basis or NormalizedRBFBasis(20)
         if len(paths) < 2 or len(paths) != len(durations_s):
@@ -96,10 +96,10 @@ class WarpedPrimitive:
     def given(self, cup: References, second: References) -> InteractionProMP:
         """The pour with these containers, a primitive in metres and radians.
 
-        The references are its context: the weights are linear in them, mean and deviations alike,
-        with a gain that follows from the warped space instead of demonstrations with many pairs.
-        Where a pour begins and ends is free until it is known, so that it can be conditioned on
-        where the cup stands (`promp.via_point`); what is done above the opening is as learned.
+        The references are the context of the primitive: the mean and the deviations of the weights
+        are linear in them, with a gain that follows from the warped space and need not be learned
+        from many pairs. The start and the end of the pour are free, so that they can be conditioned
+        on where the cup stands (`promp.via_point`); the part above the opening is as learned.
 
         Returns:
             A primitive without observed DOFs; the controlled ones are along, across, up, tilt.
@@ -107,11 +107,11 @@ class WarpedPrimitive:
         scale = np.repeat(warped_scale(cup, second), self.basis.n_basis)
         spread = scale[:, None] * np.column_stack([self.spread, self._free_ends()])
         weights = Gaussian(scale * self.mean, spread @ spread.T)
-        noise = (1e-3 * warped_scale(cup, second)) ** 2  # a tenth of a millimetre, above rounding
+        noise = (1e-3 * warped_scale(cup, second)) ** 2  # about 0.1 mm, above rounding
         return InteractionProMP(self.basis, weights, 0, noise, self.duration_s)
 
     def _free_ends(self) -> Floats:
-        """Root (4 N, 4 N) of the covariance of where a pour begins and ends."""
+        """Root (4 N, 4 N) of the covariance that frees the start and the end of a pour."""
         at = self.basis.centers
         path = self.mean_path(at)
         above = at[np.hypot(path[:, 0], path[:, 1]) < 1.0]

@@ -11,7 +11,7 @@ from intent_recognition.warping.frame import ObjectFrame
 from intent_recognition.warping.opening import MIN_RIM_POINTS, fit_circle, fit_plane
 
 N_HARMONICS = 8
-"""Harmonics of its radius over the direction: enough for a rounded square."""
+"""Number of harmonics of the rim's radius over direction: enough for a rounded square."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +21,7 @@ class Rim:
     centre: Floats  # (3,) [m]
     axes: Floats  # rows (3, 3): out of the opening; toward the handle; their cross product
     outline: Floats  # crest (S, 2) [m] along the second and third axis, about the centre
-    depth_m: float  # lowest point of the object below the crest
+    depth_m: float  # depth of the lowest point of the object below the crest
 
     @property
     def up(self) -> Floats:
@@ -41,9 +41,9 @@ class Rim:
         return self.centre + self.outline @ self.axes[1:]
 
     def shape(self, flat: Floats) -> Floats:
-        """The crest's distance (n,) from its centre, in mean radii, toward points (n, 2) about it.
+        """Distance (n,) of the crest from its centre, in mean radii, in the direction of points.
 
-        They are along the second and third axis.
+        The points (n, 2) are relative to the centre, along the second and third axis.
         """
         radii = np.linalg.norm(self.outline, axis=1) / self.radius_m
         corners = np.arange(len(radii)) * 2.0 * np.pi / len(radii)
@@ -63,9 +63,9 @@ class Rim:
 def fit_rim(points: Floats, normals: Floats, frame: ObjectFrame) -> Rim:
     """Fit plane, centre and outline to rim points (n, 3) [m] with outward unit normals (n, 3).
 
-    The distance from the centre is a smooth function of the direction plus the thickness of the
-    rim times how far the normal points outward: the crest is where it points along the axis. So
-    it does not matter which side of the rim a camera saw.
+    The distance from the centre is modelled as a smooth function of the direction plus the
+    thickness of the rim times the outward component of the normal. The crest is where the normal
+    points along the axis, so it does not matter which side of the rim a camera saw.
     """
     if len(points) < MIN_RIM_POINTS:
         cure = "Scan the opening from above, with more points."
@@ -82,7 +82,7 @@ def fit_rim(points: Floats, normals: Floats, frame: ObjectFrame) -> Rim:
         radius = np.maximum(np.hypot(*flat.T), 1e-12)
         outward = (flat * facing[:, 1:]).sum(1) / radius
         coefficients = _fit_harmonics(np.arctan2(flat[:, 1], flat[:, 0]), radius, outward)
-        # What turns once around is an offset of the centre.
+        # The first harmonic is an offset of the centre.
         middle = middle + coefficients[[1, 1 + N_HARMONICS]]
     corners = np.arange(48)
     angles = corners * 2.0 * np.pi / len(corners)
@@ -102,7 +102,7 @@ def _harmonics(angles: Floats) -> Floats:
 
 
 def _fit_harmonics(angles: Floats, radii: Floats, outward: Floats) -> Floats:
-    """Coefficients of the radius over direction, and of the normal's outward share."""
+    """Coefficients of the radius over direction, and of the normal's outward component."""
     design = np.column_stack([_harmonics(angles), outward])
     orders = np.arange(1, N_HARMONICS + 1)
     penalty = 0.02 * np.concatenate([[0.0], orders**2, orders**2, [0.0]])
@@ -114,8 +114,8 @@ def _fit_harmonics(angles: Floats, radii: Floats, outward: Floats) -> Floats:
 def _crest_level(level: Floats, upward: Floats) -> float:
     """Height of the crest, where a rounded rim's normal points along the axis.
 
-    On a round rim the height falls in proportion to 1 - upward, and on a flat one not at all;
-    the line through both is free of noise, which the highest points are not.
+    On a round rim the height falls in proportion to 1 - upward, on a flat rim not at all. A line
+    fitted to the height averages noise out, which the highest points would not.
     """
     top = upward > 0.3
     if top.sum() < MIN_RIM_POINTS:

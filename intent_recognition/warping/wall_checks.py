@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a container that was seen from all sides can hold anything: its wall has no hole."""
+"""Check that a container that was seen from all sides has no hole in its wall."""
 
 import numpy as np
 
@@ -10,21 +10,21 @@ from intent_recognition.warping.object_model import ObjectCloud
 from intent_recognition.warping.object_warp import WarpedObject
 
 N_AROUND, N_DOWN = 36, 24
-"""Cells into which the inside is divided: around the axis, and from the rim to the floor."""
+"""Numbers of cells into which the inside is divided: around the axis, and from rim to floor."""
 
 
 def check_wall(warped: WarpedObject, surface: ObjectCloud) -> None:
     """Refuse a container with a hole in its inner wall or floor.
 
-    Pinholes of a few millimetres, as scans of thin plastic have, are not looked for. The surface is
-    tens of thousands of points spread evenly over all of it.
+    Pinholes of a few millimetres, as in scans of thin plastic, are ignored. `surface` has tens of
+    thousands of points spread evenly over the whole object.
 
     Raises:
-        ArgumentError: there is a hole; says where.
+        ArgumentError: there is a hole; the message says where.
     """
     rim, cavity = warped.rim, warped.cavity
     floor_m = cavity.profile[-1, 1]
-    # Seen from the middle of a closed cavity there is wall in every direction.
+    # From the middle of a closed cavity, there is wall in every direction.
     pole = np.array([-0.5 * floor_m, 0.0, 0.0])
     offsets = rim.to_local(surface.points) - pole
     facing = surface.normals @ rim.axes.T
@@ -55,10 +55,10 @@ def check_wall(warped: WarpedObject, surface: ObjectCloud) -> None:
 
 
 def _holes(cells: Floats) -> Floats:
-    """Cells that are empty, and one beside them too, in rows where they usually are full."""
+    """Empty cells with an empty neighbour, in places where cells are usually full."""
     around = np.stack([np.roll(cells, turn, axis=1) for turn in range(-4, 5)])
     filled = np.ma.median(np.ma.masked_equal(around, 0), axis=0)
-    # Far from all that is there it is the row that tells what is usual.
+    # Where all neighbours are empty, the row tells what is usual.
     row = np.broadcast_to(np.median(cells, axis=1, keepdims=True), cells.shape)
     empty = (cells == 0) & (np.where(np.ma.getmaskarray(filled), row, filled) >= 15)
     beside = np.roll(empty, 1, axis=1) | np.roll(empty, -1, axis=1)
