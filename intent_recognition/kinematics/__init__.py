@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Forward and inverse kinematics and joint limits, of the LWR 4+ and of any chain from a URDF."""
+"""Forward and inverse kinematics and joint limits of the LWR 4+ and of any chain from a URDF."""
 
 from intent_recognition.kinematics.arm import Arm
 from intent_recognition.kinematics.bodies import Bodies, Box, Contact, parse_boxes

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Any arm from its URDF, by pinocchio: forward and inverse kinematics of a named chain.
+"""Any arm from its URDF: forward and inverse kinematics of a named chain, computed by pinocchio.
 
-pinocchio is loaded with the first arm, and by nothing else of the package.
+pinocchio is only imported when the first arm is made.
 """
 
 from pathlib import Path
@@ -24,15 +24,15 @@ class Arm:
     """A chain of joints between two links of a URDF; make it with `from_urdf`.
 
     Joint vectors have one value for each of `joint_names`, in that order [rad, or m for prismatic
-    joints]. Poses are of the link `tip` in the frame of the link `base`. An arm keeps work space of
-    its own: one thread at a time may use it. An array that does not fit the arm is a `ShapeError`.
+    joints]. Poses are those of the link `tip` in the frame of the link `base`. An arm has internal
+    buffers, so only one thread at a time may use it. Arrays that do not fit raise a `ShapeError`.
 
     Attributes:
-        base: link whose frame poses are in.
-        tip: link whose pose is meant.
+        base: link in whose frame poses are given.
+        tip: link whose pose is computed.
         joint_names: independent joints that move the tip, from the base on.
         limits: read from the URDF; continuous joints have +-1e6 rad.
-        rest: posture that redundant joints are drawn to (n,).
+        rest: posture toward which redundant joints are drawn (n,).
     """
 
     def __init__(self, chain: UrdfChain, rest: ArrayLike | None) -> None:
@@ -60,22 +60,22 @@ class Arm:
         acceleration_rad_s2: float = DEFAULT_ACCELERATION_RAD_S2,
         beyond: bool = False,
     ) -> "Arm":
-        """Read an arm; meshes are not needed. Joints beside the chain stay at zero.
+        """Read an arm; meshes are not needed. Joints outside the chain stay at zero.
 
         Args:
             source: path of a URDF or xacro file, or the text of a URDF.
             base: link at which the chain begins; the root by default.
-            tip: link at which it ends; by default the end of the branch with the most joints,
-                before its gripper.
-            rest: posture that redundant joints are drawn to (n,); by default the middle of the
+            tip: link at which the chain ends; by default the end of the branch with the most
+                joints, before its gripper.
+            rest: posture toward which redundant joints are drawn (n,); by default the middle of the
                 limits.
             acceleration_rad_s2: acceleration limit of every joint, which a URDF does not hold.
-            beyond: whether joints after the tip belong to the arm, up to the default tip; they do
-                not move it, and keep near `rest`.
+            beyond: whether joints after the tip, up to the default tip, belong to the arm; they do
+                not move the tip, and stay near `rest`.
 
         Raises:
-            ArgumentError: no URDF, no such link, no chain between them, several arms and no
-                tip, or a joint without limits of its position.
+            ArgumentError: the source is no URDF, a link is unknown, no chain joins the links, there
+                are several arms and no `tip`, or a joint lacks position limits.
         """
         return cls(read_chain(source, base, tip, acceleration_rad_s2, beyond), rest)
 
@@ -96,21 +96,21 @@ class Arm:
         return self.moving_skeleton(q, np.zeros(np.shape(q)))[0]
 
     def moving_skeleton(self, q: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
-        """Likewise, and how fast (T,) [m/s] the fastest moves at velocities (T, n) [rad/s, or m/s].
+        """`skeleton`, and the speed (T,) [m/s] of its fastest point at velocities (T, n).
 
-        No point of the lines between them is faster.
+        No point on the lines between these points is faster.
         """
         q, rates = (self._vector(a, "q").reshape(-1, self.n_joints) for a in (q, velocity))
         values = q @ self._reduced.drive.T + self._reduced.offset
         return self._links.moving_points(values, rates @ self._reduced.drive.T)
 
     def most_motion(self, velocity: Floats, acceleration: Floats) -> tuple[Floats, Floats]:
-        """What no point of the skeleton exceeds in any posture: (T,) [m/s] and (T,) [m/s^2].
+        """Bounds on the speed and acceleration of the skeleton, (T,) [m/s] and (T,) [m/s^2].
 
-        Velocities and accelerations are those that no joint exceeds, (T, n) each.
-
-        The derivative of a point by joint j is at most its lever, the length of the chain beyond
-        it; that by two joints at most the lever of the one nearer to the tip.
+        They hold in any posture. `velocity` and `acceleration` bound those of the joints, (T, n)
+        each. The derivative of a point by joint j is at most the lever of j, the length of the
+        chain beyond it; the second derivative by two joints is at most the lever of the joint
+        nearer to the tip.
         """
         drive = np.abs(self._reduced.drive)
         rates, changes = np.abs(velocity) @ drive.T, np.abs(acceleration) @ drive.T
@@ -125,7 +125,7 @@ class Arm:
         return self._pose_and_jacobian(self._one(q, "q"))[1]
 
     def inverse_dynamics(self, q: Floats, velocity: Floats, acceleration: Floats) -> Floats:
-        """Torques (n,) [Nm] that move the arm so, from the URDF's inertias; gravity is along -z.
+        """Torques (n,) [Nm] for a motion, from the URDF's inertias; gravity is along -z.
 
         Positions, velocities and accelerations of the joints are (n,) each.
         """
@@ -137,15 +137,14 @@ class Arm:
     def inverse_kinematics(
         self, target: ArrayLike, seed: ArrayLike | None = None, rest: ArrayLike | None = None
     ) -> Floats:
-        """Joint vector (n,) inside the limits that reaches a pose (4, 4), or a position alone (3,)
-        [m].
+        """Joint vector (n,) inside the limits that reaches a pose (4, 4) or a position (3,) [m].
 
-        The search begins at the seed and stays on its branch where that leads there; else it begins
-        at postures of the arm near the target. Of a redundant arm's solutions it takes one near
-        `rest` and away from singularities. Both are the arm's `rest` by default.
+        The search begins at the seed and stays on its branch if that leads to the target; otherwise
+        it restarts from postures near the target. Of a redundant arm's solutions, it takes one near
+        `rest` and away from singularities. `seed` and `rest` are the arm's `rest` by default.
 
         Raises:
-            KinematicsError: no solution was found; names the distance that is left.
+            KinematicsError: no solution was found; the message gives the remaining distance.
         """
         found = self.nearest(target, seed, rest)
         if found.error > REACHED:
@@ -157,9 +156,9 @@ class Arm:
     def nearest(
         self, target: ArrayLike, seed: ArrayLike | None = None, rest: ArrayLike | None = None
     ) -> Solution:
-        """The posture nearest to a pose (4, 4) or position (3,), and what is left to it.
+        """The posture nearest to a pose (4, 4) or position (3,), and its distance from it.
 
-        Seed and rest are those of `inverse_kinematics`.
+        `seed` and `rest` are as in `inverse_kinematics`.
         """
         goal = checked_target(target)
         return self._search.solve(goal, self._start(seed), self._start(rest, "rest"))
@@ -169,9 +168,8 @@ class Arm:
     ) -> FollowedPath:
         """Joint vectors along poses (T, 4, 4) or positions (T, 3): continuous, within the limits.
 
-        Where a target is out of reach, the posture nearest to it stands there, and the result says
-        by how much it falls short. Seed, such as the measured posture, and rest are as of
-        `inverse_kinematics`.
+        For a target out of reach, the result holds the nearest posture and its distance from the
+        target. `seed`, such as the measured posture, and `rest` are as in `inverse_kinematics`.
         """
         array = np.asarray(targets, dtype=np.float64)
         if len(array.shape) not in (2, 3) or len(array) == 0:
@@ -197,11 +195,11 @@ class Arm:
         return array
 
     def _build(self, chain: UrdfChain) -> None:
-        """The model, reduced to the chain and to what copies it, and how the joints drive it."""
+        """Build the model, reduced to the chain and the joints that copy its joints."""
         pin = self._pin = optional("pinocchio")
         try:
             full = pin.buildModelFromXML(chain.xml)
-        except Exception as error:  # what urdfdom finds wrong is a plain C++ exception
+        except Exception as error:  # urdfdom raises plain C++ exceptions
             cure = "Check it with check_urdf."
             raise ArgumentError.about("robot", "a URDF", str(error), cure) from error
         self._reduced = ReducedModel.of(pin, full, chain.names, chain.mimics)
@@ -224,7 +222,7 @@ class Arm:
         pin.computeJointJacobians(model, data, values)
         pose = pin.updateFramePlacement(model, data, self._tip_frame)
         J = pin.getFrameJacobian(model, data, self._tip_frame, pin.LOCAL_WORLD_ALIGNED)
-        J = J.reshape(6, -1)  # of one joint it comes as a vector
+        J = J.reshape(6, -1)  # a vector for a single joint
         if not self._reduced.direct:
             J = J @ self._reduced.drive
         if self._from_base is not None:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arm as bodies among boxes: which come near one another along a motion, and how to part them.
+"""The arm as bodies among boxes: which come close along a motion, and how to separate them.
 
-Geometry is coal's, through pinocchio; both are loaded with the first `Bodies`, by nothing else.
-Meshes are replaced by their convex hulls, which hold them and are quicker to measure.
+Distances are computed by coal, through pinocchio; both are only imported for the first `Bodies`.
+Meshes are replaced by their convex hulls, which contain them and are faster to measure.
 """
 
 from bisect import bisect_right
@@ -23,11 +23,11 @@ from intent_recognition.kinematics.urdf import read_mimics
 from intent_recognition.kinematics.urdf_tree import LINK, parse_urdf, read_urdf, separate_names
 
 _WIDEST_RAD = np.pi
-"""Random postures turn joints no farther than this [rad]: continuous ones have no limit."""
+"""Largest joint angle of random postures [rad], needed because continuous joints have no limit."""
 
 
 class Box(NamedTuple):
-    """A thing that stands in the cell."""
+    """An obstacle in the cell."""
 
     name: str
     center: tuple[float, ...]  # (3,) [m], in the frame of the URDF's root link
@@ -36,15 +36,15 @@ class Box(NamedTuple):
 
     @property
     def rotation(self) -> Floats:
-        """Its axes as columns (3, 3)."""
+        """Axes of the box as columns (3, 3)."""
         return Rotation.from_quat(self.quaternion).as_matrix()
 
 
 def parse_boxes(texts: Sequence[str]) -> tuple[Box, ...]:
-    """Boxes from strings 'name x y z length width height', and 'qx qy qz qw' after it if turned.
+    """Read boxes from strings 'name x y z length width height [qx qy qz qw]'.
 
     Raises:
-        ArgumentError: a string is no box, or two have one name.
+        ArgumentError: a string is no box, or two boxes have the same name.
     """
     boxes = tuple(_parse_box(text) for text in texts if text)
     names = [box.name for box in boxes]
@@ -72,32 +72,33 @@ def _parse_box(text: str) -> Box:
 
 
 class Contact(NamedTuple):
-    """Two bodies that are nearer to one another than they may be."""
+    """Two bodies that are closer than the clearance."""
 
-    sample: int  # where along the motion
-    pair: int  # number of the pair of bodies
-    distance_m: float  # between them; negative where they overlap
+    sample: int  # index of the sample of the motion
+    pair: int  # index of the pair of bodies
+    distance_m: float  # distance between them; negative if they overlap
 
 
 class Bodies:
-    """The links of an arm and boxes about it.
+    """The links of an arm, and boxes around it.
 
     Joint vectors have one value for each of `joint_names`; other joints stay at zero. Pairs that
-    cannot part are left out: on one rigid body, joined by one joint, or nearer than the clearance
-    in each of 100 random postures (the first link above the table the arm stands on). An object
-    keeps work space of its own: one thread at a time may use it.
+    cannot separate are left out: those on one rigid body, joined by one joint, or closer than the
+    clearance in each of 100 random postures (such as the first link and the table below it). An
+    instance has internal buffers, so only one thread at a time may use it.
 
     Args:
-        source: path or text of a URDF, its collision shapes in files that are found here.
+        source: path or text of a URDF, whose mesh files are found on this machine.
         joint_names: the joints that move, in the order of joint vectors.
-        boxes: in the frame of the URDF's root link.
-        clearance_m: distance that shall be kept, above 0.
+        boxes: boxes in the frame of the URDF's root link.
+        clearance_m: distance to keep between bodies, above 0.
 
     Attributes:
-        pairs: names of the two bodies of each pair; an arm's link comes first.
+        pairs: names of the two bodies of each pair; a link of the arm comes first.
 
     Raises:
-        ArgumentError: no URDF, no such joint, a mesh is missing, or the clearance is not above 0.
+        ArgumentError: the source is no URDF, a joint is unknown, a mesh is missing, or the
+            clearance is not above 0.
     """
 
     def __init__(
@@ -126,14 +127,13 @@ class Bodies:
     def contacts(
         self, positions: ArrayLike, travel: ArrayLike | None = None, *, first_only: bool = False
     ) -> list[Contact]:
-        """Where along a motion (T, n) bodies are nearer than the clearance, in the order of
-        samples.
+        """Pairs that are closer than the clearance along a motion (T, n), in order of samples.
 
-        No sample is missed: a pair that is farther apart than both can have moved until a later
-        sample is not measured before that one (conservative advancement). Where a point moves by at
-        most twice the clearance between samples (`steps`), bodies touch nowhere in between either.
-        Joints turn between samples by `travel`, at least (T - 1, n); by default the difference of
-        the samples.
+        No contact at a sample is missed: a pair is measured again at the first sample at which it
+        can have come within the clearance (conservative advancement). If no point moves by more
+        than twice the clearance between samples (`steps`), no bodies touch in between either.
+        `travel` bounds how far joints turn between samples, (T - 1, n); by default, it is the
+        difference of the samples.
         """
         q = np.asarray(positions, dtype=np.float64)
         moved = np.abs(np.diff(q, axis=0)) if travel is None else np.asarray(travel, np.float64)
@@ -162,22 +162,22 @@ class Bodies:
         return found
 
     def steps(self, travel: Floats) -> int:
-        """Into how many parts intervals must be cut for `contacts` to miss nothing between samples.
+        """Number of parts per interval with which `contacts` misses nothing between samples.
 
-        In each a joint turns by at most `travel` (T, n) [rad].
+        In each interval, joints turn by at most `travel` (T, n) [rad].
         """
         largest = float((travel @ self._reach).max(initial=0.0))
         return max(int(np.ceil(largest / (2.0 * self.clearance_m))), 1)
 
     def distance_m(self, q: ArrayLike, pair: int) -> float:
-        """Between the bodies of a pair at a posture (n,); negative where they overlap."""
+        """Distance of a pair at a posture (n,); negative if the bodies overlap."""
         self._place(np.asarray(q, dtype=np.float64))
         return self._distance(pair)
 
     # Parting
 
     def gap(self, q: Floats, pair: int) -> tuple[float, Floats]:
-        """Distance of a pair at a posture (n,), and its gradient in the joints (n,)."""
+        """Distance of a pair at a posture (n,), and its gradient by the joints (n,)."""
         self._place(q)
         first, second = self._ends(pair)
         objects, transform = self._geometry.geometryObjects, self._coal.Transform3s
@@ -193,7 +193,7 @@ class Bodies:
         return float(distance), gradient @ self._model.drive
 
     def _speed(self, body: int, point: Floats, direction: Floats) -> Floats:
-        """How fast a point of a body moves in a direction, by the configuration's rate (nv,)."""
+        """Derivative of a body point's position along a direction by the configuration, (nv,)."""
         model, joint = self._model.model, self._geometry.geometryObjects[body].parentJoint
         if joint == 0:
             return np.zeros(model.nv)
@@ -247,7 +247,7 @@ class Bodies:
             self._names.append(box.name)
 
     def _measure_sizes(self) -> None:
-        """How far a point of each body can move by the turn of each joint, (bodies, joints) [m]."""
+        """Bound how far a body's points move per unit of each joint's motion, (bodies, joints)."""
         model = self._model.model
         shapes = self._geometry.geometryObjects
         self._far = np.zeros((len(shapes), model.nv))
@@ -267,7 +267,7 @@ class Bodies:
                 joint = model.parents[joint]
 
     def _choose_pairs(self) -> None:
-        """All pairs but of bodies on one joint, or on a joint and the next."""
+        """Take all pairs but those of bodies on one joint, or on a joint and the next."""
         shapes, parents = self._geometry.geometryObjects, self._model.model.parents
         for i in range(self._n_links):
             for j in range(i + 1, len(shapes)):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint vectors along a path of poses.
 
-The path is followed from its first pose: each solution begins at the one before, and glides a
-little along its self-motion toward the rest posture. Where a limit ends such a path although its
-poses can be reached, the search begins again at other solutions of the first pose; not where a pose
-by itself is out of reach, and no further than it can still become the best.
+The path is followed from its first pose: the search for each pose starts at the solution before,
+and moves a little along the self-motion toward the rest posture. If a limit stops the path although
+its poses can be reached, the search restarts from other solutions of the first pose. There is no
+restart if the worst pose is out of reach, and a path is given up once it cannot become the best.
 """
 
 from collections.abc import Sequence
@@ -16,25 +16,25 @@ from intent_recognition.array_types import Flags, Floats
 from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, PoseTarget, Solution
 
 LARGEST_JUMP_RAD = 0.5
-"""A joint that turns further between two poses has changed its branch [rad]. Convention: a path of
-50 poses turns no joint by more than a tenth of a radian from one to the next."""
+"""A joint that turns further between two poses has changed its branch [rad]. In a path of 50 poses,
+joints turn by up to a tenth of a radian from one pose to the next."""
 
 
 class FollowedPath(NamedTuple):
-    """Postures along T poses, and how far from them they are."""
+    """Postures along T poses, and their errors."""
 
     positions: Floats  # joint vectors (T, n) [rad]
-    distance_m: Floats  # from each position (T,); zero where it is reached
-    angle_rad: Floats  # from each orientation (T,), zero where it is free
+    distance_m: Floats  # distance from each position (T,)
+    angle_rad: Floats  # angle from each orientation (T,), zero if the orientation is free
 
     @property
     def reached(self) -> Flags:
-        """Which poses are reached (T,)."""
+        """Whether each pose is reached (T,)."""
         return (self.distance_m <= REACHED) & (self.angle_rad <= REACHED)
 
     @property
     def largest_jump_rad(self) -> float:
-        """The furthest that a joint turns between two poses."""
+        """Largest joint motion between two poses."""
         return float(np.abs(np.diff(self.positions, axis=0)).max(initial=0.0))
 
 
@@ -67,8 +67,8 @@ def _follow_from(
     rest: Floats,
     most_missed: int,
 ) -> FollowedPath | None:
-    """The path from a posture at its first pose on; None where it misses more poses than that, or
-    as many and jumps.
+    """The path from a posture at its first pose; None if it misses more than `most_missed` poses,
+    or as many and jumps.
     """
     solutions, missed, jumps = [first], int(first.error > REACHED), False
     for target in targets[1:]:
@@ -84,7 +84,7 @@ def _follow_from(
 
 
 def _badness(path: FollowedPath) -> tuple[int, bool, float]:
-    """Poses missed or, with all reached, jumps: fewer are better; then the distance missed."""
+    """Key for comparing paths: number of missed poses, whether the path jumps, total error."""
     missed = int(np.sum(~path.reached))
     jumps = path.largest_jump_rad > LARGEST_JUMP_RAD
     return missed, jumps, float(np.sum(path.distance_m + path.angle_rad))

@@ -32,12 +32,12 @@ from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, check
 _SHOULDER = np.array([0.0, 0.0, SHOULDER_HEIGHT_M])
 _REACH_M = UPPER_ARM_M + FOREARM_M
 _MAX_STEP_RAD = 0.25
-"""Largest joint motion between sampled swivels [rad]. Convention: a local minimum of the distance
+"""Largest joint motion between sampled swivels [rad], so small that a local minimum of the distance
 to the seed spans several samples."""
 
 
 class Branch(NamedTuple):
-    """Signs (+1 or -1) of q2, q4 and q6, which tell the eight solutions of one swivel apart."""
+    """Signs (+1 or -1) of q2, q4 and q6, which distinguish the eight solutions of one swivel."""
 
     shoulder: int
     elbow: int
@@ -66,9 +66,9 @@ def swivel_angle(q: ArrayLike) -> float:
 
 
 def solve(pose: ArrayLike, swivel_rad: ArrayLike, branch: Branch) -> Floats:
-    """Return the closed-form solution, shape (..., 7) [rad], limits not considered.
+    """Return closed-form solutions, shape (..., 7) [rad], without regard to joint limits.
 
-    Of a pose (4, 4) of the hand in the base frame, and swivels of the elbow (...).
+    `pose` is the hand's pose (4, 4) in the base frame, `swivel_rad` the swivels of the elbow (...).
 
     Raises:
         KinematicsError: the wrist is farther from the shoulder than the arm is long, or nearer
@@ -82,15 +82,15 @@ def solve(pose: ArrayLike, swivel_rad: ArrayLike, branch: Branch) -> Floats:
 def inverse_kinematics(
     pose: ArrayLike, seed: ArrayLike, limits: JointLimits = LWR_LIMITS
 ) -> Floats:
-    """Return the joint vector (7,) inside the limits that has the hand at a pose (4, 4) in the base
-    frame and is nearest to the seed (7,).
+    """Return the joint vector (7,) nearest to the seed (7,) that reaches a pose within the limits.
 
-    The search covers all swivels of all branches. A path followed with each solution as the next
-    seed therefore stays on its branch and passes singularities of shoulder and wrist without a
-    flip. In an exactly singular posture, where two joints line up, the first of them is zero.
+    The pose (4, 4) is that of the hand in the base frame. The search covers all swivels of all
+    branches. A path followed with each solution as the next seed therefore stays on its branch and
+    passes singularities of shoulder and wrist without a flip. In an exactly singular posture, where
+    two joints line up, the first of them is zero.
 
     Raises:
-        KinematicsError: out of reach, or no solution inside the joint limits.
+        KinematicsError: the pose is out of reach, or has no solution inside the joint limits.
     """
     target, posture = checked_pose(pose), joint_vector(seed, "seed")
     start, elbow = swivel_angle(posture), branch_of(posture).elbow
@@ -111,7 +111,7 @@ def inverse_kinematics(
 
 
 def follow_poses(poses: Floats, seed: Floats) -> Floats:
-    """Joint vectors (T, 7) [rad] for poses of the hand (T, 4, 4), each near to the one before.
+    """Joint vectors (T, 7) [rad] for poses of the hand (T, 4, 4), each near the previous one.
 
     Raises:
         KinematicsError: a pose is out of reach.
@@ -131,11 +131,11 @@ _SEARCH = PoseSearch(
 
 
 def reach_position(position_m: ArrayLike, seed: ArrayLike) -> Floats:
-    """Joint angles (7,) [rad] near the seed with the hand at position_m (3,) [m], however turned.
+    """Joint angles (7,) [rad] near the seed with the hand at position_m (3,) [m], freely oriented.
 
     Raises:
-        KinematicsError: out of reach; names the distance left.
-        ShapeError: not three finite numbers, or no joint vector.
+        KinematicsError: the position is out of reach; the message gives the remaining distance.
+        ShapeError: `position_m` is not three finite numbers, or `seed` is no joint vector.
     """
     target = checked_target(position_m, "position_m")
     found = _SEARCH.descend(target, joint_vector(seed, "seed"))
@@ -239,7 +239,7 @@ def _sampled_swivels(circle: _ElbowCircle, start: float, limits: JointLimits) ->
     crossings = (_limit_crossings(circle, limits) - start + np.pi) % (2.0 * np.pi) - np.pi
     edges = np.sort(np.concatenate([grid, crossings]))
     edges = edges[np.diff(edges, prepend=-np.inf) > 1e-12]  # not rounding
-    # The middle of each section shows whether it is inside, whatever rounding does to its ends.
+    # The middle of each section shows whether it is inside; rounding may spoil its ends.
     swivels = start + np.sort(np.concatenate([edges, 0.5 * (edges[:-1] + edges[1:])]))
     while True:
         q = _postures(circle, swivels, 1, 1)  # the other branches turn by as much

@@ -11,17 +11,18 @@ from intent_recognition.array_types import Flags, Floats, settle
 from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError
 
 POSITION_TOLERANCE_RAD = 1e-9
-"""A joint outside its position limits by at most this is inside [rad]. Convention: rounding.
-Planner and simulated arm share it, so that the one accepts what the other makes."""
+"""Tolerance of position limits [rad], for rounding. The planner and the simulated arm share it, so
+that the arm accepts what the planner makes."""
 RATE_TOLERANCE = 1e-6
-"""A velocity or acceleration above its limit by at most this share of it is inside. Convention."""
+"""Tolerance of velocity and acceleration limits, relative to the limit, for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """Limits per joint, each array of shape (n_joints,), not writable.
+    """Limits per joint as read-only arrays of shape (n_joints,).
 
-    Positions are from `lower` to `upper` [rad]; the others, symmetric, in rad/s, rad/s^2 and Nm.
+    Positions range from `lower` to `upper` [rad]. The other limits are symmetric, in rad/s, rad/s^2
+    and Nm.
     """
 
     lower: Floats

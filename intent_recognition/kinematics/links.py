@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the joints of a chain are and how fast, for many postures at once, and how far each moves.
+"""Positions and speeds of the joints of a chain, for many postures at once.
 
-As pinocchio computes them one by one (Featherstone 2008, "Rigid Body Dynamics Algorithms", Chapter
-4), in arrays over the postures.
+pinocchio computes the same for one posture at a time (Featherstone 2008, "Rigid Body Dynamics
+Algorithms", Chapter 4).
 """
 
 from collections.abc import Sequence
@@ -22,20 +22,20 @@ from intent_recognition.signals import homogeneous
 class Links(NamedTuple):
     """A tree of joints, and a tip on one of them."""
 
-    # index of the joint that each is placed in, and the tip (nv + 1,); -1 for the base
+    # index of the parent joint of each joint and of the tip (nv + 1,); -1 for the base
     parents: tuple[int, ...]
-    placements: Floats  # there (nv + 1, 4, 4)
-    axes: Floats  # of each joint in its own frame (nv, 3)
-    turns: Floats  # 1 where a joint turns, 0 where it slides (nv,)
-    # how far a joint moves any point at most per its own unit (nv,): the length of the chain beyond
-    # it, whatever the posture
+    placements: Floats  # poses of the joints and the tip in the parent's frame (nv + 1, 4, 4)
+    axes: Floats  # axis of each joint in its own frame (nv, 3)
+    turns: Floats  # 1 for a revolute joint, 0 for a prismatic one (nv,)
+    # largest motion of any point per unit of each joint, in any posture (nv,): the length of the
+    # chain beyond a revolute joint, 1 for a prismatic one
     levers: Floats
 
     @classmethod
     def of(cls, model: Any, tip_frame: int, from_base: Any) -> "Links":
-        """Of a model of pinocchio, whose joints have one DOF each, and the index of its tip frame.
+        """Read a pinocchio model, whose joints have one DOF each, with the index of its tip frame.
 
-        `from_base` places the model's root in the frame that points are in; None: the same.
+        `from_base` is the pose of the model's root in the frame of the points; None for identity.
         """
         placements = [model.jointPlacements[k].homogeneous for k in range(1, model.njoints)]
         placements.append(model.frames[tip_frame].placement.homogeneous)
@@ -64,12 +64,12 @@ class Links(NamedTuple):
         )
 
     def moving_points(self, q: Floats, rates: Floats) -> tuple[Floats, Floats]:
-        """Origins of the joints and of the tip, (T, nv + 1, 3) [m], and the fastest (T,) [m/s].
+        """Origins of the joints and of the tip, (T, nv + 1, 3) [m], and the largest speed (T,).
 
-        Joints and their rates are (T, nv).
+        Joint values and their rates are (T, nv) each.
         """
         still = np.zeros((len(q), 3))
-        angles = q.T[:, :, None] * self.axes[:, None]  # of all joints at once: one call costs much
+        angles = q.T[:, :, None] * self.axes[:, None]  # all joints at once: each call is expensive
         turned = Rotation.from_rotvec(angles.reshape(-1, 3)).as_matrix().reshape(*q.T.shape, 3, 3)
         frames = [(np.eye(3), still, still, still)]  # the base, then the joints
         for k, (parent, placement) in enumerate(zip(self.parents, self.placements, strict=True)):
@@ -91,17 +91,17 @@ class Links(NamedTuple):
 
 
 def _cross(a: Floats, b: Floats) -> Floats:
-    """Of vectors (T, 3); `np.cross` takes twice as long for so few."""
+    """Cross product of vectors (T, 3); `np.cross` takes twice as long for so few."""
     (a0, a1, a2), (b0, b1, b2) = a.T, b.T
     return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel:
-    """The model, and how n joints drive its configuration (nv,): drive @ q + offset.
+    """A model whose configuration (nv,) is driven by n joints: drive @ q + offset.
 
-    Every other joint of it stays at zero; the geometry is that of shapes on it, if there were any.
-    `direct`: the configuration is the joint vector itself.
+    All other joints of the full model are locked at zero. `geometry` holds the shapes, if any.
+    `direct` says that the configuration is the joint vector itself.
     """
 
     model: Any
@@ -119,7 +119,7 @@ class ReducedModel:
         mimics: Sequence[Mimic],
         geometry: Any = None,
     ) -> "ReducedModel":
-        """Of a whole model (and its geometry), with the joints `names`, in that order."""
+        """Reduce a full model (and its geometry) to the joints `names`, in that order."""
         copies = {m.joint: m for m in mimics if m.master in names}
         kept = {*names, *copies}
         locked = [k for k, name in enumerate(full.names) if k and name not in kept]
@@ -144,20 +144,20 @@ class ReducedModel:
 
 
 class Chain(NamedTuple):
-    """n joints, from the base on; those that do not move are among them.
+    """n joints, from the base on, including fixed ones.
 
-    Values of joints are in rad or m; those of fixed joints do not count.
+    Joint values are in rad or m; those of fixed joints are ignored.
     """
 
     origins: Floats  # poses in the frame of the joint before, (n, 4, 4) [m]
-    turns: Floats  # axes of revolute joints, unit vectors, zero for the others, (n, 3)
-    shifts: Floats  # axes of prismatic joints, alike, (n, 3)
+    turns: Floats  # unit axes of revolute joints, zero for other joints, (n, 3)
+    shifts: Floats  # unit axes of prismatic joints, zero for other joints, (n, 3)
 
 
 def joint_poses(chain: Chain, values: ArrayLike) -> Floats:
     """Pose of each joint's frame in that of its parent, (..., n, 4, 4) [m], for values (..., n).
 
-    The joints need not follow one another.
+    The joints need not form a chain.
     """
     values = np.asarray(values, dtype=np.float64)[..., None]
     turns = Rotation.from_rotvec((values * chain.turns).reshape(-1, 3)).as_matrix()

@@ -15,13 +15,13 @@ from intent_recognition.kinematics.limits import JointLimits
 JOINT_NAMES: tuple[str, ...] = tuple(f"lwr_a{i}_joint" for i in range(1, 8))
 N_JOINTS = len(JOINT_NAMES)
 DEFAULT_ACCELERATION_RAD_S2 = 8.0
-"""Acceleration limit of every joint [rad/s^2]. Convention: KUKA publishes none."""
+"""Acceleration limit of every joint [rad/s^2], assumed because KUKA publishes none."""
 
 SHOULDER_HEIGHT_M, UPPER_ARM_M, FOREARM_M, HAND_OFFSET_M = 0.3105, 0.400, 0.390, 0.078
 D_M = np.array([SHOULDER_HEIGHT_M, 0.0, UPPER_ARM_M, 0.0, FOREARM_M, 0.0, HAND_OFFSET_M])
 ALPHA_RAD = np.radians([90.0, -90.0, -90.0, 90.0, 90.0, -90.0, 0.0])
 """Standard Denavit-Hartenberg parameters with `D_M`, (7,): frame i is frame i-1 times Rz(q_i)
-Tz(d_i) Tx(a_i) Rx(alpha_i), where a is zero throughout."""
+Tz(d_i) Tx(a_i) Rx(alpha_i), where every a_i is zero."""
 _LARGEST_RAD = np.radians([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 170.0])
 LWR_LIMITS = JointLimits(
     lower=-_LARGEST_RAD,

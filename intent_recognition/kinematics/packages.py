@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that a robot's description speaks of: ROS packages, and meshes.
+"""Files to which a robot's description refers: ROS packages and meshes.
 
-Packages are installed, or stand as source around the file; meshes are checked before a library in C
+Packages are installed, or found as source around the file. Meshes are checked before a C library
 reads them.
 """
 
@@ -28,18 +28,18 @@ from intent_recognition.untrusted import (
 
 _PREFIXES = "AMENT_PREFIX_PATH"
 _NAME = re.compile(r"\w[\w-]*")
-"""The name of a package. Others may be paths, of which no link is made."""
+"""Pattern of package names. Other names may be paths, for which no link is made."""
 
 
 def package_shares() -> list[str]:
-    """Folders in which the installed packages of `package://` are."""
+    """Folders of the installed packages to which `package://` refers."""
     return [str(Path(prefix) / "share") for prefix in _prefixes()]
 
 
 def packages_around(folder: Path) -> dict[str, Path]:
-    """Packages by name whose folders are above a folder, or stand beside those: a clone's."""
+    """Packages by name in a folder, its parents and the folders beside these, as in a clone."""
     found: dict[str, Path] = {}
-    for above in (folder, *folder.parents[:3]):  # `urdf`, its package, what holds it
+    for above in (folder, *folder.parents[:3]):  # `urdf`, its package, the repository
         with suppress(OSError):
             for place in (above, *sorted(above.iterdir())):
                 with suppress(OSError, UntrustedError):
@@ -51,9 +51,9 @@ def packages_around(folder: Path) -> dict[str, Path]:
 
 @contextmanager
 def as_installed(packages: Mapping[str, Path]) -> Iterator[str]:
-    """The value of AMENT_PREFIX_PATH with which these packages are found, behind those installed.
+    """Yield a value of AMENT_PREFIX_PATH with which these packages are found after installed ones.
 
-    They are links in a prefix of ament's form, which lasts as long as the context.
+    The packages are links in a temporary ament prefix, which is deleted when the context ends.
     """
     with TemporaryDirectory(prefix="intent_packages_") as prefix:
         index = Path(prefix, "share", "ament_index", "resource_index", "packages")
@@ -69,14 +69,14 @@ def _prefixes() -> list[str]:
 
 
 def check_meshes(meshes: Iterable[ET.Element]) -> None:
-    """Make sure that the files of meshes are regular, and their vertices finite.
+    """Check that mesh files are regular files with finite vertices.
 
-    coal ends the process at a vertex that is not. It and PyBullet wait for ever for a FIFO, also
-    for one that stands in an OBJ as its material. What cannot be found or read is left to them:
-    they say so.
+    coal ends the process if a vertex is not finite. coal and PyBullet wait forever for a FIFO, even
+    for one that an OBJ file names as its material. Files that cannot be found or read are left to
+    these libraries, which report them.
 
     Raises:
-        ArgumentError: a mesh is neither.
+        ArgumentError: a mesh file is not regular, or has vertices that are not finite.
     """
     for mesh in meshes:
         name, wrong = mesh.get("filename", ""), ""
@@ -102,7 +102,7 @@ def _find(name: str) -> Path | None:
 
 
 def _materials(path: Path) -> Iterable[Path]:
-    """Files that an OBJ names for its materials, as far as they are there."""
+    """Existing files that an OBJ file names for its materials."""
     if path.suffix.lower() != ".obj":
         return
     with path.open("rb") as lines:
@@ -120,5 +120,5 @@ def _is_finite(path: Path) -> bool:
         with np.errstate(all="ignore"):
             loaded: Any = trimesh.load(str(path), force="mesh", process=False, skip_materials=True)
         return bool(np.all(np.abs(loaded.vertices) <= LARGEST))
-    except Exception:  # each reader of trimesh has errors of its own
+    except Exception:  # each reader of trimesh raises its own errors
         return True

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Postures that reach a pose, of any chain, by damped least squares from several starts.
+"""Inverse kinematics of any chain, by damped least squares from several starts.
 
-The damping is the squared error itself, so that steps are safe far away and unreachable poses are
-approached, and convergence is quadratic near the pose (Sugihara 2011, "Solvability-unconcerned
-inverse kinematics by the Levenberg-Marquardt method"). A joint at a limit that would be pushed
-further out is left out of a step. Where the first start fails, others are taken from a table of
-random postures by how near their poses are.
+The damping is the squared error itself: steps are safe far away, unreachable poses are approached,
+and convergence is quadratic near the pose (Sugihara 2011, "Solvability-unconcerned inverse
+kinematics by the Levenberg-Marquardt method"). A joint at a limit is left out of a step that would
+push it further out. If the first start fails, other starts are taken from a table of random
+postures, those with the nearest poses first.
 """
 
 import math
@@ -22,17 +22,17 @@ from intent_recognition.array_types import Flags, Floats
 from intent_recognition.errors import ShapeError
 
 REACHED, CONVERGED = 1e-6, 1e-9
-"""A pose is reached with an error of at most this (m, and rad of the orientation); a search ends at
-a thousandth of it."""
+"""Largest error at which a pose counts as reached [m, and rad of the orientation], and the error at
+which a search ends."""
 _STALLED, _UNPROMISING = 0.95, 0.4
-"""A start is given up when four steps together leave more than this share of the squared error: the
-second while there are other starts to try; it counts steps that were of no use too. Convention."""
+"""A start is given up if four steps leave more than this share of the squared error. The second
+value is used while there are other starts to try, when steps without gain count as well."""
 _MANIPULABILITY_WEIGHT = 0.02
-"""Weight of the logarithm of the manipulability beside half the squared distance to the rest
-posture [rad^2]. Convention: at a tenth of the manipulability, 0.05 rad^2."""
+"""Weight of the manipulability's logarithm relative to half the squared distance from the rest
+posture [rad^2]: a loss of manipulability by a factor of ten costs 0.05 rad^2."""
 
 PoseAndJacobian = Callable[[Floats], tuple[Floats, Floats]]
-"""From q (n,) to the pose (4, 4) and the geometric Jacobian (6, n), both in base axes."""
+"""Function from q (n,) to the pose (4, 4) and the geometric Jacobian (6, n), in base axes."""
 
 
 class PoseTarget(NamedTuple):
@@ -43,7 +43,7 @@ class PoseTarget(NamedTuple):
 
 
 def checked_target(target: ArrayLike, argument: str = "target") -> PoseTarget:
-    """A pose or position to reach."""
+    """Convert a pose (4, 4) or a position (3,) to a target, or raise ShapeError."""
     array = np.asarray(target, dtype=np.float64)
     if array.shape not in ((4, 4), (3,)) or not np.all(np.isfinite(array)):
         expected = "a pose (4, 4) or a position (3,), finite"
@@ -58,7 +58,7 @@ def checked_target(target: ArrayLike, argument: str = "target") -> PoseTarget:
 
 
 class Solution(NamedTuple):
-    """A posture (n,), and how far from the target it is [m] and [rad]."""
+    """A posture (n,), and its distance from the target [m] and [rad]."""
 
     q: Floats
     distance_m: float
@@ -66,12 +66,12 @@ class Solution(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Norm of both."""
+        """Norm of both distances."""
         return float(np.hypot(self.distance_m, self.angle_rad))
 
 
 class PoseSearch:
-    """The search of one arm."""
+    """Inverse kinematics of one arm."""
 
     def __init__(
         self, chain: PoseAndJacobian, lower: Floats, upper: Floats, continuous: Flags
@@ -80,7 +80,7 @@ class PoseSearch:
         self._ends = np.where(continuous, -np.pi, lower), np.where(continuous, np.pi, upper)
 
     def solve(self, target: PoseTarget, seed: Floats, rest: Floats) -> Solution:
-        """The best posture found; its self-motion at rest where the target was reached."""
+        """The best posture found; if it reaches the target, moved along its self-motion to rest."""
         best = self.descend(target, seed, hasty=True)
         if best.error <= CONVERGED:
             return self.slide(target, best, rest)
@@ -92,13 +92,13 @@ class PoseSearch:
         return self.descend(target, best.q)
 
     def descend(self, target: PoseTarget, seed: Floats, *, hasty: bool = False) -> Solution:
-        """Least squares from one start (n,), inside the limits; hasty where there are others."""
+        """Least squares from one start (n,), inside the limits; `hasty` if there are others."""
         stalled = _UNPROMISING if hasty else _STALLED
         q = np.clip(seed, self._lower, self._upper)
         error, J = self._error(target, q)
         square, share = float(error @ error), 1.0
         past = [square]
-        for _ in range(40):  # those that succeed take 5 to 15
+        for _ in range(40):  # successful searches take 5 to 15
             if square < CONVERGED**2 or (len(past) > 4 and square > stalled * past[-5]):
                 break
             there = self._step(q, J, J.T @ error, 0.5 * share * square)
@@ -125,8 +125,8 @@ class PoseSearch:
     ) -> Solution:
         """Move along the self-motion of a solution toward rest (n,), away from singularities.
 
-        At most so many steps of at most `largest_rad`. One without self-motion, or that reaches
-        nothing, is returned.
+        There are at most `n_steps` steps of at most `largest_rad`. A solution that has no
+        self-motion, or does not reach the target, is returned as it is.
         """
         if found.error > CONVERGED:
             return found
@@ -148,7 +148,7 @@ class PoseSearch:
     def starts(self, target: PoseTarget) -> Iterator[Floats]:
         """Postures of the table (n,) whose poses are near the target, nearest first."""
         postures, by_position, by_pose = self._table
-        number = 16  # of 1000 random poses no arm of ours needs more
+        number = 16  # for 1000 random poses, no tested arm needs more
         if target.rotation is None:
             _, rows = by_position.query(target.position, number)
         else:
@@ -176,12 +176,12 @@ class PoseSearch:
             gradient = np.where(blocked, 0.0, gradient)
         _, step, _ = dposv(H, gradient)
         largest = max(float(step.max()), -float(step.min()))
-        if largest > 0.4:  # [rad]: the Jacobian holds about so far
+        if largest > 0.4:  # [rad]: range of the linearisation
             step *= 0.4 / largest
         return np.minimum(np.maximum(q + step, self._lower), self._upper)
 
     def _error(self, target: PoseTarget, q: Floats) -> tuple[Floats, Floats]:
-        """What is left to the target, (3,) or (6,), and the rows of the Jacobian it belongs to."""
+        """Error to the target, (3,) or (6,), and the corresponding rows of the Jacobian."""
         pose, J = self._chain(q)
         shift = target.position - pose[:3, 3]
         if target.rotation is None:
@@ -189,7 +189,7 @@ class PoseSearch:
         return np.concatenate([shift, _rotation_vector(target.rotation @ pose[:3, :3].T)]), J
 
     def _cost(self, target: PoseTarget, q: Floats, rest: Floats) -> float:
-        """What the self-motion minimises."""
+        """Cost that the self-motion minimises."""
         J = self._chain(q)[1][: 3 if target.rotation is None else 6]
         away = q - rest
         return 0.5 * float(away @ away) - _MANIPULABILITY_WEIGHT * _log_manipulability(J)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A chain of joints of a URDF: names, limits, joints that copy others; nothing of its meshes.
+"""Read a chain of joints from a URDF: names, limits and mimic joints, without meshes.
 
-The text is read with the standard library; whoever builds a model of it gets it without visual and
-collision shapes, so that no mesh file is looked for.
+The text is parsed with the standard library. The URDF handed on for a model has no visual and
+collision shapes, so that no mesh file is needed.
 """
 
 from collections.abc import Mapping
@@ -21,14 +21,14 @@ from intent_recognition.signals import OFTEN_TAKEN, length_misfit, taken_for
 from intent_recognition.untrusted import LARGEST
 
 UNLIMITED_RAD = LARGEST
-"""Position limit of a continuous joint [rad], which has none."""
+"""Position limit given to continuous joints [rad], which have none."""
 LIKELY_DEGREES = 12.0 * np.pi, 720.0
-"""A limit of a revolute joint between these [rad] is in degrees. Convention: cables do not bear six
-turns, and two turns are usual."""
+"""Limits of a revolute joint between these values [rad] are taken to be in degrees: cables do not
+allow six turns, and two turns are common."""
 
 
 class Mimic(NamedTuple):
-    """A joint that copies another: value = multiplier * master + offset."""
+    """A joint that follows another: value = multiplier * master + offset."""
 
     joint: str
     master: str
@@ -37,41 +37,41 @@ class Mimic(NamedTuple):
 
 
 class UrdfChain(NamedTuple):
-    """What of a URDF moves a tip against a base."""
+    """The chain of joints between two links of a URDF."""
 
-    # the URDF without shapes, continuous joints with limits that are never met, for pinocchio
-    # (`separate_names`)
+    # the URDF for pinocchio: no shapes, continuous joints with limits out of reach, and link names
+    # changed by `separate_names`
     xml: str
     base: str
     tip: str
-    # independent joints that move the tip, from the base on, and those beyond it
+    # independent joints that move the tip, from the base on, then those beyond it if asked for
     names: tuple[str, ...]
-    continuous: tuple[bool, ...]  # which of them have no position limits
+    continuous: tuple[bool, ...]  # whether each of these joints has no position limits
     limits: JointLimits
-    mimics: tuple[Mimic, ...]  # joints of the whole URDF that copy another
-    # names of those without a limit of speed or effort, which have the defaults
+    mimics: tuple[Mimic, ...]  # mimic joints of the whole URDF
+    # joints of the chain that got a default speed or effort limit
     assumed: tuple[str, ...]
 
 
 def read_mimics(source: str | Path) -> tuple[Mimic, ...]:
-    """The joints of a URDF that copy another."""
+    """Mimic joints of a URDF."""
     return _mimics(parse_urdf(source).findall("joint"))
 
 
 class Ranges(NamedTuple):
-    """What of a URDF bounds its motion."""
+    """Bounds of a URDF's motion."""
 
-    # by name of a revolute or prismatic joint its lower and upper limit [rad, m]
+    # lower and upper limit [rad, m] by name of a revolute or prismatic joint
     joints: dict[str, tuple[float, float]]
-    reach_m: float  # that no link can be farther from the root than
+    reach_m: float  # upper bound of any link's distance from the root
 
 
 @lru_cache(maxsize=8)
 def read_ranges(source: str | Path) -> Ranges:
-    """The ranges of a URDF, of all joints whose limits are numbers.
+    """Read the ranges of a URDF's joints, leaving out joints without a range.
 
     Raises:
-        ArgumentError: no URDF.
+        ArgumentError: the source is no URDF, or a limit is not a finite number.
     """
     ranges, reach_m = {}, 0.0
     for joint in parse_urdf(source).findall("joint"):
@@ -93,10 +93,11 @@ def read_chain(
     acceleration_rad_s2: float,
     beyond: bool = False,
 ) -> UrdfChain:
-    """The chain between two links, and beyond its tip if that is asked for; see `Arm.from_urdf`.
+    """Read the chain between two links, and optionally beyond its tip; see `Arm.from_urdf`.
 
     Raises:
-        ArgumentError: no URDF, no such link, no chain, a joint without limits, or other units.
+        ArgumentError: the source is no URDF, a link is unknown, no chain joins the links, a joint
+            has no limits, or units are wrong.
     """
     root = parse_urdf(source)
     joints = [joint for joint in root.findall("joint") if joint.get("type")]
@@ -147,14 +148,14 @@ def read_chain(
 
 
 def _length_m(joint: ET.Element) -> float:
-    """Distance of a joint from the one before it."""
+    """Distance of a joint from the parent link's origin."""
     origin = joint.find("origin")
     xyz = None if origin is None else origin.get("xyz")
     return float(np.linalg.norm(np.array((xyz or "0").split(), float)))
 
 
 def _check_lengths(way: list[ET.Element], tip: str) -> None:
-    """Refuse an arm that is too long, from its first joint that moves, for metres."""
+    """Refuse an arm whose length, from its first moving joint on, cannot be in metres."""
     first = next(k for k, joint in enumerate(way) if joint.get("type") in MOVING)
     length_m = sum(map(_length_m, way[first + 1 :]))
     said = f"{length_m:.4g} m from joint {_names(way)[first]} to {tip}"
@@ -179,7 +180,7 @@ def _way(base: str, tip: str, above: Mapping[str, ET.Element]) -> list[ET.Elemen
 
 
 def _mimics(joints: list[ET.Element]) -> tuple[Mimic, ...]:
-    """Joints that copy others; one that copies a copy is one of that copy's master."""
+    """Mimic joints; a mimic of a mimic joint is resolved to the latter's master."""
     mimics: dict[str, Mimic] = {}
     for joint in joints:
         if (found := joint.find("mimic")) is not None:
@@ -236,7 +237,7 @@ def _limits(joints: list[ET.Element], acceleration_rad_s2: float) -> JointLimits
 def _with_mimics(
     limits: JointLimits, names: list[str], by_name: Mapping[str, ET.Element], mimics: list[Mimic]
 ) -> JointLimits:
-    """Limits that also keep inside those joints that copy others."""
+    """Narrow the limits so that mimic joints stay inside theirs, too."""
     lower, upper = limits.lower.copy(), limits.upper.copy()
     for mimic in mimics:
         joint, k = by_name[mimic.joint], names.index(mimic.master)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which link of a URDF's tree is the hand: the end of the arm, before its gripper.
+"""Find the hand in a URDF's tree of links: the end of the arm, before its gripper.
 
-The arm is the branch with the most joints in a row. Branches without joints that move, wheels, a
-head and sensors are thus passed by, and a joint that opens a gripper is no joint of the arm. Two
-arms of one length cannot be told apart.
+The arm is the branch with the most joints in a row, which excludes fixed branches, wheels, a head
+and sensors. Joints that open a gripper do not count. If two arms have equally many joints, the tip
+must be named.
 """
 
 import re
@@ -18,21 +18,21 @@ from intent_recognition.kinematics.urdf_tree import link_of
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints with one degree of freedom."""
 _JAW_JOINT = re.compile("gripper|finger|jaw|thumb|knuckle|claw", re.IGNORECASE)
-"""The last joint of a branch opens a gripper if its name is like this. Convention."""
+"""Names of the last joint of a branch that opens a gripper."""
 _JAW_LINK = re.compile("finger|jaw|thumb|knuckle|claw", re.IGNORECASE)
-"""Likewise if it moves a link of such a name. Convention: `gripper_link` may be a palm."""
+"""Names of links that a gripper moves; not "gripper", since `gripper_link` may be a palm."""
 _TOOL = re.compile("tool|tcp|flange|hand|grip|grasp|end_?effector|(^|_)ee(_|$)", re.IGNORECASE)
-"""Frames at the end of an arm that are its hand, not a sensor's. Convention."""
+"""Names of frames at the end of an arm that are its hand, not a sensor's."""
 _STANDARD = re.compile("(^|_)tool0$")
-"""The frame of the tool of ROS-Industrial, which stands beside others."""
+"""Name of ROS-Industrial's tool frame, which is preferred to frames beside it."""
 
 
 class _Below(NamedTuple):
-    """What hangs on a link."""
+    """The subtree below a link."""
 
-    arm: int = 0  # joints of an arm in the longest row
-    links: int = 0  # links in the longest row
-    moving: frozenset[str] = frozenset()  # names of all joints that move
+    arm: int = 0  # number of arm joints in the longest row
+    links: int = 0  # number of links in the longest row
+    moving: frozenset[str] = frozenset()  # names of all moving joints
     tool: bool = False  # whether a link is named like a hand
 
 
@@ -42,10 +42,10 @@ def default_tip(
     masters: Mapping[str, str],
     passed: Collection[str] = (),
 ) -> str:
-    """The link that is the hand of the one arm of a URDF, or the longest.
+    """The link that is the hand of a URDF's only or longest arm.
 
-    The joints are a tree from the link `base` on, to which those `passed` lead; `masters` tells by
-    the name of a joint that copies another that other one.
+    The joints form a tree below the link `base`, to which the joints `passed` lead. `masters` maps
+    each mimic joint to the joint that it follows.
     """
     at: dict[str, list[ET.Element]] = defaultdict(list)
     for joint in joints:
@@ -66,7 +66,7 @@ def default_tip(
 
 
 def _with(joint: ET.Element, below: Mapping[str, _Below], masters: Mapping[str, str]) -> _Below:
-    """A joint and what is beyond it."""
+    """The subtree of a joint, including the joint itself."""
     child, name = link_of(joint, "child"), joint.get("name", "")
     beyond = below[child]
     tool, n_links = beyond.tool or bool(_TOOL.search(child)), beyond.links + 1
@@ -89,7 +89,7 @@ def _walk(
     masters: Mapping[str, str],
     passed: frozenset[str],
 ) -> str:
-    """The hand beyond a link to which the joints `passed` lead."""
+    """The hand below a link to which the joints `passed` lead."""
     while joints := at.get(link, ()):
         parts = [_with(joint, below, masters) for joint in joints]
         most = below[link].arm
@@ -118,7 +118,7 @@ def _walk(
 
 
 def _at_the_end(parts: Sequence[_Below]) -> list[int]:
-    """Which branches beyond the last joint of an arm may lead to its hand: none is a sensor."""
+    """Branches beyond the last joint of an arm that may lead to its hand, not to a sensor."""
     ways = (
         [k for k, part in enumerate(parts) if part.moving]
         or [k for k, part in enumerate(parts) if part.tool]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The XML of a URDF, checked once: a tree of links and joints, its numbers finite."""
+"""Read and check the XML of a URDF: a tree of links and joints with finite numbers."""
 
 import os
 import re
@@ -18,19 +18,19 @@ from intent_recognition.kinematics.packages import as_installed, packages_around
 from intent_recognition.untrusted import LARGEST, MOST_TEXT, UntrustedError, load_xml, read_text
 
 MOST_JOINTS = 150
-"""Joints of a URDF that are not fixed. Measured: pinocchio takes 3 MB for 30, 70 MB for 100 and
-1.7 GB for 300. A humanoid with two hands has 80."""
+"""Most moving joints of a URDF. pinocchio was measured to take 3 MB for 30 joints, 70 MB for 100
+and 1.7 GB for 300. A humanoid with two hands has 80."""
 ASSUMED = "assumed"
 """Attribute that `parse_urdf` gives to joints for which it assumes a limit."""
 LINK = "link "
-"""How names of links begin in a model of pinocchio."""
+"""Prefix of link names in a pinocchio model."""
 DEFAULT_SPEED = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.1}
-"""Largest speed of a joint whose URDF has none above 0 [rad/s, m/s]. Convention: below that of the
-arms and lifts of common robots, so that a plan is slow rather than impossible."""
+"""Speed limit of a joint whose URDF has none above 0 [rad/s, m/s], below those of common arms and
+lifts, so that a plan is slow rather than impossible."""
 DEFAULT_EFFORT = {"revolute": 50.0, "continuous": 50.0, "prismatic": 500.0}
-"""Likewise the largest effort [Nm, N]. Convention: of the middle joints of common arms."""
+"""Effort limit of a joint whose URDF has none above 0 [Nm, N], as of the middle joints of arms."""
 BEFORE_XML = "\ufeff \r\n\t"
-"""What may stand before XML, and no parser takes."""
+"""Characters that may precede XML in a file but that parsers refuse."""
 XACRO = "{http://www.ros.org/wiki/xacro}"
 _SIX = dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), 1)
 _NUMBERS = {
@@ -43,15 +43,14 @@ _NUMBERS = {
     "sphere": {"radius": 1},
     "mesh": {"scale": 3},
 }
-"""Attributes of the elements of links and joints that are numbers, and of how many."""
+"""Numeric attributes of the elements of links and joints, with the count of numbers in each."""
 
 
 def read_urdf(source: str | Path) -> str:
-    """The text of a URDF, which may be given itself or as a path; a file `.xacro` is expanded.
+    """The text of a URDF that is given as text or as a path; a `.xacro` file is expanded.
 
-    Packages that it finds are those that are installed, or stand beside its own as source.
-
-    Only expand files that you trust: xacro evaluates expressions and includes other files.
+    A xacro file finds packages that are installed, or whose source is beside its own package. Only
+    expand files that you trust: xacro evaluates expressions and includes other files.
 
     Raises:
         ArgumentError: the file cannot be read.
@@ -73,7 +72,7 @@ def read_urdf(source: str | Path) -> str:
 
 
 def _expanded(path: Path) -> str:
-    """The URDF that a xacro file describes with its default arguments."""
+    """Expand a xacro file with its default arguments."""
     optional("xacro")
     command = [sys.executable, "-c", "import xacro; xacro.main()", "-q", str(path.resolve())]
     with as_installed(packages_around(path.resolve().parent)) as prefixes:
@@ -90,10 +89,10 @@ def _expanded(path: Path) -> str:
 
 
 def parse_xml(text: str) -> ET.Element:
-    """The root of a URDF's text, whatever it holds.
+    """Parse the text of a URDF and return its root, without checking the content.
 
     Raises:
-        ArgumentError: it is no XML, or larger and deeper than a URDF.
+        ArgumentError: the text is no XML, or larger or deeper than a URDF.
     """
     try:
         return load_xml(text)
@@ -103,13 +102,13 @@ def parse_xml(text: str) -> ET.Element:
 
 
 def parse_urdf(source: str | Path) -> ET.Element:
-    """The root of a URDF whose links and joints are a tree, or several, with finite numbers.
+    """Parse a URDF and check that its links and joints form trees with finite numbers.
 
-    Limits of speed and effort that are missing, 0 or below are `DEFAULT_SPEED` and
-    `DEFAULT_EFFORT` in it; such joints have the attribute `ASSUMED`.
+    Speed and effort limits that are missing, 0 or below are set to `DEFAULT_SPEED` and
+    `DEFAULT_EFFORT`; such joints get the attribute `ASSUMED`.
 
     Raises:
-        ArgumentError: the file cannot be read or is no URDF; says what is wrong with it.
+        ArgumentError: the file cannot be read or is no URDF; the message says what is wrong.
     """
     root = parse_xml(read_urdf(source))
     links, joints = root.findall("link"), root.findall("joint")
@@ -147,9 +146,9 @@ def link_of(joint: ET.Element, end: str) -> str:
 
 
 def separate_names(root: ET.Element) -> str:
-    """The text of a URDF whose links begin with `LINK`, so that no joint has the name of a link.
+    """The text of a URDF whose link names begin with `LINK`, so that no joint has a link's name.
 
-    Pinocchio keeps both in one list and cannot reduce a model in which they are equal.
+    pinocchio keeps both in one list, and cannot reduce a model in which two names are equal.
     """
     copy = deepcopy(root)
     for link in copy.findall("link"):
@@ -161,13 +160,13 @@ def separate_names(root: ET.Element) -> str:
 
 
 def _complete(joint: ET.Element) -> None:
-    """Give a joint that moves the limits of speed and effort that it lacks."""
+    """Give a moving joint the speed and effort limits that it lacks."""
     kind, limit = joint.get("type", ""), joint.find("limit")
     if kind not in DEFAULT_SPEED:
         return
     limit = ET.SubElement(joint, "limit") if limit is None else limit
     for attribute, default in (("velocity", DEFAULT_SPEED), ("effort", DEFAULT_EFFORT)):
-        with suppress(ValueError):  # what is no number is refused where it is needed
+        with suppress(ValueError):  # invalid numbers are refused where they are needed
             if float(limit.get(attribute, "0")) <= 0.0:
                 limit.set(attribute, repr(default[kind]))
                 joint.set(ASSUMED, attribute)
@@ -184,7 +183,7 @@ def _names(kind: str, elements: list[ET.Element]) -> set[str]:
 
 
 def _check_tree(links: set[str], joints: list[ET.Element]) -> None:
-    """Make sure that each joint joins two links, and that no way leads back to where it began."""
+    """Check that each joint connects two known links, and that there are no cycles."""
     above: dict[str, str] = {}
     for joint in joints:
         parent, child = link_of(joint, "parent"), link_of(joint, "child")
