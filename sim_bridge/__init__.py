@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The physical side: PyBullet LWR arm, simulated coworker, demonstrations."""
+"""Simulation in PyBullet: arms, coworkers, containers with balls, and the scenes they make."""
 
 GRAVITY_M_S2 = 9.81
-"""Acceleration of free fall in every simulated world [m/s^2]. Convention: standard gravity is
-9.80665."""
+"""Acceleration of gravity in every simulated world [m/s^2]; the standard value is 9.80665."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The torque-controlled KUKA LWR 4+ in PyBullet: body, controllers, trajectories."""
+"""A torque-controlled arm in PyBullet, such as the KUKA LWR 4+: body, controllers, trajectories."""
 
 import lazy_loader
 

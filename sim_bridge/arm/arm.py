@@ -2,8 +2,8 @@
 """A torque-controlled arm in its own PyBullet world: the LWR 4+, or any other.
 
 `SimulatedArm` owns one `BulletClient`; other bodies and constraints may be added to the same world
-through `arm.client` and `arm.body`. Frames: `world` with the arm's base at the origin, unless
-another base position is given. Units: m, rad, s, N, Nm.
+through `arm.client` and `arm.body`. Poses are in the frame `world`, which has the arm's base at its
+origin unless another base position is given. Units: m, rad, s, N, Nm.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,11 +24,11 @@ from sim_bridge.arm.urdf_loading import HeldJoints, free_joints, load_urdf, stop
 from sim_bridge.physics import end_world, pybullet, start_world
 
 TIME_STEP_S = 0.001
-"""Physics step of the arm's world [s]; torques are computed anew in each, as the real arm does."""
+"""Physics step of the arm's world [s]; torques are computed in each step, as in the real arm."""
 STEPS_PER_SAMPLE = 10
 """Physics steps between two recorded samples: 100 samples a second."""
 AccelerationLaw = Callable[[float, Floats, Floats], Floats]
-"""From time [s], joint angles and velocities (n,) to the joint accelerations wanted (n,)."""
+"""Function from time [s], joint angles and velocities (n,) to desired joint accelerations (n,)."""
 
 
 class _Push(NamedTuple):
@@ -41,29 +41,29 @@ class _Push(NamedTuple):
 class SimulatedArm(AbstractContextManager["SimulatedArm"]):
     """The arm, its torque controller and its world.
 
-    Two modes: following a reference (`set_reference`), with inverse-dynamics feed-forward and
-    joint stiffness and damping, or gravity compensation (`set_gravity_compensation`), where only
-    gravity, a little friction and the limits act and a hand may guide it. Hooks in
-    `before_step` are called with the arm before every physics step and may set references, push
-    the arm, or act on other bodies of the world.
+    The arm has two modes. It follows a reference (`set_reference`) with inverse-dynamics
+    feed-forward, joint stiffness and damping; or it is in gravity compensation
+    (`set_gravity_compensation`), where only gravity, a little friction and the limits act and it
+    may be guided by hand. Hooks in `before_step` are called with the arm before every physics step;
+    they may set references, push the arm, or act on other bodies of the world.
 
-    What the URDF fixes to its root, such as a table, stops the arm (`fixtures`, by link number).
+    Links that the URDF fixes to its root, such as a table, stop the arm (`fixtures`, by number).
 
     Args:
-        initial_position: joint angles at the start (n,) [rad]; ready by default.
-        robot: the LWR by default.
+        initial_position: joint angles at the start (n,) [rad]; the ready posture by default.
+        robot: the arm to simulate; the LWR by default.
         stiffness_scale: factor on the joint stiffness.
-        noise: of the sensors, with its `rng`; None measures exactly.
-        rng: of the sensor noise.
+        noise: sensor noise, which needs an `rng`; None measures exactly.
+        rng: draws the sensor noise.
         headless: False opens PyBullet's window (needs a display).
 
     Attributes:
-        others: joints beside the chain, such as fingers.
+        others: joints outside the chain, such as fingers.
         n_steps: physics steps of 1 ms since the last reset.
-        reference: the one being followed; in gravity compensation the last one.
+        reference: the current reference, or the last one in gravity compensation.
         gravity_compensation: whether the arm may be guided by hand.
-        acceleration_law: its accelerations are done by inverse dynamics alone, in place of the
-            reference and its stiffness; None: low gains.
+        acceleration_law: gives accelerations that inverse dynamics executes instead of the
+            reference and its stiffness; None for the low gains of the reference.
 
     Raises:
         KinematicsError: initial_position is outside the joint limits.
@@ -108,7 +108,7 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         self.reset(initial_position)
         self.fixtures = stop_at_fixtures(self.client, self.body, self.robot.urdf)
         mass = self.client.calculateMassMatrix(self.body, self._all_joints(self._q, measured=True))
-        inertia = np.diag(mass)[self._columns]  # of each joint alone [kg m^2]
+        inertia = np.diag(mass)[self._columns]  # inertia of each joint alone [kg m^2]
         gains = self.robot.gains or derived_gains(self.limits.torque, inertia)
         self.gains = gains.scaled(stiffness_scale)
         margin = self.gains.limit_margin_rad
@@ -175,7 +175,7 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         self.reference = JointReference(q, qd, qdd)
 
     def set_gravity_compensation(self, enabled: bool) -> None:
-        """Let go of the reference, or take hold again of the position where the arm is now."""
+        """Stop following the reference, or hold the present position again."""
         if self.gravity_compensation and not enabled:
             self.set_reference(self._q)
         self.gravity_compensation = enabled
@@ -185,7 +185,7 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
     ) -> None:
         """Compensate the weight of a body in the hand by J^T f; the body itself is not added.
 
-        Its centre of mass is in the hand frame (3,); it has no mass once it was released.
+        `com_m` is its centre of mass in the hand frame (3,). Set the mass to 0 when it is released.
         """
         if not (np.isfinite(mass_kg) and mass_kg >= 0.0 and np.all(np.isfinite(com_m))):
             cure = "Check them."
@@ -202,10 +202,10 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         point_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
         link: int | None = None,
     ) -> None:
-        """Push the arm with a force (3,) constant in world axes for the next steps of 1 ms.
+        """Push the arm with a force (3,), constant in world axes, for the next steps of 1 ms.
 
-        It acts at a point (3,) in the axes of a link by PyBullet's index, the hand by default.
-        Several pushes add up. A spring that follows a hand calls this once per step.
+        The force acts at a point (3,) in the axes of a link (PyBullet's index), by default the
+        hand. Several pushes add up. To simulate a spring, call this once per step.
         """
         force = np.asarray(force_n, dtype=np.float64)
         if force.shape != (3,) or not np.all(np.isfinite(force)):
@@ -226,7 +226,7 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         q, qd, law = self._q, self._qd, self.acceleration_law
         guided = self.gravity_compensation
         wanted = self.reference.acceleration if law is None else law(self.time_s, q, qd)
-        # Guided: gravity only (no velocity, no acceleration terms), the arm's inertia is felt.
+        # Guided: only gravity is compensated, so the arm's inertia is felt.
         none = [0.0] * self._n_moving
         model = self.client.calculateInverseDynamics(
             self.body,

@@ -11,13 +11,13 @@ from intent_recognition.errors import ArgumentError
 
 @dataclass(frozen=True, eq=False)
 class ControllerGains:
-    """What the arm feels like; arrays have shape (n,), defaults are the LWR's.
+    """Gains of the joint controllers; arrays have shape (n,), defaults are the LWR's.
 
     Attributes:
-        stiffness, damping: while following a reference [Nm/rad], [Nm s/rad].
-        guide_damping: viscous friction left in gravity compensation, so that guiding the hand
-            feels damped and it stops when let go [Nm s/rad].
-        guide_friction: dry friction left in gravity compensation, smoothed by tanh [Nm].
+        stiffness, damping: gains while following a reference [Nm/rad], [Nm s/rad].
+        guide_damping: viscous friction in gravity compensation, so that the hand feels damped when
+            guided and stops when released [Nm s/rad].
+        guide_friction: dry friction in gravity compensation, smoothed by tanh [Nm].
         limit_margin_rad: distance from a joint limit at which the repulsive spring begins.
         limit_stiffness: stiffness of that spring [Nm/rad].
         limit_damping: damping inside the margin while moving outward [Nm s/rad].
@@ -66,7 +66,7 @@ def guiding_torque(gains: ControllerGains, qd: Floats) -> Floats:
 def limit_torque(
     gains: ControllerGains, free: tuple[Floats, Floats], q: Floats, qd: Floats
 ) -> Floats:
-    """Return the torque that pushes joints back to where they are free: from, to (n,) [Nm]."""
+    """Return the torque (n,) [Nm] that pushes joints back between the two bounds of `free`."""
     lower, upper = free
     if (q >= lower).all() and (q <= upper).all():
         return np.zeros(q.shape)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated time that waits for the nodes that must answer, so that a busy machine changes nothing.
+"""Simulated time that waits for nodes to answer, so that results do not depend on a busy machine.
 
-Nodes say how many messages of each topic they have taken and sent. Time goes on when all that was
-sent along the way from the clock to the arm has been taken: nobody sleeps, and nobody is guessed.
+Nodes report how many messages of each topic they have received and sent. Time goes on when all
+messages sent between the clock and the arm have been received, without sleeping or guessing.
 """
 
 from collections import Counter
@@ -45,19 +45,19 @@ EDGES = (
     Edge("coworker/hand", ARM, "session_observer"),
     Edge("intent/active_task", "primitive_activation", "session_observer"),
 )
-"""From the clock to the person, the estimate, the command and back to the arm; and to who looks."""
+"""Edges from the clock to the person, the estimate, the command and the arm, and to observers."""
 ALWAYS = ("joint_trajectory",)
-"""Topics that the arm takes in every scene."""
+"""Topics that the arm receives in every scene."""
 ANSWERING = tuple(dict.fromkeys(edge.taker for edge in EDGES if edge.taker))
 """Nodes that answer."""
 NO_ANSWER_S = 10.0
-"""Time without an answer after which a node is named, and time goes on [s]. Convention."""
+"""Time without an answer after which a node is reported, and simulated time goes on [s]."""
 
 
 class LockStep:
-    """Whether the nodes have taken what was sent; the arm itself takes the topics `takes`.
+    """Tracks whether nodes have received what was sent; the arm itself receives `takes`.
 
-    Nodes that have not answered yet are not waited for: what one missed before does not count.
+    It does not wait for a node before its first answer: messages missed until then do not count.
     """
 
     def __init__(self, nodes: Sequence[str], takes: Collection[str] = ALWAYS) -> None:
@@ -71,10 +71,10 @@ class LockStep:
         self._lost: dict[Edge, int] = {}
 
     def hear(self, node: str, counts: Mapping[str, int]) -> dict[str, int]:
-        """Take how many messages of each topic a node has taken and sent since its start.
+        """Take a node's counts of messages received and sent per topic since its start.
 
-        None of any: it is not to be waited for. What several people have of a topic is added up;
-        returns the sums.
+        Empty counts leave out a node that need not be waited for. Counts of several people's topics
+        are added up; the sums are returned.
         """
         before, counts = self._counts.get(node, {}), _of_all_people(counts)
         if any(counts.get(topic, 0) < n for topic, n in before.items()):  # it has started again
@@ -84,21 +84,21 @@ class LockStep:
         return counts
 
     def note(self, topic: str) -> None:
-        """The arm has sent or taken a message of a topic."""
+        """Count a message that the arm has sent or received on a topic."""
         own = self._counts[ARM]
         own[topic] = own.get(topic, 0) + 1
 
     def missing(self) -> Edge | None:
-        """Where not all that was sent has been taken; None if nothing is missing.
+        """First edge on which a sent message has not been received; None if nothing is missing.
 
-        Edges are looked at along the way, up to the first where something is missing: a sender has
-        told of what it sent as soon as it has told of what it took. Further on, a taker's answer
-        may be there before its sender's, and what was lost would be taken for less than it is.
+        Edges are checked in order, only up to the first with a missing message. Up to there each
+        sender has reported all it sent, since it reports that together with what it received.
+        Beyond, a receiver's answer may precede its sender's, and losses would be underestimated.
         """
         return next((edge for edge in self._edges if self._due(edge)), None)
 
     def _due(self, edge: Edge) -> bool:
-        """Whether something is missing on an edge, both ends of which have answered."""
+        """Whether a message is missing on an edge whose ends have both answered."""
         sender, taker = self._counts.get(edge.sender), self._counts.get(edge.taker)
         if sender is None or taker is None:
             return False
@@ -107,13 +107,13 @@ class LockStep:
         return due > lost
 
     def leave(self, node: str) -> None:
-        """Wait for a node no longer, until it answers again."""
+        """Stop waiting for a node until it answers again."""
         self._counts.pop(node, None)
         self._lost = {e: n for e, n in self._lost.items() if node not in (e.sender, e.taker)}
 
 
 def _of_all_people(counts: Mapping[str, int]) -> dict[str, int]:
-    """Counts by the topics of edges: what several people have of one is added up."""
+    """Counts by the topics of edges, summed over the topics of several people."""
     total: Counter[str] = Counter()
     for topic, n in counts.items():
         first, _, rest = topic.partition("/")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arms that can be simulated: the LWR, those of PyBullet's data, and any URDF.
+"""The arms that can be simulated: the LWR, arms of PyBullet's data, and any URDF.
 
-An arm other than the LWR gets what its URDF does not hold from its torque limits, in the
-proportions of the LWR's values: stiffness, friction while guided, and the inertia of the motors
-behind their gears, without which light wrists cannot be controlled at 1 kHz.
+A URDF lacks stiffness, friction while guided, and the inertia of motors behind their gears, without
+which light wrists cannot be controlled at 1 kHz. For arms other than the LWR, they are derived from
+the torque limits, in proportion to the LWR's values.
 """
 
 from collections.abc import Sequence
@@ -38,31 +38,31 @@ from sim_bridge.arm.urdf import (
 )
 
 LARGEST_TORQUE_NM = 100.0
-"""Torque limit from which on stiffness and rotors do not grow [Nm]: URDFs often exaggerate it.
-Convention: that of the LWR's middle joints."""
+"""Torque limit above which stiffness and rotor inertia do not grow [Nm], because URDFs often
+exaggerate it; the limit of the LWR's middle joints."""
 READY_POSITION: tuple[float, ...] = (0.0, -0.45, 0.0, 1.55, 0.0, -1.1415926535897931, 0.0)
-"""The LWR's joint angles [rad] with the elbow up and the hand in front of the base, fingers down:
-all limits are far away. Convention."""
+"""The LWR's joint angles [rad] with the elbow up and the hand in front of the base, fingers down,
+far from all limits."""
 
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """An arm as the simulation needs it."""
+    """An arm with all that its simulation needs."""
 
     name: str
-    urdf: str  # text with the paths of its meshes made absolute, as PyBullet reads it
-    description: str  # the same for viewers, beginning at the link `world`
+    urdf: str  # URDF text for PyBullet, with absolute paths of meshes
+    description: str  # URDF text for viewers, with the root link `world`
     tip: str  # link that is the hand
     joint_names: tuple[str, ...]
     limits: JointLimits
     ready: Floats  # posture to begin in (n,) [rad]
     # where the base stands in the world (3,)
     base_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    gains: ControllerGains | None = None  # of its controllers; None: from torque limits and inertia
-    source: str = ""  # text of a URDF with the same joints; `find_robot` makes the same arm of it
-    # joints whose URDF has no limit of speed or effort; they have the defaults
+    gains: ControllerGains | None = None  # controller gains; None derives them (`derived_gains`)
+    source: str = ""  # URDF text from which `find_robot` makes the same arm
+    # joints without a speed or effort limit in the URDF, which have the defaults
     assumed: tuple[str, ...] = ()
-    weighed: tuple[str, ...] = ()  # likewise links without mass or inertia
+    weighed: tuple[str, ...] = ()  # links without mass or inertia in the URDF, with the defaults
 
     @property
     def n_joints(self) -> int:
@@ -71,7 +71,7 @@ class Robot:
 
     @property
     def note(self) -> str:
-        """Which limits and inertias are assumed; "" for none."""
+        """Text that says which limits and inertias are assumed; "" if none are."""
         notes = []
         if self.assumed:
             speed, effort = DEFAULT_SPEED["revolute"], DEFAULT_EFFORT["revolute"]
@@ -89,7 +89,7 @@ class Robot:
 
 
 class Preset(NamedTuple):
-    """An arm that needs no file of the user's: its file is of our share, or of PyBullet's data."""
+    """An arm whose URDF is in this package's share or in PyBullet's data."""
 
     file: str
     tip: str
@@ -98,7 +98,7 @@ class Preset(NamedTuple):
 
     @property
     def path(self) -> Path:
-        """Of the file."""
+        """Path of the URDF."""
         if self.file.startswith("config"):
             return share_path(self.file)
         import pybullet_data
@@ -115,7 +115,7 @@ PRESETS = {
     "iiwa": Preset(
         "kuka_iiwa/model.urdf", "lbr_iiwa_link_7", (0.0, 0.5, 0.0, -1.7, 0.0, -0.6, 0.0)
     ),
-    # A short arm: it stands nearer to the worker, on a block.
+    # A short arm, which stands nearer to the worker, on a block.
     "xarm": Preset(
         "xarm/xarm6_robot.urdf", "link6", (0.0, -0.3, -0.9, 0.0, -0.3, 0.0), (0.12, 0.0, 0.05)
     ),
@@ -127,16 +127,16 @@ NAMES = tuple(PRESETS)
 def find_robot(
     robot: str, *, base: str = "", tip: str = "", base_position_m: Sequence[float] | None = None
 ) -> Robot:
-    """An arm by its name, or from the path of a URDF or xacro file.
+    """Find an arm by its name, or read it from the path of a URDF or xacro file.
 
-    Joints that neither move the hand nor hang on it, such as wheels, a head and another arm, are
-    held at zero; so are those below `base`.
+    Joints that neither move the hand nor are carried by it, such as wheels, a head, another arm and
+    joints between the root and `base`, are held at zero.
 
-    The base is the root by default; the tip, the link that is the hand, and where the base stands
-    in the world (3,) are the preset's, or what `Arm.from_urdf` takes.
+    `base` is the root by default. `tip`, the link that is the hand, and the position of the base in
+    the world (3,) default to the preset's, for a file to the tip of `Arm.from_urdf` and the origin.
 
     Raises:
-        ArgumentError: neither, or the URDF cannot be used.
+        ArgumentError: `robot` is neither a name nor a file, or the URDF cannot be used.
     """
     preset = PRESETS.get(robot)
     path = Path(robot) if preset is None else preset.path
@@ -164,7 +164,7 @@ def find_robot(
     ready = np.where(chain.continuous, 0.0, middle)
     if len(usual.ready) == len(chain.names):
         ready = np.array(usual.ready)
-    if robot != "lwr":  # whose URDF has them
+    if robot != "lwr":  # the LWR's URDF includes rotors
         torque = np.minimum(chain.limits.torque, LARGEST_TORQUE_NM)
         add_rotors(root, dict(zip(chain.names, 1.1e-3 * torque, strict=True)))
     simulated = written(root)
@@ -186,14 +186,14 @@ def find_robot(
 
 
 def describe_robot(robot: str = "") -> str:
-    """URDF for viewers of an arm, by name or path; the LWR's if it is empty."""
+    """URDF for viewers of an arm, given by name or path; the LWR's if this is empty."""
     return find_robot(robot or "lwr").description
 
 
 def derived_gains(torque: Floats, inertia: Floats) -> ControllerGains:
-    """Gains of an arm that is not the LWR, from torque limits (n,) [Nm].
+    """Derive gains of an arm other than the LWR from its torque limits (n,) [Nm].
 
-    The inertia (n,) [kg m^2] is of each joint alone in the ready posture.
+    `inertia` (n,) [kg m^2] is that of each joint alone in the initial posture.
     """
     torque = np.minimum(torque, LARGEST_TORQUE_NM)
     stiffness = 1.2 * torque  # as the LWR's large joints

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint stiffness from the spread of the prediction that the arm executes.
 
-The stochastic feedback controller of a ProMP (Paraschos et al. 2013) as far as a prediction with a
-standard deviation per joint tells it: each joint alone, stiff where the prediction is sure, soft
-where it is not. The reference stays that of the command, whose timing is its sender's.
+This is the stochastic feedback controller of a ProMP (Paraschos et al. 2013) for predictions with
+one standard deviation per joint: each joint is controlled separately, stiff where the prediction is
+certain and compliant where it is not. The reference is still that of the commanded trajectory.
 """
 
 from collections.abc import Sequence
@@ -17,15 +17,15 @@ from sim_bridge.arm.arm import SimulatedArm
 
 DISTURBANCE = 0.3
 """Spectral density S of the disturbing accelerations per joint [rad^2/s^3]: after t seconds a free
-joint's velocity has variance S t. Convention."""
+joint's velocity has variance S t."""
 BANDWIDTH_RAD_S = 20.0
-"""Largest natural frequency of the closed loop [rad/s]. Convention."""
+"""Largest natural frequency of the closed loop [rad/s]."""
 HOLD_S = 1.0
-"""How long after its end a prediction's last spread is held [s]; then low gains again."""
+"""Time for which a prediction's last spread is held after its end [s], before low gains return."""
 
 
 class SpreadControl:
-    """Puts the controller of the latest prediction in force, and low gains where there is none."""
+    """Applies the controller of the latest prediction, and low gains if there is none."""
 
     def __init__(self, joint_names: Sequence[str] = JOINT_NAMES) -> None:
         self._names = tuple(joint_names)
@@ -35,12 +35,12 @@ class SpreadControl:
     def take(
         self, start_s: float, names: Sequence[str], times_s: Sequence[float], std: Sequence
     ) -> None:
-        """Take a prediction's spread; it replaces the one before.
+        """Take a prediction's spread, which replaces the one before.
 
-        It starts on the arm's clock, and has a standard deviation per point and joint [rad].
+        `start_s` is on the arm's clock; `std` has one value per point and joint [rad].
 
         Raises:
-            TrajectoryError: wrong joints, sizes or values; the one before stays.
+            TrajectoryError: joints, sizes or values are wrong; the spread before stays.
         """
         if sorted(names) != sorted(self._names):
             _refuse("joint_names", f"{list(self._names)} in any order", list(names))
@@ -57,7 +57,7 @@ class SpreadControl:
         self._times_s = start_s + times
 
     def in_force(self, time_s: float) -> bool:
-        """Whether a prediction says how stiff the arm shall be at a time."""
+        """Whether a prediction determines the stiffness at a time."""
         return time_s <= self._times_s[-1] + HOLD_S
 
     def gains(self, time_s: float) -> tuple[Floats, Floats]:
@@ -70,7 +70,7 @@ class SpreadControl:
         return tuple(self._gains[high - 1] + share * (self._gains[high] - self._gains[high - 1]))
 
     def control(self, arm: SimulatedArm) -> None:
-        """Choose the controller of the coming step."""
+        """Choose the controller of the next step."""
         if not self.in_force(arm.time_s):
             arm.acceleration_law = None
             return
@@ -84,12 +84,12 @@ class SpreadControl:
 
 
 def resting_gains(std: Floats) -> tuple[Floats, Floats]:
-    """Stiffness [1/s^2] and damping [1/s] of joints that are to stay within a spread, each alone.
+    """Stiffness [1/s^2] and damping [1/s] with which each joint stays within its spread.
 
-    What the controller comes to where a distribution changes slowly and correlations of the joints
-    are unknown: a critically damped oscillator of frequency (S / (4 std^2))^(1/3), at most the
-    largest bandwidth. Positive for any spread, so stable for any reference. The standard deviations
-    (..., Q) [rad] are not negative.
+    This is the controller for a slowly changing distribution with unknown correlations between
+    joints: a critically damped oscillator of frequency (S / (4 std^2))^(1/3), at most
+    `BANDWIDTH_RAD_S`. Both gains are positive for any spread, so the control is stable for any
+    reference. The standard deviations (..., Q) [rad] are not negative.
     """
     variance = np.maximum(np.asarray(std) ** 2, DISTURBANCE / (4.0 * BANDWIDTH_RAD_S**3))
     frequency = np.cbrt(DISTURBANCE / (4.0 * variance))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the arm reports, exactly or through noisy sensors."""
+"""State of the arm as it is reported, exactly or through noisy sensors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from intent_recognition.array_types import Floats
 
 
 class ArmState(NamedTuple):
-    """What the joints report: q [rad], qd [rad/s], torque commanded last [Nm], all (n,)."""
+    """State of the joints: q [rad], qd [rad/s], last commanded torque [Nm], all (n,)."""
 
     q: Floats
     qd: Floats
@@ -20,7 +20,7 @@ class ArmState(NamedTuple):
 
     @classmethod
     def together(cls, states: Sequence["ArmState"]) -> "ArmState":
-        """States one after the other as one, its arrays (T, n); its time is the last one's."""
+        """Stack successive states to one with arrays (T, n) and the time of the last one."""
         q, qd, torque = (np.array([state[i] for state in states]) for i in range(3))
         return cls(q, qd, torque, states[-1].time_s)
 
@@ -41,7 +41,7 @@ class SensorNoise:
     torque_std_nm: float = 0.1
 
     def measure(self, state: ArmState, rng: np.random.Generator) -> ArmState:
-        """Return a state, or many (T, n), with independent Gaussian noise on every joint."""
+        """Return a state, or stacked ones (T, n), with independent Gaussian noise on each joint."""
         draw = rng.standard_normal((3, *state.q.shape))
         return ArmState(
             state.q + self.position_std_rad * draw[0],

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands about a simulated arm, as bodies that it can hit, and how often it did.
+"""Obstacles around a simulated arm, and how often it touched them.
 
-Boxes stand in the world; what a URDF fixes to its root (a table, a wall) is part of the arm's body
-in PyBullet and stops it likewise. Positions are in the world, which is the frame of the root link
-on `robot_description`.
+Boxes stand in the world. Links that a URDF fixes to its root (a table, a wall) are part of the
+arm's body in PyBullet, and stop the arm as well. Positions are in the world, which is the frame of
+the root link on `robot_description`.
 """
 
 from collections.abc import Iterable, Sequence
@@ -14,15 +14,15 @@ from sim_bridge.arm.urdf_loading import link_name
 from sim_bridge.physics import BulletClient, pybullet
 
 APART_STEPS = 100
-"""Two bodies that part for less than this do not touch anew [ms]. Convention: they bounce."""
+"""Two bodies touch anew only if they were apart for longer than this [ms]; a bounce is shorter."""
 
 
 class Surroundings:
     """Puts boxes into the arm's world, and counts touches from then on.
 
     Attributes:
-        touches: how often a link began to touch a thing.
-        last: names of the two that touched last; empty before.
+        touches: how often a link began to touch an obstacle.
+        last: names of the link and the obstacle that touched last; empty before.
     """
 
     def __init__(self, arm: SimulatedArm, boxes: Sequence[Box]) -> None:
@@ -33,7 +33,7 @@ class Surroundings:
             arm.before_step.append(self._look)
 
     def touching(self) -> tuple[str, str] | None:
-        """The two bodies that touch one another now; None for none."""
+        """Names of a link and an obstacle that touch now; None if none do."""
         now = self._arm.n_steps
         return self.last if any(now - at <= APART_STEPS for at in self._since.values()) else None
 
@@ -50,7 +50,7 @@ class Surroundings:
         return link_name(self._arm.client, self._arm.body, link)
 
     def _contacts(self, arm: SimulatedArm) -> Iterable[tuple[int, int, int]]:
-        """Link, other body and its link, of all contacts that press on one another."""
+        """Link, other body and the other's link of all contacts with a force."""
         for contact in arm.client.getContactPoints(bodyA=arm.body) or ():
             _, _, thing, link, other = contact[:5]
             if contact[9] <= 0.0:  # near, but nothing presses
@@ -62,7 +62,7 @@ class Surroundings:
 
 
 def add_box(client: BulletClient, box: Box) -> int:
-    """Put a box into a world, where it stays; returns its body."""
+    """Put a fixed box into a world and return its body."""
     half = [0.5 * edge for edge in box.size]
     shape = client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half)
     looks = client.createVisualShape(

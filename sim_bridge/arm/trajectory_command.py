@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A joint trajectory as it was sent, checked as a whole before any of it is executed."""
+"""A joint trajectory that was sent, checked as a whole before it is executed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -72,13 +72,14 @@ class TrajectoryCommand:
     ) -> "TrajectoryCommand":
         """Check a trajectory and sort its columns into the arm's joint order.
 
-        Each point has a row [rad], [rad/s], [rad/s^2]; rows that are all empty were not sent. Its
-        time after the start (None: now) is not negative, and increases. All are inside the limits,
-        and so is the mean speed between points; but a joint that was pushed outside, as `position`
-        shows (rows of where the arm is and is asked to be), may come back, and must end inside.
+        Each point has a row [rad], [rad/s], [rad/s^2]; if all rows are empty, none were sent. Times
+        are relative to `start_s` (None for now), not negative and increasing. All values and the
+        mean speeds between points must be inside the limits. Only a joint that was pushed outside,
+        as shown by `position` (rows of the arm's measured and reference position), may start
+        outside, and must end inside.
 
         Raises:
-            RejectedTrajectoryError: anything is wrong; its `reason` names the kind.
+            RejectedTrajectoryError: anything is wrong; `reason` names the kind of error.
         """
         if sorted(names) != sorted(joint_names):
             expected = f"each of {list(joint_names)} once"
@@ -137,8 +138,8 @@ def _rows(field: str, rows: CommandRows, shape: tuple[int, int]) -> Floats:
 def _smooth_velocities(times: Floats, q: Floats) -> Floats:
     """Return velocities (n, n_joints) that are zero at both ends and never overshoot a point.
 
-    Between two segments of the same direction the harmonic mean of their slopes, else zero
-    (Fritsch and Butland 1984).
+    Between two segments of the same direction, the velocity is the harmonic mean of their slopes,
+    otherwise zero (Fritsch and Butland 1984).
     """
     velocities = np.zeros_like(q)
     if len(times) > 2:
@@ -163,7 +164,7 @@ def _check_limits(
     outside = position_violation(q, limits)
     if position is not None:
         pushed = position_violation(np.atleast_2d(position), limits).max(axis=0)
-        # what an arm at rest moves in 0.2 s
+        # an arm at rest moves as far in 0.2 s
         outside[:-1] -= np.where(pushed > 0.0, pushed + 0.01, 0.0)
     means = np.zeros_like(q)
     means[1:] = np.diff(q, axis=0) / np.diff(times)[:, None]

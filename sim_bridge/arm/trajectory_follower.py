@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint trajectories as reference curves: validation, interpolation, replacement, holding.
 
-The semantics are those of ros2_control's joint_trajectory_controller: a zero stamp starts now,
-a later one starts then (the old trajectory goes on until then), points in the past are skipped,
-the last point is held. Three things are kinder to the arm: positions without velocities are joined
-by a smooth curve instead of straight lines; where a new trajectory does not begin at the current
-reference, the difference fades out instead of jumping, so slowly that both together keep the
-limits; and one for which that is too slow is rejected.
+The semantics are those of ros2_control's joint_trajectory_controller: a trajectory with a zero
+stamp starts now, one with a later stamp starts then (the old one continues until then), points in
+the past are skipped, and the last point is held. There are three differences, which spare the arm.
+Positions without velocities are joined by a smooth curve instead of straight lines. If a new
+trajectory does not begin at the current reference, the difference fades out instead of jumping, so
+slowly that the sum keeps the limits. A trajectory is rejected if that would take too long.
 """
 
 from bisect import bisect_right
@@ -19,16 +19,16 @@ from intent_recognition.kinematics import LWR_LIMITS, RATE_TOLERANCE, JointLimit
 from intent_recognition.motion import JointReference
 from sim_bridge.arm.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
 
-# Peaks over [0, 1] of the quintic that fades a unit offset (or a unit velocity) to rest.
+# Peaks over [0, 1] of the quintic that fades a unit offset or a unit velocity to rest.
 _OFFSET_ACCELERATION = 10.0 / np.sqrt(3.0)
 _VELOCITY_ACCELERATION = 3.941
 _OFFSET_VELOCITY = 1.875
 ACCELERATION_SHARE = 0.5
-"""Share of the joints' acceleration limit that a difference to a new trajectory may use to fade
-out, on top of the trajectory's own acceleration. Convention."""
+"""Share of the joints' acceleration limit with which the difference to a new trajectory may fade
+out, on top of the trajectory's own acceleration."""
 LONGEST_FADE_S = 8.0
-"""A trajectory that cannot be joined in this time [s] is rejected. Convention: the longest time in
-which the activation lets an offset fade."""
+"""A trajectory that cannot be joined in this time [s] is rejected; the activation lets an offset
+fade in at most this time."""
 
 
 class _Curve:
@@ -51,7 +51,7 @@ class _Curve:
 
 
 class _Entry(NamedTuple):
-    """A curve in force from start_s on, plus an offset that has faded by start_s + fade_s."""
+    """A curve that is followed from start_s on, plus an offset that fades by start_s + fade_s."""
 
     start_s: float
     curve: _Curve | JointReference
@@ -68,11 +68,11 @@ class _Entry(NamedTuple):
 
 
 class TrajectoryFollower:
-    """Gives the reference at any time from the commands accepted so far; no clock, no ROS.
+    """Computes the reference at any time from the commands accepted so far, without clock or ROS.
 
     Position and velocity of the reference are continuous; its velocity and acceleration keep the
-    limits, but where a trajectory exceeds them by itself. Times are seconds of any one clock, and
-    must not run backward. Until a command comes it holds a position (n_joints,) [rad].
+    limits unless a trajectory itself exceeds them. Times are seconds of any one clock, and must not
+    run backward. Before the first command, the reference is a fixed position (n_joints,) [rad].
     """
 
     def __init__(self, position: Floats, limits: JointLimits = LWR_LIMITS) -> None:
@@ -84,13 +84,13 @@ class TrajectoryFollower:
         self._entries = [_Entry(-np.inf, JointReference.at_rest(position.copy()), None, 0.0)]
 
     def accept(self, command: TrajectoryCommand, now_s: float) -> None:
-        """Follow this command from its start on; the running one goes on until then.
+        """Follow this command from its start on; the running one continues until then.
 
-        A command waiting for a later start than this one's is dropped.
+        A waiting command with a later start than this one's is dropped.
 
         Raises:
-            RejectedTrajectoryError: it is too far from what is in force to be joined within the
-                limits; nothing has changed.
+            RejectedTrajectoryError: the command is too far from the current reference to be joined
+                within the limits; nothing has changed.
         """
         start_s = now_s if command.start_s is None else command.start_s
         switch_s = max(start_s, now_s)
@@ -107,7 +107,7 @@ class TrajectoryFollower:
     def _joined(
         self, curve: _Curve, switch_s: float, offset: Floats, velocity: Floats, fade_s: float
     ) -> _Entry:
-        """The curve from switch_s on, with an offset that fades as quickly as the limits allow."""
+        """Follow the curve from switch_s on, with an offset that fades as fast as limits allow."""
         rest = np.zeros_like(offset)
         bounds = np.stack([self._limits.velocity, self._limits.acceleration])
         longest_s = max(LONGEST_FADE_S, fade_s)

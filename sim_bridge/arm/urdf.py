@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a URDF is changed for the simulation and for viewers."""
+"""Change a URDF for the simulation and for viewers."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -17,16 +17,16 @@ from intent_recognition.kinematics import link_of, package_shares, packages_arou
 WORLD = "world"
 """Root link of a description."""
 DEFAULT_MASS_KG, DEFAULT_INERTIA = 2.0, 0.01
-"""Mass and moments of inertia [kg m^2] of a link that moves and whose URDF has none: those of a
-ball of 11 cm. Convention: as the middle ones of cobots."""
+"""Mass and moments of inertia [kg m^2] of a moving link without any in the URDF: those of a ball of
+11 cm radius, like the middle links of cobots."""
 JAW = 0.1, 1e-4
-"""Likewise of what a gripper moves. Convention: as the Panda's finger."""
+"""Mass and moments of inertia [kg m^2] of such a link in a gripper, like the Panda's finger."""
 
 
 def add_joint(
     robot: ET.Element, name: str, kind: str, parent: str, child: str, xyz: tuple[float, ...]
 ) -> ET.Element:
-    """Add a joint of a kind, whose child has the axes of its parent and is at xyz in it [m]."""
+    """Add a joint whose child has the axes of its parent and is at `xyz` in its frame [m]."""
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
@@ -35,7 +35,7 @@ def add_joint(
 
 
 def add_inertial(link: ET.Element, mass: float, centre: tuple[float, ...], moments: Floats) -> None:
-    """Add mass [kg], its centre [m] and its moments of inertia (3,) [kg m^2] along the axes."""
+    """Add a mass [kg] with its centre [m] and moments of inertia (3,) [kg m^2] about the axes."""
     inertial = ET.SubElement(link, "inertial")
     ET.SubElement(inertial, "origin", xyz=text_of(centre), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=repr(float(mass)))
@@ -45,7 +45,7 @@ def add_inertial(link: ET.Element, mass: float, centre: tuple[float, ...], momen
 
 
 def text_of(values: tuple[float, ...]) -> str:
-    """Numbers as a URDF has them."""
+    """Numbers as text in the format of a URDF."""
     return " ".join(repr(float(value)) for value in values)
 
 
@@ -55,7 +55,7 @@ def written(root: ET.Element) -> str:
 
 
 def hold_others(root: ET.Element, joint_names: Sequence[str]) -> None:
-    """Let only the joints of an arm move, and those of what its last link carries."""
+    """Fix all joints but those of an arm and those that its last link carries."""
     joints = root.findall("joint[@type]")
     (carrier,) = (link_of(j, "child") for j in joints if j.get("name") == joint_names[-1])
     carried, added = {carrier}, 1
@@ -70,10 +70,10 @@ def hold_others(root: ET.Element, joint_names: Sequence[str]) -> None:
 
 
 def find_meshes(root: ET.Element, folder: Path) -> None:
-    """Name the meshes of a URDF in this folder by absolute paths.
+    """Replace the mesh names of a URDF in this folder by absolute paths.
 
     Raises:
-        ArgumentError: a mesh is nowhere.
+        ArgumentError: a mesh is not found.
     """
     around = packages_around(folder)
     for mesh in root.iter("mesh"):
@@ -81,7 +81,7 @@ def find_meshes(root: ET.Element, folder: Path) -> None:
 
 
 def _find_mesh(name: str, folder: Path, around: Mapping[str, Path]) -> Path:
-    """A mesh beside the URDF, in a folder above it, or in a ROS package."""
+    """Find a mesh beside the URDF, in a folder above it, or in a ROS package."""
     _, scheme, rest = name.rpartition("://")
     package, _, inside = rest.partition("/")
     shares = map(Path, package_shares()) if scheme else ()
@@ -97,10 +97,10 @@ def _find_mesh(name: str, folder: Path, around: Mapping[str, Path]) -> Path:
 
 
 def add_missing_inertials(root: ET.Element, joint_names: Sequence[str]) -> tuple[str, ...]:
-    """Write the inertias that a URDF leaves out; the names of the links of these joints without.
+    """Add inertias that a URDF lacks; return the names of the arm's links that had none.
 
-    Files for planning alone have none, such as those of ROS-Industrial. PyBullet would take 1 kg
-    and 1 kg m^2 for each, also for frames such as `tool0`, which weigh nothing.
+    URDFs for planning, such as those of ROS-Industrial, have none. PyBullet would assume 1 kg and
+    1 kg m^2 for each link, even for frames such as `tool0`, which weigh nothing.
     """
     joints = {link_of(joint, "child"): joint for joint in root.findall("joint[@type]")}
     weighed = []
@@ -122,11 +122,11 @@ def add_missing_inertials(root: ET.Element, joint_names: Sequence[str]) -> tuple
 
 
 def add_rotors(root: ET.Element, rotors: Mapping[str, float]) -> None:
-    """Add the inertia of joints' motors behind their gears [kg m^2] to their links.
+    """Add the inertia of joints' motors behind their gears [kg m^2] to the links they move.
 
-    As massless discs: J about the joint's axis, J/2 across it, since a body with J about one axis
-    only does not exist, and PyBullet zeroes such an inertia. Joints further down the chain feel it
-    too where their axes line up: at most J, where a real gear of 1:100 passes on a hundredth.
+    Rotors are massless discs with J about the joint's axis and J/2 across it: no body has inertia
+    about one axis only, and PyBullet sets such an inertia to zero. Other joints of the chain feel
+    the rotor if their axes line up, by at most J; a real gear of 1:100 passes on a hundredth.
     """
     links = {link.get("name"): link for link in root.findall("link")}
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
@@ -140,7 +140,7 @@ def add_rotors(root: ET.Element, rotors: Mapping[str, float]) -> None:
 
 
 def _add_rotor(link: ET.Element, axis: Floats, rotor: float) -> None:
-    """Add to a link's inertia, which is along the axes of its inertial frame."""
+    """Add a rotor to a link's inertia, which is given in the axes of its inertial frame."""
     origin, inertia = link.find("inertial/origin"), link.find("inertial/inertia")
     assert inertia is not None  # `add_missing_inertials`
     rpy = _numbers("0 0 0" if origin is None else origin.get("rpy", "0 0 0"))
@@ -152,7 +152,7 @@ def _add_rotor(link: ET.Element, axis: Floats, rotor: float) -> None:
 
 
 def add_world(root: ET.Element, base_position_m: tuple[float, float, float]) -> None:
-    """Let a URDF begin at `world`, for viewers: meshes are URIs, a raised base is on a block."""
+    """Make `world` the root, for viewers; meshes become URIs, and a raised base gets a block."""
     links, joints = root.findall("link"), root.findall("joint[@type]")
     children = {link_of(joint, "child") for joint in joints}
     base = next(name for name in (link.get("name", "") for link in links) if name not in children)

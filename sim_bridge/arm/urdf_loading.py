@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bringing a URDF text into a PyBullet world, with its joints free for torque control."""
+"""Load a URDF text into a PyBullet world, with its joints free for torque control."""
 
 import subprocess
 import sys
@@ -17,7 +17,7 @@ from intent_recognition.kinematics import check_meshes, link_of
 from sim_bridge.physics import BulletClient, pybullet
 
 MOST_LINKS = 128
-"""Links of which PyBullet tells the states."""
+"""Most links whose states PyBullet reports."""
 _TRY = """
 import sys, pybullet
 pybullet.connect(pybullet.DIRECT)
@@ -26,7 +26,7 @@ pybullet.loadURDF(sys.argv[1], flags=int(sys.argv[2]))
 
 
 class Joint(NamedTuple):
-    """A joint that moves: PyBullet's number of it, name and type, and its limits [rad or m]."""
+    """A moving joint: its number, name and type in PyBullet, and its limits [rad or m]."""
 
     number: int
     name: str
@@ -64,9 +64,9 @@ def link_name(client: BulletClient, body: int, link: int) -> str:
 
 
 def stop_at_fixtures(client: BulletClient, body: int, urdf: str) -> frozenset[int]:
-    """Let the fixtures of a body stop its other links, and nothing else of it; their numbers.
+    """Let the fixtures of a body collide with its other links only; return their numbers.
 
-    A link that overlaps a fixture as the body stands now is not stopped by it.
+    A link that overlaps a fixture in the present posture does not collide with it.
     """
     names = fixtures_of(urdf)
     links = range(-1, client.getNumJoints(body)) if names else range(0)
@@ -105,7 +105,7 @@ def load_urdf(client: BulletClient, urdf: str, base_position_m: tuple[float, flo
 
 
 def _try_meshes(urdf: str, path: Path, flags: int) -> None:
-    """Let another process load meshes that did not come with PyBullet: some broken ones end it."""
+    """Try meshes that are not PyBullet's own in another process: some broken ones crash it."""
     meshes = [
         mesh
         for mesh in ElementTree.fromstring(urdf).iter("mesh")
@@ -128,10 +128,10 @@ def _try_meshes(urdf: str, path: Path, flags: int) -> None:
 def free_joints(
     client: BulletClient, body: int, names: Sequence[str], tip: str
 ) -> tuple[list[int], int, list[Joint]]:
-    """Free joints of PyBullet's motors and damping.
+    """Switch off PyBullet's motors of the named joints, and all damping.
 
     Returns:
-        Their indices, the link's, and all joints that move in PyBullet's order.
+        Indices of these joints, index of the link `tip`, and all moving joints in PyBullet's order.
     """
     moving: list[Joint] = []
     hand = -1
@@ -152,20 +152,20 @@ def free_joints(
 
 
 class HeldJoints:
-    """Holds fingers open, and others near zero."""
+    """Holds fingers open, and other joints near zero."""
 
     def __init__(self, client: BulletClient, body: int, joints: Sequence[Joint]) -> None:
         self._client, self._body, self._joints = client, body, joints
         self.names = tuple(joint.name for joint in joints)
 
     def positions(self) -> list[float]:
-        """Where they are [rad or m]."""
+        """Positions of the joints [rad or m]."""
         numbers = [joint.number for joint in self._joints]
         states = self._client.getJointStates(self._body, numbers) if numbers else ()
         return [state[0] for state in states]
 
     def reset(self) -> None:
-        """Put them where they are held."""
+        """Put the joints at the positions where they are held."""
         for joint in self._joints:
             held = _held(joint)
             self._client.resetJointState(self._body, joint.number, held, 0.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Containers with balls for a fluid: tilting, pouring and catching, each in a world of its own."""
+"""Containers with balls for a fluid: tilting, pouring and catching, each in its own world."""
 
 from sim_bridge.balls.collision import shell_pieces, solid_pieces, wall_pieces, write_obj
 from sim_bridge.balls.hollow import Hollow, hollow_of

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What balls and cups collide with: convex pieces of wall, written as one OBJ file.
+"""Collision shapes of containers: convex pieces of wall, written as one OBJ file.
 
 Bullet makes one convex hull of every `o` group of an OBJ file. A triangle mesh of a cup lets balls
-through, and `createCollisionShapeArray` silently keeps sixteen shapes.
-The walls for balls are thickened outward, by more than a cup may pass from another; those that a
-cup can touch have their true thickness, but for what Bullet's margin takes.
+through, and `createCollisionShapeArray` silently keeps only sixteen shapes. The walls that balls
+touch are thickened outward, by more than the distance at which cups may pass each other. The walls
+that another cup can touch have their true thickness, apart from Bullet's margin.
 """
 
 from itertools import pairwise
@@ -18,9 +18,9 @@ from sim_bridge.balls.hollow import N_CORNERS, N_HEIGHTS, Hollow, offset
 from sim_bridge.containers import TUBE_CORNERS, Container, at_heights, pieces_between
 
 WALL_M = 0.006
-"""Thickness of walls that balls collide with [m], drawn outward from the inner surface."""
+"""Thickness of walls that balls collide with [m], measured outward from the inner surface."""
 HULL_MARGIN_M = 0.001
-"""Bullet's hulls reach this much farther than their corners [m]; the wall is drawn back by it."""
+"""Distance by which Bullet's hulls extend beyond their corners [m]; walls are shrunk by it."""
 
 
 def wall_pieces(hollow: Hollow) -> list[Floats]:
@@ -55,7 +55,7 @@ def write_obj(pieces: list[Floats], path: Path) -> None:
 
 
 THINNEST_M, LOWEST_M = 0.0004, 0.0001
-"""Hulls need a thickness and a height; with Bullet's margin a wall of 2 mm would have none left."""
+"""Smallest thickness and height of hulls [m]: Bullet's margin would leave none of a 2 mm wall."""
 
 
 def solid_pieces(container: Container) -> list[Floats]:
@@ -77,7 +77,7 @@ def shell_pieces(container: Container) -> list[Floats]:
 def _rows(container: Container) -> tuple[Floats, Floats, Floats]:
     """Inner and outer outlines (R, N_CORNERS, 2) and heights (R,), less Bullet's margin."""
     sections = container.sections
-    # The wall up to where the rim begins to be round, and the crest.
+    # The wall up to where the rim begins to curve, and the crest.
     level = sections.heights_m
     shoulder = int(np.argmax(np.linalg.norm(sections.outer, axis=2).max(1)))
     wanted = np.linspace(level[0], level[shoulder], N_HEIGHTS - 1)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inside of a container as rings of points, and which balls are in it.
 
-Frame of a container: origin at the centre of the inner floor, z toward the opening. Metres.
+Points are in the container's frame, in metres, with z toward the opening.
 """
 
 from dataclasses import dataclass, replace
@@ -13,15 +13,15 @@ from intent_recognition.array_types import Floats
 from sim_bridge.containers import Container
 
 N_HEIGHTS, N_CORNERS = 7, 32
-"""Heights at which the inner outline is taken, and corners of each. Convention."""
+"""Number of heights at which the inner outline is sampled, and number of corners at each."""
 
 
 @dataclass(frozen=True)
 class Hollow:
     """The inner wall of a container.
 
-    Every ring is a convex polygon at one height, counter-clockwise seen from above, and the same
-    index is the same direction on all rings.
+    Every ring is a convex polygon at one height, counter-clockwise seen from above. Corners with
+    the same index lie in the same direction on all rings.
     """
 
     rings_m: Floats  # (S, K, 2) corners of the inner wall, from the floor up
@@ -29,7 +29,7 @@ class Hollow:
 
     @property
     def rim_height_m(self) -> float:
-        """Height of the rim above the inner floor's frame."""
+        """Height of the rim in the container's frame."""
         return float(self.heights_m[-1])
 
     @property
@@ -41,14 +41,14 @@ class Hollow:
         return float(np.sum(mean * np.diff(self.heights_m)))
 
     def lip_m(self, direction: Floats) -> Floats:
-        """The point of the rim that is farthest in a horizontal direction (2,): (3,)."""
+        """Point (3,) of the rim that is farthest in a horizontal direction (2,)."""
         rim = self.rings_m[-1]
         return np.append(rim[np.argmax(rim @ np.asarray(direction))], self.rim_height_m)
 
     def clearance_m(self, points_m: Floats) -> Floats:
-        """Horizontal distance of points (N, 3) from the inner wall, negative beyond it: (N,).
+        """Horizontal distance of points (N, 3) from the inner wall, negative outside it, (N,).
 
-        Above the rim the last ring counts, below the floor the first.
+        Above the rim, the last ring is used; below the floor, the first.
         """
         heights = self.heights_m
         z = np.clip(points_m[:, 2], heights[0], heights[-1])
@@ -68,7 +68,7 @@ class Hollow:
         return tuple(np.ascontiguousarray(both[..., column]) for column in range(4))
 
     def holds(self, points_m: Floats) -> Floats:
-        """Which points (N, 3) are inside, between floor and rim: (N,) of bool."""
+        """Whether points (N, 3) are inside, between floor and rim, (N,)."""
         z = points_m[:, 2]
         between = (z >= self.heights_m[0]) & (z < self.rim_height_m)
         return between & (self.clearance_m(points_m) >= 0.0)
@@ -81,7 +81,7 @@ class Hollow:
 
 
 def hollow_of(container: Container) -> Hollow:
-    """The inner wall of a container in fewer rings and corners, crest included."""
+    """The inner wall of a container with fewer rings and corners, including the crest."""
     sections = container.sections
     body = len(sections.heights_m) - 1
     wanted = np.linspace(sections.heights_m[0], sections.heights_m[-2], N_HEIGHTS - 1)
@@ -92,7 +92,7 @@ def hollow_of(container: Container) -> Hollow:
 
 
 def offset(rings_m: Floats, by_m: float) -> Floats:
-    """Rings (..., K, 2) with every edge moved outward by `by_m`, corners where edges meet."""
+    """Rings (..., K, 2) with every edge moved outward by `by_m`; corners stay corners."""
     edges = np.roll(rings_m, -1, axis=-2) - rings_m
     outward = np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
     outward /= np.linalg.norm(outward, axis=-1, keepdims=True)
@@ -102,7 +102,7 @@ def offset(rings_m: Floats, by_m: float) -> Floats:
 
 
 def _areas(rings_m: Floats) -> Floats:
-    """Signed areas of polygons (..., K, 2), positive counter-clockwise: (...,)."""
+    """Signed areas (...,) of polygons (..., K, 2), positive if counter-clockwise."""
     after = np.roll(rings_m, -1, axis=-2)
     cross = rings_m[..., 0] * after[..., 1] - rings_m[..., 1] * after[..., 0]
     return 0.5 * np.sum(cross, axis=-1)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tilting a container with balls about its lip, and what leaves it.
+"""Tilt a container with balls about its lip, and record which balls leave it.
 
-Gravity turns and the container stands still: a container that is moved at 240 Hz lets balls
-through its wall, one that stands still does not. At these speeds the two differ by the inertial
-forces of the turn, 0.1 % of gravity.
+Gravity turns while the container is fixed, because a container that moves at 240 Hz lets balls
+through its wall. At these speeds, this neglects the inertial forces of the turn, 0.1 % of gravity.
 """
 
 from dataclasses import dataclass
@@ -17,15 +16,15 @@ from sim_bridge.balls.world import STEP_S, BallWorld
 
 @dataclass(frozen=True)
 class Tilted:
-    """What came of tilting a container."""
+    """Result of tilting a container; exit values are NaN for balls that stayed."""
 
-    left: Floats  # (N,) which balls left over the rim
-    exit_time_s: Floats  # (N,) when, from the start of the turn; NaN for those that stayed
-    # (N, 3) where, relative to the lip, in axes that do not turn: x in the direction of pouring, z
-    # up; NaN for those that stayed
+    left: Floats  # whether each ball left over the rim (N,)
+    exit_time_s: Floats  # time of leaving, from the start of the turn (N,)
+    # position of leaving relative to the lip, in level axes: x in the direction of pouring, z up
+    # (N, 3)
     exit_position_m: Floats
-    exit_velocity_m_s: Floats  # (N, 3) how fast, in the same axes; NaN for those that stayed
-    through_wall: int  # how many balls were seen in or beyond the wall without leaving over the rim
+    exit_velocity_m_s: Floats  # velocity of leaving, in the same axes (N, 3)
+    through_wall: int  # number of balls that went into or through the wall
 
 
 def level_axes(tilt_rad: float) -> Floats:
@@ -37,8 +36,8 @@ def level_axes(tilt_rad: float) -> Floats:
 def tilt_along(world: BallWorld, balls_m: Floats, tilts_rad: Floats) -> Tilted:
     """Fill a container and tilt it toward +x about its lip, until the end or until it is empty.
 
-    Balls with settled centres (N, 3) replace those of the world; the tilts (K,) [rad] are those in
-    each physics step.
+    Balls with settled centres (N, 3) replace those of the world. `tilts_rad` (K,) has one tilt per
+    physics step.
     """
     world.fill(balls_m)
     world.step(round(0.05 / STEP_S))
@@ -47,9 +46,9 @@ def tilt_along(world: BallWorld, balls_m: Floats, tilts_rad: Floats) -> Tilted:
     exit_time_s = np.full(len(balls_m), np.nan)
     position, velocity = np.full((2, len(balls_m), 3), np.nan)
     for k, angle in enumerate(tilts_rad.tolist(), 1):
-        world.set_gravity(np.array([np.sin(angle), 0.0, -np.cos(angle)]))  # as the cup sees it
+        world.set_gravity(np.array([np.sin(angle), 0.0, -np.cos(angle)]))  # in the cup's frame
         world.step()
-        if k % 4:  # 17 ms, in which none crosses a wall
+        if k % 4:  # 17 ms, in which no ball crosses a wall
             continue
         positions, axes = world.positions_m(), level_axes(angle)
         inside, from_lip = guard.look(positions), (positions - lip_m) @ axes.T
@@ -63,11 +62,11 @@ def tilt_along(world: BallWorld, balls_m: Floats, tilts_rad: Floats) -> Tilted:
 
 
 class WallGuard:
-    """Counts balls that got into or through a wall, from how they were seen one after another.
+    """Counts balls that went into or through a wall, from their successive positions.
 
-    A ball leaves through the opening, where its centre is above the rim less its radius. One
-    whose centre is beyond wall or floor, and was inside and below that height when last seen,
-    went through.
+    A ball leaves through the opening if its centre is above the rim less its radius. A ball went
+    through a wall if its centre is below that height and beyond wall or floor, and was inside and
+    below that height in the observation before.
     """
 
     def __init__(self, hollow: Hollow, radius_m: float, positions_m: Floats) -> None:
@@ -77,7 +76,7 @@ class WallGuard:
         self.count = 0
 
     def look(self, positions_m: Floats) -> Flags:
-        """Take note of centres (N, 3); return which of them are inside, below the rim (N,)."""
+        """Observe centres (N, 3); return whether each is inside and below the rim, (N,)."""
         hollow, z = self._hollow, positions_m[:, 2]
         clearance = hollow.clearance_m(positions_m)
         beyond = (z < self._opening_m) & ((clearance < 0.0) | (z < hollow.heights_m[0]))
@@ -86,7 +85,7 @@ class WallGuard:
         return (z >= hollow.heights_m[0]) & (z < hollow.rim_height_m) & (clearance >= 0.0)
 
     def add(self, n_balls: int) -> None:
-        """Watch further balls, which come in from outside."""
+        """Observe further balls, which enter from outside."""
         self._below = np.append(self._below, np.zeros(n_balls, dtype=bool))
 
     def _deep(self, positions_m: Floats) -> Flags:

@@ -16,25 +16,25 @@ from sim_bridge.balls.hollow import Hollow
 STEP_S = 1.0 / 240.0
 """Physics step [s], the default of PyBullet."""
 DENSITY_KG_M3 = 1000.0
-"""Of the balls: that of water [kg/m^3]."""
+"""Density of the balls [kg/m^3], that of water."""
 CONTACT_BREAKING_M = 0.001
 """Distance [m] at which Bullet drops a contact; its default of 20 mm is slower."""
 SOLVER_ITERATIONS = 10
-"""Of the contact solver: balls give way by up to 12 % of their diameter (docs/pouring.md)."""
+"""Iterations of the contact solver; balls overlap by up to 12 % of their diameter
+(docs/pouring.md)."""
 PACKING = 0.6
-"""Share of the space that settled balls take up."""
+"""Share of the space that settled balls fill."""
 
 
 class BallWorld(AbstractContextManager["BallWorld"]):
     """One container, fixed at the origin in its own frame, and balls of one size.
 
     Balls in maximal coordinates and a small contact threshold make it three times faster than
-    Bullet's defaults. Use as a context: leaving it ends the world.
-
+    Bullet's defaults. Use it as a context manager; leaving it ends the world.
     """
 
     def __init__(self, hollow: Hollow, ball_radius_m: float) -> None:
-        # Physics, loaded when it is needed: who only reads trials does without.
+        # Loaded late, so that reading trials does not need physics.
         from sim_bridge.physics import start_world
 
         self.hollow = hollow
@@ -48,13 +48,13 @@ class BallWorld(AbstractContextManager["BallWorld"]):
 
     @property
     def n_balls(self) -> int:
-        """How many balls there are."""
+        """Number of balls."""
         return len(self._balls)
 
     def fill(self, positions_m: Floats) -> None:
-        """Begin a fresh world with balls at rest at (N, 3).
+        """Start a new world with balls at rest at (N, 3).
 
-        Starting afresh makes a trial depend on its own input alone: `restoreState` is not exact.
+        A new world makes a trial depend on its own input only; `restoreState` is not exact.
         """
         client = self.client
         client.resetSimulation()
@@ -79,7 +79,7 @@ class BallWorld(AbstractContextManager["BallWorld"]):
         self._balls += added
 
     def set_gravity(self, direction: Floats) -> None:
-        """Let everything fall along a unit vector (3,) of the container's frame."""
+        """Set the direction of gravity, a unit vector (3,) in the container's frame."""
         x, y, z = (GRAVITY_M_S2 * direction).tolist()
         self.client.setGravity(x, y, z)
 
@@ -117,7 +117,7 @@ def ball_mass_kg(radius_m: float) -> float:
 def add_balls(
     client: Any, sphere: int, radius_m: float, positions_m: Floats, damping: float = 0.0
 ) -> list[int]:
-    """Put balls of a shape into a world at (N, 3), at rest, with Bullet's linear damping."""
+    """Put balls at rest into a world at (N, 3), with Bullet's linear damping; return bodies."""
     balls = []
     for place in positions_m.tolist():
         mass = ball_mass_kg(radius_m)
@@ -129,20 +129,21 @@ def add_balls(
 
 
 def ball_radius_m(volume_m3: float, n_full: int) -> float:
-    """Radius of balls of which `n_full` fill a volume."""
+    """Radius with which `n_full` balls fill a volume."""
     return float((3.0 * PACKING * volume_m3 / (4.0 * np.pi * n_full)) ** (1.0 / 3.0))
 
 
 def balls_in(volume_m3: float, ball_radius_m: float) -> float:
-    """How many balls of a radius fill a volume."""
+    """Number of balls of a radius that fill a volume."""
     return float(3.0 * PACKING * volume_m3 / (4.0 * np.pi * ball_radius_m**3))
 
 
 def settled(world: BallWorld, n_balls: int, rng: np.random.Generator) -> Floats:
-    """Fill the world's container anew, let the balls come to rest, and leave out what fell beside.
+    """Fill the world's container and let the balls come to rest.
 
     Returns:
-        Centres (N, 3) of the balls that are in it, the lowest first, N <= n_balls.
+        Centres (N, 3) of the balls in the container, the lowest first; N <= n_balls, without balls
+        that fell beside it.
     """
     world.fill(_layers(world.hollow, world.ball_radius_m, n_balls, rng))
     world.step(240)  # one second
@@ -152,7 +153,7 @@ def settled(world: BallWorld, n_balls: int, rng: np.random.Generator) -> Floats:
 
 
 def _layers(hollow: Hollow, radius_m: float, n_balls: int, rng: np.random.Generator) -> Floats:
-    """Places (n_balls, 3) in layers from the floor up, none in another or in the wall."""
+    """Ball centres (n_balls, 3) in layers from the floor up, without overlaps."""
     pitch = 2.02 * radius_m
     reach = np.max(np.abs(hollow.rings_m))
     places, height = np.zeros((0, 3)), hollow.heights_m[0] + 1.1 * radius_m

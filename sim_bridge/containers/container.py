@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A container with its ground truth, all in the object's frame.
 
-The frame: metres, z up, the base in the plane z = 0, the axis of the container is the z axis, a
+In this frame, in metres, z is up along the container's axis, the base lies in the plane z = 0, a
 handle points toward -x and the lip toward +x.
 """
 
@@ -18,12 +18,12 @@ from intent_recognition.warping import Part, half_volume_angle, nearest_on_loop
 
 @dataclass(frozen=True)
 class Sections:
-    """The wall as stacked rings of R heights with S corners each.
+    """The wall as stacked rings at R heights with S corners each.
 
-    Between two neighbouring rings the wall is linear: the eight corners of ring r and r + 1,
-    corner s and s + 1, inner and outer, are a convex piece of it. On the uppermost ring, the
-    crest, inner and outer outline coincide. The floor is the convex hull of `base` at height 0
-    and `outer[0]` at `heights_m[0]`, on whose upper side the cavity stands.
+    Between two neighbouring rings the wall is linear: the eight corners s and s + 1, inner and
+    outer, of rings r and r + 1 form a convex piece of it. On the uppermost ring, the crest, inner
+    and outer outline coincide. The floor is the convex hull of `base` at height 0 and `outer[0]` at
+    `heights_m[0]`; the cavity begins at its upper side.
     """
 
     heights_m: Floats  # (R,), rising, from the cavity's floor to the crest
@@ -34,10 +34,10 @@ class Sections:
 
 @dataclass(frozen=True)
 class Container:
-    """A cup or bowl and what is true of it."""
+    """A cup or bowl with its ground truth."""
 
     name: str
-    # the solid. Wall and handle are closed surfaces each; the handle's ends are inside the wall.
+    # surface of the solid: wall and handle, each closed; the handle's ends are inside the wall
     mesh: trimesh.Trimesh
     inner: trimesh.Trimesh  # the cavity up to the plane of the rim, a closed surface
     sections: Sections  # the wall without its handle
@@ -55,16 +55,16 @@ class Container:
 
     @cached_property
     def tilt_reference_rad(self) -> float:
-        """Tilt about `lip_point` after which half of the cavity is above it."""
+        """Tilt about `lip_point` at which half of the cavity is above it."""
         return self.tilt_reference_about(self.lip_point)
 
     def lip_toward(self, point: Floats) -> Floats:
-        """Point (3,) of the crest that is closest to `point` (3,), the other container's place."""
+        """Point (3,) of the crest nearest to `point` (3,), the other container's position."""
         nearest = nearest_on_loop(self.sections.outer[-1], np.asarray(point)[:2])
         return np.append(nearest, self.height_m)
 
     def tilt_reference_about(self, lip: Floats) -> float:
-        """Tilt in radians about the lip (3,) after which half of the cavity is above it."""
+        """Tilt [rad] about the lip (3,) at which half of the cavity is above the lip."""
         outward = (lip - self.opening_centre) * [1.0, 1.0, 0.0]
         return half_volume_angle(
             self.inner.vertices,
@@ -85,7 +85,7 @@ class Container:
         return parts
 
     def _outer_distance(self, points: Floats) -> Floats:
-        """How far (n,) points are outside of the wall, horizontally."""
+        """Horizontal distance (n,) by which points are outside of the wall."""
         heights = np.concatenate([[0.0], self.sections.heights_m])
         outlines = np.concatenate([self.sections.base[None], self.sections.outer])
         radii = np.linalg.norm(outlines, axis=2)

@@ -12,19 +12,19 @@ from intent_recognition.warping import closed_tube_faces, surface_volume
 from sim_bridge.containers.container import Container, Sections
 
 CONTAINER_SEED = 1
-"""Seed of the shapes of the ten containers in all recordings and trials. Convention."""
+"""Seed of the shapes of the ten containers in all recordings and trials."""
 
 
 @dataclass(frozen=True)
 class ContainerShape:
-    """What a kind of container looks like; lengths in metres.
+    """Shape of a kind of container; lengths in metres.
 
     Attributes:
-        height_m: from the base to the crest.
-        base_m, top_m: outer radii there.
-        bulge: exponent of the profile; 1 is a cone, below it bulges outward.
-        squareness: exponent of the outline; 2 is a circle, above it nears a square.
-        handle_m: how far the handle reaches out, 0 for none.
+        height_m: height from the base to the crest.
+        base_m, top_m: outer radii at the base and at the crest.
+        bulge: exponent of the profile; 1 is a cone, less bulges outward.
+        squareness: exponent of the outline; 2 is a circle, more approaches a square.
+        handle_m: distance by which the handle protrudes, 0 without a handle.
         grip_m: radius of the handle's tube.
     """
 
@@ -56,10 +56,10 @@ CONTAINER_NAMES = tuple(SHAPES)
 
 
 def make_container(name: str, seed: int = 0) -> Container:
-    """Make one of the ten containers, in its own frame, the same for the same seed.
+    """Make one of the ten containers in its own frame; the seed determines its shape.
 
     Raises:
-        ArgumentError: no such container.
+        ArgumentError: there is no such container.
     """
     if name not in SHAPES:
         cure = "Take one of these."
@@ -69,7 +69,7 @@ def make_container(name: str, seed: int = 0) -> Container:
 
 
 def vary(shape: ContainerShape, rng: np.random.Generator) -> ContainerShape:
-    """The shape in another size, its height and its width drawn apart."""
+    """Scale the height and the width of a shape by separately drawn factors."""
     tall, wide = rng.uniform(0.92, 1.08, 2)
     return replace(
         shape,
@@ -107,7 +107,7 @@ def _profile(shape: ContainerShape, share: Floats) -> Floats:
 
 
 def _sections(shape: ContainerShape) -> Sections:
-    """Rings from the floor of the cavity to the crest, closer at the bottom and at the top."""
+    """Rings from the floor of the cavity to the crest, denser at the bottom and at the top."""
     shoulder = shape.height_m - 0.5 * shape.wall_m
     share = np.linspace(0.0, 1.0, 15) ** 1.5
     body = shape.floor_m + (shoulder - shape.floor_m) * share
@@ -132,7 +132,7 @@ def _sections(shape: ContainerShape) -> Sections:
 
 
 def _wall(sections: Sections) -> trimesh.Trimesh:
-    """The solid without its handle: up outside, over the crest, down inside."""
+    """Surface of the solid without its handle: up the outside, over the crest, down the inside."""
     base = at_heights(sections.base[None], np.zeros(1))
     inner, outer = (at_heights(o, sections.heights_m) for o in (sections.inner, sections.outer))
     return close_rings(np.concatenate([base, outer, inner[-2::-1]]))
@@ -156,7 +156,7 @@ def _handle(shape: ContainerShape, sections: Sections) -> trimesh.Trimesh:
 
 
 N_CORNERS, TUBE_CORNERS = 64, 16
-"""Corners of each outline, and of a handle's cross section. Convention."""
+"""Number of corners of each outline, and of a handle's cross section."""
 
 
 def at_heights(outlines: Floats, heights_m: Floats) -> Floats:
@@ -179,7 +179,7 @@ def pieces_between(inner: Floats, outer: Floats) -> list[Floats]:
 def close_rings(rings: Floats) -> trimesh.Trimesh:
     """Join rings (R, S, 3) [m] to a tube and close both ends with fans.
 
-    Each is counter-clockwise seen from the last one.
+    Each ring is counter-clockwise seen from the last one.
     """
     vertices = np.concatenate([rings.reshape(-1, 3), rings[[0, -1]].mean(1)])
     return trimesh.Trimesh(vertices, closed_tube_faces(*rings.shape[:2]), process=False)
@@ -188,8 +188,8 @@ def close_rings(rings: Floats) -> trimesh.Trimesh:
 def swept_tube(path: Floats, radius_m: float, end_tangent: Floats) -> Floats:
     """Rings (P, S, 3) of a round tube along a path (P, 3) [m] in the plane y = 0.
 
-    Each is counter-clockwise seen from the one before. The tube leaves in the direction
-    `end_tangent` (3,) at the start, and comes back the other way at its end.
+    Each ring is counter-clockwise seen from the one before. At its start the tube has the direction
+    `end_tangent` (3,), at its end the opposite one.
     """
     tangents = np.gradient(path, axis=0)
     tangents[0], tangents[-1] = end_tangent, -end_tangent

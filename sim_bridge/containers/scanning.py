@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Point clouds of a mesh as a depth camera gives them: what it sees, with noise."""
+"""Point clouds of a mesh as seen by a depth camera, with noise."""
 
 from dataclasses import dataclass
 
@@ -12,19 +12,19 @@ from intent_recognition.errors import ArgumentError
 
 @dataclass(frozen=True)
 class Camera:
-    """How a depth camera looks at an object."""
+    """Position and noise of a depth camera that looks at an object."""
 
-    distance_m: float = 0.7  # from the middle of the object
-    # above the horizon, drawn for each view between these two
+    distance_m: float = 0.7  # distance from the middle of the object
+    # range of the elevation above the horizon, drawn for each view
     elevation_rad: tuple[float, float] = (0.8, 1.1)
-    depth_noise_std_m: float = 0.0007  # of each depth, along its ray
-    normal_noise_std_rad: float = 0.08  # of each normal about each axis across it
+    depth_noise_std_m: float = 0.0007  # noise of each depth, along its ray
+    normal_noise_std_rad: float = 0.08  # noise of each normal about each axis across it
     grazing_rad: float = 0.17  # surfaces seen at a smaller angle give no depth
 
 
 @dataclass(frozen=True)
 class SurfaceScan:
-    """Points (n, 3) [m] with outward normals (n, 3), and where each was seen from (n, 3) [m]."""
+    """Points (n, 3) [m] with outward normals (n, 3), and camera positions for each (n, 3) [m]."""
 
     points: Floats
     normals: Floats
@@ -38,15 +38,14 @@ def scan(
     n_points: int = 2000,
     camera: Camera | None = None,
 ) -> SurfaceScan:
-    """Look at a mesh from above, from views spread evenly around it.
+    """Scan a mesh from above, from views spread evenly around it.
 
-    A ray goes through every pixel; the first surface it meets is what the camera sees.
-
-    The mesh is in metres, z up, wound outward, and the cloud in its frame; `n_points` are kept of
-    all views.
+    A ray goes through every pixel; the camera sees the first surface that the ray meets. The mesh
+    is in metres, z up, wound outward. The cloud is in the mesh's frame and holds `n_points` of all
+    views together.
 
     Raises:
-        ArgumentError: fewer points than asked for are visible.
+        ArgumentError: fewer than `n_points` points are visible.
     """
     camera = camera or Camera()
     centre = mesh.bounds.mean(0)

@@ -10,18 +10,17 @@ from intent_recognition.array_types import Flags, Floats
 from intent_recognition.promp import minimum_jerk
 
 RATE_HZ = 100.0
-"""Samples of the tracker per second [Hz]. Convention: that of the shipped recordings."""
+"""Sampling rate of the tracker [Hz], that of the shipped recordings."""
 TREMOR_STD_M, SWAY_STD_M = 0.0004, 0.0012
-"""Standard deviations of physiological tremor, below a millimetre, and of slow postural sway, per
-axis [m]. Convention."""
+"""Standard deviations of physiological tremor and of slow postural sway, per axis [m]."""
 MARKER_STD_M, MARKER_ANGLE_STD_RAD = 0.001, 0.006
-"""Noise of a tracked position [m] and orientation [rad] per axis. Convention."""
+"""Noise of a tracked position [m] and orientation [rad] per axis."""
 
 
 def smooth_noise(rng: np.random.Generator, count: int, cutoff_hz: float) -> Floats:
-    """Gaussian noise (count, 3) of unit variance: two equal first-order low passes in series.
+    """Gaussian noise (count, 3) of unit variance, filtered by two equal first-order low passes.
 
-    Stationary from the first sample on, since the filter runs before the part that is returned.
+    It is stationary from the first sample on, since the filter's warm-up is cut off.
     """
     decay = np.exp(-2.0 * np.pi * cutoff_hz / RATE_HZ)
     warm_up = int(np.ceil(8.0 / (1.0 - decay)))
@@ -41,7 +40,7 @@ def tremor(rng: np.random.Generator, count: int) -> Floats:
 def _recursive(white: Floats, first: float, second: float) -> Floats:
     """y_k = first y_{k-1} + second y_{k-2} + white_k, scaled to unit stationary variance.
 
-    As scipy.signal's lfilter, whose import takes the simulation half a second.
+    scipy.signal's lfilter does the same, but its import takes half a second.
     """
     variance = (1.0 - second) / ((1.0 + second) * ((1.0 - second) ** 2 - first**2))
     out = np.zeros_like(white)
@@ -55,8 +54,8 @@ def _recursive(white: Floats, first: float, second: float) -> Floats:
 def signal_dependent(rng: np.random.Generator, positions: Floats) -> Floats:
     """Deviation (T, 3) of one movement whose velocity noise grows with speed (Harris and Wolpert).
 
-    The person corrects on the way: the accumulated deviation is taken back smoothly, so that the
-    movement still starts and ends where `positions` (T, 3) does.
+    The person corrects the accumulated deviation smoothly during the movement, which therefore
+    starts and ends where `positions` (T, 3) does.
     """
     count = len(positions)
     velocity = np.gradient(positions, 1.0 / RATE_HZ, axis=0)
@@ -68,10 +67,10 @@ def signal_dependent(rng: np.random.Generator, positions: Floats) -> Floats:
 
 
 def occlusions(rng: np.random.Generator, count: int, gaps_per_s: float, drop_rate: float) -> Flags:
-    """Which of `count` samples the tracker sees, bool (count,).
+    """Whether the tracker sees each sample, (count,).
 
-    Gaps of 0.05 to 0.35 s begin at random, `gaps_per_s` on average; single samples are lost with
-    probability `drop_rate`.
+    Gaps of 0.05 to 0.35 s begin at random, on average `gaps_per_s` per second. Single samples are
+    lost with probability `drop_rate`.
     """
     visible = rng.uniform(size=count) >= drop_rate
     for _ in range(rng.poisson(gaps_per_s * count / RATE_HZ)):

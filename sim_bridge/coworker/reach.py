@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """One reach of the wrist: minimum jerk along an individual curve, with hesitation.
 
-Where the worker changes his mind the goal moves to another task's on the way: the hand leaves the
-course of one reach for that of another, which has the same start and the same timing (Flash and
-Henis 1991 find that in people).
+If the worker changes their mind, the goal changes to another task's during the movement: the hand
+moves from the course of one reach to that of another with the same start and timing, as Flash and
+Henis (1991) found in people.
 """
 
 from collections.abc import Callable
@@ -28,20 +28,20 @@ from sim_bridge.coworker.styles import (
 class Hesitation:
     """A slow-down within a movement."""
 
-    centre: float  # progress in undisturbed time, in (0, 1), at which it is slowest
-    width: float  # standard deviation of the slow-down in the same unit
-    extra_s: float  # time it adds to the movement
+    centre: float  # undisturbed time, in (0, 1), at which the movement is slowest
+    width: float  # standard deviation of the slow-down, in undisturbed time
+    extra_s: float  # time added to the movement
 
 
 @dataclass(frozen=True)
 class Reach:
-    """One movement of the wrist to rest, as a rule from rest."""
+    """One movement of the wrist to rest, usually from rest."""
 
     task: str  # label, or "" for a movement that belongs to no task
-    start_m: Floats  # where the wrist rests before, (3,), world
-    goal_m: Floats  # where it stops, (3,), world
+    start_m: Floats  # start of the movement, (3,), world
+    goal_m: Floats  # end of the movement, (3,), world
     nominal_s: float  # duration without hesitation
-    bow_m: Floats  # deviation from the straight line where it is largest, (3,)
+    bow_m: Floats  # largest deviation from the straight line, (3,)
     skew: float  # exponent of the bow's decay, >= 1; the bow peaks at progress 1 / (1 + skew)
     # rotation vector of the wrist relative to its rest orientation at the goal, (3,)
     turn_rad: Floats
@@ -59,7 +59,7 @@ class Reach:
         return straight + self.bow_m * bow_profile(progress, self.skew)
 
     def rotations(self, time_s: Floats, before_rad: Floats) -> Floats:
-        """Rotation vectors (T, 3) relative to rest, of a wrist that had `before_rad` (3,)."""
+        """Rotation vectors (T, 3) relative to rest, starting from `before_rad` (3,)."""
         return before_rad + (self.turn_rad - before_rad) * progress_at(self, time_s)[:, None]
 
 
@@ -68,10 +68,10 @@ class JoinedMovement:
     """Two movements of the wrist joined to one.
 
     Attributes:
-        first: as it was meant, or the one before.
-        second: what becomes of it.
-        change_s: when the mind changes, in seconds after the onset; 0 where it does not.
-        positions, rotations: as of a `Reach`.
+        first: the movement as first intended, or the one before.
+        second: the movement that it turns into.
+        change_s: time after the onset at which the intention changes; 0 if it does not.
+        positions, rotations: as in a `Reach`.
     """
 
     first: "WristMovement"
@@ -83,22 +83,22 @@ class JoinedMovement:
 
     @property
     def task(self) -> str:
-        """Label of the task it ends in, or ""."""
+        """Label of the task in which the movement ends, or ""."""
         return self.second.task
 
     @property
     def start_m(self) -> Floats:
-        """Where it begins, (3,), world."""
+        """Start of the movement, (3,), world."""
         return self.positions(np.zeros(1))[0]
 
     @property
     def goal_m(self) -> Floats:
-        """Where it stops, (3,), world."""
+        """End of the movement, (3,), world."""
         return self.second.goal_m
 
 
 WristMovement: TypeAlias = Reach | JoinedMovement
-"""What the wrist does between two rests."""
+"""A movement of the wrist."""
 
 
 def bow_profile(progress: Floats, skew: float) -> Floats:
@@ -108,7 +108,7 @@ def bow_profile(progress: Floats, skew: float) -> Floats:
 
 
 def normalised_time(reach: Reach, time_s: Floats) -> Floats:
-    """Undisturbed time in [0, 1] at `time_s` after the onset: slower where the person hesitates.
+    """Undisturbed time in [0, 1] at `time_s` after the onset; it runs slower during hesitations.
 
     Each hesitation stretches time by a Gaussian in undisturbed time, so that the map is smooth and
     strictly increasing and the movement ends at `reach.duration_s` exactly.
@@ -129,16 +129,16 @@ def progress_at(reach: Reach, time_s: Floats) -> Floats:
 
 
 def draw_rest(rng: np.random.Generator, side: float = 0.0) -> Floats:
-    """A resting place of the wrist (3,), uniform in the rest region common to all tasks.
+    """Draw a resting place of the wrist (3,), uniform in the rest region common to all tasks.
 
-    Beside somebody else it is in the outer 40 % of the region on one's own side of the table: 1 for
-    larger y, -1 for smaller.
+    With two people, it is in the outer fifth of the region's width on the person's own side of the
+    table; `side` is 1 for larger y and -1 for smaller, 0 for one person alone.
     """
     return REST_CENTRE_M + REST_HALF_WIDTH_M * _draw_place(rng, side)
 
 
 def _draw_place(rng: np.random.Generator, side: float) -> Floats:
-    """Uniform between -1 and 1, or on one side of y (3,); see `draw_rest`."""
+    """Draw uniformly between -1 and 1 (3,), with y on one side if `side` is not 0."""
     place = rng.uniform(-1.0, 1.0, 3)
     if side:
         place[1] = side * (0.8 + 0.2 * place[1])
@@ -154,8 +154,8 @@ def draw_reach(
 ) -> Reach:
     """Draw a reach of a task from a resting place (3,), world, to a new goal of its region.
 
-    Without hesitation it takes `nominal_s`, drawn log-uniformly from 1.6 to 4.0 s if None. The side
-    is as of `draw_rest`: hands of two people are not in one place.
+    Without hesitation it takes `nominal_s`, drawn log-uniformly from 1.6 to 4.0 s if None. `side`
+    is as in `draw_rest`, so that the hands of two people do not meet.
 
     Raises:
         ArgumentError: the task is unknown.
@@ -178,14 +178,14 @@ def draw_reach(
 
 
 def draw_retract(rng: np.random.Generator, start_m: Floats, side: float = 0.0) -> Reach:
-    """Draw the way back from `start_m` to a new resting place; `side` as of `draw_rest`."""
+    """Draw the way back from `start_m` to a new resting place; `side` is as in `draw_rest`."""
     bow = np.array([0.0, 0.0, 0.02]) + 0.015 * rng.standard_normal(3)
     turn = 0.1 * rng.standard_normal(3)
     return Reach("", start_m, draw_rest(rng, side), rng.uniform(1.1, 1.7), bow, 1.0, turn)
 
 
 def draw_hesitations(rng: np.random.Generator) -> tuple[Hesitation, ...]:
-    """None as a rule, else one or two slow-downs within the movement."""
+    """Draw the hesitations of a movement: usually none, otherwise one or two."""
     hesitates = rng.uniform() < 0.35
     count = 1 + int(rng.uniform() < 0.25)
     drawn = tuple(
@@ -196,16 +196,16 @@ def draw_hesitations(rng: np.random.Generator) -> tuple[Hesitation, ...]:
 
 
 USUAL_BLEND = 0.25
-"""Share of the movement that a change takes, where nothing else is said. Convention."""
+"""Default share of the movement's time that a change takes."""
 
 
 def joined(
     first: WristMovement, second: WristMovement, change_s: float, onset_s: float, blend_s: float
 ) -> JoinedMovement:
-    """A reach that goes over into another one, which began at `onset_s`, within `blend_s`."""
+    """Join a reach to another that began at `onset_s`; the change takes `blend_s`."""
 
     def done(time_s: Floats) -> Floats:
-        """Share (T, 1) of the change that is done."""
+        """Completed share of the change (T, 1)."""
         since_s = time_s - change_s
         share = minimum_jerk(since_s / blend_s) if blend_s else since_s >= 0.0
         return np.asarray(share, dtype=np.float64)[:, None]
@@ -224,9 +224,9 @@ def joined(
 
 
 def superposed(movement: WristMovement, before: WristMovement, into_s: float) -> JoinedMovement:
-    """A movement that begins `into_s` after the onset of one that still ends: the hand makes both.
+    """Superpose a movement on the end of the one before, `into_s` after the latter's onset.
 
-    So do people who go over from one reach to another (superposition: Flash and Henis 1991).
+    People superpose movements in this way (Flash and Henis 1991).
     """
 
     def positions(time_s: Floats) -> Floats:
@@ -237,10 +237,10 @@ def superposed(movement: WristMovement, before: WristMovement, into_s: float) ->
 
 
 def blend(first: WristMovement, second: Reach, share: float, blend_share: float) -> JoinedMovement:
-    """A reach that goes over to the course of another from the same start, with its own timing.
+    """Join a reach to the course of another with the same start, keeping its own timing.
 
-    The change begins at a share in (0, 1) of the movement's time, and takes a share of at most what
-    remains. A first one that was changed must have been blended.
+    The change begins at a share in (0, 1) of the movement's time, and takes `blend_share` of it, at
+    most the remaining share. If `first` was changed before, that must have been by `blend`.
     """
     if not (0.0 < share < 1.0 and 0.0 < blend_share <= 1.0 - share + 1e-9):
         got = f"{blend_share:g} after {share:g}"
@@ -253,5 +253,5 @@ def blend(first: WristMovement, second: Reach, share: float, blend_share: float)
 
 
 def last_reach(movement: WristMovement) -> Reach:
-    """The reach that a movement ends as."""
+    """The reach with which a movement ends."""
     return movement if isinstance(movement, Reach) else last_reach(movement.second)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A working session of the coworker: a pure function of its seed, so that a scorer can repeat it.
 
-Each interaction: rest, reach (onset to end), hold while the robot comes, retract to a new resting
-place, rest.
+Each interaction is a reach (onset to end), a hold while the robot comes, a retraction to a new
+resting place, and a rest.
 """
 
 from collections.abc import Sequence
@@ -28,15 +28,15 @@ from sim_bridge.coworker.timeline import WristSamples, sample_wrist
 
 @dataclass(frozen=True)
 class SessionTiming:
-    """The parts of a session that are not movement, all in seconds.
+    """Timing of a session between its movements.
 
     Attributes:
         first_idle_s, last_idle_s: rest before the first reach, and at the end of the session.
-        idle_s: shortest and longest rest between a retract and the next reach.
+        idle_s: shortest and longest rest between a retraction and the next reach.
         hold_s: shortest and longest wait for the robot at the end of a reach.
         gaps_per_s: occlusions per second.
-        overlap_share: share of each movement's time that is left when the next one begins; 0 where
-            each ends at rest.
+        overlap_share: share of each movement's time that remains when the next one begins; 0 if
+            each movement ends at rest.
     """
 
     first_idle_s: float = 2.0
@@ -48,8 +48,8 @@ class SessionTiming:
 
 
 WITHOUT_PAUSE = SessionTiming(idle_s=(0.0, 0.0), hold_s=(0.0, 0.0), overlap_share=0.1)
-"""One movement flows into the next: there is no rest but before the first and after the last.
-Convention: after 90 % of a movement's time 99 % of its way is done."""
+"""Timing in which each movement flows into the next, with rest only before the first and after the
+last. After 90 % of a movement's time, 99 % of its way is done."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +57,12 @@ class Interaction:
     """Ground truth of one interaction, for scoring; times are since the session's first sample.
 
     Attributes:
-        task: label; of a changed reach that of the task it was changed to.
-        onset_s, end_s: of the reach.
-        goal_m: where the wrist stops, (3,), world.
-        changed_from: label of the task as which a changed reach began, else empty.
-        change_s: when it was changed; NaN if it was not.
-        leaves_s: when the worker waits for the robot no longer.
+        task: label of the task; the final one if the reach was changed.
+        onset_s, end_s: start and end of the reach.
+        goal_m: position at which the wrist stops, (3,), world.
+        changed_from: label of the task with which a changed reach began, else empty.
+        change_s: time of the change; NaN if there was none.
+        leaves_s: time at which the worker stops waiting for the robot.
     """
 
     task: str
@@ -77,7 +77,7 @@ class Interaction:
 
 @dataclass(frozen=True)
 class SessionPlan:
-    """A planned session: what the tracker sees at 100 Hz, and the ground truth in order."""
+    """A planned session: the tracker's samples at 100 Hz, and the ground truth in order."""
 
     samples: WristSamples
     interactions: tuple[Interaction, ...]
@@ -89,10 +89,10 @@ def plan_session(
     """Plan a session through `tasks` with new goals, starts, curves and speeds.
 
     The same arguments give the same plan, bit for bit; sample k is taken 10 k ms after the first.
-    `read_intention` says how a change is written in the tasks, `draw_rest` what a side is.
+    See `read_intention` for changes of mind in `tasks`, and `draw_rest` for `side`.
 
     Raises:
-        ArgumentError: an unknown label, or no task at all.
+        ArgumentError: a label is unknown, or there is no task.
     """
     if not tasks:
         cure = f"Name some of {sorted(STYLES)}."
@@ -123,12 +123,12 @@ def plan_session(
 def plan_people(
     seed: int, tasks: Sequence[Sequence[str]], timing: SessionTiming | None = None
 ) -> tuple[SessionPlan, ...]:
-    """Sessions at one table, each with a seed of its own: of one worker, or of two side by side.
+    """Plan sessions at one table, of one worker or of two side by side, each with its own seed.
 
-    The first worker has the seed of all; arguments are as of `plan_session`.
+    The first worker's seed is `seed`; the arguments are as in `plan_session`.
 
     Raises:
-        ArgumentError: as of `plan_session`, or there is no place for so many.
+        ArgumentError: as in `plan_session`, or there are more than two people.
     """
     if not 1 <= len(tasks) <= 2:  # sides of the table
         cure = "Name no more people."

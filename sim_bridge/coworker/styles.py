@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How each task of the toolbox assembly is reached for: goal regions, curvature, wrist turn.
+"""How the worker reaches in each task of the toolbox assembly: goals, curvature, wrist turn.
 
-The goal regions overlap on purpose and the hand starts anywhere in one rest region common to all
-tasks, so that where the wrist is says little; how it moves away from its own start says which
-task it is: a plate is received from above, a screwdriver is fetched with a sweep to the side, and
-a screwdriver is handed over low.
+The goal regions overlap on purpose, and the hand starts anywhere in a rest region common to all
+tasks, so the position of the wrist says little. The course of the movement shows the task: the
+wrist rises for a plate, sweeps to the side for a screw, and stays low for the screwdriver.
 
 World frame: robot base at the origin, x toward the worker, z up; metres, radians.
 """
@@ -22,22 +21,22 @@ TASKS = (PLATE, SCREW, HOLD)
 """The three tasks of the toolbox assembly (Ewerton et al. 2015, Fig. 5)."""
 
 REST_CENTRE_M, REST_HALF_WIDTH_M = np.array([1.10, 0.0, 0.27]), np.array([0.06, 0.115, 0.10])
-"""Middle and half edges of the region in which the hand rests [m], world: as wide as the goals, so
-that the start tells no task."""
+"""Centre and half edges of the region in which the hand rests [m], world; as wide as the goal
+regions, so that the start does not reveal the task."""
 
 DURATION_RANGE_S = (1.6, 4.0)
-"""Shortest and longest reach without hesitation [s]. Convention."""
+"""Shortest and longest duration of a reach without hesitation [s]."""
 LONGEST_MOVEMENT_S = 4.8
-"""A hesitation that makes a reach longer than this is left out [s]."""
+"""Hesitations that make a reach longer than this are left out [s]."""
 
 
 @dataclass(frozen=True)
 class TaskStyle:
-    """What the reaches of one task have in common."""
+    """Common properties of the reaches of one task."""
 
-    goal_centre_m: Floats  # middle of the region of goals of the wrist, (3,)
+    goal_centre_m: Floats  # centre of the box of the wrist's goals, (3,)
     goal_half_width_m: Floats  # half edges of that box, (3,)
-    bow_m: Floats  # mean of the deviation from the straight line where it is largest, (3,)
+    bow_m: Floats  # mean of the largest deviation from the straight line, (3,)
     bow_std_m: Floats  # individual variation of the bow, (3,)
     turn_rad: Floats  # rotation vector of the wrist from its rest orientation to the goal, (3,)
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a worker is to do: task lists and changes of mind in them, a habit, a share of a plan.
+"""The tasks of a worker: task lists with changes of mind, a habit, or a share of a plan.
 
-The habit: per box a plate, a screw, the screwdriver; now and then a part is skipped or taken twice.
-A first-order Markov chain, drawn from a seed. Nothing of it is told to the robot, which learns it
-from recordings of earlier sessions.
+The habit is a plate, a screw and the screwdriver for each box, with a part sometimes skipped or
+taken twice. It is a first-order Markov chain, drawn from a seed. The robot does not know it, and
+learns it from recordings of earlier sessions.
 """
 
 import re
@@ -18,27 +18,27 @@ from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 from sim_bridge.coworker.styles import STYLES, TASKS
 
 CHANGED = re.compile(r"(?P<task>[^>@]+)>(?P<then>[^>@]+)@(?P<share>[^>@]+)")
-"""One task that is changed to another one: OLD>NEW@SHARE."""
+"""Pattern of a task that is changed to another one: OLD>NEW@SHARE."""
 CHANGE_SHARES = (0.15, 0.25, 0.4)
-"""Shares of the movement at which `change_some` lets the mind change. Convention."""
+"""Shares of the movement's time at which changes of `change_some` happen."""
 
 
 class Intention(NamedTuple):
     """One entry of a task list."""
 
-    task: str  # as which the reach begins
-    then: str = ""  # the task it is changed to, empty if it is not
-    share: float = 0.0  # of the movement's time at which the mind changes
+    task: str  # the task with which the reach begins
+    then: str = ""  # the task it is changed to; empty without a change
+    share: float = 0.0  # share of the movement's time at which the change begins
 
 
 def read_intention(text: str) -> Intention:
     """Read one entry of a task list: a label, or OLD>NEW@SHARE.
 
-    `plate_handover>hold_screwdriver@0.25` begins as a plate's hand-over and becomes the other
+    `plate_handover>hold_screwdriver@0.25` begins as `plate_handover` and changes to the other task
     after a quarter of the movement's time.
 
     Raises:
-        ArgumentError: a label is unknown, both are one, or the share is not between 0 and 1.
+        ArgumentError: a label is unknown, both are equal, or the share is not between 0 and 1.
     """
     found = CHANGED.fullmatch(text)
     if not found:
@@ -55,10 +55,10 @@ def read_intention(text: str) -> Intention:
 
 
 def change_some(tasks: tuple[str, ...], seed: int, count: int) -> tuple[str, ...]:
-    """Let the worker change his mind in `count` more of the interactions, drawn from a seed.
+    """Let the worker change their mind in `count` more interactions, drawn from a seed.
 
     Raises:
-        ArgumentError: fewer entries can be changed.
+        ArgumentError: fewer than `count` entries can be changed.
     """
     plain = [k for k, text in enumerate(tasks) if not read_intention(text).then]
     if count > len(plain):
@@ -86,13 +86,13 @@ def parse_task_list(task_list: str, seed: int, interactions: int) -> tuple[str, 
     Args:
         task_list: "random" (every task equally often, in random order), "habit" (in the
             coworker's habitual order, with variation), labels separated by commas, or a text or
-            YAML file with a list of labels. `read_intention` says how a change is written.
-        seed: of the order.
-        interactions: how many; a given list is repeated or cut to that number, and 0 takes a
-            given list as it is (40 for "random" and "habit").
+            YAML file with a list of labels. See `read_intention` for changes of mind.
+        seed: seed of the order.
+        interactions: number of labels, to which a given list is repeated or cut; 0 takes a given
+            list as it is, and means 40 for "random" and "habit".
 
     Raises:
-        ArgumentError: an unknown label, an empty list, or a file that is neither.
+        ArgumentError: a label is unknown, the list is empty, or the file cannot be read.
     """
     if interactions < 0:
         cure = "Give the number of reaches."
@@ -133,13 +133,13 @@ def _labels_of(text: str) -> tuple[str, ...]:
 
 
 FIRST = np.array([0.8, 0.1, 0.1])
-"""Probability of the first task, in their usual order, `TASKS`."""
+"""Probabilities of the first task, in the order of `TASKS`."""
 FOLLOWS = np.array([[0.05, 0.85, 0.10], [0.05, 0.10, 0.85], [0.85, 0.10, 0.05]])
-"""Probability of the next task (columns) after each (rows), likewise."""
+"""Probabilities of the next task (columns) after each task (rows), in the order of `TASKS`."""
 
 
 def habitual_tasks(seed: int, count: int) -> tuple[str, ...]:
-    """The tasks of a session in the order of the habit, the same for the same seed."""
+    """Draw the tasks of a session from the habit with a seed."""
     rng = np.random.default_rng([seed, 11])
     tasks: list[str] = []
     row = FIRST
@@ -153,10 +153,10 @@ def habitual_tasks(seed: int, count: int) -> tuple[str, ...]:
 def work_shares(
     plan: WorkPlan, seed: int, n_people: int, n_steps: int = 0
 ) -> tuple[tuple[str, ...], ...]:
-    """The tasks of each of several people who share an assembly, or its first steps; 0: all.
+    """Tasks of each of several people who share an assembly, or its first `n_steps` (0 for all).
 
-    At any time each of them does a step that may be next, as long as there are so many; who has
-    done the fewest is the first to take one. Each such step is as probable as the others.
+    In each round, people take steps that may be next, as long as there are any; whoever has done
+    the fewest chooses first. All steps that may be next are equally probable.
     """
     rng = np.random.default_rng([seed, 23])
     before = plan.before > LIKELY_BEFORE

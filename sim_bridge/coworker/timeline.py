@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From movements on a time line to the poses a marker tracker would deliver."""
+"""Turn movements on a time line into the poses that a marker tracker would deliver."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,9 +31,9 @@ class WristSamples:
     times_s: Floats  # seconds since the first sample, (T,)
     positions_m: Floats  # measured positions (T, 3), world
     orientations: Floats  # measured orientations (T, 4), quaternion xyzw, world
-    # False where the tracker lost the marker, (T,): such samples are never delivered
+    # False where the tracker lost the marker, (T,); such samples are not delivered
     visible: Flags
-    true_positions_m: Floats  # where the wrist really was (T, 3): movement, sway and tremor
+    true_positions_m: Floats  # true positions (T, 3) with sway and tremor, world
 
 
 def sample_wrist(
@@ -46,9 +46,9 @@ def sample_wrist(
 ) -> WristSamples:
     """Sample the wrist over `length_s` seconds of rest, movements and holds.
 
-    Movements, each with its onset [s], are in order of time, each starting where the one before
-    ended, after which the wrist rests, or where and as it is on its way. At rest its orientation is
-    the quaternion xyzw (4,).
+    `movements` are pairs of onset [s] and movement in order of time. Each starts where the one
+    before ended and the wrist rests, or where it interrupts the one before. `rest` is the
+    orientation at rest, a quaternion xyzw (4,).
     """
     count = round(length_s * RATE_HZ) + 1
     times = np.arange(count) / RATE_HZ
@@ -76,9 +76,9 @@ def sample_wrist(
 
 
 def quaternions(rotation_vectors: Floats, rest: Floats = REST_QUATERNION) -> Floats:
-    """Unit quaternions xyzw (T, 4) of the wrist in the world, without a jump of sign.
+    """Unit quaternions xyzw (T, 4) of the wrist in the world, without jumps of sign.
 
-    Of rotation vectors (T, 3) in the wrist's axes, relative to its orientation at rest, xyzw (4,).
+    The rotation vectors (T, 3) are in the wrist's axes, relative to its orientation `rest` (4,).
     """
     out = (Rotation.from_quat(rest) * Rotation.from_rotvec(rotation_vectors)).as_quat()
     flips = np.sign(np.sum(out[1:] * out[:-1], axis=1))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a handover by force takes: fingers, an object between them, and a person's hand."""
+"""Handover by force: fingers, an object between them, and a person's hand."""
 
 from sim_bridge.handover.fingers import GRIP_M, Fingers, GripFollower, finger_joints, with_fingers
 from sim_bridge.handover.grip import CompliantHand, Strength

@@ -14,24 +14,24 @@ from sim_bridge.arm import Robot, SimulatedArm, add_inertial, add_joint, text_of
 from sim_bridge.physics import pybullet
 
 GRIP_LINK = "grip"
-"""Link between the pads of a gripper that was added."""
+"""Link between the pads of an added gripper, its grip."""
 FINGERS = ("grip_finger_left", "grip_finger_right")
-"""Its joints."""
+"""Joints of an added gripper."""
 PALM_M, FINGER_M = (0.05, 0.12, 0.03), (0.024, 0.012, 0.07)
-"""Its palm and fingers: width, length in the direction of closing, depth [m]. Convention: small
-beside a Franka Hand, with pads as wide."""
+"""Palm and fingers of an added gripper: width, length in the direction of closing, depth [m]. It is
+smaller than a Franka Hand, with pads as wide."""
 OPENING_M = 0.04
-"""Largest distance of a finger from the middle [m], as the Franka Hand's."""
+"""Largest distance of a finger from the middle [m], as in the Franka Hand."""
 GRIP_M = PALM_M[2] + FINGER_M[2] - 0.015
-"""From the link that it was added to, along its z, to the grip [m]: near the middle of a pad."""
+"""Distance of the grip from the link that carries the gripper, along that link's z [m]."""
 CLOSING_M_S, OPENING_M_S = 0.1, 0.15
-"""Speed of the fingers [m/s]: the Franka Hand has at most 0.1 and 0.2."""
+"""Speeds of the fingers [m/s]; the Franka Hand has at most 0.1 and 0.2."""
 GEAR_N = 500.0
-"""Force that keeps the fingers alike apart from the middle [N]: much more than they press."""
+"""Force that keeps both fingers equally far from the middle [N], much larger than they press."""
 
 
 def with_fingers(robot: Robot) -> Robot:
-    """An arm with fingers: as it is if it has two, else with a gripper, whose grip is the tip."""
+    """The arm itself if it has two fingers, else the arm with a gripper, whose grip is the tip."""
     if len(finger_joints(robot)) == 2:
         return robot
     urdf, description = (_add(text, robot.tip) for text in (robot.urdf, robot.description))
@@ -39,14 +39,14 @@ def with_fingers(robot: Robot) -> Robot:
 
 
 def finger_joints(robot: Robot) -> list[str]:
-    """Names of the joints of its fingers: of those that it was given, or of all that slide."""
+    """Names of an arm's finger joints: an added gripper's, or else all prismatic ones."""
     joints = parse_xml(robot.urdf).findall("joint[@type='prismatic']")
     names = [joint.get("name", "") for joint in joints]
     return _that_grip([name for name in names if name not in robot.joint_names])
 
 
 def _that_grip(names: list[str]) -> list[str]:
-    """Of the joints that slide those of an added gripper, or all."""
+    """The joints of an added gripper if they are among the names, else all names."""
     return list(FINGERS) if FINGERS[0] in names else names
 
 
@@ -54,7 +54,7 @@ class Fingers:
     """The two fingers of a simulated arm, pressed together by a force.
 
     Raises:
-        ArgumentError: the arm has not two fingers that slide.
+        ArgumentError: the arm does not have two sliding fingers.
     """
 
     def __init__(self, arm: SimulatedArm) -> None:
@@ -69,15 +69,15 @@ class Fingers:
             cure = "Give it a gripper by `with_fingers`."
             raise ArgumentError.about("arm", "two fingers", arm.others.names, cure)
         for link in self.links:
-            # Soft pads: hard faces hold by one edge, and what slides with less damping rocks.
+            # Soft pads: hard faces hold by one edge, and objects rock with less damping.
             self._client.changeDynamics(
                 self._body,
                 link,
                 lateralFriction=1.0,
                 frictionAnchor=False,
                 spinningFriction=0.015 * 2.0 / 3.0,  # two thirds of the radius of a soft pad
-                contactStiffness=2e4,  # it yields by 1 mm to the strongest grip
-                contactDamping=1000.0,  # as the Panda's URDF
+                contactStiffness=2e4,  # 1 mm at the strongest grip
+                contactDamping=1000.0,  # as in the Panda's URDF
             )
             self._client.resetJointState(self._body, link, OPENING_M)
         gear = self._client.createConstraint(
@@ -99,7 +99,7 @@ class Fingers:
             self._client.setJointMotorControl2(self._body, link, pybullet.VELOCITY_CONTROL, **aim)
 
     def close_on(self, half_width_m: float) -> None:
-        """Put the fingers at so much from the middle at once, on what is between them."""
+        """Put each finger at a distance from the middle at once, onto an object between them."""
         for link in self.links:
             self._client.resetJointState(self._body, link, half_width_m)
 
@@ -109,7 +109,7 @@ class Fingers:
         return 0.5 * float(states[0][0] + states[1][0])
 
     def touching(self, body: int) -> int:
-        """How many of the fingers touch a body."""
+        """Number of fingers that touch a body."""
         contacts = self._client.getContactPoints(self._body, body) or ()
         return len({contact[3] for contact in contacts} & set(self.links))
 
@@ -152,7 +152,7 @@ CARRIED = (Holding.CARRYING, Holding.OFFERING, Holding.RETURNING)
 
 
 class GripFollower:
-    """Presses the fingers, and carries the weight that the person has not taken over."""
+    """Presses the fingers, and compensates the weight that the person has not taken over."""
 
     def __init__(self, arm: SimulatedArm, fingers: Fingers) -> None:
         self._arm, self._fingers, self._payload_n = arm, fingers, 0.0
@@ -160,10 +160,10 @@ class GripFollower:
     def follow(
         self, holding: Holding, share: float, weight_n: float, grip_n: float, step_s: float
     ) -> None:
-        """Do what is asked for from now on, `step_s` after the last time."""
+        """Apply a command, `step_s` after the last one."""
         self._fingers.press(grip_n)
         wanted_n = weight_n * (1.0 - share) if holding in CARRIED else 0.0
-        # slower than it is measured, faster than people give it up
+        # slower than the measurement, faster than people give up a load
         reach_n = np.inf if holding in (Holding.EMPTY, Holding.RELEASING) else 40.0 * step_s
         self._payload_n += float(np.clip(wanted_n - self._payload_n, -reach_n, reach_n))
         self._arm.set_payload(max(self._payload_n, 0.0) / GRAVITY_M_S2)

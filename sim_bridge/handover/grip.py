@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A person's hand that takes and gives: mass, compliance, noise, and a grip that can slip.
 
-The hand is a point mass that the arm pulls to where the person wants it, as a spring and damper
-of limited strength; its grip on the object is a stiffer one, which slides when it must bear more
-than friction allows. Nothing here knows what the robot measures or decides.
+The hand is a point mass that the arm, a spring and damper of limited strength, pulls to where the
+person wants it. The grip on the object is a stiffer spring and damper, which slides when the load
+exceeds what friction allows. This model does not know what the robot measures or decides.
 """
 
 from dataclasses import dataclass
@@ -15,26 +15,26 @@ from intent_recognition.array_types import Floats
 HAND_KG = 0.6
 """Effective mass of hand and forearm [kg] (Dolan, Friedman and Nagurka 1993: 0.5 to 1.5)."""
 DAMPING_RATIO = 0.7
-"""Of arm and grip. Convention."""
+"""Damping ratio of arm and grip."""
 GRIP_N_M, GRIP_NM_RAD = 1200.0, 4.0
-"""Stiffness of the finger pads in a grip [N/m], [Nm/rad]. Convention: they yield by millimetres."""
+"""Stiffness of the finger pads in a grip [N/m], [Nm/rad], so that they yield by millimetres."""
 LEAST_LIMIT_N, LIMIT_PER_LOAD = 3.0, 1.6
-"""What a grip can bear: this [N], and this times the load that was felt (Johansson and Westling
-1984: people grip 1.4 to 2 times as hard as friction needs)."""
+"""Largest load of a grip: a constant [N], plus this factor times the load that was felt (Johansson
+and Westling 1984: people grip 1.4 to 2 times as hard as friction requires)."""
 FEEL_S = 0.08
 """Time until the grip follows the load [s] (Johansson and Westling 1984: 60 to 100 ms)."""
 NOISE_SHARE, TREMOR_N, NOISE_RAD_S = 0.04, 0.1, 60.0
-"""Noise of the arm's force: its share of the force (Jones, Hamilton and Wolpert 2002), that at rest
-[N], and its bandwidth [rad/s]: tremor has about 10 Hz."""
+"""Noise of the arm's force: as a share of the force (Jones, Hamilton and Wolpert 2002), at rest
+[N], and its bandwidth [rad/s] (tremor has about 10 Hz)."""
 
 
 @dataclass(frozen=True)
 class Strength:
-    """What the arm of a person is like.
+    """Stiffness and strength of a person's arm.
 
     Attributes:
-        stiffness_n_m: of the arm at the hand (Mussa-Ivaldi, Hogan and Bizzi 1985: 100 to 400).
-        strongest_n: force at which it yields.
+        stiffness_n_m: stiffness at the hand (Mussa-Ivaldi, Hogan and Bizzi 1985: 100 to 400).
+        strongest_n: force at which the arm yields.
     """
 
     stiffness_n_m: float = 200.0
@@ -42,20 +42,20 @@ class Strength:
 
     @classmethod
     def draw(cls, rng: np.random.Generator) -> "Strength":
-        """Draw a person."""
+        """Draw a person's arm."""
         return cls(rng.uniform(120.0, 300.0), rng.uniform(9.0, 14.0))
 
 
 class CompliantHand:
-    """The hand, stepped with the physics.
+    """A person's hand, stepped with the physics.
 
     Attributes:
-        position_m, velocity_m_s: of the hand (3,), world.
-        target_m: where the person wants it.
-        lift_n: force upward that the person adds on purpose, for the object's weight [N].
-        force_n: on the object (3,), of the last step.
-        felt_n: load on the fingers as it is felt, late [N].
-        holds: whether it has hold of the object.
+        position_m, velocity_m_s: position and velocity of the hand (3,), world.
+        target_m: position where the person wants the hand (3,), world.
+        lift_n: upward force that the person adds on purpose, for the object's weight [N].
+        force_n: force on the object in the last step (3,) [N].
+        felt_n: load on the fingers as the person feels it, with a delay [N].
+        holds: whether the hand holds the object.
     """
 
     def __init__(self, position_m: Floats, strength: Strength, rng: np.random.Generator) -> None:
@@ -68,15 +68,15 @@ class CompliantHand:
         self._turn0 = np.array([0.0, 0.0, 0.0, 1.0])
 
     def grasp(self, point_m: Floats, turn: Floats, ready: float = 1.0) -> None:
-        """Take hold of the object at a point (3,), as it is turned (quaternion xyzw).
+        """Take hold of the object at a point (3,), in its orientation (quaternion xyzw).
 
-        It has a share of its grip at once; the rest comes with what it feels.
+        The grip begins with the share `ready` of `LEAST_LIMIT_N`, and grows to it within `FEEL_S`.
         """
         self.holds, self._slid_m, self._ready = True, 0.0, ready
         self._offset_m, self._turn0 = point_m - self.position_m, np.array(turn)
 
     def turn_to(self, turn: Floats) -> None:
-        """Turn the object that it holds (quaternion xyzw)."""
+        """Set the orientation in which the hand holds the object (quaternion xyzw)."""
         self._turn0 = np.array(turn)
 
     def let_go(self) -> None:
@@ -94,8 +94,8 @@ class CompliantHand:
     ) -> tuple[Floats, Floats]:
         """Move the hand; return force (3,) [N] and torque (3,) [Nm] on the object.
 
-        Point and velocity (3,) are those of where it is held, its orientation (4,) is xyzw, its
-        spin (3,); its mass sets the damping of the grip.
+        `point_m` and `velocity_m_s` (3,) are those of the held point, `turn` (4,), xyzw, and
+        `spin_rad_s` (3,) those of the object. Its mass determines the damping of the grip.
         """
         self.force_n, torque = np.zeros(3), np.zeros(3)
         if self.holds:
@@ -124,7 +124,7 @@ class CompliantHand:
         limit_n = self._ready * LEAST_LIMIT_N + LIMIT_PER_LOAD * self.felt_n
         self._ready = min(1.0, self._ready + step_s / FEEL_S)
         size = float(np.linalg.norm(force))
-        if size > limit_n:  # it slides: the pads hold as much as they can
+        if size > limit_n:  # it slides, and the pads hold as much as they can
             force *= limit_n / size
             held = (force - damping * (self.velocity_m_s - velocity_m_s)) / GRIP_N_M
             self._slid_m += float(np.linalg.norm(stretch - held))
@@ -134,7 +134,7 @@ class CompliantHand:
         return force
 
     def _turning(self, turn: Floats, spin_rad_s: Floats) -> Floats:
-        """What keeps the object turned as it was taken."""
+        """Torque that keeps the object in the orientation in which it was taken."""
         axis0, w0, axis, w = self._turn0[:3], self._turn0[3], turn[:3], turn[3]
         (a, b, c), (x, y, z) = axis, axis0
         cross = np.array([b * z - c * y, c * x - a * z, a * y - b * x])
@@ -142,4 +142,4 @@ class CompliantHand:
         sign = 1.0 if w0 * w + axis0 @ axis >= 0.0 else -1.0
         torque = -2.0 * sign * GRIP_NM_RAD * away - 0.02 * spin_rad_s
         size = float(np.linalg.norm(torque))
-        return torque * min(1.0, 1.0 / max(size, 1e-9))  # 1 Nm: of a few fingers
+        return torque * min(1.0, 1.0 / max(size, 1e-9))  # at most 1 Nm, as of a few fingers

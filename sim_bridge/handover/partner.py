@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a person does who takes an object from the robot, or gives it one.
+"""A person who takes an object from the robot, or gives it one.
 
 The person sees whether the robot rests and whether its fingers have closed, and feels the load on
-the own hand; each with a delay. Times are drawn for each person and trial.
+their hand, each with a delay. Times are drawn for each person and trial.
 """
 
 from dataclasses import dataclass, replace
@@ -20,20 +20,18 @@ SPANS_S = {
     "pull": (0.9, 1.5),
     "busy": (0.0, 1.0),
 }
-"""Least and most time [s] from what is seen to the begin of a movement (Woods, Wyma, Yund, Herron
-and Reed 2015, simple visual reactions: 0.23 on average), of the reach, of taking over or giving up
-a load (Chan et al. 2012), of bringing the object to oneself, and until the person turns to it.
-Convention: other things end first."""
+"""Shortest and longest time [s] of a visual reaction (Woods, Wyma, Yund, Herron and Reed 2015: 0.23
+on average), of the reach, of taking over or giving up a load (Chan et al. 2012), of bringing the
+object to oneself, and of finishing something else before."""
 MISSED_M = 0.005
-"""Standard deviation of where the hand takes hold [m]. Convention."""
+"""Standard deviation of the position at which the hand takes hold [m]."""
 PUSHED_N, AGAIN_M = 3.0, 0.05
-"""Load beyond what was carried by which a giver feels that the object met a finger [N], and how far
-it is taken back then, to be brought again where it should be [m]. Convention.
-"""
+"""Load beyond the carried one at which a giver feels that the object met a finger [N], and distance
+by which the giver then takes it back before bringing it again [m]."""
 
 
 class SeenRobot(NamedTuple):
-    """What the person sees now: where to hold the object, its turn, and what the robot does."""
+    """What the person sees: where to hold the object (3,), its orientation (4,), and the robot."""
 
     point_m: Floats
     turn: Floats
@@ -43,21 +41,21 @@ class SeenRobot(NamedTuple):
 
 @dataclass(frozen=True)
 class Manner:
-    """How one trial is done: times [s], the weight that is expected [N], and misses."""
+    """How a person acts in one trial: times [s], expected weight [N], and aiming errors."""
 
     reaction_s: float
     reach_s: float
     load_s: float
     pull_s: float
     busy_s: float
-    weight_n: float  # that the person lifts with
+    weight_n: float  # force with which the person lifts
     toward: Floats  # direction in which the object is brought to the person (3,)
-    miss_m: Floats  # from where the hand should hold to where it does (3,)
-    brought_m: float = 0.3  # how far a taker brings the object, and a giver goes away
+    miss_m: Floats  # offset of the hand's hold from the right place (3,)
+    brought_m: float = 0.3  # distance by which a taker brings the object, and a giver withdraws
 
     @classmethod
     def draw(cls, rng: np.random.Generator, weight_n: float) -> "Manner":
-        """Draw one for an object of a weight; the person is in the direction of x."""
+        """Draw a manner for an object of a weight; the person is in the direction of x."""
         times_s = {f"{name}_s": float(rng.uniform(*span)) for name, span in SPANS_S.items()}
         expected = weight_n * float(np.clip(1.0 + 0.2 * rng.standard_normal(), 0.5, 1.5))
         way = np.array([1.0, rng.uniform(-0.4, 0.4), rng.uniform(0.1, 0.6)])
@@ -66,18 +64,18 @@ class Manner:
         return cls(**times_s, weight_n=expected, toward=toward, miss_m=miss_m)
 
     def careful(self) -> "Manner":
-        """That of the same person who brings an object between fingers, and sees them.
+        """The manner of the same person when bringing an object between fingers in sight.
 
-        A slower movement misses by less in proportion (Schmidt, Zelaznik, Hawkins, Frank and Quinn
-        1979).
+        A slower movement has a proportionally smaller error (Schmidt, Zelaznik, Hawkins, Frank and
+        Quinn 1979).
         """
-        # 2.3 bits more (Fitts 1954): 1 cm to spare on each side, not 5
+        # 2.3 bits more (Fitts 1954): 1 cm to spare on each side instead of 5 cm
         reach_s = self.reach_s + 0.3
         return replace(self, reach_s=reach_s, miss_m=self.miss_m * self.reach_s / reach_s)
 
 
 class Taker:
-    """Reaches for what rests in the robot's hand, takes over its weight, and brings it along.
+    """Reaches for an object at rest in the robot's hand, takes over its weight and takes it away.
 
     Attributes:
         brought: whether the movement is over.
@@ -90,7 +88,7 @@ class Taker:
         self._begun_s = self._held_s = np.inf
 
     def step(self, time_s: float, seen: SeenRobot) -> None:
-        """Set what the hand wants at a time."""
+        """Set target and lift of the hand at a time."""
         manner, hand = self._manner, self.hand
         if not seen.rests and self._begun_s == np.inf:
             self._rested_s = None
@@ -116,7 +114,7 @@ class Giver:
     """Brings an object to the robot's hand, and lets go of it while the robot holds it.
 
     Attributes:
-        to_m: where the hand brings it (3,); it may change on the way.
+        to_m: position to which the hand brings it (3,); it may change on the way.
     """
 
     def __init__(self, hand: CompliantHand, manner: Manner, to_m: Floats) -> None:
@@ -128,7 +126,7 @@ class Giver:
         self._carried_n, hand.lift_n = hand.felt_n, manner.weight_n
 
     def step(self, time_s: float, seen: SeenRobot) -> None:
-        """Set what the hand wants at a time; it comes when the time is its reaction."""
+        """Set target and lift of the hand at a time; it starts after the reaction time."""
         manner, hand = self._manner, self.hand
         done = progress((time_s - manner.reaction_s) / manner.reach_s)
         again_s = time_s - self._met_s - manner.reaction_s
@@ -153,7 +151,7 @@ class Giver:
             hand.target_m = self.to_m + away * manner.toward
 
     def _look(self, time_s: float, closed: bool) -> None:
-        """See whether the fingers have closed, or have opened again on what the person holds."""
+        """Notice whether the fingers closed, or opened again while the person holds the object."""
         if closed or not self.hand.holds:
             self._opened_s = None
             if closed and self._closed_s is None:
@@ -165,6 +163,6 @@ class Giver:
 
 
 def progress(share: float) -> float:
-    """Minimum jerk (Flash and Hogan 1985) from 0 to 1, for a share of its time in or out of 0-1."""
+    """Minimum-jerk progress from 0 to 1 (Flash and Hogan 1985); `share` of the time is clipped."""
     tau = min(max(share, 0.0), 1.0) if np.isfinite(share) else 0.0
     return tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)

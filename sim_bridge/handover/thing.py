@@ -12,11 +12,11 @@ from sim_bridge.handover.grip import CompliantHand
 from sim_bridge.physics import BulletClient, pybullet
 
 FRICTION = 0.6
-"""Of objects on the pads: rubber on plastic."""
+"""Friction coefficient of objects on the pads, as of rubber on plastic."""
 HELD_SHARE = 0.7
-"""Where the person holds an object: share of its half length from its centre. Convention."""
+"""Distance from an object's centre at which the person holds it, as a share of its half length."""
 LEVEL = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-"""Rotation of the level hand: its z along x, its y along y."""
+"""Rotation of the level hand, whose z points along x and whose y along y of the world."""
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 """Quaternion xyzw of an object in a level hand."""
 
@@ -25,8 +25,8 @@ class TransferObject(NamedTuple):
     """A box that is handed over.
 
     Attributes:
-        half_edges_m: vertical, between the fingers, and from robot to person.
-        grasp_m: how far from its centre, toward the robot, the robot holds it.
+        half_edges_m: half edges: vertical, between the fingers, and from robot to person.
+        grasp_m: distance from the centre, toward the robot, at which the robot holds it.
     """
 
     mass_kg: float
@@ -35,7 +35,7 @@ class TransferObject(NamedTuple):
 
 
 class HandedThing:
-    """The body of an object in a world: its centre at a place (3,), turned (4,), xyzw."""
+    """The body of an object in a world, with its centre (3,) and orientation (4,), xyzw."""
 
     def __init__(
         self,
@@ -58,27 +58,27 @@ class HandedThing:
         self._client.changeDynamics(self.body, -1, lateralFriction=friction)
 
     def put(self, centre_m: Floats, turn: Floats = UPRIGHT) -> None:
-        """Put it somewhere, at rest."""
+        """Put the object somewhere, at rest."""
         at = centre_m.tolist(), turn.tolist()
         self._client.resetBasePositionAndOrientation(self.body, *at)
         self._client.resetBaseVelocity(self.body, [0.0] * 3, [0.0] * 3)
 
     def pose(self) -> tuple[Floats, Floats]:
-        """Where it is: centre (3,) and quaternion (4,), xyzw."""
+        """Centre (3,) and orientation (4,), xyzw, of the object."""
         position, turn = self._client.getBasePositionAndOrientation(self.body)
         return np.array(position), np.array(turn)
 
     def speed_m_s(self) -> Floats:
-        """Velocity of its centre (3,)."""
+        """Velocity of the object's centre (3,)."""
         return np.array(self._client.getBaseVelocity(self.body)[0])
 
     def held_point(self) -> tuple[Floats, Floats]:
-        """Where a person holds it (3,), and its orientation (4,)."""
+        """Point at which a person holds the object (3,), and its orientation (4,)."""
         centre, turn = self.pose()
         return centre + self._lever(turn), turn
 
     def act(self, hand: CompliantHand) -> None:
-        """Let a hand act on it in the coming step."""
+        """Let a hand act on the object in the next step."""
         point, turn = self.held_point()
         moving, spin = (np.array(v) for v in self._client.getBaseVelocity(self.body))
         force, torque = hand.step(
@@ -100,14 +100,14 @@ class HandedThing:
 
 
 def in_grip(what: TransferObject, grip_m: Floats, grip_turn: Floats) -> tuple[Floats, Floats]:
-    """Centre (3,) and turn (4,) of an object between the fingers of a grip (3,), (4,), xyzw."""
+    """Centre (3,) and orientation (4,) of an object in a grip at a position (3,), turned (4,)."""
     hand = Rotation.from_quat(grip_turn)
     turn = hand * Rotation.from_matrix(LEVEL).inv()
     return grip_m + what.grasp_m * hand.as_matrix()[:, 2], turn.as_quat()
 
 
 def _cross(a: Floats, b: Floats) -> Floats:
-    """As numpy's cross, ten times as fast for one pair."""
+    """Cross product of two vectors (3,), ten times as fast as numpy's."""
     return np.array(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a simulated arm is told to do: trajectories, predictions, pushes, and to be guided."""
+"""Commands of a simulated arm: trajectories, predictions, pushes, and guiding by hand."""
 
 from contextlib import suppress
 from dataclasses import replace
@@ -22,7 +22,7 @@ from sim_bridge.nodes.physics_clock import PhysicsClock
 
 
 class ArmCommands:
-    """Takes messages, and controls the arm before each step; `spread` by predictions, if any."""
+    """Takes messages and controls the arm before each step; `spread` uses predictions, if given."""
 
     def __init__(
         self,
@@ -71,7 +71,7 @@ class ArmCommands:
             self._diagnostics.reject(error.reason, str(error))
 
     def catch_up(self) -> None:
-        """Follow the last command where it is by its stamp, if the physics has left out time."""
+        """Resume the last command at the point of its stamp, if the physics has dropped time."""
         if self._clock.pacer.dropped_s <= self._caught_up_s + 0.02:  # 0.04 rad of a fast motion
             return
         self._caught_up_s = self._clock.pacer.dropped_s
@@ -82,7 +82,7 @@ class ArmCommands:
                 self.follower.accept(moved, self._arm.time_s)
 
     def take_prediction(self, message: JointTrajectory) -> None:
-        """Be as stiff as the standard deviations of a prediction ask for."""
+        """Set the stiffness from the standard deviations of a prediction."""
         if self.spread is None:
             return
         start_s = self._clock.start_s(stamp_ns(message))

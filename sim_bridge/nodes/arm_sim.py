@@ -35,7 +35,7 @@ from sim_bridge.scenarios.toolbox import HOME
 
 
 class ArmSim(Node):
-    """Physics paced by a steady clock; its state goes out, trajectories and pushes come in.
+    """Simulates an arm; physics is paced by a steady clock.
 
     In: `joint_trajectory`; `~/push` (a force at the hand in world axes, held for 0.1 s after
     each message; torques are ignored); `~/gravity_compensation`; `intent/active_task`, for the
@@ -44,14 +44,14 @@ class ArmSim(Node):
     `joint_states`, `robot_description`, `/clock` if `publish_clock`, `/diagnostics`.
 
     Stamps are simulated time (from zero at start) if `publish_clock`, else ROS time. With
-    `use_sim_time` and another node's `/clock` the physics follows that clock.
+    `use_sim_time` and another node's `/clock`, the physics follows that clock.
 
-    Joints beside the chain of the arm, such as fingers, are in `joint_states` after those of the
-    chain; the scene moves them.
+    Joints outside the chain of the arm, such as fingers, come after those of the chain in
+    `joint_states`; the scene moves them.
 
     Attributes:
-        commands: what the arm is told.
-        scene: what handles the things in its world; None without any.
+        commands: controls the arm as messages command.
+        scene: handles the objects in the arm's world; None without objects.
     """
 
     def __init__(self, name: str = "arm_sim", robot: Robot | None = None, **kwargs: Any) -> None:
@@ -95,7 +95,7 @@ class ArmSim(Node):
         steady_timer(self, 0.5, self._report)
 
     def destroy_node(self) -> None:
-        """Close the world with the node."""
+        """Destroy the node and close its world."""
         super().destroy_node()
         self.arm.close()
 
@@ -163,7 +163,7 @@ class ArmSim(Node):
         take(message.data)
 
     def _tick(self) -> None:
-        """Do the steps that are due, publishing after those that end a period."""
+        """Do the steps that are due, and publish after each that ends a period."""
         n_due = self.clock.due()
         self.commands.catch_up()
         if n_due == 0:

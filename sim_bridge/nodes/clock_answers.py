@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated clock waits for those who must answer, and goes on without who does not."""
+"""A simulated clock that waits for nodes to answer, and goes on without those that do not."""
 
 import time
 from collections.abc import Collection, Sequence
@@ -12,14 +12,14 @@ from intent_recognition.registry import ANSWERS
 from sim_bridge.arm import NO_ANSWER_S, Edge, LockStep
 
 LEFT_S = 0.2
-"""Time without an answer after which a node may have left the graph [s]. Convention."""
+"""Time without an answer after which it is checked whether a node has left the graph [s]."""
 
 
 class ClockAnswers:
-    """What the nodes that the clock waits for have processed; see `LockStep`.
+    """Answers of the nodes for which the clock waits; see `LockStep`.
 
-    Without `answering`, the names of these nodes, time never waits. The clock's own node takes the
-    topics `takes`.
+    `answering` holds the names of these nodes; if it is empty, time never waits. The clock's own
+    node receives the topics `takes`.
     """
 
     def __init__(
@@ -35,9 +35,9 @@ class ClockAnswers:
         self._lock_step.note(topic)
 
     def hear(self, message: JointState) -> dict[str, int]:
-        """Take an answer; how many messages of each topic its node has taken and sent.
+        """Take an answer; return its node's counts of messages received and sent per topic.
 
-        Empty from a node that nobody waits for.
+        They are empty if the clock does not wait for the node.
         """
         node = message.header.frame_id
         if node not in self._answering:
@@ -51,11 +51,11 @@ class ClockAnswers:
         return self._lock_step.hear(node, counts)
 
     def all_came(self) -> bool:
-        """Whether time has stood still, and what it waited for has come."""
+        """Whether time has been stopped and all missing answers have come."""
         return self._since_s is not None and not self._lock_step.missing()
 
     def wait(self) -> bool:
-        """Whether time stands still until a node has answered; one that does not is named."""
+        """Whether time must wait for a node's answer; a node that never answers is reported."""
         missing = self._lock_step.missing() if self._answering else None
         if missing is None:
             self._since_s = None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `coworker_sim`: simulated workers whose wrists a simulated tracker follows."""
+"""The node `coworker_sim`: simulated workers, and a simulated tracker of their wrists."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -26,7 +26,7 @@ SAMPLE_NS = round(1e9 / RATE_HZ)
 
 
 class _Worker:
-    """One of the people: publishes samples and labels as their time comes."""
+    """Publishes one person's samples and labels as their time comes."""
 
     def __init__(
         self, node: Node, plan: SessionPlan, person: str, diagnostics: Diagnostics, frame: str
@@ -42,7 +42,7 @@ class _Worker:
         self._message.header.frame_id = frame
 
     def tick(self, first_ns: int, now_ns: int) -> bool:
-        """Publish the samples whose time has come; whether more will follow."""
+        """Publish the samples whose time has come; return whether more will follow."""
         samples = self.plan.samples
         due = min((now_ns - first_ns + 500_000) // SAMPLE_NS + 1, len(samples.times_s))
         last = min(due, self._next_sample + 8)  # fewer than queues hold (`qos.SENSOR`)
@@ -56,7 +56,7 @@ class _Worker:
         return self._next_sample < len(samples.times_s)
 
     def end(self) -> None:
-        """Say that the session is over."""
+        """Publish an empty label at the end of the session."""
         self._tasks.publish(String(data=""))
 
     def _announce(self, elapsed_ns: int) -> None:
@@ -79,16 +79,16 @@ class _Worker:
 
 
 class CoworkerSim(Node):
-    """Publishes what `plan_people` says, sample by sample, at the time it happens.
+    """Publishes a planned session, sample by sample, as time passes.
 
     Out: `mocap/wrist/pose`, whose sample k is stamped exactly 10 k ms after the first one, in this
     node's ROS time; `coworker/task`, the label when a reach begins and an empty string when it
-    ends, and the new label when the worker changes his mind (ground truth, for scoring only);
-    `/diagnostics`. With `persons` each has such topics: `mocap/<person>/wrist/pose`,
-    `coworker/<person>/task`.
+    ends, and the new label when the worker changes their mind (ground truth, for scoring only);
+    `/diagnostics`. With `persons`, each person has their own topics, `mocap/<person>/wrist/pose`
+    and `coworker/<person>/task`.
 
     The session begins when the clock runs, the nodes in `wait_for_nodes` are ready and
-    `wait_for_subscribers` subscribe to the poses. With `exit_at_end` the node ends with the
+    `wait_for_subscribers` nodes subscribe to the poses. With `exit_at_end`, the node ends with the
     session.
     """
 
@@ -116,7 +116,7 @@ class CoworkerSim(Node):
 
     @property
     def plan(self) -> SessionPlan:
-        """Of the first one."""
+        """Plan of the first worker's session."""
         return self.workers[0].plan
 
     def _start(self) -> None:
@@ -130,7 +130,7 @@ class CoworkerSim(Node):
         self._start_timer.cancel()
         self._timer = self.create_timer(SAMPLE_NS * 1e-9, self._on_timer)
         self.diagnostics.status(Level.OK, "running")
-        if not self.diagnostics.answers:  # else with the next time on /clock, which waits for it
+        if not self.diagnostics.answers:  # else `_on_clock` begins with the next time
             self._tick(now_ns)
 
     def _missing(self, now_ns: int) -> str:
@@ -192,7 +192,7 @@ def _shortest_and_longest(values: Mapping[str, Any], name: str) -> tuple[float, 
 
 
 def _label_schedule(plan: SessionPlan) -> list[tuple[int, str, int]]:
-    """When (ns after the first sample) which label of which interaction is published, in order."""
+    """Labels to publish, in order: time [ns] after the first sample, label, interaction number."""
     schedule = []
     for number, interaction in enumerate(plan.interactions, 1):
         begun_as = interaction.changed_from or interaction.task

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The physics' time: when its steps are due, and what it is on the clock of the graph."""
+"""Time of the physics: which steps are due, and their stamps on the graph's clock."""
 
 import time
 
@@ -14,22 +14,22 @@ STEP_NS = 1_000_000
 """Physics step [ns]."""
 
 LONGEST_LAG_S = 0.1
-"""Simulated time to catch up at most [s]. Convention."""
+"""Largest lag of simulated time that is caught up [s]; anything beyond is dropped."""
 
 
 class Pacer:
-    """Counts steps due against a clock that the caller reads, from its first time above zero on.
+    """Counts due steps against a clock that the caller reads, from its first time above zero on.
 
-    When the physics falls behind by more than `LONGEST_LAG_S` of simulated time, the backlog is
-    dropped instead of chased, so that a slow machine gives slow motion and not a spiral.
+    When the physics lags by more than `LONGEST_LAG_S` of simulated time, the rest of the backlog is
+    dropped, so that a slow machine shows slow motion instead of falling ever further behind.
 
     Args:
         step_s: simulated time of one step.
-        factor: simulated seconds per second of the clock; an attribute, too.
-        largest_batch: most steps to hand out at once, so that messages are served in between.
+        factor: simulated seconds per second of the clock; also an attribute.
+        largest_batch: most steps to return at once, so that messages are handled in between.
 
     Attributes:
-        dropped_s: simulated time that was left out.
+        dropped_s: simulated time that was dropped.
     """
 
     def __init__(self, step_s: float, factor: float, largest_batch: int = 40) -> None:
@@ -41,7 +41,7 @@ class Pacer:
         self._origin_s, self._window = 0.0, (0.0, 0)
 
     def due(self, now_s: float, n_done: int) -> int:
-        """Return how many steps to do now, with n_done done since the start."""
+        """Return the number of steps to do now, after n_done steps since the start."""
         if not self.begun:
             self.begun = now_s > 0.0
             self._origin_s, self._window = now_s, (now_s, n_done)
@@ -62,13 +62,13 @@ class Pacer:
         return (now_s - self._origin_s) * self.factor - n_done * self._step_s
 
     def change_factor(self, factor: float, now_s: float, n_done: int) -> None:
-        """Go on at another factor from now; the lag, in simulated time, stays what it is."""
+        """Change the factor from now on; the lag in simulated time stays the same."""
         lag_s = self.lag(now_s, n_done)
         self.factor = factor
         self._origin_s = now_s - (n_done * self._step_s + lag_s) / factor
 
     def achieved_factor(self, now_s: float, n_done: int) -> float:
-        """Return simulated seconds per second of the clock since this was last asked."""
+        """Return simulated seconds per second of the clock since the last call."""
         since_s, n_then = self._window
         self._window = (now_s, n_done)
         return (n_done - n_then) * self._step_s / max(now_s - since_s, 1e-9)
@@ -81,7 +81,7 @@ class PhysicsClock:
 
     Attributes:
         publishes: whether simulated time is published.
-        follows: whether another node's clock paces.
+        follows: whether the physics follows another node's clock.
         pacer: counts the steps.
     """
 
@@ -90,16 +90,16 @@ class PhysicsClock:
     ) -> None:
         self._node, self._arm, self._rate_hz, self.publishes = node, arm, rate_hz, publishes
         self.follows = node.get_parameter("use_sim_time").value and not publishes
-        # fewer than their queue holds (`qos.STATE`)
+        # fewer messages than a queue holds (`qos.STATE`)
         batch = max(1, int(8 / (rate_hz * TIME_STEP_S)))
         self.pacer = Pacer(TIME_STEP_S, 1.0 if self.follows else factor, batch)
 
     def now_s(self) -> float:
-        """The clock that paces the physics [s]."""
+        """Time of the clock that paces the physics [s]."""
         return self._ros_ns() * 1e-9 if self.follows else time.monotonic()
 
     def due(self) -> int:
-        """Steps that are due now."""
+        """Number of steps that are due now."""
         return self.pacer.due(self.now_s(), self._arm.n_steps)
 
     def ends_period(self) -> bool:
@@ -108,10 +108,10 @@ class PhysicsClock:
         return int(n * period + 1e-9) != int((n - 1) * period + 1e-9)
 
     def zero_ns(self) -> int:
-        """The time of stamps at which the physics' time zero was, were it paced without a gap."""
+        """Stamp of the physics' time zero, if no time had been dropped [ns]."""
         if self.publishes:
             return 0
-        for _ in range(5):  # again where the processor was taken away between the two clocks
+        for _ in range(5):  # again if the process was interrupted between reading the two clocks
             now_s, ros_ns = self.now_s(), self._ros_ns()
             if self.now_s() - now_s < 1e-3:
                 break
@@ -119,17 +119,17 @@ class PhysicsClock:
         return ros_ns - int((lag_s + self._arm.time_s) / self.pacer.factor * 1e9)
 
     def stamp_ns(self, zero_ns: int) -> int:
-        """Stamp of the last step, for the time zero of the steps done at once [ns]."""
+        """Stamp of the last step, given the `zero_ns` of its batch [ns]."""
         factor = 1.0 if self.publishes else self.pacer.factor
         return zero_ns + int(self._arm.n_steps * STEP_NS / factor)
 
     def stamp(self) -> TimeMessage:
-        """Stamp of a message now."""
+        """Stamp of a message sent now."""
         simulated_ns = self._arm.n_steps * STEP_NS
         return Time(nanoseconds=simulated_ns if self.publishes else self._ros_ns()).to_msg()
 
     def start_s(self, at_ns: int) -> float | None:
-        """When a stamp is on the physics' clock [s]; None for a zero stamp."""
+        """Time of a stamp on the physics' clock [s]; None for a zero stamp."""
         if at_ns == 0:
             return None
         if self.publishes:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene "pouring" of a simulated arm: what is in its world, and the topics that tell of it."""
+"""The scene "pouring" of a simulated arm: containers and balls in its world, and their topics."""
 
 from collections.abc import Callable
 
@@ -22,10 +22,10 @@ POURING = "pouring"
 
 
 class PouringScene:
-    """Declares what stands where; `begin` puts it into the arm's world and publishes it.
+    """Declares the scene's parameters; `begin` puts its objects into the arm's world.
 
     Out: `balls`, a named vector of counts; `cup/cloud` and `second/cloud` while no task is active;
-    `intent/feedback`: how many balls an execution spilled.
+    `intent/feedback`, the number of balls that an execution spilled.
     """
 
     held = "cup"
@@ -41,7 +41,7 @@ class PouringScene:
 
     @property
     def posture(self) -> Floats:
-        """Joint angles (7,) [rad] that the arm begins in."""
+        """Initial joint angles of the arm (7,) [rad]."""
         from sim_bridge.scenarios.pouring import start_posture
 
         return start_posture(self.cup)
@@ -50,7 +50,7 @@ class PouringScene:
         """Put containers and balls into the world of an arm at rest in `posture`.
 
         Raises:
-            ArgumentError: no such container or place.
+            ArgumentError: a container is unknown, or the place is not three numbers.
         """
         from sim_bridge.scenarios.pouring import LivePouring
 
@@ -68,7 +68,7 @@ class PouringScene:
         return self
 
     def set_task(self, task: str) -> None:
-        """Take note of the task being executed, "" when idle; tell what the one before spilled."""
+        """Set the task being executed, "" when idle; publish how much the one before spilled."""
         if task == self._task:
             return
         beside = self._world.look().spilled
@@ -78,7 +78,7 @@ class PouringScene:
         self._task, self._lay_beside = task, beside
 
     def update(self) -> None:
-        """Look at the balls, and publish what is due; call it every few milliseconds."""
+        """Observe the balls and publish what is due; call this every few milliseconds."""
         counts, n = self._world.look(), self._arm.n_steps
         if n % 100:  # 0.1 s
             return

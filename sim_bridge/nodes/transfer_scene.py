@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scene "transfers" of a simulated arm: objects that are handed over by force, and its topics.
 
-In: `intent/transfer`, which the fingers follow, and `mocap/wrist/pose`, where the worker's hand is;
-with `persons` that of each, and `intent/active_person`, whose hand takes and gives.
-Out: `intent/holding`, what the fingers took from a stand, and `coworker/hand`, the ground truth.
+In: `intent/transfer`, which the fingers follow, and `mocap/wrist/pose`, the worker's hand; with
+`persons`, each person's wrist, and `intent/active_person`, the person who takes and gives.
+Out: `intent/holding`, whether the fingers took an object from a stand, and `coworker/hand`, the
+ground truth.
 """
 
 from collections.abc import Callable
@@ -28,19 +29,20 @@ from sim_bridge.scenarios.toolbox import ToolboxTransfers
 TRANSFERS = "transfers"
 """Name of the scene."""
 TAKES = ("intent/transfer", "mocap/wrist/pose")
-"""Topics that the clock waits for until it has taken them."""
+"""Topics that the arm must receive before the clock goes on."""
 HAND, HOLDING = "coworker/hand", "intent/holding"
 AXES = ("force_x", "force_y", "force_z")
-"""Of the person's force on the object [N], world."""
+"""Names of the components of the person's force on the object [N], world."""
 UPDATE_EVERY = 5
-"""Steps of the simulation from one look at the hands to the next. Convention: 5 ms."""
+"""Physics steps between two updates of the hands (5 ms)."""
 
 
 class TransferScene:
-    """Translates between topics and `ToolboxTransfers`, whose arm, seed and lever these are.
+    """Translates between topics and `ToolboxTransfers`.
 
-    `stamp` gives that of a message now; `note` is called with the topic of what is taken, or sent
-    to those whom the clock waits for. `diagnostics` count what cannot be used.
+    `arm`, `seed` and `lever_m` are those of `ToolboxTransfers`. `stamp` returns the stamp of a
+    message sent now. `note` is called with the topic of each message that is received, or sent to a
+    node for which the clock waits. `diagnostics` counts messages that cannot be used.
     """
 
     def __init__(
@@ -73,13 +75,13 @@ class TransferScene:
         return self._world.held
 
     def set_task(self, task: str) -> None:
-        """Take note of the task being executed, "" when idle."""
+        """Set the task being executed, "" when idle."""
         self._world.set_task(task)
 
     def update(self) -> None:
-        """Look at the hands, and publish who holds what; call it every few milliseconds."""
+        """Update the hands and publish who holds what; call this every few milliseconds."""
         self._world.update()
-        first = self._first_step  # as the tracker sees it
+        first = self._first_step  # of the tracker
         if first is None or (self._arm.n_steps - first) % (2 * UPDATE_EVERY):
             return
         contact = self._world.contact()

@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-"""PyBullet without its chatter: its import and its worlds write nothing of their own."""
+"""PyBullet without messages on the standard streams from its import or its worlds."""
 
 from sim_bridge.physics.bullet import BulletClient, end_world, fix, pybullet, start_world

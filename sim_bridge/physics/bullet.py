@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""PyBullet, whose C code writes to the standard streams of the process."""
+"""Wrap PyBullet, whose C code writes to the standard streams of the process."""
 
 import ctypes
 import os
@@ -15,7 +15,7 @@ STDOUT, STDERR = 1, 2
 
 @contextmanager
 def _silent(*streams: int) -> Iterator[None]:
-    """Drop what is written to standard streams, by C code as well."""
+    """Discard output to standard streams, including that of C code."""
     _flush()
     kept = {number: os.dup(number) for number in streams}
     null = os.open(os.devnull, os.O_WRONLY)
@@ -44,11 +44,11 @@ with _silent(STDOUT, STDERR):
 
 
 class _World(BulletClient):
-    """A client that looks each of PyBullet's functions up once, and not at every call."""
+    """A client that looks up each of PyBullet's functions once instead of at every call."""
 
     def __getattr__(self, name: str) -> Any:
         found = super().__getattr__(name)
-        if name != "disconnect":  # which ends the client as it is looked up
+        if name != "disconnect":  # looking this up ends the client
             setattr(self, name, found)
         return found
 
@@ -56,17 +56,17 @@ class _World(BulletClient):
 def start_world(*, headless: bool = True) -> BulletClient:
     """Start an empty world, with a window unless headless.
 
-    Why there is no window is on stderr, and the process ends: so does PyBullet.
+    If no window can be opened, PyBullet writes the reason to stderr and ends the process.
     """
     with _silent(STDOUT):
         client = _World(pybullet.DIRECT if headless else pybullet.GUI)
-    # PyBullet has one threshold for all worlds of a process: that of the balls would stay.
+    # PyBullet has one threshold for all worlds of a process: reset a ball world's value.
     client.setPhysicsEngineParameter(contactBreakingThreshold=0.02)  # PyBullet's default
     return client
 
 
 def fix(client: BulletClient, body: int, parent: int, link: int) -> int:
-    """Constrain a body, where it is, to a link of another one (-1: its base), or to the world."""
+    """Fix a body at its present pose to a link of another (-1 for the base), or to the world."""
     here, none = client.getBasePositionAndOrientation(body), ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     if parent < 0:  # the body first: PyBullet takes the world only as the child
         ends, own, others = (body, -1, -1, -1), none, here
@@ -81,7 +81,7 @@ def fix(client: BulletClient, body: int, parent: int, link: int) -> int:
 
 
 def end_world(client: BulletClient) -> None:
-    """End a world, unless it is over."""
+    """End a world, unless it has ended."""
     if client.isConnected():
         with _silent(STDOUT):
             client.disconnect()

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scenes that are recorded and experimented on."""
+"""Scenes for recordings and experiments."""

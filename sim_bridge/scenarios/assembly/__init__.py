@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two simulated coworkers who assemble a box (Maeda et al. 2014, part IV-C)."""
+"""Two simulated coworkers assemble a box (Maeda et al. 2014, part IV-C)."""
 
 import lazy_loader
 

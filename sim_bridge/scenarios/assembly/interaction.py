@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One interaction of two coworkers: who moves when and where, each waiting for the other."""
+"""One interaction of two coworkers who wait for each other: their movements and times."""
 
 from dataclasses import dataclass
 
@@ -39,27 +39,27 @@ Timed = tuple[float, Reach]
 
 @dataclass(frozen=True)
 class AssemblyInteraction:
-    """What both do, times in seconds on the session's clock."""
+    """Movements of both people; times in seconds on the session's clock."""
 
     task: str
     worker: tuple[Timed, ...]  # (onset, movement) of the observed wrist, in order
-    assistant: tuple[Timed, ...]  # the same of the predicted one
-    goal_m: Floats  # where the worker's wrist waits for the assistant, (3,)
-    arrival_s: float  # when the assistant's wrist has come to where it ends
+    assistant: tuple[Timed, ...]  # (onset, movement) of the predicted wrist, in order
+    goal_m: Floats  # position where the worker's wrist waits for the assistant, (3,)
+    arrival_s: float  # time at which the assistant's wrist stops at the end
 
     @property
     def onset_s(self) -> float:
-        """The worker begins."""
+        """Time at which the worker begins."""
         return self.worker[0][0]
 
     @property
     def end_s(self) -> float:
-        """The last movement of either is over."""
+        """Time at which the last movement of either person ends."""
         return max(onset + reach.duration_s for onset, reach in (self.worker[-1], *self.assistant))
 
 
 class _Person:
-    """One wrist whose movements are strung together; `now_s` is when the last one ends."""
+    """One wrist with its successive movements; `now_s` is the end of the last one."""
 
     def __init__(
         self, rng: np.random.Generator, task: str, wrist_m: Floats, now_s: float, tempo: float
@@ -70,7 +70,7 @@ class _Person:
         self.movements: list[Timed] = []
 
     def wait(self, until_s: float, extra_s: tuple[float, float]) -> None:
-        """Rest until some time later than a moment, and than the own last movement."""
+        """Rest until `extra_s` (drawn) after `until_s` and after the person's last movement."""
         self.now_s = max(until_s, self.now_s) + self._rng.uniform(*extra_s)
 
     def move(
@@ -82,7 +82,7 @@ class _Person:
         hesitant: bool = True,
         not_before_s: float = 0.0,
     ) -> None:
-        """Reach for a goal at a tempo near the pair's, or slower to be there not too soon."""
+        """Reach for a goal at a tempo near the pair's, or slower to arrive no sooner than given."""
         rng = self._rng
         nominal_s *= self._tempo * float(np.exp(PERSONAL_LOG_STD * rng.standard_normal()))
         nominal_s = max(nominal_s, not_before_s - self.now_s)
@@ -100,7 +100,7 @@ class _Person:
 def plan_interaction(
     rng: np.random.Generator, task: str, worker_m: Floats, assistant_m: Floats, onset_s: float
 ) -> AssemblyInteraction:
-    """Draw one interaction from where both wrists rest (3,); the worker begins at `onset_s`.
+    """Draw an interaction from the resting wrists (3,); the worker begins at `onset_s`.
 
     Raises:
         ArgumentError: the task is unknown.
@@ -119,7 +119,7 @@ def plan_interaction(
 
 
 def _beside(rng: np.random.Generator, goal_m: Floats, offset_m: Floats) -> Floats:
-    """Where the assistant puts the wrist for the worker's goal: the rule, and who does it."""
+    """Position of the assistant's wrist for a worker's goal: the offset plus personal variation."""
     return goal_m + offset_m + PERSONAL_STD_M * rng.standard_normal(3)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sessions of two coworkers as the tracker sees both wrists, and of one who works with an arm."""
+"""Sessions of two coworkers with tracked wrists, and of one coworker who works with an arm."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,12 +24,12 @@ from sim_bridge.scenarios.toolbox import ToolboxArm
 SESSIONS, PER_SESSION, PER_TASK = 3, 40, 40
 
 MARGIN_S = 0.4
-"""How long before the worker's onset and after the rest of both a demonstration is marked [s]."""
+"""Time by which a marked demonstration begins before the worker's onset and ends after rest [s]."""
 
 
 @dataclass(frozen=True)
 class AssemblySession:
-    """A planned session, and what the tracker sees of both wrists at the same times, 100 Hz."""
+    """A planned session, with the tracker's samples of both wrists at the same times, 100 Hz."""
 
     interactions: tuple[AssemblyInteraction, ...]
     worker: WristSamples
@@ -37,7 +37,7 @@ class AssemblySession:
 
 
 def session_tasks(seed: int, index: int) -> tuple[str, ...]:
-    """The tasks of a session in their order: 40 of each over the three sessions, shuffled."""
+    """Tasks of a session in order, from 40 of each task shuffled over the three sessions."""
     if not 0 <= index < SESSIONS:
         expected = f"0 to {SESSIONS - 1}"
         raise ArgumentError.about("index", expected, index, "There are no more sessions.")
@@ -58,11 +58,11 @@ def plan_session(
 ) -> AssemblySession:
     """Plan session number `index` of a seed: a pure function of its arguments.
 
-    Without tasks they are those of `session_tasks`; `idle_s` is the shortest and the longest rest
-    between two.
+    `tasks` are those of `session_tasks` by default; `idle_s` is the shortest and the longest rest
+    between interactions.
 
     Raises:
-        ArgumentError: an unknown task or session.
+        ArgumentError: a task or the session is unknown.
     """
     tasks = session_tasks(seed, index) if tasks is None else tasks
     rng = np.random.default_rng([seed, 41, index])
@@ -88,7 +88,7 @@ def plan_session(
 
 
 def of_worker(session: AssemblySession) -> SessionPlan:
-    """The session without the assistant, for a worker whom an arm helps."""
+    """The session without the assistant, for a worker who works with an arm."""
     interactions = [
         Interaction(shown.task, shown.onset_s, shown.end_s, shown.goal_m, shown.worker[-1][1])
         for shown in session.interactions
@@ -103,18 +103,18 @@ def _retract(rng: np.random.Generator, start_m: Floats, rest: Place) -> Reach:
 
 
 REST_M = RESTS[ASSISTANT].centre_m
-"""Where assistants rest (3,), world."""
+"""Position where assistants rest (3,), world."""
 SHUFFLED = ("random", "habit")
-"""Task lists that mean the order of a recorded session: the assembly has no habit."""
+"""Task lists that mean the order of a recorded session, since the assembly has no habit."""
 
 
 def plan_live(seed: int, task_list: str, count: int, timing: SessionTiming) -> AssemblySession:
-    """A session that was not recorded, with time for the arm to go home.
+    """Plan a session that was not recorded, with time for the arm to go home.
 
     The task list is labels separated by commas, or one of `SHUFFLED`; a count of 0 takes all.
 
     Raises:
-        ArgumentError: an unknown task.
+        ArgumentError: a task is unknown.
     """
     listed = session_tasks(seed, 0)
     if task_list not in SHUFFLED:
@@ -125,10 +125,10 @@ def plan_live(seed: int, task_list: str, count: int, timing: SessionTiming) -> A
 
 
 def in_assistants_place(arm: str, tip: str = "") -> dict[str, dict[str, object]]:
-    """What the nodes must know of the arm that takes the assistant's place, see `find_robot`.
+    """Parameters by node for an arm that takes the assistant's place (see `find_robot`).
 
     Raises:
-        IntentError: there is no such arm, or its hand does not reach where assistants rest.
+        IntentError: there is no such arm, or its hand cannot reach the assistant's resting place.
     """
     placed = ToolboxArm(find_robot(arm, tip=tip), REST_M)
     hand, home = {"hand_link": placed.robot.tip}, placed.home.tolist()

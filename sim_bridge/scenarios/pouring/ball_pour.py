@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A pour without the arm's physics: the cup tilts along a path, and what leaves it flies.
+"""A pour without the arm's physics: the cup tilts along a path, and balls that leave it fly freely.
 
-Gravity turns instead of the cup (`balls.tilting`); a ball that leaves the cup flies freely and is
-caught if its centre comes down through the second container's opening, which holds no more than
-`FULL_SHARE` of its volume. It takes far less time than `pour`; no ball bounces off the rim.
+Gravity turns instead of the cup (`balls.tilting`). A ball is caught if its centre comes down
+through the opening of the second container, which holds no more than `FULL_SHARE` of its volume.
+This takes far less time than a pour with the arm; balls do not bounce off the rim.
 """
 
 from contextlib import AbstractContextManager
@@ -20,11 +20,11 @@ from sim_bridge.containers import Container
 from sim_bridge.scenarios.pouring.task_space import PourPath
 
 N_FILLS = 8
-"""How many ways the balls may lie. Convention: settling takes as long as half a pour."""
+"""Number of initial arrangements of the balls; settling takes as long as half a pour."""
 
 
 class BallCount(NamedTuple):
-    """Where the balls are after a pour."""
+    """Numbers of balls after a pour: in all, in the second container, beside it, in the cup."""
 
     balls: int
     caught: int
@@ -33,12 +33,12 @@ class BallCount(NamedTuple):
 
 
 def capacity(container: Container, ball_radius_m: float) -> int:
-    """How many balls a container takes before it overflows."""
+    """Number of balls that a container can hold before it overflows."""
     return int(FULL_SHARE * balls_in(container.inner_volume_m3, ball_radius_m))
 
 
 class BallPours(AbstractContextManager["BallPours"]):
-    """Pours with one pair of containers; use as a context, leaving it ends the physics."""
+    """Pours with one pair of containers; a context manager that ends the physics."""
 
     def __init__(
         self, cup: Container, second: Container, ball_radius_m: float, n_balls: int
@@ -51,9 +51,9 @@ class BallPours(AbstractContextManager["BallPours"]):
         )
 
     def pour(self, path: PourPath, fill: int) -> BallCount:
-        """Pour along a path of the lip; of how the balls lie `N_FILLS` numbers are remembered."""
+        """Pour along a path of the lip; `fill` numbers the arrangement, `N_FILLS` are cached."""
         inside = self._fill(fill)
-        start = path.times_s[np.argmax(path.tilt_rad > 0.3)]  # none leave it before
+        start = path.times_s[np.argmax(path.tilt_rad > 0.3)]  # no ball leaves before
         end = min(path.times_s[np.argmax(path.tilt_rad)] + 0.5, path.times_s[-1])
         times = np.arange(start, end, STEP_S)
         tilted = tilt_along(self._world, inside, np.interp(times, path.times_s, path.tilt_rad))
@@ -62,7 +62,7 @@ class BallPours(AbstractContextManager["BallPours"]):
         return BallCount(len(inside), caught, left - caught, len(inside) - left)
 
     def _caught(self, path: PourPath, start_s: float, tilted: Tilted) -> Flags:
-        """Which of the balls that left come down through the opening: their way to its plane."""
+        """Whether each ball that left comes down through the opening, by its free flight."""
         left = tilted.left
         times = start_s + tilted.exit_time_s[left]
         speed = np.gradient(path.offset_m, path.times_s, axis=0)

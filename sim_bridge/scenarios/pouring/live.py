@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cup in the hand of an arm that a graph of nodes moves, and what a camera sees of it."""
+"""A cup in the hand of an arm that nodes control, and what a camera sees of it."""
 
 from typing import NamedTuple
 
@@ -20,11 +20,11 @@ from sim_bridge.scenarios.pouring.table import PouringTable
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, SEED_POSTURE, PourPath, SideGrasp
 
 STAND_M = np.array([-0.27, 0.0, 0.10])
-"""Where the lip is at first, from the usual place of the second opening: along, across, up [m]."""
+"""Initial offset of the lip from the second opening's default place: along, across, up [m]."""
 
 
 class LiveCounts(NamedTuple):
-    """Where the balls are."""
+    """Numbers of balls by place."""
 
     in_cup: int
     in_second: int
@@ -33,7 +33,7 @@ class LiveCounts(NamedTuple):
 
 
 def balls_above_m(cup: str) -> float:
-    """How far the balls in a cup stand above its lip before they leave [m]."""
+    """Height to which balls in a cup rise above its lip before they leave [m]."""
     return BALLS_ABOVE * half_full_radius_m(container_named(cup))
 
 
@@ -46,9 +46,10 @@ def start_posture(cup: str) -> Floats:
 
 
 class LivePouring:
-    """A cup of balls in the hand, half full, and the second container, in an arm's world.
+    """A half-full cup of balls in the hand, and the second container, in an arm's world.
 
-    The arm is at rest in `start_posture`; the centre of the second opening (3,) is in the world.
+    The arm is at rest in `start_posture`. `opening_m` is the centre of the second opening (3,),
+    world.
     """
 
     def __init__(
@@ -61,13 +62,13 @@ class LivePouring:
         self._scans = [scan(one.mesh, rng) for one in (held, other)]
 
     def look(self) -> LiveCounts:
-        """Where the balls are now; call it every few milliseconds."""
+        """Count the balls by place; call this every few milliseconds."""
         in_cup, in_second = (int(where.sum()) for where in self._table.look())
         spilled = self._table.n_balls - in_cup - in_second
         return LiveCounts(in_cup, in_second, spilled, self._table.through_wall)
 
     def clouds(self) -> tuple[ObjectCloud, ObjectCloud]:
-        """Cup and second container as a depth camera sees them where they are, world."""
+        """Scans of the cup and the second container at their present poses, world."""
         poses = (self._table.cup_pose(), self._table.second_pose)
         cup, second = (
             ObjectCloud(seen.points @ pose[:3, :3].T + pose[:3, 3], seen.normals @ pose[:3, :3].T)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pouring with containers nobody demonstrated: what the robot knows and which path it takes.
+"""Pouring with containers that were not demonstrated: scanning, learning and planning.
 
-The primitive was learned with one pair of containers. Those of another pair are scanned, and their
-warped parameters rescale a path of the primitive.
+The primitive is learned with one pair of containers. Another pair is scanned, and its warped
+parameters rescale a path of the primitive.
 """
 
 from collections.abc import Mapping, Sequence
@@ -50,7 +50,7 @@ from sim_bridge.scenarios.pouring.task_space import PourPath, SideGrasp, seen_pa
 
 TASK = "pouring"
 N_BALLS = 40
-"""Balls that fill half of a cup. Convention."""
+"""Number of balls that fill half of a cup."""
 BIG_BOWL, BIG_BOWL_SCALE = "big_bowl", 1.5
 PAIRS = (
     ("espresso_cup", BIG_BOWL),
@@ -63,8 +63,8 @@ PAIRS = (
     ("espresso_cup", "espresso_cup"),
     ("round_bowl", BIG_BOWL),
 )
-"""Cup and second container: a shorter cup into a bigger bowl, into smaller cups, into a square
-bowl, from the tallest, the smallest and a wide one."""
+"""Pairs of cup and second container: pours into larger bowls, smaller cups and a square bowl, and
+from the tallest, the smallest and a wide container."""
 
 
 def half_full_radius_m(cup: Container) -> float:
@@ -84,16 +84,16 @@ def container_named(name: str) -> Container:
 JOINT_TOPIC = "joint_states"
 
 BALLS_ABOVE = 1.7
-"""How far balls stand above the lip before they leave, in radii: what a container of the ten holds
-at a tilt is then known to 6 of 80 balls (root mean square). Measured by tilting eight of them."""
+"""Height to which balls rise above the lip before they leave, in radii. With it, the content of a
+container at a tilt is predicted to 6 of 80 balls (root mean square of eight tilted containers)."""
 HALF_FULL = 0.5
 """Share of the volume in the cup before a pour."""
 
 
 class Seen(NamedTuple):
-    """Parameters of one container, estimated from a scan, by whose references paths are divided.
+    """Parameters of one container, estimated from a scan.
 
-    Lip and centre of the opening (3,) are in the container's frame.
+    `references` divide paths; lip and centre of the opening (3,) are in the container's frame.
     """
 
     references: References
@@ -103,9 +103,9 @@ class Seen(NamedTuple):
 
 
 class PourLevel(NamedTuple):
-    """How far a pour empties the cup: as far as those demonstrated, and what it holds at a tilt.
+    """How far a pour empties the cup: demonstrated extent, the cup's content at each tilt, amounts.
 
-    What is in it and what is to be left are shares of its volume.
+    `fluid` is the initial content and `left` the content to be left, as shares of the cup's volume.
     """
 
     far: Reached
@@ -115,7 +115,7 @@ class PourLevel(NamedTuple):
 
 
 class DemonstratedPours(NamedTuple):
-    """The recorded demonstrations: pours (n), and the names of the two containers."""
+    """Recorded demonstrations: n pours, and the names of the two containers."""
 
     pours: Sequence[PourPath]
     cup: str
@@ -124,7 +124,7 @@ class DemonstratedPours(NamedTuple):
 
 @cache
 def annotated_source() -> ObjectModel:
-    """The one object whose parts are annotated, ready to be warped onto others."""
+    """The annotated object with its classifier and frame, ready to be warped onto others."""
     return ObjectModel.learn(load_object(find_object("mug")))
 
 
@@ -140,10 +140,10 @@ def look_at(source: ObjectModel, container: Container, rng: np.random.Generator)
 
 
 def read_pour(folder: Path) -> tuple[PourPath, dict[str, str]]:
-    """The pour that a bag's joints made, and the bag's labels.
+    """Read a pour from a bag's joint states, with the bag's labels.
 
     Raises:
-        BagError: it is no recorded pour.
+        BagError: the bag holds no recorded pour.
     """
     reader = BagReader(folder)
     stamps_ns, postures = [], []
@@ -162,10 +162,10 @@ def read_pour(folder: Path) -> tuple[PourPath, dict[str, str]]:
 
 
 def read_demonstrated(folder: Path) -> DemonstratedPours:
-    """All demonstrations below a folder, which are of one pair of containers.
+    """Read all demonstrations below a folder, all with the same pair of containers.
 
     Raises:
-        BagError: there are none.
+        BagError: there are no demonstrations.
     """
     found = [read_pour(path.parent) for path in sorted(folder.glob("*/metadata.yaml"))]
     if not found:
@@ -176,7 +176,7 @@ def read_demonstrated(folder: Path) -> DemonstratedPours:
 
 
 def learn_pouring(pours: Sequence[PourPath], cup: Seen, second: Seen) -> WarpedPrimitive:
-    """The primitive in the warped space from pours with one pair."""
+    """Learn the primitive in the warped space from pours with one pair of containers."""
     paths = [
         to_warped(pour.offset_m, pour.tilt_rad, cup.references, second.references) for pour in pours
     ]
@@ -185,7 +185,7 @@ def learn_pouring(pours: Sequence[PourPath], cup: Seen, second: Seen) -> WarpedP
 
 
 def reached_by(primitive: WarpedPrimitive, cup: Seen) -> Reached:
-    """How far the mean of a primitive learned with this cup tilts it."""
+    """How far the mean of a primitive tilts the cup with which it was learned."""
     tilts = primitive.mean_path(np.linspace(0.0, 1.0, 400))[:, 3]
     return reached(tilts, cup.references.tilt_rad, cup.emptying)
 
@@ -197,9 +197,9 @@ def plan(
     rng: np.random.Generator | None = None,
     level: PourLevel | None = None,
 ) -> PourPath:
-    """A path of the lip for containers with these references: the mean, or one that is drawn.
+    """Plan a path of the lip for containers with these references: the mean, or drawn with `rng`.
 
-    Without a level it empties the cup as far as its tilt reference has it.
+    Without a level, the tilt is scaled by the cup's tilt reference alone.
     """
     count = round(primitive.duration_s / 0.05) + 1
     phase = np.linspace(0.0, 1.0, count)
@@ -211,7 +211,7 @@ def plan(
 
 
 def pour_of(times_s: Floats, joints_rad: Floats, custom_data: Mapping[str, str]) -> PourPath:
-    """The pour that recorded joints (T, 7) [rad] made, by the metadata of their bag."""
+    """The pour of recorded joint angles (T, 7) [rad], with the metadata of their bag."""
 
     def vector(name: str) -> Floats:
         return np.array([float(part) for part in custom_data[name].split()])
@@ -225,16 +225,16 @@ def pour_of(times_s: Floats, joints_rad: Floats, custom_data: Mapping[str, str])
 def seen_as(name: str, seed: int) -> Seen:
     """Parameters of a container, estimated from a scan."""
     index = (*CONTAINER_NAMES, BIG_BOWL).index(name)
-    rng = np.random.default_rng([seed, 62, 1000, index])  # of scans alone
+    rng = np.random.default_rng([seed, 62, 1000, index])  # for scans only
     return look_at(annotated_source(), container_named(name), rng)
 
 
 @cache
 def learn_pouring_skill(demonstrations: Path, seed: int) -> PouringSkill:
-    """What is needed to pour with other containers, from a folder of bags.
+    """Learn the skill of pouring with other containers from a folder of bags.
 
     Raises:
-        BagError: there are no pours in it.
+        BagError: there are no pours in the folder.
     """
     shown = read_demonstrated(demonstrations)
     cup, second = (seen_as(name, seed) for name in (shown.cup, shown.second))

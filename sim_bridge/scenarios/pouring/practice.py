@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Practising to pour: the search space of the warped primitive, and rollouts in quick physics."""
+"""Practise pouring: the search space of the warped primitive, and rollouts in fast physics."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -37,11 +37,11 @@ from sim_bridge.scenarios.pouring.novel import (
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, plan_joints
 
 EPOCH_NS, MINUTE_NS, LOGGED_NS = 1_767_765_600_000_000_000, 60_000_000_000, 20_000_000
-"""Stamp of rollout 0, on the day of all recordings, and times to the next one and between two
-logged samples [ns]. Convention."""
+"""Stamp of rollout 0, on the day of all recordings; time between rollouts; and time between logged
+samples [ns]."""
 SHORT_STD_RADII = 0.3
-"""Standard deviation of how much too short moved demonstrations pour, in radii of the opening. It
-leaves practice some room to find the opening in."""
+"""Standard deviation by which moved demonstrations vary along the pour, in radii of the opening, so
+that practice can find the opening."""
 
 
 class _Planned(NamedTuple):
@@ -52,14 +52,14 @@ class _Planned(NamedTuple):
 
 
 class PouringPractice(AbstractContextManager["PouringPractice"]):
-    """Rollouts of one skill with one pair of containers; use as a context.
+    """Rollouts of one skill with one pair of containers; a context manager.
 
-    They pour as the graph does, with the parameters of the containers as they are seen. The arm is
-    not simulated: a path has to be within its reach and its limits of position and velocity. So
-    many balls are wanted in the second container; all of them unless told otherwise.
+    They pour like the nodes, with the containers' parameters estimated from scans. The arm is not
+    simulated, but a path must be within its reach and its position and velocity limits. `wanted` is
+    the number of balls to be poured into the second container, by default all.
 
     Raises:
-        ArgumentError: there is no such container, or so many balls cannot be poured.
+        ArgumentError: there is no such container, or `wanted` balls cannot be poured.
     """
 
     costs = ("spilled", "level")
@@ -81,7 +81,7 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
 
     @cached_property
     def space(self) -> SearchSpace:
-        """The primitive's own spread."""
+        """Search space spanned by the primitive's own spread."""
         primitive = self.skill.primitive
         basis = primitive.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
         mean, n_dofs = primitive.mean, primitive.mean.size // basis.shape[1]
@@ -89,7 +89,7 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
         return search_space(mean, primitive.spread, design.reshape(n_dofs, N_PHASES, mean.size))
 
     def path(self, weights: Floats) -> PourPath:
-        """The path of the lip of some weights (d,)."""
+        """The path of the lip for weights (d,)."""
         return plan(
             self.with_mean(weights).primitive,
             self._seen.references,
@@ -98,12 +98,12 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
         )
 
     def with_mean(self, weights: Floats) -> PouringSkill:
-        """The skill with other weights (d,) in the mean."""
+        """The skill with weights (d,) as the mean."""
         primitive, far = self.skill
         return PouringSkill(replace(primitive, mean=weights), far)
 
     def keeps_limits(self, weights: Floats) -> bool:
-        """Whether the arm reaches all of the path, and is nowhere faster than it can be."""
+        """Whether the arm can follow the path within its reach and velocity limits."""
         try:
             joints = self._planned(weights).joints
         except KinematicsError:
@@ -112,11 +112,11 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
         return bool(np.all(fastest <= LWR_LIMITS.velocity))
 
     def rollout(self, weights: Floats, rng: np.random.Generator) -> list[Rollout]:
-        """Pour once; how the balls lie is drawn."""
+        """Pour once, with a drawn arrangement of the balls."""
         return [self._rollout(weights, int(rng.integers(N_FILLS)))]
 
     def check(self, weights: Floats, count: int) -> list[Rollout]:
-        """Pour with balls that lie as they never do in `rollout`."""
+        """Pour `count` times, with arrangements of the balls that `rollout` never uses."""
         return [self._rollout(weights, N_FILLS + k) for k in range(count)]
 
     def _rollout(self, weights: Floats, fill: int) -> Rollout:
@@ -127,7 +127,7 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
         return Rollout(times, joints(times), {**outcome, "wanted": float(self._wanted)})
 
     def write(self, folder: Path, rollouts: Sequence[Rollout], labels: Mapping[str, str]) -> None:
-        """Write a rollout as a bag, which `read_pour` reads.
+        """Write a rollout as a bag that `read_pour` can read.
 
         Raises:
             ResourceBusyError: the directory exists already.
@@ -163,7 +163,7 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
                 )
 
     def _planned(self, weights: Floats) -> _Planned:
-        """The path of some weights; the last one is remembered."""
+        """The path for weights (d,); the last one is cached."""
         if self._last is None or not np.array_equal(self._last[0], weights):
             path = self.path(weights)
             joints = plan_joints(path, SideGrasp(self._cup.lip_point, self._cup.height_m))
@@ -175,17 +175,17 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
 
 
 def short_skill(shown: DemonstratedPours, short_radii: float, seed: int) -> PouringSkill:
-    """What demonstrations would teach that pour too short: something to practise on.
+    """Learn a skill from demonstrations moved so that they pour too short, for practice.
 
-    Each is moved by its own draw; on average by so many radii of the second opening.
+    Each is moved by its own draw, on average by `short_radii` radii of the second opening.
     """
     cup, second = (seen_as(name, 1) for name in (shown.cup, shown.second))
     radius, height = second.references.opening_radius_m, cup.references.height_m
-    rng = np.random.default_rng([seed, 71])  # of these draws alone
+    rng = np.random.default_rng([seed, 71])  # for these draws only
     pours = []
     for pour in shown.pours:
         ratios = np.append(-short_radii + SHORT_STD_RADII * rng.standard_normal(), [0.0, 0.0])
-        ratios += [0.0, 0.1, 0.08] * rng.standard_normal(3)  # how much they vary across and up
+        ratios += [0.0, 0.1, 0.08] * rng.standard_normal(3)  # variation across and up
         moved = pour.offset_m + ratios * [radius, radius, height]
         pours.append(PourPath(pour.times_s, moved, pour.tilt_rad))
     primitive = learn_pouring(pours, cup, second)
@@ -193,5 +193,5 @@ def short_skill(shown: DemonstratedPours, short_radii: float, seed: int) -> Pour
 
 
 def _vector(values: Floats) -> str:
-    """As metadata write it: six decimals, separated by spaces."""
+    """Numbers in the format of metadata: six decimals, separated by spaces."""
     return " ".join(f"{value:.6f}" for value in values)

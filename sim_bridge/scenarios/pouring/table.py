@@ -29,23 +29,23 @@ from sim_bridge.physics import fix, pybullet
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, SideGrasp
 
 CUP_MASS_KG = 0.25
-"""Mass of an empty cup [kg]. Convention."""
+"""Mass of an empty cup [kg]."""
 OUTSIDE_LINK, OUTSIDE_GROUP = 0, 64
-"""Each container is a body that balls collide with, and a link with its true outside, which
-collides with that of the other container and with nothing else. A filter on one side does not
-keep others off: those need one as well."""
+"""Link and collision group of a container's true outside, which only collides with the other
+container's outside; balls collide with the container's base. Bullet requires a filter on both
+sides, so all other bodies exclude this group."""
 
 
 class PouringTable:
     """A cup of balls fixed in the arm's hand, and a second container.
 
-    The arm must be at rest with the cup upright, its base at the world's origin; it carries the
-    weight of cup and balls from the start. The world's containers and balls stay until the arm's
-    world ends. Balls that do not fit are left out. The centre of the second container's opening is
-    at `opening_m` (3,), world.
+    The arm must be at rest with the cup upright, and its base at the world's origin. It carries the
+    weight of cup and balls from the start. Containers and balls stay until the arm's world ends.
+    Balls that do not fit are left out. The centre of the second container's opening is at
+    `opening_m` (3,), world.
 
     Attributes:
-        second_pose: where the second container stands (4, 4), world.
+        second_pose: pose of the second container (4, 4), world.
     """
 
     def __init__(
@@ -89,30 +89,30 @@ class PouringTable:
 
     @property
     def n_balls(self) -> int:
-        """How many balls there are."""
+        """Number of balls."""
         return len(self._balls)
 
     @property
     def through_wall(self) -> int:
-        """How many balls went into or through a wall so far."""
+        """Number of balls that have gone into or through a wall."""
         return self._cup_guard.count + self._second_guard.count
 
     def cup_pose(self) -> Floats:
-        """Where the cup truly is (4, 4), world."""
+        """True pose of the cup (4, 4), world."""
         position, orientation = self._client.getBasePositionAndOrientation(self._cup_body)
         return _pose_of(np.array(position), np.array(orientation))
 
     def touch_n(self) -> float:
-        """How hard the cup's outside presses on the second container's now [N]."""
+        """Force with which the cup's outside presses on the second container's [N]."""
         contacts = self._client.getContactPoints(
             self._cup_body, self._second_body, OUTSIDE_LINK, OUTSIDE_LINK
         )
         return float(sum(contact[9] for contact in contacts))
 
     def look(self) -> tuple[Flags, Flags]:
-        """Which balls are in the cup and which in the second container, (N,) of bool each.
+        """Whether each ball is in the cup, and whether it is in the second container, (N,) each.
 
-        Call it every few milliseconds: it also lets the arm know the weight it carries.
+        Call this every few milliseconds: it also updates the weight that the arm compensates.
         """
         in_cup = self._cup_guard.look(self._from(self.cup_pose()))
         in_second = self._second_guard.look(self._from(self.second_pose))
@@ -170,7 +170,7 @@ class PouringTable:
         self._client.setCollisionFilterGroupMask(body, link, 1, ~OUTSIDE_GROUP)
 
     def _carry(self, n_balls: int) -> None:
-        """Let the arm compensate cup and balls, as if all were in the middle of the cup."""
+        """Let the arm compensate cup and balls as a mass in the middle of the cup."""
         middle = np.array([0.0, 0.0, 0.5 * self.grasp.height_m, 1.0])
         centre = (self.grasp.cup_in_hand @ middle)[:3]
         self._arm.set_payload(CUP_MASS_KG + n_balls * ball_mass_kg(self._radius_m), tuple(centre))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The space a pour is described in, and the arm's hand in it (Brandl et al. II-D, III-B).
+"""The space in which a pour is described, and the arm's hand in it (Brandl et al. II-D, III-B).
 
-A pour is the path of the held container's lip relative to the centre of the second one's opening,
-and its tilt about the lip; the other two rotations are zero. The axes are: along the direction of
-pouring, across it (to the left), up.
+A pour is the path of the held container's lip relative to the centre of the second container's
+opening, and the tilt about the lip; the other two rotations are zero. The axes point along the
+direction of pouring, across it (to the left), and up.
 """
 
 from dataclasses import dataclass
@@ -16,26 +16,26 @@ from intent_recognition.kinematics import follow_poses
 from intent_recognition.signals import homogeneous
 
 _POUR_AXES = np.column_stack([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-"""Along, to the arm's left, across and up as columns, in the world."""
+"""Axes along the pour (the arm's left), across it and up, as columns in the world."""
 
 _HAND_IN_CUP = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-"""The hand's axes as columns in the held cup's axes: its third points at the cup from the side."""
+"""The hand's axes as columns in the held cup's axes; the third points at the cup from the side."""
 
 OPENING_M = np.array([0.70, 0.15, 0.26])
-"""Where the centre of the second container's opening is, world."""
+"""Default centre of the second container's opening [m], world."""
 
 
 SEED_POSTURE = np.array([0.76, -1.24, 2.02, -1.72, 0.11, -0.92, 0.96])
-"""A posture with the cup held from the side; paths of the arm begin near it."""
+"""Joint angles [rad] with the cup held from the side, near which the arm's paths begin."""
 
 
 @dataclass(frozen=True)
 class PourPath:
     """A pour over time."""
 
-    times_s: Floats  # ascending from 0 (T,)
+    times_s: Floats  # times, ascending from 0 (T,)
     offset_m: Floats  # lip from the centre of the second opening (T, 3): along, across, up
-    tilt_rad: Floats  # of the held container about its lip (T,)
+    tilt_rad: Floats  # tilt of the held container about its lip (T,)
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class SideGrasp:
         return homogeneous(_HAND_IN_CUP.T, np.array([0.0, 0.0, 0.11]) - _HAND_IN_CUP.T @ held)
 
     def cup_poses(self, path: PourPath, opening_m: Floats) -> Floats:
-        """Poses of the container along a path (T, 4, 4), world, from the second opening's (3,)."""
+        """Poses of the container along a path (T, 4, 4), world; the opening's centre is (3,)."""
         c, s = np.cos(path.tilt_rad), np.sin(path.tilt_rad)
         poses = np.tile(np.eye(4), (len(c), 1, 1))
         tilted = poses[:, :3, :3].copy()
@@ -68,14 +68,14 @@ class SideGrasp:
 
 
 def seen_path(times_s: Floats, cup_poses: Floats, lip_m: Floats, opening_m: Floats) -> PourPath:
-    """The pour that poses (T, 4, 4), world, of the held container make: inverse of `cup_poses`."""
+    """The pour of a held container with poses (T, 4, 4), world; the inverse of `cup_poses`."""
     up = cup_poses[:, :3, 2] @ _POUR_AXES
     lip = cup_poses[:, :3, :3] @ lip_m + cup_poses[:, :3, 3]
     return PourPath(times_s, (lip - opening_m) @ _POUR_AXES, np.arctan2(up[:, 0], up[:, 2]))
 
 
 def plan_joints(path: PourPath, grasp: SideGrasp, opening_m: Floats = OPENING_M) -> CubicSpline:
-    """Joint angles as a function of time for a path of the lip from the opening (3,), world.
+    """Joint angles over time for a path of the lip relative to an opening's centre (3,), world.
 
     Raises:
         KinematicsError: a pose is out of reach.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes must know where the toolbox's objects are handed over by force."""
+"""Parameters of the nodes for handing the toolbox's objects over by force."""
 
 from sim_bridge.arm import Robot, find_robot
 from sim_bridge.coworker import HOLD
@@ -8,13 +8,13 @@ from sim_bridge.scenarios.toolbox.other_arms import ToolboxArm
 from sim_bridge.scenarios.toolbox.scene import GRASP_RADIUS_M, STANDS_M
 
 ONE_HOLDS_S = (5.0, 6.0)
-"""How long the only worker waits where a hand was stretched out [s]: the arm is late, and both take
-their time."""
+"""Shortest and longest time that a single worker waits with a hand held out [s], so that the arm
+can arrive late and the handover can take its time."""
 
 
 def by_force_with(robot: Robot, hold_s: tuple[float, float]) -> dict[str, dict[str, object]]:
-    """Parameters by node for an arm with fingers, and how long a worker waits at least and most."""
-    # so slow [m/s] that it takes the object: below `GRASP_SPEED_M_S`
+    """Parameters by node for an arm with fingers; a worker waits for a time within `hold_s`."""
+    # 0.1 m/s, below `GRASP_SPEED_M_S`, so that the hand takes the object
     slow = [f"{x} {y} {z} {GRASP_RADIUS_M} 0.1" for x, y, z in STANDS_M.values()]
     fingers = finger_joints(robot)
     return {
@@ -25,10 +25,10 @@ def by_force_with(robot: Robot, hold_s: tuple[float, float]) -> dict[str, dict[s
 
 
 def handing_over(arm: str) -> dict[str, dict[str, object]]:
-    """Parameters by node for one worker and an arm, see `find_robot`; the LWR where it is empty.
+    """Parameters by node for one worker and an arm (see `find_robot`; the LWR if empty).
 
     Raises:
-        IntentError: there is no such arm, or its hand does not reach where it waits.
+        IntentError: there is no such arm, or its hand cannot reach the place where it waits.
     """
     robot = _with_fingers(arm)
     own = by_force_with(robot, ONE_HOLDS_S)
@@ -42,7 +42,7 @@ def handing_over(arm: str) -> dict[str, dict[str, object]]:
 
 
 def describe_with_fingers(arm: str) -> str:
-    """URDF for viewers of that arm, which the arm's node publishes, too."""
+    """URDF for viewers of an arm with fingers, as the arm's node publishes it."""
     return _with_fingers(arm).description
 
 

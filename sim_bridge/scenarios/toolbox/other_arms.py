@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An arm that a scenario was not taught with: its home, and where its hand is."""
+"""An arm with which a scenario was not taught: its home posture, and positions of its hand."""
 
 from functools import cached_property
 
@@ -10,7 +10,7 @@ from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M
 
 
 class ToolboxArm:
-    """What a scenario needs to know of an arm whose hand waits at a place (3,), world."""
+    """Kinematics of an arm whose hand waits at a place (3,), world."""
 
     def __init__(self, robot: Robot, home_m: Floats = HOME_HAND_M):
         self.robot, self._home_m = robot, home_m
@@ -18,15 +18,15 @@ class ToolboxArm:
 
     @cached_property
     def home(self) -> Floats:
-        """Posture with the hand where it waits, near the ready one (n,) [rad].
+        """Posture with the hand at its waiting place, near the ready posture (n,) [rad].
 
         Raises:
-            KinematicsError: it is out of reach.
+            KinematicsError: the place is out of reach.
         """
         return self._arm.inverse_kinematics(self._home_m)
 
     def n_reached(self, places_m: Floats) -> int:
-        """How many places (n, 3), world, the hand reaches to 1 cm."""
+        """Number of places (n, 3), world, that the hand reaches to 1 cm."""
         near = (self._arm.nearest(place, self.home).distance_m for place in places_m)
         return sum(distance_m <= 0.01 for distance_m in near)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scoring of a toolbox session: what was on the topics against what the coworker did."""
+"""Score a toolbox session: compare logged topics with what the coworker did."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -16,18 +16,18 @@ from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M, handover_point
 from sim_bridge.scenarios.toolbox.transfer_scoring import score_transfer, transfer_trace
 
 DECIDED_WITHIN_S = 0.3
-"""A change of mind must have been followed so long after the movement's end [s]."""
+"""Time after the movement's end within which a change of mind must have been followed [s]."""
 EARLIEST_DECISION_S = 0.1
-"""A decision cannot belong to a movement that begins later than this after it [s]."""
+"""A decision may precede the onset of its movement by at most this [s]."""
 REST_SPEED_RAD_S, AWAY_FROM_HOME_M = 0.03, 0.08
-"""Speed of the fastest joint below which the arm rests [rad/s], and distance of the hand from home,
-and from stands, above which it does so at an interaction [m]. Convention."""
+"""Speed of the fastest joint below which the arm rests [rad/s], and distance of the hand from home
+and from stands above which a rest counts as an arrival [m]."""
 
 
 def first_sample_ns(log: SessionLog, plan: SessionPlan) -> int | None:
-    """Stamp of the session's first sample, found by an observed pose that the plan holds exactly.
+    """Stamp of the session's first sample, from a logged position that occurs once in the plan.
 
-    The first messages may be lost; every sample is stamped a multiple of 10 ms after the first.
+    The first messages may be lost; samples are stamped at multiples of 10 ms after the first.
     """
     for stamp, position in zip(log.wrist_ns[:50], log.wrist_m[:50], strict=False):
         found = np.flatnonzero(np.all(plan.samples.positions_m == position, axis=1))
@@ -42,22 +42,22 @@ def lwr_hand(q: Floats) -> Floats:
 
 
 HandOf = Callable[[Floats], Floats]
-"""From measured joints (..., n) to the position of the hand in the world (..., 3) [m]."""
+"""Function from measured joints (..., n) to the hand's position in the world (..., 3) [m]."""
 
 
 class Scoring(NamedTuple):
-    """What the arm is measured by."""
+    """Reference values for scoring an arm."""
 
-    places_m: Floats  # where the hand belongs in each interaction (n, 3), world
+    places_m: Floats  # right position of the hand in each interaction (n, 3), world
     hand_of: HandOf = lwr_hand
-    home_m: Floats = HOME_HAND_M  # where its hand waits (3,)
-    by_force: bool = False
-    # places where the hand may rest on the way, such as stands (k, 3)
+    home_m: Floats = HOME_HAND_M  # position where the hand waits (3,)
+    by_force: bool = False  # whether objects are handed over by force
+    # positions where the hand may rest on the way, such as stands (k, 3)
     passed_m: Floats = np.empty((0, 3))
 
 
 def toolbox_places(plan: SessionPlan) -> Floats:
-    """Where the demonstrator's rule puts the hand in each interaction (n, 3) [m]."""
+    """Position of the hand in each interaction by the demonstrator's rule (n, 3) [m]."""
     return np.array([handover_point(one.task, one.goal_m) for one in plan.interactions])
 
 
@@ -84,7 +84,7 @@ def score_interaction(
     number: int,
     scoring: Scoring,
 ) -> tuple[InteractionRecord, Trace]:
-    """Score one interaction; arguments as of `score_session`, `until_ns` ends the search."""
+    """Score one interaction as in `score_session`; `until_ns` ends the search for decisions."""
     onset = first_ns + round(interaction.onset_s * 1e9)
     end = first_ns + round(interaction.end_s * 1e9)
     movement_s = (end - onset) * 1e-9
@@ -104,7 +104,7 @@ def score_interaction(
     if decided_ns is not None and recognised == interaction.task:
         arrival = _arrival(log, decided_ns, end, until_ns, scoring, at_ns)
         late_s = 1.0  # after the end of the movement
-        if scoring.by_force and arrival is not None:  # it may have helped somebody else first
+        if scoring.by_force and arrival is not None:  # the arm may have helped another person first
             late_s = max(late_s, arrival)
         scored_ns = end + round(late_s * 1e9)
         error = _hand_error(log, scoring.places_m[number - 1], scored_ns, scoring)
@@ -141,9 +141,9 @@ def score_people(
     first_ns: int,
     scorings: Mapping[str, Scoring],
 ) -> tuple[list[InteractionRecord], list[Trace]]:
-    """Records and traces of all people, by name, in order of time; arguments as of `score_session`.
+    """Records and traces of all people in order of time; see `score_session` for the arguments.
 
-    Help is wrong for somebody who neither moves nor waits for the robot.
+    All mappings are keyed by person. Help is wrong for a person who neither moves nor waits.
     """
     rows = []
     for person, plan in plans.items():
@@ -159,7 +159,7 @@ def score_people(
 
 
 def _wrong_helps(log: SessionLog, plan: SessionPlan, first_ns: int) -> list[int]:
-    """How often help began wrongly, from each interaction until the next one."""
+    """Number of times that help began wrongly, from each interaction until the next one."""
     wrong = [0] * len(plan.interactions)
     onsets = np.array([one.onset_s for one in plan.interactions]) - EARLIEST_DECISION_S
     for at_ns, task in zip(log.active_ns.tolist(), log.active, strict=True):
@@ -171,7 +171,7 @@ def _wrong_helps(log: SessionLog, plan: SessionPlan, first_ns: int) -> list[int]
 
 
 def _contacts_of(log: SessionLog, task: str) -> ContactLog:
-    """All contacts, with those who hold something while a task is active: its object."""
+    """All contacts, with empty holders where another task is active."""
     rows = np.searchsorted(log.active_ns, log.contacts.stamps_ns, side="right").tolist()
     active = ("", *log.active)
     own = (
@@ -187,7 +187,7 @@ def _believed(log: SessionLog, end_ns: int) -> str:
 
 
 def _decision(log: SessionLog, earliest: int, until: int) -> tuple[int | None, str, str]:
-    """When the first task was activated, which, and whether another one followed."""
+    """Stamp and label of the first task that was activated, and a note on any that followed."""
     changes = [
         (int(stamp), task)
         for stamp, task in zip(log.active_ns, log.active, strict=True)
@@ -200,7 +200,7 @@ def _decision(log: SessionLog, earliest: int, until: int) -> tuple[int | None, s
 
 
 def _last_decision(log: SessionLog, earliest: int, end_ns: int) -> tuple[int | None, str, str]:
-    """Which task is active `DECIDED_WITHIN_S` after a movement's end, and since when."""
+    """Stamp and label of the task that is active `DECIDED_WITHIN_S` after a movement's end."""
     first, last = np.searchsorted(log.active_ns, [earliest, end_ns + round(DECIDED_WITHIN_S * 1e9)])
     if last == first or not log.active[last - 1]:
         return None, "", ""
@@ -208,7 +208,7 @@ def _last_decision(log: SessionLog, earliest: int, end_ns: int) -> tuple[int | N
 
 
 def _hand_error(log: SessionLog, place_m: Floats, at_ns: int, scoring: Scoring) -> float | None:
-    """Distance from the measured hand to its right place at a time [m]."""
+    """Distance of the measured hand from its right position at a time [m]."""
     index = np.searchsorted(log.joint_ns, at_ns) - 1
     if index < 0:
         return None
@@ -223,9 +223,10 @@ def _arrival(
     scoring: Scoring,
     transfer_ns: int | None,
 ) -> float | None:
-    """When the arm first rested where it was to go after the decision, since the human's end [s].
+    """Time from the human's end until the arm first rests at its goal after the decision [s].
 
-    It has moved first; `transfer_ns` is when an object changed hands, which was there.
+    The arm must have moved before. `transfer_ns` is the stamp at which an object changed hands: the
+    hand's position at that time is the goal.
     """
     first, last = np.searchsorted(log.joint_ns, [decided_ns, until_ns])
     stamps, joints = log.joint_ns[first:last], log.joint_rad[first:last]
@@ -240,7 +241,7 @@ def _arrival(
     away = np.linalg.norm(to_these, axis=2).min(axis=1)
     late = stamps[step:] > end_ns - 5e8
     moved = speed > REST_SPEED_RAD_S
-    if scoring.by_force:  # it may still be where it helped somebody else
+    if scoring.by_force:  # it may start where it helped another person
         moved &= np.linalg.norm(hand_m[step:] - hand_m[0], axis=1) > AWAY_FROM_HOME_M
     moved = np.logical_or.accumulate(moved)
     if transfer_ns is not None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the object of an interaction changed hands, from the ground truth of the physics."""
+"""Score whether an interaction's object changed hands, from the ground truth of the physics."""
 
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ HANDS = (Holder.ROBOT.value, Holder.PERSON.value)
 
 
 class TransferScore(NamedTuple):
-    """What became of an object: whether it changed hands, when (None: never), and the force [N]."""
+    """Whether an object changed hands, when (None if never), and the person's largest force [N]."""
 
     handed_over: bool
     at_ns: int | None
@@ -21,10 +21,10 @@ class TransferScore(NamedTuple):
 
 
 def score_transfer(contacts: ContactLog, from_ns: int, until_ns: int) -> TransferScore | None:
-    """Score the interaction between two stamps; None where no object is handed over by force.
+    """Score the interaction between two stamps; None if there are no contacts.
 
-    Handed over is what one of both held alone, then the other one until it was put away, and
-    nobody dropped.
+    An object is handed over if one of the two held it alone, then the other one at the end, and it
+    was not dropped.
     """
     rows = slice(*np.searchsorted(contacts.stamps_ns, [from_ns, until_ns]))
     stamps, holders = contacts.stamps_ns[rows], contacts.holders[rows]
@@ -55,7 +55,7 @@ def _dropped(stamps: Integers, holders: tuple[str, ...]) -> bool:
 def transfer_trace(
     log: SessionLog, onset_ns: int, end_ns: int, until_ns: int, score: TransferScore
 ) -> Trace:
-    """Forces from the human's end until a second after the transfer, or else until the end."""
+    """Forces from the human's end until a second after the transfer, or until the end."""
     stop_ns = until_ns if score.at_ns is None else score.at_ns + 1_000_000_000
     felt = slice(*np.searchsorted(log.transfers.stamps_ns, [end_ns, stop_ns]))
     true = slice(*np.searchsorted(log.contacts.stamps_ns, [end_ns, stop_ns]))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The toolbox assembly with objects that are held by force, by fingers and by a person's hand.
 
-Plate and screws are between the fingers once the hand has passed their stand; from there on only
-forces hold them. The worker's hand is where the tracker sees the wrist, but for the last
-decimetres, in which it follows what the person sees and feels (`sim_bridge.handover`).
+Plate and screws are put between the fingers when the hand passes their stand; from then on, only
+forces hold them. The worker's hand follows the tracked wrist, except for the last decimetres, in
+which it follows what the person sees and feels (`sim_bridge.handover`).
 """
 
 from collections.abc import Callable
@@ -42,17 +42,17 @@ THINGS = {
 }
 """The object of each task: a plate, a box of screws, a screwdriver."""
 NEAR_M, AWAY_M = 0.3, 0.12
-"""Distance from the grip to the wrist below which the person acts, and way of the wrist after which
-the person goes on with something else [m]. Convention."""
+"""Distance from the grip to the wrist below which the person acts, and motion of the wrist after
+which the person turns to something else [m]."""
 REST_M_S = 0.03
-"""Speed of the robot's hand below which it rests: a person then takes an object, or brings one
-[m/s]. Convention."""
+"""Speed of the robot's hand below which it rests, so that a person takes or brings an object
+[m/s]."""
 ASIDE_M = np.array([0.16, 0.0, 0.0])
-"""From the wrist to where the person holds an object until the robot is near, and from the fingers
-then [m]. Convention: out of their way."""
+"""Offset at which the person holds an object, from the wrist until the robot is near and then from
+the fingers, out of their way [m]."""
 BETWEEN = 0.5
-"""Share of an object's thickness that fingers which hold it are apart. Convention: pads yield, and
-fingers that closed in front of it touch one another."""
+"""Fingers hold an object if they are further apart than this share of its thickness: pads yield,
+and fingers that closed in front of the object touch each other."""
 
 
 class Holder(Enum):
@@ -77,10 +77,10 @@ class ToolboxTransfers:
     """The objects, the fingers and the worker's hand in an arm's world.
 
     Args:
-        arm: with fingers.
-        seed: of the person.
-        lever_m: from the hand as it was taught to the grip, along its z.
-        tell: called with whether the fingers hold something that nobody handed to them.
+        arm: an arm with fingers.
+        seed: seed of the person.
+        lever_m: distance from the hand as it was taught to the grip, along the hand's z.
+        tell: called with whether the fingers hold an object taken from a stand.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class ToolboxTransfers:
 
     @property
     def _hand(self) -> CompliantHand | None:
-        """Of the person for whom the task is."""
+        """Hand of the person for whom the task is."""
         return self._hands.get(self._attended)
 
     @property
@@ -135,7 +135,7 @@ class ToolboxTransfers:
         return self._wrists_m[self._attended]
 
     def move_wrist(self, position_m: Floats, person: str = "") -> None:
-        """The tracker sees a person's wrist there (3,); the only one has no name."""
+        """Set the tracked position of a person's wrist (3,); a single person has no name."""
         self._wrists_m[person] = np.array(position_m)
         if person not in self._hands:
             rng = np.random.default_rng([*self._seed, *person.encode()])
@@ -143,7 +143,7 @@ class ToolboxTransfers:
             self._hands[person] = hand
 
     def attend(self, person: str) -> None:
-        """Take note of the person for whom the task is; what is left of another's is put away."""
+        """Set the person for whom the task is; the object of another person is removed."""
         if person and person != self._attended:
             task = self.task
             self.set_task("")
@@ -151,7 +151,7 @@ class ToolboxTransfers:
             self.set_task(task)
 
     def set_task(self, task: str) -> None:
-        """Take note of the task being executed, "" when idle; what is left of one is put away."""
+        """Set the task being executed, "" when idle; the object of the task before is removed."""
         task = task if task in THINGS else ""
         if task == self.task:
             return
@@ -159,26 +159,26 @@ class ToolboxTransfers:
         self.task = task
         if task and self._hand is not None:
             weight_n = THINGS[task].mass_kg * GRAVITY_M_S2
-            self._n_tasks += 1  # each has a manner of its own, whatever was before
+            self._n_tasks += 1  # each task has its own seed
             drawn = Manner.draw(np.random.default_rng([*self._seed, self._n_tasks]), weight_n)
-            # so far it is pulled toward the own wrist
+            # the taker pulls the object 0.1 m toward the wrist
             self._manner = replace(drawn, brought_m=0.1, busy_s=0.0, reach_s=0.5 * drawn.reach_s)
             if task not in STANDS_M:
                 self._manner = self._manner.careful()
                 self._bring(self._hand)
 
     def follow(self, holding: Holding, share: float, weight_n: float, grip_n: float) -> None:
-        """Grip as `intent/transfer` says, once it has taken note of what was grasped."""
+        """Grip as `intent/transfer` commands, once that reflects an object taken from a stand."""
         if self._closed_on and holding is Holding.EMPTY:
             return
         self._closed_on = False
         self._grip.follow(holding, share, weight_n, grip_n, 5 * TIME_STEP_S)
 
     def update(self) -> None:
-        """Look at the hand, and take what is on its stand; call it every few milliseconds."""
+        """Take an object from its stand if the hand is there; call this every few milliseconds."""
         pose = self._arm.hand_pose()
         if self._hand is not None and self._hand.holds and not self._served:
-            what = THINGS[self.task]  # the person turns it as the robot's hand is turned
+            what = THINGS[self.task]  # the person aligns it with the robot's hand
             self._hand.turn_to(in_grip(what, pose.position, pose.orientation)[1])
         if self.task not in STANDS_M or self._thing is not None:
             return
@@ -192,7 +192,7 @@ class ToolboxTransfers:
             self._tell(True)
 
     def _make(self, what: TransferObject, centre_m: Floats, turn: Floats) -> HandedThing:
-        """Put an object into the world; of the arm it touches the fingers alone."""
+        """Put an object into the world, which touches only the fingers of the arm."""
         client, body = self._arm.client, self._arm.body
         thing = HandedThing(client, what, centre_m, turn)
         for link in range(-1, client.getNumJoints(body)):
@@ -201,7 +201,7 @@ class ToolboxTransfers:
         return thing
 
     def _bring(self, hand: CompliantHand) -> None:
-        """The person has the object in the hand."""
+        """Put the task's object into the person's hand."""
         what, pose = THINGS[self.task], self._arm.hand_pose()
         _, turn = in_grip(what, pose.position, pose.orientation)
         out = Rotation.from_quat(turn).as_matrix()[:, 0]
@@ -225,7 +225,7 @@ class ToolboxTransfers:
             self._tell(False)
 
     def _act(self, arm: SimulatedArm) -> None:
-        """Let people act in the coming step."""
+        """Let people act in the next step."""
         hand, thing = self._hand, self._thing
         for person, other in self._hands.items():
             if other is not hand:
@@ -233,7 +233,7 @@ class ToolboxTransfers:
                 _let_rest(other)
         if hand is None:
             return
-        follow_s = 0.5  # time constant in which the hand is where the wrist is again
+        follow_s = 0.5  # time constant with which the hand returns to the wrist
         self._offset_m += TIME_STEP_S / follow_s * (self._aside_m(hand, thing) - self._offset_m)
         if self._person is None:
             hand.target_m = self._wrist_m + self._offset_m
@@ -247,7 +247,7 @@ class ToolboxTransfers:
             _let_rest(hand)
 
     def _begin(self, hand: CompliantHand, thing: HandedThing) -> None:
-        """Begin to take or to give where the robot has come near."""
+        """Begin to take or to give if the robot is near."""
         gives, pose = hand.holds, self._arm.hand_pose()
         near = np.linalg.norm(pose.position - self._wrist_m) < NEAR_M
         if self._manner is None or not near or self._speed() >= REST_M_S:
@@ -265,7 +265,7 @@ class ToolboxTransfers:
         self._blocked_s = 0.0
 
     def _go_on(self, hand: CompliantHand, person: Taker | Giver) -> None:
-        """Let the person see, and end where the object has changed hands or somebody leaves."""
+        """Let the person act, and end if the object has changed hands or the person leaves."""
         thing = self._thing
         assert thing is not None
         gripped = self._gripped(thing)
@@ -287,20 +287,20 @@ class ToolboxTransfers:
             self._offset_m = hand.target_m - self._wrist_m
 
     def _gives_way(self, hand: CompliantHand, thing: HandedThing) -> bool:
-        """Whether a giver has seen that the fingers closed in front of the object."""
+        """Whether a giver has noticed that the fingers closed in front of the object."""
         blocked = self._fingers.half_opening_m() < BETWEEN * thing.what.half_edges_m[1]
         self._blocked_s = self._blocked_s + TIME_STEP_S if blocked and hand.holds else 0.0
         return self._manner is not None and self._blocked_s > self._manner.reaction_s
 
     def _place(self, thing: HandedThing) -> Floats:
-        """Where the person's hand is with the object between the fingers (3,)."""
+        """Position of the person's hand (3,) when the object is between the fingers."""
         pose, what = self._arm.hand_pose(), thing.what
         reach_m = what.grasp_m + HELD_SHARE * what.half_edges_m[2]
         miss_m = np.zeros(3) if self._manner is None else self._manner.miss_m
         return pose.position + reach_m * _outward(pose.orientation) + miss_m
 
     def _aside_m(self, hand: CompliantHand, thing: HandedThing | None) -> Floats:
-        """From the wrist to where the hand waits (3,): with an object, before the fingers."""
+        """Offset of the waiting hand from the wrist (3,); with an object, before the fingers."""
         if thing is None or self._served or not hand.holds:
             return np.zeros(3)
         pose = self._arm.hand_pose()
@@ -310,7 +310,7 @@ class ToolboxTransfers:
         return self._place(thing) + before - self._wrist_m
 
     def _off_line_m(self, hand: CompliantHand, thing: HandedThing) -> float:
-        """How far the hand is from the line on which it is to bring the object [m]."""
+        """Distance of the hand from the line along which it should bring the object [m]."""
         off = hand.position_m - self._place(thing)
         out = _outward(self._arm.hand_pose().orientation)
         return float(np.linalg.norm(off - (off @ out) * out))
@@ -325,7 +325,7 @@ def _outward(turn: Floats) -> Floats:
 
 
 def _turned(toward: Floats, way: Floats) -> Floats:
-    """A direction about x (3,) turned about z to be about the level part of a way (3,)."""
+    """Turn a direction (3,) about z by the angle between x and the level part of `way` (3,)."""
     return Rotation.from_euler("z", np.arctan2(way[1], way[0])).apply(toward)
 
 
