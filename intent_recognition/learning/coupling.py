@@ -2,9 +2,8 @@
 """Learn how the residuals of both agents are coupled, from left-out demonstrations.
 
 Residuals are what the filtered weights leave unexplained. Those of the controlled agent are
-regressed on those of the observed agent (`promp.coupling`). The decay and the shrinkage are chosen
-that best predict the residuals of another demonstration of the task; one candidate is to have no
-coupling.
+regressed on those of the observed agent (`promp.coupling`). The chosen decay and shrinkage predict
+the residuals of another demonstration of the task best; having no coupling is also a candidate.
 """
 
 from typing import NamedTuple

@@ -2,9 +2,9 @@
 """The hypothesis that a movement is none of the known tasks.
 
 An unknown movement is one more draw from the population of the known tasks. Its mean is distributed
-about the average of their means as these are, and its covariance is the average of theirs. The
-scatter of a few tasks is poorly known, so it is shrunk towards how far movements depart from their
-starts.
+about the average of their means as these are, and it varies about its mean with the average of
+their covariances. The scatter of a few tasks is poorly known, so it is shrunk towards how far
+movements depart from their starts.
 """
 
 from collections.abc import Sequence

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arms that can be simulated: the LWR, arms of PyBullet's data, and any URDF.
 
-A URDF lacks stiffness, friction while guided, and the inertia of motors behind their gears, without
-which light wrists cannot be controlled at 1 kHz. For arms other than the LWR, they are derived from
-the torque limits, in proportion to the LWR's values.
+URDFs usually lack stiffness, friction while guided, and the inertia of motors behind their gears,
+without which light wrists cannot be controlled at 1 kHz. For arms other than the LWR, they are
+derived from the torque limits, in proportion to the LWR's values.
 """
 
 from collections.abc import Sequence

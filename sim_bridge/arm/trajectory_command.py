@@ -75,8 +75,8 @@ class TrajectoryCommand:
         Each point has a row [rad], [rad/s], [rad/s^2]; if all rows are empty, none were sent. Times
         are relative to `start_s` (None for now), not negative and increasing. All values and the
         mean speeds between points must be inside the limits. Only a joint that was pushed outside,
-        as shown by `position` (rows of the arm's measured and reference position), may start
-        outside, and must end inside.
+        as shown by `position` (rows of the arm's measured and reference position), may be about as
+        far outside before the last point.
 
         Raises:
             RejectedTrajectoryError: anything is wrong; `reason` names the kind of error.
