@@ -149,7 +149,7 @@ class Arm:
         found = self.nearest(target, seed, rest)
         if found.error > REACHED:
             expected = f"a pose that {self.tip} can reach within the joint limits"
-            got = f"one of which {found.distance_m:.4f} m and {found.angle_rad:.4f} rad are left"
+            got = f"one missed by {found.distance_m:.4f} m and {found.angle_rad:.4f} rad"
             raise KinematicsError.about("target", expected, got, "Bring it nearer, or turn it.")
         return found.q
 

@@ -172,7 +172,7 @@ def _way(base: str, tip: str, above: Mapping[str, ET.Element]) -> list[ET.Elemen
     link = tip
     while link != base:
         if link not in above or len(way) > len(above):
-            cure = "Name a tip that hangs on the base."
+            cure = "Name a tip below the base."
             raise ArgumentError.about("tip", f"a link below {base}", tip, cure)
         way.insert(0, above[link])
         link = link_of(above[link], "parent")

@@ -50,7 +50,7 @@ def fit_interaction_promp(
         got, cure = len(demonstrations), "A covariance takes more than one; record more."
         raise TrainingError.about("demonstrations", "two or more", got, cure)
     if not (demonstrations[0].observed and demonstrations[0].controlled):
-        expected, alone = "signals of both agents", "those of one"
+        expected, alone = "signals of both agents", "signals of one agent"
         cure = "Record the other one, too."
         raise TrainingError.about("demonstrations", expected, alone, cure)
     for demonstration in demonstrations[1:]:
@@ -81,7 +81,7 @@ def _check_alike(first: Demonstration, other: Demonstration) -> None:
         if expected != got:
             raise ArgumentError.about(
                 f"{argument} of {other.name}",
-                f"{expected} as of {first.name}",
+                f"{expected} as in {first.name}",
                 got,
                 "Pass demonstrations of one task with the same DOFs; `learn` takes several.",
             )

@@ -39,7 +39,7 @@ def smoothed_transitions(counts: Floats) -> Floats:
     """
     n = np.asarray(counts, dtype=np.float64)
     if n.ndim != 2 or n.shape[0] != n.shape[1] + 1:
-        cure = "One row a last task and one for none, one column a task."
+        cure = "Give one row per last task, one row for none, and one column per task."
         raise ShapeError.about("counts", "shape (K + 1, K)", n.shape, cure)
     a = np.geomspace(0.1, 100.0, 61)[:, None, None]
     total = n.shape[1] * a[:, :, 0]

@@ -181,8 +181,8 @@ def with_estimated_normals(points: Floats, viewpoints: Floats | None) -> ObjectC
     """
     points = checked_points(points)
     if viewpoints is None:
-        cure = "Give normals, or where the camera was: without either inside is like outside."
-        raise ArgumentError.about("viewpoints", "where the camera was", "none", cure)
+        cure = "Give normals or viewpoints: without either, inside and outside look alike."
+        raise ArgumentError.about("viewpoints", "positions of the camera", "none", cure)
     eyes = np.asarray(viewpoints, dtype=float)
     if eyes.shape not in ((3,), points.shape):
         cure = "Give one place, or one per point."

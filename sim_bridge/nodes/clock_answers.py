@@ -45,7 +45,7 @@ class ClockAnswers:
         try:
             counts = dict(zip(message.name, map(int, message.position), strict=True))
         except (ValueError, OverflowError):
-            text = f"{ANSWERS} of {node}: expected one whole number a topic"
+            text = f"{ANSWERS} of {node}: expected one whole number per topic"
             self._diagnostics.reject("bad_answer", text)
             return {}
         return self._lock_step.hear(node, counts)

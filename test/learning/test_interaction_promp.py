@@ -45,7 +45,7 @@ def test_what_cannot_be_fitted(truth, rng):
         fit_interaction_promp([one, other], basis=BASIS)
     with pytest.raises(ArgumentError, match="strength"):
         fit_interaction_promp([one, one], basis=BASIS, strength=0.0)
-    with pytest.raises(TrainingError, match="signals of both agents, got those of one"):
+    with pytest.raises(TrainingError, match="signals of both agents, got signals of one agent"):
         fit_interaction_promp([replace(one, controlled=())] * 2, basis=BASIS)
     fewer = make_library(rng, n_controlled=1, n_basis=8)
     with pytest.raises(ArgumentError, match="controlled DOFs"):
