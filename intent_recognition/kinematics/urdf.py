@@ -158,9 +158,9 @@ def _check_lengths(way: list[ET.Element], tip: str) -> None:
     """Refuse an arm whose length, from its first moving joint on, cannot be in metres."""
     first = next(k for k, joint in enumerate(way) if joint.get("type") in MOVING)
     length_m = sum(map(_length_m, way[first + 1 :]))
-    said = f"{length_m:.4g} m from joint {_names(way)[first]} to {tip}"
-    if (found := length_misfit(length_m, said, "write")) is not None:
-        raise ArgumentError.about("robot", "an arm in metres", said, found.likely)
+    got = f"{length_m:.4g} m from joint {_names(way)[first]} to {tip}"
+    if (found := length_misfit(length_m, got, "write")) is not None:
+        raise ArgumentError.about("robot", "an arm in metres", got, found.likely)
 
 
 def _names(joints: list[ET.Element]) -> list[str]:

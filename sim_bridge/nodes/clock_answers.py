@@ -76,5 +76,5 @@ class ClockAnswers:
         return False
 
     def _gone(self, edge: Edge) -> str:
-        there = {"", *self._node.get_node_names()}
-        return next((name for name in (edge.sender, edge.taker) if name not in there), "")
+        present = {"", *self._node.get_node_names()}
+        return next((name for name in (edge.sender, edge.taker) if name not in present), "")

@@ -31,11 +31,11 @@ class _Worker:
     def __init__(
         self, node: Node, plan: SessionPlan, person: str, diagnostics: Diagnostics, frame: str
     ) -> None:
-        of = f"{person}/" if person else ""
-        self.plan, self._topic = plan, f"mocap/{of}wrist/pose"
-        self._said, self._diagnostics = f"interaction {person}".strip(), diagnostics
+        prefix = f"{person}/" if person else ""
+        self.plan, self._topic = plan, f"mocap/{prefix}wrist/pose"
+        self._progress, self._diagnostics = f"interaction {person}".strip(), diagnostics
         self.poses = node.create_publisher(PoseStamped, self._topic, SENSOR)
-        self._tasks = node.create_publisher(String, f"coworker/{of}task", STATE)
+        self._tasks = node.create_publisher(String, f"coworker/{prefix}task", STATE)
         self._labels = _label_schedule(plan)
         self._next_label = self._next_sample = 0
         self._message = PoseStamped()
@@ -66,7 +66,7 @@ class _Worker:
                 return
             self._tasks.publish(String(data=label))
             self._next_label += 1
-            self._diagnostics.value(self._said, f"{number} of {len(self.plan.interactions)}")
+            self._diagnostics.value(self._progress, f"{number} of {len(self.plan.interactions)}")
 
     def _publish(self, first_ns: int, k: int) -> None:
         message, samples = self._message, self.plan.samples
@@ -138,8 +138,8 @@ class CoworkerSim(Node):
             return "/clock"
         if nodes := self._readiness.missing():
             return f"{', '.join(nodes)} (wait_for_nodes)"
-        there = min(worker.poses.get_subscription_count() for worker in self.workers)
-        n_missing = self._wait_for - there
+        n_subscribers = min(worker.poses.get_subscription_count() for worker in self.workers)
+        n_missing = self._wait_for - n_subscribers
         return f"{n_missing} subscribers of the poses" if n_missing > 0 else ""
 
     def _on_timer(self) -> None:

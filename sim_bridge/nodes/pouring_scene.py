@@ -83,9 +83,9 @@ class PouringScene:
         if n % 100:  # 0.1 s
             return
         header = Header(stamp=self._stamp(), frame_id="world")
-        said = JointState(header=header, name=list(counts._fields))
-        said.position = [float(value) for value in counts]
-        self._counts.publish(said)
+        message = JointState(header=header, name=list(counts._fields))
+        message.position = [float(value) for value in counts]
+        self._counts.publish(message)
         if n % 1000 == 0 and not self._task:  # 1 s
             for publisher, cloud in zip(self._clouds, self._world.clouds(), strict=True):
                 no_labels = np.zeros(len(cloud.points))

@@ -60,7 +60,7 @@ class TransferScene:
         self._first_step: int | None = None
         self._holding = node.create_publisher(Bool, HOLDING, STATE)
         self._hand = node.create_publisher(JointState, HAND, STATE)
-        self._world = ToolboxTransfers(arm, seed, lever_m, self._tell)
+        self._world = ToolboxTransfers(arm, seed, lever_m, self._report)
         node.create_subscription(JointState, TAKES[0], self._on_transfer, STATE)
         for person in (people := named_people(node)) or [""]:
             topic = f"mocap/{person}/wrist/pose" if person else TAKES[1]
@@ -90,7 +90,7 @@ class TransferScene:
         self._hand.publish(message)
         self._note(HAND)
 
-    def _tell(self, holds: bool) -> None:
+    def _report(self, holds: bool) -> None:
         self._holding.publish(Bool(data=holds))
         self._note(HOLDING)
 

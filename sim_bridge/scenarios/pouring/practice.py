@@ -154,11 +154,11 @@ class PouringPractice(AbstractContextManager["PouringPractice"]):
         with BagWriter(folder, metadata, flush_period_s=None) as bag:
             for k, (q, qd) in enumerate(zip(joints, rates, strict=True)):
                 stamp = start + k * LOGGED_NS
-                said = {"header": {"stamp": stamp}, "name": list(JOINT_NAMES)}
+                names = {"header": {"stamp": stamp}, "name": list(JOINT_NAMES)}
                 bag.write_message(
                     JOINT_TOPIC,
                     JOINT_STATE,
-                    said | {"position": q, "velocity": qd, "effort": zero},
+                    names | {"position": q, "velocity": qd, "effort": zero},
                     stamp,
                 )
 

@@ -80,13 +80,13 @@ class ToolboxTransfers:
         arm: an arm with fingers.
         seed: seed of the person.
         lever_m: distance from the hand as it was taught to the grip, along the hand's z.
-        tell: called with whether the fingers hold an object taken from a stand.
+        report: called with whether the fingers hold an object taken from a stand.
     """
 
     def __init__(
-        self, arm: SimulatedArm, seed: int, lever_m: float, tell: Callable[[bool], None]
+        self, arm: SimulatedArm, seed: int, lever_m: float, report: Callable[[bool], None]
     ) -> None:
-        self._arm, self._lever_m, self._tell = arm, lever_m, tell
+        self._arm, self._lever_m, self._report = arm, lever_m, report
         self._seed, self._n_tasks, self._attended = [seed, 17], 0, ""
         self._fingers = Fingers(arm)
         self._grip = GripFollower(arm, self._fingers)
@@ -189,7 +189,7 @@ class ToolboxTransfers:
             self._fingers.close_on(what.half_edges_m[1])
             self._fingers.press(FIRM_N)
             self._closed_on = True
-            self._tell(True)
+            self._report(True)
 
     def _make(self, what: TransferObject, centre_m: Floats, turn: Floats) -> HandedThing:
         """Put an object into the world, which touches only the fingers of the arm."""
@@ -222,7 +222,7 @@ class ToolboxTransfers:
         self._thing = self._person = None
         self._served = self._closed_on = False
         if robot:
-            self._tell(False)
+            self._report(False)
 
     def _act(self, arm: SimulatedArm) -> None:
         """Let people act in the next step."""
