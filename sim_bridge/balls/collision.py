@@ -2,9 +2,9 @@
 """Collision shapes of containers: convex pieces of wall, written as one OBJ file.
 
 Bullet makes one convex hull of every `o` group of an OBJ file. A triangle mesh of a cup lets balls
-through, and `createCollisionShapeArray` silently keeps only sixteen shapes. The walls that balls
-touch are thickened outward, by more than the distance at which cups may pass each other. The walls
-that another cup can touch have their true thickness, apart from Bullet's margin.
+through, and `createCollisionShapeArray` silently keeps only sixteen shapes. Walls for balls are
+thickened outward, so much that two cups could not pass each other closely. Walls that another cup
+can touch are therefore separate, with their true thickness apart from Bullet's margin.
 """
 
 from itertools import pairwise

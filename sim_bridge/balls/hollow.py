@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inside of a container as rings of points, and which balls are in it.
 
-Points are in the container's frame, in metres, with z toward the opening.
+Points are in the frame of the `Container`, in metres: z up, the base in the plane z = 0.
 """
 
 from dataclasses import dataclass, replace

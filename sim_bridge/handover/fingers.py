@@ -23,7 +23,7 @@ smaller than a Franka Hand, with pads as wide."""
 OPENING_M = 0.04
 """Largest distance of a finger from the middle [m], as in the Franka Hand."""
 GRIP_M = PALM_M[2] + FINGER_M[2] - 0.015
-"""Distance of the grip from the link that carries the gripper, along that link's z [m]."""
+"""Distance from the link that carries the gripper to the grip, near the middle of a pad [m]."""
 CLOSING_M_S, OPENING_M_S = 0.1, 0.15
 """Speeds of the fingers [m/s]; the Franka Hand has at most 0.1 and 0.2."""
 GEAR_N = 500.0

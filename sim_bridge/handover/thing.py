@@ -100,7 +100,7 @@ class HandedThing:
 
 
 def in_grip(what: TransferObject, grip_m: Floats, grip_turn: Floats) -> tuple[Floats, Floats]:
-    """Centre (3,) and orientation (4,) of an object in a grip at a position (3,), turned (4,)."""
+    """Centre (3,) and orientation (4,), xyzw, of an object in a grip with a given pose."""
     hand = Rotation.from_quat(grip_turn)
     turn = hand * Rotation.from_matrix(LEVEL).inv()
     return grip_m + what.grasp_m * hand.as_matrix()[:, 2], turn.as_quat()

@@ -24,7 +24,7 @@ from sim_bridge.scenarios.toolbox import ToolboxArm
 SESSIONS, PER_SESSION, PER_TASK = 3, 40, 40
 
 MARGIN_S = 0.4
-"""Time by which a marked demonstration begins before the worker's onset and ends after rest [s]."""
+"""Margin of a marked demonstration before the worker's onset and after both people rest [s]."""
 
 
 @dataclass(frozen=True)
