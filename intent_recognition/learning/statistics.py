@@ -42,7 +42,7 @@ class TaskStatistics:
     duration_sum_s: float
     context_mean: Floats  # mean context, (M,)
     context_scatter: Floats  # sum of outer products of the contexts' deviations from it, (M, M)
-    context_cross: Floats  # the same for deviations of weights and contexts, (D N, M)
+    context_cross: Floats  # sum of outer products of weights' and contexts' deviations, (D N, M)
     # all demonstrations, or `MAX_EXAMPLES` of them drawn by a hash of their names
     examples: tuple[TrainingExample, ...]
     # statistics of the aligned examples; None where nothing was aligned
