@@ -72,7 +72,7 @@ def choose_components(
     Args:
         features: the demonstrations.
         rng: draws the starts of EM.
-        max_components: largest number to try; limited so that each can have `MIN_MEMBERS`.
+        max_components: largest number to try; fewer if components would lack `MIN_MEMBERS`.
         progress: called with each number tried.
     """
     largest = max(1, min(max_components, len(features.coordinates) // MIN_MEMBERS))

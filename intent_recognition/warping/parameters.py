@@ -48,8 +48,7 @@ class PouringParameters(NamedTuple):
 def lip_point(warped: WarpedObject, toward: Floats | None = None) -> Floats:
     """Point (3,) of the rim over which is poured [m].
 
-    It is the point closest to the other container at `toward` (3,) [m], or by default the point
-    opposite the handle.
+    It is closest to the other container at `toward` (3,) [m], or by default opposite the handle.
     """
     rim = warped.rim
     return nearest_on_loop(

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """First guess of the rim from the local shape of the surface, learned from the annotated object.
 
-The classifier is a logistic regression, fitted by iteratively reweighted least squares (Brandl et
-al. III-A).
+It is a logistic regression, fitted by iteratively reweighted least squares (Brandl et al. III-A).
 """
 
 from dataclasses import dataclass

@@ -72,8 +72,7 @@ def amount_to_leave(asked: str | float, fluid_m3: float, second_m3: float) -> fl
         second_m3: volume that the second container can hold.
 
     Raises:
-        ArgumentError: `asked` is none of these, or more than the first container holds or the
-            second can hold.
+        ArgumentError: `asked` is none of these, or more than either container allows.
     """
     if asked == EMPTY:
         return 0.0
