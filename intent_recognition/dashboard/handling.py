@@ -149,9 +149,8 @@ class _Followed:
         self, moment: HandlingMoment, active: bool, begins: bool, hand_rests: bool
     ) -> None:
         if self._body.brought_by == PERSON:
-            if begins and moment.wrist is not None and self._body.in_hand is not None:
+            if begins and moment.wrist is not None:
                 self._put(BodyHolder.PERSON, moment)
-                self._local = with_position(self._local, self._body.in_hand)
         elif active and moment.hand is not None and self._body.grasp is not None:
             distance = float(np.linalg.norm(moment.hand[:3, 3] - self._body.grasp))
             self._nearest_m = min(self._nearest_m, distance)
@@ -161,11 +160,12 @@ class _Followed:
                 self._hold(moment)
 
     def _from_robot(self, moment: HandlingMoment, active: bool, hand_rests: bool) -> None:
-        carried = self._is_away(moment)
-        if not active:
-            self._put(BodyHolder.PERSON if moment.together else BodyHolder.PLACE, moment)
-        elif self._body.brought_by == ROBOT and hand_rests and carried and moment.together:
+        brings = self._body.brought_by == ROBOT
+        gives = hand_rests and self._is_away(moment) if brings else not active
+        if gives and moment.together:
             self._put(BodyHolder.PERSON, moment)
+        elif not active:
+            self._put(BodyHolder.PLACE, moment)
 
     def _from_person(
         self, moment: HandlingMoment, active: bool, begun: bool, hand_rests: bool, wrist_rests: bool
@@ -198,7 +198,9 @@ class _Followed:
         if holder is BodyHolder.PERSON:
             assert moment.wrist is not None
             self.who, self._given_m, self._came_m = moment.helped, moment.wrist, 0.0
-            self._local = with_position(self.pose, self.pose[:3, 3] - moment.wrist)
+            offset = self.pose[:3, 3] - moment.wrist
+            offset *= 0.1 / max(float(np.linalg.norm(offset)), 0.1)  # so far reaches a hand [m]
+            self._local = with_position(self.pose, self._body.in_hand or offset)
 
     def _target(self, moment: HandlingMoment) -> Floats:
         if self.holder is BodyHolder.ROBOT:

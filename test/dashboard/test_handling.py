@@ -116,6 +116,25 @@ def test_what_was_taken_for_a_task_that_is_given_up_goes_back():
     np.testing.assert_array_equal(told.handling.pose("plate"), body("plate").pose)
 
 
+def test_what_an_arm_that_is_guided_away_holds_was_not_given():
+    told = Told(body("plate"))
+    told.goes(wrist=REACHES, active=GIVE, begun=GIVE).goes(hand=GRASP)
+    told.goes(hand=GRASP + 0.5 * (MEET - GRASP))
+    assert told.now.together and told.handling.holder("plate") is BodyHolder.ROBOT
+    told.goes(hand=GRASP + 0.6 * (MEET - GRASP), seconds=0.2, active="")
+    assert told.handling.holder("plate") is BodyHolder.PLACE
+
+
+def test_nothing_hangs_in_the_air_beside_who_holds_it():
+    told = Told(body("plate"))
+    told.goes(wrist=REACHES + [0.2, 0.0, 0.0], active=GIVE, begun=GIVE).goes(hand=GRASP)
+    told.goes(hand=MEET).goes(seconds=GLIDE_S + 0.5)
+    assert told.handling.holder("plate") is BodyHolder.PERSON
+    from_wrist = told.handling.pose("plate")[:3, 3] - told.wrist
+    np.testing.assert_allclose(np.linalg.norm(from_wrist), 0.1)
+    assert told.largest_step("plate") < 0.08
+
+
 def test_what_the_person_brings_is_taken_where_hands_meet():
     driver = body("driver", task=HOLD, brought_by=PERSON, in_hand=(-0.1, 0.0, 0.0))
     told = Told(driver)
