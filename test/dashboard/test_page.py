@@ -21,7 +21,7 @@ from intent_recognition.model.task_folder import TaskFolder, now
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 FOREARM = "/person/upper_body/upper_arm/forearm"
-REACHES, REACH_S = 4, 20.0
+TRIES, TRY_S = 4, 20.0
 NEAR_PIXELS = 25.0
 """So far the task's spread reaches: what is dragged farther is refused."""
 SEEN_STD = 5.0
@@ -95,16 +95,29 @@ def test_page_shows_replays_and_teaches(cell, tmp_path, repository):
 
 
 def watch_a_replay(person):
-    """The arm moves and the posterior changes while a recording is played."""
+    """The arm moves and the robot helps while a recording is played."""
     person.wait_until(lambda: np.std(person.scene()) > SEEN_STD, "a scene")
     before = person.scene()
-    person.tab("Replay")
-    person.press("Play")
-    person.tab("Watch")
+
+    def play():
+        person.tab("Replay")
+        person.press("Play")
+        person.tab("Watch")
+
+    try_until_it_helps(person, play, "hold screwdriver")
     person.wait_for("plate handover")
     person.wait_until(lambda: np.mean(np.abs(person.scene() - before)) > 0.2, "a changed scene")
     person.tab("Replay")
     person.wait_until(lambda: person.page.get_by_role("button", name="Play").is_visible(), "end")
+
+
+def try_until_it_helps(person, move, task):
+    """Of a movement on a busy machine the graph may hear too little to recognise it."""
+    for _ in range(TRIES):
+        move()
+        if person.catches(f"robot: {task}", TRY_S):
+            return
+    raise AssertionError(f"{task} was not recognised in {TRIES} tries; page: {person.text()}")
 
 
 def see_the_cell(person):
@@ -146,11 +159,7 @@ def teach_a_task(person):
     person.press("Learn (3)")
     person.wait_for("in use")
     # Three demonstrations are few: another reach may be needed until it is told from the others.
-    for _ in range(REACHES):
-        person.press("Reach to the wrist goal")
-        if person.catches("robot: wave", REACH_S):
-            return
-    raise AssertionError(f"wave was not recognised in {REACHES} reaches; page: {person.text()}")
+    try_until_it_helps(person, lambda: person.press("Reach to the wrist goal"), "wave")
 
 
 def lead_the_path_elsewhere(person):
