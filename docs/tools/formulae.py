@@ -27,8 +27,9 @@ def drawing(formula: str) -> str:
         ValueError: matplotlib's mathtext, a part of LaTeX, does not know something in it.
     """
     one_line = " ".join(formula.split())
+    drawn = one_line.replace(r"\top", r"{\!\top\!}")  # which mathtext sets apart, as a relation
     with rc_context({"text.parse_math": True}):  # which the examples of the gallery switch off
-        outline = TextPath((0, 0), f"${one_line}$", size=SIZE, prop=FONT)
+        outline = TextPath((0, 0), f"${drawn}$", size=SIZE, prop=FONT)
     box = outline.cleaned(curves=False).get_extents().padded(MARGIN)  # of lines: far faster
     place = f"{box.x0:.0f} {-box.y1:.0f} {box.width:.0f} {box.height:.0f}"
     style = (
