@@ -84,7 +84,7 @@ class TimePlot:
 
     def due(self, visible: bool, now_s: float) -> bool:
         """Show or hide the plot; return whether it should be redrawn now."""
-        self._folder.visible = visible
+        self._folder.visible = visible and self._plot is not None  # viser keeps an empty one folded
         if not visible or now_s - self._drawn_at_s < 0.2:
             return False
         self._drawn_at_s = now_s
@@ -102,6 +102,7 @@ class TimePlot:
         if self._plot is None:
             with self._folder:
                 self._plot = time_plot(self._server.gui, columns, look, self._top)
+            self._folder.visible = True
             return
         if look == self._plot.series:
             self._plot.data = columns

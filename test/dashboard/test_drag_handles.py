@@ -101,6 +101,16 @@ SQUEEZE = f"() => {{ const c = {CHART}; c.setSize({{width: 150, height: 165}}); 
 """As in one rendering with a new width and new data; the numbers are still those of before."""
 
 
+def test_the_folder_of_a_plot_comes_with_it(server):
+    """One that came empty to a tab that is not shown would stay folded."""
+    plot = TimePlot(server, "Probability")
+    for n_times, shown in ((1, False), (2, True)):
+        assert plot.due(True, float(n_times)) and not plot._folder.visible
+        plot.draw((np.arange(n_times), np.zeros(n_times)), ("plate",), {})
+        assert plot._folder.visible is shown
+    assert not plot.due(False, 9.0) and not plot._folder.visible
+
+
 @pytest.mark.slow
 def test_the_numbers_of_the_time_follow_the_width(server):
     plot = TimePlot(server, "Probability", 1.0)
