@@ -25,9 +25,10 @@ NO_JOINT = re.compile(
     r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag)|gyr|secs?\b"
     r"|header|vel|speed|dot[\W_\d]*$|(?:^|[\W_])(?:d+q|qd+|tau|ctrl|control)(?:[\W_\d]|$)"
     r"|eff(?:ort|_)|torque|current|temp|force|quality|error|gripper|\bjaw"
-    r"|likelihood|conf(?!ig)|strength|visib|score|covariance|twist|residual|\bRot\[|quat|orient|axis_?angle|cube_pos|^states\.\d|^env_states"
-    r"|(?:^|[\W_])(?:cos|sin)(?:[\W_]|$)|wrench|gravity|rgb|colou?r|voltage|pressure|reward|bits|register|scaling"
-    rf"|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
+    r"|likelihood|conf(?!ig)|strength|visib|score|covariance|twist(?!$|_joint)|residual"
+    r"|\bRot\[|quat|orient|axis_?angle|cube_pos|^states\.\d|^env_states"
+    r"|(?:^|[\W_])(?:cos|sin)(?:[\W_]|$)|wrench|gravity|rgb|colou?r|voltage|pressure|reward|bits"
+    rf"|register|scaling|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
 )
 """Names of columns that move without being the position of an arm's joint."""
 SEGMENT_NAME = re.compile(
@@ -129,7 +130,8 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
         arrays.setdefault(body.rpartition(".")[0], set()).add(len(axes))
     for body, axes in found.items():
         sizes = POSE_SIZES if POSE_NAME.search(body) else POSE_SIZES[:1]
-        one = int(set(axes) == {*"123"} and not is_arm and ELEMENTS.match(axes["1"]) is not None)
+        is_one = set(axes) == {*"123"} and not (is_arm or NO_PLACE_IN_ARRAY.search(body))
+        one = int(is_one and ELEMENTS.match(axes["1"]) is not None)
         are_elements = set(axes) == set(map(str, range(one, one + len(axes))))
         is_pose = are_elements and len(axes) in sizes
         if (
@@ -179,7 +181,8 @@ def _poses(columns: Mapping[str, SeenColumn]) -> dict[str, tuple[list[str], list
                 if is_unit and last in ([], [0.0, 0.0, 0.0, 1.0]):
                     found.setdefault(body, (one[:3, 3:].ravel().tolist(), names))
         free = 0
-        for at in _quaternions(columns, names) if not body or len(names) == 7 else ():
+        is_pose = len(names) == 7 and not NO_PLACE_IN_ARRAY.search(body)
+        for at in _quaternions(columns, names) if is_pose or not body else ():
             start = at - 3 if at - 3 >= free else at + 4
             free = max(start + 3, at + 4)
             found[body or names[at]] = (names[start : start + 3], names[at : at + 4])
@@ -187,21 +190,22 @@ def _poses(columns: Mapping[str, SeenColumn]) -> dict[str, tuple[list[str], list
 
 
 def _quaternions(columns: Mapping[str, SeenColumn], names: Sequence[str]) -> list[int]:
-    """Indices at which four successive columns, not all constant, are vectors of length 1."""
+    """Indices at which four successive columns, two of which change, are vectors of length 1."""
     found: list[int] = []
     for at in range(len(names) - 3):
         four = [columns[name] for name in names[at : at + 4]]
         is_free = at >= (found[-1] + 4 if found else 0)
-        if is_free and any(one.moves for one in four) and _is_unit(four):
+        may_turn = all(one.moves or one.farthest < 1.0 for one in four)
+        if is_free and may_turn and any(one.moves for one in four) and _is_unit(four):
             found.append(at)
     return found
 
 
 def _is_unit(columns: Sequence[SeenColumn]) -> bool:
-    """Whether the rows of some columns are vectors of length 1."""
+    """Whether the rows of some columns are vectors of length 1, or 0 where nothing was seen."""
     few = [one.values[:: max(1, one.values.size // 1000)] for one in columns]
     lengths = np.linalg.norm(few, axis=0)
-    lengths = lengths[np.isfinite(lengths)]
+    lengths = lengths[np.isfinite(lengths) & (lengths > 0.0)]
     return bool(lengths.size and np.all(np.abs(lengths - 1.0) < 0.01))
 
 
@@ -214,11 +218,21 @@ def orientations_of(
     arrays = {array_of(place[0]) for place in bodies.values()} - {""}
     rest = {name for name in columns if array_of(name) in arrays}
     rest |= {name for _, names in _poses(columns).values() for name in names}
-    others = [name for name in columns if name not in rest]
+    of = {name: match["body"] for name in columns if (match := NUMBERED.fullmatch(name))}
+    sizes = Counter(filter(None, of.values()))  # no part of an array of joints is a quaternion
+    others = [name for name in columns if name not in rest and sizes[of.get(name, "")] <= 4]
     rest |= {name for at in _quaternions(columns, others) for name in others[at : at + 4]}
     owners = {*bodies, *(PLACE_WORD.sub("", body) for body in bodies)}
-    turns = {name: TURN.fullmatch(UNIT_END.sub("", name)) for name in columns}
-    rest |= {name for name, match in turns.items() if match and match["body"] in owners}
+    turns: dict[str, set[str]] = {}  # not a lone wrist_roll
+    with_w: dict[str, set[str]] = {}  # x, y, z, w, of whatever length
+    for name in columns:
+        turn, axis = TURN.fullmatch(bare := UNIT_END.sub("", name)), PLACES.match(bare)
+        if turn and turn["body"] in owners:
+            turns.setdefault(turn["body"], set()).add(name)
+        if axis:
+            with_w.setdefault(axis["body"], set()).add(name)
+    rest |= set().union(*(own for own in turns.values() if len(own) > 2))
+    rest |= set().union(*(own for own in with_w.values() if len(own) == 4))
     return rest - {name for place in bodies.values() for name in place}
 
 
@@ -238,7 +252,7 @@ def commanded(names: Collection[str]) -> list[str]:
         name for name, of in words.items() if COMMANDS & {w for k, w in enumerate(of) if k or w[1:]}
     }
     measured = {bare[name] for name in words if name not in said}
-    return [name for name in words if name in said and bare[name] in measured]
+    return [name for name in words if name in said and bare[name] and bare[name] in measured]
 
 
 def array_of(name: str) -> str:

@@ -12,6 +12,7 @@ from tables.test_suggestions import suggested
 
 from intent_recognition.tables import import_demonstrations, suggest_map
 from intent_recognition.tables.import_map import ImportMap
+from intent_recognition.tables.suggested_names import commanded
 
 WRIST = PLACE / 1000
 
@@ -52,6 +53,7 @@ def numbered_anew():
 
 TURNS = Rotation.from_rotvec(np.outer(TIMES_S, [0.5, 0.1, 0.0]))
 QUATERNIONS = TURNS.as_quat()
+LOST = np.roll(QUATERNIONS, 1, 1) * (np.arange(ROWS) % 9 > 2)[:, None]
 
 
 def listed(head, *more, end=""):
@@ -99,6 +101,8 @@ NDI = "Number of frames: 200\nFrequency: 100 Hz\nUnits: mm\nFrame,w x,w y,w z"
         ("a.csv", of_frames("stamp,parent", "{0},w")),
         ("a.csv", of_frames("sec,nsec", "{1},{2}0000000")),
         ("a.csv", listed("t,pos_1,pos_2,pos_3,done,dq_1,dq_2", TIMES_S > 1, SHARE, SHARE)),
+        ("a.csv", listed("t,a_x,a_y,a_z,a_Q0,a_Qx,a_Qy,a_Qz", LOST)),
+        ("a.csv", listed("t,a_x,a_y,a_z,x,y,z,w", 16384 * QUATERNIONS)),  # as sensors send them
         ("a.csv", listed("time,x,y,z,EMG\ns,m,m,m,V", SHARE)),
         ("a.csv", listed(",w,,,cup,,\ntime,x,y,z,x,y,z\ns,m,m,m,m,m,m", WRIST + 1)),
         ("a.csv", listed("t,x,y,z", end="Note: dark,,,\nBy Ann,,,\n,,,\n")),
@@ -114,6 +118,28 @@ def test_the_wrist_of_an_exported_file_is_suggested(name, content, tmp_path):
     np.testing.assert_allclose(first.values[seen], WRIST[seen], atol=1e-8)
     np.testing.assert_allclose(first.stamps_ns - first.stamps_ns[0], 1e9 * TIMES_S, atol=1)
     assert not any(samples.entry.joints for samples in found.samples)
+
+
+@pytest.mark.parametrize(
+    ("place", "joints", "offsets"),
+    [
+        ("wrist_{}", ["elbow_flex", "wrist_flex", "wrist_roll"], [0, 1, 2]),
+        ("{}", ["upper_arm_twist", "forearm_twist_joint"], [0, 1]),
+        ("{}", ["joint_pos_1", "joint_pos_2", "joint_pos_3"], [0, 1, 2]),
+        ("{}", [f"q{k}" for k in range(1, 8)], [0, -1, 0, 0, 3, 4, 5]),
+        ("{}", ["pan", "tilt", "turn", "is_on"], [0, 0, 0, 1]),
+    ],
+)
+def test_joints_that_resemble_an_orientation_are_suggested(place, joints, offsets, tmp_path):
+    moves = 0.008 * SHARE.reshape(-1, 1) * [name != "is_on" for name in joints] + offsets
+    head = ",".join(["t", *map(place.format, "xyz"), *joints])
+    (tmp_path / "a.csv").write_text(listed(head, moves))
+    told = ", ".join(name for name in joints if name != "is_on")
+    assert f"joints: [{told}]" in suggest_map(tmp_path / "a.csv")
+
+
+def test_what_is_commanded_has_another_word_than_those_of_commands():
+    assert commanded(["q_w", "state", "x_d", "x"]) == ["x_d"]
 
 
 def test_columns_that_are_never_there_together_are_no_quaternion(tmp_path):
