@@ -15,6 +15,7 @@ from intent_recognition.tables.hdf5_reading import (
     MOST_OF_POSE,
     UNIT,
     goes_on_along_rows,
+    is_of_places,
     on_end,
     samples_first,
     stated_rate,
@@ -81,13 +82,13 @@ def flat_columns(source: Path, arrays: Mapping[str, Values]) -> dict[str, Values
     """
     columns: dict[str, Values] = {}
     for name, array in arrays.items():
+        if array.ndim > 2 and not is_of_places(array):
+            continue
         if array.ndim == 3 and array.shape[1] == 1:
             array = array[:, 0]
-        elif array.ndim == 3 and array.shape[1] == 3 and array.shape[2] > MOST_OF_POSE:
+        elif array.ndim == 3 and array.shape[2] > MOST_OF_POSE:
             array = np.swapaxes(array, 1, 2)  # MATLAB's (T, 3, n)
         shape = array.shape[1:]
-        if array.ndim > 3 or (array.ndim == 3 and shape[1] > MOST_OF_POSE):
-            continue
         check_columns(source, len(columns) + int(np.prod(shape)))
         for index in np.ndindex(shape):
             place: tuple[Any, ...] = (slice(None), *index)

@@ -3,10 +3,11 @@
 
 import importlib
 import json
-import pickletools
 import re
+import runpy
 from collections.abc import Collection, Iterator
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,9 @@ MOST_DOFS = 20
 have some more, a recording has far more samples."""
 MOST_OF_POSE = 7
 """Elements of a place or a pose in an array (T, n, d) of several bodies: a place, a quaternion."""
+MOST_PLACES = 600
+"""Places in an array (T, 3, n), or numbers in one (T, 1, d). Convention: the face of MediaPipe has
+478 landmarks, a point cloud 1024."""
 SMOOTH = 0.1
 """Roughness below which numbers go on from one to the next. Convention: that of a sine with 14
 samples a period."""
@@ -62,7 +66,9 @@ def read(path: str) -> dict[str, NDArray[Any]]:
         with suppress(KeyError, TypeError, ValueError):  # names may be of other kinds
             (frame,) = filter(None, file.values())
             if frame.attrs[PANDAS] in (b"frame", b"frame_table"):
-                return {**_of_pandas(frame), "#rate": np.array(0.0)}
+                script = Path(__file__).with_name("hdf5_of_pandas.py")
+                columns = runpy.run_path(str(script))["columns_of"](frame)
+                return {**columns, "#rate": np.array(0.0)}
         top = file["data"] if isinstance(file.get("data"), h5py.Group) else file
         names = _demonstrations(h5py, top)
         rate = stated_rate({**top.attrs, **file.attrs})
@@ -138,54 +144,12 @@ def _objects(values: list[Any]) -> NDArray[Any]:
     return found
 
 
-def _of_pandas(frame: Any) -> dict[str, NDArray[Any]]:
-    """Columns of a DataFrame by their names, as DeepLabCut's: lines of these that are the same of
-    all columns are left out, but the last two.
-    """
-    columns: list[tuple[tuple[str, ...], NDArray[Any]]] = []
-    if "table" in frame:
-        table = frame["table"]
-        index = table["index"]
-        for field in table.dtype.names[1:]:
-            values = table[field].reshape(len(table), -1)
-            values = values.astype(str) if values.dtype.kind == "S" else values
-            names = _listed(table.attrs[f"{field}_kind"])
-            columns += zip(names, values.T, strict=True)
-    else:
-        index = frame["axis1"][()]
-        for k in range(int(frame.attrs["nblocks"])):
-            if frame[f"block{k}_values"].ndim == 2:  # texts are pickled
-                values = frame[f"block{k}_values"][()]
-                columns += zip(_items(frame, f"block{k}_items"), values.T, strict=True)
-    kinds = [*map(set, zip(*(name for name, _ in columns), strict=True))]
-    kept = [k for k, kind in enumerate(kinds) if len(kind) > 1 or k >= len(kinds) - 2]
-    return {"index": index, **{".".join(name[k] for k in kept): one for name, one in columns}}
-
-
-def _items(frame: Any, key: str) -> list[tuple[str, ...]]:
-    """Names of columns in a block of the `fixed` format, of one level or several."""
-    levels = range(int(frame.attrs.get(f"{key}_nlevels", 0)))
-    several = [frame[f"{key}_level{n}"][()][frame[f"{key}_label{n}"][()]] for n in levels]
-    parts = [part.astype(str).tolist() for part in several or [frame[key][()]]]
-    return [*zip(*parts, strict=True)]
-
-
-def _listed(pickled: bytes) -> list[tuple[str, ...]]:
-    """Texts of a list of texts, or of tuples of them, that was pickled by protocol 0; it is read as
-    text, nothing of it is run.
-    """
-    names: list[tuple[str, ...]] = []
-    memo: dict[Any, str] = {}
-    own: list[str] = []
-    for operation, value, _ in pickletools.genops(bytes(pickled)):
-        if operation.name in ("UNICODE", "STRING", "INT", "GET"):
-            own.append(memo[value] if operation.name == "GET" else str(value))
-        elif operation.name == "PUT" and own:
-            memo[value] = own[-1]
-        elif operation.name == "APPEND":
-            names.append(tuple(own))
-            own = []
-    return names
+def is_of_places(array: Any) -> bool:
+    """Whether an array holds places or poses: (T, n, d), MATLAB's (T, 3, n), or one body's."""
+    if array.ndim != 3:
+        return False
+    _, n, d = array.shape
+    return bool(d <= MOST_OF_POSE or (n in (1, 3) and d <= MOST_PLACES))
 
 
 def stated_rate(attributes: dict[str, Any]) -> float:
@@ -396,11 +360,10 @@ def _arrays(group: Any) -> dict[str, NDArray[Any]]:
         if item.dtype.names and item.ndim == 1:
             fields = [field for field in item.dtype.names if item.dtype[field].base.kind in "fiub"]
             found.update({f"{dotted}.{field}": np.asarray(item[field]) for field in fields})
-        is_of_places = item.ndim == 3 and (item.shape[2] <= MOST_OF_POSE or item.shape[1] in (1, 3))
         # wider rows are compressed images, as ALOHA keeps them
         if item.ndim == 2 and item.dtype == np.uint8 and item.shape[1] > 256:
             return
-        if item.dtype.kind in "fiub" and (item.ndim in (1, 2) or is_of_places):
+        if item.dtype.kind in "fiub" and (item.ndim in (1, 2) or is_of_places(item)):
             found[dotted] = _measured(item)
         if is_text(item.dtype) and item.ndim == 1:
             texts = item.asstr(errors="replace")[()]

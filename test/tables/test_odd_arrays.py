@@ -42,6 +42,14 @@ def test_arrays_of_any_layout(kind, tmp_path):
     check_wrist(found, times_atol=1)
 
 
+def test_a_cloud_and_features_are_no_columns(tmp_path):
+    arrays = {"w": PLACE, "c": np.ones((ROWS, 3, 1024)), "f": np.ones((ROWS, 1, 10_001))}
+    np.savez(tmp_path / "a.npz", **arrays)
+    h5(tmp_path / "a.h5", arrays)
+    for name in ("a.npz", "a.h5"):
+        assert open_table(tmp_path / name).names == ("w.0", "w.1", "w.2")
+
+
 SIDE = {"t": 1e3 * TIMES_S, "w": PLACE / 10}
 UNITS = {
     "of arrays": (SIDE, {"w": "cm", "t": "ms"}, "w.{}"),
