@@ -513,6 +513,11 @@ def test_types_as_each_release_has_them(release):
         assert schema_decoder(complete_schema(said, name)) is not None
 
 
+def test_definitions_that_only_the_decoder_parses():
+    text = b"string<=10 s\nwstring<=5 w\nstring EMPTY=\nint32 n\n"
+    assert schema_decoder(Schema(data=text, encoding="ros2msg", id=1, name="a/msg/B")) is not None
+
+
 def test_the_commands_take_them(tmp_path, repository, capsys):
     for path in ("one.bag", "two.bag"):
         write_ros1(tmp_path / path)
