@@ -103,6 +103,15 @@ def with_point(text: str) -> str:
     return f"{whole.replace('.', '')}.{decimals}" if "." not in decimals else text
 
 
+def is_number(text: str) -> bool:
+    """Whether a cell holds a number, or says that there is none."""
+    text = text.strip()
+    try:
+        return text.lower() in MISSING or float(with_point(text)) is not None
+    except ValueError:
+        return False
+
+
 def text_of(value: object) -> str:
     """Convert one value of a column to text, "" if it is missing."""
     if value is None or (isinstance(value, float | np.floating) and np.isnan(value)):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
-from intent_recognition.tables.cells import with_point
+from intent_recognition.tables.cells import is_number, with_point
 from intent_recognition.tables.table import is_unit, without_subjects
 from intent_recognition.tables.times import PER_UNIT, unit_of_times
 
@@ -240,3 +240,16 @@ def _of_markers(
 
 
 READERS: tuple[Callable[[Rows], Header | None], ...] = (motive, nexus, trc, qtm, opensim, levels)
+
+
+def of_joint_states(row: Sequence[str]) -> tuple[str, ...]:
+    """Columns of JointState as `ros2 topic echo --csv` writes it: names above, positions, ...."""
+    texts = [k for k, cell in enumerate(row) if cell and not is_number(cell)]
+    count = len(row) - 3
+    joints = next((n for n in range(2, count) if texts and texts[-1] == 2 + n), 0)
+    parts, more = divmod(count, joints) if joints else (0, 1)
+    if more or not 2 <= parts <= 4 or texts[-joints:] != [*range(3, 3 + joints)]:
+        return ()
+    kinds = ("name", "position", "velocity", "effort")[:parts]
+    numbers = (f"{kind}.{joint}" for kind in kinds for joint in row[3 : 3 + joints])
+    return ("sec", "nanosec", "frame_id", *numbers)

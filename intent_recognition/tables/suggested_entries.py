@@ -3,6 +3,7 @@
 
 import re
 import unicodedata
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
@@ -95,6 +96,24 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
         f"    columns: {flow([joint.name for joint in joints])}",
         *([f"    columns_unit: {unit}  # {note}"] if unit else []),
     ]
+
+
+def distinct(entries: Sequence[list[str]]) -> list[list[str]]:
+    """Entries whose topics, or joints, differ: further ones of the same name have a number."""
+    seen: Counter[str] = Counter()
+    taken: set[str] = set()
+    for entry in entries:
+        topic = entry[0].split()[2]
+        seen[topic] += 1
+        before, _, listed = entry[2].partition("joints: ")
+        joints = yaml.safe_load(listed) if listed else []
+        if seen[topic] > 1 and topic.endswith("/pose"):
+            entry[0] = entry[0].replace(topic, f"{topic.removesuffix('/pose')}_{seen[topic]}/pose")
+        elif taken & {*joints}:
+            joints = [f"{joint}_{seen[topic]}" for joint in joints]
+            entry[2] = f"{before}joints: {flow(joints)}"
+        taken |= {*joints}
+    return list(entries)
 
 
 def is_angle(table: Table, name: str) -> bool:

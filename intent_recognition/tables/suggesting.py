@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import yaml
 
 from intent_recognition.array_types import Floats
 from intent_recognition.bags import NANOSECONDS
@@ -22,6 +21,7 @@ from intent_recognition.tables.files import FileKind, file_kinds, find_tables, h
 from intent_recognition.tables.suggested_entries import (
     SeenColumn,
     body_entry,
+    distinct,
     flow,
     is_angle,
     is_length,
@@ -75,7 +75,7 @@ def suggest_map(source: Path) -> str:
     several = len(kinds) > 1
     parts = [part for kind in kinds for part in _suggest(kind, kind.name if several else "")]
     parts.sort(key=lambda part: not part.bodies)  # the person first
-    entries = _distinct([entry for part in parts for entry in (*part.bodies, *part.others)])
+    entries = distinct([entry for part in parts for entry in (*part.bodies, *part.others)])
     if not entries:
         table = kinds[0].table
         twice = _twice(table)
@@ -105,24 +105,6 @@ def suggest_map(source: Path) -> str:
 
 def _twice(table: Table) -> list[str]:
     return [name for name, count in Counter(table.names).items() if name and count > 1]
-
-
-def _distinct(entries: Sequence[list[str]]) -> list[list[str]]:
-    """Give entries different topics or joints by numbering repeated names."""
-    seen: Counter[str] = Counter()
-    taken: set[str] = set()
-    for (first, *_), entry in zip(entries, entries, strict=True):
-        topic = first.split()[2]
-        seen[topic] += 1
-        before, _, listed = entry[2].partition("joints: ")
-        joints = yaml.safe_load(listed) if listed else []
-        if seen[topic] > 1 and topic.endswith("/pose"):
-            entry[0] = first.replace(topic, f"{topic.removesuffix('/pose')}_{seen[topic]}/pose")
-        elif taken & {*joints}:
-            joints = [f"{joint}_{seen[topic]}" for joint in joints]
-            entry[2] = f"{before}joints: {flow(joints)}"
-        taken |= {*joints}
-    return list(entries)
 
 
 class _Part(NamedTuple):

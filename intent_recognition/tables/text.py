@@ -19,8 +19,14 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.tables.by_body import by_body
-from intent_recognition.tables.cells import MISSING, Values, with_point
-from intent_recognition.tables.headers import NUMBER, OF_VICON, Header, known_header
+from intent_recognition.tables.cells import Values, is_number, with_point
+from intent_recognition.tables.headers import (
+    NUMBER,
+    OF_VICON,
+    Header,
+    known_header,
+    of_joint_states,
+)
 from intent_recognition.tables.table import Table, check_columns, is_unit, unusable
 from intent_recognition.tables.times import TIME_NAME
 
@@ -175,7 +181,7 @@ def _numbered(header: Header, rows: Iterable[list[str]]) -> Iterator[tuple[int, 
             continue
         held.append((number, row))
         first = row[0].strip()
-        is_note = first[:1].isalpha() and not _is_number(first) and NUMBER.fullmatch(before)
+        is_note = first[:1].isalpha() and not is_number(first) and NUMBER.fullmatch(before)
         is_alone = is_apart or not any(map(str.strip, row[1:]))
         if not (is_note and is_alone) or len(held) > MOST_NOTES:
             yield from held
@@ -193,7 +199,7 @@ def _ends_line(path: Path) -> bool:
 def _are_names(row: Sequence[str], names: Sequence[str]) -> bool:
     """Whether a row repeats the names, unless these are numbers."""
     cells = (cell.strip().lstrip("#").strip() for cell in row)
-    return all(map(str.__eq__, cells, names)) and not all(map(_is_number, names))
+    return all(map(str.__eq__, cells, names)) and not all(map(is_number, names))
 
 
 def _comments(path: Path, encoding: str) -> int:
@@ -204,7 +210,7 @@ def _comments(path: Path, encoding: str) -> int:
             for line in iter(lambda: stream.readline(LONGEST_LINE), ""):
                 if not line.startswith(COMMENTS) and not (count == 0 and line.startswith("sep=")):
                     cells = re.split(r"[,;\s]+", line.strip())
-                    return count - all(map(_is_number, cells)) if count else 0
+                    return count - all(map(is_number, cells)) if count else 0
                 count += 1
     except (UnicodeError, OSError) as error:
         raise unusable(path, "a table of text", error, "Save it as CSV in UTF-8.") from error
@@ -246,7 +252,7 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
         raise unusable(path, "a line of column names", "an empty file", "Check the path.")
     if max(counts) >= LEAST_CELLS > counts[0]:
         titles = next(k for k, count in enumerate(counts) if count >= LEAST_CELLS)
-        if not all(_is_number(cell) for cell in head[titles] if cell.strip()):
+        if not all(is_number(cell) for cell in head[titles] if cell.strip()):
             below_them = _plain_header(path, head[titles:])
             return replace(below_them, skip=below_them.skip + titles)
     first = head[0]
@@ -260,8 +266,8 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
     names = tuple(name.strip().lstrip("#").removeprefix("% ").strip() for name in first)
     if len(names) >= LEAST_CELLS and names == tuple(map(str, range(len(names)))):
         return Header(names, 1)  # pandas' header of columns without names
-    if all(map(_is_number, names)) or _is_row(names, head[1:3]):
-        return Header(_of_joint_states(names) or tuple(map(str, range(len(names)))), 0)
+    if all(map(is_number, names)) or _is_row(names, head[1:3]):
+        return Header(of_joint_states(names) or tuple(map(str, range(len(names)))), 0)
     second = len(head) > 1 and _is_second_line(head[1:])
     below = [cell.strip().strip("[]()") for cell in head[1]] if second else []
     said = {k: unit for k, unit in enumerate(below) if unit}
@@ -270,28 +276,11 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
     return Header(names, 1 + second, {"units": units})
 
 
-def _of_joint_states(row: Sequence[str]) -> tuple[str, ...]:
-    """Columns of JointState as `ros2 topic echo --csv` writes it: names above, positions, ...."""
-    texts = [k for k, cell in enumerate(row) if cell and not _is_number(cell)]
-    count = len(row) - 3
-    joints = next((n for n in range(2, count) if texts and texts[-1] == 2 + n), 0)
-    parts, more = divmod(count, joints) if joints else (0, 1)
-    if more or not 2 <= parts <= 4 or texts[-joints:] != [*range(3, 3 + joints)]:
-        return ()
-    kinds = ("name", "position", "velocity", "effort")[:parts]
-    return (
-        "sec",
-        "nanosec",
-        "frame_id",
-        *(f"{kind}.{j}" for kind in kinds for j in row[3 : 3 + joints]),
-    )
-
-
 def _elements(cell: str) -> list[str]:
     """The numbers of a `VECTOR` in a cell; empty for any other cell."""
     vector = VECTOR.fullmatch(NUMPY.sub(r"\1", cell.strip()))
     parts = re.split(r"[,;\s]+", vector[1].strip()) if vector else []
-    return parts if all(map(_is_number, parts)) else []
+    return parts if all(map(is_number, parts)) else []
 
 
 def _sizes(rows: Sequence[Sequence[str]]) -> dict[int, int]:
@@ -326,31 +315,23 @@ def _spread(row: Sequence[str], sizes: Mapping[int, int]) -> list[str]:
 def _is_second_line(rows: Sequence[Sequence[str]]) -> bool:
     """Whether the first row belongs to the header, as units do: its texts are above numbers."""
     said = [k for k, cell in enumerate(rows[0]) if cell.strip()]
-    return not any(_is_number(rows[0][k]) for k in said) and any(
-        k < len(row) and row[k].strip() and _is_number(row[k]) for row in rows[1:] for k in said
+    return not any(is_number(rows[0][k]) for k in said) and any(
+        k < len(row) and row[k].strip() and is_number(row[k]) for row in rows[1:] for k in said
     )
 
 
 def _is_shifted(row: Sequence[str], width: int) -> bool:
     """Whether a row has more cells than names, unless the last column has text with delimiters."""
-    return len(row) > width and _is_number(row[width - 1]) and any(map(str.strip, row[width:]))
+    return len(row) > width and is_number(row[width - 1]) and any(map(str.strip, row[width:]))
 
 
 def _is_row(first: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
     """Whether a line has numbers and texts in the same columns as the lines below it."""
-    cells = [(k, _is_number(cell)) for k, cell in enumerate(first) if cell]
-    return any(is_number for _, is_number in cells) and all(
-        len(row) == len(first) and all(_is_number(row[k]) == is_number for k, is_number in cells)
+    cells = [(k, is_number(cell)) for k, cell in enumerate(first) if cell]
+    return any(has_number for _, has_number in cells) and all(
+        len(row) == len(first) and all(is_number(row[k]) == has_number for k, has_number in cells)
         for row in rows
     )
-
-
-def _is_number(text: str) -> bool:
-    text = text.strip()
-    try:
-        return text.lower() in MISSING or float(with_point(text)) is not None
-    except ValueError:
-        return False
 
 
 def _rows(path: Path, skip_rows: int, encoding: str) -> Iterator[list[str]]:
