@@ -79,7 +79,8 @@ TURN = re.compile(
 )
 """Names of angles of a body, beside those of its position."""
 PLACE_WORD = re.compile(
-    r"(?:(?:^|[\W_]+)(?i:pos(?:ition)?|loc(?:ation)?|pose|trans(?:lation)?|xyz|t|p)|(?<=[a-z])Pos(?:ition)?)?[\W_]*$"
+    r"(?:(?:^|[\W_]+)(?i:pos(?:ition)?|loc(?:ation)?|pose|trans(?:lation)?|xyz|t|p)"
+    r"|(?<=[a-z])Pos(?:ition)?)?[\W_]*$"
 )
 """What follows the name of a body in the names of its position."""
 OTHERS = (NO_JOINT, NO_PLACE, NO_PLACE_IN_ARRAY)
@@ -134,11 +135,8 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
         one = int(is_one and ELEMENTS.match(axes["1"]) is not None)
         are_elements = set(axes) == set(map(str, range(one, one + len(axes))))
         is_pose = are_elements and len(axes) in sizes
-        if (
-            are_elements
-            and len(arrays[body.rpartition(".")[0]]) == 1
-            and LANDMARK.match(min(axes.values()))
-        ):
+        are_alike = len(arrays[body.rpartition(".")[0]]) == 1
+        if are_elements and are_alike and LANDMARK.match(min(axes.values())):
             is_pose |= len(axes) == 2
             is_pose |= len(axes) == 4 and _are_seen(*(columns[axes[k]] for k in sorted(axes)))
         in_image = set(axes) == set("xy") and body.rstrip("._ ")
@@ -151,8 +149,7 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
 def _are_seen(*columns: SeenColumn) -> bool:
     """Whether the last of four columns may be the confidence of the position in the others."""
     last = columns[3].values[np.isfinite(columns[3].values)]
-    by_name = {column.name: column for column in columns}
-    return bool(np.all((last >= 0.0) & (last <= 1.0))) and not _quaternions(by_name, [*by_name])
+    return bool(np.all((last >= 0.0) & (last <= 1.0))) and not _is_unit(columns)
 
 
 def _poses(columns: Mapping[str, SeenColumn]) -> dict[str, tuple[list[str], list[str]]]:
@@ -223,16 +220,14 @@ def orientations_of(
     others = [name for name in columns if name not in rest and sizes[of.get(name, "")] <= 4]
     rest |= {name for at in _quaternions(columns, others) for name in others[at : at + 4]}
     owners = {*bodies, *(PLACE_WORD.sub("", body) for body in bodies)}
-    turns: dict[str, set[str]] = {}  # not a lone wrist_roll
-    with_w: dict[str, set[str]] = {}  # x, y, z, w, of whatever length
+    groups: dict[tuple[str, int], dict[str, str]] = {}  # by the body, and how many are whole
     for name in columns:
         turn, axis = TURN.fullmatch(bare := UNIT_END.sub("", name)), PLACES.match(bare)
-        if turn and turn["body"] in owners:
-            turns.setdefault(turn["body"], set()).add(name)
-        if axis:
-            with_w.setdefault(axis["body"], set()).add(name)
-    rest |= set().union(*(own for own in turns.values() if len(own) > 2))
-    rest |= set().union(*(own for own in with_w.values() if len(own) == 4))
+        if turn and turn["body"] in owners:  # three angles, not a lone wrist_roll
+            groups.setdefault((turn["body"], 3), {})[name] = name
+        if axis:  # x, y, z, w, of whatever length
+            groups.setdefault((axis["body"], 4), {})[axis["axis"].lower()] = name
+    rest |= {n for (_, least), own in groups.items() if len(own) >= least for n in own.values()}
     return rest - {name for place in bodies.values() for name in place}
 
 

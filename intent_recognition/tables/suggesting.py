@@ -137,13 +137,11 @@ def _suggest(kind: FileKind, name: str) -> list[_Part]:
     in_order = sorted(of_size, key=lambda size: -len(of_size[size]) * size)
     main, *others = [of_size[size] for size in in_order] or [{}]
     found = _part(kind, name, main, labels)
-    rest = [_part(kind, name, of, {}, is_main=False) for of in others]
-    left = [
-        name for of, part in zip(others, rest, strict=True) if not part.has_entries for name in of
-    ]
+    rest = [(of, _part(kind, name, of, {}, is_main=False)) for of in others]
+    left = [column for of, part in rest if not part.has_entries for column in of]
     left_out = [*found.left_out, *_line("Of other lengths", left)]
-    rest = [part for part in rest if part.has_entries]
-    return [found._replace(texts=texts_, left_out=left_out), *rest]
+    more = (part for _, part in rest if part.has_entries)
+    return [found._replace(texts=texts_, left_out=left_out), *more]
 
 
 def _line(title: str, names: Sequence[str]) -> list[str]:
@@ -187,9 +185,8 @@ def _part(
     moving = [b for b in moving if b not in (*seldom, *markers)]
     time_line = f"time: {flow(time)}  # {time_note}"
     time_line = f"# {time_line}" if time_note == NO_RATE else time_line
-    own = [f"    file: {flow(name)}"] * bool(name) + [f"    {time_line}"] * bool(
-        name or not is_main
-    )
+    own = [f"    file: {flow(name)}"] * bool(name)
+    own += [f"    {time_line}"] * bool(name or not is_main)
     farthest = max((columns[n].farthest for body in moving for n in bodies[body]), default=0.0)
     found = [
         body_entry(table, columns, body, bodies[body], farthest, name) + own
@@ -199,7 +196,7 @@ def _part(
         joints_entry(table, [joint for _, joint in array]) + own
         for _, array in groupby(zip(arrays, joints[:MOST_JOINTS], strict=False), key=itemgetter(0))
     ]
-    if not is_main and (cut or "column" not in time):
+    if not is_main and (cut or not TIME_NAME.search(str(time.get("column", "")))):
         found = arm = []
     left_out = [
         line

@@ -206,11 +206,12 @@ def test_what_was_recorded_at_another_rate_has_its_own_times(tmp_path):
     joints = np.repeat(SHARE, 5, axis=0) * [1.0, 2.0]
     arrays = {"human/time": TIMES_S, "human/wrist_pos": PLACE / 1000, "masses": np.arange(3.0)}
     arrays |= {"robot/time": np.arange(len(joints)) / 500, "robot/q": joints}
+    arrays |= {"spectrum/hz": np.linspace(0.0, 50.0, 101), "spectrum/power": np.arange(101.0) ** 2}
     _, text, (found,) = suggested(h5(tmp_path / "a.h5", arrays))
     np.testing.assert_array_equal(found.samples[0].values, PLACE / 1000)
     np.testing.assert_array_equal(found.samples[1].values, joints)
     assert [samples.stamps_ns[5] - samples.stamps_ns[0] for samples in found.samples] == [5e7, 1e7]
-    assert "# Of other lengths: masses" in text
+    assert "# Of other lengths: spectrum.hz, spectrum.power, masses" in text
 
 
 def test_times_that_begin_anew_in_each_demonstration_are_known(tmp_path):
