@@ -149,7 +149,7 @@ def is_of_places(array: Any) -> bool:
     if array.ndim != 3:
         return False
     _, n, d = array.shape
-    return bool(d <= MOST_OF_POSE or (n in (1, 3) and d <= MOST_PLACES))
+    return bool(d <= 4 or (max(n, d) <= MOST_PLACES and (d <= MOST_OF_POSE or n in (1, 3))))
 
 
 def stated_rate(attributes: dict[str, Any]) -> float:

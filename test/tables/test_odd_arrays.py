@@ -43,7 +43,8 @@ def test_arrays_of_any_layout(kind, tmp_path):
 
 
 def test_a_cloud_and_features_are_no_columns(tmp_path):
-    arrays = {"w": PLACE, "c": np.ones((ROWS, 3, 1024)), "f": np.ones((ROWS, 1, 10_001))}
+    shapes = {"of_matlab": (3, 1024), "features": (1, 10_001), "with_colours": (2048, 6)}
+    arrays = {"w": PLACE, **{name: np.ones((ROWS, *shape)) for name, shape in shapes.items()}}
     np.savez(tmp_path / "a.npz", **arrays)
     h5(tmp_path / "a.h5", arrays)
     for name in ("a.npz", "a.h5"):
