@@ -5,7 +5,6 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import groupby
-from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -119,10 +118,6 @@ class _Part(NamedTuple):
     left_out: list[str]
     texts: list[str]
 
-    @property
-    def has_entries(self) -> bool:
-        return bool(self.bodies or self.others)
-
 
 def _suggest(kind: FileKind, name: str) -> list[_Part]:
     """The parts of a kind of file, one for each length of columns, that with most numbers first.
@@ -138,9 +133,9 @@ def _suggest(kind: FileKind, name: str) -> list[_Part]:
     main, *others = [of_size[size] for size in in_order] or [{}]
     found = _part(kind, name, main, labels)
     rest = [(of, _part(kind, name, of, {}, is_main=False)) for of in others]
-    left = [column for of, part in rest if not part.has_entries for column in of]
+    left = [column for of, part in rest if not part.bodies + part.others for column in of]
     left_out = [*found.left_out, *_line("Of other lengths", left)]
-    more = (part for _, part in rest if part.has_entries)
+    more = (part for _, part in rest if part.bodies + part.others)
     return [found._replace(texts=texts_, left_out=left_out), *more]
 
 
@@ -175,16 +170,14 @@ def _part(
         if not (is_joint(c.name) and is_angle(table, c.name)) or np.unique(c.values).size < 3
     ]
     joints = [c for c in joints if c.name not in others]
-    arrays = [array_of(joint.name) for joint in joints]
-    arrays = [array * (arrays.count(array) > 3) for array in arrays]  # not wrist_1 to wrist_3
+    sizes = Counter(array_of(joint.name) for joint in joints)
     still = [c.name for c in columns.values() if not c.moves and c.name not in used]
     moving = [body for body, names in bodies.items() if any(columns[n].moves for n in names)]
     often = max((columns[bodies[body][0]].seen for body in moving), default=0.0)
     seldom = [body for body in moving if columns[bodies[body][0]].seen < 0.5 * often]
     markers = [b for b in moving if b not in seldom and is_marker_of(b, moving)]
     moving = [b for b in moving if b not in (*seldom, *markers)]
-    time_line = f"time: {flow(time)}  # {time_note}"
-    time_line = f"# {time_line}" if time_note == NO_RATE else time_line
+    time_line = f"{'# ' * (time_note == NO_RATE)}time: {flow(time)}  # {time_note}"
     own = [f"    file: {flow(name)}"] * bool(name)
     own += [f"    {time_line}"] * bool(name or not is_main)
     farthest = max((columns[n].farthest for body in moving for n in bodies[body]), default=0.0)
@@ -193,8 +186,11 @@ def _part(
         for body in moving[:MOST_BODIES]
     ]
     arm = [
-        joints_entry(table, [joint for _, joint in array]) + own
-        for _, array in groupby(zip(arrays, joints[:MOST_JOINTS], strict=False), key=itemgetter(0))
+        joints_entry(table, list(array)) + own
+        for _, array in groupby(
+            joints[:MOST_JOINTS],
+            key=lambda joint: array_of(joint.name) if sizes[array_of(joint.name)] > 3 else "",
+        )  # wrist_1 to wrist_3 are of an arm
     ]
     if not is_main and (cut or not TIME_NAME.search(str(time.get("column", "")))):
         found = arm = []
