@@ -99,7 +99,7 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
 
 
 def distinct(entries: Sequence[list[str]]) -> list[list[str]]:
-    """Entries whose topics, or joints, differ: further ones of the same name have a number."""
+    """Give entries different topics or joints by numbering repeated names."""
     seen: Counter[str] = Counter()
     taken: set[str] = set()
     for entry in entries:

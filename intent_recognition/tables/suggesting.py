@@ -43,6 +43,9 @@ from intent_recognition.tables.suggested_names import (
 from intent_recognition.tables.table import Table
 from intent_recognition.tables.times import PER_UNIT, TIME_NAME, stamps_ns, usual_unit
 
+LONGEST_NAME = 300
+"""Characters of a name that is looked at: some patterns take their square. Convention: topics and
+fields have a hundred."""
 MOST_LISTED = 12
 """Most columns of a kind that a comment lists."""
 MOST_JOINTS, MOST_BODIES = 16, 8
@@ -237,7 +240,8 @@ def _columns(table: Table) -> tuple[dict[str, SeenColumn], dict[str, list[str]],
     labels: dict[str, list[str]] = {}
     why: list[str] = []
     names = [name or str(k) for k, name in enumerate(table.names)]  # pandas' index has none
-    alone = [k for k, name in enumerate(names) if names.count(name) == 1]
+    counts = Counter(names)
+    alone = [k for k, n in enumerate(names) if counts[n] == 1 and len(n) <= LONGEST_NAME]
     for start in range(0, len(alone), 50):  # so that not all of many columns are in memory
         part = alone[start : start + 50]
         for k, cells in zip(part, table.read(part), strict=True):

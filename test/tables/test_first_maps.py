@@ -138,6 +138,11 @@ def test_joints_that_resemble_an_orientation_are_suggested(place, joints, offset
     assert f"joints: [{told}]" in suggest_map(tmp_path / "a.csv")
 
 
+def test_names_that_patterns_would_take_long_for_are_passed_over(tmp_path):
+    (tmp_path / "a.csv").write_text(listed(f"t,x,y,z,q1,{'_' * 60_000}", SHARE + [0, 1]))
+    assert "joints: [q1]" in suggest_map(tmp_path / "a.csv")
+
+
 def test_what_is_commanded_has_another_word_than_those_of_commands():
     assert commanded(["q_w", "state", "x_d", "x"]) == ["x_d"]
 
