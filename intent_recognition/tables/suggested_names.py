@@ -177,12 +177,15 @@ def _poses(columns: Mapping[str, SeenColumn]) -> dict[str, tuple[list[str], list
                 is_unit = all(_is_unit([columns[name] for name in row[:3]]) for row in one[:3])
                 if is_unit and last in ([], [0.0, 0.0, 0.0, 1.0]):
                     found.setdefault(body, (one[:3, 3:].ravel().tolist(), names))
-        free = 0
         is_pose = len(names) == 7 and not NO_PLACE_IN_ARRAY.search(body)
-        for at in _quaternions(columns, names) if is_pose or not body else ():
-            start = at - 3 if at - 3 >= free else at + 4
-            free = max(start + 3, at + 4)
-            found[body or names[at]] = (names[start : start + 3], names[at : at + 4])
+        starts = _quaternions(columns, names) if is_pose or not body else []
+        taken = {name for at in starts for name in names[at : at + 4]}
+        taken |= {name for name in names if starts and is_even(np.diff(columns[name].values))}
+        for at in starts:
+            sides = names[max(at - 3, 0) : at], names[at + 4 : at + 7]
+            place = next((of for of in sides if len(of) == 3 and not taken & {*of}), [])
+            taken |= {*place}
+            found[body or names[at]] = (place, names[at : at + 4])
     return found
 
 
@@ -269,6 +272,11 @@ def counts_rows(column: SeenColumn) -> bool:
     first, steps = column.values[0], np.diff(column.values)
     is_count = are_counts(column, steps) and 0.0 <= first <= steps[0] and first % 1.0 == 0.0
     return is_count or bool(COUNT_NAME.search(column.name))
+
+
+def is_even(steps: Floats) -> bool:
+    """Whether numbers go on by nearly the same steps, as times and counts do."""
+    return bool(steps.size and steps.min() > 0.8 * steps.max() > 0.0)
 
 
 def are_counts(column: SeenColumn, steps: Floats) -> bool:

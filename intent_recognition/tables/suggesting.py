@@ -36,6 +36,7 @@ from intent_recognition.tables.suggested_names import (
     bodies_of,
     commanded,
     counts_rows,
+    is_even,
     is_joint,
     is_marker_of,
     orientations_of,
@@ -330,8 +331,7 @@ def _are_later(table: Table, name: str, cells: Sequence[str]) -> bool:
 
 def _is_even(column: SeenColumn, steps: Floats) -> bool:
     """Whether numbers grow by nearly equal steps that are no count, as times in any language do."""
-    is_even = steps.size and steps.min() > 0.8 * steps.max() > 0.0
-    return bool(is_even) and not are_counts(column, steps)
+    return is_even(steps) and not are_counts(column, steps)
 
 
 def _are_nanoseconds(values: Floats) -> bool:

@@ -143,6 +143,15 @@ def test_names_that_patterns_would_take_long_for_are_passed_over(tmp_path):
     assert "joints: [q1]" in suggest_map(tmp_path / "a.csv")
 
 
+def test_a_place_beside_a_quaternion_has_three_columns_and_no_time(tmp_path):
+    path = tmp_path / "a.csv"
+    counted = [np.arange(ROWS), TIMES_S, np.ones(ROWS), QUATERNIONS, WRIST]
+    np.savetxt(path, np.column_stack(counted), delimiter=",")
+    assert "columns: ['7', '8', '9']" in (text := suggest_map(path)) and text.count("/pose") == 1
+    np.savetxt(path, np.column_stack([TIMES_S, QUATERNIONS, SHARE]), delimiter=",")
+    assert "/pose" not in suggest_map(path)
+
+
 def test_what_is_commanded_has_another_word_than_those_of_commands():
     assert commanded(["q_w", "state", "x_d", "x"]) == ["x_d"]
 
