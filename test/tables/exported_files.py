@@ -292,10 +292,10 @@ SAY_MM = ("DeepLabCut, CSV", "Excel, CSV", "Excel, text in UTF-16", "CSV without
 
 PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
 PREFACE = (
-    "# Formats, one by one\n\nMade by a test: of a small file of each kind, the map that"
+    "# Formats, one by one\n\nFor a small file of each kind a test shows the map that"
     " `intent import FILE --suggest` writes. Delete what you do not need, name topics and task, and"
-    " import with it. [Recordings in other formats](import.md) says what the keys"
-    " mean; for bags of ROS a map is [suggested](import.md#a-first-map) likewise.\n"
+    " import with the map. [Recordings in other formats](import.md) explains the keys; a map for"
+    " ROS bags is [suggested](import.md#a-first-map) in the same way.\n"
 )
 LEFT_OUT = "# Suggested", "# Delete", "# They"
 """Lines of a suggestion that say the same of every file, or nothing of its format."""
