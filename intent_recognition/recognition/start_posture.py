@@ -130,9 +130,8 @@ class OnsetPosture:
     def at_onset(self, task: int) -> tuple[StartPosture | None, str, Floats]:
         """Posture to condition on or None, and POSTURE_USED, POSTURE_OUTSIDE or POSTURE_UNKNOWN.
 
-        The third result are the whole turns of the arm from the learned start, (Q,) [rad].
+        The third result is the whole turns of the arm from the learned start, (Q,) [rad].
         """
-        self.find(self._onset_ns)
         library, position = self._library, self._position
         none = np.zeros(library.n_controlled)
         if position is None or position.shape != none.shape:
