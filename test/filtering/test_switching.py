@@ -151,9 +151,8 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch, 
     times_s = np.arange(0.0, 1.2, 0.1)
     values = changed(library, rng, (0, 1), 0.4, times_s)
     run = filtered(library, times_s, values)
-    born = TaskPrediction(library, 1, run.births.table, *run.births.of_task(1), [])
-    durations_s = born.durations_s
-    assert np.isclose(born.duration_weights.sum(), 1.0)
+    found = TaskPrediction(library, 1, run.births.table, *run.births.of_task(1), [])
+    assert np.isclose(found.duration_weights.sum(), 1.0)
     # Nothing passes on at the first observation; those of the fifth come fourth, and stay there.
     born, at = 4, 3
     density = [evidence_of(run, 1)[at]]
@@ -170,7 +169,7 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch, 
     covariance[p * n :, p * n :] = np.diag(np.outer(none_std(library), scale).ravel() ** 2)
 
     def rows(elapsed_s, offset):
-        phase = np.array([min(elapsed_s / durations_s[at], 1.0)])
+        phase = np.array([min(elapsed_s / found.durations_s[at], 1.0)])
         row = np.zeros((p, size))
         row[:, : p * n] = np.kron(np.eye(p), library.basis.design_matrix(phase))
         if offset:
