@@ -12,7 +12,7 @@ from intent_recognition.promp import PhaseDeviation, deviation_prior, deviation_
 class Deviations(NamedTuple):
     """Filtered phase deviation of S hypotheses at each of n measurements."""
 
-    # times of the measurements after onset, (n,), ascending; a late one takes the one before
+    # times of the measurements after onset, (n,), ascending; a late one has that of the last
     times_s: Floats
     filtered: Floats  # probability of each deviation given the measurements so far, (n, S, E)
     likelihood: Floats  # tempered likelihood of each deviation, up to scale, (n, S, E)

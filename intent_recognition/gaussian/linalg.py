@@ -70,7 +70,7 @@ def student_log_density(
 ) -> Floats:
     """Log density (...) of a Student distribution over m values; normal if freedom is infinite.
 
-    Takes squared Mahalanobis distances (...) and half of the scale matrix' log determinant (...).
+    Takes squared Mahalanobis distances (...) and half the scale matrix's log determinant (...).
     """
     nu, m = degrees_of_freedom, dimension
     if nu == inf:

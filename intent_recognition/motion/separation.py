@@ -100,11 +100,10 @@ class Separation:
         person: PredictedPerson,
         positions: Floats | None = None,
     ) -> Floats:
-        """Largest phase rate (G,) [1/s] in the intervals of a path's grid.
+        """Largest phase rate (G,) [1/s] in the intervals of a path's grid, near a person.
 
-        `times_ns` (G + 1,) are the times at which the arm is at the points of the grid. `positions`
-        (G + 1, n) [rad] are its postures then, if it has not joined the path yet: the shorter
-        distance counts.
+        The arm passes the points of the grid at `times_ns` (G + 1,). `positions` (G + 1, n) [rad]
+        are where it is then if it has not joined the path yet; the shorter distance counts.
         """
         phase = np.linspace(0.0, 1.0, N_GRID + 1)
         points = self.arm.skeleton(path.spline(phase))
@@ -191,7 +190,7 @@ def phase_times_ns(plan: JointPlan, start_ns: int) -> Floats:
 
 
 _N_LOOKS = 5
-"""Samples per interval of the grid at which slow places are checked: 2 mm of a path of 1 m."""
+"""Samples of the hand per interval of the grid, near places: 2 mm apart on a path of 1 m."""
 
 
 class SlowPlaces:

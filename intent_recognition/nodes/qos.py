@@ -68,7 +68,7 @@ FEEDBACK = keep_last(EACH)
 
 
 def recorded_profile(info: TopicInfo) -> QoSProfile:
-    """Profile that the recorded publishers offered; if not recorded, the one of the topic graph."""
+    """Profile that the recorded publishers offered; if not recorded, that usual for the topic."""
     topic = info.name.lstrip("/")
     latched = topic.endswith(LATCHED_TOPICS)
     sensor = any(f"/{part}" in f"/{topic}" for part in SENSOR_TOPICS)

@@ -180,7 +180,7 @@ def _step(place: str, content: Any) -> WorkStep:
 
 def _named(place: str, name: str) -> str:
     if not name or name != name.strip() or BEFORE.strip() in name:
-        CHECKS.refuse(place, "a name without < and spaces around it", repr(name))
+        CHECKS.refuse(place, "a name without <, or spaces around it", repr(name))
     return name
 
 

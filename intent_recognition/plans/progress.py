@@ -26,10 +26,10 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.plans.work_plan import USUAL_SLIP, WorkPlan
 
 MOST_SHARE = 0.995
-"""Of assemblies in which a step is done: a step that is always done could not be forgotten. After
-two assemblies with all relations and shares of 1 by hand, 21 of 23 forgotten steps are said with
-0.97 and 0.99 (`benchmarks/plans.py`, seeds 0 to 14), with 1 none; more than eighteen assemblies
-are never learned to be surer."""
+"""Largest share of a step in the belief: with 1, a step could never be forgotten. After two
+assemblies with all relations and shares of 1 by hand, 21 of 23 forgotten steps are said with 0.97
+and 0.99 (`benchmarks/plans.py`, seeds 0 to 14), with 1 none. Up to eighteen assemblies, learned
+shares are below it."""
 
 
 class StepState(NamedTuple):
