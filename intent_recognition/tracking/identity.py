@@ -77,7 +77,8 @@ def identify(
         positions: position (3,) [m] of a point of each observed body, by the tracker's label.
 
     Returns:
-        The new state, and the person of each label, `NOBODY` for indistinguishable people.
+        The new state, and the person of each label: `NOBODY` for one that is indistinguishable
+        from others, or that leaps.
     """
     held = {k: until for k, until in people.unknown_until_ns.items() if until > stamp_ns}
     known = [t for t in people.tracks if stamp_ns - t.stamp_ns <= LOST_S * 1e9]
