@@ -138,21 +138,21 @@ class TaskTeacher(TopicRecorder):
 
         Raises:
             BagError: nothing waits, or a recording cannot be read.
-            ResourceBusyError: another process changes the folder; the recording keeps waiting, too.
+            ResourceBusyError, OSError: the folder is in use, or fails; the recording waits on, too.
             TrainingError: one cannot be learned from; it is kept in the folder's `undone`.
         """
         if not self.waiting:
             raise BagError.about("~/learn", "recordings", "none", "Record one first.")
         learned: list[str] = []
         change: Change | None = None
-        failure: IntentError | None = None
+        failure: IntentError | OSError | None = None
         while self.waiting and failure is None:
             try:
                 change = self.folder.learn(self.waiting[0])
                 learned.append(self.waiting[0].name)
-            except IntentError as error:
+            except (IntentError, OSError) as error:
                 failure = error
-            if not isinstance(failure, ResourceBusyError):
+            if not isinstance(failure, (ResourceBusyError, OSError)):
                 self.waiting.pop(0)
         text = "" if change is None else self.changed(change, f"learned {', '.join(learned)}")
         if failure is not None:

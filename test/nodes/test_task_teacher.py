@@ -226,7 +226,9 @@ def test_a_model_without_statistics_is_refused(harness, tmp_path, model):
     assert not (tmp_path / "mine").exists()
 
 
-@pytest.mark.parametrize(("error", "left"), [(TrainingError, 1), (ResourceBusyError, 2)])
+@pytest.mark.parametrize(
+    ("error", "left"), [(TrainingError, 1), (ResourceBusyError, 2), (OSError, 2)]
+)
 def test_what_was_learned_before_one_fails_is_used(harness, tmp_path, model, error, left):
     values = {"library": str(tmp_path / "mine"), "model": str(model)}
     teacher = harness.node(TaskTeacher, **values)
