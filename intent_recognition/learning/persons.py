@@ -101,9 +101,9 @@ def between_people(grouped: Grouped, floor: Floats, strength: float) -> tuple[Fl
         strength: equivalent sample size of the target that both are shrunk towards.
     """
     within = shared_covariance(grouped.within, floor, strength)
-    n_means = grouped.between.freedom
-    alike = strength / (strength + n_means)
-    strength *= n_means / (grouped.n_groups - 1)  # each person is one draw, in all tasks
+    freedom = grouped.between.freedom
+    alike = strength / (strength + freedom)
+    strength *= freedom / (grouped.n_groups - 1)  # each person is one draw, in all tasks
     means = shared_covariance(grouped.between, floor, strength, alike)
     root = cholesky(within, name="covariance within people")
     scaled = np.linalg.solve(root, np.linalg.solve(root, means).T)
