@@ -2,6 +2,8 @@
 """Onset, stops and end of a movement, from the last seconds of all observed signals."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -108,12 +110,16 @@ def least_speed(before: Floats, after: Floats) -> float:
     return float(np.linalg.norm(before + into * change))
 
 
-class _Moving(NamedTuple):
+@dataclass
+class _Moving:
     """Samples of DOFs that are measured together, and the velocity at the last sample."""
 
     settings: OnsetSettings
     samples: Samples
-    velocity: Floats | None
+
+    @cached_property
+    def velocity(self) -> Floats | None:
+        return end_velocity(self.settings, *self.samples.arrays(self.settings.window_s))
 
 
 def is_overdue(elapsed_s: float, posterior: TaskPosterior) -> bool:
@@ -183,9 +189,9 @@ class MotionDetector:
         A speed needs at least three samples within the window of the signal's settings.
         """
         for group, signal in enumerate(self._active()):
-            for settings, samples, _ in signal:
-                least_hz = max(2.0 / settings.window_s, LEAST_RATE_HZ)
-                steps_s = np.diff(samples.stamps_ns) * 1e-9
+            for one in signal:
+                least_hz = max(2.0 / one.settings.window_s, LEAST_RATE_HZ)
+                steps_s = np.diff(one.samples.stamps_ns) * 1e-9
                 if len(steps_s) and np.median(steps_s) * least_hz > 1.0 + 1e-6:
                     return SparseSignal(group, float(1.0 / np.median(steps_s)), least_hz)
         return None
@@ -199,10 +205,10 @@ class MotionDetector:
             self.waits_for_rest = not self._at_rest()
             return None
         onsets_ns = [
-            samples.first_ns + round(onset * 1e9)
+            one.samples.first_ns + round(onset * 1e9)
             for signal in self._active()
-            for settings, samples, _ in signal
-            if (onset := detect_onset(settings, *samples.arrays())) is not None
+            for one in signal
+            if (onset := detect_onset(one.settings, *one.samples.arrays())) is not None
         ]
         return min(onsets_ns, default=None)
 
@@ -250,10 +256,7 @@ class MotionDetector:
         """Recent samples and velocities of each signal, by jointly measured DOFs; cached."""
         if not self._now:
             self._now = [
-                [
-                    _Moving(own, samples, end_velocity(own, *samples.arrays(own.window_s)))
-                    for samples in past.active_samples(own.rest_s, own.window_s)
-                ]
+                [_Moving(own, some) for some in past.active_samples(own.rest_s, own.window_s)]
                 for own, past in zip(self.settings, self.pasts, strict=True)
             ]
         return self._now
