@@ -28,8 +28,7 @@ from intent_recognition.plans.work_plan import USUAL_SLIP, WorkPlan
 MOST_SHARE = 0.995
 """Largest share of a step in the belief: with 1, a step could never be forgotten. After two
 assemblies with all relations and shares of 1 by hand, 21 of 23 forgotten steps are said with 0.97
-and 0.99 (`benchmarks/plans.py`, seeds 0 to 14), with 1 none. Up to eighteen assemblies, learned
-shares are below it."""
+and 0.99 (`benchmarks/plans.py`, seeds 0 to 14), with 1 none. 18 assemblies teach a lower one."""
 
 
 class StepState(NamedTuple):

@@ -226,10 +226,8 @@ def test_a_model_without_statistics_is_refused(harness, tmp_path, model):
     assert not (tmp_path / "mine").exists()
 
 
-@pytest.mark.parametrize(
-    ("error", "left"), [(TrainingError, 1), (ResourceBusyError, 2), (OSError, 2)]
-)
-def test_what_was_learned_before_one_fails_is_used(harness, tmp_path, model, error, left):
+@pytest.mark.parametrize("error", [TrainingError, ResourceBusyError, OSError])
+def test_what_was_learned_before_one_fails_is_used(harness, tmp_path, model, error):
     values = {"library": str(tmp_path / "mine"), "model": str(model)}
     teacher = harness.node(TaskTeacher, **values)
 
@@ -244,7 +242,7 @@ def test_what_was_learned_before_one_fails_is_used(harness, tmp_path, model, err
     with pytest.raises(error):
         teacher.learn()
     assert sent == [f"learned a; demonstrations: {OLD[0]} 5"]
-    assert len(teacher.waiting) == left
+    assert len(teacher.waiting) == (1 if error is TrainingError else 2)
 
 
 def test_with_another_arm_its_description_and_the_name_of_its_hand_are_recorded(harness, tmp_path):
