@@ -104,7 +104,7 @@ def with_point(text: str) -> str:
 
 
 def is_number(text: str) -> bool:
-    """Whether a cell holds a number, or says that there is none."""
+    """Whether a cell holds a number or marks a missing one."""
     text = text.strip()
     try:
         return text.lower() in MISSING or float(with_point(text)) is not None

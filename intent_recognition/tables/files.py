@@ -107,7 +107,7 @@ STREAM = re.compile(r"(?P<recording>.+[_\- ]\d+)(?P<end>[_\- ]\D+)")
 CONDITION = re.compile(
     r"(?i).(?:fast|slow|normal|near|far|high|low|easy|hard|pre|post|good|bad|success|fail(?:ed)?)"
 )
-"""Ends of names that say how a recording was done, not of what it is."""
+"""Ends of file names for the condition of a recording, which do not distinguish its streams."""
 NO_TASK = re.compile(
     r"(?i)(?:demo|demonstration|traj|trajectory|episode|ep|trial|take|rec|recording|run|data|log"
     r"|p|s|sub|subj|subject|participant|person|user|day|ses|session)?[\W_\d]*"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""DataFrames that pandas wrote into an HDF5 file: run by `hdf5_reading`."""
+"""Read DataFrames that pandas wrote to an HDF5 file; run by `hdf5_reading`."""
 
 import pickletools
 from typing import Any
@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 
 def columns_of(frame: Any) -> dict[str, NDArray[Any]]:
-    """Columns of a DataFrame by their names, as DeepLabCut's: lines of these that are the same of
-    all columns are left out, but the last two.
+    """Columns of a DataFrame by name. Levels of the names that are equal in all columns are left
+    out, such as DeepLabCut's scorer, but never the last two.
     """
     columns: list[tuple[tuple[str, ...], NDArray[Any]]] = []
     if "table" in frame:
@@ -23,7 +23,7 @@ def columns_of(frame: Any) -> dict[str, NDArray[Any]]:
     else:
         index = frame["axis1"][()]
         for k in range(int(frame.attrs["nblocks"])):
-            if frame[f"block{k}_values"].ndim == 2:  # texts are pickled
+            if frame[f"block{k}_values"].ndim == 2:  # texts are pickled, and left out
                 values = frame[f"block{k}_values"][()]
                 columns += zip(_items(frame, f"block{k}_items"), values.T, strict=True)
     kinds = [*map(set, zip(*(name for name, _ in columns), strict=True))]
@@ -32,7 +32,7 @@ def columns_of(frame: Any) -> dict[str, NDArray[Any]]:
 
 
 def _items(frame: Any, key: str) -> list[tuple[str, ...]]:
-    """Names of columns in a block of the `fixed` format, of one level or several."""
+    """Names, of one or several levels, of the columns in a block of the `fixed` format."""
     levels = range(int(frame.attrs.get(f"{key}_nlevels", 0)))
     several = [frame[f"{key}_level{n}"][()][frame[f"{key}_label{n}"][()]] for n in levels]
     parts = [part.astype(str).tolist() for part in several or [frame[key][()]]]
@@ -40,8 +40,8 @@ def _items(frame: Any, key: str) -> list[tuple[str, ...]]:
 
 
 def _listed(pickled: bytes) -> list[tuple[str, ...]]:
-    """Texts of a list of texts, or of tuples of them, that was pickled by protocol 0; it is read as
-    text, nothing of it is run.
+    """Read a list of texts, or of tuples of texts, pickled by protocol 0. The pickle is parsed only
+    as text, so that none of its code runs.
     """
     names: list[tuple[str, ...]] = []
     memo: dict[Any, str] = {}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays of an HDF5 file by h5py: run by `isolated`."""
+"""Read arrays of an HDF5 or MAT file by h5py or scipy; run by `isolated`."""
 
 import importlib
 import json
@@ -14,49 +14,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_BYTES = 2**28
-"""Of one array. Convention: an hour of fifty values at 100 Hz takes 0.15 GB."""
+"""Largest array that is read [bytes]; an hour of fifty values at 100 Hz takes 0.15 GB."""
 MOST_DOFS = 20
-"""Rows of an array that may be columns which were saved as rows. Convention: two arms with a hand
-have some more, a recording has far more samples."""
+"""Most rows of an array that may be the columns of a transposed one; two arms with hands have a few
+more, a recording has far more samples."""
 MOST_OF_POSE = 7
-"""Elements of a place or a pose in an array (T, n, d) of several bodies: a place, a quaternion."""
+"""Most elements of a pose in an array (T, n, d) of several bodies: a position and a quaternion."""
 MOST_PLACES = 600
-"""Places in an array (T, 3, n), or numbers in one (T, 1, d). Convention: the face of MediaPipe has
-478 landmarks, a point cloud 1024."""
+"""Most positions in an array (T, 3, n), or numbers in an array (T, 1, d): MediaPipe's face has 478
+landmarks, a point cloud 1024 points."""
 SMOOTH = 0.1
-"""Roughness below which numbers go on from one to the next. Convention: that of a sine with 14
-samples a period."""
+"""Roughness below which numbers are smooth: that of a sine with 14 samples per period."""
 NUMBERED = re.compile(r"(.*?)[_-]?(\d+)")
-"""A group, or an array, that may be of one of several demonstrations."""
+"""Name of a group or array that may belong to one of several demonstrations."""
 DEMONSTRATION = re.compile(
     r"(?i)(.*[\W_])?(demo(nstration)?|traj(ectory)?|episode|trial|take|recording)s?"
 )
-"""What arrays are called that are one each."""
+"""Names of arrays that hold one demonstration each."""
 RATES = ("fps", "rate", "rate_hz", "hz", "frequency", "control_freq", "sampling_rate",
          "sample_rate", "sampling_frequency", "frame_rate", "framerate", "capture_rate", "fs",
          "mocap_framerate", "mocap_frame_rate")  # fmt: skip
-"""Attributes of a file, or numbers in it, in lower case, that say samples a second."""
+"""Attributes of a file, or numbers in it, that state its rate [Hz], in lower case."""
 FILLS = ("_fillvalue", "missing_value")
-"""Attributes of an array, in lower case, that say which number stands for one not measured."""
+"""Attributes of an array that state the number for missing values, in lower case."""
 UNIT = ("unit", "units")
-"""What attributes, or texts beside arrays, that say a unit are called, in lower case."""
+"""Names of attributes, or of texts beside arrays, that state a unit, in lower case."""
 PANDAS = "pandas_type"
-"""Attribute of what pandas writes."""
+"""Attribute of groups that pandas writes."""
 MATLAB = "MATLAB_class"
-"""Attribute of whatever MATLAB writes."""
+"""Attribute of all items that MATLAB writes."""
 NO_ARRAY = {"MATLAB_empty", "MATLAB_object_decode"}
-"""Attributes of empty arrays, which hold their shape, and of objects, such as tables."""
+"""Attributes of empty arrays, which hold only their shape, and of objects such as tables."""
 ENDS = "meta.episode_ends"
-"""Where replay buffers (diffusion policy, UMI) say the row after each demonstration."""
+"""Array of replay buffers (diffusion policy, UMI) with the row after each demonstration."""
 
 
 def read(path: str) -> dict[str, NDArray[Any]]:
-    """Arrays of numbers (T,), (T, d) or (T, n, 3) by path, with dots, demonstrations on end.
+    """Read arrays (T,), (T, d) or (T, n, d) by dotted path, with successive demonstrations joined.
 
-    `demonstration` says of each row of those which it is of; `#rate` is the control rate that
-    robomimic notes, 0 for none; `#unit` is that of all arrays, where it is known, `#units` lists
-    arrays, or elements of them, and their units; `#left_out` names arrays that have no row for each
-    sample. Images and what has more dimensions are left out.
+    `demonstration` holds the demonstration of each row; `#rate` is the stated rate [Hz], 0 for
+    none; `#unit` is the unit of all arrays, if known; `#units` lists units of arrays or of their
+    elements; `#left_out` names arrays without a row for each sample. Images and arrays of more
+    dimensions are left out.
     """
     if not (h5py := importlib.import_module("h5py")).is_hdf5(path):  # MATLAB's before 7.3
         return _of_matlab(importlib.import_module("scipy.io").loadmat(path, simplify_cells=True))
@@ -100,7 +99,7 @@ def read(path: str) -> dict[str, NDArray[Any]]:
 
 
 def _of_matlab(content: dict[str, Any]) -> dict[str, NDArray[Any]]:
-    """As `read`, of what is in a MAT file by name."""
+    """Like `read`, for the content of a MAT file by name."""
     for struct in content.values():
         if isinstance(struct, dict) and (found := _of_qualisys(struct)):
             return {**found, "#rate": np.array(struct["FrameRate"]), "#unit": np.array("mm")}
@@ -112,8 +111,8 @@ def _of_matlab(content: dict[str, Any]) -> dict[str, NDArray[Any]]:
 
 
 def _as_before(h5py: Any, file: Any, item: Any) -> Any:
-    """What a MAT file of version 7.3 holds, as scipy reads those before: axes in MATLAB's order,
-    structs as mappings, cells and arrays of structs as arrays of objects, texts as texts.
+    """Content of a MAT file of version 7.3, in the form in which scipy reads older ones: axes in
+    MATLAB's order, structs as mappings, cells and arrays of structs as arrays of objects.
     """
     if isinstance(item, h5py.Group):
         parts = {key: part for key, part in item.items() if not key.startswith("#")}
@@ -138,7 +137,7 @@ def _as_before(h5py: Any, file: Any, item: Any) -> Any:
 
 
 def _objects(values: list[Any]) -> NDArray[Any]:
-    """A list as an array (n,) of what it holds."""
+    """Convert a list to an array (n,) of objects."""
     found = np.empty(len(values), object)
     found[:] = values
     return found
@@ -153,7 +152,7 @@ def is_of_places(array: Any) -> bool:
 
 
 def stated_rate(attributes: dict[str, Any]) -> float:
-    """Samples a second that the attributes of a file state, 0 for none."""
+    """The rate [Hz] that the attributes of a file state, 0 for none."""
     for key, value in attributes.items():
         if key.lower() in RATES and np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu":
             return float(np.ravel(value)[0])
@@ -161,11 +160,11 @@ def stated_rate(attributes: dict[str, Any]) -> float:
 
 
 def on_end(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Arrays (n, T, d) of n demonstrations as (n T, d), with the column `demonstration`.
+    """Join arrays (n, T, d) of n demonstrations to (n T, d), with the column `demonstration`.
 
-    They are taken for such where n is far too few for samples, times (T,) are there, or the numbers
-    go on along the second axis alone. What is (n, T), (T,) or (n,) goes with them. Arrays with
-    numbers in their names are put on end, too: `demo_0`, `demo_1`, or `t_0`, `q_0`, `t_1`, ...
+    Arrays count as such if n is far too small for samples, there are times (T,), or the numbers are
+    smooth along the second axis only. Arrays (n, T), (T,) and (n,) are repeated to match. Arrays
+    with numbered names, such as `demo_0`, `demo_1` or `t_0`, `q_0`, `t_1`, ..., are joined, too.
     """
     arrays = _by_numbers(arrays)
     lengths = {
@@ -189,7 +188,7 @@ def on_end(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 
 def _by_numbers(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Arrays of numbered demonstrations, called so or of differing lengths, on end."""
+    """Join arrays of numbered demonstrations, recognised by their names or differing lengths."""
     found: dict[int, dict[str, NDArray[Any]]] = {}
     rest = {}
     for key, array in arrays.items():
@@ -213,10 +212,10 @@ def _by_numbers(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 
 def samples_first(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Arrays (d, T) as (T, d), or (T,), where others say what T is: as MATLAB keeps them in HDF5.
+    """Transpose arrays (d, T), as MATLAB stores them in HDF5, to (T, d) or (T,) if T is known.
 
-    T is the length of others (T,) or (T, d), or the width that several wide arrays share, or along
-    which alone the numbers go on.
+    T is the length of other arrays (T,) or (T, d), or else the width that several wide arrays
+    share, or else that of arrays that are smooth along their rows only.
     """
     wide = [k for k, a in arrays.items() if a.ndim == 2 and len(a) <= MOST_DOFS < a.shape[1]]
     lengths = {len(a) for k, a in arrays.items() if a.ndim and len(a) > MOST_DOFS}
@@ -232,7 +231,7 @@ def samples_first(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 
 def goes_on_along_rows(array: NDArray[Any]) -> bool:
-    """Whether the numbers of an array (d, T), or (n, T, d), are smooth along its rows alone."""
+    """Whether the numbers of an array (d, T) or (n, T, d) are smooth along its second axis only."""
     return _roughness(array, 1) < SMOOTH < _roughness(array, 0)
 
 
@@ -240,9 +239,9 @@ def _roughness(array: NDArray[Any], axis: int) -> float:
     """Mean square step along an axis over twice the variance (von Neumann 1941): 1 for noise."""
     if array.dtype.kind not in "fiub":
         return np.inf
-    values = np.asarray(array[:1000, :1000], np.float64)  # of a large one a part says enough
+    values = np.asarray(array[:1000, :1000], np.float64)  # a part of a large array suffices
     finite = np.isfinite(values).all(axis=axis, keepdims=True)
-    values = np.where(finite, values, 0.0)  # a line with gaps says nothing
+    values = np.where(finite, values, 0.0)  # a line with gaps does not count
     variance = float(np.var(values, axis=axis).sum())
     if values.shape[axis] < 2 or not variance > 0.0:
         return np.inf
@@ -250,7 +249,7 @@ def _roughness(array: NDArray[Any], axis: int) -> float:
 
 
 def _of_qualisys(take: dict[str, Any]) -> dict[str, NDArray[Any]]:
-    """Columns `MARKER.x`, `BODY.x`, ... of a QTM take, which has places (n, d, T) beside names."""
+    """Columns `MARKER.x`, `BODY.x`, ... of a QTM take, which has positions (n, d, T) and names."""
     found: dict[str, NDArray[Any]] = {}
     markers = take.get("Trajectories", {}).get("Labeled", {})
     bodies = take.get("RigidBodies", {})
@@ -264,19 +263,19 @@ def _of_qualisys(take: dict[str, Any]) -> dict[str, NDArray[Any]]:
 
 
 def _of_structs(content: dict[str, Any], before: str) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Arrays of numbers in structs within one another, by their paths."""
+    """Arrays of numbers, texts and units in nested structs, by their paths."""
     for key, value in content.items():
         array = np.asarray(value)
         if isinstance(value, dict):
             yield from _of_structs(value, f"{before}{key}.")
-        elif key.startswith("__"):  # what scipy says of the file
+        elif key.startswith("__"):  # added by scipy
             continue
         elif isinstance(value, str) and key.lower() in UNIT and value:
             yield f"{before}#unit", array
         elif array.ndim == 1 and array.size and all(isinstance(v, str) for v in array):
             yield before + key, array.astype(str)
         elif array.dtype == object and array.ndim == 1:
-            # of an array of structs, or of cells, unless there is one for each sample
+            # an array of structs or cells, unless it has one for each sample
             are_few = len(array) <= 1000 or isinstance(array[0], dict)
             for k, one in enumerate(array if are_few else ()):
                 inside = (one, f"{before}{key}.") if isinstance(one, dict) else ({key: one}, before)
@@ -287,7 +286,7 @@ def _of_structs(content: dict[str, Any], before: str) -> Iterator[tuple[str, NDA
 
 
 def _demonstrations(h5py: Any, top: Any) -> list[str]:
-    """Names of groups `demo_0`, `traj_0`, `episode_000`, ...; [] where there are others, too."""
+    """Sorted names of groups `demo_0`, `traj_0`, ...; only `demo_` may have other groups beside."""
     groups = [name for name in top if isinstance(top[name], h5py.Group)]
     matches = [NUMBERED.fullmatch(name) for name in groups]
     alone = len({match[1] for match in matches if match}) == 1 and all(matches)
@@ -296,13 +295,13 @@ def _demonstrations(h5py: Any, top: Any) -> list[str]:
 
 
 def _numbered(arrays: dict[str, NDArray[Any]], lengths: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """Arrays of a replay buffer that have a row for each sample, and which demonstration it is."""
+    """Arrays of a replay buffer with a row for each sample, and the demonstration of each row."""
     rows = {key: array for key, array in arrays.items() if len(array) == lengths.sum()}
     return {"demonstration": np.repeat(np.arange(len(lengths)), lengths), **rows}
 
 
 def _units(top: Any, names: Collection[str]) -> NDArray[Any]:
-    """Pairs (n, 2) of arrays, or their elements, and all units said of them or of groups around."""
+    """Pairs (n, 2) of an array or array element and its units, stated by it or its groups."""
     found: dict[str, set[str]] = {}
 
     def visit(path: str, item: Any) -> None:
@@ -328,7 +327,7 @@ def _pairs(found: dict[str, set[str]]) -> NDArray[Any]:
 
 
 def _unit_of(item: Any) -> list[str]:
-    """The unit of an array, or those of its elements, as it, or a group around it, says; [""]."""
+    """The unit of an array or of each element, stated by it or its groups; [""] for none."""
     said = next((v for k, v in item.attrs.items() if k.lower() in UNIT), ())
     texts = [v for v in np.ravel(said).tolist() if isinstance(v, str | bytes)]
     if not texts and item.name != "/":
@@ -337,7 +336,7 @@ def _unit_of(item: Any) -> list[str]:
 
 
 def _measured(item: Any) -> NDArray[Any]:
-    """The numbers of an array; NaN for those that its attributes say stand for none (CF 2.5.1)."""
+    """The numbers of an array; NaN for the missing value that its attributes state (CF 2.5.1)."""
     array = np.asarray(item[()])
     said = [np.ravel(v) for k, v in item.attrs.items() if k.lower() in FILLS]
     said = [values for values in said if values.dtype.kind in "fiu"]

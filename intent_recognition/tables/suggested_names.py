@@ -82,7 +82,7 @@ PLACE_WORD = re.compile(
     r"(?:(?:^|[\W_]+)(?i:pos(?:ition)?|loc(?:ation)?|pose|trans(?:lation)?|xyz|t|p)"
     r"|(?<=[a-z])Pos(?:ition)?)?[\W_]*$"
 )
-"""What follows the name of a body in the names of its position."""
+"""Ends of names of a position, after the name of the body."""
 OTHERS = (NO_JOINT, NO_PLACE, NO_PLACE_IN_ARRAY)
 NUMBERED = re.compile(r"(?P<body>.*?)[._\[( ]*(?P<at>\d+(?:[._,\]\[]+\d+)?)[\])]?")
 """Elements of any array: `q1`, `q.1`, `q[1]`, `m12`, `m_1_2`, `m[1][2]`, or bare numbers."""
@@ -190,7 +190,7 @@ def _poses(columns: Mapping[str, SeenColumn]) -> dict[str, tuple[list[str], list
 
 
 def _quaternions(columns: Mapping[str, SeenColumn], names: Sequence[str]) -> list[int]:
-    """Indices at which four successive columns, two of which change, are vectors of length 1."""
+    """Indices at which four successive columns, not all constant, are vectors of length 1."""
     found: list[int] = []
     for at in range(len(names) - 3):
         four = [columns[name] for name in names[at : at + 4]]

@@ -45,8 +45,8 @@ from intent_recognition.tables.table import Table
 from intent_recognition.tables.times import PER_UNIT, TIME_NAME, stamps_ns, usual_unit
 
 LONGEST_NAME = 300
-"""Characters of a name that is looked at: some patterns take their square. Convention: topics and
-fields have a hundred."""
+"""Longest name of a column that is considered; some patterns take the square of this time. Names of
+topics and fields have about a hundred characters."""
 MOST_LISTED = 12
 """Most columns of a kind that a comment lists."""
 MOST_JOINTS, MOST_BODIES = 16, 8

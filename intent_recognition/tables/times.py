@@ -106,9 +106,9 @@ def unit_of_times(name: str) -> str:
 
 
 def usual_unit(steps: Floats, said: str = "", first: float = 0.0) -> str:
-    """The unit `said` if steps permit, else one of usual steps and a first time before 2038.
+    """The unit `said` if the steps permit it, else one with usual steps; "" if there is none.
 
-    "" if there is none.
+    Units that put the first time after 2038, whatever the clock's origin, are excluded.
     """
     step = float(np.median(steps)) if steps.size else 0.0
     if said and SHORTEST_PERIOD_S <= step * PER_UNIT[said] / NANOSECONDS <= LONGEST_PERIOD_S:
