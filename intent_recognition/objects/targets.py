@@ -24,8 +24,8 @@ MOSTLY_SOLID = 0.8
 """Share of its convex hull above which a mesh counts as closed on top; a container with walls fills
 less."""
 APART = 0.05
-"""Largest share of a mesh's area in bodies apart from its largest one that is left out, as specks
-of a scan; more is another object."""
+"""Largest share of a mesh's area in separate bodies that are left out as specks of a scan; a larger
+share is another object."""
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".xyz")
 """File types that are read; trimesh's other types are archives and XML, which may never end."""
 NEEDED = "a mesh file (.obj, .ply, .stl, .off, .glb, .gltf) or a cloud (.ply, .xyz)"
@@ -143,7 +143,7 @@ def mesh_target(
 
 
 def _leave_out_apart(solid: "trimesh.Trimesh") -> None:
-    """Keep the largest body, and those whose boxes touch that of what is kept, such as a handle."""
+    """Keep the largest body and bodies whose boxes overlap the kept ones', such as a handle."""
     trimesh = optional("trimesh")
 
     nodes = np.arange(len(solid.faces))
