@@ -13,7 +13,7 @@ LONGEST_DEFINITION = 100_000
 Jazzy's longest has 4000, or 20 000 with comments."""
 
 UNPARSED = re.compile(r"(?m)\bw(?=string<=)|^[ \t]*string[ \t]+\w+[ \t]*=[ \t]*$")
-"""What the parser does not know: a `wstring` with a bound, and empty constants: no bytes."""
+"""Text that the parser rejects: the `w` of a bounded `wstring`, and empty string constants."""
 
 
 class _Size(NamedTuple):

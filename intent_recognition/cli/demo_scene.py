@@ -110,7 +110,7 @@ def _toolbox(args: argparse.Namespace) -> Scene:
     tasks = session_tasks(args)
     usual = args.arm in NAMES or args.scenario == CELL
     by_force = usual if args.transfers is None else args.transfers
-    # With two people at one arm, the second gets the object up to 11 s after the own movement:
+    # With two people at one arm, the second gets the object up to 11 s after their movement:
     # 3 s for the other person, and 5 s for an arm that passes two hands.
     hold_s = ONE_HOLDS_S if len(tasks) == 1 else (13.0, 14.0)
     timing = SessionTiming(hold_s=hold_s) if by_force else SessionTiming()

@@ -75,7 +75,7 @@ class NodeHealth:
     ended: bool = False
 
     def silent_s(self, now_s: float) -> float:
-        """How long the node has been silent [s]; zero while its next report is not overdue."""
+        """How long the node has been silent [s]; zero until a report is overdue."""
         waited = now_s - self.at_s
         return waited if waited > 3.0 else 0.0  # three periods of the reports
 

@@ -95,7 +95,7 @@ def rehearse(
     recordings: Iterable[Demonstration],
     settings: DecisionSettings | None = None,
 ) -> Rehearsal:
-    """Feed recordings, each cut to its movement, to a model as the nodes do.
+    """Follow recordings, whose start and end are those of the movement, as the nodes do.
 
     `settings` of the decision are the node's defaults when None.
 
