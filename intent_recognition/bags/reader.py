@@ -85,7 +85,7 @@ class BagReader:
         said_ns = self.metadata.start_ns if self.metadata else 0
         renamed = any(note.startswith(RENAMED) for note in more)
         if renamed and not tolerant and said_ns not in (0, self.start_ns):
-            got, cure = f"others than {FILE_NAME} is about", "Copy the whole directory of the bag."
+            got, cure = f"files that do not fit {FILE_NAME}", "Copy the whole directory of the bag."
             raise BagError.about(str(self.path), "the files of the bag", got, cure)
         self._groups = _overlapping(self._files)
         self.is_finished = all(file.scan.is_finished for file in self._files)

@@ -45,7 +45,7 @@ class JointLimits:
                 raise ArgumentError.about(name, "positive values", array, cure)
             settle(self, **{name: array})
         if np.any(self.lower >= self.upper):
-            cure = "Swap them; one that cannot move is fixed."
+            cure = "Swap them, or make the joint fixed."
             raise ArgumentError.about("lower", f"values below upper {self.upper}", self.lower, cure)
 
     @property

@@ -114,7 +114,7 @@ def parse_urdf(source: str | Path) -> ET.Element:
     links, joints = root.findall("link"), root.findall("joint")
     if any(element.tag.startswith(XACRO) for element in root.iter()):
         cure = "Name it FILE.xacro, or expand it: xacro FILE > robot.urdf."
-        raise ArgumentError.about("robot", "a URDF", "one of xacro that is not expanded", cure)
+        raise ArgumentError.about("robot", "a URDF", "a xacro file that is not expanded", cure)
     if root.tag != "robot" or not links:
         got = f"<{root.tag}>" if root.tag != "robot" else "no link"
         raise ArgumentError.about("robot", "a URDF: <robot> with links", got, "Check the file.")

@@ -159,7 +159,7 @@ def _leave_out_apart(solid: "trimesh.Trimesh") -> None:
     if kept.all():
         return
     if areas[~kept].sum() > APART * areas.sum():
-        got = f"{np.count_nonzero(~kept)} beside it, apart from it"
+        got = f"{np.count_nonzero(~kept)} beside it"
         raise ArgumentError.about("mesh", "one object", got, "Export one at a time.")
     solid.update_faces(np.sort(np.concatenate([bodies[k] for k in np.flatnonzero(kept)])))
     solid.remove_unreferenced_vertices()

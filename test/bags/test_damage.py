@@ -195,7 +195,7 @@ def test_a_bag_whose_file_was_renamed_is_read(whole, damaged):
     assert reader.notes == ["renamed: bag_0.mcap"]
     text = (path / "metadata.yaml").read_text()
     (path / "metadata.yaml").write_text(text.replace("_epoch: 17", "_epoch: 16"))
-    with pytest.raises(BagError, match=r"got others than metadata\.yaml is about"):
+    with pytest.raises(BagError, match=r"got files that do not fit metadata\.yaml"):
         BagReader(path)
     (path / "metadata.yaml").write_text(text)
     (path / "more.mcap").write_bytes(content(whole))

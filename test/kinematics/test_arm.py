@@ -256,7 +256,7 @@ def test_a_continuous_joint_turns_on():
         (__file__, {}, "robot: .*test_arm.py: another kind of file"),
         ("<robot", {}, "robot: expected a URDF.*xacro"),
         ("<sdf><link/></sdf>", {}, "got <sdf>"),
-        (robot(XACRO, links="a"), {}, "one of xacro that is not expanded. Name it FILE.xacro"),
+        (robot(XACRO, links="a"), {}, "a xacro file that is not expanded. Name it FILE.xacro"),
         (MIXED, {"tip": "hand"}, "tip: expected a link of a, b, c, d, e, f, got hand"),
         (MIXED, {"base": "f", "tip": "b"}, "tip: expected a link below f"),
         (MIXED, {"tip": "a"}, "tip: expected a link beyond a moving joint"),
