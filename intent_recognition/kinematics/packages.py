@@ -37,7 +37,7 @@ def package_shares() -> list[str]:
 
 
 def packages_around(folder: Path) -> dict[str, Path]:
-    """Packages by name in a folder, its parents and the folders beside these, as in a clone."""
+    """Packages by name in a folder, three parents and their direct subfolders, as in a clone."""
     found: dict[str, Path] = {}
     for above in (folder, *folder.parents[:3]):  # `urdf`, its package, the repository
         with suppress(OSError):
