@@ -64,7 +64,7 @@ def link_name(client: BulletClient, body: int, link: int) -> str:
 
 
 def stop_at_fixtures(client: BulletClient, body: int, urdf: str) -> frozenset[int]:
-    """Let the fixtures of a body collide with its other links only; return their numbers.
+    """Let a body collide with itself only at its fixtures; return the numbers of these links.
 
     A link that overlaps a fixture in the present posture does not collide with it.
     """
