@@ -56,7 +56,7 @@ def test_targets(worker, folder):
     for k, (suffix, content) in enumerate(islice(strange.targets(rng), 0, 9 * EACH // 4, 8)):
         path = folder / f"{k}{suffix}"
         path.write_bytes(content)
-        codes.append(check(worker, "warp", "mug", path, "--points", "500")["code"])
+        codes.append(check(worker, "warp", "mug", path)["code"])
     assert codes[0] == 0
 
 
@@ -69,7 +69,7 @@ def test_objects(worker, folder, repository):
     rng = np.random.default_rng(SEED)
     for k, arrays in zip(range(EACH // 3), strange.objects(rng, mug), strict=False):
         np.savez(folder / f"{k}.npz", **arrays)
-        words = ("warp", folder / f"{k}.npz", target, "--points", "500", "--grasp")
+        words = ("warp", folder / f"{k}.npz", target, "--grasp")
         codes.append(check(worker, *words)["code"])
     assert codes[0] == 0
 
