@@ -3,11 +3,14 @@
 
 from pathlib import Path
 
+import numpy as np
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_typestore
 
-from intent_recognition.bags.definitions import serialize
+from intent_recognition.bags import BagReader
+from intent_recognition.bags.definitions import definition, serialize
 from intent_recognition.bags.writer import BagWriter
 
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -137,3 +140,33 @@ def messages_in(bag: Path) -> list[tuple[str, int, bytes]]:
     with path.open("rb") as file:
         messages = make_reader(file).iter_messages()
         return [(channel.topic, one.log_time, one.data) for _, channel, one in messages]
+
+
+def write_mcap(path, messages, schemas=None, encoding="cdr", profile="ros2", **options):
+    """An MCAP file by the mcap library; `schemas` are name, encoding and text by topic."""
+    with path.open("wb") as stream:
+        writer = Writer(stream, **options)
+        writer.start(profile=profile, library="test")
+        channels = {}
+        for topic, (kind, _) in TOPICS.items():
+            form = (schemas or {}).get(topic, (kind, "ros2msg", definition(kind).text))
+            number = form and writer.register_schema(form[0], form[1], form[2].encode())
+            channels[topic] = writer.register_channel(topic, encoding, number or 0)
+        for topic, at_ns, data in messages:
+            writer.add_message(channels[topic], at_ns, data, at_ns)
+        writer.finish()
+    return path
+
+
+def check_bag(path, messages):
+    """All messages are read: in order, decoded and as columns."""
+    reader = BagReader(path)
+    assert [(m.topic, m.log_time_ns, m.data) for m in reader.raw_messages()] == messages
+    assert {t.name: t.message_count for t in reader.topics.values()} == dict.fromkeys(TOPICS, COUNT)
+    assert (reader.damage, reader.is_finished) == ([], True)
+    columns = reader.columns(TOPICS)["mocap/wrist/pose"]
+    if columns is None:
+        decoded = [m.message.pose.position.x for m in reader.messages(["/mocap/wrist/pose"])]
+    else:
+        decoded = columns.positions[:, 0]
+    assert np.array_equal(decoded, [pose(i)["pose"]["position"]["x"] for i in range(COUNT)])
