@@ -2,11 +2,12 @@
 """What import makes of a file."""
 
 import numpy as np
+import yaml
 from tables.exported_files import entry
 from tables.odd_files import PLACE, TIMES_S
 
 from intent_recognition.signals import Rejection
-from intent_recognition.tables import import_demonstrations
+from intent_recognition.tables import import_demonstrations, suggest_map
 from intent_recognition.tables.import_map import ImportMap
 
 
@@ -45,3 +46,20 @@ def demonstrations(path, columns, task="t", rate=100, **more):
     time = {"rate": rate} if rate else {"column": "t"}
     mapping = {"observed": [{**point, "columns": list(columns), **more}], "task": task}
     return list(import_demonstrations(path, ImportMap.from_dict({**mapping, "time": time})))
+
+
+def suggested(source):
+    """The first map of a file, its text, and what it imports."""
+    text = suggest_map(source)
+    content = yaml.safe_load(text)
+    assert "time" not in content or "# time:" not in text  # a rate that nobody said is not used
+    mapping = ImportMap.from_dict({"time": {"rate": 100}, **content})
+    found = list(import_demonstrations(source, mapping))
+    assert found and not any(isinstance(one, Rejection) for one in found)
+    return content, text, found
+
+
+def suggested_csv(folder, table):
+    """`suggested` of a table of text."""
+    (folder / "a.csv").write_text(table, encoding="utf-8")
+    return suggested(folder / "a.csv")

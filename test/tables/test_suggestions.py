@@ -4,17 +4,15 @@
 import numpy as np
 import pytest
 import yaml
-from bag_builder import JOINTS, POSE, START_NS, write_ros1
+from bag_builder import write_ros1
 from tables.exported_files import lerobot
+from tables.imports import suggested, suggested_csv
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, day_time, h5, plain, table
 
-from intent_recognition.bags import BagReader, BagWriter
-from intent_recognition.demonstrations import extract
 from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables import import_demonstrations, suggest_map
 from intent_recognition.tables.import_map import ImportMap
-from intent_recognition.tables.suggested_entries import ARRAYS, PLACES
 
 
 def test_a_suggestion_knows_joints_from_clocks(tmp_path):
@@ -34,21 +32,6 @@ def test_a_suggestion_knows_joints_from_clocks(tmp_path):
     (entry,) = yaml.safe_load(text)["observed"]
     assert entry["joints"] == ["panda_joint1"] and "columns_unit" not in entry
     assert f"# They move, and are no positions: {', '.join(others)}" in text
-
-
-def suggested(source):
-    text = suggest_map(source)
-    content = yaml.safe_load(text)
-    assert "time" not in content or "# time:" not in text  # a rate that nobody said is not used
-    mapping = ImportMap.from_dict({"time": {"rate": 100}, **content})
-    found = list(import_demonstrations(source, mapping))
-    assert found and not any(isinstance(one, Rejection) for one in found)
-    return content, text, found
-
-
-def suggested_csv(folder, table):
-    (folder / "a.csv").write_text(table, encoding="utf-8")
-    return suggested(folder / "a.csv")
 
 
 @pytest.mark.parametrize(
@@ -127,16 +110,6 @@ def test_the_unit_of_the_header_is_suggested_where_another_were_usual(tmp_path):
     assert "time: {column: time_ms, unit: ms}  # 1 Hz then" in suggest_map(path)
 
 
-def test_columns_of_a_body_may_have_units_of_their_own(tmp_path):
-    def row(k):
-        x, y, z = PLACE[k]
-        return [f"{TIMES_S[k]}", f"{x / 1e3}", f"{y / 1e3}", f"{z}"]
-
-    content, _, (found,) = suggested_csv(tmp_path, table("t,x_m,y_m,z_mm", row))
-    assert "columns_unit" not in content["observed"][0]
-    np.testing.assert_allclose(found.samples[0].values, PLACE / 1e3, atol=1e-9)
-
-
 def test_a_map_is_suggested_of_bags(tmp_path):
     write_ros1(tmp_path / "give_00.bag")
     content = yaml.safe_load(suggest_map(tmp_path))
@@ -150,45 +123,6 @@ def test_a_map_is_suggested_of_bags(tmp_path):
     for path in (tmp_path, tmp_path / "a.pkl"):
         with pytest.raises(BagError, match="as CSV"):
             suggest_map(path)
-
-
-@pytest.mark.parametrize("kind", [kind for kind in PLACES if kind != POSE])
-def test_a_body_in_any_message_that_holds_its_place_is_observed(kind, tmp_path):
-    content: dict = {"x": 1.0, "y": 2.0, "z": 3.0}
-    for part in reversed(PLACES[kind].split(".")):
-        content = {part: content}
-    with BagWriter(tmp_path / "give_00", flush_period_s=None) as writer:
-        for k in range(5):
-            states = {"header": {"stamp": START_NS + k}, "name": ["q"], "position": [k / 10]}
-            writer.write_message("/q", JOINTS, states, START_NS + k)
-            writer.write_message("/vicon/wrist", kind, content, START_NS + k)
-    content = yaml.safe_load(suggest_map(tmp_path))
-    (place,) = content["observed"]
-    assert (place["topic"], place["type"]) == ("/vicon/wrist", kind)
-    assert content["controlled"][0]["joints"] == ["q"]
-    (entry,) = ImportMap.from_dict(content).dofs.observed
-    (message, *_) = BagReader(tmp_path / "give_00").messages(["/vicon/wrist"])
-    assert extract(entry, message.message).tolist() == [1.0, 2.0, 3.0]
-
-
-@pytest.mark.parametrize("kind", ARRAYS)
-def test_bodies_in_an_array_are_suggested_where_no_other_is_there(kind, tmp_path):
-    array, place = ARRAYS[kind]
-    with BagWriter(tmp_path / "give_00", flush_period_s=None) as writer:
-        for k in range(5):
-            elements = []
-            for n, frame in enumerate(("wrist", "cup")):
-                content: dict = dict(zip("xyz", (1.0, 2.0, float(n)), strict=True))
-                for part in reversed(place.split(".")):
-                    content = {part: content}
-                elements.append(content | ({"child_frame_id": frame} if "tf2" in kind else {}))
-            writer.write_message("/bodies", kind, {array: elements}, START_NS + k)
-    content = yaml.safe_load(suggest_map(tmp_path))
-    mapping = ImportMap.from_dict(content)
-    entries = (*mapping.dofs.observed, *mapping.dofs.controlled)
-    (message, *_) = BagReader(tmp_path / "give_00").messages(["/bodies"])
-    found = [extract(entry, message.message).tolist() for entry in entries]
-    assert found == [[1.0, 2.0, 0.0], [1.0, 2.0, 1.0]]
 
 
 def test_a_map_is_suggested_of_what_was_measured_not_commanded(tmp_path):
@@ -224,31 +158,6 @@ def test_times_that_begin_anew_in_each_demonstration_are_known(tmp_path):
     content, _, found = suggested(tmp_path / "a.hdf5")
     assert content["time"] == {"column": "time", "unit": "s"} and len(found) == 2
     np.testing.assert_allclose(np.diff(found[1].samples[0].stamps_ns), 10**7, atol=1)
-
-
-def test_bodies_of_one_name_have_topics_of_their_own(tmp_path):
-    content = plain(head="t,obs.x,obs.y,obs.z").replace("\n", ",1,2,3\n")
-    _, *rest = content.splitlines()
-    rows = [",".join([*row.split(",")[:4], *row.split(",")[1:4]]) for row in rest]
-    names = "t,obs.x,obs.y,obs.z,pose.x,pose.y,pose.z"
-    content, *_ = suggested_csv(tmp_path, "\n".join([names, *rows]) + "\n")
-    assert content["observed"][0]["topic"] == "/mocap/wrist/pose"
-    assert content["controlled"][0]["topic"] == "/mocap/wrist_2/pose"
-
-
-def test_angles_of_bodies_are_named_with_their_bodies(tmp_path):
-    """QTM writes a residual and a matrix for each, which are no angles of joints."""
-    axes = "X\tY\tZ\tRoll\tPitch\tYaw\tResidual\t" + "\t".join(f"Rot[{k}]" for k in range(9))
-    head = f"NO_OF_FRAMES\t{ROWS}\nFREQUENCY\t100\nBODY_NAMES\tcup\twrist\ncup {axes}\twrist {axes}"
-    angles = ["10", "5", "3"]
-    one = [[*cells(k), *angles, str(k / 1e3), *[f"{k / 1e4}"] * 9] for k in range(ROWS)]
-    for k in range(ROWS):
-        one[k][5] = str(k / 10)
-    path = tmp_path / "a.tsv"
-    path.write_text(table(head, lambda k: one[k] * 2, "\t"))
-    content, text, _ = suggested(path)
-    assert not any("joints" in one for one in content["controlled"])
-    assert "# Orientations: cup.Roll, cup.Pitch, cup.Yaw, cup.Rot[0]" in text
 
 
 def test_joints_of_two_files_have_names_of_their_own(tmp_path):
@@ -318,28 +227,6 @@ def find_stem(found):
     return found.name
 
 
-def test_places_are_known_by_their_units_and_as_parts_of_a_pose(tmp_path):
-    """Of a robot's pose only its place; of a length that is no place nothing."""
-    names = ["t_s", "x_m", "y_m", "z_m", *(f"tcp_pose_{k}" for k in range(6)), "gripper [mm]"]
-
-    def row(k):
-        return [f"{TIMES_S[k]}", *cells(k, scale=1e-3) * 3, f"{80 * SHARE[k, 0]}"]
-
-    content, text, _ = suggested_csv(tmp_path, table(",".join(names), row))
-    entries = content["observed"] + content["controlled"]
-    assert [entry["columns"] for entry in entries] == [names[1:4], names[4:7]]
-    assert "# They move, and are no positions: gripper [mm]" in text
-
-
-def test_landmarks_of_an_image_are_places_of_two_axes(tmp_path):
-    head = "bodyparts,Händ,Händ,Händ,2nd,2nd,2nd\ncoords,x,y,likelihood,x,y,likelihood"
-    content = table(head, lambda k: [str(k), *(*cells(k)[:2], "0.9") * 2])
-    content, _, _ = suggested_csv(tmp_path, content)
-    entries = content["observed"] + content["controlled"]
-    assert [entry["topic"] for entry in entries] == ["/mocap/hand/pose", "/mocap/body_2nd/pose"]
-    assert all(entry["fields"] == ["pose.position.x", "pose.position.y"] for entry in entries)
-
-
 def test_names_that_are_there_twice_are_named(tmp_path):
     (tmp_path / "a.csv").write_text(plain(head="t,x,x,x"))
     with pytest.raises(BagError, match=r"none but x, each twice\. Name columns by their numbers"):
@@ -372,41 +259,6 @@ def test_a_table_of_ros2_topic_echo_has_its_time(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("head", "place"),
-    [
-        ("t,tx,ty,tz,qx,qy,qz,qw", "tx"),
-        ("t,x,y,z,rx,ry,rz", "x"),
-        ("t,vx,vy,vz,p_x,p_y,p_z", "p_x"),
-        ("t,p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],v_x [m s^-1],v_y [m s^-1],v_z [m s^-1]", "p_RS"),
-        ("t,elbow_angles.x,elbow_angles.y,elbow_angles.z,hand.x,hand.y,hand.z", "hand"),
-        ("t,posX,posY,posZ,rotX,rotY,rotZ,rotW", "posX"),
-        ("elapsed,lin_acc_x,lin_acc_y,lin_acc_z,hand_x,hand_y,hand_z", "hand_x"),
-        ("t,vel.x,vel.y,vel.z,hand.x,hand.y,hand.z", "hand"),
-        ("t,magnet_x,magnet_y,magnet_z,image_x,image_y,image_z", "image"),
-        ("t,w.1.0,w.1.1,w.1.2,w.2.0,w.2.1,w.2.2,w.2.3", "w.1.0"),
-        ("t,cartesian_position.0,cartesian_position.1,cartesian_position.2,a.3,a.4,a.5", "cart"),
-        ("t,action.x,action.y,action.z,state.x,state.y,state.z", "state.x"),
-        ("t,x_dot,y_dot,z_dot,x_cup,y_cup,z_cup", "x_cup"),
-        ("t,x_2,y_2,z_2,v_2", "x_2"),
-        ("t,xForce,yForce,zForce,xCup,yCup,zCup", "xCup"),
-        ("t,q.0,q.1,q.2,cup.0,cup.1,cup.2", "cup"),
-        ("t,wrench.0,wrench.1,wrench.2,cup.0,cup.1,cup.2", "cup"),
-        ("t,arm_joints.0,arm_joints.1,arm_joints.2,RWRA[0],RWRA[1],RWRA[2]", "RWRA"),
-        ("t,hand_px,hand_py,hand_pz", "hand_px"),
-        ("t,Px1,Py1,Pz1", "Px1"),
-    ],
-)
-def test_a_place_is_told_from_a_rotation_a_speed_and_a_command(head, place, tmp_path):
-    def row(k):
-        return [f"{TIMES_S[k]}", *cells(k, scale=1e-3) * 2, "0.5"][: head.count(",") + 1]
-
-    content, *_ = suggested_csv(tmp_path, table(head, row))
-    entries = content["observed"] + content.get("controlled", [])
-    (first,) = [entry["columns"][0] for entry in entries if "PoseStamped" in entry["type"]]
-    assert first.startswith(place)
-
-
-@pytest.mark.parametrize(
     ("head", "at", "time"),
     [
         (",x,y,z", "{:.2f}".format, {"column": "0", "unit": "s"}),
@@ -424,22 +276,6 @@ def test_the_index_of_pandas_is_the_time_unless_it_counts_rows(head, at, time, t
     content = table(head, lambda k: [at(TIMES_S[k]), *cells(k, scale=1e-3)])
     (tmp_path / "a.csv").write_text(content)
     assert yaml.safe_load(suggest_map(tmp_path / "a.csv")).get("time") == time
-
-
-def test_landmarks_of_an_array_alone_are_places(tmp_path):
-    np.save(tmp_path / "a.npy", np.stack([np.zeros_like(PLACE), PLACE], axis=1))
-    content, _, (found,) = suggested(tmp_path / "a.npy")
-    assert content["observed"][0]["columns"] == ["1.0", "1.1", "1.2"]
-    np.testing.assert_allclose(found.samples[0].values, PLACE / 1000)
-
-
-def test_the_place_in_a_matrix_of_a_pose_is_found(tmp_path):
-    matrices = np.tile(np.eye(4), (len(TIMES_S), 1, 1))
-    matrices[:, :3, 3] = PLACE / 1000
-    np.savez(tmp_path / "a.npz", t=TIMES_S, hand=matrices)
-    content, text, (found,) = suggested(tmp_path / "a.npz")
-    np.testing.assert_array_equal(found.samples[0].values, PLACE / 1000)
-    assert "controlled" not in content and "joints" not in text
 
 
 def test_trials_and_labels_are_known_by_their_names(tmp_path):
