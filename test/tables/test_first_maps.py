@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import yaml
 from scipy.spatial.transform import Rotation
+from tables.imports import suggested
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, plain, table
-from tables.test_suggestions import suggested
 
 from intent_recognition.tables import import_demonstrations, suggest_map
 from intent_recognition.tables.import_map import ImportMap
