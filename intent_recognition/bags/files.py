@@ -21,8 +21,6 @@ KINDS = {MAGIC: ".mcap", b"SQLite format 3\0": ".db3", b"#ROSBAG V2.0": ".bag"}
 """File suffix by the first bytes of a recording: the two storages of ROS 2 and that of ROS 1."""
 GZ = ".gz"
 PACKED = (".zstd", ".zst", GZ)
-RENAMED = "renamed"
-"""First word of the note about files whose names differ from those in metadata.yaml."""
 PATTERNS = [f"*{kind}{packed}" for kind in (".mcap", ".db3") for packed in ("", *PACKED)]
 """Names of the storage files that make a folder a bag."""
 
@@ -116,14 +114,14 @@ def unpack(path: Path, folder: Path) -> Path:
 
 def find_files(
     path: Path, metadata: BagMetadata | None, *, tolerant: bool
-) -> tuple[list[Path], list[str]]:
-    """The files of a recording in order, and notes about oddities.
+) -> tuple[list[Path], list[str], bool]:
+    """The files of a recording in order, notes about oddities, and whether all seem to be renamed.
 
     Without metadata these are all storage files, sorted by name and number. Missing files are an
-    error unless `tolerant` or all files seem to be renamed.
+    error unless `tolerant` or as many others are there.
     """
     if path.is_file():
-        return [path], []
+        return [path], [], False
     notes = []
     if metadata is None or not metadata.files:
         files = storage_files(path)
@@ -132,16 +130,16 @@ def find_files(
     else:
         files = [_packed_or_not(path / PureWindowsPath(name).name) for name in metadata.files]
     missing, there = [file.name for file in files if not file.is_file()], storage_files(path)
-    renamed = len(missing) == len(files) == len(there)
-    if missing and (tolerant or renamed):
-        notes.append(f"{RENAMED if renamed else 'missing'}: {', '.join(missing)}")
+    renamed = 0 < len(missing) == len(files) == len(there)
+    if renamed or (missing and tolerant):
+        notes.append(f"{'renamed' if renamed else 'missing'}: {', '.join(missing)}")
         files = [file for file in files if file.is_file()] or there
         missing = []
     if missing or not files:
         cure = "Copy the whole directory of the bag."
         got = f"no {', '.join(missing) or 'file of a storage'}"
         raise BagError.about(str(path), "the files of the bag", got, cure)
-    return files, notes
+    return files, notes, renamed
 
 
 def storage_files(folder: Path) -> list[Path]:

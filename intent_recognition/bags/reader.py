@@ -16,7 +16,6 @@ from intent_recognition.bags.cdr.columns import Columns, ColumnsBuilder
 from intent_recognition.bags.definitions import Definition
 from intent_recognition.bags.files import (
     PACKED,
-    RENAMED,
     find_files,
     find_metadata,
     is_bag,
@@ -78,12 +77,11 @@ class BagReader:
         self._tolerant = tolerant
         self._unpacked: TemporaryDirectory[str] | None = None
         self.metadata, notes = find_metadata(self.path, tolerant=tolerant)
-        files, more = find_files(self.path, self.metadata, tolerant=tolerant)
+        files, more, renamed = find_files(self.path, self.metadata, tolerant=tolerant)
         self.notes.extend([*notes, *more])
         said = {t.name: t.type for t in self.metadata.topics} if self.metadata else {}
         self._files = [self._file(f, said) for f in files]
         said_ns = self.metadata.start_ns if self.metadata else 0
-        renamed = any(note.startswith(RENAMED) for note in more)
         if renamed and not tolerant and said_ns not in (0, self.start_ns):
             got, cure = f"files that do not fit {FILE_NAME}", "Copy the whole directory of the bag."
             raise BagError.about(str(self.path), "the files of the bag", got, cure)

@@ -205,10 +205,11 @@ def _decoded(reader: BagReader, info: TopicInfo) -> tuple[list[BagMessage], _Str
     """Messages of a topic, reduced to their headers if large, and their times and faults."""
     messages, not_finite, undecodable = [], 0, 0
     try:
-        decoder, recorded = reader.decoder(info.name, info.type), reader.raw_messages([info.name])
+        decoder = reader.decoder(info.name, info.type)
     except BagError:
-        decoder, recorded, undecodable = repr, iter(()), info.message_count
-    for raw in recorded:
+        empty = np.zeros(0, np.int64)
+        return [], _Stream(empty, empty, empty, {}, 0, info.message_count)
+    for raw in reader.raw_messages([info.name]):
         try:
             found = decode(raw, decoder)
         except MessageError:
