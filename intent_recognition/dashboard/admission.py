@@ -116,12 +116,9 @@ class Admission:
             return False
         name = (found["number"] or found["name"]).lower()
         try:
-            if name in self._names:
-                return True
-            ipaddress.ip_address(name)
+            return name in self._names or bool(ipaddress.ip_address(name))
         except ValueError:
             return False
-        return True
 
 
 class Operator:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats
 from intent_recognition.composing import ViaPoint
-from intent_recognition.model import ARRIVED, TO_KEEP, TO_UNDO, WAITING
+from intent_recognition.model import ARRIVED, WAITING
 from intent_recognition.plans import WorkPlan
 
 PLOTTED_S, PLOTTED_STEP_S = 20.0, 0.05
@@ -59,7 +59,6 @@ class PredictedMotion:
 class PathMarkers:
     """The newest of `intent/markers`, as arrays."""
 
-    observed: Floats  # path so far (A, 3) [m]
     predicted: Floats  # rest of the path (B, 3) [m]
     tube: Floats  # corners of the +-2 sigma tube's triangles (C, 3) [m]
 
@@ -249,17 +248,8 @@ class CellState:
         counts = [health.values.get(WAITING, "") for health in self.nodes.values()]
         return sum(int(n) for n in counts if n.isdecimal())
 
-    @property
-    def can_undo(self) -> bool:
-        """Whether the teacher has a change that can be undone."""
-        return self._any_skill(TO_UNDO)
-
-    @property
-    def can_keep(self) -> bool:
-        """Whether the teacher has a correction that can still be kept."""
-        return self._any_skill(TO_KEEP)
-
-    def _any_skill(self, key: str) -> bool:
+    def any_skill(self, key: str) -> bool:
+        """Whether any change has a value of this name, such as `TO_UNDO`."""
         return any(key in row.values for rows in self.skills.values() for row in rows)
 
     def take_active(self, task: str) -> None:

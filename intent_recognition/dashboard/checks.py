@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of the names, numbers and texts that the page accepts from messages."""
+"""Checks of what the page accepts from messages; each raises an ArgumentError if it fails."""
 
 from collections.abc import Sequence, Sized
 
@@ -18,41 +18,25 @@ LONGEST_NAME, LONGEST_SENTENCE = 200, 2000
 
 
 def check(field: str, expected: str, holds: object, got: object) -> None:
-    """Require that a condition on a field holds.
-
-    Raises:
-        ArgumentError: it does not hold.
-    """
+    """Require that a condition on a field holds."""
     if not holds:
         cure = "`ros2 topic info --verbose` names who publishes it."
         raise ArgumentError.about(field, expected, got, cure)
 
 
 def check_count(field: str, items: Sized, most: int, what: str) -> None:
-    """Require that there are at most `most` items.
-
-    Raises:
-        ArgumentError: there are more.
-    """
+    """Require that there are at most `most` items."""
     check(field, f"at most {most} {what}", len(items) <= most, len(items))
 
 
 def checked_text(field: str, text: str, longest: int = LONGEST_NAME) -> str:
-    """Return the text if it has at most `longest` characters.
-
-    Raises:
-        ArgumentError: it is longer.
-    """
+    """Return the text if it has at most `longest` characters."""
     check_count(field, text, longest, "characters")
     return text
 
 
 def checked_names(field: str, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names if there are at most `MOST_NAMES` and all differ.
-
-    Raises:
-        ArgumentError: there are too many, one is too long, or two are equal.
-    """
+    """Return the names if there are at most `MOST_NAMES` and all differ."""
     check_count(field, names, MOST_NAMES, "names")
     twice = [name for k, name in enumerate(names) if name in names[:k]]
     check(field, "names that differ", not twice, f"{twice[:1]} twice")
@@ -60,11 +44,7 @@ def checked_names(field: str, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def checked_numbers(field: str, numbers: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """Return the numbers as an array of this shape, finite and at most `LARGEST` in magnitude.
-
-    Raises:
-        ArgumentError: the shape differs, or a number is not finite or too large.
-    """
+    """Return the numbers as an array of this shape, finite and at most `LARGEST` in magnitude."""
     array = np.array(numbers, dtype=float)
     check(field, f"shape {shape}", array.shape == shape, f"shape {array.shape}")
     beyond = array[~(np.abs(array) <= LARGEST)]  # also NaN

@@ -65,8 +65,6 @@ class CompareTab:
             self._show_fields()
 
     def _start(self) -> None:
-        if not self._bags or not self._models:
-            return
         self._button.disabled = True
         self._result.content = markup.remark("Both are watching the recording ...")
         threading.Thread(target=self._run, name="compare", daemon=True).start()

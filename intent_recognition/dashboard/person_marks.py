@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Marks of a person in the scene: wrist, measured and predicted path, tube, task."""
+"""A person in the scene: figure, wrist, measured and predicted path, tube, task."""
 
 from collections.abc import Mapping
 
@@ -8,6 +8,8 @@ import viser
 
 from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.cell import STALE_S, CellState
+from intent_recognition.dashboard.figure import Stance
+from intent_recognition.dashboard.person_view import FIGURE_GREY, ROOT, PersonView
 from intent_recognition.dashboard.things_view import Colour, rgb
 from intent_recognition.promp import NONE
 from intent_recognition.report import NONE_COLOUR, readable
@@ -26,28 +28,27 @@ class Lines:
 
     def draw(self, name: str, path: Floats, colour: Colour, width_m: float = 0.006) -> None:
         """Draw a path (T, 3), or hide it where it has fewer than two points."""
-        handle = self._lines.get(name)
+        if name in self._lines:
+            self._lines[name].visible = len(path) > 1
         if len(path) < 2:
-            if handle is not None:
-                handle.visible = False
             return
         pairs = np.stack((path[:-1], path[1:]), axis=1).astype(np.float32)
-        if handle is None:
-            node = f"{self._root}/{name}"
+        if name not in self._lines:
             self._lines[name] = self._scene.add_line_segments(
-                node, pairs, colour, thickness=width_m
+                f"{self._root}/{name}", pairs, colour, thickness=width_m
             )
-            return
-        handle.points = pairs
+        self._lines[name].points = pairs
         # One colour for the whole line: colours per point come out paler.
-        handle.colors = np.array(colour, dtype=np.uint8)
-        handle.visible = True
+        self._lines[name].colors = np.array(colour, dtype=np.uint8)
 
 
 class PersonMarks:
-    """Draws a `PersonState`; the only person has neither name nor label."""
+    """Draws a `PersonState`, without a figure where no stance is known.
 
-    def __init__(self, server: viser.ViserServer, name: str, colour: Colour):
+    The only person has neither name nor label.
+    """
+
+    def __init__(self, server: viser.ViserServer, name: str, colour: Colour, stance: Stance | None):
         self._scene, self._name, self._colour = server.scene, name, colour
         self._root = f"/people/{name}" if name else ""
         self._lines = Lines(server, self._root)
@@ -59,6 +60,10 @@ class PersonMarks:
             above = (0.0, 0.0, 0.08)
             scene.add_label(f"{root}/wrist/name", name, anchor="bottom-center", position=above)
         self._label = scene.add_label(f"{root}/task", "", visible=False, anchor="bottom-center")
+        self._figure: PersonView | None = None
+        if stance is not None:
+            at, tint = (f"/figures/{name}", colour) if name else (ROOT, FIGURE_GREY)
+            self._figure = PersonView(server, stance, at, tint)
 
     def update(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
         """Draw the newest state; hide a named person who is no longer seen."""
@@ -69,6 +74,8 @@ class PersonMarks:
             self._wrist.position = person.wrist
             self._wrist.color = self._colour if fresh else GREY
             self._lines.draw("wrist_path", person.wrist_path(now_s), GREY, width_m=0.003)
+            if self._figure is not None:
+                self._figure.update(person.wrist)
         best = person.posterior.best if person.posterior is not None else ""
         colour = rgb(colours.get(best, NONE_COLOUR))
         known = best != NONE and state.fresh(person.drawn_at_s, now_s, STALE_S)
@@ -82,9 +89,10 @@ class PersonMarks:
             self._label.text = readable(best)
 
     def remove(self) -> None:
-        """Remove the marks of a named person."""
-        if self._frame is not None:
-            self._frame.remove()
+        """Remove all of a named person."""
+        for part in (self._frame, self._figure):
+            if part is not None:
+                part.remove()
 
     def _draw_tube(self, corners: Floats, colour: Colour) -> None:
         if len(corners) < 3:

@@ -66,13 +66,7 @@ class PersonView:
     where the figure leans.
     """
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        stance: Stance,
-        root: str = ROOT,
-        colour: Colour = FIGURE_GREY,
-    ):
+    def __init__(self, server: viser.ViserServer, stance: Stance, root: str, colour: Colour):
         self._server, self._stance, self._path = server, stance, root
         mixed = 0.7 * np.array(FIGURE_GREY) + 0.3 * np.array(colour)
         self._colour = mixed / 255.0

@@ -47,21 +47,20 @@ class RobotView:
         self._chain = chain_to(self._urdf, hand_link)
         self._poses = chain_of(self._chain)
         self._shown: Floats | None = None
-        self._hand: Floats | None = None
 
     def update(self, positions: Mapping[str, float]) -> None:
         """Move the arm; joints that are not in `positions` [rad] stay at zero."""
         q = np.array([positions.get(name, 0.0) for name in self._joints])
         if self._shown is None or np.any(np.abs(q - self._shown) > 1e-4):
             self._view.move(self._joints, q)
-            self._shown, self._hand = q, None
+            self._shown = q
 
     def hand_pose(self) -> Floats | None:
         """Pose of the hand (4, 4) as drawn; None before the first update."""
-        if self._hand is None and self._shown is not None:
-            values = joint_values(self._chain, self._joints, self._shown[None])[0]
-            self._hand = tip_poses(self._poses, values)
-        return self._hand
+        if self._shown is None:
+            return None
+        values = joint_values(self._chain, self._joints, self._shown[None])[0]
+        return tip_poses(self._poses, values)
 
     def hand_path(self, joints: Sequence[str], positions: Floats) -> Floats:
         """Positions of the hand (T', 3) [m] along a trajectory (T, d) of joints [rad] or hand."""

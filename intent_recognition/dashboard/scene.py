@@ -10,13 +10,7 @@ import viser
 from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.cell import STALE_S, CellState
 from intent_recognition.dashboard.handling import HandlingMoment
-from intent_recognition.dashboard.person_marks import (
-    GREY,
-    NOTHING,
-    Lines,
-    PersonMarks,
-)
-from intent_recognition.dashboard.person_view import PersonView
+from intent_recognition.dashboard.person_marks import GREY, NOTHING, Lines, PersonMarks
 from intent_recognition.dashboard.robot_view import ROOT, RobotView
 from intent_recognition.dashboard.scene_file import CellScene
 from intent_recognition.dashboard.things_view import ThingsView, rgb
@@ -50,11 +44,7 @@ class PageScene:
         if light:
             self.lighten()
         self._things = ThingsView(server, cell)
-        stances = {"": cell.person, **cell.people}
-        self._stances = {name: one for name, one in stances.items() if one is not None}
-        self._figures: dict[str, PersonView] = {}
-        if "" in self._stances:
-            self._figures[""] = PersonView(server, self._stances[""])
+        self._people = {"": PersonMarks(server, "", DARK, cell.person)}
 
     def lighten(self) -> None:
         """Do without shadows, environment light and a solid floor, all of which draw slowly."""
@@ -99,20 +89,11 @@ class PageScene:
     ) -> None:
         for name in self._people.keys() - state.people.keys():
             self._people.pop(name).remove()
-            if name in self._figures:
-                self._figures.pop(name).remove()
-        for name, person in state.people.items():
+        for name in state.people:
             if name not in self._people:
-                self._people[name] = PersonMarks(self._server, name, rgb(people[name]))
+                colour, stance = rgb(people[name]), self._cell.people.get(name)
+                self._people[name] = PersonMarks(self._server, name, colour, stance)
             self._people[name].update(state, colours, now_s)
-            if person.wrist is None or name not in self._stances:
-                continue
-            if name not in self._figures:
-                stance = self._stances[name]
-                self._figures[name] = PersonView(
-                    self._server, stance, f"/figures/{name}", rgb(people[name])
-                )
-            self._figures[name].update(person.wrist)
 
     def _guarded(self, of_robot: Callable[[], Result]) -> Result | None:
         """Call a function of the robot; drop a robot that cannot be drawn and return None."""
@@ -149,7 +130,6 @@ class PageScene:
         self._base = scene.add_frame("/base", axes_length=0.15, axes_radius=0.004)
         scene.add_label("/base/name", "robot's base; x goes to the worker", anchor="top-center")
         self._lines = Lines(self._server)
-        self._people = {"": PersonMarks(self._server, "", DARK)}
 
     def _update_robot(self, state: CellState) -> None:
         if state.description and state.description != self._description:

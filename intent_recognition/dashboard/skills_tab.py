@@ -10,7 +10,7 @@ from intent_recognition.dashboard.cell import CellState, SkillRow
 from intent_recognition.dashboard.commands import TEACHER
 from intent_recognition.dashboard.scene import rgb
 from intent_recognition.dashboard.widgets import PageAccess
-from intent_recognition.model import DOWN, UP
+from intent_recognition.model import DOWN, TO_KEEP, TO_UNDO, UP
 from intent_recognition.report import readable
 
 NOTHING = "Nothing was taught or executed yet, or no teacher runs."
@@ -51,8 +51,8 @@ class SkillsTab:
         """Show the changes, and enable what can be done now."""
         self._task = state.active or self._task
         teacher = self._commands.offers(f"{TEACHER}/keep")
-        self._keep.disabled = not teacher or not state.can_keep
-        self._undo.disabled = not teacher or not state.can_undo
+        self._keep.disabled = not teacher or not state.any_skill(TO_KEEP)
+        self._undo.disabled = not teacher or not state.any_skill(TO_UNDO)
         self._thumbs.visible = teacher and bool(self._task)
         last = f"Last execution: {readable(self._task)}" if self._task else ""
         self._last.content = markup.heading(last)

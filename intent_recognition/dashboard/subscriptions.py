@@ -169,7 +169,7 @@ class CellSubscriptions:
         if len(lines) == 2 and len(tubes) == 1:
             n = len(tubes[0])
             check("points", "three corners of each triangle", n % 3 == 0, n)
-            person.drawn, person.drawn_at_s = PathMarkers(*lines, *tubes), self._clock()
+            person.drawn, person.drawn_at_s = PathMarkers(lines[1], tubes[0]), self._clock()
 
     def _on_transfer(self, message: JointState) -> None:
         names = checked_names("name", message.name)

@@ -15,6 +15,7 @@ from intent_recognition.dashboard.scene import rgb
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.dashboard.widgets import PageAccess, set_value, slider_value
+from intent_recognition.model import TO_UNDO
 
 SET_GOALS, BY_HAND = "set two goals", "drag both myself"
 FEW = 3
@@ -96,7 +97,7 @@ class TeachTab:
         self._learn.disabled = session.busy or not teacher or not state.waiting
         self._learn.label = f"Learn ({state.waiting})" if state.waiting else "Learn"
         self._discard.disabled = not (stops or (teacher and state.waiting and not session.busy))
-        self._undo.disabled = session.busy or not teacher or not state.can_undo
+        self._undo.disabled = session.busy or not teacher or not state.any_skill(TO_UNDO)
         self._reach.disabled = not taken or session.busy
         for field in (self._task, self._record, self._learn, self._discard, self._undo):
             field.visible = teacher

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Floats
 from intent_recognition.dashboard.handling import Handling, HandlingMoment
-from intent_recognition.dashboard.scene_file import GREY, Body, CellScene, ScenePart, Thing
+from intent_recognition.dashboard.scene_file import GREY, CellScene, ScenePart, Thing
 from intent_recognition.report import NONE_COLOUR
 
 Colour = tuple[int, int, int]
@@ -20,39 +20,21 @@ class ThingsView:
     """Furniture, which never moves, and bodies, which follow `Handling`."""
 
     def __init__(self, server: viser.ViserServer, scene: CellScene):
-        self._bodies = scene.bodies
         self.handling = Handling(scene.bodies)
         for thing in scene.furniture:
             add_thing(server, "furniture", thing, rgb(GREY))
-        self._shown = {body.name: _ShownBody(server, body) for body in scene.bodies}
+        grey = rgb(NONE_COLOUR)
+        self._shown = [(body, *add_thing(server, "bodies", body, grey)) for body in scene.bodies]
 
     def update(self, moment: HandlingMoment, colours: Mapping[str, str]) -> None:
         """Move the bodies to their present poses, in the colours of their tasks."""
         self.handling.update(moment)
-        for body in self._bodies:
-            colour = rgb(colours.get(body.task, NONE_COLOUR))
-            self._shown[body.name].update(self.handling.pose(body.name), colour)
-
-
-class _ShownBody:
-    """A body in the scene; only changes are sent again."""
-
-    def __init__(self, server: viser.ViserServer, body: Body):
-        self._colour, self._pose = rgb(NONE_COLOUR), body.pose
-        self._frame, parts = add_thing(server, "bodies", body, self._colour)
-        self._tinted = [
-            handle for handle, part in zip(parts, body.parts, strict=True) if not part.colour
-        ]
-
-    def update(self, pose: Floats, colour: Colour) -> None:
-        """Draw the body at a pose (4, 4)."""
-        if pose is not self._pose:
-            self._pose = pose
-            self._frame.position, self._frame.wxyz = pose[:3, 3], quaternions(pose[:3, :3])
-        if colour != self._colour:
-            self._colour = colour
-            for handle in self._tinted:
-                handle.color = colour
+        for body, frame, parts in self._shown:
+            pose = self.handling.pose(body.name)
+            frame.position, frame.wxyz = pose[:3, 3], quaternions(pose[:3, :3])
+            for handle, part in zip(parts, body.parts, strict=True):
+                if not part.colour:
+                    handle.color = rgb(colours.get(body.task, NONE_COLOUR))
 
 
 def add_thing(

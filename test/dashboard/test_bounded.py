@@ -53,7 +53,7 @@ class Watched:
             state.transfer.take_sensor(1.0, self.now_s)
             state.person.take_posterior(Posterior(labels, chances, chances), self.now_s)
             path = rng.normal(size=(2 + k % 30, 3))
-            state.person.drawn = PathMarkers(path, path, rng.normal(size=(30 * (1 + k % 7), 3)))
+            state.person.drawn = PathMarkers(path, rng.normal(size=(30 * (1 + k % 7), 3)))
             state.person.predicted = PredictedMotion(
                 "a", JOINT_NAMES, rng.normal(size=(2 + k % 50, 7))
             )

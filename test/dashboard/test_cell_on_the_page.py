@@ -93,7 +93,7 @@ def test_a_task_of_the_model_keeps_its_colour_when_others_are_taught_and_undone(
 
 def test_a_path_is_drawn_while_a_known_task_leads(fed):
     person = fed.state.person
-    person.drawn = PathMarkers(*np.ones((3, 6, 3)))
+    person.drawn = PathMarkers(*np.ones((2, 6, 3)))
     for probability in (0.9, 0.1):
         person.drawn_at_s = fed.now_s
         chances = [probability, 1.0 - probability]
