@@ -5,11 +5,12 @@ import sys
 
 import numpy as np
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.objects import FOLDER, save_object
 from intent_recognition.share import share_path
 from intent_recognition.signals import homogeneous
-from intent_recognition.warping import AnnotatedObject, Grasp
-from sim_bridge.containers import Camera, Container, make_container, scan
+from intent_recognition.warping import AnnotatedObject, Grasp, Part
+from sim_bridge.containers import Camera, Container, Sections, make_container, scan
 
 N_AROUND, ALL_AROUND = 8, Camera(elevation_rad=(-0.9, 1.2))
 """Views from all sides."""
@@ -37,7 +38,33 @@ def annotated(name: str = "mug", seed: int = 0, n_points: int = 2000) -> Annotat
     points, normals = (
         np.concatenate([getattr(one, part) for one in seen]) for part in ("points", "normals")
     )
-    return AnnotatedObject(points, normals, container.labels(points), name, wall_grasp(container))
+    return AnnotatedObject(
+        points, normals, labels_of(container, points), name, wall_grasp(container)
+    )
+
+
+def labels_of(container: Container, points: Floats) -> Integers:
+    """Part (n,), values of `Part`, of surface points (n, 3) in the object's frame."""
+    parts = np.full(len(points), int(Part.CONTAINER))
+    if container.handle is not None:
+        outside = _outer_distance(container.sections, points)
+        parts[(outside > 0.0008) & (points[:, 0] < 0.0)] = int(Part.HANDLE)
+    parts[(points[:, 2] > container.height_m - 0.0025) & (parts != Part.HANDLE)] = int(Part.RIM)
+    return parts
+
+
+def _outer_distance(sections: Sections, points: Floats) -> Floats:
+    """Horizontal distance (n,) by which points are outside of the wall."""
+    heights = np.concatenate([[0.0], sections.heights_m])
+    radii = np.linalg.norm(np.concatenate([sections.base[None], sections.outer]), axis=2)
+    n_corners = radii.shape[1]
+    angle = np.arctan2(points[:, 1], points[:, 0]) % (2.0 * np.pi)
+    corner = np.rint(angle / (2.0 * np.pi) * n_corners).astype(int) % n_corners
+    row = np.interp(points[:, 2], heights, np.arange(len(heights)))
+    low = np.minimum(row.astype(int), len(heights) - 2)
+    share = row - low
+    wall = (1.0 - share) * radii[low, corner] + share * radii[low + 1, corner]
+    return np.linalg.norm(points[:, :2], axis=1) - wall
 
 
 def wall_grasp(container: Container) -> Grasp:

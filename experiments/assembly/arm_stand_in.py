@@ -23,9 +23,9 @@ from intent_recognition.kinematics import LWR_LIMITS, hand_position
 from intent_recognition.motion import make_path, scaled_limits
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition import DecisionSettings, IntentEstimator, start_mean
-from intent_recognition.signals import Demonstration, Observation, merge
+from intent_recognition.signals import Demonstration, Observation, homogeneous, merge
 from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm
-from sim_bridge.scenarios.toolbox import arm_posture, hand_rotation, pose
+from sim_bridge.scenarios.toolbox import arm_posture, hand_rotation
 
 UPDATE_S = 0.08
 """Time from one plan with the newest prediction to the next [s]."""
@@ -73,7 +73,7 @@ def hand_joints(positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
     Raises:
         KinematicsError: a position is out of reach.
     """
-    return np.array([arm_posture(pose(position, HAND)) for position in positions_m])
+    return np.array(list(map(arm_posture, homogeneous(HAND, positions_m))))
 
 
 def stand_in(library: TaskLibrary, recording: Demonstration) -> StoodIn:

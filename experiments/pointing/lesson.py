@@ -14,9 +14,10 @@ from experiments.teaching.path import TEACHING_STD_M, TEACHING_STD_RAD
 from experiments.teaching.virtual_hand import Grip, HandTarget, pull
 from intent_recognition.kinematics import frame_poses
 from intent_recognition.promp import minimum_jerk
+from intent_recognition.signals import homogeneous
 from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SimulatedArm
 from sim_bridge.coworker import bow_profile
-from sim_bridge.scenarios.toolbox import arm_posture, pose
+from sim_bridge.scenarios.toolbox import arm_posture
 
 GRIP = Grip()
 """How firmly the demonstrator holds the arm."""
@@ -105,7 +106,7 @@ def plan_path(
     hand = home[:3, 3] + done * (goal[:3, 3] - home[:3, 3]) + bow * bow_profile(done, skew)
     ends = Rotation.from_matrix(np.stack((home[:3, :3], goal[:3, :3])))
     rotations = Slerp([0.0, 1.0], ends)(done[:, 0]).as_matrix()
-    postures = [arm_posture(pose(p, r)) for p, r in zip(hand, rotations, strict=True)]
+    postures = list(map(arm_posture, homogeneous(rotations, hand)))
     return LedPath(stamps, hand, rotations, frame_poses(np.array(postures))[:, 3, :3, 3])
 
 

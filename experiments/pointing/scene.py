@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import forward_kinematics
-from sim_bridge.scenarios.toolbox import arm_posture, pose
+from intent_recognition.signals import homogeneous
+from sim_bridge.scenarios.toolbox import arm_posture
 
 TASK = "pointing"
 TABLE_HEIGHT_M = -0.10
@@ -87,7 +88,7 @@ def pointing_pose(
     rotation = pointing_rotation(spot_m) if rotation is None else rotation
     direction = rotation[:, 2]
     tip = np.asarray(spot_m) + direction * (TIP_ABOVE_TABLE_M / direction[2])
-    return pose(tip - FINGER_LENGTH_M * direction, rotation)
+    return homogeneous(rotation, tip - FINGER_LENGTH_M * direction)
 
 
 def pointed_at(q: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -107,7 +108,7 @@ def pointed_at(q: NDArray[np.float64]) -> NDArray[np.float64]:
 def home_pose() -> NDArray[np.float64]:
     """The hand's pose (4, 4) at rest: drawn back over the near edge, finger forward and down."""
     rotation = pointing_rotation(np.array([CIRCLE_CENTRE_M[0], 0.0, 0.0]))
-    return pose(np.array([0.52, -0.14, 0.22]), rotation)
+    return homogeneous(rotation, [0.52, -0.14, 0.22])
 
 
 HOME = arm_posture(home_pose())

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from intent_recognition.kinematics import frame_poses
 from intent_recognition.promp import minimum_jerk
+from intent_recognition.signals import homogeneous
 from sim_bridge.coworker import HOLD, PLATE, SCREW, bow_profile
 from sim_bridge.scenarios.toolbox import (
     LIFT_M,
@@ -22,7 +23,6 @@ from sim_bridge.scenarios.toolbox import (
     handover_point,
     handover_rotation,
     home_pose,
-    pose,
     stand_pose,
 )
 
@@ -141,7 +141,7 @@ def plan_teaching(
     turns = Rotation.from_matrix(np.stack((home[:3, :3], handover_rotation(task))))
     turns = Rotation.concatenate((turns[0], wrong_turn * turns[1]))
     rotations = Slerp([0.0, 1.0], turns)(carried[:, 0]).as_matrix()
-    joints = np.array([arm_posture(pose(p, r)) for p, r in zip(hand, rotations, strict=True)])
+    joints = np.array(list(map(arm_posture, homogeneous(rotations, hand))))
     elbow = frame_poses(joints)[:, 3, :3, 3]
     return TeachingPath(task, times, stamps, hand, rotations, joints, elbow, error)
 

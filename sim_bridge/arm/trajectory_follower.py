@@ -55,13 +55,13 @@ class _Entry(NamedTuple):
 
     start_s: float
     curve: _Curve | JointReference
-    offset: Floats | None
+    offset: Floats  # polynomial (6, n)
     fade_s: float
 
     def sample(self, time_s: float) -> JointReference:
         base = self.curve if isinstance(self.curve, JointReference) else self.curve.sample(time_s)
         elapsed = time_s - self.start_s
-        if self.offset is None or elapsed >= self.fade_s:
+        if elapsed >= self.fade_s:
             return base
         extra = _evaluate(self.offset, max(elapsed, 0.0))
         return JointReference(*map(np.add, base, extra))
@@ -81,7 +81,8 @@ class TrajectoryFollower:
 
     def hold(self, position: Floats) -> None:
         """Forget all commands and rest at position (n_joints,) [rad], without a blend."""
-        self._entries = [_Entry(-np.inf, JointReference.at_rest(position.copy()), None, 0.0)]
+        rest = JointReference.at_rest(position.copy())
+        self._entries = [_Entry(-np.inf, rest, np.zeros((6, len(position))), 0.0)]
 
     def accept(self, command: TrajectoryCommand, now_s: float) -> None:
         """Follow this command from its start on; the running one continues until then.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ten cups and bowls with known geometry."""
 
-from sim_bridge.containers.container import Container
+from sim_bridge.containers.container import Container, Sections
 from sim_bridge.containers.generate import (
     CONTAINER_NAMES,
     CONTAINER_SEED,

@@ -10,10 +10,9 @@ from functools import cached_property
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from intent_recognition.array_types import Floats
-from intent_recognition.warping import Part, half_volume_angle, nearest_on_loop
+from intent_recognition.warping import half_volume_angle, nearest_on_loop
 
 
 @dataclass(frozen=True)
@@ -73,27 +72,3 @@ class Container:
             np.array([0.0, 0.0, 1.0]),
             outward / np.linalg.norm(outward),
         )
-
-    def labels(self, points: Floats) -> NDArray[np.integer]:
-        """Part (n,), values of `Part`, of surface points (n, 3) in the object's frame."""
-        points = np.asarray(points, dtype=float)
-        parts = np.full(len(points), int(Part.CONTAINER))
-        if self.handle is not None:
-            outside = self._outer_distance(points)
-            parts[(outside > 0.0008) & (points[:, 0] < 0.0)] = int(Part.HANDLE)
-        parts[(points[:, 2] > self.height_m - 0.0025) & (parts != Part.HANDLE)] = int(Part.RIM)
-        return parts
-
-    def _outer_distance(self, points: Floats) -> Floats:
-        """Horizontal distance (n,) by which points are outside of the wall."""
-        heights = np.concatenate([[0.0], self.sections.heights_m])
-        outlines = np.concatenate([self.sections.base[None], self.sections.outer])
-        radii = np.linalg.norm(outlines, axis=2)
-        n_corners = radii.shape[1]
-        angle = np.arctan2(points[:, 1], points[:, 0]) % (2.0 * np.pi)
-        corner = np.rint(angle / (2.0 * np.pi) * n_corners).astype(int) % n_corners
-        row = np.interp(points[:, 2], heights, np.arange(len(heights)))
-        low = np.minimum(row.astype(int), len(heights) - 2)
-        share = row - low
-        wall = (1.0 - share) * radii[low, corner] + share * radii[low + 1, corner]
-        return np.linalg.norm(points[:, :2], axis=1) - wall

@@ -64,20 +64,16 @@ def make_container(name: str, seed: int = 0) -> Container:
     if name not in SHAPES:
         cure = "Take one of these."
         raise ArgumentError.about("container", f"one of {', '.join(SHAPES)}", repr(name), cure)
-    rng = np.random.default_rng([seed, CONTAINER_NAMES.index(name)])
-    return build_container(name, vary(SHAPES[name], rng))
-
-
-def vary(shape: ContainerShape, rng: np.random.Generator) -> ContainerShape:
-    """Scale the height and the width of a shape by separately drawn factors."""
+    shape, rng = SHAPES[name], np.random.default_rng([seed, CONTAINER_NAMES.index(name)])
     tall, wide = rng.uniform(0.92, 1.08, 2)
-    return replace(
+    varied = replace(
         shape,
         height_m=shape.height_m * tall,
         base_m=shape.base_m * wide,
         top_m=shape.top_m * wide,
         handle_m=shape.handle_m * wide,
     )
+    return build_container(name, varied)
 
 
 def build_container(name: str, shape: ContainerShape) -> Container:

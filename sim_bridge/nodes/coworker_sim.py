@@ -114,11 +114,6 @@ class CoworkerSim(Node):
             self.create_subscription(Clock, "/clock", self._on_clock, STATE)
         self._start_timer = steady_timer(self, 0.02, self._start)
 
-    @property
-    def plan(self) -> SessionPlan:
-        """Plan of the first worker's session."""
-        return self.workers[0].plan
-
     def _start(self) -> None:
         now_ns = self.get_clock().now().nanoseconds
         if waits_for := self._missing(now_ns):

@@ -7,7 +7,6 @@ from builtin_interfaces.msg import Time as TimeMessage
 from rclpy.node import Node
 from rclpy.time import Time
 
-from intent_recognition.errors import ArgumentError
 from sim_bridge.arm import TIME_STEP_S, SimulatedArm
 
 STEP_NS = 1_000_000
@@ -32,10 +31,7 @@ class Pacer:
         dropped_s: simulated time that was dropped.
     """
 
-    def __init__(self, step_s: float, factor: float, largest_batch: int = 40) -> None:
-        if not (step_s > 0.0 and factor > 0.0):
-            got = (step_s, factor)
-            raise ArgumentError.about("step_s, factor", "positive numbers", got, "Check them.")
+    def __init__(self, step_s: float, factor: float, largest_batch: int) -> None:
         self._step_s, self.factor, self._largest_batch = step_s, factor, largest_batch
         self.begun, self.dropped_s = False, 0.0
         self._origin_s, self._window = 0.0, (0.0, 0)

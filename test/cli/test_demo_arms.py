@@ -16,10 +16,11 @@ from intent_recognition.evaluation.session_summary import InteractionRecord
 from intent_recognition.kinematics import Bodies, parse_boxes
 from intent_recognition.motion import parse_places
 from intent_recognition.nodes.graph import RECOGNITION
+from intent_recognition.signals import homogeneous
 from sim_bridge.arm import find_robot
 from sim_bridge.coworker.styles import STYLES
 from sim_bridge.handover import with_fingers
-from sim_bridge.scenarios.toolbox import arm_posture, handover_point, handover_rotation, pose
+from sim_bridge.scenarios.toolbox import arm_posture, handover_point, handover_rotation
 
 
 @pytest.fixture
@@ -135,7 +136,7 @@ def test_the_boxes_are_clear_of_where_the_lwr_hands_over():
     for task, style in STYLES.items():
         for corner in product((-1.0, 1.0), repeat=3):
             goal = style.goal_centre_m + style.goal_half_width_m * corner
-            q = arm_posture(pose(handover_point(task, goal), handover_rotation(task)))
+            q = arm_posture(homogeneous(handover_rotation(task), handover_point(task, goal)))
             assert not bodies.contacts(q[None]), (task, goal)
 
 

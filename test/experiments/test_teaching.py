@@ -12,10 +12,11 @@ from experiments.teaching.objects import ObjectHolder, ToolboxObjects
 from experiments.teaching.recordings import ToolboxOrder, demonstrate
 from intent_recognition.kinematics.inverse import branch_of
 from intent_recognition.kinematics.lwr import LWR_LIMITS, forward_kinematics, hand_position
+from intent_recognition.signals import homogeneous
 from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
 from sim_bridge.scenarios.toolbox import HOME, handover_point, handover_rotation
-from sim_bridge.scenarios.toolbox.scene import ARM_BRANCH, arm_posture, home_pose, pose, stand_pose
+from sim_bridge.scenarios.toolbox.scene import ARM_BRANCH, arm_posture, home_pose, stand_pose
 
 demonstrate_once = cache(demonstrate)
 
@@ -29,7 +30,7 @@ def test_every_goal_is_reached_on_one_branch_with_margin(task):
     style = STYLES[task]
     for signs in itertools.product((-1, 0, 1), repeat=3):
         goal = style.goal_centre_m + style.goal_half_width_m * np.array(signs)
-        target = pose(handover_point(task, goal), handover_rotation(task))
+        target = homogeneous(handover_rotation(task), handover_point(task, goal))
         q = arm_posture(target)
         np.testing.assert_allclose(forward_kinematics(q), target, atol=1e-9)
         assert branch_of(q) == ARM_BRANCH
@@ -69,8 +70,8 @@ def test_the_arm_is_taught_within_limits_and_carries_the_object_to_where_the_rul
 @pytest.mark.slow
 def test_gripper_takes_on_passing_slowly_and_releases_at_rest():
     q_home, q_stand = HOME, arm_posture(stand_pose(PLATE))
-    away = arm_posture(pose(handover_point(PLATE, STYLES[PLATE].goal_centre_m),
-                            handover_rotation(PLATE)))  # fmt: skip
+    there_m = handover_point(PLATE, STYLES[PLATE].goal_centre_m)
+    away = arm_posture(homogeneous(handover_rotation(PLATE), there_m))
     with SimulatedArm(q_home) as arm:
         gripper = ToolboxGripper(arm)
         gripper.set_task(PLATE)

@@ -13,7 +13,6 @@ from .scene import hand_rotation as hand_rotation
 from .scene import handover_point as handover_point
 from .scene import handover_rotation as handover_rotation
 from .scene import home_pose as home_pose
-from .scene import pose as pose
 from .scene import stand_pose as stand_pose
 from .scene import takes as takes
 from .session_scoring import DECIDED_WITHIN_S as DECIDED_WITHIN_S

@@ -51,11 +51,6 @@ def hand_rotation(yaw_rad: float, roll_rad: float) -> Floats:
     return yaw @ level @ roll
 
 
-def pose(position_m: Floats, rotation: Floats) -> Floats:
-    """Homogeneous transform (4, 4) of a position (3,) and a rotation (3, 3)."""
-    return homogeneous(rotation, position_m)
-
-
 def arm_posture(hand_pose: Floats) -> Floats:
     """Joint angles (7,) that put the hand at a pose (4, 4), on the scene's branch and swivel.
 
@@ -82,12 +77,12 @@ def handover_rotation(task: str) -> Floats:
 
 def home_pose() -> Floats:
     """The hand's pose (4, 4) from which every interaction starts."""
-    return pose(HOME_HAND_M, hand_rotation(*_HOME_YAW_ROLL_RAD))
+    return homogeneous(hand_rotation(*_HOME_YAW_ROLL_RAD), HOME_HAND_M)
 
 
 def stand_pose(task: str) -> Floats:
     """The hand's pose (4, 4) at a task's stand, one of `STANDS_M`, turned as at home."""
-    return pose(STANDS_M[task], hand_rotation(*_HOME_YAW_ROLL_RAD))
+    return homogeneous(hand_rotation(*_HOME_YAW_ROLL_RAD), STANDS_M[task])
 
 
 def takes(task: str, hand_m: Floats, speed_m_s: float) -> bool:

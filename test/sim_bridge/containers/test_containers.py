@@ -6,7 +6,7 @@ import pytest
 import trimesh
 
 from benchmarks.measured_mesh import measure_mesh
-from experiments.annotate import annotated
+from experiments.annotate import annotated, labels_of
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects.file import find_object, load_object
 from intent_recognition.warping.object_model import Part
@@ -79,7 +79,7 @@ def test_tilt_of_the_mesh_cut_by_a_plane_and_labels_of_its_parts():
     for name in CONTAINER_NAMES:
         container = make_container(name, 0)
         points = trimesh.sample.sample_surface(container.mesh, 3000, seed=1)[0]
-        labels = container.labels(points)
+        labels = labels_of(container, points)
         rim, handle = points[labels == Part.RIM], points[labels == Part.HANDLE]
         assert rim[:, 2].min() > container.height_m - 0.003
         assert (len(handle) > 0) == (name in HANDLED)

@@ -111,10 +111,10 @@ def test_the_end_is_reported_before_the_node_leaves(harness):
 def test_a_worker_assembles_a_box(harness):
     """The worker of a session that is none of the recorded ones; who helps is somebody else."""
     node = harness.add(make(scenario="assembly", task_list="fastening,hand_over"))
-    assert [shown.task for shown in node.plan.interactions] == ["fastening", "hand_over"]
+    assert [shown.task for shown in node.workers[0].plan.interactions] == ["fastening", "hand_over"]
     session = assembly.plan_session(5, 3, ("fastening", "hand_over"), idle_s=(0.5, 0.6), hold_s=0.2)
     expected = session.worker.positions_m
-    np.testing.assert_array_equal(node.plan.samples.positions_m, expected)
+    np.testing.assert_array_equal(node.workers[0].plan.samples.positions_m, expected)
 
 
 def test_waits_for_subscribers_and_for_the_clock(harness):

@@ -8,9 +8,10 @@ import pytest
 
 from intent_recognition.evaluation import ContactLog, SessionLog, summarise
 from intent_recognition.kinematics.inverse import inverse_kinematics
+from intent_recognition.signals import homogeneous
 from sim_bridge.coworker.session import plan_session
 from sim_bridge.scenarios.toolbox import Scoring, first_sample_ns, handover_point
-from sim_bridge.scenarios.toolbox.scene import HOME, STANDS_M, handover_rotation, pose, stand_pose
+from sim_bridge.scenarios.toolbox.scene import HOME, STANDS_M, handover_rotation, stand_pose
 from sim_bridge.scenarios.toolbox.session_scoring import score_people, score_session, toolbox_places
 from sim_bridge.scenarios.toolbox.transfer_scoring import score_transfer
 
@@ -25,7 +26,7 @@ def session(decided_s=1.0, task=TASK, hand_offset_m=(0.0, 0.0, 0.02), first=TASK
     onset = FIRST_NS + round(first.onset_s * 1e9)
     end = FIRST_NS + round(first.end_s * 1e9)
     target = handover_point(TASK, first.goal_m) + np.array(hand_offset_m)
-    arrived = inverse_kinematics(pose(target, handover_rotation(TASK)), HOME)
+    arrived = inverse_kinematics(homogeneous(handover_rotation(TASK), target), HOME)
     stamps = np.arange(FIRST_NS, FIRST_NS + 30_000_000_000, 5_000_000)
     share = np.clip((stamps - onset) / (end + 400_000_000 - onset), 0.0, 1.0)
     seen = plan.samples.visible

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 from intent_recognition.kinematics import Arm
+from intent_recognition.signals import homogeneous
 from intent_recognition.transfer import Holding, LoadEstimator, Request, Situation, away_from_base
 from intent_recognition.transfer.machine import TransferMachine
 from sim_bridge.arm import SensorNoise, SimulatedArm, find_robot
 from sim_bridge.coworker import HOLD, PLATE, SCREW
 from sim_bridge.handover import GRIP_M, with_fingers
-from sim_bridge.scenarios.toolbox import STANDS_M, ToolboxTransfers, arm_posture, pose, stand_pose
+from sim_bridge.scenarios.toolbox import STANDS_M, ToolboxTransfers, arm_posture, stand_pose
 from sim_bridge.scenarios.toolbox.scene import handover_point, handover_rotation
 from sim_bridge.scenarios.toolbox.transfers import Holder
 
@@ -24,7 +25,7 @@ class Cell:
         self.task, self.told = task, []
         robot = with_fingers(find_robot("lwr"))
         hand_m = handover_point(task, WRIST_M) + off_m
-        there = arm_posture(pose(hand_m, handover_rotation(task)))
+        there = arm_posture(homogeneous(handover_rotation(task), hand_m))
         begin = arm_posture(stand_pose(task)) if task in STANDS_M else there
         rng = np.random.default_rng(seed)
         self.arm = SimulatedArm(begin, robot=robot, noise=SensorNoise(), rng=rng)
