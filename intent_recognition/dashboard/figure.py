@@ -63,18 +63,15 @@ class Posture(NamedTuple):
     """A posture; points (3,) [m] and rotations (3, 3) are in the world.
 
     Attributes:
-        moved: displacement of the whole figure from its stance.
         hip: middle of the hips, about which the upper body leans.
         upper_body: axes forward, left and up of the upper body.
-        shoulder, elbow, wrist: joints of the arm whose wrist is given.
+        shoulder, elbow: joints of the arm whose wrist is given.
     """
 
-    moved: Floats
     hip: Floats
     upper_body: Floats
     shoulder: Floats
     elbow: Floats
-    wrist: Floats
 
 
 def reach(stance: Stance, wrist: Floats) -> Posture:
@@ -96,7 +93,7 @@ def reach(stance: Stance, wrist: Floats) -> Posture:
     moved = (distance - min(max(distance, shortest), longest)) * direction
     shoulder = shoulder + moved
     elbow = bend(shoulder, wrist, upper, fore, stance.pole)
-    return Posture(moved, hip + moved, lean @ stance.rotation, shoulder, elbow, wrist)
+    return Posture(hip + moved, lean @ stance.rotation, shoulder, elbow)
 
 
 def lean_toward(arm: Floats, target: Floats, reach_m: float) -> Floats:

@@ -9,7 +9,7 @@ import viser
 
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import CellState
-from intent_recognition.dashboard.commands import ESTIMATOR, Notify
+from intent_recognition.dashboard.commands import ESTIMATOR
 from intent_recognition.dashboard.widgets import PageAccess, set_value
 from intent_recognition.errors import ArgumentError
 from intent_recognition.plans import WorkPlan, moved, ordered, required, without, write_plan
@@ -72,37 +72,30 @@ class PlanPanel:
         self._save.disabled = not self._commands.offers(SAVE)
 
     def _press_change(self) -> None:
-        if self._plan is not None:
-            self._send(CHANGES[self._change.value](self._plan, self._step.value))
+        if (plan := self._plan) is not None:
+            self._send_change(plan, CHANGES[self._change.value](plan, self._step.value))
 
     def _press_wait(self) -> None:
-        if self._plan is None:
+        if (plan := self._plan) is None:
             return
         if self._other.value == self._step.value:
             cure = "Choose another one."
             raise ArgumentError.about("Waits for", "another step", self._step.value, cure)
         must = self._wait.value == MUST
-        self._send(ordered(self._plan, self._other.value, self._step.value, must))
+        self._send_change(plan, ordered(plan, self._other.value, self._step.value, must))
 
     def _press_undo(self) -> None:
+        if self._before:
+            self._send(self._before[-1], self._before.pop)
+
+    def _send_change(self, before: WorkPlan, plan: WorkPlan) -> None:
+        """Put a changed plan in force; the one before can then be restored."""
+        self._send(plan, lambda: self._before.append(before), "the plan is changed")
+
+    def _send(self, plan: WorkPlan, taken: Callable[[], object], said: str = "") -> None:
         def done(ok: bool, why: str) -> None:
             if ok:
-                self._before.pop()
-            self._commands.notify(ok, why)
+                taken()
+            self._commands.notify(ok, why or said)
 
-        if self._before:
-            self._set_plan(self._before[-1], done)
-
-    def _send(self, plan: WorkPlan) -> None:
-        """Put a changed plan in force; the present plan can then be restored."""
-        before = self._plan
-
-        def done(ok: bool, why: str) -> None:
-            if ok and before is not None:
-                self._before.append(before)
-            self._commands.notify(ok, why or "the plan is changed")
-
-        self._set_plan(plan, done)
-
-    def _set_plan(self, plan: WorkPlan, done: Notify) -> None:
         self._commands.set_parameter(ESTIMATOR, "plan", write_plan(plan), done)

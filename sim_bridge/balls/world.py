@@ -46,11 +46,6 @@ class BallWorld(AbstractContextManager["BallWorld"]):
         self._balls: list[int] = []
         self.fill(np.zeros((0, 3)))
 
-    @property
-    def n_balls(self) -> int:
-        """Number of balls."""
-        return len(self._balls)
-
     def fill(self, positions_m: Floats) -> None:
         """Start a new world with balls at rest at (N, 3).
 

@@ -173,7 +173,7 @@ def draw_reach(
     hesitations = draw_hesitations(rng)
     reach = Reach(task, start_m, goal, nominal_s or drawn_s, bow, skew, turn, hesitations)
     if reach.duration_s > LONGEST_MOVEMENT_S:
-        reach = Reach(task, start_m, goal, reach.nominal_s, bow, skew, turn)
+        reach = replace(reach, hesitations=())
     return reach
 
 

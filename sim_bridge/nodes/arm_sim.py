@@ -2,7 +2,6 @@
 """The node `arm_sim`: a torque-controlled arm in PyBullet, 1 kHz physics."""
 
 import os
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -140,8 +139,7 @@ class ArmSim(Node):
         )
         self.diagnostics.watch(commands, "joint_trajectory")
         if self.scene is not None:
-            take_task = partial(self._on_task, self.scene.set_task)
-            listen(String, "intent/active_task", take_task, each_of(LATCHED))
+            listen(String, "intent/active_task", self._on_task, each_of(LATCHED))
         if self.commands.spread is not None:
             take = self.commands.take_prediction
             listen(JointTrajectory, "intent/robot_trajectory", take, COMMAND)
@@ -158,9 +156,10 @@ class ArmSim(Node):
         if self.scene is not None and arm.n_steps % UPDATE_EVERY == 0:
             self.scene.update()
 
-    def _on_task(self, take: Callable[[str], None], message: String) -> None:
+    def _on_task(self, message: String) -> None:
         self._answers.note("intent/active_task")
-        take(message.data)
+        if self.scene is not None:
+            self.scene.set_task(message.data)
 
     def _tick(self) -> None:
         """Do the steps that are due, and publish after each that ends a period."""

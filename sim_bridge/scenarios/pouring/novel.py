@@ -128,17 +128,6 @@ def annotated_source() -> ObjectModel:
     return ObjectModel.learn(load_object(find_object("mug")))
 
 
-def look_at(source: ObjectModel, container: Container, rng: np.random.Generator) -> Seen:
-    """Scan a container from three sides and warp the annotated object onto it."""
-    seen = scan(container.mesh, rng)
-    warped = warp_object(source, ObjectCloud(seen.points, seen.normals))
-    ahead = container.opening_centre + np.array([0.2, 0.0, 0.0])
-    found = pouring_parameters(warped, toward=ahead)
-    lip = found.lip_point
-    above_m = BALLS_ABOVE * half_full_radius_m(container)
-    return Seen(references(found), lip, found.opening_centre, emptying(warped, lip, above_m))
-
-
 def read_pour(folder: Path) -> tuple[PourPath, dict[str, str]]:
     """Read a pour from a bag's joint states, with the bag's labels.
 
@@ -175,19 +164,15 @@ def read_demonstrated(folder: Path) -> DemonstratedPours:
     return DemonstratedPours([pour for pour, _ in found], labels["cup"], labels["second"])
 
 
-def learn_pouring(pours: Sequence[PourPath], cup: Seen, second: Seen) -> WarpedPrimitive:
-    """Learn the primitive in the warped space from pours with one pair of containers."""
+def learn_pouring(pours: Sequence[PourPath], cup: Seen, second: Seen) -> PouringSkill:
+    """Learn the skill in the warped space from pours with one pair of containers."""
     paths = [
         to_warped(pour.offset_m, pour.tilt_rad, cup.references, second.references) for pour in pours
     ]
     durations = [float(pour.times_s[-1]) for pour in pours]
-    return WarpedPrimitive.learn(paths, durations, NormalizedRBFBasis(30))
-
-
-def reached_by(primitive: WarpedPrimitive, cup: Seen) -> Reached:
-    """How far the mean of a primitive tilts the cup with which it was learned."""
+    primitive = WarpedPrimitive.learn(paths, durations, NormalizedRBFBasis(30))
     tilts = primitive.mean_path(np.linspace(0.0, 1.0, 400))[:, 3]
-    return reached(tilts, cup.references.tilt_rad, cup.emptying)
+    return PouringSkill(primitive, reached(tilts, cup.references.tilt_rad, cup.emptying))
 
 
 def plan(
@@ -223,10 +208,15 @@ def pour_of(times_s: Floats, joints_rad: Floats, custom_data: Mapping[str, str])
 
 @cache
 def seen_as(name: str, seed: int) -> Seen:
-    """Parameters of a container, estimated from a scan."""
-    index = (*CONTAINER_NAMES, BIG_BOWL).index(name)
-    rng = np.random.default_rng([seed, 62, 1000, index])  # for scans only
-    return look_at(annotated_source(), container_named(name), rng)
+    """Parameters of a container, estimated by warping the annotated object onto its scan."""
+    container, index = container_named(name), (*CONTAINER_NAMES, BIG_BOWL).index(name)
+    seen = scan(container.mesh, np.random.default_rng([seed, 62, 1000, index]))  # for scans only
+    warped = warp_object(annotated_source(), ObjectCloud(seen.points, seen.normals))
+    ahead = container.opening_centre + np.array([0.2, 0.0, 0.0])
+    found = pouring_parameters(warped, toward=ahead)
+    lip = found.lip_point
+    above_m = BALLS_ABOVE * half_full_radius_m(container)
+    return Seen(references(found), lip, found.opening_centre, emptying(warped, lip, above_m))
 
 
 @cache
@@ -237,6 +227,4 @@ def learn_pouring_skill(demonstrations: Path, seed: int) -> PouringSkill:
         BagError: there are no pours in the folder.
     """
     shown = read_demonstrated(demonstrations)
-    cup, second = (seen_as(name, seed) for name in (shown.cup, shown.second))
-    primitive = learn_pouring(shown.pours, cup, second)
-    return PouringSkill(primitive, reached_by(primitive, cup))
+    return learn_pouring(shown.pours, seen_as(shown.cup, seed), seen_as(shown.second, seed))

@@ -31,7 +31,6 @@ from sim_bridge.scenarios.pouring.novel import (
     half_full_radius_m,
     learn_pouring,
     plan,
-    reached_by,
     seen_as,
 )
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, PourPath, SideGrasp, plan_joints
@@ -188,8 +187,7 @@ def short_skill(shown: DemonstratedPours, short_radii: float, seed: int) -> Pour
         ratios += [0.0, 0.1, 0.08] * rng.standard_normal(3)  # variation across and up
         moved = pour.offset_m + ratios * [radius, radius, height]
         pours.append(PourPath(pour.times_s, moved, pour.tilt_rad))
-    primitive = learn_pouring(pours, cup, second)
-    return PouringSkill(primitive, reached_by(primitive, cup))
+    return learn_pouring(pours, cup, second)
 
 
 def _vector(values: Floats) -> str:
