@@ -3,8 +3,8 @@
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Duration
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from joint_trajectories import build_joint_trajectory
+from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError, TrajectoryError
 from intent_recognition.kinematics.lwr import JOINT_NAMES
@@ -79,12 +79,8 @@ def test_bad_predictions_are_refused_and_the_one_before_stays(names, times, std)
 
 
 def prediction(std):
-    message = JointTrajectory(joint_names=list(JOINT_NAMES))
-    for k in range(3):
-        point = JointTrajectoryPoint(positions=list(HOME), effort=[float(s) for s in std])
-        point.time_from_start = Duration(sec=10 * k)
-        message.points.append(point)
-    return message
+    times_s = np.array([0.0, 10.0, 20.0])
+    return build_joint_trajectory(JOINT_NAMES, times_s, np.tile(HOME, (3, 1)), None, std)
 
 
 @pytest.mark.slow
@@ -93,11 +89,11 @@ def test_the_node_takes_the_spread_of_predictions(harness):
     node = harness.node(LwrSim, controller="stochastic_feedback", publish_clock=True)
     harness.connect(sender)
     assert not node.commands.spread.in_force(node.arm.time_s)
-    sender.publish(prediction(UNSURE))
+    sender.publish(prediction(np.tile(UNSURE, (3, 1))))
     harness.spin_until(lambda: node.commands.spread.in_force(node.arm.time_s))
     expected = resting_gains(UNSURE)
     np.testing.assert_allclose(node.commands.spread.gains(node.arm.time_s), expected)
-    sender.publish(prediction([]))
+    sender.publish(prediction(None))
     harness.spin_until(lambda: node.diagnostics.rejected("bad_prediction"))
     assert node.commands.spread.in_force(node.arm.time_s)
 

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Duration as DurationMessage
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
@@ -13,7 +12,7 @@ from joint_trajectories import build_joint_trajectory
 from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 
 from experiments.teaching.path import plan_teaching
 from intent_recognition.errors import ArgumentError, KinematicsError
@@ -119,18 +118,11 @@ def fetch_and_carry() -> JointTrajectory:
     path = plan_teaching(
         np.random.default_rng(0), PLATE, STYLES[PLATE].goal_centre_m, 0.0, 3.0, 3.2
     )
-    spline = path.joint_spline()
-    message = JointTrajectory(joint_names=list(JOINT_NAMES))
-    for time_s in np.arange(0.1, 3.21, 0.1):
-        last = time_s > 3.15
-        message.points.append(
-            JointTrajectoryPoint(
-                positions=spline(time_s).tolist(),
-                velocities=[0.0] * 7 if last else spline(time_s, 1).tolist(),
-                time_from_start=DurationMessage(sec=int(time_s), nanosec=int((time_s % 1.0) * 1e9)),
-            )
-        )
-    return message
+    spline, times_s = path.joint_spline(), np.arange(0.1, 3.21, 0.1)
+    moving = times_s[:, None] < 3.15
+    return build_joint_trajectory(
+        JOINT_NAMES, times_s, spline(times_s), moving * spline(times_s, 1)
+    )
 
 
 @pytest.mark.slow

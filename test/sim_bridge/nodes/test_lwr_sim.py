@@ -5,13 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import WrenchStamped
+from joint_trajectories import build_joint_trajectory
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ResourceBusyError
 from intent_recognition.kinematics.lwr import JOINT_NAMES
@@ -29,14 +29,8 @@ def make(harness, **parameters):
 
 
 def trajectory(goal, time_s=0.8, names=JOINT_NAMES, stamp_ns=0):
-    point = JointTrajectoryPoint(
-        positions=np.asarray(goal, dtype=np.float64).tolist(),
-        velocities=[0.0] * len(goal),
-        time_from_start=Duration(sec=int(time_s), nanosec=int((time_s % 1.0) * 1e9)),
-    )
-    message = JointTrajectory(joint_names=list(names), points=[point])
-    message.header.stamp = Time(nanoseconds=stamp_ns).to_msg()
-    return message
+    rest = np.zeros((1, len(goal)))
+    return build_joint_trajectory(names, np.array([time_s]), goal + rest, rest, time_ns=stamp_ns)
 
 
 def newest(states, field="position"):
