@@ -165,8 +165,8 @@ def test_the_step_waited_for_is_expected_as_a_habit_is_once_the_movement_is_over
     assert expectation.ratio is None
 
 
-def at_the_plate():
-    """The arm has brought the plate; the person has gone on."""
+def at_the_plate(ordered="", run_s=0.0, **how):
+    """The arm has brought the plate, the person has gone on, and something is ordered."""
     world = World()
     world.run(0.1)
     world.begin("plate")
@@ -174,14 +174,15 @@ def at_the_plate():
         world.step()
     world.task = "idle"
     world.run(0.1)
+    if ordered:
+        world.activation.inbox.order(prediction(ordered, 0, **how))
+    world.run(run_s)
     return world
 
 
 def test_one_primitive_goes_over_into_the_next_smoothly_without_being_recognised():
     """The plan blends: position and velocity are continuous, in motion and from rest."""
-    world = at_the_plate()
-    world.activation.inbox.order(prediction("screw", 0))
-    world.run(0.5)
+    world = at_the_plate("screw", run_s=0.5)
     assert world.activation.active_task == "screw"
     world.activation.inbox.order(prediction("plate", 0))
     world.run(0.1)
@@ -194,9 +195,7 @@ def test_one_primitive_goes_over_into_the_next_smoothly_without_being_recognised
 @pytest.mark.slow
 @pytest.mark.parametrize("moving", ["", "none"])
 def test_what_began_by_itself_goes_on_until_another_task_is_recognised(moving):
-    world = at_the_plate()
-    world.activation.inbox.order(prediction("screw", 0))
-    world.run(0.4)
+    world = at_the_plate("screw", run_s=0.4)
     world.task = moving or "idle"
     world.run(0.4)
     assert world.activation.active_task == "screw"
@@ -210,9 +209,7 @@ def test_what_began_by_itself_goes_on_until_another_task_is_recognised(moving):
 @pytest.mark.slow
 def test_an_ordered_task_that_is_recognised_is_the_persons_from_then_on():
     """It is not begun a second time in the same movement."""
-    world = at_the_plate()
-    world.activation.inbox.order(prediction("screw", 0))
-    world.run(0.3)
+    world = at_the_plate("screw", run_s=0.3)
     world.begin("screw", already_s=0.3)
     while not world.activation.arrived:
         world.step()
@@ -222,9 +219,7 @@ def test_an_ordered_task_that_is_recognised_is_the_persons_from_then_on():
 
 
 def test_an_ordered_task_that_was_recognised_stops_when_it_is_withdrawn():
-    world = at_the_plate()
-    world.activation.inbox.order(prediction("screw", 0))
-    world.run(0.3)
+    world = at_the_plate("screw", run_s=0.3)
     world.begin("screw", already_s=0.3)
     world.run(0.3)
     world.task = "none"
@@ -233,9 +228,7 @@ def test_an_ordered_task_that_was_recognised_stops_when_it_is_withdrawn():
 
 
 def test_an_ordered_task_that_was_stopped_hides_no_movement():
-    world = at_the_plate()
-    world.activation.inbox.order(prediction("screw", 0, duration_s=9.0))
-    world.run(0.4)
+    world = at_the_plate("screw", run_s=0.4, duration_s=9.0)
     world.task, world.measures = "none", False
     world.run_until(Mode.STOPPED)
     world.measures = True
@@ -247,9 +240,7 @@ def test_an_ordered_task_that_was_stopped_hides_no_movement():
 
 
 def test_an_order_is_taken_back_waits_for_a_recognised_task_and_must_be_certain():
-    world = at_the_plate()
-    world.activation.inbox.order(prediction("screw", 0, end_std=2.0))
-    world.run(0.1)
+    world = at_the_plate("screw", run_s=0.1, end_std=2.0)
     assert world.rejected == ["uncertain_end"] and world.activation.active_task == "plate"
     world.begin("plate", already_s=0.3)
     world.run(0.1)

@@ -220,3 +220,5 @@ def test_details_have_rates_latency_and_what_was_rejected():
     text = markup.nodes_table({"n": NodeHealth(0, "moving", values, 0.0)}, 1.0)
     for said in ("human/wrist 100 Hz", "latency p99 1.9 ms", "rejected jump 4"):
         assert said in text
+    values |= {"rate x [Hz]": "fast"}
+    assert "x fast Hz" in markup.nodes_table({"n": NodeHealth(0, "", values, 0.0)}, 1.0)

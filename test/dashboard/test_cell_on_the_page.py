@@ -154,14 +154,6 @@ def rotated(wxyz, vector):
     return vector + 2.0 * np.cross(axis, np.cross(axis, vector) + w * vector)
 
 
-@pytest.mark.parametrize("topic", ["/coworker/task", "/intent/active_task"])
-def test_tasks_that_no_body_has_leave_all_where_it_is(fed, topic):
-    before = {name: tuple(shown(fed, f"/bodies/{name}").position) for name in ("plate", "screw")}
-    fed.hear(topic, String(data="another"))
-    fed.hear("/mocap/wrist/pose", pose(WRIST))
-    assert before == {name: tuple(shown(fed, f"/bodies/{name}").position) for name in before}
-
-
 def test_a_slow_browser_gets_the_lights_before_what_they_shine_on(fed):
     """Shaders with shadows would be compiled for what comes before; who draws fast gets them."""
     server, scene = fed.page._server, fed.page._scene

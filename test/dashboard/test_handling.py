@@ -78,11 +78,12 @@ def test_the_robot_takes_carries_and_gives_and_the_person_lays_down():
 
 
 def test_who_never_comes_near_takes_nothing():
-    told = Told(body("plate"), body("other", task=HOLD))
+    driver = body("driver", task=HOLD, brought_by=PERSON, in_hand=(-0.1, 0.0, 0.0))
+    told = Told(body("plate"), body("other", task=HOLD), driver)
     told.goes(hand=GRASP + [0.0, 0.0, 0.1], active=GIVE, begun=GIVE).goes(hand=MEET).goes()
     assert told.handling.holder("plate") is BodyHolder.PLACE
     told.goes(hand=GRASP).goes(hand=MEET)
-    assert told.handling.holder("other") is BodyHolder.PLACE
+    assert told.handling.holder("other") is told.handling.holder("driver") is BodyHolder.PLACE
 
 
 def test_without_an_active_task_the_hand_takes_nothing_and_unknown_hands_neither():

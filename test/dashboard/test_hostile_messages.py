@@ -250,15 +250,6 @@ def test_who_is_seen_no_more_makes_room_for_somebody_new(fed):
     assert shown() == names[1:]
 
 
-def test_health_that_is_no_number_is_shown_as_it_is(fed):
-    values = [
-        KeyValue(key="rate x [Hz]", value="fast"),
-        KeyValue(key="latency p99 [ms]", value="?"),
-    ]
-    fed.hear("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="n", values=values)]))
-    assert "fast" in fed.page._nodes.content
-
-
 TOO_MUCH = [
     (["a", "a"], [0.5, 0.5], "name: expected names that differ, got ['a'] twice."),
     (["a"], [1e300], "position: expected numbers up to 1e+06, got [1.e+300]."),

@@ -86,22 +86,6 @@ def test_joint_limits_hold_under_a_push(arm, sign, guided):
     assert np.max(np.abs(arm.state().q[0])) > abs(q[0]) + 0.05
 
 
-@pytest.mark.slow
-def test_payload_is_carried(arm):
-    """Half a kilogram at the hand, as a force: sags without compensation, not with it."""
-    weight = np.array([0.0, 0.0, -0.5 * 9.81])
-    start = arm.hand_pose().position
-    sag = []
-    for mass in (0.0, 0.5):
-        arm.reset()
-        arm.set_payload(mass, (0.0, 0.0, 0.05))
-        arm.apply_force(weight, n_steps=3000, point_m=(0.0, 0.0, 0.05))
-        arm.step(3000)
-        sag.append(displacement_mm(arm, start))
-    assert 3.0 < sag[0] < 30.0
-    assert sag[1] < 0.1
-
-
 def test_a_spring_like_hand_guides_the_arm(arm):
     """Kinesthetic teaching: a hook pulls the hand toward a moving point; let go, it stops."""
     arm.set_gravity_compensation(True)

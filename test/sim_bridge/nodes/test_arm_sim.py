@@ -67,21 +67,11 @@ def test_of_commands_sent_at_once_each_is_counted(harness):
     harness.spin_until(lambda: node.diagnostics._totals["joint_trajectory"] == 3)
 
 
-@pytest.mark.slow
-def test_a_box_in_the_way_stops_it_and_is_in_the_diagnostics(harness):
+def test_a_box_that_it_touches_is_in_the_diagnostics(harness):
     robot = find_robot("lwr")
-    goal = robot.ready + [0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-    place = hand_position(robot.ready + 0.7 * (goal - robot.ready))
-    crate = "crate " + " ".join(f"{x:.3f}" for x in place) + " 0.1 0.04 0.4"
-    start = robot.ready.tolist()
-    states = harness.collect(JointState, "joint_states", STATE)
-    sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
-    node = make(harness, boxes=[crate], initial_position=start, real_time_factor=5.0, scene="none")
-    harness.spin_until(lambda: states and sender.get_subscription_count())
-    ways, rest = np.stack([robot.ready, goal]), np.zeros((2, 7))
-    sender.publish(build_joint_trajectory(robot.joint_names, np.array([0.0, 1.0]), ways, rest))
-    harness.spin_until(lambda: node.surroundings.touches and node.arm.time_s > 2.0)
-    assert states[-1].position[0] < 0.6 - 0.1
+    crate = "crate " + " ".join(f"{x:.3f}" for x in hand_position(robot.ready)) + " 0.1 0.1 0.1"
+    node = make(harness, boxes=[crate], initial_position=robot.ready.tolist(), scene="none")
+    harness.spin_until(lambda: node.surroundings.touches)
     node._report()
     status = node.diagnostics.report()
     told = {item.key: item.value for item in status.values}
