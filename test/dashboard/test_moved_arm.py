@@ -5,6 +5,7 @@ import io
 
 import numpy as np
 import pytest
+import yourdfpy
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.dashboard.cell import CellState
@@ -71,12 +72,6 @@ def test_what_is_wrong_with_a_description_is_one_line(description):
     assert finder.find(CellState(description=description)) is None
     assert "\n" not in finder.problem
     assert bool(finder.problem) == bool(description)
-
-
-yourdfpy = pytest.importorskip("yourdfpy")
-
-
-pytest.importorskip("viser")
 
 
 FINGERS = """<robot name="fingers">

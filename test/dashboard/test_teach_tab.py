@@ -74,22 +74,27 @@ def test_what_waits_or_is_recorded_by_hand_can_be_discarded(tab):
 
 
 class Graph:
-    """Answers what is asked of the teacher and the activation; refuses one of it."""
+    """Answers what is asked of other nodes; refuses one of it."""
 
     def __init__(self, refused="", activation=True, helping=True):
-        self.asked, self.said, self.helping = [], [], helping
-        self._refused, self.can_switch_help = refused, lambda: activation
+        self.asked, self.said, self.set, self.helping = [], [], {}, helping
+        self.refused, self.can_switch_help = refused, lambda: activation
         self.notify = lambda *what: self.said.append(what)
 
     def _answer(self, asked, done):
         self.asked.append(asked)
-        done(asked != self._refused, asked)
+        done(asked != self.refused, asked)
 
     def trigger(self, service, done):
         self._answer(service.removeprefix("task_teacher/"), done)
 
-    def set_parameter(self, node, name, value, done):
+    def set_parameter(self, node, name, value, done=lambda *_: None):
+        if name != self.refused:
+            self.set[node, name] = value
         self._answer(name, done)
+
+    def offers(self, service):
+        return service == SAVE
 
     def robot_helps(self, enabled, done):
         self._answer(f"help {enabled}", done)
@@ -153,23 +158,13 @@ def test_the_steps_name_the_buttons(tab):
 PATH = ("plate", np.outer(np.linspace(0.0, 1.0, 5), [0.4, 0.2, 0.1]))
 
 
-class Estimator:
-    """Takes the parameter, as the node does, and tells what is in force."""
-
-    def __init__(self):
-        self.points: tuple[ViaPoint, ...] = ()
-
-    def set_parameter(self, node, name, value):
-        assert (node, name) == ("intent_estimator", "via_points")
-        self.points = read_via_points(value)
-
-
 @pytest.fixture
 def controls(server, monkeypatch):
-    estimator = Estimator()
+    graph = Graph()
     monkeypatch.setattr(server, "get_clients", lambda: {0: None})
-    made = ViaPointControls(PageAccess(server, estimator, lambda action: action()))
-    return SimpleNamespace(made=made, estimator=estimator, handle=made._handle)
+    made = ViaPointControls(PageAccess(server, graph, lambda action: action()))
+    points = lambda: read_via_points(graph.set.get(("intent_estimator", "via_points"), ""))  # noqa: E731
+    return SimpleNamespace(made=made, points=points, handle=made._handle)
 
 
 def drag(controls, place, phase):
@@ -178,7 +173,7 @@ def drag(controls, place, phase):
 
 
 def test_what_is_dropped_passes_there_until_it_is_removed(controls):
-    made, estimator = controls.made, controls.estimator
+    made, points = controls.made, controls.points
     made.update((), PATH)
     assert not controls.handle.visible, "it is shown on demand"
     made._drag.value = True
@@ -187,63 +182,49 @@ def test_what_is_dropped_passes_there_until_it_is_removed(controls):
     drag(controls, (0.25, 0.1, 0.05), "start")
     made.update((), (PATH[0], PATH[1] + 1.0))
     np.testing.assert_allclose(controls.handle.position, [0.2, 0.1, 0.05], err_msg="it is held")
-    assert estimator.points == ()
+    assert points() == ()
     drag(controls, (0.25, 0.1, 0.05), "end")
     expected = ViaPoint("page 1", {"hand": (0.25, 0.1, 0.05)}, (0.01,) * 3, 0.5, None, "plate")
-    assert estimator.points == (expected,)
-    made.update(estimator.points, PATH)
+    assert points() == (expected,)
+    made.update(points(), PATH)
     np.testing.assert_allclose(controls.handle.position, [0.2, 0.1, 0.05])
     drag(controls, (0.3, 0.0, 0.0), "end")
-    made.update(estimator.points, PATH)
+    made.update(points(), PATH)
     assert made._chosen.options == ("page 1", "page 2") and made._chosen.value == "page 2"
     made._chosen.value = "page 1"
     made.remove()
-    made.update(estimator.points, PATH)
-    assert [point.name for point in estimator.points] == ["page 2"]
+    made.update(points(), PATH)
+    assert [point.name for point in points()] == ["page 2"]
     made.remove()
-    made.update(estimator.points, PATH)
-    assert made._remove.disabled and estimator.points == ()
+    made.update(points(), PATH)
+    assert made._remove.disabled and points() == ()
 
 
 def test_before_a_prediction_there_is_nothing_to_drag(controls):
     controls.made._drag.value = True
     controls.made.update((), None)
     drag(controls, (0.3, 0.0, 0.0), "end")
-    assert not controls.handle.visible and controls.estimator.points == ()
+    assert not controls.handle.visible and controls.points() == ()
 
 
 CHAIN = WorkPlan(tuple(WorkStep(n, n, 0.9) for n in "abc"), {("a", "b"): 0.9, ("b", "c"): 0.9})
 
 
-class PlanHolder:
-    """Takes the parameter as the node does, or refuses."""
-
-    def __init__(self):
-        self.state, self.refusal, self.called, self.told = CellState(plan=CHAIN), "", [], []
-
-    def set_parameter(self, node, name, value, done):
-        assert (node, name) == ("intent_estimator", "plan")
-        if not self.refusal:
-            self.state.plan = read_plan(value)
-        done(not self.refusal, self.refusal)
-
-    def notify(self, ok, text):
-        self.told.append((ok, text))
-
-    def trigger(self, service):
-        self.called.append(service)
-
-    def offers(self, service):
-        return service == SAVE
-
-
 @pytest.fixture
 def shown(server):
-    estimator = PlanHolder()
-    panel = PlanPanel(PageAccess(server, estimator, lambda action: None))
+    """A panel of a plan that is in force as it was set, and how it is pressed."""
+    graph, state = Graph(), CellState(plan=CHAIN)
+    panel = PlanPanel(PageAccess(server, graph, lambda action: None))
+    panel.update(state)
+
+    def plan():
+        if text := graph.set.get(("intent_estimator", "plan")):
+            state.plan = read_plan(text)
+        panel.update(state)
+        panel.update_controls()
+        return state.plan
 
     def press(step, change="", wait="", other=""):
-        panel.update(estimator.state)
         panel._step.value = step
         if change:
             panel._change.value = change
@@ -251,11 +232,9 @@ def shown(server):
         else:
             panel._other.value, panel._wait.value = other, wait
             panel._press_wait()
-        panel.update(estimator.state)
-        panel.update_controls()
-        return estimator.state.plan
+        return plan()
 
-    return SimpleNamespace(panel=panel, estimator=estimator, press=press)
+    return SimpleNamespace(panel=panel, graph=graph, press=press, plan=plan, state=state)
 
 
 def test_steps_are_moved_required_forgotten_and_made_to_wait(shown):
@@ -267,27 +246,25 @@ def test_steps_are_moved_required_forgotten_and_made_to_wait(shown):
     assert shown.press("a", "Forget").names == ("b", "c")
     assert shown.panel._step.options == ("b", "c")
     assert shown.panel._step.value == "c"  # the last one, since what was chosen is gone
-    assert [ok for ok, _ in shown.estimator.told] == [True] * 6
+    assert [ok for ok, _ in shown.graph.said] == [True] * 6
 
 
 def test_each_change_can_be_taken_back_and_a_refused_one_is_none(shown):
-    panel, estimator = shown.panel, shown.estimator
-    estimator.refusal = "no step of these tasks"
+    panel, graph = shown.panel, shown.graph
+    graph.refused = "plan"
     shown.press("a", "Forget")
-    assert estimator.told == [(False, estimator.refusal)] and panel._undo.disabled
-    estimator.refusal = ""
+    assert graph.said == [(False, "plan")] and panel._undo.disabled
+    graph.refused = ""
     shown.press("a", "Forget")
     shown.press("c", "Require")
-    estimator.refusal = "it has not answered the last call yet"
+    graph.refused = "plan"
     panel._press_undo()
-    estimator.refusal = ""
+    graph.refused = ""
     for names in (("b", "c"), CHAIN.names, CHAIN.names):
         panel._press_undo()
-        assert estimator.state.plan.names == names
-    panel.update(estimator.state)
-    panel.update_controls()
+        assert shown.plan().names == names
     assert panel._undo.disabled
-    np.testing.assert_allclose(estimator.state.plan.before, CHAIN.before)
+    np.testing.assert_allclose(shown.plan().before, CHAIN.before)
 
 
 def test_what_cannot_be_is_said_and_nothing_is_sent(shown):
@@ -298,11 +275,12 @@ def test_what_cannot_be_is_said_and_nothing_is_sent(shown):
     shown.panel._step.value = "no step any more"
     with pytest.raises(ArgumentError, match="it has changed"):
         shown.panel._press_change()
-    assert not shown.estimator.told
+    assert not shown.graph.asked
 
 
 def test_without_a_plan_there_is_no_folder_and_nothing_is_done(shown):
-    shown.estimator.state.plan = None
+    shown.state.plan = None
+    shown.plan()
     shown.press("a", "Forget")
     shown.press("a", wait=MUST, other="b")
-    assert not shown.panel._folder.visible and not shown.estimator.told
+    assert not shown.panel._folder.visible and not shown.graph.asked

@@ -82,7 +82,6 @@ def test_commands_wait_are_late_or_replace_one_that_waits():
     assert np.allclose(both[0], np.interp(np.linspace(0.5, 0.9999, 50),
                        np.linspace(0.0, 1.0, 100), alone[0][:, 0])[:, None], atol=1e-4)  # fmt: skip
     assert np.allclose(follower.sample(10.0).position, -0.5)
-    times, q, qd, qdd = quintic_rows(REST, np.full(7, 0.5), 2.0, 9)
     follower = TrajectoryFollower(q[4])
     follower.accept(command(times, q, qd, qdd, start_s=4.0, now_s=5.0), 5.0)
     # The second half is followed once the difference in velocity has faded.

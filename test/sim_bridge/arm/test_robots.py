@@ -136,7 +136,6 @@ def test_links_without_inertia_get_a_usual_one_and_frames_weigh_nothing(tmp_path
         np.testing.assert_allclose(arm.state().q, [0.5], atol=1e-9)
     path.write_text(robot.source)
     assert not find_robot(str(path)).weighed
-    path = tmp_path / "robot.urdf"
     frame = '<joint name="at" type="fixed"><parent link="arm"/><child link="tool0"/></joint>'
     path.write_text(ONE.replace("</robot>", f'<link name="tool0"/>{frame}</robot>'))
     robot = find_robot(str(path))

@@ -5,6 +5,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -39,14 +40,16 @@ def make(**overrides) -> CoworkerSim:
     return CoworkerSim(parameter_overrides=[Parameter(k, value=v) for k, v in values.items()])
 
 
+def at(time_ns):
+    return Clock(clock=Time(nanoseconds=time_ns).to_msg())
+
+
 def play(harness, node, clock, step_ns=5_000_000):
     """Advance /clock by one step whenever the executor has dispatched, until the session ends."""
     now = [1_000_000_000]
 
     def advance():
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(now[0], 10**9)
-        clock.publish(message)
+        clock.publish(at(now[0]))
         now[0] += step_ns
         return node.done
 
@@ -126,11 +129,9 @@ def test_waits_for_subscribers_and_for_the_clock(harness):
     harness.spin_until(lambda: len(ticks) >= 4)
     assert node.first_stamp_ns == 0
     harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
-    message = Clock()
-    message.clock.sec = 7
 
     def begin():
-        clock.publish(message)
+        clock.publish(at(7_000_000_000))
         return node.first_stamp_ns
 
     assert harness.spin_until(begin, what="begin of the session") == 7_000_000_000
@@ -144,16 +145,13 @@ def test_where_time_waits_for_answers_the_session_begins_with_a_time_of_the_cloc
     node = harness.add(make(use_sim_time=True))
     clock = harness.publisher(Clock, "/clock", 10)
     harness.connect(clock)
-    message = Clock()
-    message.clock.sec = 7
-    clock.publish(message)
+    clock.publish(at(7_000_000_000))
     harness.spin_until(
         lambda: [s for r in reports for s in r.status if s.message == "running"],
         what="a worker who is ready",
     )
     assert node.first_stamp_ns == 0
-    message.clock.nanosec = 5_000_000
-    clock.publish(message)
+    clock.publish(at(7_005_000_000))
     harness.spin_until(lambda: node.first_stamp_ns, what="begin of the session")
     assert node.first_stamp_ns == 7_005_000_000
 

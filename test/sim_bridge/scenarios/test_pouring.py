@@ -105,7 +105,6 @@ def test_pieces_are_the_container_less_the_margin_and_its_shell_a_wall_thick(nam
         low, high = container.mesh.bounds
         assert np.all(corners > low + 0.5 * HULL_MARGIN_M)
         assert np.all(corners < high - 0.5 * HULL_MARGIN_M)
-    container = make_container(name)
     sections = container.sections
     for piece in shell_pieces(container)[1 : 1 + N_CORNERS]:
         at = np.interp(piece[:, 2], sections.heights_m, np.arange(len(sections.heights_m)))

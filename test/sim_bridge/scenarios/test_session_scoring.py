@@ -52,8 +52,9 @@ def score_first(log, plan, **options):
 
 def test_numbers_of_an_interaction_are_those_of_the_topics_and_nothing_activated_is_a_miss():
     plan, log = session()
-    records, traces = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))
-    record, interaction = records[0], plan.interactions[0]
+    assert first_sample_ns(log, plan) == FIRST_NS
+    (record, missed), traces = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))
+    interaction = plan.interactions[0]
     movement = interaction.end_s - interaction.onset_s
     assert record.recognised == TASK
     assert record.decision_time_s == pytest.approx(1.0, abs=1e-6)
@@ -68,13 +69,9 @@ def test_numbers_of_an_interaction_are_those_of_the_topics_and_nothing_activated
     assert len(traces) == 2
     assert traces[0]["share"].min() >= 0.0
     assert traces[0]["share"].max() <= 1.0
-    plan, log = session()
-    assert first_sample_ns(log, plan) == FIRST_NS
-    plan, log = session()
-    records, _ = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))
-    assert records[1].recognised == "none"
-    assert records[1].hand_error_m is None
-    assert not records[1].right
+    assert missed.recognised == "none"
+    assert missed.hand_error_m is None
+    assert not missed.right
     plan, log = session(task="screw_handover")
     record = score_first(log, plan)
     assert record.recognised == "screw_handover"
