@@ -123,13 +123,6 @@ def draw_weights(library: TaskLibrary, task: int, rng: np.random.Generator) -> n
     return flat.reshape(-1, library.basis.n_basis)
 
 
-def draw_duration(library: TaskLibrary, task: int, rng: np.random.Generator) -> float:
-    """One duration from the timing prior, seconds."""
-    return float(
-        np.exp(rng.normal(library.log_duration_mean[task], library.log_duration_std[task]))
-    )
-
-
 def signals(
     names: tuple[str, ...], groups: tuple[int, ...], stamps_ns: np.ndarray, values, unit: str
 ) -> tuple[Signal, ...]:
@@ -152,7 +145,8 @@ def simulate(
     weights: np.ndarray | None = None,
 ) -> Demonstration:
     """A recording drawn from the library: weights, duration and noise at random unless given."""
-    duration = draw_duration(library, task, rng) if duration_s is None else duration_s
+    timing = library.log_duration_mean[task], library.log_duration_std[task]
+    duration = float(np.exp(rng.normal(*timing))) if duration_s is None else duration_s
     w = draw_weights(library, task, rng) if weights is None else weights
     if n_samples is None:
         times = np.arange(-rest_before_s, duration + rest_after_s + 1e-9, 1.0 / rate_hz)

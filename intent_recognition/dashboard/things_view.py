@@ -24,6 +24,7 @@ class ThingsView:
         for thing in scene.furniture:
             add_thing(server, "furniture", thing, rgb(GREY))
         grey = rgb(NONE_COLOUR)
+        self._drawn: dict[str, Floats] = {}
         self._shown = [(body, *add_thing(server, "bodies", body, grey)) for body in scene.bodies]
 
     def update(self, moment: HandlingMoment, colours: Mapping[str, str]) -> None:
@@ -31,7 +32,9 @@ class ThingsView:
         self.handling.update(moment)
         for body, frame, parts in self._shown:
             pose = self.handling.pose(body.name)
-            frame.position, frame.wxyz = pose[:3, 3], quaternions(pose[:3, :3])
+            if pose is not self._drawn.get(body.name):  # it is not another while it rests
+                self._drawn[body.name] = pose
+                frame.position, frame.wxyz = pose[:3, 3], quaternions(pose[:3, :3])
             for handle, part in zip(parts, body.parts, strict=True):
                 if not part.colour:
                     handle.color = rgb(colours.get(body.task, NONE_COLOUR))

@@ -23,7 +23,6 @@ class Pacer:
     dropped, so that a slow machine shows slow motion instead of falling ever further behind.
 
     Args:
-        step_s: simulated time of one step.
         factor: simulated seconds per second of the clock; also an attribute.
         largest_batch: most steps to return at once, so that messages are handled in between.
 
@@ -31,8 +30,8 @@ class Pacer:
         dropped_s: simulated time that was dropped.
     """
 
-    def __init__(self, step_s: float, factor: float, largest_batch: int) -> None:
-        self._step_s, self.factor, self._largest_batch = step_s, factor, largest_batch
+    def __init__(self, factor: float, largest_batch: int) -> None:
+        self.factor, self._largest_batch = factor, largest_batch
         self.begun, self.dropped_s = False, 0.0
         self._origin_s, self._window = 0.0, (0.0, 0)
 
@@ -51,23 +50,23 @@ class Pacer:
         elif lag_s < -LONGEST_LAG_S:  # the clock was set back: go on from there
             self._origin_s += lag_s / self.factor
             lag_s = 0.0
-        return max(0, min(int(lag_s / self._step_s + 1e-6), self._largest_batch))
+        return max(0, min(int(lag_s / TIME_STEP_S + 1e-6), self._largest_batch))
 
     def lag(self, now_s: float, n_done: int) -> float:
         """Return the simulated time by which the physics is behind the clock [s]."""
-        return (now_s - self._origin_s) * self.factor - n_done * self._step_s
+        return (now_s - self._origin_s) * self.factor - n_done * TIME_STEP_S
 
     def change_factor(self, factor: float, now_s: float, n_done: int) -> None:
         """Change the factor from now on; the lag in simulated time stays the same."""
         lag_s = self.lag(now_s, n_done)
         self.factor = factor
-        self._origin_s = now_s - (n_done * self._step_s + lag_s) / factor
+        self._origin_s = now_s - (n_done * TIME_STEP_S + lag_s) / factor
 
     def achieved_factor(self, now_s: float, n_done: int) -> float:
         """Return simulated seconds per second of the clock since the last call."""
         since_s, n_then = self._window
         self._window = (now_s, n_done)
-        return (n_done - n_then) * self._step_s / max(now_s - since_s, 1e-9)
+        return (n_done - n_then) * TIME_STEP_S / max(now_s - since_s, 1e-9)
 
 
 class PhysicsClock:
@@ -88,7 +87,7 @@ class PhysicsClock:
         self.follows = node.get_parameter("use_sim_time").value and not publishes
         # fewer messages than a queue holds (`qos.STATE`)
         batch = max(1, int(8 / (rate_hz * TIME_STEP_S)))
-        self.pacer = Pacer(TIME_STEP_S, 1.0 if self.follows else factor, batch)
+        self.pacer = Pacer(1.0 if self.follows else factor, batch)
 
     def now_s(self) -> float:
         """Time of the clock that paces the physics [s]."""

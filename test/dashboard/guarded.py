@@ -39,16 +39,17 @@ class Visited:
     def cookie(self):
         return f"intent_page_{self.port}={TOKEN}"
 
-    def headers(self, **changed):
-        own = {"Host": f"127.0.0.1:{self.port}", "Cookie": self.cookie}
-        given = own | {name.replace("_", "-"): value for name, value in changed.items()}
+    def headers(self, changed, **own):
+        """The cookie and others, but for what is changed; None leaves one out."""
+        given = own | {"Cookie": self.cookie}
+        given |= {name.replace("_", "-"): value for name, value in changed.items()}
         return {name: value for name, value in given.items() if value is not None}
 
     def get(self, path="/", **changed):
         """Status, headers and text of a page."""
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
         connection.putrequest("GET", path, skip_host=True)
-        for name, value in self.headers(**changed).items():
+        for name, value in self.headers(changed, Host=f"127.0.0.1:{self.port}").items():
             connection.putheader(name, value)
         connection.endheaders()
         answer = connection.getresponse()
@@ -59,12 +60,10 @@ class Visited:
 
     def connect(self, **changed):
         """A connection as that of a page."""
-        headers = {"Cookie": self.cookie, "Origin": f"http://127.0.0.1:{self.port}"}
-        given = headers | {name.replace("_", "-"): value for name, value in changed.items()}
         return connect(
             f"ws://127.0.0.1:{self.port}",
             subprotocols=[f"viser-v{viser.__version__}"],
-            additional_headers={k: v for k, v in given.items() if v is not None},
+            additional_headers=self.headers(changed, Origin=f"http://127.0.0.1:{self.port}"),
             max_size=None,
         )
 

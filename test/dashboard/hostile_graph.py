@@ -18,13 +18,13 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.composing import ViaPoint, write_via_points
 from intent_recognition.dashboard import browser_messages, server
 from intent_recognition.dashboard.cell import SkillRow
+from intent_recognition.dashboard.commands import ESTIMATOR, TEACHER
 from intent_recognition.dashboard.node import Dashboard
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.model import TO_KEEP, TO_UNDO
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import key_values
 
-TEACHER, ESTIMATOR = "task_teacher", "intent_estimator"
 SERVICES = ("start", "stop", "learn", "discard", "undo", "keep", "accept", "save_plan")
 SAVE = SERVICES[-1]
 TASK = "plate"

@@ -9,6 +9,7 @@ import pytest
 from dashboard.test_hostile_messages import Fed
 from geometry_msgs.msg import PoseStamped
 from kinematics.robots import lwr_urdf
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -118,7 +119,7 @@ def test_all_of_the_scene_is_drawn_and_the_figure_comes_with_the_wrist(fed):
     wrist = np.array([0.0, 0.0, scene.person.arm_m[1]])
     for name in (FOREARM, *map(str, list(PurePosixPath(FOREARM).parents)[:-1])):  # to the root
         frame = shown(fed, name)
-        wrist = frame.position + rotated(frame.wxyz, wrist)
+        wrist = frame.position + Rotation.from_quat(np.roll(frame.wxyz, -1)).apply(wrist)
     np.testing.assert_allclose(wrist, WRIST, atol=5e-4)
 
 
@@ -146,12 +147,6 @@ def test_the_truth_says_what_the_person_holds(fed):
     fed.hear("/mocap/wrist/pose", pose(WRIST))
     at = shown(fed, "/bodies/screwdriver").position
     np.testing.assert_allclose(at, WRIST + [-0.1, 0.0, 0.0], atol=1e-3)
-
-
-def rotated(wxyz, vector):
-    """A vector (3,) turned by a quaternion."""
-    w, axis = wxyz[0], np.asarray(wxyz[1:])
-    return vector + 2.0 * np.cross(axis, np.cross(axis, vector) + w * vector)
 
 
 def test_a_slow_browser_gets_the_lights_before_what_they_shine_on(fed):

@@ -5,9 +5,9 @@ import asyncio
 import base64
 import hashlib
 import logging
+import os
 import resource
 import socket
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -16,6 +16,7 @@ from dashboard.browser import free_port
 from dashboard.guarded import TOKEN, eventually, guarded
 from websockets.exceptions import InvalidStatus
 
+from benchmarks.browser import resident_mb
 from intent_recognition.dashboard import server as served
 from intent_recognition.dashboard.admission import IDLE_S, answers, script_sources
 from intent_recognition.dashboard.welcome import ALWAYS, AUTO, LIGHT, NEVER, PLAIN
@@ -225,7 +226,7 @@ def test_a_browser_that_does_not_read_is_cut_off_and_holds_little(monkeypatch):
         for connection in connections:
             await page.enter(connection)
             connection.transport.pause_reading()
-        before = _resident_mb()
+        before = resident_mb(os.getpid())
         noise = np.random.default_rng(0).normal(size=(20_000, 3)).astype(np.float32)
         for k in range(400):
             page.server.scene.add_point_cloud("/cloud", noise + k, noise)
@@ -233,17 +234,12 @@ def test_a_browser_that_does_not_read_is_cut_off_and_holds_little(monkeypatch):
             if not page.server._websock_server._live_connections:
                 break
         await eventually(lambda: not page.server._websock_server._live_connections)
-        assert _resident_mb() - before < 100.0
+        assert resident_mb(os.getpid()) - before < 100.0
         for connection in connections:
             connection.transport.abort()
 
     with guarded() as page:
         asyncio.run(visit(page))
-
-
-def _resident_mb():
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * resource.getpagesize() / 1e6
 
 
 def test_scripts_are_known_by_their_hashes():

@@ -16,7 +16,7 @@ from sim_bridge.nodes.physics_clock import Pacer, PhysicsClock
 
 def paced(factor, start_s, largest_batch=40):
     """A pacer whose clock stands at a time."""
-    pacer = Pacer(0.001, factor, largest_batch)
+    pacer = Pacer(factor, largest_batch)
     assert pacer.due(start_s, 0) == 0 and pacer.begun
     return pacer
 
@@ -49,7 +49,7 @@ def test_a_backlog_is_caught_up_in_batches_or_dropped_and_clocks_may_be_set_back
     pacer = paced(2.0, 10.0)
     assert pacer.due(9.0, 0) == 0
     assert pacer.due(9.01, 0) == 20
-    pacer = Pacer(0.001, 1.0, 40)
+    pacer = Pacer(1.0, 40)
     assert pacer.due(0.0, 0) == 0 and not pacer.begun
 
 
