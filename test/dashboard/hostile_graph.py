@@ -10,12 +10,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
-from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.composing import ViaPoint, write_via_points
+from intent_recognition.composing import ViaPoint
 from intent_recognition.dashboard import browser_messages, server
 from intent_recognition.dashboard.cell import SkillRow
 from intent_recognition.dashboard.commands import ESTIMATOR, TEACHER
@@ -23,7 +21,7 @@ from intent_recognition.dashboard.node import Dashboard
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.model import TO_KEEP, TO_UNDO
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.diagnostics import key_values
+from intent_recognition.plans import read_plan
 
 SERVICES = ("start", "stop", "learn", "discard", "undo", "keep", "accept", "save_plan")
 SAVE = SERVICES[-1]
@@ -61,22 +59,15 @@ class Graph:
         ):
             note = lambda message, topic=topic: self.heard.append((topic, message))  # noqa: E731
             harness.probe.create_subscription(kind, topic, note, profile)
-        self._latched = harness.publisher(String, "intent/active_task", qos.LATCHED)
-        self._via = harness.publisher(String, "intent/via_points", qos.LATCHED)
-        self._plan = harness.publisher(DiagnosticStatus, "intent/plan", qos.LATCHED)
-        self._joints = harness.publisher(JointState, "joint_states", qos.STATE)
-        harness.connect(self._joints, self._latched, self._via, self._plan)
-        self._joints.publish(JointState(name=list(JOINT_NAMES), position=[0.1] * 7))
-        page = self.page
-        self.node.state.skills = {TASK: [SkillRow("learned 00", {TO_KEEP: "yes", TO_UNDO: "yes"})]}
+        page, state = self.page, self.node.state
+        state.take_joints(JOINT_NAMES, [0.1] * 7, np.inf)
+        state.skills = {TASK: [SkillRow("learned 00", {TO_KEEP: "yes", TO_UNDO: "yes"})]}
         harness.spin_until(lambda: page._teach._record.visible and not page._skills._undo.disabled)
-        harness.spin_until(lambda: self.node.state.joints)
 
     def begin(self):
         """A task is executed, via point and plan in force, the predicted path to be dragged."""
-        self._latched.publish(String(data=TASK))
-        self._via.publish(String(data=write_via_points([POINT])))
-        self._plan.publish(DiagnosticStatus(values=key_values({"yaml": PLAN})))
+        state = self.node.state
+        state.active, state.via_points, state.plan = TASK, (POINT,), read_plan(PLAN)
         self.page._scene.hand_path = PATH
         self.page._via._drag.value = True
         skills, via = self.page._skills, self.page._via
