@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import viser
 import yourdfpy
-from scipy.spatial.transform import Rotation
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 from viser.extras import ViserUrdf
 
 from intent_recognition.array_types import Floats
+from intent_recognition.dashboard.things_view import quaternions
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Chain, joint_poses, tip_poses
 from intent_recognition.motion import is_hand
@@ -120,7 +120,7 @@ class _MovingUrdf(ViserUrdf):
         """Move the named joints to positions (d,) [rad or m]."""
         values = joint_values(self._all, names, positions[None])[0]
         poses = joint_poses(self._local, values)
-        wxyz = np.roll(Rotation.from_matrix(poses[:, :3, :3]).as_quat(), 1, axis=1)
+        wxyz = quaternions(poses[:, :3, :3])
         for k, frame in enumerate(self._joint_frames):
             if self._all[k].type in TURNING:
                 frame.wxyz = wxyz[k]

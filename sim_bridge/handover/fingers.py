@@ -6,6 +6,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import parse_xml
 from intent_recognition.transfer import Holding
 from sim_bridge import GRAVITY_M_S2
@@ -50,7 +51,11 @@ def _that_grip(names: list[str]) -> list[str]:
 
 
 class Fingers:
-    """The two fingers of a simulated arm (see `with_fingers`), pressed together by a force."""
+    """The two fingers of a simulated arm, pressed together by a force.
+
+    Raises:
+        ArgumentError: the arm does not have two sliding fingers.
+    """
 
     def __init__(self, arm: SimulatedArm) -> None:
         self._client, self._body = arm.client, arm.body
@@ -60,6 +65,9 @@ class Fingers:
         numbers = {j[1].decode(): j[0] for j in joints if j[2] == pybullet.JOINT_PRISMATIC}
         found = _that_grip([name for name in arm.others.names if name in numbers])
         self.links = tuple(numbers[name] for name in found)
+        if len(self.links) != 2:
+            cure = "Give it a gripper by `with_fingers`."
+            raise ArgumentError.about("arm", "two fingers", arm.others.names, cure)
         for link in self.links:
             # Soft pads: hard faces hold by one edge, and objects rock with less damping.
             self._client.changeDynamics(
