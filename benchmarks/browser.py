@@ -126,7 +126,7 @@ def chromium() -> str | None:
 @contextmanager
 def open_page(url: str, width: int, height: int) -> Iterator[OpenPage]:
     """A browser with a fresh profile, and the page open in it."""
-    with _browser(width, height) as (browser, page):
+    with fresh_page(width, height) as (browser, page):
         calm(page, FRAMES_HZ)
         page.goto(url)
         page.wait_for_function("() => window.__viserMutable && window.__viserMutable.scene")
@@ -135,7 +135,7 @@ def open_page(url: str, width: int, height: int) -> Iterator[OpenPage]:
 
 def first_sight_s(url: str, width: int, height: int, node: str) -> float:
     """Time from the address to the first whole frame that has a node of the scene [s]."""
-    with _browser(width, height) as (_, page):
+    with fresh_page(width, height) as (_, page):
         started_s = time.monotonic()
         page.goto(url)
         page.wait_for_function(SEEN, arg=node)
@@ -144,7 +144,7 @@ def first_sight_s(url: str, width: int, height: int, node: str) -> float:
 
 
 @contextmanager
-def _browser(width: int, height: int) -> Iterator[tuple["Browser", "Page"]]:
+def fresh_page(width: int, height: int) -> Iterator[tuple["Browser", "Page"]]:
     """A browser with a fresh profile, and one empty page."""
     from playwright.sync_api import sync_playwright
 

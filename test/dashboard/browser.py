@@ -15,7 +15,7 @@ from benchmarks import browser
 from intent_recognition.dashboard.admission import answers
 
 WIDTH, HEIGHT, PANEL = 1280, 800, 390
-DEADLINE_S = 120.0
+DEADLINE_S = browser.OPEN_S
 TOKEN = "token-of-the-tests"
 os.environ["INTENT_PAGE_TOKEN"] = TOKEN
 FRAMES_HZ = 8.0
@@ -51,15 +51,13 @@ LOOK = """async () => {
 """One whole frame is drawn between two frames of which parts may be missing."""
 
 
-def chromium() -> str:
-    """Path of the browser; without one the test is skipped, but not where CI runs."""
-    path = browser.chromium()
-    if path is None:
+def chromium() -> None:
+    """Without a browser the test is skipped, but not where CI runs."""
+    if browser.chromium() is None:
         reason = "no chromium: sudo .ci/install_system_packages"
         if os.environ.get("CI"):
             pytest.fail(reason)
         pytest.skip(reason)
-    return path
 
 
 def free_port() -> int:
@@ -79,7 +77,6 @@ class Visitor:
 
     def __init__(self, page):
         self.page = page
-        page.set_default_timeout(1000 * DEADLINE_S)
         page.add_locator_handler(page.locator(LOST), lambda: page.reload())
         self.requests: list[str] = []
         page.on("request", lambda request: self.requests.append(request.url))
@@ -160,18 +157,12 @@ class Visitor:
 @contextmanager
 def visitor():
     """A visitor with a fresh profile."""
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as driver:
-        opened = driver.chromium.launch(executable_path=chromium(), args=list(browser.FLAGS))
+    chromium()
+    with browser.fresh_page(WIDTH, HEIGHT) as (_, page):
+        browser.calm(page, FRAMES_HZ)
+        page.add_init_script(BLIND)
+        person = Visitor(page)
         try:
-            page = opened.new_page(viewport={"width": WIDTH, "height": HEIGHT})
-            browser.calm(page, FRAMES_HZ)
-            page.add_init_script(BLIND)
-            person = Visitor(page)
-            try:
-                yield person
-            finally:
-                print(*person.console, sep="\n")  # pytest shows it if the test fails
+            yield person
         finally:
-            opened.close()
+            print(*person.console, sep="\n")  # pytest shows it if the test fails

@@ -30,7 +30,7 @@ def handing_over(arm: str) -> dict[str, dict[str, object]]:
     Raises:
         IntentError: there is no such arm, or its hand cannot reach the place where it waits.
     """
-    robot = _with_fingers(arm)
+    robot = with_fingers(find_robot(arm or "lwr"))
     own = by_force_with(robot, ONE_HOLDS_S)
     if arm:
         home = ToolboxArm(robot).home.tolist()
@@ -43,8 +43,4 @@ def handing_over(arm: str) -> dict[str, dict[str, object]]:
 
 def describe_with_fingers(arm: str) -> str:
     """URDF for viewers of an arm with fingers, as the arm's node publishes it."""
-    return _with_fingers(arm).description
-
-
-def _with_fingers(arm: str) -> Robot:
-    return with_fingers(find_robot(arm or "lwr"))
+    return with_fingers(find_robot(arm or "lwr")).description
