@@ -3,6 +3,7 @@
 
 import asyncio
 import http.client
+import time
 from contextlib import contextmanager
 
 import msgspec
@@ -74,10 +75,9 @@ class Visited:
 class Guarded(Visited):
     """A served page with one button, and what came of it."""
 
-    def __init__(self, port, server, operator):
+    def __init__(self, port, server, refused):
         super().__init__(port)
-        self.server, self.operator = server, operator
-        self.pressed, self.refused = [], []
+        self.server, self.refused, self.pressed = server, refused, []
         self.button = server.gui.add_checkbox("press", False)
         self.button.on_update(lambda event: self.pressed.append(event.client_id))
 
@@ -86,16 +86,12 @@ class Guarded(Visited):
 
 
 @contextmanager
-def guarded(read_only=False, clock=None, **options):
-    port = free_port()
-    operator = Operator(read_only) if clock is None else Operator(read_only, clock)
-    refused = []
-    admission = Admission("127.0.0.1", port, TOKEN)
-    server = serve_page("127.0.0.1", port, "test", admission, operator, refused.append, **options)
-    page = Guarded(port, server, operator)
-    page.refused = refused
+def guarded(clock=time.monotonic, **options):
+    port, refused = free_port(), []
+    parts = Admission("127.0.0.1", port, TOKEN), Operator(clock=clock), refused.append
+    server = serve_page("127.0.0.1", port, "test", *parts, **options)
     try:
-        yield page
+        yield Guarded(port, server, refused)
     finally:
         server.stop()
 
