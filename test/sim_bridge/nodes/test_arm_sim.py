@@ -27,15 +27,11 @@ from sim_bridge.nodes.pouring_scene import PouringScene
 from sim_bridge.scenarios.pouring.live import LiveCounts
 
 
-def make(harness, **parameters):
-    return harness.node(ArmSim, **parameters)
-
-
 def test_a_panda_follows_a_trajectory_and_shows_its_fingers(harness):
     robot = find_robot("panda")
     states = harness.collect(JointState, "joint_states", STATE)
     sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
-    node = make(harness, robot="panda", real_time_factor=5.0)
+    node = harness.node(ArmSim, robot="panda", real_time_factor=5.0)
     descriptions = harness.collect(String, "robot_description", LATCHED)  # late
     harness.spin_until(lambda: states and descriptions and sender.get_subscription_count())
     fingers = ["panda_finger_joint1", "panda_finger_joint2"]
@@ -58,7 +54,7 @@ def test_of_commands_sent_at_once_each_is_counted(harness):
     """Simulated time would wait in vain for one that a newer one had replaced unseen."""
     robot = find_robot("panda")
     sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
-    node = make(harness, robot="panda")
+    node = harness.node(ArmSim, robot="panda")
     harness.connect(sender)
     ways, rest = np.stack([robot.ready, robot.ready]), np.zeros((2, 7))
     for _ in range(3):
@@ -70,7 +66,7 @@ def test_of_commands_sent_at_once_each_is_counted(harness):
 def test_a_box_that_it_touches_is_in_the_diagnostics(harness):
     robot = find_robot("lwr")
     crate = "crate " + " ".join(f"{x:.3f}" for x in hand_position(robot.ready)) + " 0.1 0.1 0.1"
-    node = make(harness, boxes=[crate], initial_position=robot.ready.tolist(), scene="none")
+    node = harness.node(ArmSim, boxes=[crate], initial_position=robot.ready.tolist(), scene="none")
     harness.spin_until(lambda: node.surroundings.touches)
     node._report()
     status = node.diagnostics.report()
@@ -80,7 +76,7 @@ def test_a_box_that_it_touches_is_in_the_diagnostics(harness):
 
 def test_where_it_stands_and_begins_can_be_told(harness):
     start = (find_robot("iiwa").ready + 0.1).tolist()
-    node = make(harness, robot="iiwa", base_position=[0.2, 0.0, 0.1], initial_position=start)
+    node = harness.node(ArmSim, robot="iiwa", base_position=[0.2, 0.0, 0.1], initial_position=start)
     assert node.arm.robot.base_position_m == (0.2, 0.0, 0.1)
     np.testing.assert_allclose(node.arm.state().q, start)
 
@@ -101,7 +97,7 @@ def test_where_it_stands_and_begins_can_be_told(harness):
 )
 def test_wrong_parameters_are_named(harness, parameters, error, message):
     with pytest.raises(error, match=message):
-        make(harness, **parameters)
+        harness.node(ArmSim, **parameters)
 
 
 def fetch_and_carry() -> JointTrajectory:

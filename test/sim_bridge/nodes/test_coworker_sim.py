@@ -3,7 +3,6 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
@@ -35,9 +34,8 @@ SESSION = {
 }
 
 
-def make(**overrides) -> CoworkerSim:
-    values = {**SESSION, **overrides}
-    return CoworkerSim(parameter_overrides=[Parameter(k, value=v) for k, v in values.items()])
+def make(harness, **overrides) -> CoworkerSim:
+    return harness.node(CoworkerSim, **SESSION | overrides)
 
 
 def at(time_ns):
@@ -61,7 +59,7 @@ def play(harness, node, clock, step_ns=5_000_000):
 def played(harness):
     poses = harness.collect(PoseStamped, "mocap/wrist/pose", LISTENER)
     labels = harness.collect(String, "coworker/task", STATE)
-    node = harness.add(make(use_sim_time=True))
+    node = make(harness, use_sim_time=True)
     play(harness, node, harness.publisher(Clock, "/clock", 10))
     expected = plan_session(5, TASKS, TIMING)
     harness.spin_until(lambda: len(labels) == 6, what="six labels")
@@ -86,7 +84,7 @@ def test_each_of_several_people_has_a_session_and_topics_of_their_own(harness):
     labels = {p: harness.collect(String, f"coworker/{p}/task", STATE) for p in people}
     poses = {p: harness.collect(PoseStamped, f"mocap/{p}/wrist/pose", LISTENER) for p in people}
     lists = "plate_handover;screw_handover,screw_handover"
-    node = harness.add(make(use_sim_time=True, persons=list(people), task_list=lists))
+    node = make(harness, use_sim_time=True, persons=list(people), task_list=lists)
     play(harness, node, harness.publisher(Clock, "/clock", 10))
     tasks = [("plate_handover",), ("screw_handover", "screw_handover")]
     expected = dict(zip(people, plan_people(5, tasks, TIMING), strict=True))
@@ -103,7 +101,7 @@ def test_each_of_several_people_has_a_session_and_topics_of_their_own(harness):
 
 def test_the_end_is_reported_before_the_node_leaves(harness):
     reports = harness.collect(DiagnosticArray, "/diagnostics", 10)
-    node = harness.add(make(use_sim_time=True, wait_for_subscribers=0))
+    node = make(harness, use_sim_time=True, wait_for_subscribers=0)
     play(harness, node, harness.publisher(Clock, "/clock", 10))
     last = harness.spin_until(
         lambda: [s for r in reports for s in r.status if ENDED in values_of(s)], what="the end"
@@ -113,7 +111,7 @@ def test_the_end_is_reported_before_the_node_leaves(harness):
 
 def test_a_worker_assembles_a_box(harness):
     """The worker of a session that is none of the recorded ones; who helps is somebody else."""
-    node = harness.add(make(scenario="assembly", task_list="fastening,hand_over"))
+    node = make(harness, scenario="assembly", task_list="fastening,hand_over")
     assert [shown.task for shown in node.workers[0].plan.interactions] == ["fastening", "hand_over"]
     session = assembly.plan_session(5, 3, ("fastening", "hand_over"), idle_s=(0.5, 0.6), hold_s=0.2)
     expected = session.worker.positions_m
@@ -121,7 +119,7 @@ def test_a_worker_assembles_a_box(harness):
 
 
 def test_waits_for_subscribers_and_for_the_clock(harness):
-    node = harness.add(make(use_sim_time=True))
+    node = make(harness, use_sim_time=True)
     clock = harness.publisher(Clock, "/clock", 10)
     harness.connect(clock)
     ticks = []
@@ -142,7 +140,7 @@ def test_where_time_waits_for_answers_the_session_begins_with_a_time_of_the_cloc
     harness.collect(JointState, ANSWERS, FEEDBACK)
     harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
     reports = harness.collect(DiagnosticArray, "/diagnostics", 10)
-    node = harness.add(make(use_sim_time=True))
+    node = make(harness, use_sim_time=True)
     clock = harness.publisher(Clock, "/clock", 10)
     harness.connect(clock)
     clock.publish(at(7_000_000_000))
@@ -165,4 +163,4 @@ def test_where_time_waits_for_answers_the_session_begins_with_a_time_of_the_cloc
 )
 def test_bad_parameters_are_named_errors(harness, bad):
     with pytest.raises(ArgumentError):
-        make(**bad)
+        make(harness, **bad)

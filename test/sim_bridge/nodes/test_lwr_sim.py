@@ -24,10 +24,6 @@ LATER_S = 1e6
 SHIFT = np.array([0.3, 0.1, -0.2, 0.15, 0.2, -0.1, 0.3])
 
 
-def make(harness, **parameters):
-    return harness.node(LwrSim, **parameters)
-
-
 def trajectory(goal, time_s=0.8, names=JOINT_NAMES, stamp_ns=0):
     rest = np.zeros((1, len(goal)))
     return build_joint_trajectory(names, np.array([time_s]), goal + rest, rest, time_ns=stamp_ns)
@@ -47,7 +43,7 @@ def near(states, goal, tolerance=2e-3):
 def test_joint_states_have_their_rate_in_simulated_time_by_their_stamps(harness, rate_hz, gaps_ms):
     states = harness.collect(JointState, "joint_states", STATE)
     clocks = harness.collect(Clock, "/clock", STATE)
-    node = make(harness, publish_clock=True, real_time_factor=2.0, joint_state_rate=rate_hz)
+    node = harness.node(LwrSim, publish_clock=True, real_time_factor=2.0, joint_state_rate=rate_hz)
     harness.spin_until(lambda: len(states) > 200 and len(clocks) > 200)
     stamps = np.array([stamp_ns(message) for message in states])
     ticks = np.array([Time.from_msg(message.clock).nanoseconds for message in clocks])
@@ -65,7 +61,7 @@ def test_joint_states_have_their_rate_in_simulated_time_by_their_stamps(harness,
 @pytest.mark.parametrize("factor", [1.0, 2.0])
 def test_without_clock_stamps_are_ros_time(harness, factor):
     states = harness.collect(JointState, "joint_states", STATE)
-    node = make(harness, real_time_factor=factor)
+    node = harness.node(LwrSim, real_time_factor=factor)
     before = node.get_clock().now().nanoseconds
     harness.spin_until(lambda: len(states) > 150)
     stamps = np.array([stamp_ns(message) for message in states])
@@ -77,7 +73,7 @@ def test_without_clock_stamps_are_ros_time(harness, factor):
 
 def test_a_physics_that_falls_behind_is_where_its_stamps_say(harness, monkeypatch):
     """Also after it has left out some time, as on a busy machine; the difference fades."""
-    node, now_s, seen = make(harness), [100.0], []
+    node, now_s, seen = harness.node(LwrSim), [100.0], []
     clock = SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=round(now_s[0] * 1e9)))
     monkeypatch.setattr(node, "get_clock", lambda: clock)
     monkeypatch.setattr(node.clock, "now_s", lambda: now_s[0])
@@ -130,7 +126,7 @@ def bad_messages(now_ns):
 def test_bad_trajectories_are_counted_and_the_arm_keeps_moving(harness):
     states = harness.collect(JointState, "joint_states", STATE)
     sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
-    node = make(harness, publish_clock=True, real_time_factor=2.0)
+    node = harness.node(LwrSim, publish_clock=True, real_time_factor=2.0)
     harness.connect(sender)
     harness.spin_until(lambda: len(states) > 10)
     sender.publish(trajectory(HOME + SHIFT, 2.0))
@@ -155,7 +151,7 @@ def push(force, frame="world"):
 def test_a_push_moves_the_arm_and_it_comes_back(harness):
     states = harness.collect(JointState, "joint_states", STATE)
     pusher = harness.publisher(WrenchStamped, "lwr_sim/push", SENSOR)
-    node = make(harness, publish_clock=True, real_time_factor=2.0)
+    node = harness.node(LwrSim, publish_clock=True, real_time_factor=2.0)
     harness.connect(pusher)
 
     def pushed():
@@ -177,7 +173,7 @@ def test_a_push_moves_the_arm_and_it_comes_back(harness):
 def test_in_gravity_compensation_no_trajectory_is_taken(harness):
     states = harness.collect(JointState, "joint_states", STATE)
     sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
-    node = make(harness, publish_clock=True, real_time_factor=2.0)
+    node = harness.node(LwrSim, publish_clock=True, real_time_factor=2.0)
     harness.connect(sender)
     harness.spin_until(lambda: states)
     for guided in (True, False):
@@ -193,7 +189,7 @@ def test_in_gravity_compensation_no_trajectory_is_taken(harness):
 def test_follows_the_clock_of_another_node(harness):
     states = harness.collect(JointState, "joint_states", STATE)
     clock = harness.publisher(Clock, "/clock", 10)
-    node = make(harness, use_sim_time=True)
+    node = harness.node(LwrSim, use_sim_time=True)
     harness.connect(clock)
     time_ns = 10**9
 
@@ -215,19 +211,19 @@ def test_follows_the_clock_of_another_node(harness):
 
 
 def test_a_clock_that_does_not_come_and_no_display_are_said(harness, monkeypatch):
-    node = make(harness, use_sim_time=True)
+    node = harness.node(LwrSim, use_sim_time=True)
     node._report()
     later_s = node.diagnostics._clock() + 4.0
     monkeypatch.setattr(node.diagnostics, "_clock", lambda: later_s)
     assert node.diagnostics.report().message.count("/clock") == 1
     monkeypatch.delenv("DISPLAY", raising=False)
     with pytest.raises(ResourceBusyError, match="display"):
-        make(harness, headless=False)
+        harness.node(LwrSim, headless=False)
 
 
 def test_may_follow_its_own_clock(harness):
     """With `use_sim_time` for the whole graph the clock's publisher still runs by itself."""
     states = harness.collect(JointState, "joint_states", STATE)
-    node = make(harness, publish_clock=True, use_sim_time=True)
+    node = harness.node(LwrSim, publish_clock=True, use_sim_time=True)
     harness.spin_until(lambda: len(states) > 50)
     harness.spin_until(lambda: node.get_clock().now().nanoseconds >= stamp_ns(states[50]))
