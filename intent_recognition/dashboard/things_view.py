@@ -32,7 +32,7 @@ class ThingsView:
         self.handling.update(moment)
         for body, frame, parts in self._shown:
             pose = self.handling.pose(body.name)
-            if pose is not self._drawn.get(body.name):  # it is not another while it rests
+            if pose is not self._drawn.get(body.name):  # the same while the body rests
                 self._drawn[body.name] = pose
                 frame.position, frame.wxyz = pose[:3, 3], quaternions(pose[:3, :3])
             for handle, part in zip(parts, body.parts, strict=True):
