@@ -9,6 +9,7 @@ World frame: robot base at the origin, x toward the worker, z up; metres, radian
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -32,13 +33,13 @@ LONGEST_MOVEMENT_S = 4.8
 
 @dataclass(frozen=True)
 class TaskStyle:
-    """Common properties of the reaches of one task."""
+    """Common properties of the reaches of one task; their spread is that of all tasks."""
 
     goal_centre_m: Floats  # centre of the box of the wrist's goals, (3,)
-    goal_half_width_m: Floats  # half edges of that box, (3,)
     bow_m: Floats  # mean of the largest deviation from the straight line, (3,)
-    bow_std_m: Floats  # individual variation of the bow, (3,)
     turn_rad: Floats  # rotation vector of the wrist from its rest orientation to the goal, (3,)
+    goal_half_width_m: ClassVar[Floats] = frozen((0.07, 0.105, 0.07))  # half edges of that box
+    bow_std_m: ClassVar[Floats] = frozen((0.01, 0.01, 0.01))  # individual variation of the bow
 
 
 def _style(*values: tuple[float, float, float]) -> TaskStyle:
@@ -46,25 +47,7 @@ def _style(*values: tuple[float, float, float]) -> TaskStyle:
 
 
 STYLES = {
-    PLATE: _style(
-        (0.795, 0.00, 0.32),
-        (0.07, 0.105, 0.07),
-        (0.01, 0.00, 0.080),
-        (0.01, 0.010, 0.010),
-        (0.9, 0.0, 0.2),
-    ),
-    SCREW: _style(
-        (0.785, 0.02, 0.30),
-        (0.07, 0.105, 0.07),
-        (0.0, 0.085, 0.010),
-        (0.01, 0.010, 0.010),
-        (-0.2, 0.4, 0.1),
-    ),
-    HOLD: _style(
-        (0.790, -0.02, 0.30),
-        (0.07, 0.105, 0.07),
-        (0.0, -0.035, -0.055),
-        (0.01, 0.010, 0.010),
-        (0.3, -0.3, -0.3),
-    ),
+    PLATE: _style((0.795, 0.0, 0.32), (0.01, 0.0, 0.08), (0.9, 0.0, 0.2)),
+    SCREW: _style((0.785, 0.02, 0.30), (0.0, 0.085, 0.01), (-0.2, 0.4, 0.1)),
+    HOLD: _style((0.79, -0.02, 0.30), (0.0, -0.035, -0.055), (0.3, -0.3, -0.3)),
 }
