@@ -139,7 +139,8 @@ class ArmSim(Node):
         )
         self.diagnostics.watch(commands, "joint_trajectory")
         if self.scene is not None:
-            listen(String, "intent/active_task", self._on_task, each_of(LATCHED))
+            take_task = partial(self._on_task, self.scene)
+            listen(String, "intent/active_task", take_task, each_of(LATCHED))
         if self.commands.spread is not None:
             take = self.commands.take_prediction
             listen(JointTrajectory, "intent/robot_trajectory", take, COMMAND)
@@ -156,10 +157,9 @@ class ArmSim(Node):
         if self.scene is not None and arm.n_steps % UPDATE_EVERY == 0:
             self.scene.update()
 
-    def _on_task(self, message: String) -> None:
+    def _on_task(self, scene: PouringScene | TransferScene, message: String) -> None:
         self._answers.note("intent/active_task")
-        if self.scene is not None:
-            self.scene.set_task(message.data)
+        scene.set_task(message.data)
 
     def _tick(self) -> None:
         """Do the steps that are due, and publish after each that ends a period."""
