@@ -116,9 +116,10 @@ class Admission:
             return False
         name = (found["number"] or found["name"]).lower()
         try:
-            return name in self._names or bool(ipaddress.ip_address(name))
+            ipaddress.ip_address(name)
         except ValueError:
-            return False
+            return name in self._names
+        return True
 
 
 class Operator:
