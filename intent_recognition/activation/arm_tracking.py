@@ -79,12 +79,11 @@ class ArmTracking:
         if last is not None and stamp_ns <= last.stamp_ns <= now_ns:
             self._reject("joint_state_not_increasing", f"joint_states at {stamp_ns} ns came late")
         elif abs(stamp_ns - now_ns) > LARGEST_SKEW_NS:
-            ahead = stamp_ns > now_ns
-            reason = "joint_state_in_future" if ahead else "joint_state_outdated"
-            where = "ahead of" if ahead else "behind"
+            reason, where = "joint_state_outdated", f"behind the clock. {RESTAMP}"
+            if stamp_ns > now_ns:
+                reason, where = "joint_state_in_future", "ahead of the clock"
             seconds = abs(stamp_ns - now_ns) * 1e-9
-            cure = "" if ahead else f". {RESTAMP}"
-            self._reject(reason, f"joint_states stamped {seconds:.1f} s {where} the clock{cure}")
+            self._reject(reason, f"joint_states stamped {seconds:.1f} s {where}")
         else:
             self.clock.hear(now_ns, stamp_ns)
             self.clock.compare(stamp_ns, position, self._asked)
@@ -224,26 +223,20 @@ class ArmTracking:
         """Whether the newest joint state is recent; each stale one is reported once."""
         return self._recent(now_ns) is not None
 
-    def follows(self, now_ns: int) -> bool:
-        """Whether a recent joint state is near its reference; reported once per command if not."""
-        measured = self._recent(now_ns)
-        return measured is not None and self._is_near(measured)
-
-    def _is_near(self, measured: Measured) -> bool:
-        """Whether a joint state is near its reference; reported once per command if not."""
-        error = self._error(measured)
-        if error <= self._common.settings.max_tracking_error_rad:
-            return True
-        text = f"arm is {error:.2f} rad off its reference"
-        self._report_once("arm_off_reference", self.last_command_ns, text)
-        return False
-
     def off_command(self, now_ns: int) -> str:
-        """Why the measured arm forbids the command in force to go on; empty if it may go on."""
+        """Why the measured arm forbids the command in force to go on; empty if it may go on.
+
+        An arm off its reference is reported once per command.
+        """
         measured = self._recent(now_ns)
         if measured is None:
             return "stale_joint_states"
-        return "" if self._is_near(measured) else "arm_off_reference"
+        error = self._error(measured)
+        if error <= self._common.settings.max_tracking_error_rad:
+            return ""
+        text = f"arm is {error:.2f} rad off its reference"
+        self._report_once("arm_off_reference", self.last_command_ns, text)
+        return "arm_off_reference"
 
     def start_reference(self, now_ns: int, start_ns: int) -> JointReference | None:
         """Where a new motion starts: the reference, or the measured posture if the arm was moved.

@@ -115,11 +115,10 @@ class Interacting:
         """Follow the newest prediction of the running task, if an update is due."""
         inbox, arm, current = self._parts.inbox, self._arm, self._arm.current
         label, prediction = state.interaction.prediction.label, inbox.prediction
-        if not (arm.is_update_due(now_ns) and inbox.unused) or state.interaction.over:
+        due = inbox.unused and not state.interaction.over and arm.is_update_due(now_ns)
+        if not due or prediction is None or current is None:
             return Transition(state)
-        if prediction is None or current is None or prediction.label != label:
-            return Transition(state)
-        if self._parts.inbox.decision.active != label or not arm.follows(now_ns):
+        if not prediction.label == inbox.decision.active == label or arm.off_command(now_ns):
             return Transition(state)
         start_ns = arm.switch_ns(now_ns)
         start, progress = current.at(start_ns), current.phase_at(start_ns)

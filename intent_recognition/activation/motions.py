@@ -190,12 +190,6 @@ class Motions:
         clearance = self._common.settings.clearance
         return None if clearance is None else clearance.obstruction(plan, since_s)
 
-    def _touches(self, plan: JointPlan, what: str) -> bool:
-        found = self._obstruction(plan)
-        if found is not None:
-            self.things.refuse(what, found)
-        return found is not None
-
     def stop(self, now_ns: int) -> Command | None:
         """Stop along the way of the command in force.
 
@@ -349,24 +343,25 @@ class Motions:
         self, now_ns: int, start_ns: int, start: JointReference, way: PlannedWay, what: str
     ) -> Command | None:
         """Go straight to a posture, or around what is in the way; None if no way is clear."""
-        if self._obstruction(way.plan) is None:
-            return self._send_way(now_ns, start_ns, way)
-        if self._arm.under_way(now_ns):
-            self._touches(way.plan, what)
+        touched = self._obstruction(way.plan)
+        if touched is not None and not self._arm.under_way(now_ns):
+            ends = np.stack([start.position, way.plan.end])
+            times_s = np.array([0.0, way.plan.duration_s])
+            straight = make_path(times_s, ends, self._common.settings.limits)
+            found = self._clear_of_things(now_ns, "", straight, 0.0)
+            if isinstance(found, ClearPath):
+                start_ns += round(1e9 * found.later_s)
+                around = self._way_along(way.kind, found.path, None, start_ns, start, BEGINNING)
+                if around is None:
+                    return None
+                way, touched = around, self._obstruction(around.plan)
+                self._counts["replanned"] += touched is None
+            else:
+                touched = found
+        if touched is not None:
+            self.things.refuse(what, touched)
             return None
-        ends = np.stack([start.position, way.plan.end])
-        times_s, limits = np.array([0.0, way.plan.duration_s]), self._common.settings.limits
-        straight = make_path(times_s, ends, limits)
-        found = self._clear_of_things(now_ns, "", straight, 0.0)
-        if isinstance(found, Obstruction):
-            self.things.refuse(what, found)
-            return None
-        start_ns += round(1e9 * found.later_s)
-        around = self._way_along(way.kind, found.path, None, start_ns, start, BEGINNING)
-        if around is None or self._touches(around.plan, what):
-            return None
-        self._counts["replanned"] += 1
-        return self._send_way(now_ns, start_ns, around)
+        return self._send_way(now_ns, start_ns, way)
 
     def _brake(self, now_ns: int) -> Command | None:
         current, start_ns = self._arm.in_force(), self._arm.switch_ns(now_ns)

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from intent_recognition.activation.correcting import Correcting
 from intent_recognition.activation.inbox import EstimatorInbox, TaskEstimate
@@ -40,7 +41,6 @@ from intent_recognition.activation.states import (
     State,
     Stopped,
     Transition,
-    finished,
     interaction_of,
     outcome_of,
 )
@@ -162,8 +162,9 @@ class Activation:
             self.counts[decision.event] += 1
         if person != self.people.attended:
             return
-        if decision.event == "over" and isinstance(self.state, UNDER_WAY):
-            self.state = finished(self.state)
+        state = self.state
+        if decision.event == "over" and isinstance(state, UNDER_WAY) and state.interaction:
+            self.state = replace(state, interaction=replace(state.interaction, over=True))
         self.pretrigger.observe(decision, labels, probabilities)
 
     def take_prediction(
@@ -269,12 +270,11 @@ class Activation:
 
     def _is_free(self, now_ns: int) -> bool:
         state = self.state
-        if isinstance(state, Arrived) and state.interaction.over:
-            active = (
-                bool(self.inbox.decision.active) and now_ns >= self._transitions.exchanging_until_ns
-            )
-            return self._transitions.held(state, now_ns) or active
-        return isinstance(state, (Idle, Homing))
+        if not (isinstance(state, Arrived) and state.interaction.over):
+            return isinstance(state, (Idle, Homing))
+        waits = now_ns < self._transitions.exchanging_until_ns
+        asked = bool(self.inbox.decision.active) and not waits
+        return asked or self._transitions.held(state, now_ns)
 
     def _enter(self, transition: Transition) -> Command | None:
         outcome = outcome_of(self.state, transition.state)

@@ -215,10 +215,3 @@ def outcome_of(before: State, after: State) -> Outcome | None:
 def interaction_of(state: State) -> ActiveInteraction | None:
     """The interaction of a state; None if it has none."""
     return None if isinstance(state, (Idle, Pretriggered)) else state.interaction
-
-
-def finished(state: Executing | Arrived | Stopped | Yielding) -> State:
-    """The state once the human has finished."""
-    if state.interaction is None:
-        return state
-    return replace(state, interaction=replace(state.interaction, over=True))
