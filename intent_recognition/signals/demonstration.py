@@ -265,7 +265,6 @@ def _unit(argument: str, unit: object) -> str:
 
 
 def _check(argument: str, times_name: str, times_s: Floats, samples: Floats) -> None:
-    """Raise ArgumentError for samples that cannot form a signal."""
     if len(times_s) < MIN_SAMPLES:
         expected = f"at least {MIN_SAMPLES} samples that are not NaN"
         raise ArgumentError.about(argument, expected, len(times_s), "Record more.")

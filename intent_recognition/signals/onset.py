@@ -198,6 +198,18 @@ def earliest_onset(
     return min((onset for onset in onsets if onset is not None), default=None)
 
 
+def latest_motion(
+    settings: Sequence[OnsetSettings], signals: Sequence[Signal], start_ns: int
+) -> float | None:
+    """Latest `last_motion` of several signals [s after `start_ns`]; None without samples."""
+    ends = [
+        last_motion(own, signal.seconds(start_ns), signal.values)
+        for own, signal in zip(settings, signals, strict=True)
+        if signal.stamps_ns.size
+    ]
+    return max(ends, default=None)
+
+
 def last_motion(settings: OnsetSettings, times_s: Floats, values: Floats) -> float:
     """Time at which the last movement of a recording ended; its first time if it never moved.
 

@@ -18,7 +18,7 @@ from intent_recognition.array_types import Flags, Floats
 from intent_recognition.signals.onset import (
     OnsetSettings,
     earliest_onset,
-    last_motion,
+    latest_motion,
     peak_speed,
     windowed_velocity,
 )
@@ -57,7 +57,6 @@ def propose_spans(observed: Sequence[Signal], controlled: Sequence[Signal]) -> l
 def _movements(
     observed: Sequence[Signal], controlled: Sequence[Signal], settings: Sequence[OnsetSettings]
 ) -> Iterator[Span]:
-    """Movements between common rests."""
     signals, n_observed = (*observed, *controlled), len(observed)
     start_ns = min(int(s.stamps_ns[0]) for s in signals)
     end_ns = max(int(s.stamps_ns[-1]) for s in signals)
@@ -81,13 +80,9 @@ def _movement(
     onset_s = earliest_onset(settings[:n_observed], signals[:n_observed], from_ns)
     if onset_s is None:
         onset_s = earliest_onset(settings[n_observed:], signals[n_observed:], from_ns)
-    if onset_s is None:
+    last_s = latest_motion(settings, signals, from_ns)
+    if onset_s is None or last_s is None:
         return None
-    last_s = max(
-        last_motion(one, signal.seconds(from_ns), signal.values)
-        for one, signal in zip(settings, signals, strict=True)
-        if signal.stamps_ns.size
-    )
     return Span(*(from_ns + round(at_s * 1e9) for at_s in (onset_s, last_s)))
 
 

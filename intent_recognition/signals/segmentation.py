@@ -8,7 +8,7 @@ import numpy as np
 from intent_recognition.signals.onset import (
     OnsetSettings,
     earliest_onset,
-    last_motion,
+    latest_motion,
     peak_speed,
     speed_noise,
 )
@@ -50,7 +50,6 @@ def least_reference(signals: Sequence[Signal], window_s: float) -> float:
 
 
 def _settings_of(signals: Sequence[Signal]) -> OnsetSettings:
-    """Thresholds for one signal from all its recordings."""
     signals = [signal for signal in signals if signal.stamps_ns.size]
     slowest = _slowest(signals)
     periods = [np.median(np.diff(s.stamps_ns)) * 1e-9 for s in signals if s.stamps_ns.size > 1]
@@ -101,10 +100,6 @@ def movement_span(
         return start_ns, end_ns
     start = start_ns + round(onset_s * 1e9)
     signals, settings = (*observed, *controlled), (*observed_settings, *controlled_settings)
-    last = [
-        last_motion(own, signal.seconds(start_ns), signal.values)
-        for own, signal in zip(settings, signals, strict=True)
-        if signal.stamps_ns.size
-    ]
-    end = start_ns + round((max(last) + END_MARGIN_S) * 1e9) if last else end_ns
+    last_s = latest_motion(settings, signals, start_ns)
+    end = end_ns if last_s is None else start_ns + round((last_s + END_MARGIN_S) * 1e9)
     return start, min(end, end_ns) if end > start else end_ns

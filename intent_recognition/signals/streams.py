@@ -82,7 +82,6 @@ def recording_doubts(recorded: _Recorded, *, brief: bool = False) -> list[str]:
 
 
 def _wrapped(recorded: _Recorded) -> Iterator[str]:
-    """Report the angles that jumped by whole turns."""
     if recorded.wrapped:
         yield (
             f"{', '.join(recorded.wrapped)} jumps by 2 pi: a wrapped angle. It is taken as"
