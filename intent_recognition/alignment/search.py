@@ -47,13 +47,10 @@ def _best_paths(
 ) -> NDArray[np.intp]:
     """Recorded index at each reference step on the path of least cost, (n, STEPS + 1).
 
-    Args:
-        distance: cost of each pair of reference step and recorded phase, (n, STEPS + 1, J).
-        rate_std: prior standard deviation of the log rate.
-        rate_correlation: correlation length; steps within twice this length share one log rate.
-        end_std: prior standard deviation of both ends.
+    `distance` is the cost of each pair of reference step and recorded phase, (n, STEPS + 1, J).
     """
     n, _, size = distance.shape
+    # steps within twice the correlation length share one log rate
     each = min(1.0, 1.0 / (2.0 * rate_correlation * STEPS))
     penalty = (0.5 * each * (np.log(MOVES / FINENESS) / rate_std) ** 2).astype(np.float32)
     recorded = np.linspace(0.0, 1.0, size)

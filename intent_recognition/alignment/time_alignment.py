@@ -98,13 +98,6 @@ class Alignment(NamedTuple):
     reference_index: int | None
     aligned: Floats
 
-    def reference_phase(self, demonstration: int, recorded: Floats) -> Floats:
-        """Reference phases of a demonstration's samples, of the shape of their recorded phases.
-
-        Samples recorded before the reference begins or after it ends are outside [0, 1].
-        """
-        return self.warps[demonstration].inverse(recorded)
-
 
 def align(
     trajectories: Sequence[Floats] | Floats,
@@ -209,7 +202,6 @@ def _problem(samples: Floats, template: Template, settings: AlignmentSettings) -
 
 
 def _warps(parameters: Floats, settings: AlignmentSettings) -> tuple[Warp, ...]:
-    """Warps of parameters (n, K + 1)."""
     rates = np.clip(parameters[:, 1:] @ settings.basis.T, -MAX_LOG_RATE, MAX_LOG_RATE)
     return tuple(Warp(row[0], rate) for row, rate in zip(parameters, rates, strict=True))
 

@@ -87,13 +87,6 @@ class Warp:
         """Reference phases of recorded phases, same shape; weights are learned at these."""
         return _interpolate(np.asarray(phase, dtype=np.float64), self.recorded, self.grid)
 
-    def rate(self, phase: Floats) -> Floats:
-        """Rate d recorded phase / d reference phase at reference phases, same shape; positive.
-
-        Its logarithm is interpolated linearly between the middles of the intervals.
-        """
-        return np.exp(np.interp(phase, midpoints(self.log_rate.size + 1), self.log_rate))
-
 
 def _interpolate(at: Floats, x: Floats, y: Floats) -> Floats:
     """Piecewise linear interpolation through increasing points, extrapolated at both ends."""

@@ -117,12 +117,6 @@ def test_the_medoid_is_the_one_most_like_the_others(rng):
     assert align(odd, "medoid").reference_index in (1, 3, 4, 5)
 
 
-def test_phases_to_learn_at_are_the_inverse(rng):
-    alignment = align(demonstrations(rng, n=3).trajectories)
-    phase = alignment.reference_phase(1, PHASE)
-    np.testing.assert_allclose(alignment.warps[1].apply(phase), PHASE, atol=1e-9)
-
-
 def test_irregular_recordings_become_even_trajectories():
     stamps = np.array([0, 10, 15, 40, 90, 100, 130], dtype=np.int64) + 1_000
     line = Signal(("x", "y"), stamps, np.column_stack([stamps, -stamps]).astype(float), "m")
