@@ -19,7 +19,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, describe, one_line, optional
 from intent_recognition.kinematics.links import ReducedModel
 from intent_recognition.kinematics.packages import check_meshes, package_shares
-from intent_recognition.kinematics.urdf import read_mimics
+from intent_recognition.kinematics.urdf import mimics_of
 from intent_recognition.kinematics.urdf_tree import LINK, parse_urdf, read_urdf, separate_names
 
 _WIDEST_RAD = np.pi
@@ -206,8 +206,8 @@ class Bodies:
 
     def _read(self, text: str, names: tuple[str, ...]) -> None:
         pin, packages = self._pin, package_shares()
-        mimics = read_mimics(text)
         root = parse_urdf(text)
+        mimics = mimics_of(root.findall("joint"))
         check_meshes(root.iterfind("link/collision/geometry/mesh"))
         text = separate_names(root)
         try:

@@ -67,9 +67,7 @@ def _follow_from(
     rest: Floats,
     most_missed: int,
 ) -> FollowedPath | None:
-    """The path from a posture at its first pose; None if it misses more than `most_missed` poses,
-    or as many and jumps.
-    """
+    """The path from a posture at its first pose; None beyond `most_missed` (jumps count once)."""
     solutions, missed, jumps = [first], int(first.error > REACHED), False
     for target in targets[1:]:
         if missed + jumps > most_missed:

@@ -44,9 +44,6 @@ class Branch(NamedTuple):
     wrist: int
 
 
-BRANCHES = tuple(Branch(s, e, w) for s in (1, -1) for e in (1, -1) for w in (1, -1))
-
-
 def branch_of(q: ArrayLike) -> Branch:
     """Return the branch of one joint vector (7,) [rad]; a zero angle counts as positive."""
     q = joint_vector(q)

@@ -48,11 +48,6 @@ class JointLimits:
             cure = "Swap them, or make the joint fixed."
             raise ArgumentError.about("lower", f"values below upper {self.upper}", self.lower, cure)
 
-    @property
-    def n_joints(self) -> int:
-        """Number of joints."""
-        return self.lower.shape[0]
-
 
 def within_position_limits(
     q: ArrayLike, limits: JointLimits, tolerance_rad: float = POSITION_TOLERANCE_RAD

@@ -189,7 +189,6 @@ class PoseSearch:
         return np.concatenate([shift, _rotation_vector(target.rotation @ pose[:3, :3].T)]), J
 
     def _cost(self, target: PoseTarget, q: Floats, rest: Floats) -> float:
-        """Cost that the self-motion minimises."""
         J = self._chain(q)[1][: 3 if target.rotation is None else 6]
         away = q - rest
         return 0.5 * float(away @ away) - _MANIPULABILITY_WEIGHT * _log_manipulability(J)

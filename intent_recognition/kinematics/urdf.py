@@ -53,11 +53,6 @@ class UrdfChain(NamedTuple):
     assumed: tuple[str, ...]
 
 
-def read_mimics(source: str | Path) -> tuple[Mimic, ...]:
-    """Mimic joints of a URDF."""
-    return _mimics(parse_urdf(source).findall("joint"))
-
-
 class Ranges(NamedTuple):
     """Bounds of a URDF's motion."""
 
@@ -112,7 +107,7 @@ def read_chain(
         if others or not base:
             roots = first_of([base, *others], 12)
             raise ArgumentError.about("base", "one root link", roots, "Name the base.")
-    mimics = {mimic.joint: mimic for mimic in _mimics(joints)}
+    mimics = {mimic.joint: mimic for mimic in mimics_of(joints)}
     by_name = {joint.get("name", ""): joint for joint in joints}
     masters = {m.joint: m.master for m in mimics.values() if m.master in {*by_name} - {m.joint}}
     if tip is None:
@@ -179,8 +174,8 @@ def _way(base: str, tip: str, above: Mapping[str, ET.Element]) -> list[ET.Elemen
     return way
 
 
-def _mimics(joints: list[ET.Element]) -> tuple[Mimic, ...]:
-    """Mimic joints; a mimic of a mimic joint is resolved to the latter's master."""
+def mimics_of(joints: list[ET.Element]) -> tuple[Mimic, ...]:
+    """Mimic joints of a URDF; a mimic of a mimic joint is resolved to the latter's master."""
     mimics: dict[str, Mimic] = {}
     for joint in joints:
         if (found := joint.find("mimic")) is not None:

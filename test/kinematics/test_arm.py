@@ -11,6 +11,7 @@ import pybullet_data
 import pytest
 from kinematics.robots import lwr_urdf
 from kinematics.test_forward import twist
+from kinematics.test_inverse import BRANCHES
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
@@ -20,8 +21,14 @@ from intent_recognition.errors import (
     MissingPackageError,
     ShapeError,
 )
-from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, forward_kinematics, jacobian
-from intent_recognition.kinematics.inverse import BRANCHES, solve
+from intent_recognition.kinematics import (
+    JOINT_NAMES,
+    LWR_LIMITS,
+    Arm,
+    forward_kinematics,
+    jacobian,
+    solve,
+)
 from intent_recognition.kinematics.limits import within_position_limits
 
 DATA = Path(pybullet_data.getDataPath())

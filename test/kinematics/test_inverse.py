@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inverse kinematics: round trips, branches, continuity, refusal out of reach."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis.strategies import builds, floats, sampled_from, tuples
 
 from intent_recognition.errors import KinematicsError, ShapeError
-from intent_recognition.kinematics import inverse_kinematics, reach_position
-from intent_recognition.kinematics.inverse import BRANCHES, branch_of, solve, swivel_angle
+from intent_recognition.kinematics import Branch, inverse_kinematics, reach_position, solve
+from intent_recognition.kinematics.inverse import branch_of, swivel_angle
 from intent_recognition.kinematics.limits import within_position_limits
 from intent_recognition.kinematics.lwr import LWR_LIMITS, forward_kinematics, hand_position
 
+BRANCHES = [Branch(*signs) for signs in product((1, -1), repeat=3)]
 shares = tuples(*[floats(-0.98, 0.98)] * 7)
 postures = builds(lambda share: np.array(share) * LWR_LIMITS.upper, shares)
 READY = np.array([0.2, -0.5, 0.1, 1.5, 0.2, -1.0, 0.3])
