@@ -1,20 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The LWR on a straight joint path, a primitive that may vary about it, and boxes beside it."""
+"""The LWR on a straight joint path, a primitive that may vary about it, boxes and people."""
 
 import numpy as np
 from activation_world import LIMITS, trajectory
 
 from intent_recognition.gaussian import Gaussian
-from intent_recognition.kinematics import Bodies, Box, hand_position
-from intent_recognition.motion import Clearance, Spread, make_path
+from intent_recognition.kinematics import Arm, Bodies, Box, hand_position
+from intent_recognition.motion import (
+    Clearance,
+    JointReference,
+    NominalTiming,
+    PredictedPerson,
+    Spread,
+    make_path,
+    plan_interaction,
+)
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis
 from sim_bridge.arm.robots import find_robot
 
 ROBOT = find_robot("lwr")
+ARM = Arm.from_urdf(ROBOT.description, tip=ROBOT.tip)
 BASIS = NormalizedRBFBasis(10)
 TIMES, POSITIONS = trajectory("plate")
 PATH = make_path(TIMES, POSITIONS, LIMITS)
 MIDDLE = hand_position(PATH.spline(0.5))
+FAR_M = np.array([5.0, 0.0, 0.5])
+
+
+def plan_along(path=PATH, ceiling=None):
+    """A plan along a path in its own time, from rest."""
+    start, timing = JointReference.at_rest(path.spline(0.0)), NominalTiming(0.0, path.duration_s)
+    return plan_interaction(path, timing, start, LIMITS, rate_ceiling=ceiling)
+
+
+def person(position, std=0.0):
+    """Somebody who stays where they are."""
+    times_ns = np.array([0, 10_000_000_000])
+    return PredictedPerson(times_ns, np.tile(position, (2, 1)), np.full(2, std))
 
 
 def primitive(n_dofs=7, std=0.1):

@@ -110,7 +110,6 @@ def _bend_inside(positions: Floats, limits: JointLimits) -> tuple[Floats, tuple[
 
 
 def _check(times_s: Floats, positions: Floats, velocities: Floats | None, n_joints: int) -> None:
-    """Raise TrajectoryError if the samples are not a trajectory of n_joints."""
     shape = (times_s.size, n_joints)
     if times_s.ndim != 1 or times_s.size < 2 or positions.shape != shape:
         _refuse("positions", f"at least two rows of {n_joints} joints", positions.shape)

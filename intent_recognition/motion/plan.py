@@ -109,7 +109,7 @@ class JointPlan:
         """The reference `time_s` after the start; at rest after the end."""
         if time_s >= self.duration_s:
             return JointReference.at_rest(self.positions[-1])
-        return JointReference(*_with_derivatives(self._cubics, max(time_s, 0.0)))
+        return JointReference(*self.sampled(max(time_s, 0.0)))
 
     def subdivided(self, n: int) -> tuple[Floats, Floats]:
         """Positions n times as dense, and a bound on each joint's turn between them [rad].
@@ -118,19 +118,19 @@ class JointPlan:
         """
         h = np.diff(self.times_s)[:, None]
         times = self.times_s[:-1, None] + h * np.linspace(0.0, 1.0, n, endpoint=False)
-        q, v, _ = _with_derivatives(self._cubics, times.ravel())
+        q, v, _ = self.sampled(times.ravel())
         q, v = np.vstack([q, self.positions[-1]]), np.vstack([v, self.velocities[-1]])
         part_s = np.repeat(h / n, n, axis=0)
         return q, part_s * _fastest(part_s, q[:-1], v[:-1], q[1:], v[1:])
 
-    def sampled(self, times_s: Floats) -> tuple[Floats, ...]:
+    def sampled(self, times_s: Floats | float) -> tuple[Floats, ...]:
         """Positions, velocities and accelerations, each (S, n), at times (S,) from 0 to the end.
 
         Where two cubics meet, at a sample, the values are those of the later one.
         """
-        return _with_derivatives(self._cubics, times_s)
+        return tuple(self._cubics(times_s, order) for order in range(3))
 
-    def progress(self, times_s: Floats) -> tuple[Floats, Floats]:
+    def progress(self, times_s: Floats | float) -> tuple[Floats, Floats]:
         """Phase and phase rate [1/s], each (S,), at times (S,) from 0 to the end."""
         done, rate = self._progress(times_s), self._progress(times_s, 1)
         return np.clip(done, 0.0, 1.0), np.maximum(rate, 0.0)
@@ -139,14 +139,9 @@ class JointPlan:
         """The phase state `time_s` after the start; at rest after the end."""
         if time_s >= self.duration_s:
             return PhaseState(float(self.phase[-1]))
-        position, rate, acceleration = _with_derivatives(self._progress, max(time_s, 0.0))
-        phase = float(np.clip(position, 0.0, 1.0))
-        return PhaseState(phase, max(float(rate), 0.0), float(acceleration))
-
-
-def _with_derivatives(cubics: CubicHermiteSpline, times_s: Floats | float) -> tuple[Floats, ...]:
-    """Values, first and second derivatives at some times."""
-    return tuple(cubics(times_s, order) for order in range(3))
+        time_s = max(time_s, 0.0)
+        phase, rate = map(float, self.progress(time_s))
+        return PhaseState(phase, rate, float(self._progress(time_s, 2)))
 
 
 def _end_accelerations(h: Any, q0: Any, v0: Any, q1: Any, v1: Any) -> tuple[Any, Any]:

@@ -121,7 +121,6 @@ def _make_straight(motion: "InputParameter", way: Floats) -> None:
 
 
 def _sampled(motion: "InputParameter", limits: JointLimits, kind: str, phase: float) -> JointPlan:
-    """Ruckig's motion as a plan."""
     ruckig, n = optional("ruckig"), motion.degrees_of_freedom
     trajectory = ruckig.Trajectory(n)
     cure = "Check the reference and the target for values that are not finite."

@@ -19,7 +19,6 @@ from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics import Arm, Bodies, JointLimits
 from intent_recognition.motion.bending import BEYOND_M, least_change
 from intent_recognition.motion.hand_path import LARGEST_JUMP_RAD, LARGEST_SHORTFALL_M, N_POSES
@@ -75,10 +74,7 @@ class HandKept:
         jump_rad = np.abs(np.diff(moved, axis=0)).max()
         if off_m.max() > LARGEST_SHORTFALL_M or jump_rad > LARGEST_JUMP_RAD:
             return None
-        try:
-            return make_path(phases * path.duration_s, moved, self._limits)
-        except TrajectoryError:
-            return None
+        return make_path(phases * path.duration_s, moved, self._limits)
 
     def _descend(self, bodies: Bodies, pose: Floats, q: Floats) -> Floats | None:
         """From a posture to a clear one with the hand at the same pose; None if none was found."""

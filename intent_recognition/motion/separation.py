@@ -94,24 +94,18 @@ class Separation:
         self.settings = SeparationSettings() if settings is None else settings
 
     def rate_ceiling(
-        self,
-        path: JointPath,
-        times_ns: NDArray,
-        person: PredictedPerson,
-        positions: Floats | None = None,
+        self, path: JointPath, times_ns: NDArray, person: PredictedPerson, positions: Floats
     ) -> Floats:
         """Largest phase rate (G,) [1/s] in the intervals of a path's grid, near a person.
 
         The arm passes the points of the grid at `times_ns` (G + 1,). `positions` (G + 1, n) [rad]
-        are where it is then if it has not joined the path yet; the shorter distance counts.
+        are where it is then, off the path until it has joined it; the shorter distance counts.
         """
         phase = np.linspace(0.0, 1.0, N_GRID + 1)
         points = self.arm.skeleton(path.spline(phase))
         speed = np.linalg.norm(np.gradient(points, phase, axis=0), axis=2).max(axis=1)
-        distance = self.distance_m(points, times_ns, person)
-        if positions is not None:
-            there = self.distance_m(self.arm.skeleton(positions), times_ns, person)
-            distance = np.minimum(distance, there)
+        there = self.distance_m(self.arm.skeleton(positions), times_ns, person)
+        distance = np.minimum(self.distance_m(points, times_ns, person), there)
         rate = permitted_speed(distance, self.settings) / np.maximum(speed, 1e-6)
         return np.asarray(np.minimum(rate[:-1], rate[1:]), dtype=np.float64)
 

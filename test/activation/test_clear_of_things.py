@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from activation_world import GOALS, HOME, World
-from clearance_world import ROBOT, bodies_among, box_beside, clearance, primitive
+from clearance_world import ARM, bodies_among, box_beside, clearance, primitive
 
 from intent_recognition.activation.states import Mode
 from intent_recognition.activation.things import Things
-from intent_recognition.kinematics import Arm, Box, hand_position
+from intent_recognition.kinematics import Box, hand_position
 from intent_recognition.motion import Obstruction, Spread
 
 
@@ -47,9 +47,8 @@ def test_an_interaction_goes_around_a_box(depth_m):
 
 @pytest.mark.slow
 def test_an_arm_that_turned_about_its_hand_does_not_in_the_next_interaction():
-    arm = Arm.from_urdf(ROBOT.description, tip=ROBOT.tip)
-    of_hand = {"plate": Spread.of(primitive(3), arm)}
-    elbow_m = arm.skeleton((HOME + GOALS["plate"])[None])[0, 3]
+    of_hand = {"plate": Spread.of(primitive(3), ARM)}
+    elbow_m = ARM.skeleton((HOME + GOALS["plate"])[None])[0, 3]
     post = Box("post", tuple(elbow_m + [0.0, 0.12, 0.0]), (0.06,) * 3)
     world = World(clearance=clearance(post, spreads=of_hand))
     interact(world)

@@ -4,12 +4,11 @@
 import numpy as np
 import pytest
 from activation_world import GOALS, HOME, LABELS, STEP_NS, World
-from clearance_world import ROBOT
+from clearance_world import ARM
 
 from intent_recognition.activation.pretrigger import Pretrigger, PretriggerSettings
 from intent_recognition.activation.states import Mode
 from intent_recognition.errors import IntentError
-from intent_recognition.kinematics import Arm
 from intent_recognition.motion import SlowPlaces
 from intent_recognition.recognition.decision import DecisionSettings, DecisionState
 
@@ -70,23 +69,20 @@ def ahead(seconds=0.0, **settings):
     [(Mode.HOMING, HOME, [0.5, 0.5]), (Mode.PRETRIGGERED, AHEAD, EXPECTED)],
 )
 def test_the_hand_is_slow_at_a_place_on_its_way(mode, target, expected):
-    arm = Arm.from_urdf(ROBOT.description, tip=ROBOT.tip)
-    middle_m = arm.forward_kinematics(0.5 * (HOME + GOALS["plate"] + target))[:3, 3]
-    places = SlowPlaces(arm, np.array([[*middle_m, 0.05, 0.1]]))
+    middle_m = ARM.forward_kinematics(0.5 * (HOME + GOALS["plate"] + target))[:3, 3]
+    places = SlowPlaces(ARM, np.array([[*middle_m, 0.05, 0.1]]))
     world = after_a_plate(expected, slow_places=places)
     world.run_until(mode)
     plan = world.commands[-1].plan
-    q, _, _ = plan.sampled(np.arange(0.0, plan.duration_s, 1e-3))
-    hand_m = arm.forward_kinematics(q)[:, :3, 3]
-    speed = np.linalg.norm(np.diff(hand_m, axis=0), axis=1) / 1e-3
-    at_place = np.linalg.norm(hand_m[1:] - middle_m, axis=1) < 0.05
+    hand_m, speed = hand_of(plan)
+    at_place = np.linalg.norm(hand_m - middle_m, axis=1) < 0.05
     assert 0.09 < speed[at_place].max() < 0.101 and speed.max() > 0.2
     np.testing.assert_allclose(plan.end, target, atol=1e-6)
 
 
-def hand_of(plan, arm):
+def hand_of(plan):
     """Where the hand is (T, 3) [m], and its speed (T,) [m/s], every ms."""
-    hand_m = arm.forward_kinematics(plan.sampled(np.arange(0.0, plan.duration_s, 1e-3))[0])
+    hand_m = ARM.forward_kinematics(plan.sampled(np.arange(0.0, plan.duration_s, 1e-3))[0])
     hand_m = hand_m[:, :3, 3]
     return hand_m, np.linalg.norm(np.gradient(hand_m, 1e-3, axis=0), axis=1)
 
@@ -103,26 +99,26 @@ def second_plan(places):
 
 
 def test_the_hand_is_slow_at_a_place_also_where_it_still_joins_its_path():
-    arm, places = Arm.from_urdf(ROBOT.description, tip=ROBOT.tip), None
+    places = None
     for slow in (False, True):
-        hand_m, speed = hand_of(second_plan(places), arm)
+        hand_m, speed = hand_of(second_plan(places))
         if not slow:
             fastest = int(np.argmax(speed[:300]))
             assert speed[fastest] > 0.2
             place_m = hand_m[fastest]
-            places = SlowPlaces(arm, np.array([[*place_m, 0.05, 0.1]]))
+            places = SlowPlaces(ARM, np.array([[*place_m, 0.05, 0.1]]))
     at_place = np.linalg.norm(hand_m - place_m, axis=1) < 0.05
     assert at_place.any() and speed[at_place].max() < 0.106
 
 
 def test_no_slower_way_is_taken_that_is_faster_at_a_place(monkeypatch):
-    arm, plans, excess = Arm.from_urdf(ROBOT.description, tip=ROBOT.tip), [], SlowPlaces.excess
+    plans, excess = [], SlowPlaces.excess
     places = None
     for looks in (False, False, True):
         monkeypatch.setattr(SlowPlaces, "excess", excess if looks else lambda *_: 0.0)
         plans.append(second_plan(places))
-        half = arm.forward_kinematics(plans[0].sampled([0.5 * plans[0].duration_s])[0])[0, :3, 3]
-        places = SlowPlaces(arm, np.array([[*half, 0.03, 0.1]]))
+        half = ARM.forward_kinematics(plans[0].sampled([0.5 * plans[0].duration_s])[0])[0, :3, 3]
+        places = SlowPlaces(ARM, np.array([[*half, 0.03, 0.1]]))
     _, quick, slow = (excess(places, plan) for plan in plans)
     assert 1.05 < slow < quick
 

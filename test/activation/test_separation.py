@@ -3,21 +3,12 @@
 
 import numpy as np
 from activation_world import World
-from clearance_world import PATH, ROBOT
+from clearance_world import ARM, FAR_M, PATH, person
 
 from intent_recognition.activation import Mode, PretriggerSettings
-from intent_recognition.kinematics import Arm
 from intent_recognition.motion import Separation
-from intent_recognition.motion.separation import PredictedPerson
 
-ARM = Arm.from_urdf(ROBOT.description)
 SEPARATION = Separation(ARM)
-FAR = np.array([5.0, 0.0, 0.5])
-
-
-def person(position):
-    times_ns = np.array([0, 10_000_000_000])
-    return PredictedPerson(times_ns, np.tile(position, (2, 1)), np.zeros(2))
 
 
 def on_the_way_home():
@@ -27,7 +18,7 @@ def on_the_way_home():
     world.serve("plate")
     world.run(2.0)
     world.task = "idle"
-    world.activation.take_people((person(FAR),))
+    world.activation.take_people((person(FAR_M),))
     world.run_until(Mode.HOMING)
     return world
 
@@ -45,7 +36,7 @@ def test_a_person_who_comes_slows_the_way_that_is_under_way_and_who_leaves_quick
     assert (brake.plan.kind, slow.plan.kind) == ("stop", "home")
     assert slow.end_ns > unslowed_ns + 500_000_000
     assert SEPARATION.excess(slow.plan, slow.start_ns, person(HALFWAY)) <= 1.0
-    world.activation.take_people((person(FAR),))
+    world.activation.take_people((person(FAR_M),))
     world.run(0.1)
     assert world.commands[-1].end_ns < slow.end_ns - 200_000_000
     world.go_home()

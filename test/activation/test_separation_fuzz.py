@@ -10,14 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from activation_world import HOME, START_NS, World
-from clearance_world import ROBOT
+from clearance_world import ARM
 
 from intent_recognition.activation import motions
-from intent_recognition.kinematics import Arm
 from intent_recognition.motion import Separation, SeparationSettings, plan_interaction
 from intent_recognition.motion.separation import PredictedPerson, permitted_speed
 
-ARM = Arm.from_urdf(ROBOT.description)
 SEPARATION = Separation(ARM)
 END = ARM.skeleton(HOME[None] + 0.4)[0, -1]
 MS_NS = 1_000_000

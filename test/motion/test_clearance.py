@@ -4,21 +4,26 @@
 import numpy as np
 import pytest
 from activation_world import GOALS, LIMITS
-from clearance_world import BASIS, PATH, POSITIONS, ROBOT, TIMES, box_beside, clearance, primitive
+from clearance_world import (
+    ARM,
+    BASIS,
+    PATH,
+    POSITIONS,
+    TIMES,
+    box_beside,
+    clearance,
+    plan_along,
+    primitive,
+)
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.gaussian import Gaussian, condition
-from intent_recognition.kinematics import Arm, Box, hand_position
-from intent_recognition.motion import JointReference, NominalTiming, make_path, plan_interaction
+from intent_recognition.kinematics import Box, hand_position
+from intent_recognition.motion import make_path
 from intent_recognition.motion.bending import Spread, least_change
 from intent_recognition.motion.clearance import ClearPath, Obstruction
 from intent_recognition.promp import via_point
 from intent_recognition.signals import to_tangent
-
-
-def plan_along(path):
-    start = JointReference.at_rest(path.spline(0.0))
-    return plan_interaction(path, NominalTiming(0.0, path.duration_s), start, LIMITS)
 
 
 def test_one_row_is_conditioning_on_a_via_point():
@@ -110,8 +115,7 @@ def test_a_bend_is_kept_while_it_serves():
 
 
 def test_a_hands_spread_bends_the_joints():
-    arm = Arm.from_urdf(ROBOT.description)
-    spreads = {"plate": Spread.of(primitive(3, 0.03), arm)}
+    spreads = {"plate": Spread.of(primitive(3, 0.03), ARM)}
     guard = clearance(box_beside(0.02), spreads=spreads)
     found = guard.clear(PATH, "plate", 0.0, LIMITS)
     assert found.how == "bent" and guard.obstruction(plan_along(found.path)) is None
@@ -125,16 +129,15 @@ def test_a_hands_spread_bends_the_joints():
 
 def test_weights_of_a_whole_pose_move_the_hand_as_they_say():
     """Against the forward kinematics a small step farther: metres, and rotation vectors."""
-    arm, rng = Arm.from_urdf(ROBOT.description, tip=ROBOT.tip), np.random.default_rng(3)
-    q, step = POSITIONS[::10], 1e-6
-    turns = arm.forward_kinematics(q)[:, :3, :3]
+    rng, q, step = np.random.default_rng(3), POSITIONS[::10], 1e-6
+    turns = ARM.forward_kinematics(q)[:, :3, :3]
     reference = (Rotation.from_matrix(turns[0]) * Rotation.from_rotvec([0.3, -0.5, 0.9])).as_quat()
     n = BASIS.n_basis
-    spread = Spread(BASIS, np.eye(6 * n), arm, tuple(reference))
+    spread = Spread(BASIS, np.eye(6 * n), ARM, tuple(reference))
     weights, phase = rng.normal(size=6 * n), np.linspace(0.0, 1.0, len(q))
 
     def hand(joints):
-        poses = arm.forward_kinematics(joints)
+        poses = ARM.forward_kinematics(joints)
         quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
         return np.hstack([poses[:, :3, 3], to_tangent(quaternions, reference)])
 

@@ -4,12 +4,19 @@
 import numpy as np
 import pytest
 from activation_world import LIMITS
-from clearance_world import PATH, POSITIONS, TIMES, bodies_among, box_beside, clearance
+from clearance_world import (
+    PATH,
+    POSITIONS,
+    TIMES,
+    bodies_among,
+    box_beside,
+    clearance,
+    plan_along,
+)
 
 from intent_recognition.kinematics import Box, hand_position
-from intent_recognition.motion import NominalTiming, Obstruction, bending, make_path
-from intent_recognition.motion.plan import JointReference, within
-from intent_recognition.motion.planning import plan_interaction
+from intent_recognition.motion import Obstruction, bending, make_path
+from intent_recognition.motion.plan import within
 
 ENDS = np.array([0.0, 1.0])
 
@@ -28,20 +35,15 @@ def cluttered(seed, n_boxes=2):
     return boxes
 
 
-def planned(found):
-    start = JointReference.at_rest(found.path.spline(0.0))
-    return plan_interaction(found.path, NominalTiming(0.0, PATH.duration_s), start, LIMITS)
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_a_path_through_things_goes_around_them_from_start_to_end(seed):
     boxes = cluttered(seed)
     guard = clearance(*boxes, spreads={})
-    assert guard.obstruction(planned(guard.clear(PATH, "plate", 1.0, LIMITS))) is not None
+    assert guard.obstruction(plan_along(PATH)) is not None
     found = guard.clear(PATH, "plate", 0.0, LIMITS, tries=0)
     assert found.how == "replanned"
     np.testing.assert_allclose(found.path.spline(ENDS), PATH.spline(ENDS), atol=1e-9)
-    plan = planned(found)
+    plan = plan_along(found.path)
     assert guard.obstruction(plan) is None and plan.clamped == ()
     assert within(plan.times_s, plan.positions, plan.velocities, LIMITS)
     every_ms = plan.sampled(np.arange(0.0, plan.duration_s, 1e-3))[0]

@@ -4,14 +4,13 @@
 import numpy as np
 import pytest
 from activation_world import LIMITS
-from clearance_world import PATH, POSITIONS, ROBOT, TIMES, bodies_among, clearance, primitive
+from clearance_world import ARM, PATH, POSITIONS, TIMES, bodies_among, clearance, primitive
 from scipy.spatial.transform import Rotation
 
-from intent_recognition.kinematics import Arm, Box
+from intent_recognition.kinematics import Box
 from intent_recognition.motion import ClearPath, Obstruction, Spread, make_path
 from intent_recognition.motion.self_motion import HandKept, Turn
 
-ARM = Arm.from_urdf(ROBOT.description, tip=ROBOT.tip)
 PHASES = np.linspace(0.0, 1.0, 201)
 END = PATH.spline(1.0)
 JOINTS_M = ARM.skeleton(END[None])[0]

@@ -3,12 +3,10 @@
 
 import numpy as np
 import pytest
-from activation_world import LIMITS
-from clearance_world import PATH, ROBOT
+from clearance_world import ARM, FAR_M, PATH, person, plan_along
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import Arm
-from intent_recognition.motion import JointReference, NominalTiming, Separation, plan_interaction
+from intent_recognition.motion import Separation
 from intent_recognition.motion.retiming import N_GRID
 from intent_recognition.motion.separation import (
     PredictedPerson,
@@ -17,20 +15,12 @@ from intent_recognition.motion.separation import (
     phase_times_ns,
 )
 
-ARM = Arm.from_urdf(ROBOT.description)
 SETTINGS = SeparationSettings()
-FAR = np.array([5.0, 0.0, 0.5])
-
-
-def person(position, std=0.0):
-    times_ns = np.array([0, 10_000_000_000])
-    return PredictedPerson(times_ns, np.tile(position, (2, 1)), np.full(2, std))
-
-
-def plan_with(ceiling=None):
-    start = JointReference.at_rest(PATH.spline(0.0))
-    timing = NominalTiming(0.0, PATH.duration_s)
-    return plan_interaction(PATH, timing, start, LIMITS, rate_ceiling=ceiling)
+SEPARATION = Separation(ARM, SETTINGS)
+PHASES = np.linspace(0.0, 1.0, N_GRID + 1)
+ON_PATH = PATH.spline(PHASES)
+PLAN = plan_along()
+TIMES_NS = phase_times_ns(PLAN, 0)
 
 
 def test_the_permitted_speed_solves_the_formula():
@@ -62,64 +52,56 @@ def test_settings_that_mean_no_bound_are_refused(name, value):
 
 
 def test_distance_is_from_the_lines_through_the_joints_less_the_tube():
-    separation = Separation(ARM, SETTINGS)
     q = np.zeros((1, 7))
     points = ARM.skeleton(q)
     np.testing.assert_allclose(points[0, -1], ARM.forward_kinematics(q[0])[:3, 3], atol=1e-12)
     assert np.all(np.abs(points[0, :, :2]) < 1e-9)  # it points straight up
     aside = np.array([0.7, 0.0, 0.5 * points[0, -1, 2]])
-    found = separation.distance_m(points, np.zeros(1), person(aside, std=0.05))
+    found = SEPARATION.distance_m(points, np.zeros(1), person(aside, std=0.05))
     np.testing.assert_allclose(found, 0.7 - 2.0 * 0.05)
 
 
-@pytest.mark.parametrize(("place", "std"), [(FAR, np.nan), (FAR * np.nan, 0.0)])
+@pytest.mark.parametrize(("place", "std"), [(FAR_M, np.nan), (FAR_M * np.nan, 0.0)])
 def test_a_person_whose_place_is_not_known_counts_as_touching(place, std):
-    separation, touching = Separation(ARM, SETTINGS), PATH.spline(0.5)
-    expected = separation.excess(
-        plan_with(), 0, person(ARM.skeleton(touching[None])[0, -1], std=10.0)
-    )
+    touching = PATH.spline(0.5)
+    expected = SEPARATION.excess(PLAN, 0, person(ARM.skeleton(touching[None])[0, -1], std=10.0))
     assert expected > 1.0
-    assert separation.excess(plan_with(), 0, person(place, std=std)) >= expected
+    assert SEPARATION.excess(PLAN, 0, person(place, std=std)) >= expected
 
 
 def test_a_person_who_is_far_away_changes_nothing():
-    separation = Separation(ARM, SETTINGS)
-    plan = plan_with()
-    assert separation.excess(plan, 0, person(FAR)) < 1.0
-    slow = plan_with(separation.rate_ceiling(PATH, phase_times_ns(plan, 0), person(FAR)))
-    np.testing.assert_allclose(slow.positions, plan.positions, atol=1e-9)
+    assert SEPARATION.excess(PLAN, 0, person(FAR_M)) < 1.0
+    slow = plan_along(PATH, SEPARATION.rate_ceiling(PATH, TIMES_NS, person(FAR_M), ON_PATH))
+    np.testing.assert_allclose(slow.positions, PLAN.positions, atol=1e-9)
 
 
 def test_the_predicted_tube_counts_and_not_where_the_person_is():
     """Far away now, near when the arm will be there; a wider tube is nearer."""
-    separation = Separation(ARM, SETTINGS)
-    plan, goal = plan_with(), ARM.forward_kinematics(PATH.spline(1.0))[:3, 3]
+    goal = ARM.forward_kinematics(PATH.spline(1.0))[:3, 3]
     coming = PredictedPerson(
-        np.array([0, 1_500_000_000]), np.array([FAR, goal]), np.array([0.0, 0.0])
+        np.array([0, 1_500_000_000]), np.array([FAR_M, goal]), np.array([0.0, 0.0])
     )
-    assert separation.excess(plan, 0, coming) > 1.5
-    times = phase_times_ns(plan, 0)
-    ceiling = separation.rate_ceiling(PATH, times, coming)
-    wider = separation.rate_ceiling(PATH, times, coming._replace(std=np.array([0.0, 0.2])))
+    assert SEPARATION.excess(PLAN, 0, coming) > 1.5
+    ceiling = SEPARATION.rate_ceiling(PATH, TIMES_NS, coming, ON_PATH)
+    unsure = coming._replace(std=np.array([0.0, 0.2]))
+    wider = SEPARATION.rate_ceiling(PATH, TIMES_NS, unsure, ON_PATH)
     assert np.all(wider <= ceiling) and np.any(wider < 0.9 * ceiling)
-    slow = plan_with(ceiling)
-    assert slow.duration_s > plan.duration_s
-    np.testing.assert_allclose(slow.end, plan.end, atol=1e-9)
+    slow = plan_along(PATH, ceiling)
+    assert slow.duration_s > PLAN.duration_s
+    np.testing.assert_allclose(slow.end, PLAN.end, atol=1e-9)
 
 
 def test_an_arm_off_its_path_is_as_slow_as_where_it_is_permits():
-    separation, plan = Separation(ARM, SETTINGS), plan_with()
-    times, phase = phase_times_ns(plan, 0), np.linspace(0.0, 1.0, N_GRID + 1)
-    on_path = PATH.spline(phase)
-    beside = on_path + 0.4 * (1.0 - phase[:, None]) * np.eye(7)[0]
+    beside = ON_PATH + 0.4 * (1.0 - PHASES[:, None]) * np.eye(7)[0]
     who = person(ARM.forward_kinematics(beside[0])[:3, 3] + [0.3, 0.0, 0.0])
-    ceiling = separation.rate_ceiling(PATH, times, who)
-    np.testing.assert_array_equal(separation.rate_ceiling(PATH, times, who, on_path), ceiling)
-    off = separation.rate_ceiling(PATH, times, who, beside)
-    points = ARM.skeleton(on_path)
-    way = np.linalg.norm(np.gradient(points, phase, axis=0), axis=2).max(axis=1)
-    distances = [separation.distance_m(one, times, who) for one in (points, ARM.skeleton(beside))]
-    assert 0 < np.sum(distances[1] < distances[0]) < len(phase)
+    ceiling = SEPARATION.rate_ceiling(PATH, TIMES_NS, who, ON_PATH)
+    off = SEPARATION.rate_ceiling(PATH, TIMES_NS, who, beside)
+    points = ARM.skeleton(ON_PATH)
+    way = np.linalg.norm(np.gradient(points, PHASES, axis=0), axis=2).max(axis=1)
+    distances = [
+        SEPARATION.distance_m(one, TIMES_NS, who) for one in (points, ARM.skeleton(beside))
+    ]
+    assert 0 < np.sum(distances[1] < distances[0]) < len(PHASES)
     for found, distance in ((ceiling, distances[0]), (off, np.minimum(*distances))):
         rate = permitted_speed(distance, SETTINGS) / way
         np.testing.assert_allclose(found, np.minimum(rate[:-1], rate[1:]))
@@ -127,10 +109,9 @@ def test_an_arm_off_its_path_is_as_slow_as_where_it_is_permits():
 
 def test_the_bound_holds_between_samples_and_is_tight():
     """Against the ratio at each tenth of a millisecond, with a tube that comes, grows and ends."""
-    separation, plan = Separation(ARM, SETTINGS), plan_with()
     goal = ARM.forward_kinematics(PATH.spline(1.0))[:3, 3]
-    times_s = np.arange(0.0, plan.duration_s, 1e-4)
-    q, velocity, _ = plan.sampled(times_s)
+    times_s = np.arange(0.0, PLAN.duration_s, 1e-4)
+    q, velocity, _ = PLAN.sampled(times_s)
     points, speed = ARM.moving_skeleton(q, velocity)
     decided = set()
     for away in np.linspace(0.5, 3.0, 21):
@@ -139,9 +120,9 @@ def test_the_bound_holds_between_samples_and_is_tight():
             goal + np.outer([away, 0.8 * away, 0.6 * away], [1.0, 0.0, 0.0]),
             np.array([0.01, 0.05, 0.05]),
         )
-        distance = separation.distance_m(points, times_s * 1e9, who)
+        distance = SEPARATION.distance_m(points, times_s * 1e9, who)
         true = float((speed / permitted_speed(distance, SETTINGS)).max())
-        bound = separation.excess(plan, 0, who)
+        bound = SEPARATION.excess(PLAN, 0, who)
         assert (bound > 1.0) == (true > 1.0)
         assert bound > 1.0 or bound >= true
         decided.add(bound > 1.0)

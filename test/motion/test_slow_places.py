@@ -3,19 +3,16 @@
 
 import numpy as np
 import pytest
+from activation_world import LIMITS
+from clearance_world import ARM, plan_along
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import LWR_LIMITS, Arm
-from intent_recognition.motion import NominalTiming, SlowPlaces, make_path, parse_places
-from intent_recognition.motion.plan import STEP_S, JointReference, scaled_limits
-from intent_recognition.motion.planning import plan_interaction
+from intent_recognition.motion import SlowPlaces, make_path, parse_places
+from intent_recognition.motion.plan import STEP_S
 from intent_recognition.motion.retiming import N_GRID
-from sim_bridge.arm import find_robot
 from sim_bridge.scenarios.toolbox import HOME
 
-LIMITS = scaled_limits(LWR_LIMITS)
 SPEED_M_S, WAY_M = 0.1, 0.5
-ARM = Arm.from_urdf(find_robot("lwr").description)
 
 
 def turn_of(duration_s):
@@ -33,11 +30,7 @@ def test_the_hand_keeps_the_speed_at_a_place_and_is_as_fast_as_before_elsewhere(
     places = SlowPlaces(
         ARM, parse_places([f"{' '.join(map(str, place_m))} {radius_m} {SPEED_M_S}"])
     )
-    start = JointReference.at_rest(path.spline(0.0))
-    plans = [
-        plan_interaction(path, NominalTiming(0.0, 1.0), start, LIMITS, rate_ceiling=ceiling)
-        for ceiling in (None, places.rate_ceiling(path))
-    ]
+    plans = [plan_along(path, ceiling) for ceiling in (None, places.rate_ceiling(path))]
     speeds = []
     for plan in plans:
         times_s = np.arange(0.0, plan.duration_s, 1e-3)
@@ -59,10 +52,7 @@ def test_the_hand_keeps_a_low_speed_at_a_place_between_the_samples_of_a_long_pla
     path = turn_of(duration_s)
     place_m = ARM.forward_kinematics(path.spline(0.587))[:3, 3]
     places = SlowPlaces(ARM, np.array([[*place_m, 0.06, 0.1 * WAY_M / duration_s]]))
-    start, ceiling = JointReference.at_rest(path.spline(0.0)), places.rate_ceiling(path)
-    plan = plan_interaction(
-        path, NominalTiming(0.0, duration_s), start, LIMITS, rate_ceiling=ceiling
-    )
+    plan = plan_along(path, places.rate_ceiling(path))
     assert plan.times_s[1] > 2.0 * STEP_S
     assert places.excess(plan) < 1.01
 
