@@ -19,16 +19,13 @@ def moving(begin_s: float, end_s: float, total_s: float = 6.0, rng=None, rate=10
     return Signal(("x",), START_NS + np.round(times * 1e9).astype(np.int64), values, "m")
 
 
-def span(observed, controlled, end_s: float = 6.0) -> tuple[float, float]:
-    settings = (OnsetSettings(0.5),)
-    found = movement_span(
-        observed,
-        controlled,
-        settings * len(observed),
-        settings * len(controlled),
-        START_NS,
-        START_NS + round(end_s * 1e9),
-    )
+def span(observed, controlled, end_s: float = 6.0, settled: bool = False) -> tuple[float, float]:
+    """Start and end [s], by given thresholds or by those that follow from the recording itself."""
+    settings = [
+        onset_settings([side]) if settled else [OnsetSettings(0.5)] * len(side)
+        for side in (observed, controlled)
+    ]
+    found = movement_span(observed, controlled, *settings, START_NS, START_NS + round(end_s * 1e9))
     return (found[0] - START_NS) * 1e-9, (found[1] - START_NS) * 1e-9
 
 
@@ -71,23 +68,10 @@ def test_reference_speed_is_the_median_of_the_peaks_and_positive_without_any(rng
         assert onset_settings([(signal,)])[0].reference_speed > 0
 
 
-def settled_span(observed, controlled, end_s: float) -> tuple[float, float]:
-    """The span by the thresholds that follow from the recording itself."""
-    found = movement_span(
-        observed,
-        controlled,
-        onset_settings([observed]),
-        onset_settings([controlled]),
-        START_NS,
-        START_NS + round(end_s * 1e9),
-    )
-    return (found[0] - START_NS) * 1e-9, (found[1] - START_NS) * 1e-9
-
-
 @pytest.mark.parametrize("rate", [4.0, 5.0, 10.0, 13.0])
 def test_a_tracker_of_few_samples_per_second_shows_the_movement_too(rate, rng):
     observed, controlled = moving(2.0, 4.0, 8.0, rng, rate), moving(2.0, 4.0, 8.0, rng, rate)
-    start, end = settled_span([observed], [controlled], 8.0)
+    start, end = span([observed], [controlled], 8.0, settled=True)
     assert start == pytest.approx(2.0, abs=1.0 / rate + 0.1)
     assert end == pytest.approx(4.0 + END_MARGIN_S, abs=3.0 / rate + 0.1)
 
@@ -96,7 +80,7 @@ def test_a_tracker_of_few_samples_per_second_shows_the_movement_too(rate, rng):
 def test_noise_is_no_movement_however_slow_the_movement_is(rate, duration_s, rng):
     end_s = 10.0 + duration_s
     slow = moving(10.0, end_s, end_s + 10.0, rng, rate)
-    start, end = settled_span([slow], [slow], end_s + 10.0)
+    start, end = span([slow], [slow], end_s + 10.0, settled=True)
     # A tenth of a minimum jerk's time, at each end, is slower than 15 % of its peak.
     assert start == pytest.approx(10.0, abs=0.2 * duration_s)
     assert end == pytest.approx(end_s, abs=0.2 * duration_s)
@@ -106,8 +90,8 @@ def test_neither_noisy_signals_nor_units_move_the_thresholds(rng):
     times = moving(1.0, 2.0).stamps_ns
     force = Signal(("fx", "fy", "fz"), times, 0.3 * rng.normal(size=(len(times), 3)), "N")
     hand = moving(2.0, 3.0, rng=rng)
-    alone = settled_span([hand], [hand], 6.0)
-    assert settled_span([hand, force], [hand, force], 6.0) == alone
+    alone = span([hand], [hand], 6.0, settled=True)
+    assert span([hand, force], [hand, force], 6.0, settled=True) == alone
     metres = moving(1.0, 2.0, rng=rng)
     for scale in (1e-3, 1e3):
         other = Signal(("x",), metres.stamps_ns, scale * metres.values + 1e3, "mm")
