@@ -115,13 +115,3 @@ def test_the_search_leaves_alone_what_tells_nothing():
         Curves.through(samples), samples[0], slope_basis(K, GRID), np.eye(K), 0.05, 30.0
     )
     np.testing.assert_allclose(search(problem, 0.3, 0.1), 0.0, atol=1e-12)
-
-
-@pytest.mark.parametrize("which", [[0], [2, 1], [3]])
-def test_nothing_passes_between_demonstrations(rng, which):
-    problem, start = problem_of(rng), parameters_of(rng)
-    found, _ = descend(problem, start, 10)
-    part = problem._replace(curves=problem.curves.of(np.array(which)))
-    np.testing.assert_allclose(descend(part, start[which], 10)[0], found[which], atol=1e-10)
-    searched = search(problem, 0.3, 0.1)[which]
-    np.testing.assert_allclose(search(part, 0.3, 0.1), searched, atol=1e-10)

@@ -143,15 +143,14 @@ def test_an_arm_pushed_past_a_limit_is_led_back_by_plans_it_accepts(seed, far_ra
 
 @pytest.mark.parametrize("beyond_rad", [0.0, 5e-7, 1e-6, 9.0])
 def test_a_home_at_the_limit_is_accepted_by_the_arm(beyond_rad):
-    home = np.where(np.arange(7) == 1, LIMITS.upper + beyond_rad, HOME)
-    accept(posture_plan(JointReference.at_rest(HOME), home, LIMITS))
-
-
-def test_plans_home_and_brakes_keep_inside_the_limits_or_say_so():
     """The planner's tolerance was a thousand times the arm's: it made what the arm refused."""
-    pushed = np.where(np.arange(7) == 1, LIMITS.upper + 5e-7, HOME)
-    plan = posture_plan(JointReference.at_rest(HOME), pushed, LIMITS)
+    home = np.where(np.arange(7) == 1, LIMITS.upper + beyond_rad, HOME)
+    plan = posture_plan(JointReference.at_rest(HOME), home, LIMITS)
+    accept(plan)
     assert outside(plan.positions) <= 1e-9
+
+
+def test_times_are_whole_nanoseconds_and_brakes_that_leave_the_limits_say_so():
     plan = posture_plan(JointReference.at_rest(HOME), HOME + 0.31, LIMITS)
     np.testing.assert_array_equal(np.round(plan.times_s * 1e9) * 1e-9, plan.times_s)
     start = JointReference(

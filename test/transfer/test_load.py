@@ -84,19 +84,6 @@ def test_a_step_between_two_measurements_is_in_doubt(at):
     assert max(doubts) > 1.0 and doubts[-1] < 0.2 * max(doubts)
 
 
-def test_gravity_torques_are_the_gradient_of_the_potential_energy():
-    """Of the arm's model, by differences of the work along each joint."""
-    robot = find_robot("panda")
-    arm = Arm.from_urdf(robot.urdf, tip=robot.tip)
-    zero = np.zeros(arm.n_joints)
-    held = arm.inverse_dynamics(robot.ready, zero, zero)
-    assert np.abs(held).max() > 5.0
-    a, b = (np.full(arm.n_joints, value) for value in (0.3, -0.4))
-    moved = arm.inverse_dynamics(robot.ready, zero, a + b) - held
-    parts = [arm.inverse_dynamics(robot.ready, zero, one) - held for one in (a, b)]
-    np.testing.assert_allclose(moved, parts[0] + parts[1], atol=1e-9)
-
-
 def test_states_that_are_late_or_far_apart():
     """One that is no later changes nothing; after a gap, or far back, the filter begins anew."""
     zero = np.zeros(LWR.n_joints)
