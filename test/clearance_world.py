@@ -5,7 +5,7 @@ import numpy as np
 from activation_world import LIMITS, trajectory
 
 from intent_recognition.gaussian import Gaussian
-from intent_recognition.kinematics import Arm, Bodies, Box, hand_position
+from intent_recognition.kinematics import JOINT_NAMES, Arm, Bodies, Box, hand_position
 from intent_recognition.motion import (
     Clearance,
     JointReference,
@@ -16,7 +16,7 @@ from intent_recognition.motion import (
     plan_interaction,
 )
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis
-from sim_bridge.arm.robots import find_robot
+from sim_bridge.arm import TrajectoryCommand, find_robot
 
 ROBOT = find_robot("lwr")
 ARM = Arm.from_urdf(ROBOT.description, tip=ROBOT.tip)
@@ -31,6 +31,20 @@ def plan_along(path=PATH, ceiling=None):
     """A plan along a path in its own time, from rest."""
     start, timing = JointReference.at_rest(path.spline(0.0)), NominalTiming(0.0, path.duration_s)
     return plan_interaction(path, timing, start, LIMITS, rate_ceiling=ceiling)
+
+
+def hand_of(plan):
+    """Where the hand is (T, 3) [m], and its speed (T,) [m/s], every ms."""
+    hand_m = ARM.forward_kinematics(plan.sampled(np.arange(0.0, plan.duration_s, 1e-3))[0])
+    hand_m = hand_m[:, :3, 3]
+    return hand_m, np.linalg.norm(np.gradient(hand_m, 1e-3, axis=0), axis=1)
+
+
+def accept(plan, position=None):
+    """What the simulated arm makes of a plan; raises if it does not take it."""
+    return TrajectoryCommand.validated(
+        JOINT_NAMES, plan.times_s, plan.positions, plan.velocities, position=position
+    )
 
 
 def person(position, std=0.0):

@@ -13,6 +13,7 @@ from functools import cache
 import numpy as np
 import pytest
 from activation_world import HOME, LABELS, LIMITS, START_NS
+from clearance_world import accept
 from hermite import cubic, hermite
 from simulation import make_library
 
@@ -21,9 +22,7 @@ from intent_recognition.activation.pretrigger import PretriggerSettings
 from intent_recognition.composing import Moment, Step, ViaPoint, advance, awaited, bend_all
 from intent_recognition.composing.sequences import Condition, SequenceProgress
 from intent_recognition.errors import IntentError
-from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.motion import Correction, DeviationDetector, Spread, make_path
-from sim_bridge.arm import TrajectoryCommand
 
 STEPS = 2500
 RETURN_ROOM_RAD = 1e-3
@@ -270,7 +269,7 @@ class Fuzz:
             moved = np.abs(self.last_q - before_q).max() > MOVED_RAD
             assert moved or not self.commands
             self.rest, self.push, self.commands = q, np.zeros(7), []
-        command_of(command.plan, np.stack([self.last_q, self.reference(self.now_ns)[0]]))
+        accept(command.plan, np.stack([self.last_q, self.reference(self.now_ns)[0]]))
         self.commands = [*self.commands[-3:], command]
 
 
@@ -290,13 +289,6 @@ def check_curve(plan):
     assert np.all(np.abs(a) <= LIMITS.acceleration * (1.0 + 2e-6))
     assert not plan.velocities[-1].any()
     return first, plan.velocities[0]
-
-
-def command_of(plan, position):
-    """What the simulated arm makes of a plan; raises if it does not take it."""
-    return TrajectoryCommand.validated(
-        JOINT_NAMES, plan.times_s, plan.positions, plan.velocities, position=position
-    )
 
 
 def run(seed, steps=STEPS):

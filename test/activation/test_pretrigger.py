@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 from activation_world import GOALS, HOME, LABELS, STEP_NS, World
-from clearance_world import ARM
+from clearance_world import ARM, hand_of
 
 from intent_recognition.activation.pretrigger import Pretrigger, PretriggerSettings
 from intent_recognition.activation.states import Mode
@@ -78,13 +78,6 @@ def test_the_hand_is_slow_at_a_place_on_its_way(mode, target, expected):
     at_place = np.linalg.norm(hand_m - middle_m, axis=1) < 0.05
     assert 0.09 < speed[at_place].max() < 0.101 and speed.max() > 0.2
     np.testing.assert_allclose(plan.end, target, atol=1e-6)
-
-
-def hand_of(plan):
-    """Where the hand is (T, 3) [m], and its speed (T,) [m/s], every ms."""
-    hand_m = ARM.forward_kinematics(plan.sampled(np.arange(0.0, plan.duration_s, 1e-3))[0])
-    hand_m = hand_m[:, :3, 3]
-    return hand_m, np.linalg.norm(np.gradient(hand_m, 1e-3, axis=0), axis=1)
 
 
 def second_plan(places):

@@ -4,11 +4,11 @@
 import numpy as np
 import pytest
 from activation_world import HOME, LIMITS
+from clearance_world import accept
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 
-from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.motion import NominalTiming, make_path, plan_interaction, posture_plan
 from intent_recognition.motion.plan import (
     BEGINNING,
@@ -20,7 +20,7 @@ from intent_recognition.motion.plan import (
 from intent_recognition.motion.planning import _join, _path_bounds
 from intent_recognition.motion.point_to_point import brake_plan
 from intent_recognition.motion.retiming import N_GRID, speed_limits
-from sim_bridge.arm import RejectedTrajectoryError, TrajectoryCommand
+from sim_bridge.arm import RejectedTrajectoryError
 
 seeds = st.integers(0, 10_000)
 few = settings(max_examples=25, deadline=None)
@@ -36,12 +36,6 @@ def curve(plan, per_interval=40):
 
 def outside(q):
     return float(np.maximum(LIMITS.lower - q, q - LIMITS.upper).max())
-
-
-def accept(plan, position=None):
-    return TrajectoryCommand.validated(
-        JOINT_NAMES, plan.times_s, plan.positions, plan.velocities, position=position
-    )
 
 
 @pytest.mark.slow

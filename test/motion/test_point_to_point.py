@@ -4,14 +4,13 @@
 import numpy as np
 import pytest
 from activation_world import HOME, LIMITS
+from clearance_world import accept
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.errors import TrajectoryError
-from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.motion.plan import JointPlan, JointReference, within
 from intent_recognition.motion.point_to_point import RISE_TIME_S, brake_plan, posture_plan
-from sim_bridge.arm.trajectory_command import TrajectoryCommand
 
 JERK = LIMITS.acceleration / RISE_TIME_S
 few = settings(max_examples=30, deadline=None)
@@ -31,8 +30,7 @@ def on_its_way(seed: int) -> tuple[JointPlan, JointReference]:
 
 
 def check_accepted(plan: JointPlan) -> None:
-    times_s = np.round(plan.times_s * 1e9) * 1e-9
-    TrajectoryCommand.validated(JOINT_NAMES, times_s, plan.positions, plan.velocities)
+    accept(plan)
     assert within(plan.times_s, plan.positions, plan.velocities, LIMITS)
 
 

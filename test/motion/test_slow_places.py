@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 from activation_world import LIMITS
-from clearance_world import ARM, plan_along
+from clearance_world import ARM, hand_of, plan_along
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.motion import SlowPlaces, make_path, parse_places
@@ -33,9 +33,7 @@ def test_the_hand_keeps_the_speed_at_a_place_and_is_as_fast_as_before_elsewhere(
     plans = [plan_along(path, ceiling) for ceiling in (None, places.rate_ceiling(path))]
     speeds = []
     for plan in plans:
-        times_s = np.arange(0.0, plan.duration_s, 1e-3)
-        hand = ARM.forward_kinematics(np.array([plan.at(t).position for t in times_s]))[:, :3, 3]
-        speed = np.linalg.norm(np.gradient(hand, times_s, axis=0), axis=1)
+        hand, speed = hand_of(plan)
         at_place = np.linalg.norm(hand - place_m, axis=1) < radius_m
         slow_way = np.sum(speed[speed < 1.2 * SPEED_M_S]) * 1e-3
         speeds.append((speed[at_place].max(), speed[~at_place].max(), slow_way))
