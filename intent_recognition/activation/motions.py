@@ -57,7 +57,7 @@ class Motions:
     def __init__(self, common: Common, arm: ArmTracking):
         self._common, self._arm = common, arm
         self._reject, self._counts = common.reject, common.counts
-        self._followed: tuple[str, ClearPath] | None = None
+        self._followed: ClearPath | None = None  # of the interaction under way
         self._way: PlannedWay | None = None
         self._paced_by: tuple[object, object] = ((), None)
         self._tried_ns = 0
@@ -84,7 +84,7 @@ class Motions:
         if progress is BEGINNING:
             self._followed = None
         label, self.things.obstruction = prediction.label, None
-        found = self._clear_of_things(now_ns, label, prediction.path, progress.phase)
+        found = self.things.clear(now_ns, prediction.path, label, progress.phase, self._followed)
         if isinstance(found, Obstruction):
             self.things.block(label, found)
             return None
@@ -102,7 +102,7 @@ class Motions:
             self.things.block(label, touched)
             return None
         self.things.begun()
-        self._followed = label, found
+        self._followed = found
         self.corrected = prediction if vias else None
         self._counts["planned"] += 1
         self._counts["slowed"] += plan.slowed
@@ -178,13 +178,6 @@ class Motions:
             stretched = stretch
             plan = again(ceiling, stretch)
         return kept
-
-    def _clear_of_things(
-        self, now_ns: int, label: str, path: JointPath, phase: float
-    ) -> ClearPath | Obstruction:
-        """A clear path for a task, moved if needed; what is in the way if none is found."""
-        followed, before = self._followed or (label, None)
-        return self.things.clear(now_ns, path, label, phase, before if followed == label else None)
 
     def _obstruction(self, plan: JointPlan, since_s: float = 0.0) -> Obstruction | None:
         clearance = self._common.settings.clearance
@@ -312,14 +305,14 @@ class Motions:
         progress, start = way.plan.phase_at(since_s), current.at(start_ns)
         found: ClearPath | Obstruction = ClearPath(way.path)
         if touches or brakes:
-            found = self._clear_of_things(now_ns, "", way.path, progress.phase)
+            found = self.things.clear(now_ns, way.path, "", progress.phase, None)
         if isinstance(found, ClearPath):
             start_ns += round(1e9 * found.later_s)
             newer = self._way_along(way.kind, found.path, way.onset_ns, start_ns, start, progress)
             if newer is not None and self._obstruction(newer.plan) is None:
                 self._counts["replanned"] += bool(found.how)
                 if found.how and self._followed is not None and way.kind == "interaction":
-                    self._followed = self._followed[0], ClearPath(found.path)
+                    self._followed = ClearPath(found.path)
                 return self._send_way(now_ns, start_ns, newer)
         if brakes or not (too_fast or touches):
             return None
@@ -348,7 +341,7 @@ class Motions:
             ends = np.stack([start.position, way.plan.end])
             times_s = np.array([0.0, way.plan.duration_s])
             straight = make_path(times_s, ends, self._common.settings.limits)
-            found = self._clear_of_things(now_ns, "", straight, 0.0)
+            found = self.things.clear(now_ns, straight, "", 0.0, None)
             if isinstance(found, ClearPath):
                 start_ns += round(1e9 * found.later_s)
                 around = self._way_along(way.kind, found.path, None, start_ns, start, BEGINNING)
