@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.optimize import brentq
 
+from intent_recognition.array_types import Flags, Floats
 from intent_recognition.errors import ArgumentError
 
 N_SECTORS = 72
@@ -43,12 +43,12 @@ class MeasuredMesh:
     opening_radius_m: float
     height_m: float
     volume_m3: float
-    opening_centre: NDArray[np.float64]
-    crest: NDArray[np.float64]
-    cubes: NDArray[np.float64]
+    opening_centre: Floats
+    crest: Floats
+    cubes: Floats
     cube_m: float
 
-    def tilt_reference_about(self, lip: NDArray[np.float64]) -> float:
+    def tilt_reference_about(self, lip: Floats) -> float:
         """Tilt [rad] about a lip (3,) after which half of the cubes are above it."""
         outward = (lip - self.opening_centre) * [1.0, 1.0, 0.0]
         outward /= np.linalg.norm(outward)
@@ -62,7 +62,7 @@ class MeasuredMesh:
 
         return float(brentq(surplus, 0.0, 3.0, xtol=1e-4))
 
-    def lip_toward(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
+    def lip_toward(self, point: Floats) -> Floats:
         """Crest point (3,) closest to a place (3,), at the mean height of the crest."""
         nearest = np.argmin(np.linalg.norm(self.crest[:, :2] - np.asarray(point)[:2], axis=1))
         return np.array([*self.crest[nearest, :2], self.opening_centre[2]])
@@ -104,7 +104,7 @@ def measure_mesh(mesh: trimesh.Trimesh) -> MeasuredMesh:
     )
 
 
-def _crest(mesh: trimesh.Trimesh) -> NDArray[np.float64]:
+def _crest(mesh: trimesh.Trimesh) -> Floats:
     """Mean (72, 3) of the highest points of each sector around the opening."""
     points, _ = trimesh.sample.sample_surface(mesh, 400_000, seed=0)
     top = points[points[:, 2] > mesh.bounds[1, 2] - 0.1 * np.ptp(mesh.bounds[:, 2])]
@@ -126,15 +126,13 @@ def _crest(mesh: trimesh.Trimesh) -> NDArray[np.float64]:
     return crest
 
 
-def _offset(flat: NDArray[np.float64]) -> NDArray[np.float64]:
+def _offset(flat: Floats) -> Floats:
     """Offset (2,) of the centre that points (n, 2) all around an assumed centre tell."""
     radius = np.linalg.norm(flat, axis=1)
     return 2.0 * (flat - flat / radius[:, None] * radius.mean()).mean(0)
 
 
-def _free_space(
-    mesh: trimesh.Trimesh, below: NDArray[np.float64], cube_m: float
-) -> NDArray[np.float64]:
+def _free_space(mesh: trimesh.Trimesh, below: Floats, cube_m: float) -> Floats:
     """Centres (n, 3) of the cubes below a point and connected with it; none if they run out."""
     low, high = mesh.bounds
     start = low - 2.5 * cube_m
@@ -161,9 +159,9 @@ def _free_space(
     return np.column_stack([start[:2] + (rows[:, :2] + 0.5) * cube_m, tops[rows[:, 2]]])
 
 
-def _plugged(solid: NDArray[np.bool_], cube_m: float) -> NDArray[np.bool_]:
+def _plugged(solid: Flags, cube_m: float) -> Flags:
     """Cubes where columns through a pinhole are like their neighbours."""
-    through: NDArray[np.bool_] = ~np.any(solid, axis=2)
+    through: Flags = ~np.any(solid, axis=2)
     pieces, n = ndimage.label(through)
     sizes = ndimage.sum(through, pieces, np.arange(n + 1)) * cube_m**2
     pinhole = through & (sizes[pieces] < PINHOLE_M2) & (pieces != pieces[0, 0])

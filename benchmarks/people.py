@@ -13,11 +13,11 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.measure import Result, at_least, at_most
 from benchmarks.reaches import NOISE_M, STEP_S, demonstrations, draw
 from intent_recognition.activation import Activation, ActivationSettings, Mode, PredictedInteraction
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import JointLimits
 from intent_recognition.learning import learn
 from intent_recognition.motion import make_path, scaled_limits
@@ -48,7 +48,7 @@ LIMITS = scaled_limits(
 HOME = np.full(3, 0.3)
 
 
-def goals_of(person: str) -> dict[str, NDArray[np.float64]]:
+def goals_of(person: str) -> dict[str, Floats]:
     """Where the tasks of a seat end, relative to its rest; labels have the seat in them."""
     return {f"{person}_{goal}": np.array(at) - SEATS[person] for goal, at in GOALS.items()}
 
@@ -70,7 +70,7 @@ class Hand:
         self.begin = round(onset_s / STEP_S)
         self.end = self.begin + len(self.path) - 1
         self.leaves: int | None = None
-        self._back: NDArray[np.float64] | None = None
+        self._back: Floats | None = None
 
     def wants(self, k: int) -> bool:
         """Whether the arm is to come."""
@@ -85,7 +85,7 @@ class Hand:
         self.leaves, way = k, {"": self.seat - self.path[-1]}
         self._back = self.path[-1] + draw(self._rng, "", way, np.zeros(3)).positions
 
-    def at(self, k: int) -> NDArray[np.float64]:
+    def at(self, k: int) -> Floats:
         """Where the hand is (3,)."""
         if self.leaves is None and (k - self.end) * STEP_S > PATIENCE_S:
             self._leave(k)
@@ -102,7 +102,7 @@ class Tracker:
         self._hidden = dict.fromkeys(SEATS, -1)
         self._exchange_at, self._near, self.exchanges = -1, False, 0
 
-    def see(self, k: int, hands: Mapping[str, NDArray[np.float64]]) -> dict[str, str]:
+    def see(self, k: int, hands: Mapping[str, Floats]) -> dict[str, str]:
         """Who is under which label, of those who are seen."""
         rng, (one, other) = self._rng, hands.values()
         near = float(np.linalg.norm(one - other)) < NEAR_M
@@ -128,7 +128,7 @@ class Belief:
         self.estimator, self.settings = IntentEstimator(library), decision_settings(library)
         self.decision, self.active, self._last_ns = DecisionState(), "", 0
 
-    def take(self, stamp_ns: int, position: NDArray[np.float64]) -> Estimate:
+    def take(self, stamp_ns: int, position: Floats) -> Estimate:
         """One observation."""
         if stamp_ns - self._last_ns > LOST_S * 1e9:
             self.estimator.reset()

@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import betainc
 
+from intent_recognition.array_types import Floats
 from intent_recognition.signals import Demonstration
 
 STEP_S = 0.01
@@ -29,7 +29,7 @@ TREMOR_M, TREMOR_S = 0.0015, 0.06
 BRAKING_S, PAUSE_S = (0.25, 0.4), (0.1, 0.4)
 """How long a hand takes to stop, and rests then [s]."""
 
-Goals = Mapping[str, NDArray[np.float64]]
+Goals = Mapping[str, Floats]
 """Centres of the tasks' goals by label, (3,) each [m]."""
 APART: Goals = {
     "left": np.array([0.45, 0.25, 0.0]),
@@ -60,7 +60,7 @@ class Reach(NamedTuple):
     """
 
     task: str
-    positions: NDArray[np.float64]
+    positions: Floats
     before: str = ""
     change_s: float = 0.0
     tremor_m: float = TREMOR_M
@@ -71,11 +71,11 @@ class Reach(NamedTuple):
         return (len(self.positions) - 1) * STEP_S
 
     @property
-    def goal(self) -> NDArray[np.float64]:
+    def goal(self) -> Floats:
         """Where it ends, (3,)."""
         return self.positions[-1]
 
-    def changed(self, task: str, positions: NDArray[np.float64], change_s: float) -> "Reach":
+    def changed(self, task: str, positions: Floats, change_s: float) -> "Reach":
         """What became of this reach."""
         return Reach(task, positions, self.task, change_s, self.tremor_m)
 
@@ -84,7 +84,7 @@ def draw(
     rng: np.random.Generator,
     task: str,
     goals: Goals = APART,
-    start: NDArray[np.float64] | None = None,
+    start: Floats | None = None,
     duration_s: float | None = None,
 ) -> Reach:
     """A reach from rest.
@@ -181,7 +181,7 @@ def recorded(demonstration: Demonstration) -> Reach:
     return Reach(str(demonstration.task), smooth, tremor_m=0.0)
 
 
-def seen(rng: np.random.Generator, reach: Reach) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def seen(rng: np.random.Generator, reach: Reach) -> tuple[Floats, Floats]:
     """Times after the onset (T,) [s] and positions (T, 3) [m] of a tracker, with rest around."""
     before, after = round(REST_S / STEP_S), round(AFTER_S / STEP_S)
     positions = np.pad(reach.positions, ((before, after), (0, 0)), mode="edge")
@@ -194,10 +194,7 @@ def seen(rng: np.random.Generator, reach: Reach) -> tuple[NDArray[np.float64], N
 
 
 def demonstrations(
-    rng: np.random.Generator,
-    per_task: int = 15,
-    goals: Goals = APART,
-    seat: NDArray[np.float64] = ORIGIN,
+    rng: np.random.Generator, per_task: int = 15, goals: Goals = APART, seat: Floats = ORIGIN
 ) -> list[Demonstration]:
     """Demonstrations of some tasks from a seat (3,); the robot meets the hand with a delay."""
     found = []
@@ -217,12 +214,12 @@ _ARM = np.array([[0.8, 0.2, 0.1], [-0.3, 1.1, 0.0], [0.1, 0.2, 0.9]])
 """Joint angles of the robot by the position of the hand [rad/m]."""
 
 
-def _state(reach: Reach, share: float) -> tuple[int, NDArray[np.float64]]:
+def _state(reach: Reach, share: float) -> tuple[int, Floats]:
     """Number of a sample, and position, velocity and acceleration there, (3, 3)."""
     k = max(round(share * (len(reach.positions) - 1)), 1)
     velocity = np.gradient(reach.positions, STEP_S, axis=0)
     return k, np.stack([reach.positions[k], velocity[k], np.gradient(velocity, STEP_S, axis=0)[k]])
 
 
-def _held(positions: NDArray[np.float64], length: int) -> NDArray[np.float64]:
+def _held(positions: Floats, length: int) -> Floats:
     return np.pad(positions, ((0, length - len(positions)), (0, 0)), mode="edge")

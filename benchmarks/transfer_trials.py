@@ -5,10 +5,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.handover.cell import OBJECTS, TransferCell
 from benchmarks.handover.robot_side import RobotSide, TransferSample
+from intent_recognition.array_types import Floats
 from intent_recognition.transfer import (
     LIGHTEST_N,
     PATIENCE_S,
@@ -153,12 +153,10 @@ def run_trial(trial: TransferTrial) -> TransferOutcome:
 class _Run:
     """The course of a trial."""
 
-    def __init__(
-        self, cell: TransferCell, robot: RobotSide, offer_m: NDArray[np.float64], way_s: float
-    ) -> None:
+    def __init__(self, cell: TransferCell, robot: RobotSide, offer_m: Floats, way_s: float) -> None:
         self.cell, self.robot, self._way_s = cell, robot, way_s
         self.person: Taker | Giver | None = None
-        self.disturb: Callable[[float, float], NDArray[np.float64]] | None = None
+        self.disturb: Callable[[float, float], Floats] | None = None
         self.lurker: CompliantHand | None = None
         self.wet: float | None = None
         self._weight_n = cell.thing.mass_kg * GRAVITY_M_S2
@@ -239,7 +237,7 @@ class _Run:
         )
 
     @property
-    def _start_m(self) -> NDArray[np.float64]:
+    def _start_m(self) -> Floats:
         return STAND_M + [self.cell.thing.grasp_m, 0.0, 0.0]
 
     def _from_grip(self) -> float:
@@ -261,7 +259,7 @@ class _Run:
             holds_n = 2.0 * carrying_grip(self._weight_n)
             cell.held.set_friction(self.wet * self._weight_n / holds_n)
 
-    def _go(self, way: NDArray[np.float64], length_s: float) -> None:
+    def _go(self, way: Floats, length_s: float) -> None:
         self.robot.move(way, length_s)
         self._until(lambda: not self.robot.moving)
 
@@ -276,7 +274,7 @@ class _Run:
 
 def _disturbance(
     kind: str, weight_n: float, rng: np.random.Generator
-) -> Callable[[float, float], NDArray[np.float64]]:
+) -> Callable[[float, float], Floats]:
     """Force on the object (3,) [N], from the times since it left its stand and since it rests."""
     way = rng.standard_normal(3)
     way /= np.linalg.norm(way)
@@ -298,7 +296,7 @@ def _disturbance(
         way = np.array([0.0, 0.0, 1.0])
         size, length_s = rng.uniform(0.2, 0.5) * weight_n, rng.uniform(0.5, 1.0)
 
-    def force(since_left_s: float, since_rest_s: float) -> NDArray[np.float64]:
+    def force(since_left_s: float, since_rest_s: float) -> Floats:
         share = ((since_left_s if on_the_way else since_rest_s) - begin_s) / length_s
         inside = 0.0 < share < 1.0
         return size * np.sin(np.pi * share) * way if inside else np.zeros(3)

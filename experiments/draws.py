@@ -7,9 +7,9 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.settings import Settings
+from intent_recognition.array_types import Floats
 from intent_recognition.report import Column, TableBlock
 
 Numbers = Mapping[str, float]
@@ -52,14 +52,14 @@ def draw_again(
     return draws
 
 
-def spread(values: Sequence[float] | NDArray[np.float64], digits: int = 1) -> str:
+def spread(values: Sequence[float] | Floats, digits: int = 1) -> str:
     """Median and range of some draws."""
     drawn = np.asarray(values, dtype=np.float64)
     middle, low, high = (f"{f(drawn):.{digits}f}" for f in (np.median, np.min, np.max))
     return f"{middle} ({low} to {high})"
 
 
-def drawn(draws: Sequence[Draw], name: str) -> NDArray[np.float64]:
+def drawn(draws: Sequence[Draw], name: str) -> Floats:
     """One number of all draws, (n,)."""
     return np.array([draw.numbers[name] for draw in draws])
 

@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.reaches import STEP_NS, WatchedReach, ticks
 from intent_recognition.activation import (
@@ -19,6 +18,7 @@ from intent_recognition.activation import (
     Mode,
     PredictedInteraction,
 )
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import JOINT_NAMES, Box, JointLimits
 from intent_recognition.motion import Clearance, Correction, JointReference, TrackedMotion
 from intent_recognition.promp import TaskLibrary
@@ -54,9 +54,9 @@ class Executed(NamedTuple):
         touched: the two that touched last; empty if nothing did.
     """
 
-    positions: NDArray[np.float64]
+    positions: Floats
     references: tuple[JointReference, ...]
-    hand_m: NDArray[np.float64]
+    hand_m: Floats
     modes: tuple[Mode, ...]
     commands: tuple[Command, ...]
     corrected: PredictedInteraction | None
@@ -141,7 +141,7 @@ def execute(
         ),
         reject,
     )
-    rows: list[tuple[NDArray, JointReference, NDArray, Mode]] = []
+    rows: list[tuple[Floats, JointReference, Floats, Mode]] = []
     commands: list[Command] = []
     corrected = None
     with SimulatedArm(HOME, noise=SensorNoise(), rng=rng) as arm:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from experiments.settings import Settings
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.evaluation import sample
 from intent_recognition.gaussian import (
     Components,
@@ -73,13 +74,13 @@ class Pairs(NamedTuple):
     """
 
     names: tuple[str, ...]
-    observed: NDArray[np.float64]
-    controlled: NDArray[np.float64]
-    duration_s: NDArray[np.float64]
+    observed: Floats
+    controlled: Floats
+    duration_s: Floats
     features: Features
-    to_observed: NDArray[np.float64]
-    to_controlled: NDArray[np.float64]
-    mean: tuple[NDArray[np.float64], NDArray[np.float64]]
+    to_observed: Floats
+    to_controlled: Floats
+    mean: tuple[Floats, Floats]
 
 
 class LeftOutMixture(NamedTuple):
@@ -92,10 +93,10 @@ class LeftOutMixture(NamedTuple):
         std: of the same, (n, S, Q).
     """
 
-    component: NDArray[np.integer]
-    probability: NDArray[np.float64]
-    mean: NDArray[np.float64]
-    std: NDArray[np.float64]
+    component: Integers
+    probability: Floats
+    mean: Floats
+    std: Floats
 
 
 class TriedNumber(NamedTuple):
@@ -112,10 +113,10 @@ class TriedNumber(NamedTuple):
 
     number: int
     mixtures: Components
-    labels: NDArray[np.integer]
-    nll: NDArray[np.float64]
+    labels: Integers
+    nll: Floats
     predicted: LeftOutMixture
-    joint_rms_rad: NDArray[np.float64]
+    joint_rms_rad: Floats
 
 
 def pairs_of(demonstrations: Sequence[Demonstration]) -> Pairs:
@@ -152,9 +153,7 @@ def pairs_of(demonstrations: Sequence[Demonstration]) -> Pairs:
     )
 
 
-def _maps(
-    features: Features, flat: Sequence[NDArray[np.float64]]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _maps(features: Features, flat: Sequence[Floats]) -> tuple[Floats, Floats]:
     """From all coordinates to the deviations of each agent; each agent has its own coordinates."""
     points, split = features.coordinates, features.n_observed
     maps = []
@@ -213,7 +212,7 @@ def to_predict_with(pairs: Pairs, clustering: Clustering) -> Components:
     )
 
 
-def _order(share: NDArray[np.float64], labels: NDArray[np.integer]) -> NDArray[np.integer]:
+def _order(share: Floats, labels: Integers) -> Integers:
     """Which component of the mixtures is label 0, 1 and so on, (K,), from shares (n, n, K)."""
     together = share.sum(axis=0).T @ (labels[:, None] == np.arange(share.shape[2]))
     components, found = linear_sum_assignment(together, maximize=True)
@@ -221,10 +220,7 @@ def _order(share: NDArray[np.float64], labels: NDArray[np.integer]) -> NDArray[n
 
 
 def predict(
-    pairs: Pairs,
-    left_out: Components,
-    seen: NDArray[np.integer],
-    given: NDArray[np.integer] | None = None,
+    pairs: Pairs, left_out: Components, seen: Integers, given: Integers | None = None
 ) -> LeftOutMixture:
     """Predict each robot from what is seen of its human, by the mixture fitted without both.
 
@@ -261,12 +257,12 @@ def predict(
     return LeftOutMixture(component, probability, mean, std)
 
 
-def rms(errors: NDArray[np.float64]) -> NDArray[np.float64]:
+def rms(errors: Floats) -> Floats:
     """Root mean square (n,) of what each of n demonstrations has of errors (n, ...)."""
     return np.sqrt(np.mean(errors.reshape(len(errors), -1) ** 2, axis=1))
 
 
-def majority_names(names: NDArray[np.str_], labels: NDArray[np.integer]) -> dict[int, str]:
+def majority_names(names: NDArray[np.str_], labels: Integers) -> dict[int, str]:
     """The name that most members (n,) of each component have."""
     found = {}
     for label in np.unique(labels):

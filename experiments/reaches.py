@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.settings import Settings
 from experiments.toolbox.session import watch
 from intent_recognition.activation import PredictedInteraction
+from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion import make_path
@@ -39,8 +39,8 @@ class Frame(NamedTuple):
     """
 
     now_ns: int
-    probabilities: NDArray[np.float64] | None
-    log_evidence: NDArray[np.float64] | None
+    probabilities: Floats | None
+    log_evidence: Floats | None
     prediction: PredictedInteraction | None
 
 
@@ -58,7 +58,7 @@ class WatchedReach(NamedTuple):
 
     task: str
     onset_s: float
-    goal_m: NDArray[np.float64]
+    goal_m: Floats
     labels: tuple[str, ...]
     samples: "WristSamples"
     frames: tuple[Frame, ...]

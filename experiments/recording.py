@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from intent_recognition import __version__
+from intent_recognition.array_types import Floats
 from intent_recognition.bags import BagWriter
 from intent_recognition.kinematics import JOINT_NAMES
 from sim_bridge.coworker import WristSamples
@@ -55,15 +55,15 @@ class ArmSamples(Protocol):
     """Measurements of the arm every 10 ms: positions, velocities, torques, each (T, 7)."""
 
     @property
-    def positions_rad(self) -> NDArray[np.float64]:
+    def positions_rad(self) -> Floats:
         """Joint angles [rad]."""
 
     @property
-    def velocities_rad_s(self) -> NDArray[np.float64]:
+    def velocities_rad_s(self) -> Floats:
         """Joint velocities [rad/s]."""
 
     @property
-    def torques_nm(self) -> NDArray[np.float64]:
+    def torques_nm(self) -> Floats:
         """Joint torques [Nm]."""
 
 
@@ -102,12 +102,12 @@ def write_recording(folder: Path, metadata: Mapping[str, str], messages: Iterabl
     return folder
 
 
-def to_counts(values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+def to_counts(values: Floats, step: float) -> Floats:
     """Values as a sensor of that resolution delivers them."""
     return np.round(values / step) * step
 
 
-def pose_fields(stamp_ns: int, position: NDArray[np.float64], turn: NDArray[np.float64]) -> dict:
+def pose_fields(stamp_ns: int, position: Floats, turn: Floats) -> dict:
     """Fields of a PoseStamped in the world: position (3,) [m], quaternion (4,) xyzw."""
     return {
         "header": {"stamp": stamp_ns, "frame_id": "world"},
@@ -118,9 +118,7 @@ def pose_fields(stamp_ns: int, position: NDArray[np.float64], turn: NDArray[np.f
     }
 
 
-def joint_fields(
-    stamp_ns: int, q: NDArray[np.float64], qd: NDArray[np.float64], torque: NDArray[np.float64]
-) -> dict:
+def joint_fields(stamp_ns: int, q: Floats, qd: Floats, torque: Floats) -> dict:
     """Fields of a JointState of the arm: positions, velocities, torques (7,)."""
     return {
         "header": {"stamp": stamp_ns},
@@ -141,6 +139,6 @@ def metadata_stamp(start_ns: int, time_s: float) -> str:
     return str(start_ns + round(time_s * 1e9))
 
 
-def metadata_vector(values: NDArray[np.float64]) -> str:
+def metadata_vector(values: Floats) -> str:
     """A vector as metadata write it: six decimals, separated by spaces."""
     return " ".join(f"{value:.6f}" for value in values)

@@ -6,8 +6,8 @@ along x; its fingers close along y. The person's hand acts on the object by forc
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import Arm
 from sim_bridge.arm import SensorNoise, SimulatedArm, find_robot
 from sim_bridge.handover import (
@@ -50,7 +50,7 @@ class TransferCell:
         self,
         robot: str,
         thing: TransferObject,
-        place_m: NDArray[np.float64],
+        place_m: Floats,
         rng: np.random.Generator,
         friction: float = FRICTION,
     ) -> None:
@@ -72,11 +72,11 @@ class TransferCell:
             client.setCollisionFilterPair(self.arm.body, self.stand, link, -1, 0)
         self.arm.before_step.append(self._act)
 
-    def posture(self, grip_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def posture(self, grip_m: Floats) -> Floats:
         """Joint angles (n,) with the level hand's grip at a place (3,), or nearest to it."""
         return self._nearest(grip_m, None)
 
-    def way(self, begin: NDArray[np.float64], to_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def way(self, begin: Floats, to_m: Floats) -> Floats:
         """Joint angles (k, n) that bring the level hand's grip straight from a posture to (3,).
 
         It stops where the arm would have to change its branch.
@@ -90,14 +90,12 @@ class TransferCell:
             way.append(q)
         return np.array([*way, way[-1]] if len(way) == 1 else way)
 
-    def _nearest(
-        self, grip_m: NDArray[np.float64], seed: NDArray[np.float64] | None
-    ) -> NDArray[np.float64]:
+    def _nearest(self, grip_m: Floats, seed: Floats | None) -> Floats:
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = LEVEL, grip_m
         return self.model.nearest(pose, seed, seed).q
 
-    def grip_m(self) -> NDArray[np.float64]:
+    def grip_m(self) -> Floats:
         """Where the arm's grip is (3,), world."""
         return self.arm.hand_pose().position
 

@@ -8,10 +8,10 @@ hand; nothing else of the world.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from benchmarks.handover.cell import TransferCell
+from intent_recognition.array_types import Floats
 from intent_recognition.transfer import (
     Holding,
     LoadEstimator,
@@ -48,13 +48,13 @@ class TransferSample(NamedTuple):
     """
 
     time_s: float
-    force_n: NDArray[np.float64]
+    force_n: Floats
     output: TransferOutput
-    person_n: NDArray[np.float64]
+    person_n: Floats
     fingers: int
-    grip_m: NDArray[np.float64]
-    object_m: NDArray[np.float64]
-    object_m_s: NDArray[np.float64]
+    grip_m: Floats
+    object_m: Floats
+    object_m_s: Floats
 
 
 class RobotSide:
@@ -92,7 +92,7 @@ class RobotSide:
         """Whether it is under way."""
         return self._cell.arm.time_s < self._start_s + self._length_s
 
-    def move(self, way: NDArray[np.float64], length_s: float) -> None:
+    def move(self, way: Floats, length_s: float) -> None:
         """Go along postures (k, n), beginning and ending at rest, by minimum jerk."""
         self._start_s, self._length_s = self._cell.arm.time_s, max(length_s, TIME_STEP_S)
         self._way = CubicSpline(np.linspace(0.0, 1.0, len(way)), way)
@@ -140,7 +140,7 @@ class RobotSide:
             )
         )
 
-    def _look(self, q: NDArray[np.float64]) -> tuple[bool, NDArray[np.float64] | None, float]:
+    def _look(self, q: Floats) -> tuple[bool, Floats | None, float]:
         """Whether the tracked hand is near, the way to it, and its speed."""
         person = self._cell.person
         if person is None:

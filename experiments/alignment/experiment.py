@@ -8,7 +8,6 @@ only the smoothness of the warps and what they do to the trajectories can be tol
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.alignment.figures import recordings_figure, warp_figure
 from experiments.alignment.study import (
@@ -34,6 +33,7 @@ from experiments.alignment.study import (
 from experiments.alignment.time_warping import Steps, dtw_available, warped
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
+from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.report import Block, Figure, readable, to_svg
 
@@ -157,9 +157,7 @@ def findings(
 
 
 def blocks(
-    settings: Settings,
-    tasks: Mapping[str, tuple[NDArray[np.float64], int]],
-    methods: Mapping[str, Method],
+    settings: Settings, tasks: Mapping[str, tuple[Floats, int]], methods: Mapping[str, Method]
 ) -> tuple[Block, ...]:
     """One demonstration and one task's recordings, aligned by each method."""
     clean, noisy, truth = movements(settings, 0)

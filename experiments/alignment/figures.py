@@ -3,9 +3,7 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-from numpy.typing import NDArray
-
+from intent_recognition.array_types import Floats
 from intent_recognition.report import (
     DASHED,
     INK,
@@ -19,9 +17,7 @@ from intent_recognition.report import (
 
 @styled
 def warp_figure(
-    phase: NDArray[np.float64],
-    errors: Mapping[str, NDArray[np.float64]],
-    velocities: Mapping[str, NDArray[np.float64]],
+    phase: Floats, errors: Mapping[str, Floats], velocities: Mapping[str, Floats]
 ) -> Drawing:
     """One demonstration: how wrong its warps are, and its velocity when warped.
 
@@ -54,9 +50,7 @@ def warp_figure(
 
 
 @styled
-def recordings_figure(
-    phase: NDArray[np.float64], panels: Mapping[str, NDArray[np.float64]], quantity: str
-) -> Drawing:
+def recordings_figure(phase: Floats, panels: Mapping[str, Floats], quantity: str) -> Drawing:
     """Recordings of one task as recorded and warped: each a line, mean +- two standard deviations.
 
     Args:

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.alignment.time_warping import (
     Steps,
@@ -20,6 +19,7 @@ from experiments.alignment.time_warping import (
 from experiments.alignment.timed import TimedRecording, demonstrations
 from experiments.settings import Settings
 from intent_recognition.alignment import even_trajectory, medoid
+from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.learning import cut_to_movement
 
@@ -41,7 +41,7 @@ TRUE, LOCAL, DTW, DTW_WINDOW, DTW_TUNED = (
     "DTW, window of 10 %",
     "DTW, free ends and penalty",
 )
-Method = Callable[[NDArray[np.float64], int], NDArray[np.float64]]
+Method = Callable[[Floats, int], Floats]
 METHODS: dict[str, Method] = {
     LOCAL: smooth_maps,
     DTW: dtw_maps,
@@ -105,9 +105,7 @@ def known_timing(
     return results
 
 
-def movements(
-    settings: Settings, number: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def movements(settings: Settings, number: int) -> tuple[Floats, Floats, Floats]:
     """Movements (n, T, D) without and with noise, and their true maps onto the first, (n, T)."""
 
     def draw(noise: float) -> TimedRecording:
@@ -121,10 +119,10 @@ def movements(
     return clean.trajectories, noisy.trajectories, np.array(truth)
 
 
-def toolbox(settings: Settings) -> dict[str, tuple[NDArray[np.float64], int]]:
+def toolbox(settings: Settings) -> dict[str, tuple[Floats, int]]:
     """Per task, recordings at even phases (n, T, 10) in m and rad, and which is the reference."""
     found, _ = read_demonstrations([settings.recordings("toolbox/train")], load_dofs())
-    per_task: dict[str, list[NDArray[np.float64]]] = {}
+    per_task: dict[str, list[Floats]] = {}
     for recorded in cut_to_movement(found):
         signals = (*recorded.observed, *recorded.controlled)
         values = even_trajectory(signals, recorded.start_ns, recorded.end_ns, N_SAMPLES)
@@ -135,7 +133,7 @@ def toolbox(settings: Settings) -> dict[str, tuple[NDArray[np.float64], int]]:
 
 
 def on_recordings(
-    values: NDArray[np.float64], reference: int, methods: Mapping[str, Method]
+    values: Floats, reference: int, methods: Mapping[str, Method]
 ) -> dict[str, Recordings]:
     """Each method on one task's recordings (n, T, 10), all DOFs at once."""
     scaled = scaled_by_range(values)
@@ -152,11 +150,11 @@ def on_recordings(
     return results
 
 
-def scaled_by_range(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def scaled_by_range(values: Floats) -> Floats:
     """Every DOF in parts of its range, so that metres and radians can be compared."""
     return values / np.ptp(values, axis=(0, 1))
 
 
-def velocities(trajectories: NDArray[np.float64], maps: NDArray[np.float64]) -> NDArray[np.float64]:
+def velocities(trajectories: Floats, maps: Floats) -> Floats:
     """Of the trajectories read along the maps, by central differences, (n, T, D)."""
     return np.gradient(warped(trajectories, maps), PHASE, axis=1)

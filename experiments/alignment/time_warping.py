@@ -7,9 +7,9 @@ A map holds the recorded phases at even phases of the reference, (T,).
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from intent_recognition.alignment import align
+from intent_recognition.array_types import Floats
 
 FLAT_RATE = 0.05
 """A step of less than this part of the mean step stands still."""
@@ -40,20 +40,20 @@ def dtw_available() -> bool:
     return True
 
 
-def smooth_maps(trajectories: NDArray[np.float64], reference: int) -> NDArray[np.float64]:
+def smooth_maps(trajectories: Floats, reference: int) -> Floats:
     """Recorded phases by `alignment.align`, (n, T); trajectories (n, T, D)."""
     phase = np.linspace(0.0, 1.0, trajectories.shape[1])
     return np.array([warp.apply(phase) for warp in align(list(trajectories), reference).warps])
 
 
 def dtw_maps(
-    trajectories: NDArray[np.float64],
+    trajectories: Floats,
     reference: int,
     *,
     window: int | None = None,
     penalty: float | None = None,
     free_ends: int = 0,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Recorded phases by dynamic time warping (Sakoe and Chiba 1978), (n, T).
 
     A sample of the reference that is matched with several gets their mean.
@@ -86,7 +86,7 @@ def dtw_maps(
     return np.array(maps)
 
 
-def steps(maps: NDArray[np.float64]) -> Steps:
+def steps(maps: Floats) -> Steps:
     """How maps (n, T) of others than the reference go forward."""
     rate = np.diff(maps, axis=1) * (maps.shape[1] - 1)
     flat = rate < FLAT_RATE
@@ -98,7 +98,7 @@ def steps(maps: NDArray[np.float64]) -> Steps:
     )
 
 
-def warped(trajectories: NDArray[np.float64], maps: NDArray[np.float64]) -> NDArray[np.float64]:
+def warped(trajectories: Floats, maps: Floats) -> Floats:
     """Trajectories (n, T, D) read at recorded phases (n, T), the ends held."""
     phase = np.linspace(0.0, 1.0, trajectories.shape[1])
     return np.array(
@@ -109,17 +109,17 @@ def warped(trajectories: NDArray[np.float64], maps: NDArray[np.float64]) -> NDAr
     )
 
 
-def speed_ratio(trajectories: NDArray[np.float64], maps: NDArray[np.float64]) -> float:
+def speed_ratio(trajectories: Floats, maps: Floats) -> float:
     """Largest speed of any warped trajectory in parts of the largest as recorded, over all."""
     return _top_speed(warped(trajectories, maps)) / _top_speed(trajectories)
 
 
-def variance_removed(trajectories: NDArray[np.float64], maps: NDArray[np.float64]) -> float:
+def variance_removed(trajectories: Floats, maps: Floats) -> float:
     """Share of the variance about the mean that warping takes away."""
     return 1.0 - _variance(warped(trajectories, maps)) / _variance(trajectories)
 
 
-def _mean_match(path: NDArray[np.float64], n_samples: int) -> NDArray[np.float64]:
+def _mean_match(path: Floats, n_samples: int) -> Floats:
     """Mean number matched with each sample of the reference; at ends without any, one by one on."""
     count = np.bincount(path[:, 0], minlength=n_samples)
     total = np.bincount(path[:, 0], weights=path[:, 1], minlength=n_samples)
@@ -130,21 +130,21 @@ def _mean_match(path: NDArray[np.float64], n_samples: int) -> NDArray[np.float64
     return np.interp(numbers, there, total[there] / count[there]) + before + after
 
 
-def left_out(maps: NDArray[np.float64]) -> float:
+def left_out(maps: Floats) -> float:
     """Mean share of a recording that lies before the reference begins or after it ends."""
     return float(np.mean(np.maximum(maps[:, 0], 0.0) + np.maximum(1.0 - maps[:, -1], 0.0)))
 
 
-def _variance(trajectories: NDArray[np.float64]) -> float:
+def _variance(trajectories: Floats) -> float:
     return float(np.sum((trajectories - trajectories.mean(axis=0)) ** 2))
 
 
-def _top_speed(trajectories: NDArray[np.float64]) -> float:
+def _top_speed(trajectories: Floats) -> float:
     step = np.linalg.norm(np.diff(trajectories, axis=1), axis=2)
     return float(step.max())
 
 
-def _longest_run(flags: NDArray[np.float64]) -> int:
+def _longest_run(flags: Floats) -> int:
     """Length of the longest run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return int(np.max(edges[1::2] - edges[::2], initial=0))

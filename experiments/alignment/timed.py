@@ -4,8 +4,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.promp import NormalizedRBFBasis
 
 FINE = np.linspace(0.0, 1.0, 1001)
@@ -14,18 +14,16 @@ FINE = np.linspace(0.0, 1.0, 1001)
 class TimedRecording(NamedTuple):
     """Demonstrations (n, T, D) and the recorded phases of `FINE` phases of the movement."""
 
-    trajectories: NDArray[np.float64]
-    recorded: NDArray[np.float64]
+    trajectories: Floats
+    recorded: Floats
 
-    def between(self, first: int, second: int, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def between(self, first: int, second: int, phase: Floats) -> Floats:
         """Recorded phases of `second` where `first` is at recorded phases `phase`."""
         movement = np.interp(phase, self.recorded[first], FINE)
         return np.interp(movement, FINE, self.recorded[second])
 
 
-def smooth_timing(
-    rng: np.random.Generator, rate_std: float, shift_std: float
-) -> NDArray[np.float64]:
+def smooth_timing(rng: np.random.Generator, rate_std: float, shift_std: float) -> Floats:
     """Recorded phases of `FINE`: log rates are a few sines, so no basis of ours makes them."""
     waves = [
         rng.normal() / k * np.sin(np.pi * k * FINE + rng.uniform(0.0, 2.0 * np.pi))

@@ -7,17 +7,15 @@ after the other. Aligning takes the whole movement and its label: this is for th
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from intent_recognition.alignment import Warp
+from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import Gaussian, condition
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration
 
 
-def aligned_evidence(
-    library: TaskLibrary, warp: Warp, recorded: Demonstration, n: int
-) -> NDArray[np.float64]:
+def aligned_evidence(library: TaskLibrary, warp: Warp, recorded: Demonstration, n: int) -> Floats:
     """Log evidence of the tasks before any and after each of n observations, (n + 1, K).
 
     Args:
@@ -44,7 +42,7 @@ def aligned_evidence(
     return np.cumsum(steps, axis=0)
 
 
-def spread_rows(phases: NDArray[np.float64], n: int) -> NDArray[np.float64]:
+def spread_rows(phases: Floats, n: int) -> Floats:
     """Indices of the samples nearest to n even phases, each sample once, (n,).
 
     Args:

@@ -9,7 +9,6 @@ closed-form inverse kinematics, the hand level and pointing at the worker.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.recording import SAMPLE_NS
 from intent_recognition.activation import (
@@ -18,6 +17,7 @@ from intent_recognition.activation import (
     Command,
     PredictedInteraction,
 )
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics import LWR_LIMITS, hand_position
 from intent_recognition.motion import make_path, scaled_limits
@@ -53,21 +53,21 @@ class StoodIn:
         again: whether a pause was taken for the end, and what followed for another movement.
     """
 
-    times_s: NDArray[np.float64]
-    hand_m: NDArray[np.float64]
-    asked_m: NDArray[np.float64]
+    times_s: Floats
+    hand_m: Floats
+    asked_m: Floats
     tasks: tuple[str, ...]
     began_s: float
     largest_torque: float
     again: bool
 
 
-def rest_position(library: TaskLibrary) -> NDArray[np.float64]:
+def rest_position(library: TaskLibrary) -> Floats:
     """Where the assistant's wrist rests before any task, (3,): mean over the tasks."""
     return np.mean([start_mean(library, task) for task in range(library.n_tasks)], axis=0)
 
 
-def hand_joints(positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def hand_joints(positions_m: Floats) -> Floats:
     """Joint angles (T, 7) with the hand at positions (T, 3), level, on one branch.
 
     Raises:
@@ -121,7 +121,7 @@ class _Run:
         self._estimator = IntentEstimator(library)
         self._activation = Activation(settings, lambda reason, text: None)
         self._commands: list[Command] = []
-        self._rows: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+        self._rows: list[tuple[Floats, Floats]] = []
         self._planned_ns = 0
         self._tasks: list[str] = []
         self._largest_torque = 0.0

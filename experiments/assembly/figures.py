@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.report import (
     INK,
     SOFT,
@@ -33,12 +33,12 @@ TWO_SIGMA = "\N{PLUS-MINUS SIGN} 2\N{GREEK SMALL LETTER SIGMA}"
 class Tube(NamedTuple):
     """Where a wrist is along a movement: means (T, 3) and covariances (T, 3, 3), metres."""
 
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    mean: Floats
+    covariance: Floats
 
 
 @styled
-def workspace_figure(paths: Mapping[str, NDArray[np.float64]]) -> Drawing:
+def workspace_figure(paths: Mapping[str, Floats]) -> Drawing:
     """Both wrists of the aligned demonstrations with 2 sigma ellipses along them (Fig. 7).
 
     Args:
@@ -66,7 +66,7 @@ def workspace_figure(paths: Mapping[str, NDArray[np.float64]]) -> Drawing:
 
 @styled
 def overlap_figure(
-    tubes: Mapping[str, Tube], observations_m: NDArray[np.float64], true: str, n_circled: int
+    tubes: Mapping[str, Tube], observations_m: Floats, true: str, n_circled: int
 ) -> Drawing:
     """Observations of one demonstration over the tubes of two tasks (Fig. 8).
 
@@ -109,7 +109,7 @@ def overlap_figure(
 
 @styled
 def certainty_figure(
-    labels: Sequence[str], rows: Mapping[str, Mapping[str, NDArray[np.float64]]], certain_after: int
+    labels: Sequence[str], rows: Mapping[str, Mapping[str, Floats]], certain_after: int
 ) -> Drawing:
     """Task probabilities over the number of observations, one panel a true task (Fig. 9).
 
@@ -143,9 +143,7 @@ def certainty_figure(
 
 
 @styled
-def ambiguity_figure(
-    labels: Sequence[str], ways: Mapping[str, NDArray[np.float64]], true: str
-) -> Drawing:
+def ambiguity_figure(labels: Sequence[str], ways: Mapping[str, Floats], true: str) -> Drawing:
     """Task probabilities from single observations and from all so far, for the ambiguous task.
 
     Args:
@@ -169,7 +167,7 @@ ALL_TASKS = ("fastening", "hand_over", "plate_insertion")
 """Labels in the order of their colours, for figures that show some of them."""
 
 
-def _tube(paths: NDArray[np.float64]) -> Tube:
+def _tube(paths: Floats) -> Tube:
     """Sample mean and covariance at each phase of paths (n, G, 3)."""
     deviation = paths - paths.mean(axis=0)
     covariance = np.einsum("ngi,ngj->gij", deviation, deviation) / (len(paths) - 1)
@@ -193,7 +191,7 @@ def _ellipses(
         axes.add_patch(Ellipse(centre, width, height, angle=angle, **edge))
 
 
-def _evenly_along(path: NDArray[np.float64], count: int) -> list[int]:
+def _evenly_along(path: Floats, count: int) -> list[int]:
     """Indices of at most `count` points of a path (T, 3), evenly spaced by its length."""
     length = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))]
     wanted = np.linspace(0.0, length[-1], count)
@@ -201,11 +199,7 @@ def _evenly_along(path: NDArray[np.float64], count: int) -> list[int]:
 
 
 def _bands(
-    axes: "Axes",
-    labels: Sequence[str],
-    values: NDArray[np.float64],
-    colours: Mapping[str, str],
-    first: int = 0,
+    axes: "Axes", labels: Sequence[str], values: Floats, colours: Mapping[str, str], first: int = 0
 ) -> None:
     """Median and central 90 % of each task's probability; values (demonstrations, n, K)."""
     at = first + np.arange(values.shape[1])

@@ -4,7 +4,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.assembly.scores import (
     CERTAIN,
@@ -17,6 +16,7 @@ from experiments.assembly.scores import (
     spread_observations,
 )
 from experiments.assembly.study import AssemblyStudy, StandInScore
+from intent_recognition.array_types import Floats
 from sim_bridge.scenarios.assembly import FASTENING, HAND_OVER
 
 PAPER_OBSERVATIONS = 5
@@ -75,7 +75,7 @@ def _certainty(scored: Sequence[Scored], labels: Sequence[str], way: str) -> lis
     return [observations_to_certainty(probabilities(s, way), labels.index(s.task)) for s in scored]
 
 
-def probabilities(scored: Scored, way: str) -> NDArray[np.float64]:
+def probabilities(scored: Scored, way: str) -> Floats:
     """Of the tasks before any and after each observation, (n + 1, K)."""
     return scored.aligned if way == ALIGNED else getattr(scored, way).probabilities
 
@@ -108,7 +108,7 @@ def _prediction_numbers(scored: Sequence[Scored], task: str) -> dict[str, object
     return numbers
 
 
-def _cm(values_m: Sequence[NDArray[np.float64]]) -> list[float]:
+def _cm(values_m: Sequence[Floats]) -> list[float]:
     """Mean over demonstrations, in cm."""
     return (100.0 * np.mean(values_m, axis=0)).tolist()
 
@@ -134,12 +134,12 @@ def _arm_numbers(executed: Sequence[StandInScore], labels: Sequence[str]) -> dic
     return numbers
 
 
-def aligned_paths(found: AssemblyStudy) -> dict[str, NDArray[np.float64]]:
+def aligned_paths(found: AssemblyStudy) -> dict[str, Floats]:
     """Aligned demonstrations per task, (n, G, 6)."""
     return {task: alignment.aligned for task, alignment in found.alignments.items()}
 
 
-def spread_cm(paths: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+def spread_cm(paths: dict[str, Floats]) -> dict[str, Floats]:
     """Root mean square deviation of both wrists from the mean over demonstrations, (G,)."""
     return {
         task: 100.0 * np.sqrt(np.mean(np.sum((values - values.mean(axis=0)) ** 2, axis=2), axis=0))

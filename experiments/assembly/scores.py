@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.assembly.aligned import spread_rows
+from intent_recognition.array_types import Floats
 from intent_recognition.evaluation import mean_of_task, nearest_neighbour, sample
 from intent_recognition.filtering import (
     MovementFilter,
@@ -43,10 +43,10 @@ class WatchedInteraction(NamedTuple):
         inside: share of the coordinates within two predicted standard deviations, (n + 1,).
     """
 
-    probabilities: NDArray[np.float64]
-    path_m: NDArray[np.float64]
-    end_m: NDArray[np.float64]
-    inside: NDArray[np.float64]
+    probabilities: Floats
+    path_m: Floats
+    end_m: Floats
+    inside: Floats
 
 
 class Scored(NamedTuple):
@@ -66,13 +66,13 @@ class Scored(NamedTuple):
 
     name: str
     task: str
-    aligned: NDArray[np.float64]
+    aligned: Floats
     known: WatchedInteraction
     unknown: WatchedInteraction
-    forgetting: NDArray[np.float64]
-    single: NDArray[np.float64]
-    mean_of_task: NDArray[np.float64]
-    nearest: NDArray[np.float64]
+    forgetting: Floats
+    single: Floats
+    mean_of_task: Floats
+    nearest: Floats
 
 
 def spread_observations(recorded: Demonstration, n: int = N_OBSERVATIONS) -> list[Observation]:
@@ -89,7 +89,7 @@ def score(
     library: TaskLibrary,
     training: Sequence[Demonstration],
     left_out: Demonstration,
-    aligned_evidence: NDArray[np.float64],
+    aligned_evidence: Floats,
 ) -> Scored:
     """Recognise and predict one demonstration the library has not seen.
 
@@ -125,7 +125,7 @@ def watch(
     hypotheses: PriorGrid,
     left_out: Demonstration,
     observations: Sequence[Observation],
-) -> tuple[WatchedInteraction, NDArray[np.float64]]:
+) -> tuple[WatchedInteraction, Floats]:
     """Take the observations one after the other; also log evidence of the tasks, (n + 1, K)."""
     duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
     times_s = TRUTH_PHASES * duration_s
@@ -148,9 +148,7 @@ def watch(
     return WatchedInteraction(np.array(probabilities), path, end, inside), np.array(evidence)
 
 
-def _mixture(
-    run: MovementFilter, belief: NDArray[np.float64], times_s: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _mixture(run: MovementFilter, belief: Floats, times_s: Floats) -> tuple[Floats, Floats]:
     """Mean and standard deviation of the assistant's wrist over all tasks that may be, (T, 3)."""
     likely = np.flatnonzero(belief > 1e-3)
     share = belief[likely] / belief[likely].sum()
@@ -162,7 +160,7 @@ def _mixture(
 
 def single_evidence(
     library: TaskLibrary, recorded: Demonstration, observations: Sequence[Observation]
-) -> NDArray[np.float64]:
+) -> Floats:
     """Log density of each observation by itself under each task, elapsed share known, (n, K)."""
     return np.array(
         [
@@ -186,13 +184,13 @@ def at_phase(library: TaskLibrary, task: int, phase: float) -> Gaussian:
     return Gaussian(design @ library.observed_mean[task], covariance)
 
 
-def phases_of(recorded: Demonstration, observations: Sequence[Observation]) -> NDArray[np.float64]:
+def phases_of(recorded: Demonstration, observations: Sequence[Observation]) -> Floats:
     """Share of the movement's time that had passed at each observation, (n,)."""
     stamps = np.array([observation.stamp_ns for observation in observations])
     return (stamps - recorded.start_ns) / (recorded.end_ns - recorded.start_ns)
 
 
-def observations_to_certainty(probabilities: NDArray[np.float64], truth: int) -> int | None:
+def observations_to_certainty(probabilities: Floats, truth: int) -> int | None:
     """After how many observations the true task is certain and stays so; None if never.
 
     Args:
@@ -205,12 +203,12 @@ def observations_to_certainty(probabilities: NDArray[np.float64], truth: int) ->
     return None if uncertain[-1] + 1 == len(probabilities) else int(uncertain[-1] + 1)
 
 
-def _distances(predicted: NDArray[np.float64], truth: NDArray[np.float64]) -> tuple[float, float]:
+def _distances(predicted: Floats, truth: Floats) -> tuple[float, float]:
     """Root mean square over the movement and at its end of the distance between paths (T, 3)."""
     squared = np.sum((predicted - truth) ** 2, axis=1)
     return float(np.sqrt(squared.mean())), float(np.sqrt(squared[-1]))
 
 
-def _normalised(log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
+def _normalised(log_evidence: Floats) -> Floats:
     """Probabilities under equal priors, row by row, from log densities (n, K)."""
     return np.exp(log_evidence - np.logaddexp.reduce(log_evidence, axis=1, keepdims=True))

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.assembly.aligned import aligned_evidence
 from experiments.assembly.scores import N_OBSERVATIONS, Scored, score
 from experiments.settings import Settings
 from intent_recognition.alignment import Alignment, align, even_trajectory
+from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.errors import BagError
 from intent_recognition.evaluation import sample
@@ -59,7 +59,7 @@ class StandInScore(NamedTuple):
 
     task: str
     run: "StoodIn"
-    wrist_m: NDArray[np.float64]
+    wrist_m: Floats
     end_m: float
     path_m: float
     late_s: float
@@ -96,7 +96,7 @@ class AssemblyStudy:
     scored: tuple[Scored, ...]
     executed: tuple[StandInScore, ...]
     alignments: dict[str, Alignment]
-    unaligned: dict[str, NDArray[np.float64]]
+    unaligned: dict[str, Floats]
 
 
 def study(settings: Settings) -> AssemblyStudy:
@@ -208,13 +208,13 @@ def execute(library: TaskLibrary, recording: Demonstration, cut: Demonstration) 
     )
 
 
-def arrival_s(times_s: NDArray[np.float64], path_m: NDArray[np.float64]) -> float:
+def arrival_s(times_s: Floats, path_m: Floats) -> float:
     """From when on a path (T, 3) stays near where it ends."""
     away = np.flatnonzero(np.linalg.norm(path_m - _end(path_m), axis=1) > ARRIVED_M)
     return float(times_s[away[-1] + 1] if away.size else times_s[0])
 
 
-def _end(path_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _end(path_m: Floats) -> Floats:
     """Where a path sampled every 10 ms ends, (3,)."""
     return path_m[-round(100 * AFTER_ARRIVAL_S) :].mean(axis=0)
 
@@ -225,9 +225,7 @@ def _few(recordings: Sequence[Demonstration]) -> list[Demonstration]:
     return [d for d, k in zip(recordings, per_task, strict=True) if k < QUICK_PER_TASK]
 
 
-def _align(
-    training: Sequence[Demonstration],
-) -> tuple[dict[str, Alignment], dict[str, NDArray[np.float64]]]:
+def _align(training: Sequence[Demonstration]) -> tuple[dict[str, Alignment], dict[str, Floats]]:
     """Each task's demonstrations brought onto one timing, and as they were at the same phases."""
     alignments, unaligned = {}, {}
     for task in sorted({str(d.task) for d in training}):

@@ -3,8 +3,7 @@
 
 from collections.abc import Sequence
 
-from numpy.typing import NDArray
-
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import Box
 from sim_bridge.arm import Robot, add_box, load_urdf
 from sim_bridge.physics import end_world, start_world
@@ -35,7 +34,7 @@ class BulletCell:
         """End the world."""
         end_world(self._client)
 
-    def distances_m(self, q: NDArray) -> dict[str, float]:
+    def distances_m(self, q: Floats) -> dict[str, float]:
         """Of each link with a shape from the nearest box, negative inside, at a posture (n,)."""
         for joint, value in zip(self._joints, q, strict=True):
             self._client.resetJointState(self._arm, joint, value)

@@ -10,11 +10,11 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.execution import Executed, execute
 from experiments.reaches import REST_S, STEP_NS, toolbox_recordings, watch_reach
 from experiments.settings import Settings
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import LWR_LIMITS, Bodies, Box
 from intent_recognition.learning import learn
 from intent_recognition.motion import Clearance, Spread, scaled_limits
@@ -165,9 +165,7 @@ def draw_boxes(rng: np.random.Generator, robot: "Robot", free: Executed) -> tupl
     return tuple(boxes)
 
 
-def nearest_m(
-    robot: "Robot", boxes: Sequence[Box], ways: Sequence[NDArray[np.float64]]
-) -> tuple[float, ...]:
+def nearest_m(robot: "Robot", boxes: Sequence[Box], ways: Sequence[Floats]) -> tuple[float, ...]:
     """The least distance from a box on each of some ways (T, 7), by PyBullet."""
     from experiments.clearance.distances import BulletCell
 

@@ -8,8 +8,8 @@ where they leave the first, so that neither container is in the other's way and 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.balls import STEP_S, BallWorld, Tilted, WallGuard, tilt_along
 
@@ -38,9 +38,7 @@ class Caught:
     through_wall: int
 
 
-def tilt(
-    world: BallWorld, balls_m: NDArray[np.float64], tilt_rad: float, *, hold_s: float = HOLD_S
-) -> Tilted:
+def tilt(world: BallWorld, balls_m: Floats, tilt_rad: float, *, hold_s: float = HOLD_S) -> Tilted:
     """Fill a container, tilt it toward +x about its lip and wait, or until it is empty.
 
     Args:
@@ -55,9 +53,7 @@ def tilt(
     return tilt_along(world, balls_m, tilt_rad * np.array(share))
 
 
-def catch(
-    world: BallWorld, inside_m: NDArray[np.float64], poured: Tilted, lip_m: NDArray[np.float64]
-) -> Caught:
+def catch(world: BallWorld, inside_m: Floats, poured: Tilted, lip_m: Floats) -> Caught:
     """Let the balls that left the first container fall onto the second.
 
     It ends as soon as one ball is outside.
@@ -94,7 +90,7 @@ def catch(
     return Caught(True, guard.count)
 
 
-def _outside(world: BallWorld, positions_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _outside(world: BallWorld, positions_m: Floats) -> Flags:
     """Which balls (N, 3) are below the rim and clear of the wall on its far side (N,)."""
     hollow, radius = world.hollow, world.ball_radius_m
     low = positions_m[:, 2] < hollow.rim_height_m - radius
@@ -103,9 +99,7 @@ def _outside(world: BallWorld, positions_m: NDArray[np.float64]) -> NDArray[np.b
     return low & (hollow.clearance_m(rim) < -RADII_BEYOND * radius)
 
 
-def _misses(
-    world: BallWorld, starts_m: NDArray[np.float64], velocities_m_s: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _misses(world: BallWorld, starts_m: Floats, velocities_m_s: Floats) -> Flags:
     """Which balls fly past the rim without touching it: (N,).
 
     A ball that starts below the rim's height and outside never comes in.

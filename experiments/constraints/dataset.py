@@ -16,11 +16,11 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.constraints.trials import COLUMNS, TRIALS_PER_OBJECT, TrialBlock, blocks, make
 from experiments.constraints.trials_file import write_trials
 from intent_recognition import __version__
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError
 from sim_bridge.containers import CONTAINER_SEED
 
@@ -32,7 +32,7 @@ def generate(
     trials: int = TRIALS_PER_OBJECT,
     jobs: int = 2,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Floats]:
     """Make what is missing, and write the file when all is there.
 
     Args:
@@ -65,7 +65,7 @@ def generate(
 
 def write_finished(
     output: Path, seed: int, *, trials: int = TRIALS_PER_OBJECT
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Floats]:
     """Write what an unfinished run has made so far, as many trials of every object.
 
     The run can go on afterwards, and replaces the file in the end.
@@ -102,7 +102,7 @@ def _origin(seed: int, trials: int) -> dict[str, int]:
 
 def _write(
     output: Path, parts: Path, finished: list[TrialBlock], origin: Mapping[str, int]
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Floats]:
     rows = {
         name: np.concatenate(
             [np.load(_part(parts, block)) for block in finished if block.experiment == name]
@@ -176,7 +176,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _generate_with_bar(options: argparse.Namespace) -> dict[str, NDArray[np.float64]]:
+def _generate_with_bar(options: argparse.Namespace) -> dict[str, Floats]:
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,

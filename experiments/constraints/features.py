@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.constraints.spilling import (
     NO_REFERENCES,
@@ -21,6 +20,7 @@ from experiments.constraints.spilling import (
 )
 from experiments.constraints.trials import FILLING, FILLING_TILT_RAD, POURING, SECOND, container
 from experiments.constraints.trials_file import Trials
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.warping import (
     ObjectCloud,
     ObjectModel,
@@ -60,8 +60,8 @@ class KnownContainer(NamedTuple):
     """
 
     references: References
-    lip_m: NDArray[np.float64]
-    centre_m: NDArray[np.float64]
+    lip_m: Floats
+    centre_m: Floats
 
 
 class ConstraintSamples(NamedTuple):
@@ -74,10 +74,10 @@ class ConstraintSamples(NamedTuple):
         unit_throw: (N,) what a throw is measured in, if it is to be learned; in filling only.
     """
 
-    features: NDArray[np.float64]
-    labels: NDArray[np.float64]
-    objects: NDArray[np.integer]
-    unit_throw: NDArray[np.float64] | None = None
+    features: Floats
+    labels: Floats
+    objects: Integers
+    unit_throw: Floats | None = None
 
 
 def know_all(

@@ -4,10 +4,8 @@
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from experiments.constraints.roc import GRID
+from intent_recognition.array_types import Floats
 from intent_recognition.report import NONE_COLOUR, PALETTE, Drawing, new_figure, styled
 
 LINE_STYLES = (("-", 3.2), ((0, (4, 1.5)), 1.4), ((0, (1, 1)), 1.8))
@@ -25,9 +23,9 @@ class RocBand(NamedTuple):
         area: mean area below the curves.
     """
 
-    mean: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    mean: Floats
+    low: Floats
+    high: Floats
     area: float
 
 

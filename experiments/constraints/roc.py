@@ -4,8 +4,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 
 GRID = np.linspace(0.0, 1.0, 201)
@@ -21,12 +21,12 @@ class RocCurve(NamedTuple):
         area: below the curve: how often a positive scores above a negative, ties counted half.
     """
 
-    false_positive: NDArray[np.float64]
-    true_positive: NDArray[np.float64]
+    false_positive: Floats
+    true_positive: Floats
     area: float
 
 
-def roc_curve(scores: NDArray[np.float64], labels: NDArray[np.float64]) -> RocCurve:
+def roc_curve(scores: Floats, labels: Floats) -> RocCurve:
     """The curve of scores (n,), higher for positives, against labels (n,), 0 or 1.
 
     Raises:
@@ -47,7 +47,7 @@ def roc_curve(scores: NDArray[np.float64], labels: NDArray[np.float64]) -> RocCu
     return RocCurve(false_positive, true_positive, area)
 
 
-def on_grid(curve: RocCurve, grid: NDArray[np.float64] = GRID) -> NDArray[np.float64]:
+def on_grid(curve: RocCurve, grid: Floats = GRID) -> Floats:
     """True positive rate at given false positive rates; the upper one where the curve is steep."""
     low = np.searchsorted(curve.false_positive, grid, side="right") - 1
     high = np.minimum(low + 1, len(curve.false_positive) - 1)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ShapeError
 from intent_recognition.warping import LogisticModel, References, fit_logistic
 
@@ -33,8 +33,8 @@ class PouringState(NamedTuple):
         tilt_rad: its tilt about the lip, (n,) or a number.
     """
 
-    fluid_m3: NDArray[np.float64] | float
-    tilt_rad: NDArray[np.float64] | float
+    fluid_m3: Floats | float
+    tilt_rad: Floats | float
 
 
 class FillingState(NamedTuple):
@@ -48,10 +48,10 @@ class FillingState(NamedTuple):
             direction of pouring, across it, up.
     """
 
-    fluid_m3: NDArray[np.float64] | float
-    second_fluid_m3: NDArray[np.float64] | float
-    tilt_rad: NDArray[np.float64] | float
-    offset_m: NDArray[np.float64]
+    fluid_m3: Floats | float
+    second_fluid_m3: Floats | float
+    tilt_rad: Floats | float
+    offset_m: Floats
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class PouringConstraint:
     model: LogisticModel
 
     @staticmethod
-    def features(state: PouringState, cup: References) -> NDArray[np.float64]:
+    def features(state: PouringState, cup: References) -> Floats:
         """Tilt and amount in parts of the container's own (n, 2)."""
         columns = (
             np.asarray(state.tilt_rad, dtype=float) / cup.tilt_rad,
@@ -70,9 +70,7 @@ class PouringConstraint:
         return _stack(columns)
 
     @classmethod
-    def learn(
-        cls, features: NDArray[np.float64], poured: NDArray[np.float64]
-    ) -> "PouringConstraint":
+    def learn(cls, features: Floats, poured: Floats) -> "PouringConstraint":
         """Learn from features (n, 2) of any containers and labels (n,), 1 where some poured.
 
         Raises:
@@ -80,7 +78,7 @@ class PouringConstraint:
         """
         return cls(fit_logistic(features, poured, ridge=RIDGE))
 
-    def probability(self, state: PouringState, cup: References) -> NDArray[np.float64]:
+    def probability(self, state: PouringState, cup: References) -> Floats:
         """Probability (n,) that the container pours."""
         return self.model.probability(self.features(state, cup))
 
@@ -100,7 +98,7 @@ class FillingConstraint:
     @staticmethod
     def features(
         state: FillingState, cup: References, second: References, *, throw: float = 0.0
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Features (n, 8): offsets and their squares, and amounts and tilt, all as ratios.
 
         Horizontal distances are divided by the second's radius, the vertical one by the first's
@@ -129,7 +127,7 @@ class FillingConstraint:
         return landing(_stack(columns), ahead)
 
     @staticmethod
-    def unit_throw(state: FillingState, cup: References, second: References) -> NDArray[np.float64]:
+    def unit_throw(state: FillingState, cup: References, second: References) -> Floats:
         """What a throw is measured in (n,): sqrt(height of the first x height above) / radius.
 
         Ours. What slides down a wall without friction is as fast as the square root of its length,
@@ -140,10 +138,7 @@ class FillingConstraint:
 
     @classmethod
     def learn_throw(
-        cls,
-        features: NDArray[np.float64],
-        unit_throw: NDArray[np.float64],
-        filled: NDArray[np.float64],
+        cls, features: Floats, unit_throw: Floats, filled: Floats
     ) -> "FillingConstraint":
         """Learn how far is thrown as well: the throw under which the labels are most probable.
 
@@ -166,9 +161,7 @@ class FillingConstraint:
         best = max(range(len(found)), key=lambda k: found[k][0])
         return cls(found[best][1], float(THROWS[best]))
 
-    def probability(
-        self, state: FillingState, cup: References, second: References
-    ) -> NDArray[np.float64]:
+    def probability(self, state: FillingState, cup: References, second: References) -> Floats:
         """Probability (n,) that all that is poured ends up in the second container."""
         return self.model.probability(self.features(state, cup, second, throw=self.throw))
 
@@ -179,7 +172,7 @@ def spill_risk(
     states: FillingState,
     cup: References,
     second: References,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Probability (n,) that something is poured and not all of it ends up in the second container.
 
     What is to be looked at before a path is executed: it must stay low all along, since liquid
@@ -189,7 +182,7 @@ def spill_risk(
     return leaves * (1.0 - filling.probability(states, cup, second))
 
 
-def landing(features: NDArray[np.float64], ahead: NDArray[np.float64]) -> NDArray[np.float64]:
+def landing(features: Floats, ahead: Floats) -> Floats:
     """Features (n, 8) of filling with the offset along moved ahead by (n,), in radii."""
     moved = np.array(features)
     moved[:, 0] += ahead
@@ -197,7 +190,7 @@ def landing(features: NDArray[np.float64], ahead: NDArray[np.float64]) -> NDArra
     return moved
 
 
-def _offsets(state: FillingState) -> NDArray[np.float64]:
+def _offsets(state: FillingState) -> Floats:
     """Offsets (n, 3) of n states, checked."""
     offset = np.asarray(state.offset_m, dtype=float)
     if offset.ndim != 2 or offset.shape[1] != 3:
@@ -206,6 +199,6 @@ def _offsets(state: FillingState) -> NDArray[np.float64]:
     return offset
 
 
-def _stack(columns: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
+def _stack(columns: tuple[Floats, ...]) -> Floats:
     """Columns (n,) or single numbers as (n, d)."""
     return np.stack(np.broadcast_arrays(*(np.atleast_1d(c) for c in columns)), axis=1)

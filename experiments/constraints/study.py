@@ -5,11 +5,11 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.constraints.features import ConstraintSamples
 from experiments.constraints.roc import on_grid, roc_curve
 from experiments.constraints.spilling import RIDGE, FillingConstraint, landing
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import TrainingError
 from intent_recognition.warping import fit_logistic
 from sim_bridge.containers import CONTAINER_NAMES
@@ -31,10 +31,10 @@ class ConstraintScores(NamedTuple):
         trained_on: index of the training object (M,).
     """
 
-    curves: NDArray[np.float64]
-    areas: NDArray[np.float64]
-    early: NDArray[np.float64]
-    trained_on: NDArray[np.float64]
+    curves: Floats
+    areas: Floats
+    early: Floats
+    trained_on: Floats
 
     @property
     def area(self) -> float:
@@ -54,7 +54,7 @@ def score(
     Raises:
         TrainingError: the trials of one object all have the same label.
     """
-    rows: dict[str, list[tuple[NDArray[np.float64], float, float, int]]] = {SAME: [], NOVEL: []}
+    rows: dict[str, list[tuple[Floats, float, float, int]]] = {SAME: [], NOVEL: []}
     for index in np.unique(samples.objects):
         own = np.flatnonzero(samples.objects == index)
         others = np.flatnonzero(samples.objects != index)
@@ -74,9 +74,7 @@ def score(
     }
 
 
-def _learned(
-    samples: ConstraintSamples, train: NDArray[np.integer]
-) -> Callable[[NDArray[np.integer]], NDArray[np.float64]]:
+def _learned(samples: ConstraintSamples, train: Integers) -> Callable[[Integers], Floats]:
     """Log odds of rows (n,), learned from the rows `train`."""
     features, labels, unit = samples.features, samples.labels, samples.unit_throw
     if unit is None:
@@ -86,9 +84,7 @@ def _learned(
     return lambda rows: filling.model.log_odds(landing(features[rows], filling.throw * unit[rows]))
 
 
-def _both_labels_first(
-    rows: NDArray[np.integer], labels: NDArray[np.float64], rng: np.random.Generator
-) -> NDArray[np.integer]:
+def _both_labels_first(rows: Integers, labels: Floats, rng: np.random.Generator) -> Integers:
     """Rows in random order, with both labels in the training part and in the rest."""
     while True:
         shuffled = rng.permutation(rows)

@@ -7,9 +7,9 @@ Source: Brandl et al. 2014, section IV-A.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.constraints.catching import catch, tilt
+from intent_recognition.array_types import Floats
 from sim_bridge.balls import BallWorld, ball_radius_m, balls_in, hollow_of, settled
 from sim_bridge.containers import CONTAINER_NAMES, CONTAINER_SEED, Container, make_container
 
@@ -93,7 +93,7 @@ def blocks(seed: int, trials_per_object: int = TRIALS_PER_OBJECT) -> list[TrialB
     ]  # fmt: skip
 
 
-def make(block: TrialBlock) -> NDArray[np.float64]:
+def make(block: TrialBlock) -> Floats:
     """Run a block: (n_trials, len(COLUMNS[experiment])) float64."""
     return (pouring_block if block.experiment == POURING else filling_block)(block)
 
@@ -103,7 +103,7 @@ def container(index: int) -> Container:
     return make_container(CONTAINER_NAMES[index], CONTAINER_SEED)
 
 
-def pouring_block(block: TrialBlock) -> NDArray[np.float64]:
+def pouring_block(block: TrialBlock) -> Floats:
     """Tilt one container by random angles with random amounts in it.
 
     The balls settle once, full; every trial takes the lowest of them.
@@ -124,7 +124,7 @@ def pouring_block(block: TrialBlock) -> NDArray[np.float64]:
     return np.array(rows, dtype=np.float64)
 
 
-def filling_block(block: TrialBlock) -> NDArray[np.float64]:
+def filling_block(block: TrialBlock) -> Floats:
     """Pour ten balls from one container at random places over the second one."""
     rng, cup = block.rng(), container(block.object_index)
     second = make_container(SECOND, CONTAINER_SEED)
@@ -150,7 +150,7 @@ def filling_block(block: TrialBlock) -> NDArray[np.float64]:
     return np.array(rows, dtype=np.float64)
 
 
-def _place(rng: np.random.Generator, second: Container) -> NDArray[np.float64]:
+def _place(rng: np.random.Generator, second: Container) -> Floats:
     """Where the lip is, from the centre of the second opening (3,) [m]."""
     radius = second.opening_radius_m
     along, across = rng.uniform(*LIP_ALONG_RADII), rng.uniform(*LIP_ACROSS_RADII)

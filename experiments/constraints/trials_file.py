@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.constraints.trials import COLUMNS
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ModelError
 
 TRIALS_FILE = "config/pouring_trials.npz"
@@ -28,13 +28,11 @@ class Trials:
         origin: how they were made: seed, version, blocks.
     """
 
-    tables: Mapping[str, Mapping[str, NDArray[np.float64]]]
+    tables: Mapping[str, Mapping[str, Floats]]
     origin: Mapping[str, object]
 
 
-def write_trials(
-    path: Path, rows: Mapping[str, NDArray[np.float64]], origin: Mapping[str, object]
-) -> None:
+def write_trials(path: Path, rows: Mapping[str, Floats], origin: Mapping[str, object]) -> None:
     """Write tables (N, columns) at once: the file is either complete or not there.
 
     Equal tables give equal bytes.

@@ -4,7 +4,6 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.context.figures import outcome_figure
 from experiments.context.study import (
@@ -21,6 +20,7 @@ from experiments.context.study import (
 from experiments.draws import spread
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
+from intent_recognition.array_types import Floats
 from intent_recognition.learning import TrainingSettings
 from intent_recognition.report import Block, Figure, to_svg
 
@@ -86,12 +86,12 @@ def _numbers(study: Sequence[DrawnSet]) -> Mapping[str, object]:
     }
 
 
-def errors_m(study: Sequence[DrawnSet], condition: str) -> NDArray[np.float64]:
+def errors_m(study: Sequence[DrawnSet], condition: str) -> Floats:
     """Mean error of the predicted end of each draw, (draws, shares) [m]."""
     return np.array([drawn.end_error_m[condition].mean(axis=0) for drawn in study])
 
 
-def decided(study: Sequence[DrawnSet], condition: str) -> NDArray[np.float64]:
+def decided(study: Sequence[DrawnSet], condition: str) -> Floats:
     """Share of the movement at each decision, of all draws; NaN for none."""
     return np.concatenate([drawn.decided[condition] for drawn in study])
 

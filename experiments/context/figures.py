@@ -4,8 +4,8 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.report import (
     DASHED,
     INK,
@@ -24,8 +24,8 @@ STYLES = ((NONE_COLOUR, "-"), (PALETTE[1], "-"), (PALETTE[2], DASHED), (PALETTE[
 @styled
 def outcome_figure(
     shares: Sequence[float],
-    errors_m: Mapping[str, NDArray[np.float64]],
-    decided: Mapping[str, NDArray[np.float64]],
+    errors_m: Mapping[str, Floats],
+    decided: Mapping[str, Floats],
     turns_at: float,
 ) -> Drawing:
     """Error of the predicted end over the share seen, and when the task was acted on.

@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.evaluation import run_online
 from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.promp import TaskLibrary, minimum_jerk
@@ -62,9 +62,9 @@ class DrawnSet(NamedTuple):
     """
 
     seed: int
-    end_error_m: dict[str, NDArray[np.float64]]
-    inside: dict[str, NDArray[np.float64]]
-    decided: dict[str, NDArray[np.float64]]
+    end_error_m: dict[str, Floats]
+    inside: dict[str, Floats]
+    decided: dict[str, Floats]
     wrong: dict[str, int]
 
 
@@ -148,12 +148,8 @@ def hand_over(task: str, rng: np.random.Generator) -> Demonstration:
 
 
 def paths(
-    task: str,
-    share: NDArray[np.float64],
-    box_m: NDArray[np.float64],
-    turn: float,
-    scatter_m: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    task: str, share: Floats, box_m: Floats, turn: float, scatter_m: Floats
+) -> tuple[Floats, Floats]:
     """Wrist and hand (T, 3) at shares of the movement [m]."""
     box = np.array([*box_m, 0.1])
     first, late = minimum_jerk(share / 0.75), minimum_jerk((share - TURNS_AT) / (1 - TURNS_AT))
@@ -172,7 +168,7 @@ def _said_late(one: Demonstration) -> tuple[Signal, ...]:
     return tuple(replace(signal, stamps_ns=said_ns) for signal in one.context)
 
 
-def _predicted_ends(library: TaskLibrary, one: Demonstration) -> NDArray[np.float64]:
+def _predicted_ends(library: TaskLibrary, one: Demonstration) -> Floats:
     """Mean and standard deviation of the hand's end at each share seen, (2, shares, 3).
 
     The task is known, the pace is not.

@@ -34,8 +34,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.gaussian import Gaussian, symmetrize
 from intent_recognition.promp import NormalizedRBFBasis
@@ -71,7 +71,7 @@ class FeedbackSettings:
                 got, cure = getattr(self, name), "See FeedbackSettings for defaults."
                 raise ArgumentError.about(name, expected, got, cure)
 
-    def density(self, n_joints: int) -> NDArray[np.float64]:
+    def density(self, n_joints: int) -> Floats:
         """S per joint, (Q,)."""
         return np.broadcast_to(np.array(self.disturbance, dtype=np.float64), (n_joints,))
 
@@ -90,13 +90,13 @@ class FeedbackPolicy:
         rest: gain and offset after the end: hold the mean's last position.
     """
 
-    times_s: NDArray[np.float64]
-    gain: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    disturbance: NDArray[np.float64]
-    rest: tuple[NDArray[np.float64], NDArray[np.float64]]
+    times_s: Floats
+    gain: Floats
+    offset: Floats
+    mean: Floats
+    covariance: Floats
+    disturbance: Floats
+    rest: tuple[Floats, Floats]
 
     @property
     def n_joints(self) -> int:
@@ -104,20 +104,20 @@ class FeedbackPolicy:
         return len(self.disturbance)
 
     @property
-    def std(self) -> NDArray[np.float64]:
+    def std(self) -> Floats:
         """Standard deviation of each joint's position, (T, Q) [rad]."""
         diagonal = np.diagonal(self.covariance, axis1=1, axis2=2)
         return np.sqrt(diagonal[:, : self.n_joints])
 
     @property
-    def stiffness(self) -> NDArray[np.float64]:
+    def stiffness(self) -> Floats:
         """Each joint's own restoring acceleration per deviation, (T, Q) [1/s^2].
 
         Negative where the primitive lets deviations grow.
         """
         return -np.diagonal(self.gain[:, :, : self.n_joints], axis1=1, axis2=2)
 
-    def at(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def at(self, time_s: float) -> tuple[Floats, Floats]:
         """K (Q, 2 Q) and k (Q,) at a time since the start, between the grid's by a line."""
         if time_s >= self.times_s[-1]:
             return self.rest
@@ -127,9 +127,7 @@ class FeedbackPolicy:
         gain = self.gain[low] + share * (self.gain[low + 1] - self.gain[low])
         return gain, self.offset[low] + share * (self.offset[low + 1] - self.offset[low])
 
-    def acceleration(
-        self, time_s: float, q: NDArray[np.float64], qd: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def acceleration(self, time_s: float, q: Floats, qd: Floats) -> Floats:
         """What the joints shall do, u = K x + k, (Q,) [rad/s^2]."""
         gain, offset = self.at(time_s)
         return gain @ np.concatenate((q, qd)) + offset
@@ -165,14 +163,14 @@ def feedback_policy(
     return _policy(times, mean, covariance, density)
 
 
-def initial_state(policy: FeedbackPolicy, rng: np.random.Generator) -> NDArray[np.float64]:
+def initial_state(policy: FeedbackPolicy, rng: np.random.Generator) -> Floats:
     """Draw a state (2 Q,) from the distribution at the start."""
     return rng.multivariate_normal(policy.mean[0], policy.covariance[0], method="eigh")
 
 
 def propagate(
     policy: FeedbackPolicy, n_steps: int, start: Gaussian | None = None
-) -> tuple[NDArray[np.float64], Gaussian]:
+) -> tuple[Floats, Gaussian]:
     """Mean and covariance of the controlled double integrator at the end of each step.
 
     Args:
@@ -202,23 +200,15 @@ def propagate(
     return times, Gaussian(np.array(mean), np.array(covariance))
 
 
-def _mean_slope(
-    flow: NDArray[np.float64], drift: NDArray[np.float64], mean: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _mean_slope(flow: Floats, drift: Floats, mean: Floats) -> Floats:
     return flow @ mean + drift
 
 
-def _covariance_slope(
-    flow: NDArray[np.float64], noise: NDArray[np.float64], covariance: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _covariance_slope(flow: Floats, noise: Floats, covariance: Floats) -> Floats:
     return flow @ covariance + covariance @ flow.T + noise
 
 
-def _runge_kutta(
-    slope: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    value: NDArray[np.float64],
-    step: float,
-) -> NDArray[np.float64]:
+def _runge_kutta(slope: Callable[[Floats], Floats], value: Floats, step: float) -> Floats:
     """One classical step of fourth order."""
     k1 = slope(value)
     k2 = slope(value + 0.5 * step * k1)
@@ -228,8 +218,8 @@ def _runge_kutta(
 
 
 def _moments(
-    basis: NormalizedRBFBasis, weights: Gaussian, phase: NDArray[np.float64], duration_s: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    basis: NormalizedRBFBasis, weights: Gaussian, phase: Floats, duration_s: float
+) -> tuple[Floats, Floats]:
     """Mean (T, 3, Q) and covariance (T, 3, Q, 3, Q) of positions, velocities, accelerations."""
     rows = np.stack(
         (
@@ -246,11 +236,8 @@ def _moments(
 
 
 def _controllable(
-    moments: tuple[NDArray[np.float64], NDArray[np.float64]],
-    times_s: NDArray[np.float64],
-    density: NDArray[np.float64],
-    bandwidth_rad_s: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    moments: tuple[Floats, Floats], times_s: Floats, density: Floats, bandwidth_rad_s: float
+) -> tuple[Floats, Floats]:
     """The same with the two terms that make the state one that can be controlled."""
     mean, covariance = moments
     covariance = covariance.copy()
@@ -265,9 +252,7 @@ def _controllable(
     return mean, covariance
 
 
-def _rest_velocity(
-    position: NDArray[np.float64], density: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _rest_velocity(position: Floats, density: Floats) -> Floats:
     """F = (S/4)^(2/3) C^(1/3) for covariances C (..., Q, Q), in coordinates where S is one."""
     scale = np.sqrt(density)
     values, vectors = np.linalg.eigh(position / np.outer(scale, scale))
@@ -276,12 +261,7 @@ def _rest_velocity(
     return symmetrize(found) * np.outer(scale, scale)
 
 
-def _policy(
-    times_s: NDArray[np.float64],
-    mean: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    density: NDArray[np.float64],
-) -> FeedbackPolicy:
+def _policy(times_s: Floats, mean: Floats, covariance: Floats, density: Floats) -> FeedbackPolicy:
     """Gains from the moments."""
     n = len(density)
     state = symmetrize(covariance[:, :2, :, :2, :].reshape(-1, 2 * n, 2 * n))
@@ -295,9 +275,7 @@ def _policy(
     return FeedbackPolicy(times_s, gain, offset, state_mean, state, density, rest)
 
 
-def _rest_gains(
-    position: NDArray[np.float64], density: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _rest_gains(position: Floats, density: Floats) -> tuple[Floats, Floats]:
     """Stiffness and damping (Q, Q) that hold a distribution of positions (Q, Q) at rest."""
     velocity = _rest_velocity(position, density)
     stiffness = np.linalg.solve(position, velocity).T

@@ -4,7 +4,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from experiments.feedback.controller import FeedbackPolicy, feedback_policy
@@ -32,6 +31,7 @@ from experiments.feedback.study import (
 )
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
+from intent_recognition.array_types import Floats
 from intent_recognition.report import Block, Figure, Paragraph, to_svg
 
 CONDITIONS = (
@@ -64,8 +64,8 @@ def run(settings: Settings) -> ExperimentResult:
 
 def _outcome(
     policy: FeedbackPolicy,
-    demonstrated: NDArray[np.float64],
-    stiffer: NDArray[np.float64],
+    demonstrated: Floats,
+    stiffer: Floats,
     reproduced: Sequence[Reproduced],
     pushes: Sequence[Pushed],
 ) -> ExperimentResult:

@@ -4,9 +4,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
+from intent_recognition.array_types import Floats
 from intent_recognition.report import PALETTE, Drawing, fill_two_sigma, new_figure, styled
 
 if TYPE_CHECKING:
@@ -20,15 +18,13 @@ DASHES = ((0, (5, 2)), (0, (1.5, 1.5)))
 N_COLUMNS = 4
 """Axes beside one another."""
 
-Wanted = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+Wanted = tuple[Floats, Floats, Floats]
 """Times (T,), mean (T, 7) [rad] and standard deviation (T, 7) [rad] of the primitive."""
 
 
 @styled
 def distribution_figure(
-    wanted: Wanted,
-    times_s: NDArray[np.float64],
-    moments: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+    wanted: Wanted, times_s: Floats, moments: Sequence[tuple[Floats, Floats]]
 ) -> Drawing:
     """Mean and 2 sigma of each joint: of the primitive, and of the arm by either controller.
 
@@ -58,9 +54,7 @@ def distribution_figure(
 
 
 @styled
-def push_figure(
-    start_s: NDArray[np.float64], spread_m: NDArray[np.float64], deflection_m: NDArray[np.float64]
-) -> Drawing:
+def push_figure(start_s: Floats, spread_m: Floats, deflection_m: Floats) -> Drawing:
     """Largest deflection of the hand for pushes at several times, above the hand's spread there.
 
     Args:

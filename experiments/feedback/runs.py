@@ -5,10 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from experiments.feedback.controller import FeedbackPolicy
+from intent_recognition.array_types import Floats
 from intent_recognition.motion import JointReference
 from sim_bridge.arm import STEPS_PER_SAMPLE, TIME_STEP_S, SimulatedArm
 
@@ -42,9 +42,9 @@ class FeedbackRun:
         saturated_steps: physics steps in which a torque reached its limit.
     """
 
-    times_s: NDArray[np.float64]
-    positions_rad: NDArray[np.float64]
-    hand_m: NDArray[np.float64]
+    times_s: Floats
+    positions_rad: Floats
+    hand_m: Floats
     saturated_steps: int
 
 
@@ -65,7 +65,7 @@ def mean_movement(policy: FeedbackPolicy) -> Callable[[float], JointReference]:
 
 def execute(
     policy: FeedbackPolicy,
-    start: NDArray[np.float64],
+    start: Floats,
     length_s: float,
     *,
     low_gain: bool = False,

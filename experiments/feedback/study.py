@@ -4,7 +4,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.feedback.controller import (
     FeedbackPolicy,
@@ -15,6 +14,7 @@ from experiments.feedback.controller import (
 )
 from experiments.pointing.study import condition_on_end, final_wrist
 from experiments.settings import Settings
+from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.errors import TrainingError
 from intent_recognition.gaussian import Gaussian
@@ -43,16 +43,16 @@ class Reproduced(NamedTuple):
         saturated_steps: physics steps with a torque at its limit, over all runs.
     """
 
-    positions_rad: NDArray[np.float64]
+    positions_rad: Floats
     saturated_steps: int
 
     @property
-    def mean(self) -> NDArray[np.float64]:
+    def mean(self) -> Floats:
         """Over the runs (T, 7) [rad]."""
         return self.positions_rad.mean(axis=0)
 
     @property
-    def std(self) -> NDArray[np.float64]:
+    def std(self) -> Floats:
         """Over the runs (T, 7) [rad]."""
         return self.positions_rad.std(axis=0, ddof=1)
 
@@ -70,8 +70,8 @@ class Pushed(NamedTuple):
 
     start_s: float
     spread_m: float
-    deflection_m: NDArray[np.float64]
-    left_m: NDArray[np.float64]
+    deflection_m: Floats
+    left_m: Floats
 
 
 def learn_handover(settings: Settings) -> tuple[TaskLibrary, Gaussian, Demonstration]:
@@ -90,13 +90,13 @@ def learn_handover(settings: Settings) -> tuple[TaskLibrary, Gaussian, Demonstra
     return library, Gaussian(weights.mean(axis=0), np.cov(weights, rowvar=False)), tests[0]
 
 
-def joint_std(library: TaskLibrary, weights: Gaussian) -> NDArray[np.float64]:
+def joint_std(library: TaskLibrary, weights: Gaussian) -> Floats:
     """Std of each joint on the policy's grid (T, 7) [rad]."""
     design = library.basis.design_matrix(np.linspace(0.0, 1.0, DESIGN.n_times))
     return np.sqrt(dof_variance(design, weights.covariance))
 
 
-def stiffer_after_the_human(library: TaskLibrary, test: Demonstration) -> NDArray[np.float64]:
+def stiffer_after_the_human(library: TaskLibrary, test: Demonstration) -> Floats:
     """Stiffness at the end once the human's hand has arrived, over that before (7,)."""
     part = slice(library.n_observed_weights, None)
     stiffness = []
@@ -155,26 +155,24 @@ def _hand_variance(policy: FeedbackPolicy, time_s: float) -> float:
     return float(row @ policy.covariance[k, :n, :n] @ row)
 
 
-def std_ratios(policy: FeedbackPolicy, one: Reproduced) -> NDArray[np.float64]:
+def std_ratios(policy: FeedbackPolicy, one: Reproduced) -> Floats:
     """Root mean square std of the arm over that of the primitive, per joint (7,)."""
     wanted = _on_samples(policy, policy.std, one)
     return np.sqrt(np.mean(one.std**2, axis=0) / np.mean(wanted**2, axis=0))
 
 
-def _on_samples(
-    policy: FeedbackPolicy, values: NDArray[np.float64], one: Reproduced
-) -> NDArray[np.float64]:
+def _on_samples(policy: FeedbackPolicy, values: Floats, one: Reproduced) -> Floats:
     """Values (T, 7) of the policy's grid at the arm's samples."""
     times = sample_times(one)
     return np.stack([np.interp(times, policy.times_s, column) for column in values.T], axis=1)
 
 
-def sample_times(one: Reproduced) -> NDArray[np.float64]:
+def sample_times(one: Reproduced) -> Floats:
     """Times of the arm's samples (T,) [s]."""
     return 0.01 * np.arange(one.positions_rad.shape[1], dtype=np.float64)
 
 
-def mean_deviation(policy: FeedbackPolicy, one: Reproduced) -> NDArray[np.float64]:
+def mean_deviation(policy: FeedbackPolicy, one: Reproduced) -> Floats:
     """Largest deviation of the arm's mean, in the primitive's std, per joint (7,)."""
     n = policy.n_joints
     wanted = _on_samples(policy, policy.mean[:, :n], one)

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.grasps.gripper import CLEARANCE_M, FINGER_M, PAD_M
 from experiments.grasps.study import CARRIED, MANNERS, WARPED, Trial
+from intent_recognition.array_types import Floats
 from intent_recognition.report import (
     INK,
     PALETTE,
@@ -78,7 +78,7 @@ def _cut(axes: "Axes", lifts: Sequence[Trial]) -> None:
     axes.autoscale_view()
 
 
-def _fingers(grasp: Grasp) -> list[NDArray[np.float64]]:
+def _fingers(grasp: Grasp) -> list[Floats]:
     """Corners (4, 3) of both fingers as they come, open, in the plane of closing and approach."""
     inner = 0.5 * grasp.width_m + CLEARANCE_M
     tip, end = 0.5 * PAD_M[2], 0.5 * PAD_M[2] - FINGER_M

@@ -8,9 +8,9 @@ fingers apart from the middle alike.
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.array_types import Floats
 from intent_recognition.warping import Grasp
 
 if TYPE_CHECKING:
@@ -121,9 +121,7 @@ class Gripper:
         """Links of the hand that touch a body."""
         return {contact[3] for contact in self._client.getContactPoints(self.body, body)}
 
-    def seen_from_palm(
-        self, position: NDArray[np.float64], turn: Rotation
-    ) -> tuple[NDArray[np.float64], Rotation]:
+    def seen_from_palm(self, position: Floats, turn: Rotation) -> tuple[Floats, Rotation]:
         """A pose in the world as one in the axes of the palm."""
         state = self._client.getLinkState(self.body, PALM)
         palm = Rotation.from_quat(state[5]).inv()

@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from experiments.grasps.gripper import BACK_M, FINGERS, SPEED_M_S, Gripper
 from experiments.grasps.shells import shell_pieces
+from intent_recognition.array_types import Floats
 from intent_recognition.warping import Grasp
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.balls import write_obj
@@ -117,7 +117,7 @@ class LiftingWorld:
         client.changeDynamics(table, -1, lateralFriction=1.0)
         return container, table
 
-    def _pose(self, body: int) -> tuple[NDArray[np.float64], Rotation]:
+    def _pose(self, body: int) -> tuple[Floats, Rotation]:
         where, turn = self.client.getBasePositionAndOrientation(body)
         return np.array(where), Rotation.from_quat(turn)
 

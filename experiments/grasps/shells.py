@@ -6,8 +6,8 @@ Bullet collides moving bodies by convex shapes alone, and the hull of a cup has 
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from sim_bridge.containers import at_heights, pieces_between
 
@@ -31,7 +31,7 @@ THINNEST_M = 1e-4
 """Pieces thinner than this are left out, and walls are at least so thick [m]: hulls need a body."""
 
 
-def shell_pieces(mesh: trimesh.Trimesh) -> list[NDArray[np.float64]]:
+def shell_pieces(mesh: trimesh.Trimesh) -> list[Floats]:
     """Corners (V, 3) of convex pieces that together are an open container.
 
     Args:
@@ -68,11 +68,8 @@ def shell_pieces(mesh: trimesh.Trimesh) -> list[NDArray[np.float64]]:
 
 
 def _walls(
-    mesh: trimesh.Trimesh,
-    axis: NDArray[np.float64],
-    heights: NDArray[np.float64] | list[float],
-    directions: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    mesh: trimesh.Trimesh, axis: Floats, heights: Floats | list[float], directions: Floats
+) -> Floats:
     """Distance (R, S, 2) of the wall's inner and outer side from the axis; NaN where none is."""
     rays = np.tile(directions, (len(heights), 1))
     starts = np.column_stack(
@@ -89,9 +86,7 @@ def _walls(
     return found.reshape(len(heights), len(directions), 2)
 
 
-def _top(
-    mesh: trimesh.Trimesh, axis: NDArray[np.float64], directions: NDArray[np.float64]
-) -> float:
+def _top(mesh: trimesh.Trimesh, axis: Floats, directions: Floats) -> float:
     """The greatest height at which there is a wall all around [m]."""
     low, high = mesh.bounds[:, 2]
     heights = np.arange(high, low, -LEVEL_M)
@@ -103,7 +98,7 @@ def _top(
     return float(heights[np.argmax(seen >= MIN_WALL_SHARE)]) - LEVEL_M
 
 
-def _floor(mesh: trimesh.Trimesh, axis: NDArray[np.float64]) -> float:
+def _floor(mesh: trimesh.Trimesh, axis: Floats) -> float:
     """Height of the cavity's floor on the axis [m]."""
     start = [[*axis, mesh.bounds[1, 2] + 1.0]]
     points, _, _ = mesh.ray.intersects_location(start, [[0.0, 0.0, -1.0]], multiple_hits=True)
@@ -113,7 +108,7 @@ def _floor(mesh: trimesh.Trimesh, axis: NDArray[np.float64]) -> float:
     return float(points[:, 2].max())
 
 
-def _filled(walls: NDArray[np.float64]) -> NDArray[np.float64]:
+def _filled(walls: Floats) -> Floats:
     """Walls (R, S, 2) with gaps bridged along each ring."""
     corners = np.arange(walls.shape[1])
     for ring in walls:
@@ -127,12 +122,8 @@ def _filled(walls: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _outer_radius(
-    radii: NDArray[np.float64],
-    heights: NDArray[np.float64],
-    turns: NDArray[np.float64],
-    level: NDArray[np.float64],
-    turn: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    radii: Floats, heights: Floats, turns: Floats, level: Floats, turn: Floats
+) -> Floats:
     """Outer radius (n,) of rings (R, S) at levels (n,) and turns (n,)."""
     row = np.interp(level, heights, np.arange(len(heights)))
     column = (turn % (2.0 * np.pi)) / (turns[1] - turns[0])
@@ -144,9 +135,7 @@ def _outer_radius(
     return (1.0 - up) * near + up * far
 
 
-def _handle_pieces(
-    vertices: NDArray[np.float64], axis: NDArray[np.float64]
-) -> list[NDArray[np.float64]]:
+def _handle_pieces(vertices: Floats, axis: Floats) -> list[Floats]:
     """What stands out of the wall to one side, in sectors about its middle."""
     flat = vertices[:, :2] - axis
     units = flat / np.linalg.norm(flat, axis=1, keepdims=True)
@@ -161,7 +150,7 @@ def _handle_pieces(
     return [some for some in near if _thickness(some) > THINNEST_M]
 
 
-def _thickness(points: NDArray[np.float64]) -> float:
+def _thickness(points: Floats) -> float:
     """Least standard deviation of points (n, 3) in any direction; 0 of too few."""
     if len(points) <= points.shape[1]:
         return 0.0

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.noise.figures import noise_figure
 from experiments.noise.study import (
@@ -31,6 +30,7 @@ from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
 from experiments.sketches.curves import N_SAMPLES
 from experiments.sketches.models import SMOOTHERS, standard_error
+from intent_recognition.array_types import Floats
 from intent_recognition.report import Block, Figure, to_svg
 
 
@@ -76,14 +76,14 @@ def run(settings: Settings) -> ExperimentResult:
     )
 
 
-def _growth(rmse: NDArray[np.float64]) -> Growth:
+def _growth(rmse: Floats) -> Growth:
     """Growth of the error of the full observation; errors (repeats, L, k)."""
     ratio = rmse[:, -1, -1] / rmse[:, 0, -1]
     return Growth(float(ratio.mean()), float(standard_error(ratio)))
 
 
 def findings(
-    table: Mapping[str, NDArray[np.float64]], growth: Mapping[str, Growth], plan: Plan
+    table: Mapping[str, Floats], growth: Mapping[str, Growth], plan: Plan
 ) -> tuple[Finding, ...]:
     """The paper's figures and ours, side by side."""
     mean = {method: errors.mean(axis=0) for method, errors in table.items()}
@@ -129,7 +129,7 @@ def findings(
     )
 
 
-def blocks(table: Mapping[str, NDArray[np.float64]], plan: Plan) -> tuple[Block, ...]:
+def blocks(table: Mapping[str, Floats], plan: Plan) -> tuple[Block, ...]:
     """The paper's figure."""
     summary = {m: (table[m].mean(axis=0), standard_error(table[m])) for m in (PROMP, DMP)}
     bars = noise_figure(summary, plan.levels, plan.counts)

@@ -4,8 +4,8 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.report import SOFT, Drawing, new_figure, styled
 
 BAND = 2.0
@@ -14,9 +14,7 @@ BAND = 2.0
 
 @styled
 def noise_figure(
-    panels: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
-    levels: Sequence[float],
-    counts: Sequence[int],
+    panels: Mapping[str, tuple[Floats, Floats]], levels: Sequence[float], counts: Sequence[int]
 ) -> Drawing:
     """Bars of the error over the number of observed samples, one colour per level of noise.
 

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.sketches.curves import N_SAMPLES, sketch_pairs
 from experiments.sketches.differentiation import Butterworth, SavitzkyGolay, Smoother
@@ -17,6 +16,7 @@ from experiments.sketches.models import (
     folds,
     squared_errors,
 )
+from intent_recognition.array_types import Floats
 
 N_TRAIN = 40
 N_TEST = 60
@@ -74,7 +74,7 @@ def make_plan(quick: bool) -> Plan:
     return Plan((0.0, 0.01, 0.02, 0.03, 0.04), (11, 26, 51, 76, N_SAMPLES), 10, pools)
 
 
-def one_data_set(rng: np.random.Generator, plan: Plan) -> dict[str, NDArray[np.float64]]:
+def one_data_set(rng: np.random.Generator, plan: Plan) -> dict[str, Floats]:
     """Root mean square error of the controlled curve per method, (L, k)."""
     train, test = sketch_pairs(rng, N_TRAIN), sketch_pairs(rng, N_TEST)
     pools = list(dict.fromkeys(plan.pools.values()))
@@ -94,8 +94,8 @@ def one_data_set(rng: np.random.Generator, plan: Plan) -> dict[str, NDArray[np.f
 
 
 def _cross_validate(
-    rng: np.random.Generator, train: NDArray[np.float64], pool: Sequence[ModelChoice], plan: Plan
-) -> NDArray[np.float64]:
+    rng: np.random.Generator, train: Floats, pool: Sequence[ModelChoice], plan: Plan
+) -> Floats:
     """Mean squared error of demonstrations left out, (c, L, k)."""
     total = np.zeros((len(pool), len(plan.levels), len(plan.counts)))
     for kept, left_out in folds(len(train), N_FOLDS):
@@ -105,9 +105,7 @@ def _cross_validate(
     return total / N_FOLDS
 
 
-def _disturbed(
-    rng: np.random.Generator, curves: NDArray[np.float64], levels: Sequence[float]
-) -> NDArray[np.float64]:
+def _disturbed(rng: np.random.Generator, curves: Floats, levels: Sequence[float]) -> Floats:
     """Curves (t, T) with white noise of each variance, the same draw scaled, (L, t, T)."""
     noise = rng.normal(size=curves.shape)
     return np.array([curves + np.sqrt(level) * noise for level in levels])

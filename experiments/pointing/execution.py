@@ -4,10 +4,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.pointing.finger import PointingBodies
 from experiments.pointing.scene import HOME, pointed_at
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import JOINT_NAMES
 from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm, TrajectoryCommand, TrajectoryFollower
 
@@ -27,18 +27,15 @@ class PointingRun:
         touched: the finger or the arm touched the table.
     """
 
-    times_s: NDArray[np.float64]
-    positions_rad: NDArray[np.float64]
-    pointed_m: NDArray[np.float64]
+    times_s: Floats
+    positions_rad: Floats
+    pointed_m: Floats
     largest_lag_rad: float
     touched: bool
 
 
 def execute(
-    times_s: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    velocities: NDArray[np.float64],
-    start: NDArray[np.float64] = HOME,
+    times_s: Floats, positions: Floats, velocities: Floats, start: Floats = HOME
 ) -> PointingRun:
     """Follow a trajectory with the low-gain controller, come to rest, and see where it points.
 

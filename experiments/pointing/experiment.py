@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.draws import Draw, draw_again, for_json, spread
 from experiments.pointing.figures import (
@@ -26,6 +25,7 @@ from experiments.pointing.study import (
 )
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
+from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.learning import learn
 from intent_recognition.promp import TaskLibrary
@@ -82,7 +82,7 @@ def _outcome(
     library: TaskLibrary,
     train: list[Demonstration],
     tested: list[Tested],
-    nearest: NDArray[np.float64],
+    nearest: Floats,
     draws: list[Draw],
 ) -> ExperimentResult:
     errors = np.array([one.error_m for one in tested])
@@ -120,10 +120,7 @@ def _outcome(
 
 
 def findings(
-    errors: NDArray[np.float64],
-    nearest: NDArray[np.float64],
-    tested: list[Tested],
-    draws: Sequence[Draw],
+    errors: Floats, nearest: Floats, tested: list[Tested], draws: Sequence[Draw]
 ) -> tuple[Finding, ...]:
     """The paper's figures and ours, side by side."""
     shipped = float(errors.max())
@@ -165,10 +162,7 @@ def findings(
 
 
 def blocks(
-    library: TaskLibrary,
-    tested: list[Tested],
-    errors: NDArray[np.float64],
-    nearest: NDArray[np.float64],
+    library: TaskLibrary, tested: list[Tested], errors: Floats, nearest: Floats
 ) -> tuple[Block, ...]:
     """Figures, tables and remarks, in order."""
     spots = [

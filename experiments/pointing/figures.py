@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.promp import Trajectory
 from intent_recognition.report import (
     DASHED,
@@ -39,18 +39,15 @@ class PointedSpot(NamedTuple):
     """
 
     number: int
-    spot_m: NDArray[np.float64]
-    pointed_m: NDArray[np.float64]
-    predicted_m: NDArray[np.float64]
-    spread_m2: NDArray[np.float64]
+    spot_m: Floats
+    pointed_m: Floats
+    predicted_m: Floats
+    spread_m2: Floats
 
 
 @styled
 def table_figure(
-    trained_m: NDArray[np.float64],
-    spots: Sequence[PointedSpot],
-    centre_m: NDArray[np.float64],
-    diameter_m: float,
+    trained_m: Floats, spots: Sequence[PointedSpot], centre_m: Floats, diameter_m: float
 ) -> Drawing:
     """The table from above: x away from the robot upward, y to the left.
 
@@ -65,7 +62,7 @@ def table_figure(
     figure, axes = new_axes(5.4, 5.2)
     axes.set_aspect("equal")
 
-    def plane(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def plane(points: Floats) -> tuple[Floats, Floats]:
         centred = 100.0 * (np.atleast_2d(points) - centre_m)
         return -centred[:, 1], centred[:, 0]
 
@@ -109,10 +106,7 @@ def table_figure(
 
 @styled
 def errors_figure(
-    numbers: Sequence[int],
-    errors_m: NDArray[np.float64],
-    nearest_m: NDArray[np.float64],
-    paper_m: float,
+    numbers: Sequence[int], errors_m: Floats, nearest_m: Floats, paper_m: float
 ) -> Drawing:
     """Error of each test spot, with that of the nearest demonstration and the paper's largest."""
     figure, axes = new_axes(5.4, 3.4)
@@ -142,12 +136,12 @@ def errors_figure(
 
 @styled
 def conditioned_figure(
-    phase: NDArray[np.float64],
+    phase: Floats,
     prior: Trajectory,
     posterior: Trajectory,
-    seen: tuple[NDArray[np.float64], NDArray[np.float64]],
-    observation: NDArray[np.float64],
-    done: tuple[NDArray[np.float64], NDArray[np.float64]],
+    seen: tuple[Floats, Floats],
+    observation: Floats,
+    done: tuple[Floats, Floats],
 ) -> Drawing:
     """Prior and posterior of the wrist (above) and of the first joints (below), +-2 sigma.
 

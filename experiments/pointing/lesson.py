@@ -4,7 +4,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from experiments.pointing.finger import PointingBodies
@@ -12,6 +11,7 @@ from experiments.pointing.scene import HOME, home_pose, pointed_at, pointing_pos
 from experiments.teaching.lesson import HOME_STD_RAD, SENSOR_NOISE
 from experiments.teaching.path import TEACHING_STD_M, TEACHING_STD_RAD
 from experiments.teaching.virtual_hand import Grip, HandTarget, pull
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import frame_poses
 from intent_recognition.promp import minimum_jerk
 from intent_recognition.signals import homogeneous
@@ -38,17 +38,17 @@ class LedPath:
         elbow_m: of the arm's elbow (T, 3).
     """
 
-    stamps_s: NDArray[np.float64]
-    hand_m: NDArray[np.float64]
-    rotations: NDArray[np.float64]
-    elbow_m: NDArray[np.float64]
+    stamps_s: Floats
+    hand_m: Floats
+    rotations: Floats
+    elbow_m: Floats
 
     def target(self, time_s: float) -> HandTarget:
         """The hands at a time, with their velocities."""
         row = min(time_s * _PATH_RATE_HZ, len(self.stamps_s) - 1.001)
         low, share = int(row), row - int(row)
 
-        def at(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        def at(values: Floats) -> tuple[Floats, Floats]:
             step = values[low + 1] - values[low]
             return values[low] + share * step, step * _PATH_RATE_HZ
 
@@ -68,20 +68,16 @@ class TaughtPointing:
         touched: the finger or the arm touched the table.
     """
 
-    positions_rad: NDArray[np.float64]
-    velocities_rad_s: NDArray[np.float64]
-    torques_nm: NDArray[np.float64]
-    pointed_m: NDArray[np.float64]
+    positions_rad: Floats
+    velocities_rad_s: Floats
+    torques_nm: Floats
+    pointed_m: Floats
     strongest_pull_n: float
     touched: bool
 
 
 def plan_path(
-    rng: np.random.Generator,
-    spot_m: NDArray[np.float64],
-    start_s: float,
-    arrival_s: float,
-    length_s: float,
+    rng: np.random.Generator, spot_m: Floats, start_s: float, arrival_s: float, length_s: float
 ) -> LedPath:
     """Draw the way on which the arm is led from home to a spot (3,).
 

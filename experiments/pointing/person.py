@@ -10,8 +10,8 @@ Sec. IV-B): it is put on anew for every session, and slips a little.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from sim_bridge.coworker import Reach, WristSamples, sample_wrist
 
 SHOULDER_M = np.array([1.34, 0.18, 0.33])
@@ -55,12 +55,12 @@ class PersonPointing:
     samples: WristSamples
 
 
-def marker_placement(rng: np.random.Generator) -> NDArray[np.float64]:
+def marker_placement(rng: np.random.Generator) -> Floats:
     """Where the marker sits for one session, from where it is meant to be (3,) [m]."""
     return MARKER_PLACEMENT_STD_M * rng.standard_normal(3)
 
 
-def wrist_goal(rng: np.random.Generator, spot_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def wrist_goal(rng: np.random.Generator, spot_m: Floats) -> Floats:
     """Where the wrist stops (3,) when the finger points at a spot (3,), world."""
     tip = spot_m + TIP_STD_M * rng.standard_normal(3)
     back = SHOULDER_M[:2] - spot_m[:2]
@@ -70,7 +70,7 @@ def wrist_goal(rng: np.random.Generator, spot_m: NDArray[np.float64]) -> NDArray
     return tip + WRIST_TO_TIP_M * direction
 
 
-def plan_reach(rng: np.random.Generator, spot_m: NDArray[np.float64]) -> Reach:
+def plan_reach(rng: np.random.Generator, spot_m: Floats) -> Reach:
     """Draw a reach from rest to a spot (3,)."""
     return Reach(
         "",
@@ -84,10 +84,7 @@ def plan_reach(rng: np.random.Generator, spot_m: NDArray[np.float64]) -> Reach:
 
 
 def point(
-    rng: np.random.Generator,
-    spot_m: NDArray[np.float64],
-    placement_m: NDArray[np.float64],
-    hold_s: float,
+    rng: np.random.Generator, spot_m: Floats, placement_m: Floats, hold_s: float
 ) -> PersonPointing:
     """Draw one recording of a person who points at a spot and holds still.
 

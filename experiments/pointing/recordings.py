@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.pointing.lesson import TaughtPointing, plan_path, stand, teach
 from experiments.pointing.person import PersonPointing, marker_placement, point
@@ -22,6 +21,7 @@ from experiments.recording import (
     pose_and_joint_messages,
     recorded_at_ns,
 )
+from intent_recognition.array_types import Floats
 
 PURPOSES = ("train", "test")
 _STREAM = 31
@@ -66,8 +66,8 @@ class PointingRecording:
     """One recording: the person, the arm, and when the arm moved (None if it stood)."""
 
     order: PointingOrder
-    spot_m: NDArray[np.float64]
-    placement_m: NDArray[np.float64]
+    spot_m: Floats
+    placement_m: Floats
     person: PersonPointing
     arm: TaughtPointing
     led_s: tuple[float, float] | None

@@ -9,8 +9,8 @@ points.
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import forward_kinematics
 from intent_recognition.signals import homogeneous
@@ -45,7 +45,7 @@ _TEST = (
 """Spots that are pointed at in the test, likewise."""
 
 
-def _spots(polar: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:
+def _spots(polar: tuple[tuple[float, float], ...]) -> Floats:
     radius, angle = np.array(polar).T
     angle = np.radians(angle)
     spots = np.column_stack((radius * np.cos(angle), radius * np.sin(angle))) + CIRCLE_CENTRE_M
@@ -57,7 +57,7 @@ SPOTS_M = MappingProxyType({"train": _spots(_TRAIN), "test": _spots(_TEST)})
 """The nine spots of each set on the table, (9, 2), x and y in the world."""
 
 
-def spot(purpose: str, index: int) -> NDArray[np.float64]:
+def spot(purpose: str, index: int) -> Floats:
     """A spot (3,) in the world.
 
     Raises:
@@ -69,7 +69,7 @@ def spot(purpose: str, index: int) -> NDArray[np.float64]:
     return np.append(SPOTS_M[purpose][index], TABLE_HEIGHT_M)
 
 
-def pointing_rotation(spot_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def pointing_rotation(spot_m: Floats) -> Floats:
     """Rotation (3, 3) of the hand that points at a spot (3,): outward and down."""
     yaw = np.arctan2(spot_m[1], spot_m[0])
     distance = np.hypot(spot_m[0], spot_m[1])
@@ -81,9 +81,7 @@ def pointing_rotation(spot_m: NDArray[np.float64]) -> NDArray[np.float64]:
     return turn @ lower @ level
 
 
-def pointing_pose(
-    spot_m: NDArray[np.float64], rotation: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
+def pointing_pose(spot_m: Floats, rotation: Floats | None = None) -> Floats:
     """Pose (4, 4) of the hand whose finger points at a spot (3,), its tip just above the table."""
     rotation = pointing_rotation(spot_m) if rotation is None else rotation
     direction = rotation[:, 2]
@@ -91,7 +89,7 @@ def pointing_pose(
     return homogeneous(rotation, tip - FINGER_LENGTH_M * direction)
 
 
-def pointed_at(q: NDArray[np.float64]) -> NDArray[np.float64]:
+def pointed_at(q: Floats) -> Floats:
     """Where the finger's line meets the table's plane (..., 3) [m] for joint angles (..., 7).
 
     Raises:
@@ -105,7 +103,7 @@ def pointed_at(q: NDArray[np.float64]) -> NDArray[np.float64]:
     return hand[..., :3, 3] + share[..., None] * direction
 
 
-def home_pose() -> NDArray[np.float64]:
+def home_pose() -> Floats:
     """The hand's pose (4, 4) at rest: drawn back over the near edge, finger forward and down."""
     rotation = pointing_rotation(np.array([CIRCLE_CENTRE_M[0], 0.0, 0.0]))
     return homogeneous(rotation, [0.52, -0.14, 0.22])

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.pointing.scene import pointed_at
+from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.gaussian import Gaussian, condition
 from intent_recognition.learning import learn
@@ -42,11 +42,11 @@ class Tested:
 
     index: int
     recording: Demonstration
-    spot_m: NDArray[np.float64]
-    wrist_m: NDArray[np.float64]
+    spot_m: Floats
+    wrist_m: Floats
     posterior: Gaussian
-    predicted_m: NDArray[np.float64]
-    spread_m2: NDArray[np.float64]
+    predicted_m: Floats
+    spread_m2: Floats
     run: "PointingRun"
 
     @property
@@ -61,12 +61,12 @@ class Tested:
         return bool(off @ np.linalg.solve(self.spread_m2, off) <= 4.0)
 
 
-def final_wrist(recording: Demonstration) -> NDArray[np.float64]:
+def final_wrist(recording: Demonstration) -> Floats:
     """Mean of the wrist's last samples (3,) [m]."""
     return recording.observed[0].values[-HOLD_SAMPLES:].mean(axis=0)
 
 
-def condition_on_end(library: TaskLibrary, wrist_m: NDArray[np.float64]) -> Gaussian:
+def condition_on_end(library: TaskLibrary, wrist_m: Floats) -> Gaussian:
     """All weights given the wrist's final position (3,): Maeda et al. 2014, Eq. 6-8 at phase 1."""
     primitive = library.primitive(0).weights
     row = library.basis.design_matrix(np.ones(1))
@@ -83,7 +83,7 @@ def both_agents(library: TaskLibrary, weights: Gaussian) -> Trajectory:
     return rollout(library.basis, weights, phase, duration, library.noise_variance)
 
 
-def predicted_spot(library: TaskLibrary, recording: Demonstration) -> NDArray[np.float64]:
+def predicted_spot(library: TaskLibrary, recording: Demonstration) -> Floats:
     """Where the finger is predicted to point, from a person's final wrist position, (2,) [m]."""
     trajectory = both_agents(library, condition_on_end(library, final_wrist(recording)))
     return pointed_at(trajectory.positions[-1, library.n_observed :])[:2]
@@ -130,7 +130,7 @@ def predict_and_execute(library: TaskLibrary, recording: Demonstration, index: i
     return Tested(index, recording, spot, wrist, posterior, predicted, spread, run)
 
 
-def _end_covariance(library: TaskLibrary, weights: Gaussian) -> NDArray[np.float64]:
+def _end_covariance(library: TaskLibrary, weights: Gaussian) -> Floats:
     """Covariance of the controlled DOFs at phase 1, (Q, Q)."""
     row = library.basis.design_matrix(np.ones(1))
     design = np.kron(np.eye(library.n_controlled), row)
@@ -138,19 +138,19 @@ def _end_covariance(library: TaskLibrary, weights: Gaussian) -> NDArray[np.float
     return design @ block @ design.T
 
 
-def _spread(q: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _spread(q: Floats, covariance: Floats) -> Floats:
     """Covariance of the pointed position (2, 2), linearised at a posture (7,)."""
     step = 1e-5
     slopes = (pointed_at(q + step * np.eye(7)) - pointed_at(q - step * np.eye(7))) / (2.0 * step)
     return slopes[:, :2].T @ covariance @ slopes[:, :2]
 
 
-def metadata_values(recording: Demonstration, key: str) -> NDArray[np.float64]:
+def metadata_values(recording: Demonstration, key: str) -> Floats:
     """Numbers that metadata hold under a key, separated by spaces, (n,)."""
     return np.array([float(value) for value in recording.metadata[key].split()])
 
 
-def nearest_errors(train: list[Demonstration], tested: list[Tested]) -> NDArray[np.float64]:
+def nearest_errors(train: list[Demonstration], tested: list[Tested]) -> Floats:
     """Error of repeating the demonstration whose final wrist is nearest, (n,) [m]."""
     wrists = np.array([final_wrist(one) for one in train])
     pointed = np.array([metadata_values(one, "robot_pointed_m")[:2] for one in train])

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.array_types import Flags, Floats
 from intent_recognition.report import (
     DASHED,
     INK,
@@ -35,7 +36,7 @@ class PolePaths(NamedTuple):
     """
 
     title: str
-    paths_m: NDArray[np.float64]
+    paths_m: Floats
     ways: Sequence[str]
     hits: Sequence[bool]
 
@@ -43,9 +44,9 @@ class PolePaths(NamedTuple):
 @styled
 def paths_figure(
     panels: Sequence[PolePaths],
-    spots_m: NDArray[np.float64],
-    both_ways: NDArray[np.bool_],
-    pole_m: NDArray[np.float64],
+    spots_m: Floats,
+    both_ways: Flags,
+    pole_m: Floats,
     pole_radius_m: float,
 ) -> Drawing:
     """The table from above, the robot below: fingertip paths around the pole, panel by panel.
@@ -102,7 +103,7 @@ def paths_figure(
 @styled
 def components_figure(
     numbers: Sequence[int],
-    errors: Mapping[str, NDArray[np.float64]],
+    errors: Mapping[str, Floats],
     chosen: int,
     paper: Mapping[str, float] | None = None,
 ) -> Drawing:

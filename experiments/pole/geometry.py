@@ -6,8 +6,8 @@ robot's left, z up; metres, radians. The arm points with a finger along the hand
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import frame_poses
 
 POLE_M = np.array([0.40, 0.0])
@@ -39,7 +39,7 @@ _ENDS = (1, 3, 5, 7)
 """DH frames of shoulder, elbow, wrist and hand."""
 
 
-def chain(q: NDArray[np.float64]) -> NDArray[np.float64]:
+def chain(q: Floats) -> Floats:
     """Shoulder, elbow, wrist, hand and fingertip (..., 5, 3) for joint angles (..., 7)."""
     frames = frame_poses(q)
     joints = frames[..., _ENDS, :, :][..., :3, 3]
@@ -47,12 +47,12 @@ def chain(q: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([joints, tip[..., None, :]], axis=-2)
 
 
-def fingertip(q: NDArray[np.float64]) -> NDArray[np.float64]:
+def fingertip(q: Floats) -> Floats:
     """The fingertip (..., 3) for joint angles (..., 7)."""
     return chain(q)[..., 4, :]
 
 
-def planned_clearance(q: NDArray[np.float64]) -> NDArray[np.float64]:
+def planned_clearance(q: Floats) -> Floats:
     """Distance (...) of the arm, as four cylinders, from the pole's surface; negative inside.
 
     The pole is taken as endless, so that distances are those of lines seen from above.
@@ -66,7 +66,7 @@ def planned_clearance(q: NDArray[np.float64]) -> NDArray[np.float64]:
     return distance.min(axis=-1) - POLE_RADIUS_M
 
 
-def finger_clearance(hand: NDArray[np.float64], direction: NDArray[np.float64]) -> float:
+def finger_clearance(hand: Floats, direction: Floats) -> float:
     """Distance of the finger from the pole's surface, for the hand's origin and z axis (3,)."""
     begin, along = hand[:2], FINGER_M * direction[:2]
     share = np.clip((POLE_M - begin) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
@@ -74,7 +74,7 @@ def finger_clearance(hand: NDArray[np.float64], direction: NDArray[np.float64]) 
     return float(distance - FINGER_RADIUS_M - POLE_RADIUS_M)
 
 
-def winding(path_m: NDArray[np.float64]) -> float:
+def winding(path_m: Floats) -> float:
     """Angle by which a path (T, 2 or 3) turns about the pole, seen from above, anticlockwise > 0.
 
     A path from the robot to the far side turns by about -pi when it goes by the robot's left.
@@ -84,6 +84,6 @@ def winding(path_m: NDArray[np.float64]) -> float:
     return float(angle[-1] - angle[0])
 
 
-def way_of(path_m: NDArray[np.float64]) -> str:
+def way_of(path_m: Floats) -> str:
     """Which way a path (T, 2 or 3) from the robot's side goes around the pole."""
     return LEFT if winding(path_m) < 0.0 else RIGHT

@@ -4,12 +4,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.pole.plan import Way
 from experiments.pole.world import Pole
 from experiments.teaching.lesson import SENSOR_NOISE
 from experiments.teaching.virtual_hand import Grip, HandTarget, pull
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import frame_poses
 from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SimulatedArm
 
@@ -28,11 +28,11 @@ class PoleLesson:
         strongest_pull_n: largest force of the demonstrator's hand.
     """
 
-    positions_rad: NDArray[np.float64]
-    velocities_rad_s: NDArray[np.float64]
-    torques_nm: NDArray[np.float64]
-    true_positions_rad: NDArray[np.float64]
-    clearance_m: NDArray[np.float64]
+    positions_rad: Floats
+    velocities_rad_s: Floats
+    torques_nm: Floats
+    true_positions_rad: Floats
+    clearance_m: Floats
     strongest_pull_n: float
 
 
@@ -54,7 +54,7 @@ class _Hand:
         place = min(arm.time_s * _RATE_HZ, len(self._hand) - 1.001)
         low, share = int(place), place - int(place)
 
-        def between(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        def between(values: Floats) -> Floats:
             return values[low] + share * (values[low + 1] - values[low])
 
         target = HandTarget(

@@ -9,9 +9,9 @@ tell hardly anything about the side.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.pole.geometry import LEFT
+from intent_recognition.array_types import Floats
 from sim_bridge.coworker import Reach, WristSamples, sample_wrist
 
 REST_M = np.array([1.05, 0.0, 0.25])
@@ -48,7 +48,7 @@ class WandPointing:
     samples: WristSamples
 
 
-def draw_pointing(rng: np.random.Generator, spot_m: NDArray[np.float64], way: str) -> WandPointing:
+def draw_pointing(rng: np.random.Generator, spot_m: Floats, way: str) -> WandPointing:
     """Draw a movement of the wand to a spot (2,) while the robot is led by one side of the pole."""
     onset = round(rng.uniform(0.65, 1.0), 3)
     start = REST_M + REST_HALF_WIDTH_M * rng.uniform(-1.0, 1.0, 3)

@@ -6,13 +6,14 @@ from numpy.typing import NDArray
 
 from experiments.pole.geometry import fingertip
 from experiments.pole.world import Pole
+from intent_recognition.array_types import Floats
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.physics import pybullet
 
 WIDTH, HEIGHT = 560, 470
 
 
-def picture(q: NDArray[np.float64]) -> NDArray[np.uint8]:
+def picture(q: Floats) -> NDArray[np.uint8]:
     """The arm in a posture (7,) with the pole and its finger's spot, RGB (H, W, 3) uint8."""
     with SimulatedArm(q) as arm:
         client = arm.client

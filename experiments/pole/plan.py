@@ -9,7 +9,6 @@ the right is that on the left, mirrored.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from experiments.pole.geometry import (
@@ -20,6 +19,7 @@ from experiments.pole.geometry import (
     chain,
     planned_clearance,
 )
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics import LWR_LIMITS
 from intent_recognition.promp import minimum_jerk
@@ -49,23 +49,21 @@ class Way(NamedTuple):
         clearance_m: least distance of the planned arm from the pole.
     """
 
-    start: NDArray[np.float64]
-    swing: NDArray[np.float64]
-    end: NDArray[np.float64]
+    start: Floats
+    swing: Floats
+    end: Floats
     clearance_m: float
 
-    def at(self, share: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, share: Floats) -> Floats:
         """Joint angles (T, 7) at shares of the way (T,) in [0, 1]."""
         return _curve(self.start, self.swing, self.end, share)
 
-    def timed(
-        self, times_s: NDArray[np.float64], start_s: float, end_s: float
-    ) -> NDArray[np.float64]:
+    def timed(self, times_s: Floats, start_s: float, end_s: float) -> Floats:
         """Joint angles (T, 7) at times (T,): at rest, on the way with minimum jerk, at rest."""
         return self.at(minimum_jerk((times_s - start_s) / (end_s - start_s)))
 
 
-def pointing_posture(spot_m: NDArray[np.float64], way: str) -> NDArray[np.float64]:
+def pointing_posture(spot_m: Floats, way: str) -> Floats:
     """Joint angles (7,) that point at a spot (2,) on the table around one side of the pole.
 
     The nearest there is; whether the finger gets there, `plan_way` finds out.
@@ -73,7 +71,7 @@ def pointing_posture(spot_m: NDArray[np.float64], way: str) -> NDArray[np.float6
     mirror = np.ones(7) if way == LEFT else MIRROR
     target = np.array([spot_m[0], spot_m[1] if way == LEFT else -spot_m[1], POINTING_HEIGHT_M])
 
-    def residuals(q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residuals(q: Floats) -> Floats:
         points = chain(q)
         return np.concatenate(
             [
@@ -89,11 +87,7 @@ def pointing_posture(spot_m: NDArray[np.float64], way: str) -> NDArray[np.float6
 
 
 def plan_way(
-    spot_m: NDArray[np.float64],
-    way: str,
-    *,
-    start: NDArray[np.float64] = HOME,
-    swing_error_rad: NDArray[np.float64] | None = None,
+    spot_m: Floats, way: str, *, start: Floats = HOME, swing_error_rad: Floats | None = None
 ) -> Way:
     """The motion that points at a spot around one side of the pole.
 
@@ -124,7 +118,7 @@ def plan_way(
     return Way(start, swing, end, clearance)
 
 
-def can_reach(spot_m: NDArray[np.float64], way: str) -> bool:
+def can_reach(spot_m: Floats, way: str) -> bool:
     """Whether a spot (2,) can be pointed at on that side."""
     try:
         plan_way(spot_m, way)
@@ -133,11 +127,6 @@ def can_reach(spot_m: NDArray[np.float64], way: str) -> bool:
     return True
 
 
-def _curve(
-    start: NDArray[np.float64],
-    swing: NDArray[np.float64],
-    end: NDArray[np.float64],
-    share: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _curve(start: Floats, swing: Floats, end: Floats, share: Floats) -> Floats:
     u = np.asarray(share, dtype=np.float64)[:, None]
     return start * (1.0 - u) ** 2 + 2.0 * swing * u * (1.0 - u) + end * u**2

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.pole.geometry import HOME, LEFT, RIGHT, WAYS, fingertip, way_of
 from experiments.pole.lesson import PoleLesson, lead_around
@@ -24,6 +23,7 @@ from experiments.recording import (
     recorded_at_ns,
 )
 from experiments.teaching.path import REACTION_SHARE
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import KinematicsError
 
 WAND_TOPIC = "mocap/wand/pose"
@@ -82,7 +82,7 @@ class PoleDemonstration:
     attempts: int
 
 
-def spot_positions(seed: int) -> NDArray[np.float64]:
+def spot_positions(seed: int) -> Floats:
     """The spots on the table (19, 2): nine in the middle, five on the left, five on the right."""
     middle = [(x, y) for x in DEPTHS_M for y in BOTH_WAYS_Y_M]
     left = list(zip(ONE_WAY_X_M, ONE_WAY_Y_M, strict=True))

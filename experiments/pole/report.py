@@ -2,7 +2,6 @@
 """Report of the pole experiment: findings, figures, tables."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.draws import also, drawn, draws_tables
 from experiments.pole.figures import (
@@ -14,6 +13,7 @@ from experiments.pole.figures import (
 from experiments.pole.geometry import POLE_M, POLE_RADIUS_M, WAYS, fingertip
 from experiments.pole.study import Carried, PoleStudy
 from experiments.results import Finding
+from intent_recognition.array_types import Floats
 from intent_recognition.report import (
     Block,
     Figure,
@@ -152,7 +152,7 @@ def _components(study: PoleStudy) -> Figure:
     )
 
 
-def _one_sigma(errors_m: NDArray[np.float64]) -> str:
+def _one_sigma(errors_m: Floats) -> str:
     """Mean ± standard deviation [cm]."""
     return f"{100.0 * errors_m.mean():.1f} ± {100.0 * errors_m.std(ddof=1):.1f}"
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.draws import Draw, draw_again
 from experiments.left_out import (
@@ -25,6 +24,7 @@ from experiments.left_out import (
 )
 from experiments.pole.geometry import fingertip, planned_clearance, way_of
 from experiments.settings import Settings
+from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.learning import MIN_MEMBERS, purity
 from intent_recognition.share import share_path
@@ -54,18 +54,18 @@ class Carried:
     """
 
     label: str
-    indices: NDArray[np.integer]
+    indices: Integers
     runs: tuple["PoleRun", ...]
     ways: tuple[str, ...]
-    final_error_m: NDArray[np.float64]
+    final_error_m: Floats
 
     @property
-    def hits(self) -> NDArray[np.bool_]:
+    def hits(self) -> Flags:
         """Which of them touched the pole, bool (m,)."""
         return np.array([run.touched for run in self.runs])
 
     @property
-    def clearance_m(self) -> NDArray[np.float64]:
+    def clearance_m(self) -> Floats:
         """Least distance from the pole (m,)."""
         return np.array([run.clearance_m.min() for run in self.runs])
 
@@ -90,7 +90,7 @@ class PoleStudy:
     demonstrations: tuple[Demonstration, ...]
     pairs: Pairs
     ways: tuple[str, ...]
-    both: NDArray[np.bool_]
+    both: Flags
     tried: tuple[TriedNumber, ...]
     chosen: int
     single: Carried
@@ -105,7 +105,7 @@ class PoleStudy:
         return self.tried[self.chosen - 1]
 
     @property
-    def tip_rms_m(self) -> NDArray[np.float64]:
+    def tip_rms_m(self) -> Floats:
         """Error of the fingertip by number of components and demonstration (K, n)."""
         return np.array([tip_rms_m(self.pairs, one.predicted) for one in self.tried])
 
@@ -186,7 +186,7 @@ def _read(recordings: Path) -> list[Demonstration]:
     return read_demonstrations([recordings], dofs)[0]
 
 
-def tip_rms_m(pairs: Pairs, predicted: LeftOutMixture) -> NDArray[np.float64]:
+def tip_rms_m(pairs: Pairs, predicted: LeftOutMixture) -> Floats:
     """Error of the fingertip over all times, of each prediction (n,)."""
     return rms(np.linalg.norm(fingertip(predicted.mean) - fingertip(pairs.controlled), axis=2))
 
@@ -196,9 +196,7 @@ def n_through(predicted: LeftOutMixture) -> int:
     return int(np.sum(planned_clearance(predicted.mean).min(axis=1) < 0.0))
 
 
-def _carry_out(
-    label: str, pairs: Pairs, predicted: LeftOutMixture, indices: NDArray[np.integer]
-) -> Carried:
+def _carry_out(label: str, pairs: Pairs, predicted: LeftOutMixture, indices: Integers) -> Carried:
     """Let the arm execute predictions, each in a fresh world with the pole."""
     from experiments.pole.world import execute
 

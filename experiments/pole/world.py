@@ -4,10 +4,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from experiments.pole.geometry import POLE_HEIGHT_M, POLE_M, POLE_RADIUS_M, finger_clearance
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import forward_kinematics
 from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm
 from sim_bridge.physics import pybullet
@@ -38,7 +38,7 @@ class Pole:
             0.0, shape, look, (float(POLE_M[0]), float(POLE_M[1]), POLE_HEIGHT_M / 2)
         )
 
-    def clearance(self, q: NDArray[np.float64]) -> float:
+    def clearance(self, q: Floats) -> float:
         """Distance of the arm and its finger from the pole, in metres; negative when inside.
 
         Args:
@@ -64,14 +64,12 @@ class PoleRun:
         touched: whether arm or finger touched the pole.
     """
 
-    positions_rad: NDArray[np.float64]
-    clearance_m: NDArray[np.float64]
+    positions_rad: Floats
+    clearance_m: Floats
     touched: bool
 
 
-def execute(
-    positions_rad: NDArray[np.float64], times_s: NDArray[np.float64], rest_s: float = 0.5
-) -> PoleRun:
+def execute(positions_rad: Floats, times_s: Floats, rest_s: float = 0.5) -> PoleRun:
     """Let the arm follow a trajectory in physics, from rest at its first posture.
 
     The arm is compliant: where the pole stands in the way it is held up, and that is a touch.
@@ -86,7 +84,7 @@ def execute(
     """
     curve = CubicSpline(times_s, positions_rad, bc_type="clamped")
     end_s, touched = float(times_s[-1]), False
-    reached: list[NDArray[np.float64]] = []
+    reached: list[Floats] = []
     distance: list[float] = []
     with SimulatedArm(positions_rad[0]) as arm:
         pole = Pole(arm)

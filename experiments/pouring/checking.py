@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.constraints.spilling import (
     FillingConstraint,
@@ -16,6 +15,7 @@ from experiments.constraints.spilling import (
 )
 from experiments.constraints.trials import FILLING, FILLING_TILT_RAD, POURING, SECOND
 from experiments.constraints.trials_file import TRIALS_FILE, read_trials
+from intent_recognition.array_types import Floats
 from intent_recognition.share import share_path
 from intent_recognition.warping import References
 from sim_bridge.containers import CONTAINER_NAMES
@@ -32,7 +32,7 @@ class Constraints:
     pouring: PouringConstraint
     filling: FillingConstraint
 
-    def risk(self, path: PourPath, cup: References, second: References) -> NDArray[np.float64]:
+    def risk(self, path: PourPath, cup: References, second: References) -> Floats:
         """Probability (T,) that something is poured and falls beside, along a path.
 
         Until the cup is tilted most it is taken to be half full; after that nothing more is

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.report import (
     NONE_COLOUR,
     PALETTE,
@@ -37,9 +37,9 @@ DASHES: tuple["LineStyleType", ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
 class Band(NamedTuple):
     """A distribution over paths: times or phases (T,), mean (T, 4), standard deviation (T, 4)."""
 
-    time: NDArray[np.float64]
-    mean: NDArray[np.float64]
-    std: NDArray[np.float64]
+    time: Floats
+    mean: Floats
+    std: Floats
 
 
 class Real(NamedTuple):
@@ -50,15 +50,13 @@ class Real(NamedTuple):
 
     name: str
     band: Band
-    done_s: NDArray[np.float64]
-    done: NDArray[np.float64]
+    done_s: Floats
+    done: Floats
 
 
 @styled
 def paths_figure(
-    warped: Band,
-    demonstrations: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
-    real: Sequence[Real],
+    warped: Band, demonstrations: Sequence[tuple[Floats, Floats]], real: Sequence[Real]
 ) -> Drawing:
     """Above the primitive in the warped space, below what it becomes for some pairs.
 

@@ -9,8 +9,8 @@ the opening they stop, how high, how far they tilt in the end and how long they 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.promp import minimum_jerk
 from intent_recognition.warping import References, from_warped
 from sim_bridge.scenarios.pouring import PourPath
@@ -48,8 +48,8 @@ class Habit:
         duration_s: of all of it.
     """
 
-    start: NDArray[np.float64]
-    pour_at: NDArray[np.float64]
+    start: Floats
+    pour_at: Floats
     full_tilt_rad: float
     duration_s: float
 
@@ -75,7 +75,7 @@ def plan_pour(habit: Habit, cup: References, second: References) -> PourPath:
     count = round(habit.duration_s / SAMPLE_S) + 1
     share = np.linspace(0.0, 1.0, count)
 
-    def progress(window: tuple[float, float]) -> NDArray[np.float64]:
+    def progress(window: tuple[float, float]) -> Floats:
         return minimum_jerk((share - window[0]) / (window[1] - window[0]))[:, None]
 
     over, back = progress(APPROACH), progress(BACK)

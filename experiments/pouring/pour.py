@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from experiments.teaching.virtual_hand import Grip, HandTarget, pull
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import frame_poses
 from sim_bridge.arm import STEPS_PER_SAMPLE, TIME_STEP_S, ArmState, SimulatedArm
 from sim_bridge.containers import Container
@@ -47,13 +47,13 @@ class Poured:
         strongest_touch_n: how hard at most.
     """
 
-    times_s: NDArray[np.float64]
-    joints_rad: NDArray[np.float64]
-    velocities_rad_s: NDArray[np.float64]
-    torques_nm: NDArray[np.float64]
+    times_s: Floats
+    joints_rad: Floats
+    velocities_rad_s: Floats
+    torques_nm: Floats
     path: PourPath
-    in_cup: NDArray[np.float64]
-    in_second: NDArray[np.float64]
+    in_cup: Floats
+    in_second: Floats
     n_balls: int
     through_wall: int
     strongest_pull_n: float
@@ -85,8 +85,8 @@ class AssumedGeometry(NamedTuple):
         opening_m: centre of the second one's opening (3,).
     """
 
-    lip_m: NDArray[np.float64]
-    opening_m: NDArray[np.float64]
+    lip_m: Floats
+    opening_m: Floats
 
 
 def pour(

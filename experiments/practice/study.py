@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.improvement import (
     CovarianceSearch,
     Practice,
@@ -37,15 +37,13 @@ class RandomSearch:
     n_axes: int
     seed: int
 
-    def ask(self, points: NDArray[np.float64], costs: NDArray[np.float64]) -> NDArray[np.float64]:
+    def ask(self, points: Floats, costs: Floats) -> Floats:
         """The next point to try (k,); the first is the mean."""
         if not len(costs):
             return np.zeros(self.n_axes)
         return np.random.default_rng([self.seed, len(costs)]).standard_normal(self.n_axes)
 
-    def favourite(
-        self, points: NDArray[np.float64], costs: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def favourite(self, points: Floats, costs: Floats) -> Floats:
         """The cheapest point (k,) so far."""
         return points[np.argmin(costs)] if len(costs) else np.zeros(self.n_axes)
 
@@ -66,12 +64,12 @@ class Practised:
 
     seed: int
     method: str
-    costs: NDArray[np.float64]
+    costs: Floats
     start: float
     settled: float
     before: Mapping[str, float]
     after: Mapping[str, float]
-    weights: NDArray[np.float64]
+    weights: Floats
 
     @property
     def spilled(self) -> tuple[float, float]:
@@ -134,7 +132,7 @@ def of_method(done: Sequence[Practised], method: str) -> list[Practised]:
     return sorted((one for one in done if one.method == method), key=lambda one: one.seed)
 
 
-def best_so_far(done: Sequence[Practised]) -> NDArray[np.float64]:
+def best_so_far(done: Sequence[Practised]) -> Floats:
     """Cheapest rollout so far over the first's cost, (practices, rollouts)."""
     costs = np.array([one.costs for one in done])
     return np.minimum.accumulate(costs, axis=1) / np.maximum(costs[:, :1], 1e-9)

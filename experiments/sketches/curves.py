@@ -7,8 +7,9 @@ the others. The rest is the drawer's: a wobble and a timing of each curve's own,
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+
+from intent_recognition.array_types import Floats
 
 N_SAMPLES = 101
 """Samples of each drawn curve. Convention."""
@@ -45,7 +46,7 @@ MIXING = np.array(
 """What each of three causes does to the heights of both curves, (2, 3, V)."""
 
 
-def sketch_pairs(rng: np.random.Generator, n_pairs: int) -> NDArray[np.float64]:
+def sketch_pairs(rng: np.random.Generator, n_pairs: int) -> Floats:
     """Curves at `PHASE`, (n, T, 2): the observed agent's, then the controlled one's."""
     causes = rng.normal(size=(n_pairs, 3))
     pairs = np.empty((n_pairs, N_SAMPLES, 2))
@@ -58,7 +59,7 @@ def sketch_pairs(rng: np.random.Generator, n_pairs: int) -> NDArray[np.float64]:
     return np.round(pairs / PIXEL) * PIXEL
 
 
-def _drawn(rng: np.random.Generator, heights: NDArray[np.float64]) -> NDArray[np.float64]:
+def _drawn(rng: np.random.Generator, heights: Floats) -> Floats:
     """A smooth stroke through heights at nearly even times, (T,)."""
     times = VIA.copy()
     times[1:-1] += TIMING * rng.normal(size=VIA.size - 2)

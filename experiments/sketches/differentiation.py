@@ -9,10 +9,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, savgol_filter, sosfiltfilt
 
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 
 MIN_SAMPLES = 5
@@ -48,7 +48,7 @@ Smoother = SavitzkyGolay | Butterworth
 
 
 @lru_cache(maxsize=256)
-def derivative_operators(smoother: Smoother, n_samples: int, step: float) -> NDArray[np.float64]:
+def derivative_operators(smoother: Smoother, n_samples: int, step: float) -> Floats:
     """Matrices that take samples to smoothed positions, velocities, accelerations, (3, T, T).
 
     Args:
@@ -82,9 +82,7 @@ def derivative_operators(smoother: Smoother, n_samples: int, step: float) -> NDA
     return operators
 
 
-def _savitzky_golay(
-    smoother: SavitzkyGolay, unit: NDArray[np.float64], step: float
-) -> NDArray[np.float64]:
+def _savitzky_golay(smoother: SavitzkyGolay, unit: Floats, step: float) -> Floats:
     order, n_samples = min(smoother.order, len(unit) - 2), len(unit)
     longest = n_samples if n_samples % 2 else n_samples - 1
     window = min(max(2 * round(0.5 * smoother.width / step) + 1, order + 1 + order % 2), longest)
@@ -93,9 +91,7 @@ def _savitzky_golay(
     )
 
 
-def _butterworth(
-    smoother: Butterworth, unit: NDArray[np.float64], step: float
-) -> NDArray[np.float64]:
+def _butterworth(smoother: Butterworth, unit: Floats, step: float) -> Floats:
     share = min(2.0 * smoother.cutoff * step, HIGHEST_CUTOFF)
     sections = butter(smoother.order, share, output="sos")
     # Enough of the odd extension for the filter to settle, but no more than there are samples.
@@ -105,9 +101,7 @@ def _butterworth(
     return np.stack([position, velocity, np.gradient(velocity, step, axis=0, edge_order=2)])
 
 
-def spline_operators(
-    phase: NDArray[np.float64], at: NDArray[np.float64], roughness: float
-) -> NDArray[np.float64]:
+def spline_operators(phase: Floats, at: Floats, roughness: float) -> Floats:
     """Matrices from irregular samples to a spline's positions and derivatives, (3, K, T).
 
     The natural cubic smoothing spline: it minimises the squared residuals plus `roughness` times

@@ -17,11 +17,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 
 from experiments.sketches.differentiation import Smoother, derivative_operators
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.promp import NormalizedRBFBasis, fit_weights
 
@@ -57,9 +57,9 @@ class SpringDamper:
 class Motion(NamedTuple):
     """Positions and their first and second derivatives by the phase, arrays of one shape."""
 
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
 
 
 @dataclass(frozen=True)
@@ -79,30 +79,30 @@ class DmpModel:
         """Parameters of one DOF, N + 3."""
         return self.basis.n_basis + N_ENDS
 
-    def forcing(self, motion: Motion, goal: NDArray[np.float64]) -> NDArray[np.float64]:
+    def forcing(self, motion: Motion, goal: Floats) -> Floats:
         """Forcing function of a motion toward `goal` (IP Eq. 14), shape of the motion's arrays."""
         return self.drive(motion) - self.spring.stiffness * goal
 
-    def drive(self, motion: Motion) -> NDArray[np.float64]:
+    def drive(self, motion: Motion) -> Floats:
         """q'' + alpha q' + alpha beta q: what a motion shows of its forcing function and goal."""
         alpha, stiffness = self.spring.alpha, self.spring.stiffness
         return motion.acceleration + alpha * motion.velocity + stiffness * motion.position
 
-    def observation_matrix(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def observation_matrix(self, phase: Floats) -> Floats:
         """Rows that take one DOF's parameters to its drive at phases (T,), (T, N + 3)."""
         rows = np.zeros((len(phase), self.n_parameters))
         rows[:, :-N_ENDS] = self.basis.design_matrix(phase)
         rows[:, -N_ENDS] = self.spring.stiffness
         return rows
 
-    def start_matrix(self) -> NDArray[np.float64]:
+    def start_matrix(self) -> Floats:
         """Rows that take one DOF's parameters to its position and velocity at phase 0, (2, N + 3).
 
         A drive holds no information on them: differentiating twice removes a straight line.
         """
         return np.eye(2, self.n_parameters, k=self.n_parameters - 2)
 
-    def rollout_matrix(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rollout_matrix(self, phase: Floats) -> Floats:
         """Rows that take one DOF's parameters to its positions at phases in [0, 1], (T, N + 3).
 
         The attractor integrated with every parameter one in turn.
@@ -110,9 +110,7 @@ class DmpModel:
         grid, position, velocity = _responses(self)
         return CubicHermiteSpline(grid, position, velocity)(np.clip(phase, 0.0, 1.0))
 
-    def fit(
-        self, phase: NDArray[np.float64], motion: Motion, ridge: float = 1e-4
-    ) -> NDArray[np.float64]:
+    def fit(self, phase: Floats, motion: Motion, ridge: float = 1e-4) -> Floats:
         """Parameters of demonstrated motions by ridge regression (IP Eq. 12, 14), (D, N + 3).
 
         Args:
@@ -136,17 +134,14 @@ class DmpModel:
         return np.hstack([weights, ends])
 
 
-def differentiated(smoother: Smoother, values: NDArray[np.float64], step: float) -> Motion:
+def differentiated(smoother: Smoother, values: Floats, step: float) -> Motion:
     """Smoothed positions and their derivatives of samples (T, D) a step of the phase apart."""
     return Motion(*(derivative_operators(smoother, len(values), step) @ values))
 
 
 def fit_demonstrations(
-    model: DmpModel,
-    demonstrations: Sequence[NDArray[np.float64]],
-    smoother: Smoother,
-    ridge: float = 1e-4,
-) -> NDArray[np.float64]:
+    model: DmpModel, demonstrations: Sequence[Floats], smoother: Smoother, ridge: float = 1e-4
+) -> Floats:
     """Stacked parameters of demonstrations, (n, D (N + 3)), grouped by DOF (IP Eq. 4).
 
     Args:
@@ -167,9 +162,7 @@ def fit_demonstrations(
 
 
 @lru_cache(maxsize=16)
-def _responses(
-    model: DmpModel,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _responses(model: DmpModel) -> tuple[Floats, Floats, Floats]:
     """Grid (S + 1,), and positions and velocities there for each parameter, (S + 1, N + 3).
 
     Between grid points the forcing function is a straight line; for that the step is exact.

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag, cho_solve
 
 from experiments.sketches.curves import PHASE
@@ -27,6 +26,7 @@ from experiments.sketches.interaction_dmp import (
     differentiated,
     fit_demonstrations,
 )
+from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import Gaussian, cholesky, symmetrize
 from intent_recognition.promp import NormalizedRBFBasis, fit_weights
 
@@ -61,22 +61,22 @@ class Learned:
         curve_variance: what the parameters leave unexplained of both agents' positions, (2,).
     """
 
-    parameters: NDArray[np.float64]
-    positions: NDArray[np.float64]
+    parameters: Floats
+    positions: Floats
     residual_variance: float
-    curve_variance: NDArray[np.float64]
+    curve_variance: Floats
 
     @property
-    def both(self) -> NDArray[np.float64]:
+    def both(self) -> Floats:
         """Rows from all parameters to both agents' positions, (2 T, 2 p)."""
         return block_diag(self.positions, self.positions)
 
     @property
-    def controlled(self) -> NDArray[np.float64]:
+    def controlled(self) -> Floats:
         """Rows from all parameters to the controlled agent's positions, (T, 2 p)."""
         return np.hstack([np.zeros_like(self.positions), self.positions])
 
-    def observed(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def observed(self, rows: Floats) -> Floats:
         """Rows (m, p) for the observed agent's parameters as rows for all, (m, 2 p)."""
         return np.hstack([rows, np.zeros_like(rows)])
 
@@ -98,12 +98,12 @@ class ModelChoice(NamedTuple):
     white: bool = True
 
 
-def learn(pairs: NDArray[np.float64], smoother: Smoother | None) -> Learned:
+def learn(pairs: Floats, smoother: Smoother | None) -> Learned:
     """A DMP through a filter, or a ProMP where there is none."""
     return learn_promp(pairs) if smoother is None else learn_dmp(pairs, smoother)
 
 
-def learn_promp(pairs: NDArray[np.float64]) -> Learned:
+def learn_promp(pairs: Floats) -> Learned:
     """Weights of pairs (n, T, 2)."""
     design = BASIS.design_matrix(PHASE)
     fits = [fit_weights(BASIS, PHASE, pair) for pair in pairs]
@@ -112,7 +112,7 @@ def learn_promp(pairs: NDArray[np.float64]) -> Learned:
     return Learned(weights, design, float(residual[0]), residual)
 
 
-def learn_dmp(pairs: NDArray[np.float64], smoother: Smoother = CLEAN) -> Learned:
+def learn_dmp(pairs: Floats, smoother: Smoother = CLEAN) -> Learned:
     """Parameters of pairs (n, T, 2).
 
     The observed agent's go through the filter its observations go through, so that what the filter
@@ -134,7 +134,7 @@ def learn_dmp(pairs: NDArray[np.float64], smoother: Smoother = CLEAN) -> Learned
     )
 
 
-def prior(parameters: NDArray[np.float64], shrinkage: float) -> Gaussian:
+def prior(parameters: Floats, shrinkage: float) -> Gaussian:
     """Mean and covariance of parameters (n, d), shrunk toward the covariance's diagonal.
 
     The last factor is for the mean, which is as uncertain as n demonstrations leave it.
@@ -147,11 +147,8 @@ def prior(parameters: NDArray[np.float64], shrinkage: float) -> Gaussian:
 
 
 def predictor(
-    distribution: Gaussian,
-    rows: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    output: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    distribution: Gaussian, rows: Floats, noise: Floats, output: Floats
+) -> tuple[Floats, Floats]:
     """Matrix (s, m) and offset (s,) from an observation to the mean of what is predicted.
 
     What `gaussian.normal.condition` does, for all observations with the same rows at once.
@@ -170,7 +167,7 @@ def predictor(
 
 def observation(
     learned: Learned, candidate: ModelChoice, n_seen: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats, Floats]:
     """Rows, noise, and operator from positions to what is observed, of the first samples.
 
     A ProMP observes the m positions; a DMP the m drives, and position and velocity at the start.
@@ -197,12 +194,12 @@ def observation(
 
 
 def squared_errors(
-    train: NDArray[np.float64],
-    truth: NDArray[np.float64],
-    seen: NDArray[np.float64],
+    train: Floats,
+    truth: Floats,
+    seen: Floats,
     candidates: Sequence[ModelChoice],
     counts: Sequence[int],
-) -> NDArray[np.float64]:
+) -> Floats:
     """Mean squared error of the controlled curve, for c candidates, L noise levels, k counts.
 
     Args:
@@ -230,13 +227,13 @@ def squared_errors(
     return errors
 
 
-def standard_error(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def standard_error(values: Floats) -> Floats:
     """Standard error of the mean over the first axis."""
-    error: NDArray[np.float64] = values.std(axis=0, ddof=1) / np.sqrt(len(values))
+    error: Floats = values.std(axis=0, ddof=1) / np.sqrt(len(values))
     return error
 
 
-def folds(n: int, n_folds: int) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def folds(n: int, n_folds: int) -> Iterator[tuple[Floats, Floats]]:
     """Numbers of the demonstrations to learn from, and of those left out, fold by fold."""
     numbers = np.arange(n)
     for fold in range(n_folds):

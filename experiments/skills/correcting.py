@@ -8,12 +8,12 @@ are in physics. Each task in turn is the one whose rule has moved.
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.execution import Executed, SimulatedPerson, as_demonstration, execute
 from experiments.reaches import WatchedReach, toolbox_recordings, watch_reach
 from experiments.settings import Settings
 from intent_recognition.activation import Mode
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import LWR_LIMITS
 from intent_recognition.learning import Trained, keep_correction, learn_with_report
 from intent_recognition.motion import (
@@ -62,9 +62,9 @@ class CorrectingSession(NamedTuple):
     """
 
     task: str
-    error_m: NDArray[np.float64]
-    corrected_m: NDArray[np.float64]
-    without_m: NDArray[np.float64]
+    error_m: Floats
+    corrected_m: Floats
+    without_m: Floats
     others_changed: float
     rad: float
     rad_s: float
@@ -95,7 +95,7 @@ class CorrectingStudy(NamedTuple):
         """Labels of the tasks, in order."""
         return tuple(dict.fromkeys(one.task for one in self.sessions))
 
-    def of(self, task: str, name: str) -> NDArray[np.float64]:
+    def of(self, task: str, name: str) -> Floats:
         """An array of all sessions of a task, put side by side."""
         return np.concatenate(
             [getattr(one, name) for one in self.sessions if one.task == task], axis=-1
@@ -110,7 +110,7 @@ class CorrectingStudy(NamedTuple):
 class Corrects:
     """A person who takes the hand to another place once it has come to rest."""
 
-    def __init__(self, place_m: NDArray[np.float64]) -> None:
+    def __init__(self, place_m: Floats) -> None:
         self.place_m = place_m
         self.hand: CorrectingHand | None = None
         self._rests_since_s: float | None = None
@@ -284,7 +284,7 @@ def _session(
     )
 
 
-def _error(done: Executed, place_m: NDArray[np.float64]) -> float:
+def _error(done: Executed, place_m: Floats) -> float:
     return float(np.linalg.norm(done.hand_m[-1] - place_m))
 
 

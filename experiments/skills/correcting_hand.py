@@ -2,9 +2,9 @@
 """A person who takes the arm by the hand while it executes, leads it to a place and lets go."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.teaching.virtual_hand import Grip, HandTarget, pull
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import frame_poses
 from intent_recognition.promp import minimum_jerk
 from sim_bridge.arm import SimulatedArm
@@ -35,7 +35,7 @@ class CorrectingHand:
         strongest_n: strongest pull at one point of the grip so far [N].
     """
 
-    def __init__(self, arm: SimulatedArm, place_m: NDArray[np.float64]) -> None:
+    def __init__(self, arm: SimulatedArm, place_m: Floats) -> None:
         pose = frame_poses(arm.state().q)[7]
         self._from_s, self._start_m, self._rotation = arm.time_s, pose[:3, 3], pose[:3, :3]
         self._place_m = place_m

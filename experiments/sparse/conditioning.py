@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.sketches.curves import PHASE
 from experiments.sketches.differentiation import SavitzkyGolay, spline_operators
@@ -22,6 +21,7 @@ from experiments.sketches.models import (
     predictor,
     prior,
 )
+from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import Gaussian, condition
 
 NOISE_VARIANCE = 0.01
@@ -56,29 +56,22 @@ class SplineChoice(NamedTuple):
     shrinkage: float
 
 
-def sparse_phases(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+def sparse_phases(rng: np.random.Generator, count: int) -> Floats:
     """Irregular phases, none closer than `CLOSEST` to the next, (count,)."""
     free = np.sort(rng.uniform(0.0, 1.0 - CLOSEST * (count - 1), count))
     return free + CLOSEST * np.arange(count)
 
 
 def observe(
-    rng: np.random.Generator,
-    curve: NDArray[np.float64],
-    at: NDArray[np.float64],
-    variance: float = NOISE_VARIANCE,
-) -> NDArray[np.float64]:
+    rng: np.random.Generator, curve: Floats, at: Floats, variance: float = NOISE_VARIANCE
+) -> Floats:
     """Noisy positions of a curve (T,) at some phases (m,)."""
     return np.interp(at, PHASE, curve) + np.sqrt(variance) * rng.normal(size=len(at))
 
 
 def promp_curves(
-    learned: Learned,
-    shrinkage: float,
-    at: NDArray[np.float64],
-    seen: NDArray[np.float64],
-    variance: float = NOISE_VARIANCE,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    learned: Learned, shrinkage: float, at: Floats, seen: Floats, variance: float = NOISE_VARIANCE
+) -> tuple[Floats, Floats]:
     """Mean and standard deviation of both agents' curves given positions seen, (2, T) each."""
     distribution = prior(learned.parameters, shrinkage)
     rows = learned.observed(BASIS.design_matrix(at))
@@ -87,18 +80,14 @@ def promp_curves(
     return curves_of(learned, posterior)
 
 
-def curves_of(
-    learned: Learned, distribution: Gaussian
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def curves_of(learned: Learned, distribution: Gaussian) -> tuple[Floats, Floats]:
     """Mean and standard deviation of both agents' curves, (2, T) each."""
     variance = np.einsum("sd,de,se->s", learned.both, distribution.covariance, learned.both)
     mean = (learned.both @ distribution.mean).reshape(2, -1)
     return mean, np.sqrt(variance.reshape(2, -1) + learned.curve_variance[:, None])
 
 
-def spline_predictor(
-    learned: Learned, choice: SplineChoice, at: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def spline_predictor(learned: Learned, choice: SplineChoice, at: Floats) -> tuple[Floats, Floats]:
     """Matrix and offset from sparse positions to the controlled curve of a DMP."""
     dense = np.linspace(at[0], at[-1], N_SPLINE)
     motion = Motion(*spline_operators(at, dense, choice.roughness))
@@ -114,9 +103,7 @@ def spline_predictor(
     return matrix @ operator, offset
 
 
-def choose_shrinkage(
-    rng: np.random.Generator, train: NDArray[np.float64], counts: Sequence[int]
-) -> float:
+def choose_shrinkage(rng: np.random.Generator, train: Floats, counts: Sequence[int]) -> float:
     """The ProMP's, by cross validation over all numbers of observations."""
     errors = np.zeros(len(SHRINKAGES))
     for kept, left_out in folds(len(train), N_FOLDS):
@@ -143,10 +130,7 @@ def spline_choices(quick: bool) -> list[SplineChoice]:
 
 
 def choose_splines(
-    rng: np.random.Generator,
-    train: NDArray[np.float64],
-    count: int,
-    choices: Sequence[SplineChoice],
+    rng: np.random.Generator, train: Floats, count: int, choices: Sequence[SplineChoice]
 ) -> tuple[SplineChoice, SplineChoice]:
     """The best spline through the samples, and the best of all, by cross validation."""
     errors = np.zeros(len(choices))
@@ -162,6 +146,6 @@ def choose_splines(
     return choices[min(through, key=lambda k: errors[k])], choices[int(np.argmin(errors))]
 
 
-def true_acceleration(curve: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+def true_acceleration(curve: Floats, at: Floats) -> Floats:
     """Second derivative by the phase of a clean curve (T,) at some phases."""
     return np.interp(at, PHASE, differentiated(WIDE, curve[:, None], STEP).acceleration[:, 0])

@@ -9,7 +9,6 @@ smoothing spline through them and to differentiate that.
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
@@ -43,6 +42,7 @@ from experiments.sparse.study import (
     PROMP,
     one_data_set,
 )
+from intent_recognition.array_types import Floats
 from intent_recognition.report import Block, Figure, to_svg
 
 STREAM_VARIANCE = 0.04
@@ -95,10 +95,7 @@ def run(settings: Settings) -> ExperimentResult:
 
 
 def findings(
-    counts: Sequence[int],
-    rmse: Mapping[str, NDArray[np.float64]],
-    inside: NDArray[np.float64],
-    acceleration: NDArray[np.float64],
+    counts: Sequence[int], rmse: Mapping[str, Floats], inside: Floats, acceleration: Floats
 ) -> tuple[Finding, ...]:
     """The paper's figures and ours, side by side."""
     four = counts.index(EXAMPLE_COUNT)
@@ -137,9 +134,7 @@ def findings(
 
 
 def blocks(
-    settings: Settings,
-    counts: Sequence[int],
-    rmse: Mapping[str, NDArray[np.float64]],
+    settings: Settings, counts: Sequence[int], rmse: Mapping[str, Floats]
 ) -> tuple[Block, ...]:
     """Figures, tables and remarks, in order."""
     rng = settings.rng(1000)
@@ -196,11 +191,11 @@ def blocks(
 
 def _example(
     title: str,
-    before: tuple[NDArray[np.float64], NDArray[np.float64]],
-    after: tuple[NDArray[np.float64], NDArray[np.float64]],
-    pair: NDArray[np.float64],
-    seen: tuple[NDArray[np.float64], NDArray[np.float64]],
-    others: Mapping[str, NDArray[np.float64]] | None,
+    before: tuple[Floats, Floats],
+    after: tuple[Floats, Floats],
+    pair: Floats,
+    seen: tuple[Floats, Floats],
+    others: Mapping[str, Floats] | None,
 ) -> SketchExample:
     panels = [
         Panel(

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.report import (
     DASHED,
     INK,
@@ -40,11 +40,11 @@ class Panel(NamedTuple):
     """
 
     title: str
-    prior: tuple[NDArray[np.float64], NDArray[np.float64]]
-    posterior: tuple[NDArray[np.float64], NDArray[np.float64]]
-    true: NDArray[np.float64]
-    seen: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
-    others: Mapping[str, NDArray[np.float64]] | None = None
+    prior: tuple[Floats, Floats]
+    posterior: tuple[Floats, Floats]
+    true: Floats
+    seen: tuple[Floats, Floats] | None = None
+    others: Mapping[str, Floats] | None = None
 
 
 class SketchExample(NamedTuple):
@@ -55,7 +55,7 @@ class SketchExample(NamedTuple):
 
 
 @styled
-def example_figure(phase: NDArray[np.float64], examples: Sequence[SketchExample]) -> Drawing:
+def example_figure(phase: Floats, examples: Sequence[SketchExample]) -> Drawing:
     """Prior and posterior of both agents, +- two standard deviations; one column per example.
 
     Args:
@@ -76,7 +76,7 @@ def example_figure(phase: NDArray[np.float64], examples: Sequence[SketchExample]
     return figure
 
 
-def _draw(axes: "Axes", phase: NDArray[np.float64], panel: Panel) -> None:
+def _draw(axes: "Axes", phase: Floats, panel: Panel) -> None:
     for (mean, std), colour, name in (
         (panel.prior, PRIOR, "prior"),
         (panel.posterior, POSTERIOR, "ProMP given the observations"),
@@ -103,16 +103,13 @@ def _draw(axes: "Axes", phase: NDArray[np.float64], panel: Panel) -> None:
 class Line(NamedTuple):
     """Mean and standard error over numbers of observations, (k,) each."""
 
-    mean: NDArray[np.float64]
-    error: NDArray[np.float64]
+    mean: Floats
+    error: Floats
 
 
 @styled
 def sparse_error_figure(
-    counts: Sequence[int],
-    rmse: Mapping[str, Line],
-    at: NDArray[np.float64],
-    accelerations: Mapping[str, NDArray[np.float64]],
+    counts: Sequence[int], rmse: Mapping[str, Line], at: Floats, accelerations: Mapping[str, Floats]
 ) -> Drawing:
     """Error over the number of observations, and what a spline makes of an acceleration.
 

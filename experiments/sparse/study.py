@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.sketches.curves import sketch_pairs
 from experiments.sketches.differentiation import spline_operators
@@ -21,6 +20,7 @@ from experiments.sparse.conditioning import (
     spline_predictor,
     true_acceleration,
 )
+from intent_recognition.array_types import Floats
 
 N_TRAIN, N_TEST = 40, 60
 """Simulated movements to learn from and to predict. Convention."""
@@ -43,9 +43,9 @@ class SparseScores(NamedTuple):
             square, interpolating and best spline, (k, 2).
     """
 
-    rmse: Mapping[str, NDArray[np.float64]]
-    inside: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
+    rmse: Mapping[str, Floats]
+    inside: Floats
+    acceleration: Floats
 
 
 def one_data_set(
@@ -61,7 +61,7 @@ def one_data_set(
     rmse[NOTHING][:] = _rms(test[..., 1] - mean)
     for k, count in enumerate(counts):
         through, best = choose_splines(rng, train, count, choices)
-        errors: dict[str, list[NDArray[np.float64]]] = {m: [] for m in METHODS[:3]}
+        errors: dict[str, list[Floats]] = {m: [] for m in METHODS[:3]}
         hits, differences = [], []
         for pair in test:
             at = sparse_phases(rng, count)
@@ -82,12 +82,7 @@ def one_data_set(
     return SparseScores(rmse, inside, acceleration)
 
 
-def _acceleration_error(
-    curve: NDArray[np.float64],
-    at: NDArray[np.float64],
-    seen: NDArray[np.float64],
-    choice: SplineChoice,
-) -> float:
+def _acceleration_error(curve: Floats, at: Floats, seen: Floats, choice: SplineChoice) -> float:
     """Root mean square error of a spline's acceleration in parts of the true one's."""
     dense = np.linspace(at[0], at[-1], N_SPLINE)
     true = true_acceleration(curve, dense)
@@ -95,5 +90,5 @@ def _acceleration_error(
     return _rms(found - true) / _rms(true)
 
 
-def _rms(values: NDArray[np.float64]) -> float:
+def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.teaching.demonstration import (
     TEST_COUNTS,
@@ -19,11 +18,10 @@ from experiments.teaching.demonstration import (
     demonstration_rng,
     plan_demonstration,
 )
+from intent_recognition.array_types import Floats, Integers
 from sim_bridge.coworker import TASKS
 
-Classifier = Callable[
-    [NDArray[np.float64], NDArray[np.integer], NDArray[np.float64]], NDArray[np.integer]
-]
+Classifier = Callable[[Floats, Integers, Floats], Integers]
 """From training features (n, d), their labels (n,) and other features (m, d) to labels (m,)."""
 
 
@@ -48,7 +46,7 @@ class Hardness:
     separation_m: float
 
 
-def wrist_at(demonstration: WristDemonstration, shares: Sequence[float]) -> NDArray[np.float64]:
+def wrist_at(demonstration: WristDemonstration, shares: Sequence[float]) -> Floats:
     """Measured wrist positions (S, 3) at shares of the movement's time, interpolated over gaps."""
     samples = demonstration.samples
     span = demonstration.end_s - demonstration.onset_s
@@ -59,18 +57,14 @@ def wrist_at(demonstration: WristDemonstration, shares: Sequence[float]) -> NDAr
     )
 
 
-def nearest_mean_labels(
-    train: NDArray[np.float64], labels: NDArray[np.integer], test: NDArray[np.float64]
-) -> NDArray[np.integer]:
+def nearest_mean_labels(train: Floats, labels: Integers, test: Floats) -> Integers:
     """Index of the nearest class mean, for each row of `test` (n, d)."""
     means = np.array([train[labels == label].mean(axis=0) for label in np.unique(labels)])
     distances = np.linalg.norm(test[:, None] - means, axis=2)
     return np.unique(labels)[np.argmin(distances, axis=1)]
 
 
-def gaussian_labels(
-    train: NDArray[np.float64], labels: NDArray[np.integer], test: NDArray[np.float64]
-) -> NDArray[np.integer]:
+def gaussian_labels(train: Floats, labels: Integers, test: Floats) -> Integers:
     """Index of the most probable class: Gaussians with a pooled, slightly shrunk covariance."""
     classes = np.unique(labels)
     means = np.array([train[labels == label].mean(axis=0) for label in classes])
@@ -83,7 +77,7 @@ def gaussian_labels(
     return classes[np.argmin(distances, axis=1)]
 
 
-def _history(demonstrations: Sequence[WristDemonstration], share: float) -> NDArray[np.float64]:
+def _history(demonstrations: Sequence[WristDemonstration], share: float) -> Floats:
     """Start and displacements from it at thirds of the share, (n, 12)."""
     rows = []
     for demonstration in demonstrations:
@@ -92,9 +86,7 @@ def _history(demonstrations: Sequence[WristDemonstration], share: float) -> NDAr
     return np.array(rows)
 
 
-def _leave_one_out(
-    classify: Classifier, features: NDArray[np.float64], labels: NDArray[np.integer]
-) -> float:
+def _leave_one_out(classify: Classifier, features: Floats, labels: Integers) -> float:
     """Accuracy."""
     hits = 0
     for k in range(len(labels)):

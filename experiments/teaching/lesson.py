@@ -8,11 +8,11 @@ noise of its sensors; never the plan.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.teaching.objects import ObjectHolder, ToolboxObjects
 from experiments.teaching.path import TeachingPath
 from experiments.teaching.virtual_hand import Grip, HandTarget, pull
+from intent_recognition.array_types import Floats
 from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SensorNoise, SimulatedArm
 from sim_bridge.coworker import HOLD
 from sim_bridge.scenarios.toolbox import HOME, STANDS_M
@@ -42,20 +42,20 @@ class TaughtArm:
         object_m: where the task's object was (T, 3), world.
     """
 
-    times_s: NDArray[np.float64]
-    positions_rad: NDArray[np.float64]
-    velocities_rad_s: NDArray[np.float64]
-    torques_nm: NDArray[np.float64]
-    hand_m: NDArray[np.float64]
+    times_s: Floats
+    positions_rad: Floats
+    velocities_rad_s: Floats
+    torques_nm: Floats
+    hand_m: Floats
     strongest_pull_n: float
     holders: tuple[ObjectHolder, ...]
-    object_m: NDArray[np.float64]
+    object_m: Floats
 
 
 class _Lesson:
     """One demonstration in progress: the arm, the object and the leading hand."""
 
-    def __init__(self, arm: SimulatedArm, path: TeachingPath, wrist_m: NDArray[np.float64]) -> None:
+    def __init__(self, arm: SimulatedArm, path: TeachingPath, wrist_m: Floats) -> None:
         self.arm, self.path = arm, path
         self.objects = ToolboxObjects(arm)
         if path.task == HOLD:
@@ -100,7 +100,7 @@ class _Lesson:
         k = min(now * (len(path.stamps_s) - 1) / path.stamps_s[-1], len(path.stamps_s) - 1.001)
         low, share = int(k), k - int(k)
 
-        def between(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        def between(values: Floats) -> Floats:
             return values[low] + share * (values[low + 1] - values[low])
 
         return HandTarget(
@@ -112,7 +112,7 @@ class _Lesson:
         )
 
 
-def teach(rng: np.random.Generator, path: TeachingPath, wrist_m: NDArray[np.float64]) -> TaughtArm:
+def teach(rng: np.random.Generator, path: TeachingPath, wrist_m: Floats) -> TaughtArm:
     """Teach the arm one path in a fresh physics world and record what its sensors say.
 
     Args:

@@ -8,10 +8,10 @@ stand, grasp, lift. It is the same in every demonstration but for the tempo.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import frame_poses
 from intent_recognition.promp import minimum_jerk
 from intent_recognition.signals import homogeneous
@@ -82,12 +82,12 @@ class TeachingPath:
 
     task: str
     times: TeachingTimes
-    stamps_s: NDArray[np.float64]
-    hand_m: NDArray[np.float64]
-    rotations: NDArray[np.float64]
-    joints_rad: NDArray[np.float64]
-    elbow_m: NDArray[np.float64]
-    end_error_m: NDArray[np.float64]
+    stamps_s: Floats
+    hand_m: Floats
+    rotations: Floats
+    joints_rad: Floats
+    elbow_m: Floats
+    end_error_m: Floats
 
     def joint_spline(self) -> CubicSpline:
         """The posture as a function of time, for a controller that follows it."""
@@ -108,7 +108,7 @@ def teaching_times(task: str, onset_s: float, arrival_s: float) -> TeachingTimes
 def plan_teaching(
     rng: np.random.Generator,
     task: str,
-    goal_m: NDArray[np.float64],
+    goal_m: Floats,
     onset_s: float,
     arrival_s: float,
     length_s: float,
@@ -147,8 +147,8 @@ def plan_teaching(
 
 
 def _fetch(
-    task: str, times: TeachingTimes, stamps_s: NDArray[np.float64], home: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    task: str, times: TeachingTimes, stamps_s: Floats, home: Floats
+) -> tuple[Floats, Floats]:
     """Positions (T, 3) of the fetch, held at its end, and that end (3,)."""
     start = home[:3, 3]
     if task not in STANDS_M:

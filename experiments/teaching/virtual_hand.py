@@ -9,8 +9,8 @@ gravity compensation would otherwise drift in its redundancy.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import frame_poses, jacobian
 from sim_bridge.arm import SimulatedArm
 
@@ -49,11 +49,11 @@ class HandTarget:
         elbow_velocity_m_s: of the arm's elbow (3,).
     """
 
-    position_m: NDArray[np.float64]
-    rotation: NDArray[np.float64]
-    velocity_m_s: NDArray[np.float64]
-    elbow_m: NDArray[np.float64]
-    elbow_velocity_m_s: NDArray[np.float64]
+    position_m: Floats
+    rotation: Floats
+    velocity_m_s: Floats
+    elbow_m: Floats
+    elbow_velocity_m_s: Floats
 
 
 def pull(arm: SimulatedArm, target: HandTarget, grip: Grip) -> float:
@@ -82,9 +82,7 @@ def pull(arm: SimulatedArm, target: HandTarget, grip: Grip) -> float:
     return max(strongest, _push(arm, force, grip, elbow_link, np.zeros(3)))
 
 
-def _push(
-    arm: SimulatedArm, force: NDArray[np.float64], grip: Grip, link: int, point: NDArray[np.float64]
-) -> float:
+def _push(arm: SimulatedArm, force: Floats, grip: Grip, link: int, point: Floats) -> float:
     """Apply a force, no stronger than the grip allows, for one step; return its size."""
     size = float(np.linalg.norm(force))
     if size > grip.max_force_n:

@@ -4,8 +4,8 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intent_recognition.array_types import Floats, Integers
 from intent_recognition.report import (
     DASHED,
     INK,
@@ -26,10 +26,10 @@ POSTERIOR_COLOUR = "#c2185b"
 
 @styled
 def components_found_figure(
-    phase: NDArray[np.float64],
-    observed: NDArray[np.float64],
-    controlled: NDArray[np.float64],
-    labels: NDArray[np.integer],
+    phase: Floats,
+    observed: Floats,
+    controlled: Floats,
+    labels: Integers,
     names: Sequence[str],
     tasks: Mapping[int, str],
 ) -> Drawing:
@@ -65,13 +65,13 @@ def components_found_figure(
 
 @styled
 def conditioned_figure(
-    phase: NDArray[np.float64],
-    prior_observed: NDArray[np.float64],
-    prior_controlled: NDArray[np.float64],
-    observed: NDArray[np.float64],
-    controlled: NDArray[np.float64],
-    mean: NDArray[np.float64],
-    std: NDArray[np.float64],
+    phase: Floats,
+    prior_observed: Floats,
+    prior_controlled: Floats,
+    observed: Floats,
+    controlled: Floats,
+    mean: Floats,
+    std: Floats,
     names: Sequence[str],
 ) -> Drawing:
     """One test: the component, the observation, the predicted robot and the truth.
@@ -118,7 +118,7 @@ def conditioned_figure(
     return figure
 
 
-def _panels(grid: NDArray[np.float64], n_observed: int, n_controlled: int) -> list:
+def _panels(grid: Floats, n_observed: int, n_controlled: int) -> list:
     """Panels of the human in the upper row, of the robot in the lower; the rest is taken away."""
     if len(grid) == 1:
         return list(grid[0])

@@ -2,7 +2,6 @@
 """The toolbox's findings, figures and tables, from what `toolbox_study.investigate` found."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.draws import also, drawn, draws_tables
 from experiments.left_out import PHASES, majority_names
@@ -11,6 +10,7 @@ from experiments.results import Finding
 from experiments.toolbox.figures import components_found_figure, conditioned_figure
 from experiments.toolbox.session import HAND_TASKS
 from experiments.toolbox.study import END_NAME, WHOLE_NAME, ToolboxStudy
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.learning import purity
 from intent_recognition.report import (
@@ -102,7 +102,7 @@ def _end_alone_finding(study: ToolboxStudy, task: str) -> Finding:
     )
 
 
-def two_sigma(values: NDArray[np.float64]) -> str:
+def two_sigma(values: Floats) -> str:
     """Mean ± two standard deviations; of one value itself."""
     spread = f" ± {2 * values.std(ddof=1):.1f}" if values.size > 1 else ""
     return f"{values.mean():.1f}{spread}"

@@ -9,9 +9,9 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.recording import EPOCH_NS, SAMPLE_NS
+from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import hand_position
 from intent_recognition.promp import NONE, TaskLibrary
 from intent_recognition.recognition import (
@@ -67,7 +67,7 @@ class _Acted(NamedTuple):
 
     time_s: float
     active: str
-    hand_m: NDArray[np.float64] | None
+    hand_m: Floats | None
 
 
 def watch(estimator: IntentEstimator, samples: WristSamples) -> Iterator[SeenEstimate]:
@@ -121,7 +121,7 @@ def play(
     return _score(plan.interactions, acted)
 
 
-def predicted_hand(estimator: IntentEstimator) -> NDArray[np.float64] | None:
+def predicted_hand(estimator: IntentEstimator) -> Floats | None:
     """Where the predicted motion ends (3,), None without a prediction."""
     prediction = estimator.predict_controlled(n_points=1)
     return None if prediction is None else hand_position(prediction.trajectory.positions[-1])

@@ -22,6 +22,7 @@ from experiments.left_out import (
 )
 from experiments.settings import Settings
 from experiments.toolbox.session import HAND_TASKS, ToolboxExecution, play
+from intent_recognition.array_types import Flags, Floats
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.kinematics import hand_position
 from intent_recognition.learning import (
@@ -73,7 +74,7 @@ class ToolboxStudy:
     pairs: Pairs
     tasks: NDArray[np.str_]
     tried: tuple[TriedNumber, ...]
-    end_rms_rad: NDArray[np.float64]
+    end_rms_rad: Floats
     chosen: int
     from_end: LeftOutMixture
     end_alone: LeftOutMixture
@@ -91,12 +92,12 @@ class ToolboxStudy:
         """Executions with the right task and no other."""
         return sum(one.right for one in self.executions)
 
-    def hand_error_m(self, predicted: LeftOutMixture) -> NDArray[np.float64]:
+    def hand_error_m(self, predicted: LeftOutMixture) -> Floats:
         """Distance of the predicted final hand from the demonstrated one (n,)."""
         ends = predicted.mean[:, -1], self.pairs.controlled[:, -1]
         return np.linalg.norm(hand_position(ends[0]) - hand_position(ends[1]), axis=1)
 
-    def recognised(self, predicted: LeftOutMixture) -> NDArray[np.bool_]:
+    def recognised(self, predicted: LeftOutMixture) -> Flags:
         """Whether each was predicted by the component of its own task, bool (n,)."""
         majority = majority_names(self.tasks, self.taken.labels)
         return np.array([majority[k] for k in predicted.component]) == self.tasks
