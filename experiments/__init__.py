@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The papers' experiments, each in a folder: study, figures, report; `intent experiments`.
+"""The papers' experiments, a folder each, with study, figures and report.
 
-`generate` simulates the recordings in bags/, by the `recordings` of a folder; `annotate` makes the
+`intent experiments` runs them. `generate` simulates the recordings in bags/; `annotate` makes the
 shipped annotated mug.
 """

@@ -17,17 +17,17 @@ N_AROUND, ALL_AROUND = 8, Camera(elevation_rad=(-0.9, 1.2))
 N_INTO, STRAIGHT_INTO = 4, Camera(elevation_rad=(1.3, 1.55))
 """Views straight into the container."""
 SHARE_INTO = 0.25
-"""From the side a camera hardly sees the floor, and where the source has no points no target
-point has a counterpart."""
+"""Share of the points that views into the container give: from the side a camera hardly sees its
+floor, and target points there would have no counterpart."""
 
 GRASP_TURN = 0.25
-"""Where on the wall the grasp is, in turns from the lip: beside the lip and beside the handle."""
+"""Place of the grasp on the wall, in turns from the lip: neither at the lip nor at the handle."""
 GRASP_DEPTH_M = 0.014
-"""How far below the crest the middle of the pads is [m]: the pads are below the rim."""
+"""Distance from the crest down to the middle of the pads [m]: the pads are below the rim."""
 
 
 def annotated(name: str = "mug", seed: int = 0, n_points: int = 2000) -> AnnotatedObject:
-    """A container as its annotator sees it: from all around and straight into it, with labels."""
+    """A container scanned from all around and straight into it, with labels and a grasp."""
     container = make_container(name, seed)
     rng = np.random.default_rng(seed)
     n_into = round(SHARE_INTO * n_points)

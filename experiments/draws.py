@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings drawn again from other seeds: how much the shipped ones leave to chance."""
+"""Recordings simulated again from other seeds: how much of a result is chance."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
@@ -13,11 +13,11 @@ from intent_recognition.array_types import Floats
 from intent_recognition.report import Column, TableBlock
 
 Numbers = Mapping[str, float]
-"""What one draw is told by: numbers by name, the same in all draws."""
+"""Results of one draw by name; all draws have the same names."""
 
 
 class Draw(NamedTuple):
-    """What came out of the recordings of one seed."""
+    """Results from the recordings of one seed."""
 
     seed: int
     numbers: Numbers
@@ -53,7 +53,7 @@ def draw_again(
 
 
 def spread(values: Sequence[float] | Floats, digits: int = 1) -> str:
-    """Median and range of some draws."""
+    """Text with median and range of some values."""
     drawn = np.asarray(values, dtype=np.float64)
     middle, low, high = (f"{f(drawn):.{digits}f}" for f in (np.median, np.min, np.max))
     return f"{middle} ({low} to {high})"
@@ -65,7 +65,7 @@ def drawn(draws: Sequence[Draw], name: str) -> Floats:
 
 
 def also(draws: Sequence[Draw], name: str, digits: int = 1) -> str:
-    """What to add to a number of the shipped recordings where they were drawn again."""
+    """Text with median and range over all draws, to follow the shipped one's number."""
     if len(draws) < 2:
         return ""
     return f"; {len(draws)} draws {spread(drawn(draws, name), digits)}"

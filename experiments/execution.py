@@ -32,7 +32,7 @@ STEP_S = STEP_NS * 1e-9
 GRIPPER_STEPS = 5
 """Physics steps between two decisions of the gripper, as in `arm_sim`."""
 LONGEST_S = 12.0
-"""An execution is watched for so long after the reach at most [s]."""
+"""Longest time for which an execution is watched after the reach [s]."""
 
 SimulatedPerson = Callable[["SimulatedArm", Mode], None]
 """Called before each physics step; may push the arm."""
@@ -43,13 +43,13 @@ class Executed(NamedTuple):
 
     Attributes:
         positions: measured (T, 7) [rad].
-        references: what was asked for then.
+        references: reference in force at each sample.
         hand_m: where the hand was (T, 3), world.
-        modes: of the activation.
+        modes: mode of the activation at each sample.
         commands: in the order in which they were sent.
-        corrected: what was followed in the end, if a person corrected it.
+        corrected: the path followed in the end; None unless a person corrected it.
         counts: of the activation.
-        refusals: what it said about motions that would touch.
+        refusals: its messages about motions that would touch, each once.
         touches: how often a link began to touch a box.
         touched: the two that touched last; empty if nothing did.
     """
@@ -108,12 +108,12 @@ def execute(
         watched: the reach.
         library: its estimator's.
         limits: plans are held to them.
-        correction: how pushes are found; None: they are not.
+        correction: how pushes are detected; None ignores them.
         rng: of the arm's sensors.
         person: beside the arm; None: nobody.
-        boxes: stand there and stop the arm.
+        boxes: obstacles that stop the arm.
         clearance: what the activation knows of them; None: nothing.
-        goes_home: whether the way home is executed, too.
+        goes_home: whether the way home is executed as well.
     """
     from experiments.teaching.gripper import ToolboxGripper
     from sim_bridge.arm import (
@@ -220,7 +220,7 @@ def _message(command: Command, now_ns: int, arm: "SimulatedArm") -> "TrajectoryC
 def as_demonstration(
     watched: WatchedReach, followed: PredictedInteraction, library: TaskLibrary, name: str
 ) -> Demonstration:
-    """What a corrected execution is kept as: the person's movement, and the corrected path.
+    """The demonstration kept of a corrected execution: the person's movement and the path.
 
     Args:
         watched: the reach.

@@ -44,9 +44,9 @@ from intent_recognition.signals import Demonstration
 PHASES = np.linspace(0.0, 1.0, SAMPLED_PHASES)
 """Phases of all trajectories here, (S,)."""
 FINAL = np.array([SAMPLED_PHASES - 1])
-"""Which of them is the end."""
+"""Index of the final phase."""
 WHOLE = np.arange(SAMPLED_PHASES)
-"""All of them."""
+"""Indices of all phases."""
 END_NOISE_STD_M = 0.003
 """Noise of the final position [m]: marker and sway."""
 PATH_NOISE_STD_M = 0.01
@@ -89,8 +89,8 @@ class LeftOutMixture(NamedTuple):
     Attributes:
         component: the one that predicts, (n,).
         probability: of each component given the observation, (n, K).
-        mean: of the robot under that one, (n, S, Q).
-        std: of the same, (n, S, Q).
+        mean: of the robot under that component, (n, S, Q).
+        std: standard deviation of the same, (n, S, Q).
     """
 
     component: Integers
@@ -120,7 +120,7 @@ class TriedNumber(NamedTuple):
 
 
 def pairs_of(demonstrations: Sequence[Demonstration]) -> Pairs:
-    """Both agents of each demonstration, cut to the interaction, their labels not looked at.
+    """Both agents of each demonstration, cut to the interaction; labels are not used.
 
     Raises:
         TrainingError: one of them cannot be used.
@@ -177,7 +177,7 @@ def try_numbers(
     Args:
         pairs: the demonstrations.
         largest: number of components.
-        settings: each number has a random generator of its own; the first fifth of the progress.
+        settings: random generators by number; this is the first fifth of its progress.
     """
     tried = []
     for number in range(1, largest + 1):
@@ -258,7 +258,7 @@ def predict(
 
 
 def rms(errors: Floats) -> Floats:
-    """Root mean square (n,) of what each of n demonstrations has of errors (n, ...)."""
+    """Root mean square (n,) of the errors (n, ...) of each demonstration."""
     return np.sqrt(np.mean(errors.reshape(len(errors), -1) ** 2, axis=1))
 
 

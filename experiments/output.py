@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What came of experiments: in the terminal, and as JSON."""
+"""Results of experiments in the terminal and as JSON."""
 
 from collections.abc import Iterable, Mapping
 

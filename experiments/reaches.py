@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from sim_bridge.coworker import WristSamples
 
 REST_S, AFTER_S = 1.0, 1.0
-"""Rest before a reach and watching after it [s]. Convention."""
+"""Time that is observed before and after a reach [s]."""
 STEP_NS = 10_000_000
-"""Time from one step to the next [ns]. Convention: 100 Hz."""
+"""Time from one step to the next [ns]: 100 Hz."""
 PREDICTED_EVERY = 4
 """Observations from one prediction to the next: 25 Hz."""
 
@@ -34,8 +34,8 @@ class Frame(NamedTuple):
     Attributes:
         now_ns: when.
         probabilities: of the labels and none; None where nothing was observed.
-        log_evidence: likewise.
-        prediction: where one is due.
+        log_evidence: of the same; None where nothing was observed.
+        prediction: of the interaction where one is due, else None.
     """
 
     now_ns: int
@@ -80,7 +80,7 @@ def watch_reach(
         library: of the toolbox.
         k: number of the reach.
         rng: draws it and what the tracker sees.
-        limits: what predicted paths are bent inside.
+        limits: joint limits into which predicted paths are bent.
     """
     from sim_bridge.coworker import TASKS, draw_reach, draw_rest, sample_wrist
 
@@ -113,7 +113,7 @@ def _prediction(estimator: IntentEstimator, limits: JointLimits) -> PredictedInt
 
 
 def ticks(watched: WatchedReach, home_s: float) -> Iterator[Frame]:
-    """Every 10 ms of the reach, and of some time to go home, in which the person rests."""
+    """Frames every 10 ms of the reach, and of `home_s` after it, in which the person rests."""
     frames = {frame.now_ns: frame for frame in watched.frames}
     first, last = watched.frames[0], watched.frames[-1]
     rests = np.eye(len(watched.labels))[-1]

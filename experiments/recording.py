@@ -16,21 +16,21 @@ from sim_bridge.coworker import WristSamples
 POSE_TOPIC, POSE_TYPE = "mocap/wrist/pose", "geometry_msgs/msg/PoseStamped"
 JOINT_TOPIC, JOINT_TYPE = "joint_states", "sensor_msgs/msg/JointState"
 EPOCH_NS = 1_767_225_600_000_000_000
-"""2026-01-01 00:00 UTC [ns], the day of all recordings. Convention."""
+"""2026-01-01 00:00 UTC [ns], from which the stamps of all recordings are counted."""
 SAMPLE_NS = 10_000_000
 """Time between two samples [ns]: trackers and the arm report 100 times a second."""
 
 # Sensors deliver counts. Powers of two far below the noise, so that files compress well.
 ANGLE_STEP_RAD = 2.0**-20
-"""Resolution of a joint's encoder [rad]. Convention."""
+"""Resolution of a joint's encoder [rad]."""
 RATE_STEP_RAD_S = 2.0**-16
-"""Resolution of a joint's velocity [rad/s]. Convention."""
+"""Resolution of a joint's velocity [rad/s]."""
 TORQUE_STEP_NM = 2.0**-10
-"""Resolution of a joint's torque [Nm]. Convention."""
+"""Resolution of a joint's torque [Nm]."""
 POSITION_STEP_M = 2.0**-17
-"""Resolution of a tracked position, 8 micrometres [m]. Convention."""
+"""Resolution of a tracked position, 8 micrometres [m]."""
 QUATERNION_STEP = 2.0**-17
-"""Resolution of a tracked quaternion's components. Convention."""
+"""Resolution of a tracked quaternion's components."""
 
 PROVENANCE = {
     "simulated": "true",
@@ -47,7 +47,7 @@ Content = tuple[Mapping[str, str], Iterable[Message]]
 
 
 def known_of(seed: int, index: int) -> dict[str, str]:
-    """What the metadata of every numbered recording of a scenario say."""
+    """Metadata of every numbered recording of a scenario."""
     return {**PROVENANCE, "seed": str(seed), "index": str(index)}
 
 

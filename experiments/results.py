@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an experiment hands over: findings beside the paper's figures, blocks, numbers."""
+"""Results of an experiment: findings beside the paper's figures, blocks, numbers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ class Finding:
 
     @classmethod
     def alone(cls, quantity: str, ours: str, remark: str) -> "Finding":
-        """A figure of ours beside which the paper has none; `remark` says so."""
+        """A figure of ours for which the paper has none; `remark` says so."""
         return cls(quantity, "", ours, None, remark)
 
 

@@ -31,16 +31,16 @@ News = Queue[tuple[str, float, str]]
 """Name of an experiment, share of it that is done, and what it does."""
 
 LOOK_S = 0.2
-"""Time between two looks at the news [s]. Convention."""
+"""Time between two looks at the news [s]."""
 STOP_S = 5.0
-"""Time for an experiment to end after SIGTERM [s]. Convention."""
+"""Time from SIGTERM to an experiment until it is killed [s]."""
 LEAST_STEP = 0.05
 """Share of an experiment between two lines where no terminal is."""
 
 
 @dataclass(frozen=True)
 class ExperimentRun:
-    """What became of one experiment: its outcome, or why it broke off."""
+    """One experiment that was run: its outcome, or the reason of its failure."""
 
     outcome: ExperimentResult | None
     failure: str
@@ -100,7 +100,7 @@ class _ProgressBars(Progress):
 
 
 class _ProgressLines(AbstractContextManager):
-    """Where no terminal is, a plain line for each step of an experiment, none for a small one."""
+    """Without a terminal: a plain line for each step of an experiment of at least `LEAST_STEP`."""
 
     def __init__(self, console: Console, names: Sequence[str]):
         self._console, self._shown = console, dict.fromkeys(names, -1.0)
@@ -168,7 +168,7 @@ def _show(news: News, shown: "_ProgressBars | _ProgressLines") -> None:
 def _alone(
     context: SpawnContext, entry: Experiment, settings: Settings, news: News
 ) -> ExperimentRun:
-    """One experiment in a process of its own; what ends that ends no other."""
+    """One experiment in a process of its own, so that its end ends no other."""
     with ProcessPoolExecutor(1, mp_context=context) as process:
         with uninterrupted_children():
             future = process.submit(_run, entry, settings, news)

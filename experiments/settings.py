@@ -20,11 +20,11 @@ class Settings:
 
     Attributes:
         seed: of everything random; the same seed gives the same numbers on the same machine.
-        n_seeds: how often recordings are drawn, where an experiment shows their spread: the
+        n_seeds: number of draws of the recordings, where an experiment shows their spread: the
             shipped ones, and those of the seeds after `seed`.
         quick: a fast subset that takes every path, for tests and for a first look.
         bags: folder of the recordings; None takes the shipped ones.
-        progress: called with the share done (0 to 1) and what is going on.
+        progress: called with the share done (0 to 1) and what is being done.
     """
 
     seed: int = 1

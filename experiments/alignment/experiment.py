@@ -2,7 +2,7 @@
 """Time alignment by local optimisation beside dynamic time warping (Maeda et al. 2014, III-E).
 
 Two kinds of data: movements whose timing is known, and the shipped toolbox recordings, for which
-only the smoothness of the warps and what they do to the trajectories can be told.
+only the smoothness of the warps and their effect on the trajectories can be measured.
 """
 
 from collections.abc import Mapping
@@ -39,7 +39,7 @@ from intent_recognition.report import Block, Figure, readable, to_svg
 
 
 def run(settings: Settings) -> ExperimentResult:
-    """Align known movements and the toolbox recordings by all methods at hand."""
+    """Align movements of known timing and the toolbox recordings by all installed methods."""
     there = dtw_available()
     methods = METHODS if there else {LOCAL: METHODS[LOCAL]}
     n_sets = 2 if settings.quick else 20
@@ -73,7 +73,7 @@ def run(settings: Settings) -> ExperimentResult:
 
 
 def _typical(results: list[MethodScore]) -> MethodScore:
-    """Median over data sets, but the worst of the longest steps."""
+    """Median over data sets, but the largest of `largest` and `longest_flat`."""
     walks = [result.steps for result in results]
     worst = Steps(
         max(w.largest for w in walks),

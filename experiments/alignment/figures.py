@@ -19,11 +19,11 @@ from intent_recognition.report import (
 def warp_figure(
     phase: Floats, errors: Mapping[str, Floats], velocities: Mapping[str, Floats]
 ) -> Drawing:
-    """One demonstration: how wrong its warps are, and its velocity when warped.
+    """One demonstration: the errors of its warps, and its velocity along each of them.
 
     Args:
         phase: of the reference, (T,).
-        errors: by name, the truth first, recorded phase less the true one, (T,).
+        errors: by name, the truth first: recorded phase minus the true one, (T,).
         velocities: by the same names, velocity of the warped trajectory, (T,).
     """
     figure = new_figure(9.2, 4.2)

@@ -24,15 +24,15 @@ from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.learning import cut_to_movement
 
 N_DEMONSTRATIONS = 40
-"""Simulated demonstrations that are aligned. Convention."""
+"""Simulated demonstrations per data set; the first is the reference."""
 N_SAMPLES = 200
-"""Samples of each. Convention."""
+"""Samples of each demonstration."""
 PHASE = np.linspace(0.0, 1.0, N_SAMPLES)
 NOISE, SHIFT_STD = 0.02, 0.03
 FREE_ENDS = 20
-"""Samples at each end that dynamic time warping need not match: twice `SHIFT_STD` and more."""
+"""Samples at each end that dynamic time warping need not match: over three `SHIFT_STD`."""
 PENALTY = 0.05
-"""Cost of a step that is not diagonal, in ranges of a DOF: of 0.01 to 0.3 about the best here."""
+"""Cost of a step that is not diagonal, in ranges of a DOF: about the best of 0.01 to 0.3."""
 
 TRUE, LOCAL, DTW, DTW_WINDOW, DTW_TUNED = (
     "true timing",
@@ -54,10 +54,10 @@ class MethodScore(NamedTuple):
     """A method's errors on movements of known timing.
 
     Attributes:
-        steps: how its maps go forward.
-        median: of the error of the recorded phase.
-        high: its 95th percentile.
-        velocity: root mean square error of the warped movement's velocity, in parts of the true.
+        steps: step lengths of its maps.
+        median: median absolute error of the recorded phase.
+        high: 95th percentile of that error.
+        velocity: root mean square error of the warped movement's velocity, relative to the true.
     """
 
     steps: Steps
@@ -70,10 +70,10 @@ class Recordings(NamedTuple):
     """A method's effect on the recordings of one task.
 
     Attributes:
-        steps: how its maps go forward.
-        speed: largest speed of the warped wrist in parts of the largest as recorded.
+        steps: step lengths of its maps.
+        speed: largest speed of the warped wrist relative to the largest recorded one.
         observed: share of the wrist's variance about the mean that is removed.
-        controlled: likewise, of the arm's.
+        controlled: share of the joints' variance about the mean that is removed.
         left_out: mean share of a recording that its map leaves out at both ends.
     """
 
@@ -87,7 +87,7 @@ class Recordings(NamedTuple):
 def known_timing(
     settings: Settings, number: int, methods: Mapping[str, Method]
 ) -> dict[str, MethodScore]:
-    """Each method on the same 40 movements, and the truth itself."""
+    """Scores of each method on the same 40 movements, and of the true timing."""
     clean, noisy, truth = movements(settings, number)
     inside = ((truth >= 0.0) & (truth <= 1.0))[1:]
     velocity = velocities(clean, truth)[1:][inside]
@@ -151,10 +151,10 @@ def on_recordings(
 
 
 def scaled_by_range(values: Floats) -> Floats:
-    """Every DOF in parts of its range, so that metres and radians can be compared."""
+    """Every DOF divided by its range, so that metres and radians can be compared."""
     return values / np.ptp(values, axis=(0, 1))
 
 
 def velocities(trajectories: Floats, maps: Floats) -> Floats:
-    """Of the trajectories read along the maps, by central differences, (n, T, D)."""
+    """Velocities (n, T, D) of trajectories read along maps, by central differences."""
     return np.gradient(warped(trajectories, maps), PHASE, axis=1)

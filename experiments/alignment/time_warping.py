@@ -12,11 +12,11 @@ from intent_recognition.alignment import align
 from intent_recognition.array_types import Floats
 
 FLAT_RATE = 0.05
-"""A step of less than this part of the mean step stands still."""
+"""Steps shorter than this share of the mean step count as standing still."""
 
 
 class Steps(NamedTuple):
-    """How maps go forward, in mean steps (1: as fast as the reference).
+    """Step lengths of maps, in mean steps (1: as fast as the reference).
 
     Attributes:
         largest: longest step of all.
@@ -60,10 +60,10 @@ def dtw_maps(
 
     Args:
         trajectories: (n, T, D), two DOFs or more, of one scale.
-        reference: number of the one the others are brought onto.
-        window: farthest that matched samples may be apart.
+        reference: index of the trajectory onto which the others are warped.
+        window: largest distance between matched samples; None for no limit.
         penalty: cost of each step that is not diagonal.
-        free_ends: samples at each end, of either, that need no match.
+        free_ends: samples at each end of either trajectory that need no match.
 
     Raises:
         ImportError: dtaidistance is not installed.
@@ -87,7 +87,7 @@ def dtw_maps(
 
 
 def steps(maps: Floats) -> Steps:
-    """How maps (n, T) of others than the reference go forward."""
+    """Step lengths of maps (n, T), the reference's own left out."""
     rate = np.diff(maps, axis=1) * (maps.shape[1] - 1)
     flat = rate < FLAT_RATE
     return Steps(
@@ -110,7 +110,7 @@ def warped(trajectories: Floats, maps: Floats) -> Floats:
 
 
 def speed_ratio(trajectories: Floats, maps: Floats) -> float:
-    """Largest speed of any warped trajectory in parts of the largest as recorded, over all."""
+    """Largest speed of any warped trajectory relative to the largest recorded one."""
     return _top_speed(warped(trajectories, maps)) / _top_speed(trajectories)
 
 
@@ -120,7 +120,7 @@ def variance_removed(trajectories: Floats, maps: Floats) -> float:
 
 
 def _mean_match(path: Floats, n_samples: int) -> Floats:
-    """Mean number matched with each sample of the reference; at ends without any, one by one on."""
+    """Mean index matched with each reference sample; unmatched ends go on sample by sample."""
     count = np.bincount(path[:, 0], minlength=n_samples)
     total = np.bincount(path[:, 0], weights=path[:, 1], minlength=n_samples)
     there = np.flatnonzero(count)

@@ -24,7 +24,7 @@ class TimedRecording(NamedTuple):
 
 
 def smooth_timing(rng: np.random.Generator, rate_std: float, shift_std: float) -> Floats:
-    """Recorded phases of `FINE`: log rates are a few sines, so no basis of ours makes them."""
+    """Recorded phases of `FINE`; log rates are sums of sines, which no basis here spans."""
     waves = [
         rng.normal() / k * np.sin(np.pi * k * FINE + rng.uniform(0.0, 2.0 * np.pi))
         for k in range(1, 5)
@@ -46,7 +46,7 @@ def demonstrations(
     noise: float = 0.0,
     variety: float = 0.0,
 ) -> TimedRecording:
-    """A random smooth movement of range one, its deviations, timing and noise in parts of it.
+    """Demonstrations of a random smooth movement of range one; variety and noise are shares of it.
 
     Deviations are smooth (constants and up to three half waves); noise is white.
     """

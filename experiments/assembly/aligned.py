@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recognition on aligned demonstrations, step by step as the paper has it (Maeda et al. 2014).
+"""Recognition on aligned demonstrations, step by step as in the paper (Maeda et al. 2014).
 
-All demonstrations are brought onto their task's timing first, the one to be recognised too (part
-III-E and IV-C); observations are then at known phases of it, and Eq. 6 and 9-10 are applied to one
-after the other. Aligning takes the whole movement and its label: this is for the comparison alone.
+All demonstrations are first aligned to their task's timing, including the one to be recognised
+(parts III-E and IV-C). Its observations then have known phases, and Eq. 6 and 9-10 are applied to
+them one by one. Alignment needs the whole movement and its label: this serves comparison only.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ def aligned_evidence(library: TaskLibrary, warp: Warp, recorded: Demonstration, 
         library: primitives over reference phase.
         warp: from reference phase to the recorded phase of the demonstration.
         recorded: cut to its movement.
-        n: observations, those nearest to even reference phases.
+        n: number of observations: the samples nearest to even reference phases.
     """
     (signal,) = recorded.observed
     phases = warp.inverse(

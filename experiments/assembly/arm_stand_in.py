@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm in the second coworker's place: the predicted wrist path becomes the hand's, in physics.
 
-The estimator and the activation are the nodes' own. Between them stands one step more than with a
-model of joints: the predicted positions of the assistant's wrist are turned into joint angles by
-closed-form inverse kinematics, the hand level and pointing at the worker.
+The estimator and the activation are the nodes' own. Between them, closed-form inverse kinematics
+turns the predicted positions of the assistant's wrist into joint angles, with the hand level and
+pointing at the worker.
 """
 
 from dataclasses import dataclass
@@ -28,13 +28,13 @@ from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm
 from sim_bridge.scenarios.toolbox import arm_posture, hand_rotation
 
 UPDATE_S = 0.08
-"""Time from one plan with the newest prediction to the next [s]."""
+"""Time between two plans with the newest prediction [s]."""
 AFTER_S = 1.5
-"""The worker holds still so long after the recording ends [s]."""
+"""How long the worker holds still after the end of the recording [s]."""
 LARGEST_END_STD_M = 0.1
-"""The arm stays where it is while the predicted end is less certain than this [m]."""
+"""Standard deviation of the predicted end above which the arm stays where it is [m]."""
 N_POINTS = 41
-"""Points of a predicted path that is planned with. Convention."""
+"""Points of the predicted path from which a plan is made."""
 HAND = hand_rotation(0.0, -0.25)
 """Orientation of the hand: level, pointing at the worker."""
 
@@ -46,11 +46,11 @@ class StoodIn:
     Attributes:
         times_s: every 10 ms, (T,).
         hand_m: where the arm's hand was, (T, 3), world.
-        asked_m: where the command in force had it, (T, 3).
-        tasks: what the arm took the interaction for, one after the other; empty if it never moved.
+        asked_m: where the arm's reference had the hand, (T, 3).
+        tasks: those that became active, in order; empty if none did.
         began_s: when the first command took over; NaN if none did.
         largest_torque: share of the torque limits used at the worst moment.
-        again: whether a pause was taken for the end, and what followed for another movement.
+        again: whether a pause was taken for the movement's end, and the rest for another movement.
     """
 
     times_s: Floats
@@ -79,9 +79,9 @@ def hand_joints(positions_m: Floats) -> Floats:
 def stand_in(library: TaskLibrary, recording: Demonstration) -> StoodIn:
     """Let the arm take the assistant's place in one interaction while its recording plays.
 
-    Only the worker's wrist is shown to it, from the recording's start on. It starts where
-    assistants rest. When the worker's movement is over, the arm ends what it does and begins
-    nothing new: there is one interaction in a recording.
+    The estimator sees the worker's wrist, and the arm's hand in place of the assistant's. The arm
+    starts where assistants rest. When the worker's movement is over, it ends its motion and begins
+    no other one: a recording has one interaction.
 
     Args:
         library: learned from other recordings, wrist to wrist.
@@ -102,7 +102,7 @@ def stand_in(library: TaskLibrary, recording: Demonstration) -> StoodIn:
 
 
 def _held(last: Observation, end_ns: int) -> list[Observation]:
-    """The last observation again and again until the end."""
+    """The last observation, repeated every 10 ms until the end."""
     stamps = range(last.stamp_ns + SAMPLE_NS, end_ns, SAMPLE_NS)
     return [last._replace(stamp_ns=stamp) for stamp in stamps]
 
@@ -129,7 +129,7 @@ class _Run:
         arm.before_step.append(self._follow)
 
     def measure(self, now_ns: int) -> None:
-        """Tell both where the arm is: its hand stands for the assistant's wrist."""
+        """Take the arm's state; its hand stands for the assistant's wrist."""
         state = self._arm.state()
         share = float(np.max(np.abs(state.torque) / LWR_LIMITS.torque))
         self._largest_torque = max(self._largest_torque, share)
@@ -139,7 +139,7 @@ class _Run:
         self._rows.append((hand, hand_position(self._arm.reference.position)))
 
     def observe(self, observation: Observation) -> None:
-        """Recognise; predict when it is time to."""
+        """Update the estimate, and predict where a plan is due."""
         stamp_ns = observation.stamp_ns
         estimate = self._estimator.update(observation)
         due = stamp_ns - self._planned_ns >= UPDATE_S * 1e9
@@ -154,7 +154,7 @@ class _Run:
         if self._over:
             self._again |= estimate.moving
             probabilities = np.eye(len(self._labels))[-1]
-        # Without log evidence `none` has no vote of its own: one of the tasks it must be.
+        # Without log evidence `min_evidence` is not checked: the movement must be one of the tasks.
         self._activation.take_tasks(stamp_ns, stamp_ns, self._labels, probabilities)
         self._over |= self._activation.inbox.decision.event == "over"
 
@@ -189,7 +189,7 @@ class _Run:
                 return
 
     def outcome(self) -> StoodIn:
-        """What was done."""
+        """What the arm did."""
         hand, asked = (np.array(part) for part in zip(*self._rows, strict=True))
         began = [(command.start_ns - self._start_ns) * 1e-9 for command in self._commands]
         return StoodIn(

@@ -26,7 +26,7 @@ WORKER_COLOUR, ASSISTANT_COLOUR = "#0072b2", "#d55e00"
 VIEWS = (((0, 1), "from above"), ((0, 2), "from the side"))
 N_ELLIPSES = 9
 MOST_LINES = 20
-"""Single demonstrations drawn in a panel; the ellipses are of all."""
+"""Demonstrations drawn as lines in a panel; the ellipses are of all of them."""
 TWO_SIGMA = "\N{PLUS-MINUS SIGN} 2\N{GREEK SMALL LETTER SIGMA}"
 
 
@@ -74,7 +74,7 @@ def overlap_figure(
         tubes: per task, of the worker's wrist.
         observations_m: (n, 3), in order.
         true: the task they belong to.
-        n_circled: the last so many are set off.
+        n_circled: how many of the last observations are circled.
     """
     colours = {task: task_colours(ALL_TASKS)[task] for task in tubes}
     figure = new_figure(11.2, 4.1)

@@ -25,7 +25,7 @@ ALIGNED, KNOWN, UNKNOWN = "aligned", "known", "unknown"
 NAMES = {ALIGNED: "aligned", KNOWN: "elapsed share known", UNKNOWN: "duration unknown"}
 """Ways of knowing how far a movement is."""
 PREDICTED = (KNOWN, UNKNOWN)
-"""Those in which the assistant is predicted, too."""
+"""Ways in which the assistant is predicted, too."""
 CHI2_3 = 7.815
 """95 % quantile of the chi-square distribution with three degrees of freedom."""
 

@@ -82,7 +82,7 @@ def _overlap(found: AssemblyStudy) -> Figure:
 
 
 def _tube(library: TaskLibrary, task: str) -> Tube:
-    """The worker's wrist as the library has it."""
+    """The worker's wrist in the primitive of a task."""
     along = [at_phase(library, library.labels.index(task), phase) for phase in TUBE_PHASES]
     return Tube(np.array([g.mean for g in along]), np.array([g.covariance for g in along]))
 

@@ -28,7 +28,7 @@ N_OBSERVATIONS = 15
 LAST = 5
 """The paper circles the last five observations of the fastening task."""
 CERTAIN = 0.99
-"""Probability of the true task from which it counts as recognised for certain. Convention."""
+"""Probability from which the true task counts as certain; the paper says 100 %."""
 TRUTH_PHASES = np.linspace(0.0, 1.0, 100)
 
 
@@ -58,8 +58,8 @@ class Scored(NamedTuple):
         aligned: probabilities with all demonstrations aligned, as in the paper, (n + 1, K).
         known: with the share of the movement's time known.
         unknown: with onset known and duration not.
-        forgetting: Eq. 11 as printed, each time with the prior anew, elapsed share known, (n, K).
-        single: each observation by itself, elapsed share known, (n, K).
+        forgetting: by Eq. 11 as printed, each time from the prior, elapsed share known, (n, K).
+        single: from each observation by itself, elapsed share known, (n, K).
         mean_of_task: distances of the task's mean, path and end, (2,).
         nearest: the same of the demonstration whose worker moved most alike, (2,).
     """
@@ -96,8 +96,8 @@ def score(
     Args:
         library: learned from `training`.
         training: cut to their movements.
-        left_out: likewise.
-        aligned_evidence: log evidence of the tasks when it is aligned, (n + 1, K).
+        left_out: cut to its movement.
+        aligned_evidence: log evidence of the tasks on aligned demonstrations, (n + 1, K).
     """
     duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
     truth = sample(left_out.controlled, left_out.start_ns, TRUTH_PHASES * duration_s)
@@ -126,7 +126,7 @@ def watch(
     left_out: Demonstration,
     observations: Sequence[Observation],
 ) -> tuple[WatchedInteraction, Floats]:
-    """Take the observations one after the other; also log evidence of the tasks, (n + 1, K)."""
+    """Estimates after each observation, and log evidence of the tasks, (n + 1, K)."""
     duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
     times_s = TRUTH_PHASES * duration_s
     truth = sample(left_out.controlled, left_out.start_ns, times_s)
@@ -149,7 +149,7 @@ def watch(
 
 
 def _mixture(run: MovementFilter, belief: Floats, times_s: Floats) -> tuple[Floats, Floats]:
-    """Mean and standard deviation of the assistant's wrist over all tasks that may be, (T, 3)."""
+    """Mean and standard deviation of the assistant's wrist over all likely tasks, (T, 3)."""
     likely = np.flatnonzero(belief > 1e-3)
     share = belief[likely] / belief[likely].sum()
     moments = [run.prediction(int(task)).mixture_at(times_s) for task in likely]
@@ -176,7 +176,7 @@ def single_evidence(
 
 
 def at_phase(library: TaskLibrary, task: int, phase: float) -> Gaussian:
-    """The worker's wrist as a task has it at a phase, with the observation's noise (Eq. 10)."""
+    """The worker's wrist under a task at a phase, with the observation's noise (Eq. 10)."""
     row = library.basis.design_matrix(np.array([phase]))
     design = np.kron(np.eye(library.n_observed), row)
     noise = library.noise_covariance(np.arange(library.n_observed), np.inf)

@@ -37,11 +37,11 @@ FOLDS = 5
 NONE_PRIOR = 1e-6
 """The paper has no `none`: here every movement is one of the tasks."""
 QUICK_SESSION, QUICK_PER_TASK = "session_00", 8
-"""A quick run has so many demonstrations of each task, and leaves out one of each."""
+"""Session of a quick run, and its demonstrations of each task, of which one is left out."""
 ARRIVED_M = 0.03
-"""A wrist or hand has arrived when it stays this near to where it ends [m]."""
+"""Distance from where it ends within which a wrist or hand has arrived [m]."""
 AFTER_ARRIVAL_S = 0.2
-"""The end of a movement is its mean over the last so many seconds [s]."""
+"""Time over which the end of a path is averaged [s]."""
 
 
 class StandInScore(NamedTuple):
@@ -67,9 +67,10 @@ class StandInScore(NamedTuple):
 
 
 class AssemblyFold(NamedTuple):
-    """One fold of the cross-validation: what the others taught, and all cut to their movements.
+    """One fold of the cross-validation.
 
-    `aligned` are the primitives of aligned demonstrations, `timing` what they were aligned with.
+    `library` and `aligned` are learned from `training`, the latter from aligned demonstrations with
+    `timing`. `training` and `left_out` are cut to their movements; `as_recorded` is not.
     """
 
     library: TaskLibrary
@@ -164,7 +165,7 @@ def fold_numbers(demonstrations: Sequence[Demonstration], n_folds: int) -> list[
 def leave_out(
     demonstrations: Sequence[Demonstration], numbers: Sequence[int], turn: int
 ) -> AssemblyFold:
-    """Learn from all folds but one; the thresholds of the movement come from these alone."""
+    """Learn from all folds but one; the movement's thresholds come from them alone."""
     training = [d for d, part in zip(demonstrations, numbers, strict=True) if part != turn]
     as_recorded = [d for d, part in zip(demonstrations, numbers, strict=True) if part == turn]
     report = learn_with_report(training, TrainingSettings(none_prior=NONE_PRIOR, switching=False))
@@ -226,7 +227,7 @@ def _few(recordings: Sequence[Demonstration]) -> list[Demonstration]:
 
 
 def _align(training: Sequence[Demonstration]) -> tuple[dict[str, Alignment], dict[str, Floats]]:
-    """Each task's demonstrations brought onto one timing, and as they were at the same phases."""
+    """Each task's demonstrations after and before alignment, at the same phases."""
     alignments, unaligned = {}, {}
     for task in sorted({str(d.task) for d in training}):
         paths = [

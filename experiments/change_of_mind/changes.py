@@ -22,12 +22,12 @@ from sim_bridge.coworker import (
 )
 
 ELSEWHERE_M = (np.array([0.70, -0.50, 0.10]), np.array([1.40, 0.50, 0.80]))
-"""Corners of the box in which a movement of no task ends [m], world. Convention: in reach."""
+"""Corners of the box in which a movement of no task ends [m], world: within reach."""
 APART_M = 0.20
-"""Least distance of such an end from every region of goals [m]. Convention."""
+"""Least distance of such an end from every task's goal region [m]."""
 DIFFERENCE_S = 0.01
-"""Step of the differences that give the wrist's velocity and acceleration [s]. Convention: far
-below the shortest hesitation, far above the steps at which one is integrated."""
+"""Step of the finite differences for the wrist's velocity and acceleration [s]: far below the
+shortest hesitation, and far above its integration step."""
 
 
 def change_of_mind(
@@ -53,10 +53,10 @@ def change_of_mind(
 def replan(
     rng: np.random.Generator, first: WristMovement, task: str, share: float
 ) -> JoinedMovement:
-    """A reach in which a new one to another task begins in the hand's present state.
+    """A reach replanned to another task from the hand's present state.
 
-    It takes the time that was left, and what the new reach's own hesitations add. Its bow is as
-    much smaller as the way is shorter.
+    The rest takes the time that was left, plus the new reach's own hesitations. Its bow shrinks
+    with the length of the way.
     """
     change_s = share * first.duration_s
     before, now, after = first.positions(change_s + DIFFERENCE_S * np.array([-1.0, 0.0, 1.0]))

@@ -44,7 +44,7 @@ def _numbers(study: ChangeStudy) -> Mapping[str, object]:
 
 
 def _plain(values: Mapping[str, object]) -> dict[str, object]:
-    """The same with None for numbers that there are none of."""
+    """The same with None for numbers that are not finite."""
     return {
         name: None if isinstance(value, float) and not math.isfinite(value) else value
         for name, value in values.items()

@@ -13,7 +13,7 @@ from sim_bridge.coworker import JoinedMovement, SessionTiming, WristMovement, sa
 from sim_bridge.scenarios.toolbox import DECIDED_WITHIN_S, handover_point
 
 REST_S = 1.0
-"""Rest before the reach [s]. Convention."""
+"""Rest before the reach [s]."""
 
 
 class FollowedReach(NamedTuple):
@@ -24,14 +24,14 @@ class FollowedReach(NamedTuple):
             movement to no task).
         duration_s: of the reach.
         change_s: when the mind changed for the last time, after the onset; 0 if it did not.
-        final: the task active at the end, "" if none: `DECIDED_WITHIN_S` after the movement, or
-            when the estimator called it over, not before it was as long before its end.
+        final: the task active at the end, "" if none. The end is `DECIDED_WITHIN_S` after the
+            movement, or when the estimator calls it over, at most as long before its end.
         first_active_s: when the last of `tasks` became active for the first time after the
             change, after the onset; NaN if it did not.
         old_until_s: when another of `tasks` was active for the last time, after the onset;
             infinity if it was to the end, NaN if none ever was.
-        others: tasks that were active and are none of `tasks`.
-        withdrawals: how often a task was let go of with nothing in its place.
+        others: tasks that were active but are not in `tasks`.
+        withdrawals: how often the active task was withdrawn without another in its place.
         switches: how often one active task replaced another.
         hand_error_m: distance from where the predicted motion brings the hand, at the movement's
             end, to where the demonstrator's rule puts it for the last of `tasks`; NaN without a
@@ -66,14 +66,14 @@ class FollowedReach(NamedTuple):
 
     @property
     def release_s(self) -> float:
-        """Time from the change to when the old task was let go; 0 if before, NaN if never had."""
+        """Time from the change to the old task's release; 0 if before, NaN if never active."""
         return np.maximum(self.old_until_s - self.change_s, 0.0)
 
 
 def follow_reach(
     library: TaskLibrary, movement: WristMovement, rng: np.random.Generator
 ) -> FollowedReach:
-    """Show one reach at 100 Hz to an estimator that has seen nothing else.
+    """Show one reach at 100 Hz to a new estimator.
 
     Args:
         library: of the toolbox.

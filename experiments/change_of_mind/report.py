@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Report of the changes of mind: what is wanted beside what is measured, and the table."""
+"""Report of the changes of mind: measured figures beside wanted ones, and the table."""
 
 import numpy as np
 
@@ -24,9 +24,9 @@ RELEASED_WANTED, DELAY_WANTED_S = 0.90, 0.9
 OTHER_BLENDS_WANTED, OTHER_BLENDS_UNTIL = 0.65, 0.25
 """Least share with the new task where changes are quicker or slower, up to that moment."""
 LET_GO_WANTED = 2
-"""Unchanged reaches that may be let go of."""
+"""Unchanged reaches of 100 whose task may be withdrawn."""
 UNKNOWN_WANTED = 0.03
-"""Share of reaches to no task in which a task that was never meant may be active."""
+"""Largest share of reaches to no task in which a task that was never intended is active."""
 SESSION_WANTED = 0.95
 """Share of tasks recognised where one movement flows into the next."""
 MISSED = "Not reached by the filter as it is."

@@ -29,7 +29,7 @@ SHARES = (0.15, 0.25, 0.4, 0.6)
 BLENDS = (0.15, 0.25, 0.4, None)
 """Shares of the movement that a change takes; None: replanned from the hand's state."""
 AGAIN_AFTER = 0.3
-"""Share of the movement between two changes of mind. Convention."""
+"""Share of the movement between two changes of mind."""
 PER_PAIR, UNCHANGED = 20, 100
 """Reaches for each ordered pair of tasks and each change to a task; reaches that do not change.
 
@@ -42,9 +42,9 @@ SESSIONS, INTERACTIONS = 20, 10
 """Sessions without pauses, and consecutive tasks in each."""
 QUICK_SESSIONS, QUICK_INTERACTIONS = 1, 3
 RELEASED_WITHIN_S = 0.5
-"""An old task that is let go so long after the change was let go in time [s]."""
+"""Longest time from the change to the release of the old task that is in time [s]."""
 _STREAM = 31
-"""Keeps these reaches apart from what else is drawn from a seed."""
+"""Separates these reaches from other draws of the same seed."""
 
 
 class GoalChange(NamedTuple):
@@ -53,7 +53,7 @@ class GoalChange(NamedTuple):
     Attributes:
         share: of the movement at which the mind changes.
         blend: see `BLENDS`.
-        to: "task" for another task's goal, "unknown" for one of none, "other" and "back" for a
+        to: "task" for another task's goal, "unknown" for that of none, "other" and "back" for a
             second change `AGAIN_AFTER` later, to the third task or back to the first.
     """
 
@@ -70,16 +70,16 @@ CHANGES = (
 
 
 class Cell(NamedTuple):
-    """Reaches changed in the same way, all together.
+    """Statistics of reaches changed in the same way.
 
     Attributes:
         n: how many.
         new_active: share in which the new task was active at the end.
-        old_kept: share in which an old one was.
-        released_in_time: share with the old one let go within `RELEASED_WITHIN_S`, of those in
+        old_kept: share in which an earlier task was.
+        released_in_time: share with the old task released within `RELEASED_WITHIN_S`, of those in
             which it was active after the change; NaN without any.
-        delay_s: median time from the change to the new task's activity, of those with it.
-        others: share in which a task that was never meant was active.
+        delay_s: median time from the change to the new task's activity; NaN if it never was.
+        others: share in which a task that was never intended was active.
         hand_error_m: median, of those with the new task active; NaN without any.
     """
 
@@ -97,9 +97,9 @@ class ChangeStudy:
     """Results of the study.
 
     Attributes:
-        unchanged: what became of reaches that do not change.
-        changed: and of those of each kind of change.
-        sessions: and of sessions without pauses.
+        unchanged: reaches that do not change.
+        changed: reaches of each kind of change.
+        sessions: sessions without pauses.
     """
 
     unchanged: tuple[FollowedReach, ...]
@@ -160,7 +160,7 @@ def follow_all(
             but one at least, for each other change.
         unchanged: reaches that do not change.
         progress: called with the share done and what is going on.
-        changes: which.
+        changes: kinds of change.
         pairs: first and second task.
     """
     counts = {c: per_pair if c.to == "task" else (per_pair + 1) // 2 for c in changes}

@@ -13,7 +13,7 @@ from sim_bridge.coworker import WITHOUT_PAUSE, Interaction, parse_task_list, pla
 from sim_bridge.scenarios.toolbox import DECIDED_WITHIN_S, EARLIEST_DECISION_S
 
 BEGINNINGS = ("activated", "switched")
-"""Events of a decision after which a task is active that was not before."""
+"""Events of a decision that make another task active."""
 SESSION_SEED = 5000
 """Added to the seed, so that no session repeats another experiment's."""
 
@@ -23,8 +23,8 @@ class FlowingSession(NamedTuple):
 
     Attributes:
         tasks: what the coworker did, in order.
-        recognised: whether each was, (n,): it became active between its onset and
-            `DECIDED_WITHIN_S` after its end, and was the last that did.
+        recognised: whether each task was the last to become active between
+            `EARLIEST_DECISION_S` before its onset and `DECIDED_WITHIN_S` after its end, (n,).
         activated: every task that became active, in order.
     """
 
@@ -68,7 +68,7 @@ def follow_sessions(
 def score_flowing(
     interactions: Sequence[Interaction], seen: Sequence[SeenEstimate]
 ) -> FlowingSession:
-    """Score what was decided in a session; arguments as of `FlowingSession`."""
+    """Score the decisions of a session against its interactions."""
     begun = [one for one in seen if one.decision.event in BEGINNINGS]
     at_s = np.array([one.time_s for one in begun])
     recognised = []

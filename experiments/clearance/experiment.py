@@ -14,9 +14,9 @@ from experiments.settings import Settings
 from intent_recognition.report import Block, Column, Figure, TableBlock, to_svg
 
 LEAST_TOUCHING, LARGEST_LOSS_S = 20, 0.3
-"""What is wanted: runs in which the unguarded arm touches, and time lost in the median [s]."""
+"""Wanted number of runs in which the unguarded arm touches, and median time lost [s]."""
 LEAST_ARRIVING = 0.8
-"""Wanted of the runs that touch unguarded and are refused where paths are only bent."""
+"""Wanted share of arrivals, of runs that touch unguarded and that bending alone refuses."""
 OUTCOMES = ("as before", "bent", "replanned", "refused")
 CONDITIONS = (
     "No paper gives figures of this; what stands in the column of the paper is what is wanted.",

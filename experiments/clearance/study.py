@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reaches of the coworker before estimator, activation and arm, with boxes put in the arm's way.
+"""Reaches of the coworker with boxes in the arm's way, for estimator, activation and arm.
 
-A run is one reach and one or two boxes, executed in physics without and with the guard. Nothing
-else differs from what the nodes do, with a clock of 100 Hz.
+A run is one reach with one or two boxes, executed in physics without and with the guard, as the
+nodes do it, with a clock of 100 Hz.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ N_REACHES, N_BOXES = 40, 5
 N_QUICK = (3, 2)
 CLEARANCE_M = 0.02
 ARRIVED_M = 0.01
-"""The hand has arrived when it stays this near to where it will rest [m]. Convention."""
+"""Distance from its resting place within which the hand has arrived [m]."""
 
 
 class ClearanceRun(NamedTuple):
@@ -37,11 +37,11 @@ class ClearanceRun(NamedTuple):
         task: of the reach.
         boxes: in the way.
         free: without boxes.
-        unguarded: with boxes of which nothing is known.
-        guarded: with boxes that are known.
+        unguarded: with boxes that the activation does not know.
+        guarded: with boxes that it knows.
         free_m: least distance of the arm without boxes from where they stand [m], by PyBullet;
             negative inside.
-        guarded_m: likewise of the guarded one.
+        guarded_m: least distance of the guarded arm from the boxes [m]; negative inside.
     """
 
     task: str
@@ -67,18 +67,18 @@ class ClearanceRun(NamedTuple):
 
     @property
     def off_m(self) -> float:
-        """How far from there the guarded hand ends [m]; NaN if it took no part."""
+        """Distance from the free to the guarded hand's end [m]; NaN if it took no part."""
         ends = [done.hand_m[done.interacting - 1] for done in (self.free, self.guarded)]
         return float(np.linalg.norm(ends[1] - ends[0])) if self.guarded.interacting else np.nan
 
 
 class ClearanceStudy(NamedTuple):
-    """All runs, and those of them again that are refused where nothing is planned anew.
+    """All runs, and those that a guard without replanning refuses.
 
     Attributes:
         runs: of each reach with each draw of boxes.
         refused: numbers of the runs in which a guard that only bends refuses.
-        self_contacts: how many pairs of links touched at a sample of the guarded ones.
+        self_contacts: contacts of the arm with itself in the guarded runs.
     """
 
     runs: tuple[ClearanceRun, ...]
@@ -127,9 +127,7 @@ def _noise(settings: Settings, k: int) -> np.random.Generator:
 
 
 def arrival_s(done: Executed) -> float:
-    """When the hand is where it will rest, before it goes home, from the beginning of the reach;
-    infinite if it never left.
-    """
+    """Time from the onset to the hand's arrival, before it goes home; infinite if it never left."""
     if not done.interacting:
         return np.inf
     hand = done.hand_m[: done.interacting]
@@ -138,7 +136,7 @@ def arrival_s(done: Executed) -> float:
 
 
 def draw_boxes(rng: np.random.Generator, robot: "Robot", free: Executed) -> tuple[Box, ...]:
-    """One or two boxes beside or in the way of the unguarded hand, clear of where it ends.
+    """One or two boxes beside or in the hand's way, clear of the arm where it begins and ends.
 
     Args:
         rng: draws them.
@@ -166,7 +164,7 @@ def draw_boxes(rng: np.random.Generator, robot: "Robot", free: Executed) -> tupl
 
 
 def nearest_m(robot: "Robot", boxes: Sequence[Box], ways: Sequence[Floats]) -> tuple[float, ...]:
-    """The least distance from a box on each of some ways (T, 7), by PyBullet."""
+    """Least distance from a box on each of some joint paths (T, 7) [m], by PyBullet."""
     from experiments.clearance.distances import BulletCell
 
     cell = BulletCell(robot, boxes)

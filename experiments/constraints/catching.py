@@ -14,15 +14,15 @@ from sim_bridge import GRAVITY_M_S2
 from sim_bridge.balls import STEP_S, BallWorld, Tilted, WallGuard, tilt_along
 
 LAST_WAIT_S = 0.6
-"""Balls are watched so long after the last one was thrown [s]: several falls from the rim."""
+"""How long balls are watched after the last one was thrown [s]: several falls from the rim."""
 RADII_BEYOND = 1.5
-"""A ball this many radii beyond the wall has missed the container. Convention."""
+"""Radii beyond the wall at which a ball has missed the container."""
 _STEPS_PER_LOOK = 4
 """Physics steps between two looks at the balls: 17 ms, in which none crosses a wall."""
 TURN_RAD_S = 2.0
-"""How fast a container is tilted [rad/s]. Convention."""
+"""Speed at which a container is tilted [rad/s]."""
 HOLD_S = 0.3
-"""The tilt is held so long at its end [s]. Convention."""
+"""How long the final tilt is held [s]."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Caught:
     """Whether every ball ended up in the second container.
 
     Attributes:
-        success: none was seen outside.
+        success: whether no ball was seen outside.
         through_wall: how many balls went into or through a wall.
     """
 
@@ -39,7 +39,7 @@ class Caught:
 
 
 def tilt(world: BallWorld, balls_m: Floats, tilt_rad: float, *, hold_s: float = HOLD_S) -> Tilted:
-    """Fill a container, tilt it toward +x about its lip and wait, or until it is empty.
+    """Fill a container, tilt it toward +x about its lip, and wait, at most until it is empty.
 
     Args:
         world: its balls are replaced.

@@ -44,11 +44,11 @@ from sim_bridge.containers import CONTAINER_NAMES
 from sim_bridge.scenarios.pouring import annotated_source
 
 SETS_PER_OBJECT = 10
-"""Training sets drawn for each object, over which scores are averaged. Convention."""
+"""Training sets drawn for each object, over which scores are averaged."""
 
 
 GAIN, AREA = 0.05, 0.95
-"""By how much warped features are to beat standard ones, and what label mapping is to reach."""
+"""Wanted gain in area of warped over standard features, and wanted area of label mapping."""
 
 
 def run(settings: Settings) -> ExperimentResult:

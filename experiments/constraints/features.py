@@ -34,20 +34,20 @@ from sim_bridge.containers import CONTAINER_NAMES, scan
 
 LABEL, POINT, STANDARD = METHODS = ("label mapping", "point mapping", "standard features")
 MAPPINGS: dict[str, Literal["label", "point"]] = {LABEL: "label", POINT: "point"}
-"""How the methods that warp bring the parts of the annotated object onto a scan."""
+"""How the warping methods transfer the parts of the annotated object to a scan."""
 
 DIFFERENCE, THROW = "label mapping, tilt less reference", "label mapping, and the throw"
 THROW_STANDARD = "standard, and the throw of a usual cup"
 UPRIGHT = "standard, centres of upright cups"
 THROW_UPRIGHT = "standard, upright, and the throw of a usual cup"
 STANDARDS = (STANDARD, UPRIGHT, THROW_STANDARD, THROW_UPRIGHT)
-"""Ways to do without references in filling."""
+"""Features of filling without reference values."""
 
 OTHER_AHEAD_M = 0.2
 """Where the other container is, from this one's opening, when the lip is chosen [m]."""
 
 USUAL_HEIGHT_M = 0.1
-"""Height of any cup [m], for standard features that tell how far is thrown without knowing it."""
+"""Height of every cup [m] for standard features that learn the throw."""
 
 
 class KnownContainer(NamedTuple):
@@ -71,7 +71,7 @@ class ConstraintSamples(NamedTuple):
         features: (N, d).
         labels: (N,), 0 or 1.
         objects: (N,) index of the pouring container.
-        unit_throw: (N,) what a throw is measured in, if it is to be learned; in filling only.
+        unit_throw: (N,) unit of the throw, where it is learned; in filling only.
     """
 
     features: Floats
@@ -132,7 +132,7 @@ def filling_samples(
         trials: all of them.
         known: what the method knows, by object index.
         upright: measure to the pouring container as if it stood upright.
-        throw: let the classifier learn how far is thrown, too.
+        throw: whether the classifier learns the throw, too.
     """
     table = trials.tables[FILLING]
     objects = table["object"].astype(int)

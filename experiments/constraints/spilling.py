@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Will it pour, and will it all end up in the second container? (Brandl et al. III-A)
 
-Both are logistic regressions on what is the same for cups of every size: variables divided by
-reference values of the containers at hand. What was learned with one pair holds for the next.
+Both are logistic regressions on variables divided by reference values of the containers at hand.
+These do not depend on size, so that what was learned with one pair holds for the next.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ RIDGE = 0.1
 """Penalty on weights per standard deviation of a feature: 50 samples may be separable."""
 
 THROWS = np.linspace(0.0, 1.8, 13)
-"""Tried when it is learned how far is thrown."""
+"""Throws that are tried when the throw is learned."""
 
 
 NO_REFERENCES = References(1.0, 1.0, 1.0, 1.0)
@@ -89,7 +89,7 @@ class FillingConstraint:
 
     Attributes:
         model: of the features.
-        throw: how far beyond the lip it lands, in `unit_throw`; 0 as in the paper.
+        throw: how far beyond the lip the fluid lands, in `unit_throw`; 0 as in the paper.
     """
 
     model: LogisticModel
@@ -109,7 +109,7 @@ class FillingConstraint:
             state: n states.
             cup: the first container.
             second: the other one.
-            throw: take the offset along to where it lands, so many `unit_throw` ahead of the lip.
+            throw: measure the offset along to where it lands, in `unit_throw` ahead of the lip.
         """
         offset = _offsets(state)
         along, across = (offset[:, :2] / second.opening_radius_m).T
@@ -128,10 +128,10 @@ class FillingConstraint:
 
     @staticmethod
     def unit_throw(state: FillingState, cup: References, second: References) -> Floats:
-        """What a throw is measured in (n,): sqrt(height of the first x height above) / radius.
+        """Unit of the throw (n,): sqrt(height of the first x height above) / radius.
 
-        Ours. What slides down a wall without friction is as fast as the square root of its length,
-        and falls as long as that of the height.
+        Not in the paper. The speed after a slide down a wall without friction grows with the square
+        root of its length, the time of the fall with that of the height.
         """
         above = np.maximum(_offsets(state)[:, 2], 0.0)
         return np.sqrt(cup.height_m * above) / second.opening_radius_m
@@ -140,7 +140,7 @@ class FillingConstraint:
     def learn_throw(
         cls, features: Floats, unit_throw: Floats, filled: Floats
     ) -> "FillingConstraint":
-        """Learn how far is thrown as well: the throw under which the labels are most probable.
+        """Learn the throw as well: the one under which the labels are most probable.
 
         Args:
             features: (n, 8) without throw.
@@ -175,8 +175,8 @@ def spill_risk(
 ) -> Floats:
     """Probability (n,) that something is poured and not all of it ends up in the second container.
 
-    What is to be looked at before a path is executed: it must stay low all along, since liquid
-    that leaves the cup on its way is lost.
+    Check it before a path is executed: it must stay low along the whole path, since liquid that
+    leaves the cup on its way is lost.
     """
     leaves = pouring.probability(PouringState(states.fluid_m3, states.tilt_rad), cup)
     return leaves * (1.0 - filling.probability(states, cup, second))

@@ -17,7 +17,7 @@ from sim_bridge.containers import CONTAINER_NAMES
 N_TRAINING = 50
 """Trials that a classifier learns from, as in the paper."""
 FEW_FALSE_POSITIVES = 0.01
-"""False positive rate at which true positive rates are compared. Convention."""
+"""False positive rate at which true positive rates are compared: almost none, as in the paper."""
 SAME, NOVEL = "same object", "novel objects"
 
 

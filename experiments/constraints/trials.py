@@ -14,12 +14,12 @@ from sim_bridge.balls import BallWorld, ball_radius_m, balls_in, hollow_of, sett
 from sim_bridge.containers import CONTAINER_NAMES, CONTAINER_SEED, Container, make_container
 
 TRIALS_PER_OBJECT = 1000
-"""Trials of each kind with each container; a classifier learns from 50 of them. Convention."""
+"""Trials of each kind with each container; a classifier learns from 50 of them."""
 TRIALS_PER_BLOCK = 50
-"""Trials that one process makes before its result is kept. Convention."""
+"""Trials that a process makes before they are written to a file."""
 
 BALLS_FULL = 60
-"""Balls that fill a container in the pouring trials: the grain is finer in a smaller cup."""
+"""Balls that fill a container in the pouring trials; they are smaller for a smaller cup."""
 FILL_SHARE = (0.05, 0.95)
 """Least and greatest share of the volume that is filled."""
 TILT_MAX_RAD = np.pi / 2.0
@@ -28,9 +28,9 @@ TILT_MAX_RAD = np.pi / 2.0
 SECOND = "tea_cup"
 """The second container of the filling trials; it remains the same, as in the paper."""
 BALLS_POURED = 10
-"""Balls of a filling trial. Convention."""
+"""Balls of a filling trial."""
 POURED_RADIUS_M = 0.008
-"""Their radius [m]. Convention."""
+"""Radius of the balls of a filling trial [m]."""
 SECOND_BALLS_MAX = 55
 """Most balls in the second container before a filling trial."""
 FILLING_TILT_RAD = np.deg2rad(120.0)
@@ -38,13 +38,13 @@ FILLING_TILT_RAD = np.deg2rad(120.0)
 FILLING_HOLD_S = 0.8
 """How long that tilt is held [s]."""
 PLACES_PER_POUR = 5
-"""What leaves the first container does not depend on the second: one pour, several places."""
+"""Places for each pour: what leaves the first container does not depend on the second."""
 LIP_ALONG_RADII = (-2.25, 0.25)
 """Where the lip is along the direction of pouring, in radii of the second opening."""
 LIP_ACROSS_RADII = (-0.8, 0.8)
-"""Where it is across that direction, in the same radii."""
+"""Where the lip is across that direction, in the same radii."""
 LIP_ABOVE_M = (0.01, 0.10)
-"""How high it is above the second opening [m]."""
+"""Height of the lip above the second opening [m]."""
 
 POURING, FILLING = "pouring", "filling"
 """The two kinds of trials."""
@@ -55,7 +55,7 @@ COLUMNS = {
         "success", "through_wall",
     ),
 }  # fmt: skip
-"""What a row of each experiment says; `object` is the index in CONTAINER_NAMES."""
+"""Columns of each experiment's table; `object` is the index in CONTAINER_NAMES."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class TrialBlock:
 
 
 def blocks(seed: int, trials_per_object: int = TRIALS_PER_OBJECT) -> list[TrialBlock]:
-    """All blocks, in turn over experiments and objects: what is there early is balanced."""
+    """All blocks, in turn over experiments and objects, so that an unfinished run is balanced."""
     numbers = range(-(-trials_per_object // TRIALS_PER_BLOCK))
     return [
         TrialBlock(

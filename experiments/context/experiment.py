@@ -25,7 +25,7 @@ from intent_recognition.learning import TrainingSettings
 from intent_recognition.report import Block, Figure, to_svg
 
 N_DRAWS, N_TRAIN, N_TEST = 10, 12, 8
-"""Draws, and of each task demonstrations learned from and tests in each."""
+"""Number of draws, and in each the demonstrations and tests of each task."""
 
 
 CONDITIONS_TEXT = (

@@ -19,13 +19,13 @@ from intent_recognition.recognition import predict_controlled
 from intent_recognition.signals import Demonstration, Signal
 
 RATE_HZ = 50.0
-"""Samples of a simulated reach [Hz]. Convention."""
+"""Sampling rate of a simulated reach [Hz]."""
 REST_S = 0.6
-"""Rest before and after a reach [s]. Convention."""
+"""Rest before and after a reach [s]."""
 DURATION_S, DURATION_STD = 2.0, 0.12
 NOISE_STD_M = 0.001
 GOAL_STD_M = 0.01
-"""Standard deviation of where wrist and hand end about what box and task say [m]."""
+"""Standard deviation of the ends of wrist and hand about where box and task put them [m]."""
 BOX_M = np.array([[0.35, 0.75], [-0.3, 0.3]])
 """Range of the box's place, x and y [m]."""
 TURN_RAD = 0.5
@@ -39,7 +39,7 @@ HOME_M = np.array([0.9, 0.0, 0.5])
 SHARES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8)
 """Shares of the movement's time seen."""
 LATE = 0.2
-"""Share after which the box is known where it comes late."""
+"""Share of the movement after which the box is known in the third condition."""
 WITHOUT, NEVER, LATER, KNOWN = CONDITIONS = (
     "learned without the box",
     "box never known",
@@ -49,7 +49,7 @@ WITHOUT, NEVER, LATER, KNOWN = CONDITIONS = (
 
 
 class DrawnSet(NamedTuple):
-    """One set of demonstrations learned from, and what came of the tests.
+    """Test results with one set of demonstrations.
 
     Attributes:
         seed: of the draw.
@@ -86,7 +86,7 @@ def investigate(
 def one_set(
     seed: int, n_train: int, n_test: int, settings: TrainingSettings | None = None
 ) -> DrawnSet:
-    """Demonstrations of one seed learned from, others predicted."""
+    """Learn from demonstrations of one seed, and predict others."""
     rng = np.random.default_rng([seed, 7])
     training = [hand_over(task, rng) for _ in range(n_train) for task in SHELF_M]
     tests = [hand_over(task, rng) for _ in range(n_test) for task in SHELF_M]
@@ -163,7 +163,7 @@ def paths(
 
 
 def _said_late(one: Demonstration) -> tuple[Signal, ...]:
-    """The context, said when a share `LATE` of the movement has passed."""
+    """The context, stamped when a share `LATE` of the movement has passed."""
     said_ns = np.array([one.start_ns + round(LATE * (one.end_ns - one.start_ns))])
     return tuple(replace(signal, stamps_ns=said_ns) for signal in one.context)
 

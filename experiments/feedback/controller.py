@@ -44,7 +44,7 @@ from sim_bridge.arm import BANDWIDTH_RAD_S, DISTURBANCE
 
 @dataclass(frozen=True)
 class FeedbackSettings:
-    """What the controller is designed against.
+    """Assumptions that the controller is designed for.
 
     Attributes:
         disturbance: spectral density S of the disturbing accelerations per joint [rad^2/s^3], one
@@ -128,7 +128,7 @@ class FeedbackPolicy:
         return gain, self.offset[low] + share * (self.offset[low + 1] - self.offset[low])
 
     def acceleration(self, time_s: float, q: Floats, qd: Floats) -> Floats:
-        """What the joints shall do, u = K x + k, (Q,) [rad/s^2]."""
+        """Commanded joint accelerations, u = K x + k, (Q,) [rad/s^2]."""
         gain, offset = self.at(time_s)
         return gain @ np.concatenate((q, qd)) + offset
 
@@ -145,7 +145,7 @@ def feedback_policy(
         basis: the basis functions, N.
         weights: of Q joints, grouped by joint, (Q N,): those of a primitive, or a prediction's.
         duration_s: time from phase 0 to 1.
-        settings: what it is designed against.
+        settings: what it is designed for.
 
     Raises:
         ArgumentError: `duration_s` is not positive, or the weights do not fit the basis.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Executions and pushes of the feedback experiment, and what they come to."""
+"""Executions and pushes of the feedback experiment, and their statistics."""
 
 from typing import NamedTuple
 
@@ -26,12 +26,12 @@ from intent_recognition.signals import Demonstration
 TASK = "plate_handover"
 DESIGN = FeedbackSettings(disturbance=0.3, bandwidth_rad_s=20.0, n_times=801)
 N_RUNS, N_RUNS_QUICK = 60, 6
-"""Executions by each controller, and in a quick run. Convention."""
+"""Executions by each controller, and in a quick run."""
 PUSH_N = (0.0, 10.0, 0.0)
-"""Force of a push at the hand, world [N]. Convention: sideways."""
+"""Force of a sideways push at the hand, world [N]."""
 PUSH_S, WINDOW_S, AFTER_S = 0.3, 0.8, 0.6
 """Length of a push, time from its start in which its effect counts, and time simulated after the
-movement [s]. Convention."""
+movement [s]."""
 CONTROLLERS = ("stochastic feedback", "low gain")
 
 
@@ -61,7 +61,7 @@ class Pushed(NamedTuple):
     """One push at the hand.
 
     Attributes:
-        start_s: when.
+        start_s: start of the push [s].
         spread_m: std of the hand along the push, in the primitive during the window.
         deflection_m: the hand's largest displacement in the window from the start of the push on,
             per controller (2,).

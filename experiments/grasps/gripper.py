@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A hand of boxes with two parallel fingers, as large and strong as the Franka Hand.
 
-Its four joints slide: along the approach, straight up, and one for each finger; a gear keeps the
-fingers apart from the middle alike.
+Its four joints slide: along the approach, straight up, and one for each finger. A gear keeps both
+fingers at the same distance from the middle.
 """
 
 from typing import TYPE_CHECKING
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from sim_bridge.physics import BulletClient
 
 FORCE_N = 40.0
-"""Each finger presses so hard [N]. The Franka Hand holds 70 N continuously."""
+"""Force of each finger [N]; the Franka Hand holds 70 N continuously."""
 MAX_OPENING_M = 0.08
 """How far the hand can open [m], as the Franka Hand."""
 CLEARANCE_M = 0.01
-"""On its way each finger keeps so far from the surface that its pad will touch [m]. Convention: a
-few times the error of a scan, and little beside a cup."""
+"""Distance of an open finger from the surface that its pad will touch [m]: a few times the error
+of a scan, and little beside a cup."""
 PAD_M = (0.020, 0.008, 0.018)
 """Width, thickness and length of a pad [m], as the Franka Hand's."""
 FINGER_M = 0.05
@@ -30,15 +30,15 @@ FINGER_M = 0.05
 PALM_M = (0.06, 0.20, 0.07)
 """Width, length along the closing direction, and depth of the palm [m]."""
 BACK_M = 0.10
-"""The hand starts so far behind the grasp [m]. Convention."""
+"""Distance behind the grasp at which the hand starts [m]."""
 SPEED_M_S = 0.15
-"""Of the hand [m/s]. Convention."""
+"""Speed of the hand [m/s]."""
 CLOSING_M_S = 0.04
-"""Of each finger [m/s]. Convention."""
+"""Speed of each closing finger [m/s]."""
 STRONG_N = 500.0
-"""What moves the hand can do [N]: much more than it needs."""
+"""Largest force of the joints that move the hand [N]: much more than they need."""
 MASSES_KG = (0.5, 0.7, 0.1, 0.1)
-"""Of what each joint moves [kg]: a carriage, the palm, the fingers. Convention."""
+"""Mass that each joint moves [kg]: a carriage, the palm, the fingers."""
 PALM, FINGERS = 1, (2, 3)
 """Links of the hand."""
 _ZERO, _STILL = [0.0] * 3, [0.0, 0.0, 0.0, 1.0]

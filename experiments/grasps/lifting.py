@@ -24,15 +24,15 @@ from sim_bridge.balls import write_obj
 STEP_S = 1.0 / 480.0
 """Physics step [s]: half of PyBullet's default, so that a grip of thin walls is calm."""
 SOLVER_ITERATIONS = 100
-"""Of the contact solver. Convention: a grip needs more than falling bodies."""
+"""Iterations of the contact solver: a grip needs more than falling bodies."""
 FRICTION = 0.6
-"""Of container on pads and table. Convention: dry rubber on glazed stoneware has 0.6 to 1."""
+"""Friction of a container on pads and table: dry rubber on glazed stoneware has 0.6 to 1."""
 DENSITY_KG_M3 = 2400.0
-"""Of every container, as if of stoneware [kg/m^3]; those of plastic and paper are lighter."""
+"""Density of every container, that of stoneware [kg/m^3]; plastic and paper are lighter."""
 CLOSE_S, HOLD_S, SETTLE_S = 0.7, 2.0, 0.3
 """Time to close, to hold, and to come to rest after each way [s]."""
 LIFT_M = 0.12
-"""How high it lifts [m]."""
+"""Height to which the hand lifts [m]."""
 LOOK_S = 0.02
 """Time between two looks at what touches what [s]."""
 

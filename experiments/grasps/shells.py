@@ -12,21 +12,21 @@ from intent_recognition.errors import ArgumentError
 from sim_bridge.containers import at_heights, pieces_between
 
 N_RINGS, N_CORNERS = 9, 32
-"""Rings and corners of a wall: 256 pieces, a few millimetres wide on a cup. Convention."""
+"""Rings and corners of a wall: 256 pieces, a few millimetres wide on a cup."""
 LEVEL_M = 0.0005
-"""Steps in which the uppermost ring is looked for [m]. Convention."""
+"""Step of the search for the uppermost ring [m]."""
 MIN_WALL_SHARE = 0.9
 """Share of the rays of a ring that have to meet the wall: scans have pinholes."""
 FLOOR_SHARE = 0.05
-"""Depth of the cavity below the lowest ring, which is filled, as a share of its depth."""
+"""Share of the cavity's depth that lies below the lowest ring, and is filled."""
 BEYOND_M = 0.003
-"""Vertices so far outside of the wall belong to a handle [m]: above the unevenness of a scan."""
+"""Distance outside the wall from which a vertex is the handle's [m]: above a scan's unevenness."""
 MIN_ONE_SIDED = 0.9
-"""Length of the mean direction of a handle, seen from the axis: a wider thing is the rim's lip."""
+"""Least length of the mean direction from the axis to a handle: the rim's lip is wider."""
 N_SECTORS = 12
-"""Pieces of a handle, by direction from its middle. Convention."""
+"""Pieces of a handle, by direction from its middle."""
 OVERLAP = 1.3
-"""Width of such a sector in twelfths of a turn, so that the pieces touch. Convention."""
+"""Width of such a sector relative to its share of half a turn, so that the pieces touch."""
 THINNEST_M = 1e-4
 """Pieces thinner than this are left out, and walls are at least so thick [m]: hulls need a body."""
 
@@ -35,7 +35,7 @@ def shell_pieces(mesh: trimesh.Trimesh) -> list[Floats]:
     """Corners (V, 3) of convex pieces that together are an open container.
 
     Args:
-        mesh: in metres, z up, wound outward; from its axis every ray meets the wall but once.
+        mesh: in metres, z up, wound outward; every ray from its axis meets the wall once.
 
     Raises:
         ArgumentError: there is no wall around a floor.
@@ -136,7 +136,7 @@ def _outer_radius(
 
 
 def _handle_pieces(vertices: Floats, axis: Floats) -> list[Floats]:
-    """What stands out of the wall to one side, in sectors about its middle."""
+    """Pieces of what stands out of the wall to one side, in sectors about its middle."""
     flat = vertices[:, :2] - axis
     units = flat / np.linalg.norm(flat, axis=1, keepdims=True)
     if not len(units) or np.linalg.norm(units.mean(0)) < MIN_ONE_SIDED:

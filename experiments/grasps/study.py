@@ -27,12 +27,11 @@ SOURCE = "mug"
 MADE, SCANNED = "made", "scanned"
 WARPED, CARRIED = MANNERS = "warped", "not warped"
 VIEWS = (1, 2, 3)
-"""From so many sides a camera sees them: made ones another number for each draw of their sizes,
-scanned ones each."""
+"""Numbers of camera views: one for each draw of the made containers, all for the scanned ones."""
 
 
 def moved_rigidly(source: ObjectModel, warped: WarpedObject) -> Grasp:
-    """The annotated grasp moved with the object's frame: what there is without a warp."""
+    """The annotated grasp moved rigidly with the object's frame, without a warp."""
     grasp, own, frame = source.annotated.grasp, source.frame, warped.frame
     assert grasp is not None  # the mug's
     place = frame.origin + own.axes @ (grasp.centre - own.origin) @ frame.axes
@@ -59,7 +58,7 @@ class Trial:
     Attributes:
         subject: the container.
         seed: of its size and of the camera.
-        views: from so many sides it was seen.
+        views: number of camera views.
         manner: one of `MANNERS`.
         grasp: in the container's coordinates; None where none was found.
         lifted: what became of it; None without a grasp.

@@ -3,8 +3,8 @@
 
 One DOF of each agent. The first samples of the observed one's curve are seen through noise, the
 controlled one's whole curve is predicted. Filter, noise variance and shrinkage are chosen by cross
-validation, for each number of samples, in one of two ways: anew for each level of noise, which only
-who knows the level can do, or once, on the clean signal.
+validation, for each number of samples, in one of two ways: anew for each level of noise, which
+requires that level to be known, or once, on the clean signal.
 """
 
 from collections.abc import Mapping

@@ -12,7 +12,7 @@ from intent_recognition.kinematics import JOINT_NAMES
 from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm, TrajectoryCommand, TrajectoryFollower
 
 REST_S = 1.0
-"""The arm is watched so long after the movement [s], in which it comes to rest."""
+"""How long the arm is watched after the movement [s]: it comes to rest."""
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from sim_bridge.arm import SimulatedArm
 from sim_bridge.physics import pybullet
 
 FINGER_MASS_KG = 0.05
-"""Mass of the rod [kg]. Convention."""
+"""Mass of the rod [kg]."""
 FINGER_RADIUS_M = 0.008
-"""Radius of the rod [m]. Convention."""
+"""Radius of the rod [m]."""
 _TABLE_HALF_M = (0.32, 0.45, 0.02)
 """Half the table's length, width and thickness [m]."""
 _MIDDLE_M = (0.0, 0.0, 0.5 * FINGER_LENGTH_M)

@@ -22,9 +22,9 @@ from sim_bridge.scenarios.toolbox import arm_posture
 GRIP = Grip()
 """How firmly the demonstrator holds the arm."""
 _BOW_M, _BOW_STD_M = np.array([0.0, 0.0, 0.03]), 0.010
-"""How far the hand's way is bowed in the middle, and standard deviation of that [m]. Convention."""
+"""Bow of the hand's way in its middle, and standard deviation of that bow [m]."""
 _PATH_RATE_HZ = 200.0
-"""Samples of the taught path [Hz]. Convention."""
+"""Sampling rate of the taught path [Hz]."""
 
 
 @dataclass(frozen=True)

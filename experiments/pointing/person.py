@@ -2,8 +2,8 @@
 """A person points at a spot on the table, and a marker on the wrist is tracked.
 
 The index finger comes down to the spot from the shoulder's side; the wrist stops behind it. How
-steeply and from which side the finger comes varies from time to time, so that the wrist does not
-tell the spot exactly. The marker is not fixed in a rigid, repeatable manner (Maeda et al. 2014,
+steeply and from which side the finger comes varies from time to time, so the wrist does not
+determine the spot. The marker is not fixed in a rigid, repeatable manner (Maeda et al. 2014,
 Sec. IV-B): it is put on anew for every session, and slips a little.
 """
 
@@ -24,19 +24,19 @@ FINGER_DOWN_RAD = 0.75
 """Mean angle of the finger below the level [rad]."""
 
 REST_STD_M = 0.03
-"""Scatter of the rest per axis [m]. Convention."""
+"""Scatter of the rest per axis [m]."""
 TIP_STD_M = 0.003
-"""Scatter of the fingertip about the spot per axis [m]. Convention."""
+"""Scatter of the fingertip about the spot per axis [m]."""
 POSTURE_STD_RAD = 0.035
-"""Scatter of the finger's two angles [rad]. Convention."""
+"""Scatter of the finger's two angles [rad]."""
 BOW_M = np.array([0.0, 0.0, 0.06])
 """Mean deviation of the path from the straight line where it is largest [m]."""
 BOW_STD_M = 0.015
-"""Its scatter per axis [m]. Convention."""
+"""Scatter of that deviation per axis [m]."""
 MARKER_PLACEMENT_STD_M = 0.005
-"""Where on the wrist the marker is put, between sessions, per axis [m]."""
+"""Scatter of the marker's place on the wrist between sessions, per axis [m]."""
 MARKER_SLIP_STD_M = 0.002
-"""Between recordings of one session, per axis [m]."""
+"""Scatter of the marker between recordings of one session, per axis [m]."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ PURPOSES = ("train", "test")
 _STREAM = 31
 """Keeps this scenario's random numbers apart from those of others with the same seed."""
 SETTLE_S = 0.6
-"""Recordings go on so long after the arm has arrived [s]."""
+"""How long a recording goes on after the arm has arrived [s]."""
 TEST_HOLD_S = 1.5
 """How long the person holds in a test recording [s]."""
 

@@ -24,13 +24,13 @@ CIRCLE_CENTRE_M = (0.72, 0.0)
 CIRCLE_DIAMETER_M = 0.30
 """Its diameter [m] (Maeda et al. 2014, Fig. 4)."""
 FINGER_LENGTH_M = 0.16
-"""From the hand's frame to the tip of the rod [m]. Convention."""
+"""From the hand's frame to the tip of the rod [m]."""
 TIP_ABOVE_TABLE_M = 0.015
 """How high above the spot the demonstrator stops the tip [m]: near it, without a touch."""
 
 _DOWN_RAD, _STEEPER_RAD_M = 0.75, 2.0
 """Angle of the finger below level at the circle's centre [rad], and by how much it is steeper for
-nearer spots [rad/m], as an arm does it. Convention."""
+nearer spots [rad/m]."""
 
 _TRAIN = (
     (0.000, 0), (0.080, 45), (0.080, 165), (0.080, 285),
@@ -42,7 +42,7 @@ _TEST = (
     (0.140, 45), (0.050, 100), (0.060, 225), (0.105, 120), (0.045, 345),
     (0.110, 190), (0.140, 262), (0.140, 335), (0.100, 5),
 )  # fmt: skip
-"""Spots that are pointed at in the test, likewise."""
+"""Spots of the test, in the same form."""
 
 
 def _spots(polar: tuple[tuple[float, float], ...]) -> Floats:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 HOLD_SAMPLES = 20
 """The wrist's last samples, 0.2 s of holding still, whose mean is the one observation."""
 N_POINTS = 60
-"""Phases at which a predicted path is evaluated. Convention."""
+"""Phases at which a predicted path is evaluated."""
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,8 @@ def predicted_spot(library: TaskLibrary, recording: Demonstration) -> Floats:
 def draw(folder: Path) -> dict[str, float]:
     """Largest and mean error of the predicted spots [m], of recordings drawn again.
 
-    The predictions are not executed: the arm ends where it is told to, within the shipped runs'
-    largest difference.
+    The predictions are not executed: the arm points where it is sent, up to the shipped runs'
+    `largest_execution_error_m`.
 
     Raises:
         TrainingError: the recordings cannot be learned from.

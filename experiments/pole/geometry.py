@@ -11,7 +11,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import frame_poses
 
 POLE_M = np.array([0.40, 0.0])
-"""Where the pole stands on the table, x and y [m]. Convention."""
+"""Where the pole stands on the table, x and y [m]."""
 POLE_M.setflags(write=False)
 POLE_RADIUS_M = 0.02
 """Its radius [m]."""
@@ -22,7 +22,7 @@ FINGER_M = 0.12
 FINGER_RADIUS_M = 0.015
 """Radius of the arm's finger [m]."""
 POINTING_HEIGHT_M = 0.05
-"""The fingertip stops so high above the spot on the table [m]."""
+"""Height above the spot on the table at which the fingertip stops [m]."""
 
 LEFT, RIGHT = "left", "right"
 WAYS = (LEFT, RIGHT)

@@ -14,7 +14,7 @@ from intent_recognition.kinematics import frame_poses
 from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SimulatedArm
 
 _RATE_HZ = 200.0
-"""Rate at which the demonstrator's path is laid out [Hz]. Convention."""
+"""Sampling rate of the demonstrator's path [Hz]."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 
 The wand comes to the spot from the side on which the arm is not: a person keeps out of the way of
 a robot arm. That is a habit and no rule; how far the wand swings out varies, and some movements
-tell hardly anything about the side.
+say hardly anything about the side.
 """
 
 from dataclasses import dataclass
@@ -23,11 +23,11 @@ DURATION_S = (2.4, 4.0)
 WAND_HEIGHT_M = 0.01
 """Height of the wand's tip above the spot [m]."""
 BOW_M = np.array([0.0, 0.05, 0.06])
-"""Deviation from the straight line where it is largest; y away from the arm."""
+"""Deviation from the straight line where it is largest [m]; y away from the arm."""
 BOW_STD_M = np.array([0.01, 0.02, 0.01])
 """Its scatter [m]: large enough that some movements say little about the side."""
 OCCLUSION_PROBABILITY = 0.3
-"""Share of recordings in which the tracker loses the wand now and then. Convention."""
+"""Share of recordings in which the tracker loses the wand now and then."""
 
 
 @dataclass(frozen=True)

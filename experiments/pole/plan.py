@@ -25,20 +25,20 @@ from intent_recognition.kinematics import LWR_LIMITS
 from intent_recognition.promp import minimum_jerk
 
 CLEARANCE_M = 0.065
-"""A person leading the arm keeps it so far from the pole, where there is room [m]."""
+"""Distance from the pole that a person leading the arm keeps where there is room [m]."""
 LEAST_CLEARANCE_M = 0.050
 """A way that comes nearer than this is not taken [m]."""
 REACHED_M = 0.005
 """A finger this near to its target has reached it [m]."""
 LIMIT_MARGIN_RAD = 0.08
-"""Postures keep so far from the joint limits [rad]. Convention."""
+"""Least distance of a posture from the joint limits [rad]."""
 
 _POSTURE = np.array([0.576, -1.078, -0.515, 1.556, -0.392, -0.647, -0.5])
 _SWING = np.array([0.967, -0.123, 0.225, 1.584, -0.267, -1.236, -0.344])
 _FOLLOW = 0.5
-"""How much of a change of the last posture the swing takes part in. Convention."""
+"""Share of the end's deviation from `_POSTURE` by which the swing is moved."""
 _LOWEST_M = np.array([0.12, 0.15])
-"""Elbow and wrist stay so far above the table [m]. Convention."""
+"""Least height of elbow and wrist above the table [m]."""
 
 
 class Way(NamedTuple):
@@ -66,7 +66,7 @@ class Way(NamedTuple):
 def pointing_posture(spot_m: Floats, way: str) -> Floats:
     """Joint angles (7,) that point at a spot (2,) on the table around one side of the pole.
 
-    The nearest there is; whether the finger gets there, `plan_way` finds out.
+    The finger may miss the spot: `plan_way` checks that.
     """
     mirror = np.ones(7) if way == LEFT else MIRROR
     target = np.array([spot_m[0], spot_m[1] if way == LEFT else -spot_m[1], POINTING_HEIGHT_M])

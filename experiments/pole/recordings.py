@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The 28 demonstrations beside the pole: 14 on each side, nine spots on both.
 
-The recordings carry no task. On which side the arm was led stands in their metadata, for whoever
-scores; the learner is not told.
+The recordings carry no task. On which side the arm was led stands in their metadata, for scoring
+alone; the learner does not read it.
 """
 
 from dataclasses import dataclass
@@ -38,15 +38,15 @@ ONE_WAY_X_M = (0.52, 0.55, 0.57, 0.60, 0.62)
 JITTER_M = 0.01
 """Spots are moved by up to so much per axis [m]."""
 START_STD_RAD = 0.004
-"""Scatter of the arm's posture at the start per joint [rad]. Convention."""
+"""Scatter of the arm's posture at the start per joint [rad]."""
 SWING_STD_RAD = 0.03
-"""Scatter of the posture it swings by per joint [rad]. Convention."""
+"""Scatter of the posture it swings by per joint [rad]."""
 AIM_STD_M = 0.004
-"""How exactly the demonstrator aims at a spot per axis [m]. Convention."""
+"""Scatter of the demonstrator's aim at a spot per axis [m]."""
 TOUCH_M = 0.01
 """A demonstration that comes nearer to the pole is shown again [m]."""
 ATTEMPTS = 20
-"""How often one is tried at most."""
+"""Most attempts at one demonstration."""
 _STREAM = 31
 """Keeps this scenario's random numbers apart from those of others with the same seed."""
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from experiments.pole.world import PoleRun
 
 LARGEST_NUMBER = 17
-"""Components that are tried, at most. Convention."""
+"""Largest number of components that is tried."""
 QUICK_LARGEST = 3
 """The same in a quick run."""
 QUICK_EXECUTED = 2
@@ -83,7 +83,7 @@ class PoleStudy:
         chosen: the number taken.
         single: of a single Gaussian, on the arm.
         mixture: of the number taken.
-        single_end, mixture_end: the same, told the wand's final position alone.
+        single_end, mixture_end: the same, predicted from the wand's final position alone.
         draws: the recordings drawn again, the shipped ones first.
     """
 
@@ -155,7 +155,7 @@ def investigate(settings: Settings) -> PoleStudy:
 
 
 def draw(recordings: Path, settings: Settings) -> dict[str, float]:
-    """Numbers of recordings drawn again; predictions are held against the pole as planned."""
+    """Results of recordings drawn again; predictions are not executed, but checked as planned."""
     demonstrations = _read(recordings)
     pairs = pairs_of(demonstrations)
     silent = replace(settings, progress=lambda share, what: None)
@@ -167,7 +167,7 @@ def draw(recordings: Path, settings: Settings) -> dict[str, float]:
 def _numbers_of_draw(
     pairs: Pairs, ways: Sequence[str], tried: Sequence[TriedNumber], chosen: int
 ) -> dict[str, float]:
-    """What a draw is told by: counts, and mean errors of the path [cm]."""
+    """Results of a draw: counts, and mean errors of the path [cm]."""
     single, taken = tried[0], tried[chosen - 1]
     return {
         "components": chosen,

@@ -72,7 +72,7 @@ class PoleRun:
 def execute(positions_rad: Floats, times_s: Floats, rest_s: float = 0.5) -> PoleRun:
     """Let the arm follow a trajectory in physics, from rest at its first posture.
 
-    The arm is compliant: where the pole stands in the way it is held up, and that is a touch.
+    The arm is compliant: a pole in its way stops it, which counts as a touch.
 
     Args:
         positions_rad: postures (T, 7).

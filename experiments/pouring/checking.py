@@ -22,7 +22,7 @@ from sim_bridge.containers import CONTAINER_NAMES
 from sim_bridge.scenarios.pouring import HALF_FULL, PourPath, Seen
 
 HIGHEST_RISK = 0.5
-"""A path is executed if a spill is expected with less than this probability all along."""
+"""A path is executed if the probability of a spill stays below this along all of it."""
 
 
 @dataclass(frozen=True)

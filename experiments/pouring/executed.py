@@ -42,7 +42,7 @@ MEAN, UNWARPED, SAMPLE = MANNERS = ("mean", "unwarped", "sample")
 LEVELS = {"tea_cup": (25, 50, 75), "round_bowl": (70, 140, 210)}
 """Millilitres asked of the two cups that a ratio of tilts does not empty."""
 DRAWS = 20
-"""Paths drawn at most until one is expected to spill nothing. Convention."""
+"""Most paths that are drawn until one is expected to spill nothing."""
 EVERY = 2
 """Samples of 10 ms per recorded one, to keep the bags small."""
 
@@ -58,7 +58,7 @@ class PourOrder:
         seed: of the scans and the balls.
         pair: index of `PAIRS`.
         manner: one of `MANNERS`.
-        pour: "empty", "full" or millilitres; empty text: as far as the tilt reference has it.
+        pour: "empty", "full" or millilitres; "" pours along the rescaled path alone.
     """
 
     seed: int

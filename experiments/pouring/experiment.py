@@ -43,9 +43,9 @@ SEED = 1
 TO_CM_AND_DEG = np.array([100.0, 100.0, 100.0, 180.0 / np.pi])
 BAR_SPILLED = 2.0
 BAR_SPILLED_TO_LEVEL = 0.2
-"""Balls of 40 spilled at most in the mean, where a level is asked for. Convention."""
+"""Most balls of 40 spilled in the mean, on the whole and where a level is asked for."""
 BAR_LEVEL = 0.10
-"""Share of a cup's volume by which a level may be missed. Convention."""
+"""Share of a cup's volume by which a level may be missed."""
 SHOWN = (0, 1, 3)
 """Pairs whose paths are drawn."""
 CONDITIONS = (

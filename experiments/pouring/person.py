@@ -16,7 +16,7 @@ from intent_recognition.warping import References, from_warped
 from sim_bridge.scenarios.pouring import PourPath
 
 SAMPLE_S = 0.05
-"""Time between two points of a demonstrated path [s]. Convention."""
+"""Time between two points of a demonstrated path [s]."""
 
 APPROACH = (0.0, 0.35)
 EARLY_TILT = (0.05, 0.36)
@@ -30,11 +30,11 @@ POUR_AT = np.array([-0.75, 0.0, 0.28, 0.85])
 
 START_STD = np.array([0.15, 0.15, 0.06, 0.0])
 POUR_AT_STD = np.array([0.06, 0.07, 0.04, 0.05])
-"""Standard deviations of both, in the warped space. Convention."""
+"""Standard deviations of both, in the warped space."""
 FULL_TILT_RAD, FULL_TILT_STD_RAD = np.deg2rad(135.0), np.deg2rad(4.0)
-"""Tilt of the cup in the end and its standard deviation [rad]. Convention."""
+"""Final tilt of the cup and its standard deviation [rad]."""
 DURATION_S, DURATION_STD_S = 8.0, 0.6
-"""Duration of a pour and its standard deviation [s]. Convention."""
+"""Duration of a pour and its standard deviation [s]."""
 
 
 @dataclass(frozen=True)

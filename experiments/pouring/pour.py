@@ -22,7 +22,7 @@ from sim_bridge.scenarios.pouring import (
 )
 
 LAST_WAIT_S = 0.8
-"""Balls are watched so long after the movement [s]."""
+"""How long balls are watched after the movement [s]."""
 STEADY_GRIP = Grip(stiffness_n_m=2500.0, damping_n_s_m=60.0)
 """A firm grip: a full cup is not shaken."""
 
@@ -44,7 +44,7 @@ class Poured:
         strongest_pull_n: of the demonstrator's hand; 0 where nobody led.
         saturated_steps: how often a torque was at its limit.
         touched_s: how long the cup touched the second container.
-        strongest_touch_n: how hard at most.
+        strongest_touch_n: largest force of that touch.
     """
 
     times_s: Floats

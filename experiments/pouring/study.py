@@ -22,14 +22,14 @@ class RecordedPour:
 
     Attributes:
         order: which pair and path.
-        path: of the lip as the arm's joints tell it.
+        path: of the lip, from the arm's joints.
         spilled: balls in neither container at the end.
         kept: balls left in the cup.
         n_balls: in the cup at the start.
         through_wall: balls that went into or through a wall.
         risk: of a spill, expected before it was executed.
         touched_s: how long the cup touched the second container.
-        strongest_touch_n: how hard at most.
+        strongest_touch_n: largest force of that touch.
         left_m3: what was to be left in the cup; None where no level was asked for.
     """
 

@@ -23,7 +23,7 @@ from sim_bridge.scenarios.pouring import PouringPractice, read_demonstrated, sho
 COST = "spilled"
 N_ROLLOUTS = 40
 N_CHECKS = 3
-"""Fresh pours that the start and what a search has come to are compared with."""
+"""Fresh pours by which the start and the result of a search are compared."""
 SHORT_RADII = 0.9
 """How much too short the moved demonstrations pour, in radii of the second opening: most of the
 balls fall before it."""
@@ -57,9 +57,9 @@ class Practised:
         method: one of `METHODS`.
         costs: of the rollouts, in order (n,).
         start: mean cost of fresh pours with the start.
-        settled: the same with what practice has come to.
+        settled: the same with the result of practice.
         before, after: mean outcomes of these, by name.
-        weights: what practice has come to, (d,).
+        weights: result of practice, (d,).
     """
 
     seed: int

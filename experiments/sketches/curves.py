@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pairs of curves as one draws them with a computer mouse: one DOF of each of two agents.
 
-Stands in for the sketches of Maeda et al. 2014, part IV-A, whose data were not published. Both
-curves of a pair pass heights that deviate together: three things decide how a pair differs from
-the others. The rest is the drawer's: a wobble and a timing of each curve's own, and pixels.
+Stands in for the sketches of Maeda et al. 2014, part IV-A, whose data were not published. Three
+causes move the heights of both curves of a pair together. Each curve also has its drawer's wobble
+and timing, and the pixels of the screen.
 """
 
 import numpy as np
@@ -12,22 +12,22 @@ from scipy.interpolate import CubicSpline
 from intent_recognition.array_types import Floats
 
 N_SAMPLES = 101
-"""Samples of each drawn curve. Convention."""
+"""Samples of each drawn curve."""
 PHASE = np.linspace(0.0, 1.0, N_SAMPLES)
 NAMES = ("observed", "controlled")
 VIA = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
 HEIGHTS = np.array([[0.0, 0.7, 1.5, 1.2, 0.2, -0.3], [0.3, -0.2, -0.5, 0.3, 1.1, 1.4]])
 """Mean heights of both curves at `VIA`, in units of the sketch."""
 SPREAD = 0.3
-"""Standard deviation that the common causes give a height."""
+"""Standard deviation of a height by a cause whose entry in `MIXING` is one."""
 OWN = 0.008
-"""... and the drawer's wobble, independent for each curve: a steady hand (see `noise.py`)."""
+"""Standard deviation of the drawer's wobble, independent for each curve and height."""
 TIMING = 0.002
 """Standard deviation of the timing of the via points, in phase."""
 PIXEL = 0.005
 """Height of a pixel: a mouse reports whole ones."""
 BEND = 0.03
-"""How far the controlled curve depends on the squares of the causes, in `SPREAD`s."""
+"""Dependence of the controlled curve on the squares of the causes, in `SPREAD`s."""
 
 MIXING = np.array(
     [

@@ -28,7 +28,7 @@ from intent_recognition.promp import NormalizedRBFBasis, fit_weights
 N_ENDS = 3
 """Parameters of a DOF beside the weights: goal, start, velocity at the start."""
 ROLLOUT_STEPS = 400
-"""Steps in which a DMP is integrated over the movement. Convention."""
+"""Steps in which a DMP is integrated over the movement."""
 
 
 @dataclass(frozen=True)

@@ -36,14 +36,14 @@ STEP = float(PHASE[1])
 CLEAN = SavitzkyGolay(0.1)
 """Filter of demonstrations, which hold no noise but their pixels'."""
 START_VARIANCE = 1e-5
-"""Of what a filter makes of a start, beside the noise."""
+"""Variance of a filtered start and its velocity, beside the noise."""
 FLOOR = 1e-6
-"""Smallest variance of a parameter, in parts of the mean over its DOF."""
+"""Variance added to each of d parameters, as a share of their mean variance over d."""
 
 SHRINKAGES = (0.003, 0.03, 0.1)
-"""Shares of the diagonal in the covariance that are tried. Convention."""
+"""Shares of the diagonal in the covariance that are tried."""
 VARIANCES = (1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1, 1.0)
-"""Noise variances of the observed positions that are tried. Convention: from none to all."""
+"""Noise variances of the observed positions that are tried, on curves that span 2 units."""
 SMOOTHERS: tuple[Smoother, ...] = (
     *(SavitzkyGolay(width) for width in (0.1, 0.16, 0.25, 0.4, 0.6, 0.9)),
     *(Butterworth(cutoff) for cutoff in (1.5, 2.5, 4.0, 6.5, 10.0)),
@@ -86,10 +86,10 @@ class ModelChoice(NamedTuple):
 
     Attributes:
         shrinkage: share of the diagonal in the covariance.
-        variance: taken for the noise of the observed positions.
+        variance: noise variance assumed for the observed positions.
         smoother: filter of what is observed (DMP); None for a ProMP, which needs none.
-        white: take a drive's noise as independent from sample to sample, each of the variance the
-            filter gives it (what IP Eq. 6 does); otherwise with the covariance the filter gives it.
+        white: whether a drive's noise is independent from sample to sample, with the variance the
+            filter gives it (as in IP Eq. 6); otherwise it has the filter's covariance.
     """
 
     shrinkage: float
@@ -115,7 +115,7 @@ def learn_promp(pairs: Floats) -> Learned:
 def learn_dmp(pairs: Floats, smoother: Smoother = CLEAN) -> Learned:
     """Parameters of pairs (n, T, 2).
 
-    The observed agent's go through the filter its observations go through, so that what the filter
+    The observed agent's curves pass the same filter as its observations, so that what the filter
     takes away is taken from both.
     """
     observed = fit_demonstrations(DMP, list(pairs[:, :, :1]), smoother)
@@ -137,7 +137,7 @@ def learn_dmp(pairs: Floats, smoother: Smoother = CLEAN) -> Learned:
 def prior(parameters: Floats, shrinkage: float) -> Gaussian:
     """Mean and covariance of parameters (n, d), shrunk toward the covariance's diagonal.
 
-    The last factor is for the mean, which is as uncertain as n demonstrations leave it.
+    The last factor adds the uncertainty of the mean of n demonstrations.
     """
     covariance = np.cov(parameters, rowvar=False)
     variance = np.diag(covariance)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A rule has moved by 8 cm, and a person says so with the hand.
+"""A task's rule has moved by 8 cm, and a person corrects the arm by hand.
 
 Detector, yielding, conditioning and keeping are those of the nodes; the arm and the person's hand
 are in physics. Each task in turn is the one whose rule has moved.
@@ -33,18 +33,18 @@ if TYPE_CHECKING:
 MOVED_M = 0.08
 """How far a task's rule has moved [m]."""
 FALSE_ALARM_RATE = 0.1
-"""Share of undisturbed executions that may count as pushed. Convention."""
+"""Share of undisturbed executions that may count as pushed."""
 N_CALIBRATED, N_UNDISTURBED, N_BUMPED, N_TESTED, N_MOVES = 18, 12, 8, 3, 2
-"""Executions that give the detector, that it is scored on, with bumps, and after each correction;
+"""Executions that calibrate the detector, that score it, with bumps, and after each correction;
 moves of each task's rule."""
 N_QUICK = (4, 1, 1, 1, 1)
 """The same in a quick run."""
 N_CORRECTIONS = 3
-"""Corrections kept one after the other. Convention."""
+"""Corrections kept one after the other."""
 LARGEST_BLOW_N, LONGEST_BLOW_S = 60.0, 0.2
-"""Strongest [N] and longest [s] bump of an execution with bumps. Convention: nobody leads so."""
+"""Strongest [N] and longest [s] bump: too short to lead the arm."""
 RESTS_M_S, RESTS_S, AWAY_M = 0.02, 0.3, 0.12
-"""A person corrects a hand so slow, for so long, and so far from home. Convention."""
+"""Speed [m/s], time [s] and distance from home [m] at which a resting hand is corrected."""
 
 
 class CorrectingSession(NamedTuple):
@@ -52,10 +52,10 @@ class CorrectingSession(NamedTuple):
 
     Attributes:
         task: which.
-        error_m: of the hand from the new place, after 0 to 3 kept corrections, a row for each of
-            the executions (4, n).
-        corrected_m: the same at the end of each of the corrected executions, one after the other.
-        without_m: the same where the arm knows nothing of corrections: led by the same hand.
+        error_m: distance of the hand from the new place after 0 to 3 kept corrections (rows), of
+            each execution (4, n).
+        corrected_m: the same at the end of each corrected execution, in order.
+        without_m: the same where the arm ignores corrections, led by the same hand.
         others_changed: largest change of any number of the other tasks.
         rad, rad_s: largest step of position and velocity where a command takes over.
         force_n: strongest pull at one point of the grip, with and without yielding.
@@ -72,13 +72,13 @@ class CorrectingSession(NamedTuple):
 
 
 class CorrectingStudy(NamedTuple):
-    """What came out.
+    """Results of the study.
 
     Attributes:
         detector: of the simulated arm.
         n_undisturbed, n_false: executions that nobody touched, and those taken for pushed.
-        n_bumped, n_yielded, n_lasting: executions with a blow, those in which the arm yielded, and
-            those that it changed.
+        n_bumped, n_yielded, n_lasting: executions with a blow, those in which the arm yielded to
+            it, and those in which it counted as a correction.
         sessions: task after task, some moves of each.
     """
 
@@ -136,7 +136,7 @@ class Corrects:
 
 
 class _Bumps:
-    """Somebody who strikes the arm once while it moves."""
+    """A person who strikes the arm once while it moves."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         direction = rng.normal(size=3)

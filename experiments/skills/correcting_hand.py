@@ -12,13 +12,13 @@ from sim_bridge.arm import SimulatedArm
 GRIP = Grip(
     stiffness_n_m=400.0, damping_n_s_m=12.0, elbow_stiffness_n_m=0.0, elbow_damping_n_s_m=0.0
 )
-"""How firmly a person who corrects holds the hand; nobody holds the elbow. Convention."""
+"""How firmly a person who corrects holds the hand; nobody holds the elbow."""
 LEADING_S = 1.2
-"""How long the way to the place takes [s]. Convention."""
+"""How long the way to the place takes [s]."""
 THERE_M, THERE_S = 0.004, 0.4
-"""It lets go once it has been so near to the place for so long. Convention."""
+"""Distance from the place [m] and time there [s] after which the hand lets go."""
 LONGEST_S = 6.0
-"""It gives up after so long [s]. Convention."""
+"""Time after which the hand lets go in any case [s]."""
 
 
 class CorrectingHand:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one way to make a skill grow adds to the experiment."""
+"""The part of the experiment on skills that one way of learning adds."""
 
 from collections.abc import Mapping
 from typing import NamedTuple

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Taught tasks are practised: to be where the person needs the hand, and to be there earlier.
 
-Practice is that of `intent improve TASK`, beside people as they were recorded. What it came to is
-compared with the start beside other recorded people, and by the whole chain in physics: estimator,
-activation and arm, beside reaches that no model has seen.
+Practice is that of `intent improve TASK`, with people as they were recorded. Its result is compared
+with the start on other recorded people, and by the whole chain in physics: estimator, activation
+and arm, on reaches that no model has seen.
 """
 
 from typing import NamedTuple
@@ -22,16 +22,16 @@ from intent_recognition.motion import scaled_limits
 from intent_recognition.promp import TaskLibrary
 
 MOVED_M = 0.05
-"""How far the hand must be from where the demonstrations had it, to have something to find [m]."""
+"""Distance of the wanted place from that of the demonstrations [m]."""
 COSTS = DISTANCE, TIME = "distance", "time"
 N_SEEDS, N_ROLLOUTS, N_REACHES = 5, 40, 3
-"""Seeds, rollouts of a practice, and reaches on which the result is scored. Convention."""
+"""Seeds, rollouts of a practice, and reaches on which the result is scored."""
 N_QUICK = (1, 12, 1)
 """The same in a quick run."""
 
 
 class TaskPractised(NamedTuple):
-    """One practice: the task, which cost, and what came of it."""
+    """One practice: its task, its cost, and its result."""
 
     task: str
     cost: str
@@ -39,12 +39,12 @@ class TaskPractised(NamedTuple):
 
 
 class Waited(NamedTuple):
-    """Executions in physics with the start and with what practice came to, one for each reach.
+    """Executions in physics before and after practice, one for each reach.
 
     Attributes:
         task: label.
-        late_s: how much later than the person the hand was there, before and after.
-        off_m: where the hand was in the end from where it must be, likewise.
+        late_s: how much later than the person the hand arrived, before and after.
+        off_m: final distance of the hand from its goal, before and after.
     """
 
     task: str

@@ -35,18 +35,18 @@ N_PHASE_SETS = 4
 ROUGHNESSES = (0.0, 1e-5, 1e-4, 1e-3)
 MISFITS = (10.0, 1e2, 1e3, 1e4, 1e5)
 START_MISFITS = (0.01, 1e4)
-"""The second one says that nothing is known of the start."""
+"""Variances tried for the start; with the second, nothing is known of it."""
 WIDE = SavitzkyGolay(0.16)
 """Filter of what stands for the true acceleration: wide enough for the pixels not to show."""
 
 
 class SplineChoice(NamedTuple):
-    """How sparse samples become accelerations, and what is thought of these.
+    """How sparse samples become accelerations, and how far these are trusted.
 
     Attributes:
         roughness: of the smoothing spline.
-        misfit: variance taken for what its drive is wrong by, beside the noise.
-        start_misfit: likewise for the start, to which the spline is drawn out as a straight line.
+        misfit: variance assumed for the error of its drive, beside the noise.
+        start_misfit: the same for the start, to which the spline is continued as a straight line.
         shrinkage: share of the diagonal in the covariance.
     """
 
@@ -119,7 +119,7 @@ def choose_shrinkage(rng: np.random.Generator, train: Floats, counts: Sequence[i
 
 
 def spline_choices(quick: bool) -> list[SplineChoice]:
-    """What cross validation tries; some of it lays the spline through the samples."""
+    """Choices for cross validation; some of them lay the spline through the samples."""
     return [
         SplineChoice(roughness, misfit, start_misfit, shrinkage)
         for roughness in (ROUGHNESSES[::2] if quick else ROUGHNESSES)

@@ -23,7 +23,7 @@ from experiments.sparse.conditioning import (
 from intent_recognition.array_types import Floats
 
 N_TRAIN, N_TEST = 40, 60
-"""Simulated movements to learn from and to predict. Convention."""
+"""Pairs of sketches to learn from and to predict."""
 PROMP, DMP_SPLINE, DMP_THROUGH, NOTHING = METHODS = (
     "ProMP",
     "DMP, best smoothing spline",

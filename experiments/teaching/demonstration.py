@@ -8,9 +8,9 @@ import numpy as np
 from sim_bridge.coworker import TASKS, Reach, WristSamples, draw_reach, draw_rest, sample_wrist
 
 OCCLUSION_PROBABILITY = 0.4
-"""Share of demonstrations in which the tracker loses the marker now and then. Convention."""
+"""Share of demonstrations in which the tracker loses the marker now and then."""
 SETTLE_S = 0.5
-"""How long the recording goes on after the robot's arrival [s]. Convention."""
+"""How long the recording goes on after the robot's arrival [s]."""
 TRAINING_COUNTS = {TASKS[0]: 15, TASKS[1]: 20, TASKS[2]: 13}
 """Demonstrations per task to learn from, 48 in all."""
 TEST_COUNTS = dict.fromkeys(TASKS, 4)
@@ -24,8 +24,8 @@ class WristDemonstration:
     Attributes:
         reach: the movement.
         onset_s: start of the movement, in seconds since the first sample.
-        end_s: end of the movement, likewise.
-        arrival_s: when the demonstrator lets the robot arrive, likewise.
+        end_s: end of the movement, in the same time.
+        arrival_s: when the demonstrator lets the robot arrive, in the same time.
         samples: what the tracker saw.
     """
 

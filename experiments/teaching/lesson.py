@@ -18,11 +18,11 @@ from sim_bridge.coworker import HOLD
 from sim_bridge.scenarios.toolbox import HOME, STANDS_M
 
 HOME_STD_RAD = 0.004
-"""Scatter of the arm's posture at rest per joint [rad]. Convention."""
+"""Scatter of the arm's posture at rest per joint [rad]."""
 RELEASE_AFTER_S = 0.3
-"""The object is let go so long after the arrival [s]."""
+"""Time from the arrival until the object is let go [s]."""
 SENSOR_NOISE = SensorNoise(position_std_rad=1e-4, velocity_std_rad_s=2e-3, torque_std_nm=0.05)
-"""Noise of the arm's sensors when it is taught. Convention."""
+"""Noise of the arm's sensors when it is taught."""
 GRIP = Grip()
 """How firmly the arm is held."""
 

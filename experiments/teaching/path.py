@@ -33,11 +33,11 @@ GRASP_SHARE = 0.34
 LIFTED_SHARE = 0.53
 """Share after which it has been lifted."""
 TEACHING_STD_M = 0.005
-"""How exactly a person brings the hand to its place per axis [m]. Convention."""
+"""Scatter with which a person brings the hand to its place per axis [m]."""
 TEACHING_STD_RAD = 0.03
-"""How exactly a person turns it per axis [rad]. Convention."""
+"""Scatter with which a person turns the hand per axis [rad]."""
 PATH_RATE_HZ = 200.0
-"""Rate at which the demonstrator's path is laid out [Hz]. Convention."""
+"""Sampling rate of the demonstrator's path [Hz]."""
 
 _BOW_M = {
     PLATE: np.array([-0.01, -0.01, 0.035]),
@@ -45,7 +45,7 @@ _BOW_M = {
     HOLD: np.array([-0.02, -0.03, -0.02]),
 }
 _BOW_STD_M = 0.010
-"""Standard deviation of the bow of a taught path along each axis [m]. Convention."""
+"""Standard deviation of the bow of a taught path along each axis [m]."""
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from sim_bridge.coworker import SessionPlan, parse_task_list, plan_session
 FIRST_SEED = 1001
 """Seed of the first session; the next has the next one."""
 SESSIONS, INTERACTIONS = 8, 10
-"""Sessions that are recorded, and interactions in each. Convention."""
+"""Sessions that are recorded, and interactions in each."""
 
 
 def session_messages(plan: SessionPlan, start_ns: int) -> Iterator[tuple[str, str, int, dict]]:

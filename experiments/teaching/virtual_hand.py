@@ -15,7 +15,7 @@ from intent_recognition.kinematics import frame_poses, jacobian
 from sim_bridge.arm import SimulatedArm
 
 _GRIP_POINTS_M = np.array([[0.0, 0.0, 0.10], [0.14, 0.0, -0.05], [-0.07, 0.12, -0.05]])
-"""Points of the hand that are held, in the hand frame (3, 3) [m]. Convention."""
+"""Points of the hand that are held, in the hand frame (3, 3) [m]."""
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,9 @@ class Grip:
 
     Attributes:
         stiffness_n_m: of each of the three points at the hand.
-        damping_n_s_m: likewise.
+        damping_n_s_m: of the same points.
         elbow_stiffness_n_m: of the hand at the elbow.
-        elbow_damping_n_s_m: likewise.
+        elbow_damping_n_s_m: of the same.
         max_force_n: strongest pull at one point.
     """
 

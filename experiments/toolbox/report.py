@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The toolbox's findings, figures and tables, from what `toolbox_study.investigate` found."""
+"""The toolbox's findings, figures and tables, from the results of `study.investigate`."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from intent_recognition.report import (
 )
 
 PAPER_CM = {"plate_handover": (3.2, 2.6), "hold_screwdriver": (2.1, 2.3)}
-"""Mean error of the hand and two standard deviations."""
+"""Mean error of the hand and two standard deviations [cm]."""
 WHY_END_ALONE = (
     "In the paper each interaction ends in a region of its own, so the final wrist tells the"
     " component; here the regions overlap on purpose."

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The coworker's session before the online estimator, without ROS and without waiting.
+"""The coworker's session, shown to the online estimator without ROS and without waiting.
 
 The wrist goes through the same ingest as in the node, then through the same estimator and the same
 decision; the arm stands at home whenever a movement begins.
@@ -55,7 +55,7 @@ class ToolboxExecution(NamedTuple):
 
 
 class SeenEstimate(NamedTuple):
-    """What is believed, and decided, after one observation: its time, and both states."""
+    """Time of one observation, and the estimate and the decision after it."""
 
     time_s: float
     estimate: Estimate
@@ -128,7 +128,7 @@ def predicted_hand(estimator: IntentEstimator) -> Floats | None:
 
 
 def _score(interactions: tuple[Interaction, ...], seen: list[_Acted]) -> list[ToolboxExecution]:
-    """What became of each interaction, up to the onset of the next one."""
+    """Outcome of each interaction, up to the onset of the next one."""
     times = np.array([one.time_s for one in seen])
     limits = [one.onset_s for one in interactions[1:]] + [np.inf]
     executions = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is found out of the unlabelled toolbox: fits, predictions, and a session."""
+"""Study of the unlabelled toolbox: fits, predictions, and sessions."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -39,7 +39,7 @@ from sim_bridge.coworker import parse_task_list, plan_session
 LARGEST_NUMBER = 10
 QUICK_LARGEST = 3
 SESSIONS = 10
-"""Sessions of executions, each drawn from a seed of its own. Convention: they show the spread."""
+"""Sessions of executions, each drawn from a seed of its own, to show the spread."""
 EXECUTIONS = 4
 """Executions in each; 40 in all, as many as in the paper."""
 QUICK_EXECUTIONS = 3
@@ -150,7 +150,7 @@ def leave_each_out(recordings: Path, settings: Settings) -> ToolboxStudy:
 
 
 def numbers_of_draw(study: ToolboxStudy) -> dict[str, float]:
-    """What a draw of the recordings is told by: counts, and mean errors of the hand [cm]."""
+    """Results of a draw of the recordings: counts, and mean errors of the hand [cm]."""
     n = len(study.tasks)
     numbers: dict[str, float] = {
         "components": study.chosen,
