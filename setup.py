@@ -18,7 +18,7 @@ STABLE = sys.version_info >= (3, 11)
 
 
 def extension(name: str, *flags: str) -> Extension:
-    """Of one C file; without a compiler the Python beside it serves."""
+    """An optional extension of one C file; without a compiler its Python twin serves."""
     return Extension(
         f"{PACKAGE}.{name}",
         [f"{PACKAGE}/{name.replace('.', '/')}.c"],
@@ -38,7 +38,7 @@ class DistributionWithDataFiles(Distribution):
 
 
 def run(name: str) -> dict:
-    """What a file of the package defines that imports nothing of it."""
+    """Names defined by a file of the package that imports nothing else of it."""
     return runpy.run_path(str(ROOT / PACKAGE / name))
 
 

@@ -17,7 +17,7 @@ from intent_recognition.array_types import Flags, Floats
 from intent_recognition.errors import ArgumentError
 
 N_SECTORS = 72
-"""Directions in which the crest is looked for. Convention."""
+"""Directions in which the crest is looked for."""
 CREST_M = 0.0006
 """Vertices so near to the highest one in their sector belong to the crest [m]."""
 PINHOLE_M2 = 1e-4
@@ -127,7 +127,7 @@ def _crest(mesh: trimesh.Trimesh) -> Floats:
 
 
 def _offset(flat: Floats) -> Floats:
-    """Offset (2,) of the centre that points (n, 2) all around an assumed centre tell."""
+    """Offset (2,) of the true centre, from points (n, 2) all around an assumed one."""
     radius = np.linalg.norm(flat, axis=1)
     return 2.0 * (flat - flat / radius[:, None] * radius.mean()).mean(0)
 

@@ -6,15 +6,15 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 
 LAG_HIGH_S = 0.12
-"""Simulated lag of the newest estimate above which time slows down [s]. Convention."""
+"""Simulated lag of the newest estimate above which time slows down [s]."""
 LAG_LOW_S = 0.06
-"""Lag below which time speeds up again [s]. Convention."""
+"""Lag below which time speeds up again [s]."""
 SLOWEST = 0.1
-"""Simulated seconds per real second that are kept however large the lag. Convention."""
+"""Simulated seconds per real second that are kept however large the lag."""
 PACE_PERIOD_S = 0.2
-"""Time between two looks at the lag [s]. Convention."""
+"""Time between two looks at the lag [s]."""
 SLOWER, FASTER = 0.6, 1.15
-"""Factors on the pace at each look; slowing down is quicker than speeding up. Convention."""
+"""Factors on the pace at each look; slowing down is quicker than speeding up."""
 
 
 def next_factor(factor: float, asked: float, lag_s: float) -> float:

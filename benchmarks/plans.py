@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a plan tells what comes next, beside the Markov table of the same demonstrations.
+"""How well a plan predicts the next task, beside the Markov table of the same demonstrations.
 
     python benchmarks/plans.py [--first 100] [--seeds 10]
 
@@ -24,8 +24,8 @@ from intent_recognition.plans import DoneTask, WorkPlan, WorkProgress, learn_pla
 SLIPS = 0.02
 """Of each kind, a movement."""
 LOG_ODDS = 8.0
-"""Of the task that is done, against each other one, in what the recogniser says; standard normal
-noise is added to each. Misrecognised: about one of a thousand."""
+"""Mean log odds that the simulated recogniser gives the true task against each other one; standard
+normal noise is added. About one of a thousand is misrecognised."""
 
 
 def known(plan: WorkPlan, job: Job) -> WorkPlan:

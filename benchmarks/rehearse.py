@@ -32,15 +32,15 @@ from intent_recognition.signals import Demonstration, Signal
 
 N_TESTED, N_REHEARSED, N_SUGGESTED = 24, 18, 5
 N_RANDOM = 2
-"""Random choices that are averaged. Convention: it bounds the time."""
+"""Random choices that are averaged: few, to bound the time."""
 USUAL, SCARCE = 8, 1
-"""Demonstrations of each task at the beginning, and of the one that is short of them."""
+"""Demonstrations of each task at the beginning, and of the scarce one."""
 MOST_RATE_HZ = 35.0
-"""Recordings are thinned to this rate. Convention: it bounds the time."""
+"""Rate to which recordings are thinned, to bound the time [Hz]."""
 
 
 def thinned(recorded: Demonstration) -> Demonstration:
-    """The recording at a lower rate, and nobody's: those who are tested were all demonstrators."""
+    """The recording at a lower rate, without its person: all people demonstrate and are tested."""
 
     def thin(signal: Signal) -> Signal:
         span_s = (int(signal.stamps_ns[-1]) - int(signal.stamps_ns[0])) * 1e-9
@@ -111,7 +111,7 @@ def at_random(
 def as_suggested(
     trained: Trained, rehearsal: Rehearsal, pool: Sequence[Demonstration]
 ) -> list[Demonstration]:
-    """For each suggestion the recording that is the most like it."""
+    """For each suggestion, the recording of its task most like it."""
     offered = [example_of(one, trained.preprocessing) for one in pool]
     left, found = set(range(len(pool))), []
     for one in suggest_next(trained, rehearsal, N_SUGGESTED):

@@ -40,11 +40,11 @@ from intent_recognition.report import (
 from intent_recognition.signals import Demonstration, merge
 
 RISKS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.02)
-"""Shares of wrong actions that are asked for."""
+"""Largest accepted shares of wrong actions, one for each row."""
 MOST_FOLDS = 6
-"""Models that are learned. Convention: it bounds the time."""
+"""Most models that are learned, to bound the time."""
 ASKED_AT = 0.5
-"""Share of the movement after which a question counts: until then most are settled."""
+"""Share of the movement after which a question counts: most tasks are clear by then."""
 
 
 class Row(NamedTuple):

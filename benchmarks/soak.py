@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated work on end, with nodes killed and started again: does the graph stay as it was?
+"""Long simulated work, with nodes killed and started again: does the graph stay as it was?
 
 `python -m benchmarks.soak MODEL MINUTES [SECONDS_BETWEEN_KILLS [RATE]]` runs any length.
 """
@@ -40,14 +40,14 @@ RATE = 3.0
 """Simulated seconds per real one that are asked for; less where the estimates fall behind."""
 PACE_PERIOD_S, SAMPLE_PERIOD_S = 0.2, 5.0
 WINDOW_S = 60.0
-"""What a process has at a time is the median over so long [s]."""
+"""Time over which the usage of a process is summarised by its median [s]."""
 READY_S = 120.0
 """Longest wait until the nodes are ready [s]."""
 SHORTEST_INTERACTION_S = 5.0
 
 
 class Usage(NamedTuple):
-    """What a process has at a time."""
+    """What a process uses at a time."""
 
     at_s: float
     memory_mb: float

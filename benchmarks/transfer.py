@@ -30,12 +30,12 @@ SCORED_SEED = 10_000
 ARMS = ("lwr", "lwr", "panda")
 """Two of three trials are the LWR's."""
 WET_OBJECTS = ("plate", "bottle")
-"""Those whose slip can be told from the noise of the load."""
+"""Objects heavy enough for a slip to stand out of the noise of the load."""
 CLOCKS_S = (0.25, 2.0)
 """Clocks with the load signal off [s]: soon after the arm rests, and the time in which these people
 take an object on average, which no robot knows."""
 LARGEST_N, RELEASE_S, NOTICED_S = 15.0, 0.3, 0.05
-"""What is required of force, release and slips [N], [s], [s]."""
+"""Largest accepted force, time to release, and time until a slip is noticed [N], [s], [s]."""
 
 
 def transfer(n: int = N_TRIALS) -> Iterator[Result]:

@@ -39,33 +39,32 @@ KINDS = (*TRANSFERS, *DISTURBANCES, "slippery")
 """Kinds of trials: the robot gives, it takes, and what disturbs it."""
 STAND_M, LIFT_M = np.array([0.50, -0.25, 0.36]), np.array([0.0, 0.0, 0.06])
 OFFER_M, OFFER_RANGE_M = np.array([0.60, 0.0, 0.42]), np.array([0.03, 0.08, 0.06])
-"""Where the grip is at the stand, how far it lifts, and about where it offers [m]. Convention: of
-the toolbox assembly."""
+"""Where the grip is at the stand, how far it lifts, and about where it offers [m]."""
 LIFT_S, WAY_S = 0.5, (1.0, 1.5)
-"""Time to lift and to go to the offer [s]. Convention."""
+"""Time to lift, and range of the time to go to the offer [s]."""
 REST_M = np.array([0.35, 0.0, -0.15])
-"""From the grip to where the person's hand waits [m]. Convention."""
+"""From the offer to where the person's hand waits [m]."""
 BACK_S = 0.9
-"""Time to bring it back above its stand [s]. Convention."""
+"""Time to bring the object back above its stand [s]."""
 LONGEST_S, AFTER_S = 14.0, 0.6
-"""Longest trial, and what follows its end [s]. Convention."""
+"""Longest trial, and the time watched after its end [s]."""
 WAIT_S = 1.8
 """Patience of the robot while it is only disturbed [s]: longer than any of that."""
 LOST_M = 0.05
-"""Distance from where it was held from which an object is lost [m]. Convention."""
+"""Distance from its place in the grip at which an object is lost [m]."""
 WET, SLIDES_M_S = (0.45, 0.6), 0.01
 """Share of its weight that the usual grip holds of an object that turns wet on the way, and speed
-in the hand from which it slides [m/s]. Convention."""
+in the hand from which it slides [m/s]."""
 BESIDE_M = np.array([0.08, 0.0, 0.0])
-"""From where the object is held to a hand that does not take it [m]. Convention."""
+"""From where the object is held to a hand that does not take it [m]."""
 
 
 class ClockMachine(TransferMachine):
-    """For comparison: what it feels on the way is the object, and then what a clock says.
+    """For comparison: a clock replaces the measured load, except while the object is carried.
 
-    An offer feels taken over from a time after its begin on, so that the hand opens 0.2 s later,
-    whoever holds the object; what was received feels like the robot's as soon as the fingers have
-    closed.
+    A fixed time after the begin of an offer the load is taken for gone, so that the hand opens
+    0.2 s later, whoever holds the object; what was received counts as the robot's as soon as the
+    fingers have closed.
     """
 
     def __init__(self, patience_s: float, clock_s: float) -> None:
@@ -73,7 +72,7 @@ class ClockMachine(TransferMachine):
         self._clock_s, self._offered_s = clock_s, np.inf
 
     def step(self, request: Request, now: Situation) -> TransferOutput:
-        """As that of a machine that feels."""
+        """As `TransferMachine.step`, with the force by the clock."""
         if self.holding is not Holding.OFFERING:
             self._offered_s = now.time_s
         if self.holding is not Holding.CARRYING:
@@ -84,7 +83,7 @@ class ClockMachine(TransferMachine):
 
 
 class TransferTrial(NamedTuple):
-    """What is tried: kind, object, arm, seed; the clock of a robot that does not feel the load."""
+    """One trial: kind, object, arm and seed; the clock of a robot without a load signal."""
 
     kind: str
     thing: str
@@ -94,7 +93,7 @@ class TransferTrial(NamedTuple):
 
 
 class TransferOutcome(NamedTuple):
-    """What became of it.
+    """Outcome of a trial.
 
     Attributes:
         success: of a transfer: the other one has the object at the end, and this one not; of a

@@ -22,11 +22,11 @@ from sim_bridge.handover import (
 from sim_bridge.physics import pybullet
 
 STAND_M = (0.02, 0.02, 0.01)
-"""Half edges of the stand below an object [m]. Convention: narrower than the objects."""
+"""Half edges of the stand below an object [m]."""
 WAY_POINTS = 10
-"""Points of a straight way of the grip. Convention: 3 cm apart."""
+"""Points of a straight way of the grip: some 3 cm apart."""
 JUMP_RAD = 0.6
-"""Joints that turn by more between two of them change their branch [rad]. Measured: 0.41 if not."""
+"""Turn of a joint between two of them that changes its branch [rad]; 0.41 was measured without."""
 OBJECTS = {
     "box": TransferObject(0.1, (0.02, 0.015, 0.05), 0.015),
     "plate": TransferObject(0.4, (0.06, 0.004, 0.05), 0.015),

@@ -30,7 +30,7 @@ NEAR_M = 0.25
 """Distance of the person's hand from the grip below which it is at the object [m]: the length of
 what is handed over, and of a hand."""
 TRACKED_STD_M = 0.002
-"""Noise of the tracker [m]. Convention."""
+"""Standard deviation of the tracker's noise [m]."""
 
 
 class TransferSample(NamedTuple):

@@ -45,7 +45,7 @@ EXPERIMENTS = {
     **dict.fromkeys(("change_of_mind", "clearance", "skills", "constraints", "grasps"), ""),
     "pouring": "",
 }
-"""The papers' experiments, and what they are asked for besides the shipped recordings."""
+"""The papers' experiments, each with its options."""
 
 
 MINUTES = {
@@ -64,7 +64,7 @@ ACCURACY = (
     "... labels", "... their number", "aligning, ", "poses solved", "... growth, ", "... messages",
     "... off", "soak: memory", "soak: file", "soak: threads", "soak: nodes",
 )  # fmt: skip
-"""Parts of names of benchmarks that are of no speed."""
+"""Parts of the names of benchmarks that measure no speed."""
 
 
 class Source(NamedTuple):
@@ -103,7 +103,7 @@ def _speeds(results: Any) -> dict:
 
 
 def _printed(text: Any) -> dict:
-    """What a command printed at its end, without lines of progress."""
+    """The output of a command without its lines of progress."""
     kept = [line for line in text.strip().splitlines() if not line.endswith((" s", " s more"))]
     return {"text": "\n".join(kept).replace(f"{OUT}/", "")}
 
@@ -278,7 +278,7 @@ def plan(names: Sequence[str]) -> str:
 
 
 def measured(name: str) -> dict:
-    """Run the command of a figure; what is to be kept of it."""
+    """Run the command of a figure, and return what is kept of its result."""
     source, printed, start_s = SOURCES[name], "", time.monotonic()
     (ROOT / OUT).mkdir(parents=True, exist_ok=True)
     if source.result is not None:  # what an earlier run left is no result of this one
@@ -310,7 +310,7 @@ def with_figures(page: str, figures: Mapping[str, Mapping]) -> str:
 
 
 def _shown(name: str, figure: Mapping) -> str:
-    """A figure in Markdown; said of it, where it is missing or of another version."""
+    """A figure in Markdown, with a note where it is missing or of another version."""
     if not figure:
         return f'*Not measured yet: `make figures FIGURES="{name}"`.*'
     is_old = figure.get("version", __version__) != __version__

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference of nodes, from the nodes themselves: each is built once, and asked what it has."""
+"""The reference of nodes, from the nodes themselves: each is built and inspected once."""
 
 import importlib
 import json
@@ -32,7 +32,7 @@ HOW = {
     "dashboard": "../dashboard.md",
     "lwr_sim": "#arm_sim",
 }
-"""Where more is said about what a node does."""
+"""Pages with more about a node."""
 BAG = "bags/toolbox/test/plate_handover_00"
 EVERY_NODES = ("/rosout", "/parameter_events", "/diagnostics", f"{NAMESPACE}/clock_answers")
 LIFECYCLE = "transition_event"
@@ -75,7 +75,7 @@ def _running() -> Iterator[None]:
 
 
 def _overrides(folder: Path) -> dict[str, dict]:
-    """What some nodes cannot start without, or need to use all their topics."""
+    """Parameters that nodes need to start, or to use all their topics."""
     dofs = load_dofs()
     found, _ = read_demonstrations(sorted(share_path("bags/toolbox/train").iterdir())[::6], dofs)
     library = learn(found)
