@@ -59,7 +59,7 @@ def score(
     for _ in range(n_assemblies):
         progress, last = WorkProgress(plan, labels), len(labels)
         missing: set[str] = set()
-        told: set[str] = set()
+        said: set[str] = set()
         late: set[str] = set()
         for act in build(rng, job, SLIPS):
             habit = table[last]
@@ -80,11 +80,11 @@ def score(
             new = {job.labels[step] for step in act.missing} - missing
             missing |= new
             out["forgotten"] += len(new)
-            out["told"] += len(new & now)
-            out["told by the next"] += len(new & now) + len(late & now)
+            out["at once"] += len(new & now)
+            out["by the next"] += len(new & now) + len(late & now)
             late = new - now
-            out["false"] += len(now - told - missing)
-            told |= now
+            out["false"] += len(now - said - missing)
+            said |= now
     return out
 
 
@@ -116,8 +116,8 @@ def main() -> None:
             f" | {c['right of table'] / c['decidable']:.1%}"
             f" | {c['loss'] / c['loss of table']:.2f}"
             f" | {c['possible'] / c['movements']:.1%}"
-            f" | {c['told']} of {c['forgotten']}"
-            f" | {c['told by the next']}"
+            f" | {c['at once']} of {c['forgotten']}"
+            f" | {c['by the next']}"
             f" | {100 * c['false'] / c['movements']:.1f} |",
             flush=True,
         )

@@ -116,7 +116,7 @@ def _recorded(
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Print errors in cm, and how well the tasks are told apart."""
+    """Print errors in cm, and how well tasks are recognised."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     seed = parser.parse_args(arguments).seed
@@ -129,7 +129,7 @@ def main(arguments: list[str] | None = None) -> None:
         recorded = list(made(np.random.default_rng(seed)))
         result = evaluate(recorded, make_folds(recorded, protocol), unknown_tasks=False)
         for phase, scores in result["prediction"].items():
-            told = result["recognition"][phase]
+            found = result["recognition"][phase]
             print(
                 name,
                 phase,
@@ -138,7 +138,7 @@ def main(arguments: list[str] | None = None) -> None:
                 "inside 2 sigma",
                 *(f"{scores[share]['coverage_2_sigma']:.2f}" for share in SHARES),
                 "accuracy, log loss",
-                *(f"{told[s]['accuracy']:.2f} {told[s]['log_loss']:.2f}" for s in EARLY),
+                *(f"{found[s]['accuracy']:.2f} {found[s]['log_loss']:.2f}" for s in EARLY),
             )
 
 

@@ -102,5 +102,5 @@ fastest = np.abs(changed.velocities[:, 1]).max()
 print(f"to the side, the blended hand moves at {fastest:.2f} m/s at most")
 for axis, name in enumerate("xyz"):
     ends = [one.predict_controlled() for one in (plate, screw, both)]
-    told = ", ".join(f"{e.positions[-1, axis]:+.2f} ± {e.std[-1, axis]:.2f}" for e in ends)
-    print(f"end {name} of plate, screw, both [m]: {told}")
+    ends_m = ", ".join(f"{e.positions[-1, axis]:+.2f} ± {e.std[-1, axis]:.2f}" for e in ends)
+    print(f"end {name} of plate, screw, both [m]: {ends_m}")

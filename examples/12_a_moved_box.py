@@ -44,11 +44,11 @@ library = ir.learn(
 
 box = np.array([0.45, 0.25])
 times_s, wrist, hand = hand_over(box)
-told, untold = ir.IntentEstimator(library), ir.IntentEstimator(library)
-told.observe_context(box)
+informed, uninformed = ir.IntentEstimator(library), ir.IntentEstimator(library)
+informed.observe_context(box)
 errors = {"box known": [], "box unknown": []}
 for stamp_s, position in zip(times_s, wrist, strict=True):
-    for estimator, found in zip((told, untold), errors.values(), strict=True):
+    for estimator, found in zip((informed, uninformed), errors.values(), strict=True):
         estimator.observe(stamp_s, position)
         prediction = estimator.predict_controlled(n_points=1)
         if prediction is not None:

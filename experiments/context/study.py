@@ -107,11 +107,11 @@ def one_set(
             LATER: (np.where(after, known, never), with_box, later),
             KNOWN: (known, with_box, one),
         }
-        for name, ((mean, std), library, told) in ends.items():
+        for name, ((mean, std), library, shown) in ends.items():
             apart = mean - one.controlled[0].values[-1]
             errors[name].append(np.linalg.norm(apart, axis=1))
             inside[name].append(np.mean(np.abs(apart) < 2.0 * std, axis=1))
-            outcome = run_online(library, told)
+            outcome = run_online(library, shown)
             decided[name].append(outcome.decided_share)
             wrong[name].append(bool({*outcome.activated} - {one.task}))
     return DrawnSet(
