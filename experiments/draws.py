@@ -31,14 +31,9 @@ def draw_again(
     keep: Callable[[PurePosixPath], bool] = lambda folder: True,
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[Draw]:
-    """Make the recordings of a scenario from each seed but the first, and evaluate them.
+    """Make the recordings of a scenario from each seed but the first, and evaluate each folder.
 
-    Args:
-        settings: `n_seeds` draws in all, the shipped recordings being the first.
-        scenario: name of its recordings, as `experiments.generate` knows it.
-        evaluate: called with the folder in which the scenario's folder lies.
-        keep: which recordings are needed, by their folder.
-        progress: called with the share done, 0 to 1.
+    `keep` chooses the recordings that are needed by their folder.
     """
     from experiments.generate import record
 
@@ -79,12 +74,9 @@ def for_json(draws: Sequence[Draw]) -> list[dict[str, float]]:
 def draws_tables(
     draws: Sequence[Draw], unit: Callable[[str], str], caption: str
 ) -> tuple[TableBlock, ...]:
-    """A row for each draw, and one for median and range; no table of the shipped draw alone.
+    """A row for each draw, the shipped one first, and one for median and range.
 
-    Args:
-        draws: the shipped one first.
-        unit: of a number by its name, "" for none.
-        caption: of the table.
+    There is no table of the shipped draw alone. `unit` is called with the name of a number.
     """
     if len(draws) < 2:
         return ()

@@ -220,14 +220,7 @@ def _message(command: Command, now_ns: int, arm: "SimulatedArm") -> "TrajectoryC
 def as_demonstration(
     watched: WatchedReach, followed: PredictedInteraction, library: TaskLibrary, name: str
 ) -> Demonstration:
-    """The demonstration kept of a corrected execution: the person's movement and the path.
-
-    Args:
-        watched: the reach.
-        followed: the corrected prediction.
-        library: has the names of the DOFs.
-        name: of the demonstration.
-    """
+    """The demonstration kept of a corrected execution: the person's movement and the path."""
     samples, first_ns = watched.samples, watched.frames[0].now_ns
     seen = samples.visible
     phases = (samples.times_s - (followed.onset_ns - first_ns) * 1e-9) / followed.path.duration_s

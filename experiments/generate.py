@@ -99,14 +99,7 @@ def generate(
 def record(
     output: Path, seed: int, scenario: str, keep: Callable[[PurePosixPath], bool]
 ) -> list[Path]:
-    """Make some recordings of a scenario in this process; returns their directories.
-
-    Args:
-        output: the folder that gets toolbox/train and so on.
-        seed: of all variation.
-        scenario: one of `SCENARIOS`.
-        keep: which recordings, by their folder below `output`.
-    """
+    """Make the recordings of a scenario that `keep` chooses by their folder, in this process."""
     orders = (order for order in _scenario(scenario).orders(seed) if keep(order.folder))
     return [_make(scenario, order, output) for order in orders]
 

@@ -120,11 +120,7 @@ class TriedNumber(NamedTuple):
 
 
 def pairs_of(demonstrations: Sequence[Demonstration]) -> Pairs:
-    """Both agents of each demonstration, cut to the interaction; labels are not used.
-
-    Raises:
-        TrainingError: one of them cannot be used.
-    """
+    """Both agents of each demonstration, cut to the interaction; labels are not used."""
     cut = cut_to_movement(demonstrations)
     weights = np.array([make_example(one, BASIS, RIDGE).weights for one in cut])
     n_observed = sum(len(signal.names) for signal in cut[0].observed)
@@ -197,10 +193,6 @@ def to_predict_with(pairs: Pairs, clustering: Clustering) -> Components:
     """The mixtures without each demonstration, with covariances that keep the agents' correlation.
 
     Their components are in the order of the clustering's labels.
-
-    Args:
-        pairs: the demonstrations.
-        clustering: of all of them.
     """
     points, usual = pairs.features.coordinates, pairs.features.prior
     joint = log_joint(points, clustering.left_out)

@@ -74,14 +74,7 @@ def toolbox_recordings(settings: Settings) -> list[Demonstration]:
 def watch_reach(
     library: TaskLibrary, k: int, rng: np.random.Generator, limits: JointLimits
 ) -> WatchedReach:
-    """Show reach number k, of the tasks in turn, to a new estimator.
-
-    Args:
-        library: of the toolbox.
-        k: number of the reach.
-        rng: draws it and what the tracker sees.
-        limits: joint limits into which predicted paths are bent.
-    """
+    """Show reach number k, of the tasks in turn, to a new estimator."""
     from sim_bridge.coworker import TASKS, draw_reach, draw_rest, sample_wrist
 
     task = TASKS[k % len(TASKS)]

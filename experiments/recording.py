@@ -70,14 +70,7 @@ class ArmSamples(Protocol):
 def pose_and_joint_messages(
     start_ns: int, samples: WristSamples, arm: ArmSamples, topic: str = POSE_TOPIC
 ) -> Iterator[Message]:
-    """Yield the messages of tracker and arm, in order of time; occluded poses are left out.
-
-    Args:
-        start_ns: stamp of the first sample.
-        samples: of the tracked body, T of them.
-        arm: of the arm, as many.
-        topic: of the tracked body.
-    """
+    """Yield the messages of tracker and arm, in order of time; occluded poses are left out."""
     positions = to_counts(samples.positions_m, POSITION_STEP_M)
     turns = to_counts(samples.orientations, QUATERNION_STEP)
     angles = to_counts(arm.positions_rad, ANGLE_STEP_RAD)
@@ -91,11 +84,7 @@ def pose_and_joint_messages(
 
 
 def write_recording(folder: Path, metadata: Mapping[str, str], messages: Iterable[Message]) -> Path:
-    """Write a bag; returns its directory.
-
-    Raises:
-        ResourceBusyError: the directory exists already.
-    """
+    """Write a bag; returns its directory."""
     with BagWriter(folder, dict(metadata), flush_period_s=None) as bag:
         for topic, kind, stamp_ns, fields in messages:
             bag.write_message(topic, kind, fields, stamp_ns)

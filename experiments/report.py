@@ -35,14 +35,7 @@ def write_report(
 ) -> Path:
     """Write report.html into a folder, and each figure as a file of its own below figures/.
 
-    Args:
-        folder: is made if it is missing.
-        results: per experiment, in order.
-        failures: per experiment that broke off, why.
-        numbers: of `numbers_json`.
-
-    Raises:
-        ResourceBusyError: the report cannot be written.
+    `failures` has the reason of each experiment that broke off, `numbers` is of `numbers_json`.
     """
     (folder / "figures").mkdir(parents=True, exist_ok=True)
     for name, result in results.items():

@@ -64,9 +64,6 @@ def dtw_maps(
         window: largest distance between matched samples; None for no limit.
         penalty: cost of each step that is not diagonal.
         free_ends: samples at each end of either trajectory that need no match.
-
-    Raises:
-        ImportError: dtaidistance is not installed.
     """
     from dtaidistance import dtw_ndim
 

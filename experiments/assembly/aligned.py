@@ -43,12 +43,7 @@ def aligned_evidence(library: TaskLibrary, warp: Warp, recorded: Demonstration, 
 
 
 def spread_rows(phases: Floats, n: int) -> Floats:
-    """Indices of the samples nearest to n even phases, each sample once, (n,).
-
-    Args:
-        phases: of the samples, increasing, (T,).
-        n: how many; fewer than T.
-    """
+    """Indices (n,) of the samples, at increasing phases (T,), nearest to n even phases; each once."""
     wanted = (np.arange(n) + 0.5) / n
     rows = np.argmin(np.abs(phases[:, None] - wanted), axis=0)
     return np.maximum.accumulate(rows - np.arange(n)) + np.arange(n)

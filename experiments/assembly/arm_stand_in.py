@@ -82,10 +82,6 @@ def stand_in(library: TaskLibrary, recording: Demonstration) -> StoodIn:
     The estimator sees the worker's wrist, and the arm's hand in place of the assistant's. The arm
     starts where assistants rest. When the worker's movement is over, it ends its motion and begins
     no other one: a recording has one interaction.
-
-    Args:
-        library: learned from other recordings, wrist to wrist.
-        recording: with the worker as the observed agent.
     """
     observations = list(merge(recording.observed))
     start_ns = recording.start_ns

@@ -93,11 +93,7 @@ def score(
 ) -> Scored:
     """Recognise and predict one demonstration the library has not seen.
 
-    Args:
-        library: learned from `training`.
-        training: cut to their movements.
-        left_out: cut to its movement.
-        aligned_evidence: log evidence of the tasks on aligned demonstrations, (n + 1, K).
+    All are cut to their movements; the aligned log evidence of the tasks is (n + 1, K).
     """
     duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
     truth = sample(left_out.controlled, left_out.start_ns, TRUTH_PHASES * duration_s)
@@ -191,11 +187,8 @@ def phases_of(recorded: Demonstration, observations: Sequence[Observation]) -> F
 
 
 def observations_to_certainty(probabilities: Floats, truth: int) -> int | None:
-    """After how many observations the true task is certain and stays so; None if never.
-
-    Args:
-        probabilities: before any and after each observation, (n + 1, K).
-        truth: number of the true task.
+    """After how many observations (rows of (n + 1, K)) the true task is certain and stays so; None
+    if never.
     """
     uncertain = np.flatnonzero(probabilities[:, truth] < CERTAIN)
     if not uncertain.size:

@@ -101,11 +101,7 @@ class AssemblyStudy:
 
 
 def study(settings: Settings) -> AssemblyStudy:
-    """Read, learn, score and execute.
-
-    Raises:
-        BagError: there is nothing to read.
-    """
+    """Read, learn, score and execute."""
     demonstrations = read(settings)
     if settings.quick:
         demonstrations = _few(demonstrations)
@@ -184,10 +180,7 @@ def leave_out(
 def execute(library: TaskLibrary, recording: Demonstration, cut: Demonstration) -> StandInScore:
     """Let the arm take the assistant's place in one recording, and compare.
 
-    Args:
-        library: learned without it.
-        recording: as recorded.
-        cut: the same, from the worker's onset to both agents' rest.
+    `cut` is the recording from the worker's onset to both agents' rest.
     """
     from experiments.assembly.arm_stand_in import stand_in
 

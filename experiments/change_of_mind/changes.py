@@ -40,9 +40,6 @@ def change_of_mind(
     """Change a reach to another task, or to none (""), at a share of its time in (0, 1).
 
     See `blend`; without a blend the new reach is replanned from the hand's state.
-
-    Raises:
-        ArgumentError: the task is unknown, or a share is not possible.
     """
     if blend_share is None:
         return replan(rng, first, task, share)

@@ -73,13 +73,7 @@ class FollowedReach(NamedTuple):
 def follow_reach(
     library: TaskLibrary, movement: WristMovement, rng: np.random.Generator
 ) -> FollowedReach:
-    """Show one reach at 100 Hz to a new estimator.
-
-    Args:
-        library: of the toolbox.
-        movement: the reach, changed or not.
-        rng: source of the noise and the occlusions.
-    """
+    """Show one reach at 100 Hz to a new estimator."""
     end_s = REST_S + movement.duration_s
     until_s = end_s + DECIDED_WITHIN_S
     samples = sample_wrist(

@@ -45,15 +45,7 @@ def follow_sessions(
     interactions: int,
     progress: Callable[[float, str], None] = lambda share, what: None,
 ) -> list[FlowingSession]:
-    """Let an estimator see whole sessions without a pause, and never reset it within one.
-
-    Args:
-        library: of the toolbox.
-        seed: of the first session; the next has the next one.
-        count: how many sessions.
-        interactions: consecutive tasks in each.
-        progress: called with the share done and what is going on.
-    """
+    """Let an estimator see whole sessions from a first seed on, and never reset it within one."""
     sessions = []
     for k in range(count):
         progress(k / count, f"session {k + 1} without pauses")

@@ -13,12 +13,7 @@ _FAR_M = 10.0
 
 
 class BulletCell:
-    """An arm and boxes in a world of their own.
-
-    Args:
-        robot: the arm.
-        boxes: about it, in the frame of the world.
-    """
+    """An arm and boxes, in the frame of the world, in a physics world of their own."""
 
     def __init__(self, robot: Robot, boxes: Sequence[Box]) -> None:
         self._client = client = start_world()

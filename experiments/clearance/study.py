@@ -136,12 +136,8 @@ def arrival_s(done: Executed) -> float:
 
 
 def draw_boxes(rng: np.random.Generator, robot: "Robot", free: Executed) -> tuple[Box, ...]:
-    """One or two boxes beside or in the hand's way, clear of the arm where it begins and ends.
-
-    Args:
-        rng: draws them.
-        robot: the arm.
-        free: what it does without boxes.
+    """One or two boxes beside or in the way of the hand of a free run, clear of where it starts
+    and ends.
     """
     hand = free.hand_m[: free.interacting]
     ends = free.positions[[0, free.interacting - 1]]

@@ -39,13 +39,9 @@ class Caught:
 
 
 def tilt(world: BallWorld, balls_m: Floats, tilt_rad: float, *, hold_s: float = HOLD_S) -> Tilted:
-    """Fill a container, tilt it toward +x about its lip, and wait, at most until it is empty.
+    """Fill a container with settled balls (N, 3), tilt it toward +x about its lip, and wait.
 
-    Args:
-        world: its balls are replaced.
-        balls_m: settled centres (N, 3).
-        tilt_rad: angle to turn to.
-        hold_s: time to wait there.
+    It ends early when the container is empty.
     """
     turning = round(abs(tilt_rad) / TURN_RAD_S / STEP_S)
     steps = range(turning + round(hold_s / STEP_S))

@@ -104,12 +104,8 @@ def know_all(
 def pouring_samples(
     trials: Trials, known: dict[int, KnownContainer], *, difference: bool = False
 ) -> ConstraintSamples:
-    """Features of the pouring trials.
-
-    Args:
-        trials: all of them.
-        known: what the method knows, by object index.
-        difference: take the tilt less its reference instead of their ratio.
+    """Features of the pouring trials; `difference` takes the tilt less its reference, not their
+    ratio.
     """
     table = trials.tables[POURING]
     objects = table["object"].astype(int)
@@ -128,11 +124,8 @@ def filling_samples(
 ) -> ConstraintSamples:
     """Features of the filling trials.
 
-    Args:
-        trials: all of them.
-        known: what the method knows, by object index.
-        upright: measure to the pouring container as if it stood upright.
-        throw: whether the classifier learns the throw, too.
+    `upright` measures to the pouring container as if it stood upright; `throw` lets the classifier
+    learn the throw, too.
     """
     table = trials.tables[FILLING]
     objects = table["object"].astype(int)

@@ -38,11 +38,7 @@ class RocPanel(NamedTuple):
 
 @styled
 def roc_figure(rows: Sequence[Sequence[RocPanel]]) -> Drawing:
-    """Panels of ROC curves: mean and quartiles over training sets, areas in the legends.
-
-    Args:
-        rows: of panels, the same number each.
-    """
+    """Rows of panels of ROC curves: mean and quartiles over training sets, areas in the legends."""
     count = len(rows[0])
     figure = new_figure(4.4 * count, 4.1 * len(rows))
     grid = figure.subplots(len(rows), count, sharex=True, sharey=True, squeeze=False)

@@ -71,11 +71,7 @@ class PouringConstraint:
 
     @classmethod
     def learn(cls, features: Floats, poured: Floats) -> "PouringConstraint":
-        """Learn from features (n, 2) of any containers and labels (n,), 1 where some poured.
-
-        Raises:
-            TrainingError: only one label is present.
-        """
+        """Learn from features (n, 2) of any containers and labels (n,), 1 where some poured."""
         return cls(fit_logistic(features, poured, ridge=RIDGE))
 
     def probability(self, state: PouringState, cup: References) -> Floats:
@@ -146,9 +142,6 @@ class FillingConstraint:
             features: (n, 8) without throw.
             unit_throw: (n,).
             filled: labels (n,), 1 where nothing fell beside.
-
-        Raises:
-            TrainingError: only one label is present.
         """
 
         def learned(throw: float) -> tuple[float, LogisticModel]:

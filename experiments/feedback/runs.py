@@ -82,9 +82,6 @@ def execute(
             constant stiffness) instead.
         rng: of the disturbance; without one there is none.
         push: a push on top of it.
-
-    Raises:
-        KinematicsError: the start is outside the joint limits.
     """
     n = policy.n_joints
     mean = mean_movement(policy)

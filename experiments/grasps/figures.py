@@ -31,11 +31,7 @@ MM = 1e3
 
 @styled
 def cuts_figure(trials: Sequence[Trial]) -> Drawing:
-    """Each container cut where the warped grasp is, with the fingers before they close.
-
-    Args:
-        trials: one lift of every container in each manner.
-    """
+    """Each container cut where the warped grasp is, with the fingers before they close."""
     drawn = [
         pair
         for t in trials

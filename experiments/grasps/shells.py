@@ -36,9 +36,6 @@ def shell_pieces(mesh: trimesh.Trimesh) -> list[Floats]:
 
     Args:
         mesh: in metres, z up, wound outward; every ray from its axis meets the wall once.
-
-    Raises:
-        ArgumentError: there is no wall around a floor.
     """
     low, high = mesh.bounds
     turns = np.arange(N_CORNERS) * 2.0 * np.pi / N_CORNERS

@@ -44,9 +44,6 @@ def execute(
         positions: (T, 7) [rad].
         velocities: (T, 7) [rad/s]; the last row is taken for zero.
         start: posture of the arm before (7,) [rad].
-
-    Raises:
-        RejectedTrajectoryError: the trajectory is outside the arm's limits.
     """
     velocities = np.array(velocities, dtype=np.float64)
     velocities[-1] = 0.0

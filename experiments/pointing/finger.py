@@ -20,10 +20,8 @@ _MIDDLE_M = (0.0, 0.0, 0.5 * FINGER_LENGTH_M)
 class PointingBodies:
     """A rod fixed along the hand's z axis, its weight carried by the arm, and a table under it.
 
-    The rod touches the table if it comes down to it; it ignores the arm.
-
-    Args:
-        arm: the arm whose world they join; its base stands at the world's origin.
+    The rod touches the table if it comes down to it; it ignores the arm, whose base must stand at
+    the world's origin.
     """
 
     def __init__(self, arm: SimulatedArm) -> None:

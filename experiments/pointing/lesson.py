@@ -79,17 +79,8 @@ class TaughtPointing:
 def plan_path(
     rng: np.random.Generator, spot_m: Floats, start_s: float, arrival_s: float, length_s: float
 ) -> LedPath:
-    """Draw the way on which the arm is led from home to a spot (3,).
-
-    Args:
-        rng: of the individual path and of the teaching error.
-        spot_m: where the finger shall point, world.
-        start_s: when it leaves home.
-        arrival_s: when it arrives.
-        length_s: length of the recording.
-
-    Raises:
-        KinematicsError: the path leaves the workspace.
+    """Draw the way on which the arm is led from home at `start_s` to a spot (3,) at `arrival_s`, in
+    a recording of `length_s`.
     """
     error = np.append(TEACHING_STD_M * rng.standard_normal(2), 0.0)
     bow = _BOW_M + _BOW_STD_M * rng.standard_normal(3)
@@ -107,13 +98,7 @@ def plan_path(
 
 
 def teach(rng: np.random.Generator, path: LedPath, n_samples: int) -> TaughtPointing:
-    """Lead the arm along a path in a fresh physics world, and record what its sensors say.
-
-    Args:
-        rng: of the posture at the start and of the sensors.
-        path: where the hands are.
-        n_samples: length of the recording, one sample every 10 ms.
-    """
+    """Lead the arm along a path in a fresh world; record its sensors `n_samples` times."""
     strongest, touched, states = 0.0, False, []
 
     def lead(arm: SimulatedArm) -> None:

@@ -86,13 +86,8 @@ def plan_reach(rng: np.random.Generator, spot_m: Floats) -> Reach:
 def point(
     rng: np.random.Generator, spot_m: Floats, placement_m: Floats, hold_s: float
 ) -> PersonPointing:
-    """Draw one recording of a person who points at a spot and holds still.
-
-    Args:
-        rng: source of the individual movement.
-        spot_m: the spot (3,), world.
-        placement_m: where the marker sits in this session (3,).
-        hold_s: how long the person holds.
+    """Draw one recording of a person who points at a spot (3,) and holds still for `hold_s`; the
+    marker sits at `placement_m` (3,).
     """
     onset = round(rng.uniform(0.6, 0.9), 3)
     reach = plan_reach(rng, spot_m)

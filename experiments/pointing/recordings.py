@@ -79,11 +79,7 @@ def orders(seed: int) -> list[PointingOrder]:
 
 
 def record(order: PointingOrder) -> PointingRecording:
-    """Simulate one recording.
-
-    Raises:
-        ArgumentError: no such set or spot.
-    """
+    """Simulate one recording."""
     target = spot(order.purpose, order.index)
     placement = marker_placement(order.rng(99))
     rng = order.rng(order.index)

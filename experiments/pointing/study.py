@@ -94,9 +94,6 @@ def draw(folder: Path) -> dict[str, float]:
 
     The predictions are not executed: the arm points where it is sent, up to the shipped runs'
     `largest_execution_error_m`.
-
-    Raises:
-        TrainingError: the recordings cannot be learned from.
     """
     from experiments.pointing.recordings import PURPOSES
 

@@ -70,14 +70,9 @@ class _Hand:
 def lead_around(
     rng: np.random.Generator, way: Way, start_s: float, arrival_s: float, n_samples: int
 ) -> PoleLesson:
-    """Lead the arm along a way in a fresh world with the pole; record what its sensors say.
+    """Lead the arm along a way, from `start_s` to `arrival_s`, in a fresh world with the pole.
 
-    Args:
-        rng: of the sensors.
-        way: where the arm is led.
-        start_s: when it is led off, since the recording began.
-        arrival_s: when it arrives.
-        n_samples: length of the recording, 100 a second.
+    Its sensors are recorded `n_samples` times, every 10 ms.
     """
     hand = _Hand(way, start_s, arrival_s, (n_samples - 1) * 0.01)
     states, distance = [], []

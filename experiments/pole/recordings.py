@@ -152,11 +152,7 @@ def metadata(shown: PoleDemonstration) -> dict[str, str]:
 
 
 def content(order: PoleOrder, _: Path) -> Content:
-    """Simulate one recording: its metadata and its messages.
-
-    Raises:
-        KinematicsError: it cannot be shown.
-    """
+    """Simulate one recording: its metadata and its messages."""
     shown = demonstrate(order)
     said = pose_and_joint_messages(order.start_ns, shown.pointing.samples, shown.lesson, WAND_TOPIC)
     return metadata(shown), said

@@ -19,11 +19,7 @@ WATCH_M = 0.05
 
 
 class Pole:
-    """A fixed pole in the world of an arm.
-
-    Args:
-        arm: the arm; its base stands at the origin.
-    """
+    """A fixed pole in the world of an arm, whose base stands at the origin."""
 
     def __init__(self, arm: SimulatedArm) -> None:
         self._arm = arm
@@ -70,17 +66,10 @@ class PoleRun:
 
 
 def execute(positions_rad: Floats, times_s: Floats, rest_s: float = 0.5) -> PoleRun:
-    """Let the arm follow a trajectory in physics, from rest at its first posture.
+    """Let the arm follow postures (T, 7) at times (T,) from 0 on, from rest, and watch it for
+    `rest_s` more.
 
     The arm is compliant: a pole in its way stops it, which counts as a touch.
-
-    Args:
-        positions_rad: postures (T, 7).
-        times_s: when, increasing from 0 (T,).
-        rest_s: how long it is watched after the end.
-
-    Raises:
-        KinematicsError: the first posture is outside the joint limits.
     """
     curve = CubicSpline(times_s, positions_rad, bc_type="clamped")
     end_s, touched = float(times_s[-1]), False

@@ -37,11 +37,6 @@ class Constraints:
 
         Until the cup is tilted most it is taken to be half full; after that nothing more is
         expected to leave it.
-
-        Args:
-            path: of the lip.
-            cup: the container in the hand.
-            second: the other one.
         """
         todo = np.arange(len(path.times_s)) <= np.argmax(path.tilt_rad)
         fluid = np.where(todo, HALF_FULL * cup.volume_m3, 0.0)
@@ -50,12 +45,7 @@ class Constraints:
 
 
 def learn_constraints(cup: str, seen_as: Callable[[str], Seen]) -> Constraints:
-    """Learn from all shipped trials with one cup.
-
-    Args:
-        cup: name of the container.
-        seen_as: parameters of a container, estimated from a scan.
-    """
+    """Learn from all shipped trials with one cup; `seen_as` estimates a container by a scan."""
     tables, index = read_trials(share_path(TRIALS_FILE)).tables, CONTAINER_NAMES.index(cup)
     own, second = seen_as(cup).references, seen_as(SECOND).references
     pouring = {n: v[tables[POURING]["object"] == index] for n, v in tables[POURING].items()}

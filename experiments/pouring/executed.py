@@ -187,17 +187,7 @@ def planned(order: PourOrder, skill: Skill) -> Planned:
 
 
 def asked_level(far: Reached, asked: str, cup: Seen, second: References) -> PourLevel:
-    """What is asked of a pour from a cup that is half full.
-
-    Args:
-        far: how far the demonstrated pours go.
-        asked: see `warping.amount_to_leave`.
-        cup: the container in the hand.
-        second: the other one.
-
-    Raises:
-        ArgumentError: it is nothing that can be poured.
-    """
+    """The level asked of a pour from a half full cup, as `warping.amount_to_leave` reads it."""
     volume_m3 = cup.references.volume_m3
     left_m3 = amount_to_leave(asked, HALF_FULL * volume_m3, second.volume_m3)
     return PourLevel(far, cup.emptying, HALF_FULL, left_m3 / volume_m3)
@@ -246,11 +236,7 @@ def messages(order: PourOrder, poured: "Poured") -> Iterator[Message]:
 
 
 def content(order: PourOrder, bags: Path) -> Content:
-    """Plan and pour, with the skill of the demonstrations below `bags`: metadata and messages.
-
-    Raises:
-        KinematicsError: the path is out of reach, or none passes the check.
-    """
+    """Plan and pour, with the skill of the demonstrations below `bags`: metadata and messages."""
     plan_ = planned(order, learn_skill(bags / "pouring" / "train", order.seed))
     poured = execute(order, plan_)
     return metadata(order, plan_, poured), messages(order, poured)

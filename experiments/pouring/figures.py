@@ -106,13 +106,7 @@ def _band(
 def spilled_figure(
     pairs: Sequence[str], spilled: Mapping[str, Sequence[int]], n_balls: int
 ) -> Drawing:
-    """Bars of spilled balls per pair, one colour per way to pour.
-
-    Args:
-        pairs: names.
-        spilled: per way to pour the number of each pair.
-        n_balls: in the cup at the start.
-    """
+    """Bars of balls spilled of `n_balls` per pair, one colour per way to pour."""
     figure, axes = new_axes(10.5, 4.0)
     width, places = 0.8 / len(spilled), np.arange(len(pairs))
     colours = (PALETTE[2], PALETTE[5], PALETTE[1])

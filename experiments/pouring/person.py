@@ -65,13 +65,7 @@ def draw_habit(rng: np.random.Generator) -> Habit:
 
 
 def plan_pour(habit: Habit, cup: References, second: References) -> PourPath:
-    """The path of the lip from rest to rest.
-
-    Args:
-        habit: how the person pours.
-        cup: true references of the container in the hand.
-        second: true references of the other container.
-    """
+    """The path of the lip from rest to rest, by the true references of both containers."""
     count = round(habit.duration_s / SAMPLE_S) + 1
     share = np.linspace(0.0, 1.0, count)
 

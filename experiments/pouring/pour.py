@@ -111,9 +111,6 @@ def pour(
         rng: of how the balls lie.
         led: kinesthetic teaching: the arm is in gravity compensation and a person's hand leads it.
         belief: where the robot takes lip and opening to be; the truth where left out.
-
-    Raises:
-        KinematicsError: the path is out of reach.
     """
     belief = belief or AssumedGeometry(cup.lip_point, second.opening_centre)
     opening = OPENING_M + belief.opening_m - second.opening_centre

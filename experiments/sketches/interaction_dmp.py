@@ -149,9 +149,6 @@ def fit_demonstrations(
         demonstrations: n arrays (T_i, D) of positions at even phases from 0 to 1.
         smoother: filter of the derivatives.
         ridge: as of `DmpModel.fit`.
-
-    Raises:
-        ArgumentError: a demonstration has too few samples.
     """
     rows = []
     for values in demonstrations:

@@ -40,13 +40,6 @@ def plan_demonstration(rng: np.random.Generator, task: str) -> WristDemonstratio
     """Draw one demonstration of a task.
 
     The robot arrives about a quarter of the movement's duration after its end, 0.3 to 0.95 s.
-
-    Args:
-        rng: source of all variation; the same state gives the same demonstration.
-        task: label of the task.
-
-    Raises:
-        ArgumentError: the task is unknown.
     """
     onset = round(rng.uniform(0.65, 1.0), 3)
     reach = draw_reach(rng, task, draw_rest(rng))

@@ -115,14 +115,7 @@ class _Lesson:
 def teach(rng: np.random.Generator, path: TeachingPath, wrist_m: Floats) -> TaughtArm:
     """Teach the arm one path in a fresh physics world and record what its sensors say.
 
-    Args:
-        rng: of the posture at the start and of the sensors.
-        path: where the demonstrator leads the hand.
-        wrist_m: where the worker's wrist is every 10 ms from the start on (T, 3), world; T - 1
-            intervals make the length of the recording.
-
-    Raises:
-        KinematicsError: the start is outside the joint limits.
+    `wrist_m` is where the worker's wrist is every 10 ms from the start on (T, 3), world.
     """
     start = HOME + HOME_STD_RAD * rng.standard_normal(7)
     rows = []

@@ -113,19 +113,10 @@ def plan_teaching(
     arrival_s: float,
     length_s: float,
 ) -> TeachingPath:
-    """Draw the path of one kinesthetic demonstration.
+    """Draw the path of one kinesthetic demonstration of `length_s`.
 
-    Args:
-        rng: source of the individual path and of the teaching error.
-        task: label.
-        goal_m: where the worker's wrist stops (3,), world.
-        onset_s: start of the worker's movement, since the recording began.
-        arrival_s: when the robot's hand is to arrive.
-        length_s: length of the recording.
-
-    Raises:
-        ArgumentError: the task is unknown.
-        KinematicsError: the path leaves the workspace.
+    The worker's movement begins at `onset_s` and its wrist stops at `goal_m` (3,), world; the
+    robot's hand is to arrive at `arrival_s`.
     """
     times = teaching_times(task, onset_s, arrival_s)
     error = TEACHING_STD_M * rng.standard_normal(3)

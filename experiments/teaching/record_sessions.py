@@ -53,11 +53,7 @@ def session_messages(plan: SessionPlan, start_ns: int) -> Iterator[tuple[str, st
 
 
 def record_session(folder: Path, seed: int, number: int, interactions: int) -> Path:
-    """Write session `number` as a bag in `folder`; return its directory.
-
-    Raises:
-        ResourceBusyError: the directory exists already.
-    """
+    """Write session `number` as a bag in `folder`; return its directory."""
     tasks = parse_task_list("habit", seed, interactions)
     plan = plan_session(seed, tasks)
     path = folder / f"session_{number:02d}"

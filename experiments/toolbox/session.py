@@ -71,12 +71,7 @@ class _Acted(NamedTuple):
 
 
 def watch(estimator: IntentEstimator, samples: WristSamples) -> Iterator[SeenEstimate]:
-    """Show an estimator the wrist, sample by sample, and decide as the node does by default.
-
-    Args:
-        estimator: of the toolbox; it goes on from what it has seen before.
-        samples: what the tracker sees.
-    """
+    """Show an estimator the wrist, sample by sample, and decide as the node does by default."""
     settings, decision = decision_settings(estimator.library), DecisionState()
     ingest, state = IngestSettings(), IngestState()
     for k in np.flatnonzero(samples.visible):
@@ -102,13 +97,7 @@ def watch(estimator: IntentEstimator, samples: WristSamples) -> Iterator[SeenEst
 def play(
     library: TaskLibrary, names: Mapping[str, str], plan: SessionPlan
 ) -> list[ToolboxExecution]:
-    """Let the estimator see a whole session.
-
-    Args:
-        library: learned without labels.
-        names: the coworker's word for each label of the library.
-        plan: the session.
-    """
+    """Let the estimator see a whole session; `names` has the coworker's word for each label."""
     estimator = IntentEstimator(library)
     ends = [interaction.end_s for interaction in plan.interactions]
     acted: list[_Acted] = []
