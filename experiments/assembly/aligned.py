@@ -43,7 +43,7 @@ def aligned_evidence(library: TaskLibrary, warp: Warp, recorded: Demonstration, 
 
 
 def spread_rows(phases: Floats, n: int) -> Floats:
-    """Indices (n,) of the samples, at increasing phases (T,), nearest to n even phases; each once."""
+    """Indices (n,) of the samples at phases (T,) nearest to n even phases, each sample once."""
     wanted = (np.arange(n) + 0.5) / n
     rows = np.argmin(np.abs(phases[:, None] - wanted), axis=0)
     return np.maximum.accumulate(rows - np.arange(n)) + np.arange(n)

@@ -133,7 +133,7 @@ def messages(order: DemonstrationOrder, poured: "Poured") -> Iterator[Message]:
 def joint_messages(
     start_ns: int, poured: "Poured", noise: np.random.Generator, *, every: int = 1
 ) -> Iterator[Message]:
-    """Yield (topic, type, stamp in ns, fields) of noisy sensors, in order, one of `every` samples."""
+    """Yield (topic, type, stamp in ns, fields) of noisy sensors, one of `every` samples."""
     from experiments.teaching.lesson import SENSOR_NOISE
     from sim_bridge.arm import ArmState
 
