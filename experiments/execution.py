@@ -151,7 +151,7 @@ def execute(
 
         def before_step(arm: "SimulatedArm") -> None:
             arm.set_reference(*follower.sample(arm.time_s))
-            if gripper is not None and arm.n_steps % GRIPPER_STEPS == 0:
+            if arm.n_steps % GRIPPER_STEPS == 0:
                 gripper.update()
             if person is not None:
                 person(arm, activation.mode)
@@ -178,8 +178,7 @@ def execute(
                 commands.append(command)
                 follower.accept(_message(command, frame.now_ns, arm), arm.time_s)
             corrected = activation.motions.corrected or corrected
-            if gripper is not None:
-                gripper.set_task(activation.active_task)
+            gripper.set_task(activation.active_task)
             begun = (one for one in reversed(commands) if one.start_ns <= frame.now_ns)
             in_force = next(begun, None)
             asked = JointReference.at_rest(HOME) if in_force is None else in_force.at(frame.now_ns)

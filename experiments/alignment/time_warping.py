@@ -4,6 +4,7 @@
 A map holds the recorded phases at even phases of the reference, (T,).
 """
 
+from importlib.util import find_spec
 from typing import NamedTuple
 
 import numpy as np
@@ -33,11 +34,7 @@ class Steps(NamedTuple):
 
 def dtw_available() -> bool:
     """Whether the library for dynamic time warping is installed."""
-    try:
-        import dtaidistance  # noqa: F401
-    except ImportError:
-        return False
-    return True
+    return find_spec("dtaidistance") is not None
 
 
 def smooth_maps(trajectories: Floats, reference: int) -> Floats:

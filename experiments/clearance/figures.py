@@ -2,7 +2,6 @@
 """The figure of boxes in the way: how near the arm comes."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from experiments.clearance.study import ClearanceRun
 from intent_recognition.report import (
@@ -14,9 +13,6 @@ from intent_recognition.report import (
     new_axes,
     styled,
 )
-
-if TYPE_CHECKING:
-    pass
 
 COLOURS = {
     "as before": NONE_COLOUR,

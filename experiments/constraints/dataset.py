@@ -63,39 +63,6 @@ def generate(
     return rows
 
 
-def write_finished(
-    output: Path, seed: int, *, trials: int = TRIALS_PER_OBJECT
-) -> dict[str, Floats]:
-    """Write what an unfinished run has made so far, as many trials of every object.
-
-    The run can go on afterwards, and replaces the file in the end.
-
-    Args:
-        output: the .npz to write.
-        seed: of the run.
-        trials: per object and experiment, of the run.
-
-    Raises:
-        ArgumentError: an experiment has no trials of some object yet.
-        ResourceBusyError: the folder beside it holds work with other settings.
-    """
-    origin = _origin(seed, trials)
-    parts = _parts_folder(output, origin)
-    todo = blocks(seed, trials)
-    lacking = {
-        name: min(
-            (b.index for b in todo if b.experiment == name and not _part(parts, b).is_file()),
-            default=len(todo),
-        )
-        for name in COLUMNS
-    }
-    finished = [block for block in todo if block.index < lacking[block.experiment]]
-    if {block.experiment for block in finished} != set(COLUMNS):
-        cure = "Let the run go on for a while."
-        raise ArgumentError.about(str(parts), "a block of every object", lacking, cure)
-    return _write(output, parts, finished, origin)
-
-
 def _origin(seed: int, trials: int) -> dict[str, int]:
     return {"seed": seed, "trials_per_object": trials, "container_seed": CONTAINER_SEED}
 
@@ -170,45 +137,26 @@ def _parser() -> argparse.ArgumentParser:
         default=TRIALS_PER_OBJECT,
         help="per object and experiment (default %(default)s)",
     )
-    parser.add_argument(
-        "--as-is", action="store_true", help="only write what an unfinished run has made so far"
-    )
     return parser
-
-
-def _generate_with_bar(options: argparse.Namespace) -> dict[str, Floats]:
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (TextColumn("{task.description:32}"), BarColumn(), MofNCompleteColumn())
-    left = (TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
-    with Progress(*columns, *left) as bar:
-        task = bar.add_task("blocks", total=None)
-        return generate(
-            options.output,
-            options.seed,
-            trials=options.trials,
-            jobs=options.jobs,
-            progress=lambda name, done, total: bar.update(
-                task, completed=done, total=total, description=name
-            ),
-        )
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code."""
     options = _parser().parse_args(args)
+    from rich.progress import Progress
+
     try:
-        if options.as_is:
-            rows = write_finished(options.output, options.seed, trials=options.trials)
-        else:
-            rows = _generate_with_bar(options)
+        with Progress() as bar:
+            task = bar.add_task("blocks", total=None)
+            rows = generate(
+                options.output,
+                options.seed,
+                trials=options.trials,
+                jobs=options.jobs,
+                progress=lambda name, done, total: bar.update(
+                    task, completed=done, total=total, description=name
+                ),
+            )
     except IntentError as error:
         sys.stderr.write(f"dataset: {error}\n")
         return 1

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError
 
 GRID = np.linspace(0.0, 1.0, 201)
 """False positive rates at which curves are averaged."""
@@ -27,15 +26,8 @@ class RocCurve(NamedTuple):
 
 
 def roc_curve(scores: Floats, labels: Floats) -> RocCurve:
-    """The curve of scores (n,), higher for positives, against labels (n,), 0 or 1.
-
-    Raises:
-        ArgumentError: one of the two labels is missing.
-    """
+    """The curve of scores (n,), higher for positives, against labels (n,), 0 or 1."""
     positive = np.asarray(labels, dtype=bool)
-    if positive.all() or not positive.any():
-        cure = "Test on samples of both kinds."
-        raise ArgumentError.about("labels", "both 0 and 1", np.unique(labels), cure)
     order = np.argsort(-np.asarray(scores, dtype=float), kind="stable")
     ranked = np.asarray(scores, dtype=float)[order]
     last = np.append(np.flatnonzero(np.diff(ranked)), len(ranked) - 1)

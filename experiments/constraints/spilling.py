@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ShapeError
 from intent_recognition.warping import LogisticModel, References, fit_logistic
 
 RIDGE = 0.1
@@ -107,14 +106,13 @@ class FillingConstraint:
             second: the other one.
             throw: measure the offset along to where it lands, in `unit_throw` ahead of the lip.
         """
-        offset = _offsets(state)
-        along, across = (offset[:, :2] / second.opening_radius_m).T
+        along, across = (state.offset_m[:, :2] / second.opening_radius_m).T
         columns = (
             along,
             along**2,
             across,
             across**2,
-            offset[:, 2] / cup.height_m,
+            state.offset_m[:, 2] / cup.height_m,
             np.asarray(state.second_fluid_m3, dtype=float) / second.volume_m3,
             np.asarray(state.fluid_m3, dtype=float) / cup.volume_m3,
             np.asarray(state.tilt_rad, dtype=float) / cup.tilt_rad,
@@ -129,7 +127,7 @@ class FillingConstraint:
         Not in the paper. The speed after a slide down a wall without friction grows with the square
         root of its length, the time of the fall with that of the height.
         """
-        above = np.maximum(_offsets(state)[:, 2], 0.0)
+        above = np.maximum(state.offset_m[:, 2], 0.0)
         return np.sqrt(cup.height_m * above) / second.opening_radius_m
 
     @classmethod
@@ -181,15 +179,6 @@ def landing(features: Floats, ahead: Floats) -> Floats:
     moved[:, 0] += ahead
     moved[:, 1] = moved[:, 0] ** 2
     return moved
-
-
-def _offsets(state: FillingState) -> Floats:
-    """Offsets (n, 3) of n states, checked."""
-    offset = np.asarray(state.offset_m, dtype=float)
-    if offset.ndim != 2 or offset.shape[1] != 3:
-        cure = "One row per state: along, across, up."
-        raise ShapeError.about("offset_m", "shape (n, 3)", offset.shape, cure)
-    return offset
 
 
 def _stack(columns: tuple[Floats, ...]) -> Floats:

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The finger as a body in the arm's hand, and the table it points at."""
 
-import numpy as np
 from scipy.spatial.transform import Rotation
 
 from experiments.pointing.scene import CIRCLE_CENTRE_M, FINGER_LENGTH_M, TABLE_HEIGHT_M
 from sim_bridge.arm import SimulatedArm
-from sim_bridge.physics import pybullet
+from sim_bridge.physics import fix, pybullet
 
 FINGER_MASS_KG = 0.05
 """Mass of the rod [kg]."""
@@ -41,31 +40,13 @@ class PointingBodies:
         client.changeDynamics(self.finger, -1, linearDamping=0.0, angularDamping=0.0)
         for link in range(-1, client.getNumJoints(arm.body)):
             client.setCollisionFilterPair(self.finger, arm.body, -1, link, 0)
-        self._fix()
-        arm.set_payload(FINGER_MASS_KG, _MIDDLE_M)
-
-    def _fix(self) -> None:
-        arm, client = self._arm, self._arm.client
         hand = arm.hand_pose()
-        turn = Rotation.from_quat(hand.orientation).as_matrix()
-        middle = hand.position + turn @ np.array(_MIDDLE_M)
+        middle = hand.position + Rotation.from_quat(hand.orientation).apply(_MIDDLE_M)
         client.resetBasePositionAndOrientation(
             self.finger, middle.tolist(), hand.orientation.tolist()
         )
-        anchor = client.getLinkState(arm.body, arm.hand_link, computeForwardKinematics=1)[:2]
-        inverse = client.invertTransform(*anchor)
-        local = client.multiplyTransforms(*inverse, middle.tolist(), hand.orientation.tolist())
-        client.createConstraint(
-            arm.body,
-            arm.hand_link,
-            self.finger,
-            -1,
-            pybullet.JOINT_FIXED,
-            [0, 0, 0],
-            parentFramePosition=local[0],
-            childFramePosition=(0.0, 0.0, 0.0),
-            parentFrameOrientation=local[1],
-        )
+        fix(client, self.finger, arm.body, arm.hand_link)
+        arm.set_payload(FINGER_MASS_KG, _MIDDLE_M)
 
     def touches(self) -> bool:
         """Whether finger or arm touch the table right now."""

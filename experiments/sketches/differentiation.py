@@ -13,9 +13,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, savgol_filter, sosfiltfilt
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError
 
-MIN_SAMPLES = 5
 HIGHEST_CUTOFF = 0.95
 """Highest cut-off of a digital filter, in parts of half the sampling rate."""
 
@@ -55,24 +53,7 @@ def derivative_operators(smoother: Smoother, n_samples: int, step: float) -> Flo
         smoother: the filter; a window longer than the samples is cut to them.
         n_samples: T, at least 5.
         step: phase from one sample to the next, positive.
-
-    Raises:
-        ArgumentError: too few samples, or an invalid filter.
     """
-    if n_samples < MIN_SAMPLES or not step > 0:
-        raise ArgumentError.about(
-            "n_samples, step",
-            f"at least {MIN_SAMPLES} samples a positive step apart",
-            f"{n_samples}, {step}",
-            "Sparse samples have no second derivative; interpolate them first.",
-        )
-    if not min(smoother) > 0 or (isinstance(smoother, SavitzkyGolay) and smoother.order < 2):
-        raise ArgumentError.about(
-            "smoother",
-            "positive numbers, polynomials of degree 2 or more",
-            smoother,
-            "Try SavitzkyGolay(0.2).",
-        )
     unit = np.eye(n_samples)
     if isinstance(smoother, SavitzkyGolay):
         operators = _savitzky_golay(smoother, unit, step)
@@ -112,18 +93,8 @@ def spline_operators(phase: Floats, at: Floats, roughness: float) -> Floats:
         phase: of the samples, (T,), increasing, at least three.
         at: where it is wanted, (K,); beyond the samples it goes on as a cubic and means little.
         roughness: not negative.
-
-    Raises:
-        ArgumentError: fewer than three samples, phases that do not increase, negative roughness.
     """
     gap = np.diff(phase)
-    if len(phase) < 3 or not np.all(gap > 0) or not roughness >= 0:
-        raise ArgumentError.about(
-            "phase, roughness",
-            "at least three increasing phases, no negative roughness",
-            f"{phase}, {roughness}",
-            "Sort the samples and merge those of one phase.",
-        )
     rows = np.arange(len(phase) - 2)
     second = np.zeros((len(phase) - 2, len(phase)))
     second[rows, rows], second[rows, rows + 2] = 1.0 / gap[:-1], 1.0 / gap[1:]

@@ -22,7 +22,6 @@ from scipy.linalg import expm
 
 from experiments.sketches.differentiation import Smoother, derivative_operators
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.promp import NormalizedRBFBasis, fit_weights
 
 N_ENDS = 3
@@ -31,27 +30,9 @@ ROLLOUT_STEPS = 400
 """Steps in which a DMP is integrated over the movement."""
 
 
-@dataclass(frozen=True)
-class SpringDamper:
-    """The attractor q'' = alpha (beta (goal - q) - q') + f, critically damped: beta = alpha / 4.
-
-    Attributes:
-        alpha: per unit of phase, positive; 25 is the usual choice.
-
-    Raises:
-        ArgumentError: `alpha` is not positive.
-    """
-
-    alpha: float = 25.0
-
-    def __post_init__(self) -> None:
-        if not self.alpha > 0:
-            raise ArgumentError.about("alpha", "a positive number", self.alpha, "Try 25.")
-
-    @property
-    def stiffness(self) -> float:
-        """Alpha times beta."""
-        return self.alpha**2 / 4.0
+ALPHA, STIFFNESS = 25.0, 25.0**2 / 4.0
+"""The attractor q'' = alpha (beta (goal - q) - q') + f per unit of phase, critically damped: alpha,
+and alpha beta with beta = alpha / 4."""
 
 
 class Motion(NamedTuple):
@@ -68,31 +49,24 @@ class DmpModel:
 
     Attributes:
         basis: N basis functions of the forcing function.
-        spring: the attractor.
     """
 
     basis: NormalizedRBFBasis
-    spring: SpringDamper = SpringDamper()
 
     @property
     def n_parameters(self) -> int:
         """Parameters of one DOF, N + 3."""
         return self.basis.n_basis + N_ENDS
 
-    def forcing(self, motion: Motion, goal: Floats) -> Floats:
-        """Forcing function of a motion toward `goal` (IP Eq. 14), shape of the motion's arrays."""
-        return self.drive(motion) - self.spring.stiffness * goal
-
     def drive(self, motion: Motion) -> Floats:
         """q'' + alpha q' + alpha beta q: what a motion shows of its forcing function and goal."""
-        alpha, stiffness = self.spring.alpha, self.spring.stiffness
-        return motion.acceleration + alpha * motion.velocity + stiffness * motion.position
+        return motion.acceleration + ALPHA * motion.velocity + STIFFNESS * motion.position
 
     def observation_matrix(self, phase: Floats) -> Floats:
         """Rows that take one DOF's parameters to its drive at phases (T,), (T, N + 3)."""
         rows = np.zeros((len(phase), self.n_parameters))
         rows[:, :-N_ENDS] = self.basis.design_matrix(phase)
-        rows[:, -N_ENDS] = self.spring.stiffness
+        rows[:, -N_ENDS] = STIFFNESS
         return rows
 
     def start_matrix(self) -> Floats:
@@ -117,19 +91,10 @@ class DmpModel:
             phase: (T,), increasing; the goal is the position at the last.
             motion: arrays (T, D).
             ridge: relative weight of the curvature penalty, as of `fit_weights`.
-
-        Raises:
-            ShapeError: phase and motion do not fit each other.
         """
-        if any(part.ndim != 2 or len(part) != len(phase) for part in motion):
-            raise ShapeError.about(
-                "motion",
-                f"arrays ({len(phase)}, D)",
-                tuple(part.shape for part in motion),
-                "Differentiate each DOF at the phases given.",
-            )
         goal = motion.position[-1]
-        weights = fit_weights(self.basis, phase, self.forcing(motion, goal), ridge).weights
+        forces = self.drive(motion) - STIFFNESS * goal
+        weights = fit_weights(self.basis, phase, forces, ridge).weights
         ends = np.stack([goal, motion.position[0], motion.velocity[0]], axis=1)
         return np.hstack([weights, ends])
 
@@ -172,7 +137,7 @@ def _responses(model: DmpModel) -> tuple[Floats, Floats, Floats]:
     # The drive at the left end of a step and its slope, as two more states.
     system = np.zeros((4, 4))
     system[0, 1] = system[2, 3] = 1.0
-    system[1, :3] = -model.spring.stiffness, -model.spring.alpha, 1.0
+    system[1, :3] = -STIFFNESS, -ALPHA, 1.0
     onward = expm(system * step)[:2]
     slope = np.diff(drive, axis=0) / step
     for k in range(ROLLOUT_STEPS):

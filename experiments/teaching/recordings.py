@@ -23,7 +23,6 @@ from experiments.teaching.demonstration import (
 )
 from experiments.teaching.lesson import TaughtArm, teach
 from experiments.teaching.path import TeachingPath, plan_teaching
-from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import hand_position
 from sim_bridge.coworker import TASKS
 from sim_bridge.scenarios.toolbox import handover_point
@@ -85,15 +84,7 @@ def orders(seed: int) -> list[ToolboxOrder]:
 
 
 def demonstrate(order: ToolboxOrder) -> ToolboxDemonstration:
-    """Simulate one demonstration: the worker reaches, a person leads the arm.
-
-    Raises:
-        ArgumentError: unknown task or set.
-    """
-    if order.purpose not in SETS:
-        raise ArgumentError.about(
-            "purpose", f"one of {sorted(SETS)}", order.purpose, "Correct the set."
-        )
+    """Simulate one demonstration: the worker reaches, a person leads the arm."""
     rng = demonstration_rng(order.seed, SETS[order.purpose][0], order.task, order.index)
     wrist = plan_demonstration(rng, order.task)
     length = float(wrist.samples.times_s[-1])

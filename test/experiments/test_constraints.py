@@ -23,7 +23,7 @@ from experiments.constraints.study import NOVEL, SAME, score
 from experiments.constraints.trials import COLUMNS, blocks
 from experiments.constraints.trials_file import read_trials, write_trials
 from experiments.settings import Settings
-from intent_recognition.errors import ModelError, ShapeError, TrainingError
+from intent_recognition.errors import ModelError, TrainingError
 from intent_recognition.warping import References, fit_logistic
 
 CUP = References(0.04, 4e-4, 0.1, 0.8)
@@ -143,8 +143,6 @@ def test_tilting_on_the_way_is_risky_and_over_the_opening_is_not():
 
 
 def test_refuses_what_cannot_be_learned_from():
-    with pytest.raises(ShapeError, match="offset_m"):
-        FillingConstraint.features(FillingState(1.0, 1.0, 1.0, np.zeros(3)), CUP, SECOND)
     features = PouringConstraint.features(pouring_states(), CUP)
     with pytest.raises(TrainingError):
         PouringConstraint.learn(features, np.ones(len(features)))

@@ -18,7 +18,13 @@ from experiments.sketches.differentiation import (
     derivative_operators,
     spline_operators,
 )
-from experiments.sketches.interaction_dmp import DmpModel, differentiated, fit_demonstrations
+from experiments.sketches.interaction_dmp import (
+    ALPHA,
+    STIFFNESS,
+    DmpModel,
+    differentiated,
+    fit_demonstrations,
+)
 from experiments.sketches.models import (
     ModelChoice,
     learn_dmp,
@@ -98,11 +104,10 @@ def parameters(rng):
 
 def test_rollout_is_the_differential_equation_solved(rng):
     theta = parameters(rng)
-    spring = MODEL.spring
 
     def change(z, state):
         force = MODEL.basis.design_matrix(np.array([z]))[0] @ theta[:20]
-        pull = spring.stiffness * (theta[20] - state[0]) - spring.alpha * state[1]
+        pull = STIFFNESS * (theta[20] - state[0]) - ALPHA * state[1]
         return state[1], pull + force
 
     found = solve_ivp(change, (0, 1), theta[21:], t_eval=PHASE, rtol=1e-9, atol=1e-10)
