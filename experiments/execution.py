@@ -6,11 +6,12 @@ takes the trajectories that `primitive_activation` sends.
 """
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from experiments.reaches import STEP_NS, WatchedReach, ticks
+from experiments.teaching.gripper import ToolboxGripper
 from intent_recognition.activation import (
     Activation,
     ActivationSettings,
@@ -24,9 +25,15 @@ from intent_recognition.motion import Clearance, Correction, JointReference, Tra
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import decision_settings
 from intent_recognition.signals import Demonstration
-
-if TYPE_CHECKING:
-    from sim_bridge.arm import SimulatedArm, TrajectoryCommand
+from sim_bridge.arm import (
+    STEPS_PER_SAMPLE,
+    SensorNoise,
+    SimulatedArm,
+    Surroundings,
+    TrajectoryCommand,
+    TrajectoryFollower,
+)
+from sim_bridge.scenarios.toolbox import HOME
 
 STEP_S = STEP_NS * 1e-9
 GRIPPER_STEPS = 5
@@ -34,7 +41,7 @@ GRIPPER_STEPS = 5
 LONGEST_S = 12.0
 """Longest time for which an execution is watched after the reach [s]."""
 
-SimulatedPerson = Callable[["SimulatedArm", Mode], None]
+SimulatedPerson = Callable[[SimulatedArm, Mode], None]
 """Called before each physics step; may push the arm."""
 
 
@@ -115,16 +122,6 @@ def execute(
         clearance: what the activation knows of them; None: nothing.
         goes_home: whether the way home is executed as well.
     """
-    from experiments.teaching.gripper import ToolboxGripper
-    from sim_bridge.arm import (
-        STEPS_PER_SAMPLE,
-        SensorNoise,
-        SimulatedArm,
-        Surroundings,
-        TrajectoryFollower,
-    )
-    from sim_bridge.scenarios.toolbox import HOME
-
     refusals: list[str] = []
 
     def reject(reason: str, text: str) -> None:
@@ -149,7 +146,7 @@ def execute(
         gripper = ToolboxGripper(arm)
         follower = TrajectoryFollower(arm.reference.position, arm.limits)
 
-        def before_step(arm: "SimulatedArm") -> None:
+        def before_step(arm: SimulatedArm) -> None:
             arm.set_reference(*follower.sample(arm.time_s))
             if arm.n_steps % GRIPPER_STEPS == 0:
                 gripper.update()
@@ -199,10 +196,8 @@ def execute(
     )
 
 
-def _message(command: Command, now_ns: int, arm: "SimulatedArm") -> "TrajectoryCommand":
+def _message(command: Command, now_ns: int, arm: SimulatedArm) -> TrajectoryCommand:
     """The command as the arm takes it."""
-    from sim_bridge.arm import TrajectoryCommand
-
     plan = command.plan
     return TrajectoryCommand.validated(
         JOINT_NAMES,

@@ -2,7 +2,7 @@
 """Reaches of the coworker as estimator and activation see them, with a clock of 100 Hz."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,9 +16,7 @@ from intent_recognition.motion import make_path
 from intent_recognition.promp import NONE, TaskLibrary
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.signals import Demonstration
-
-if TYPE_CHECKING:
-    from sim_bridge.coworker import WristSamples
+from sim_bridge.coworker import TASKS, WristSamples, draw_reach, draw_rest, sample_wrist
 
 REST_S, AFTER_S = 1.0, 1.0
 """Time that is observed before and after a reach [s]."""
@@ -75,8 +73,6 @@ def watch_reach(
     library: TaskLibrary, k: int, rng: np.random.Generator, limits: JointLimits
 ) -> WatchedReach:
     """Show reach number k, of the tasks in turn, to a new estimator."""
-    from sim_bridge.coworker import TASKS, draw_reach, draw_rest, sample_wrist
-
     task = TASKS[k % len(TASKS)]
     reach = draw_reach(rng, task, draw_rest(rng))
     until_s = REST_S + reach.duration_s + AFTER_S

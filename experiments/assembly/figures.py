@@ -2,9 +2,13 @@
 """Figures of the box assembly by two humans: where both move, what overlaps, and recognition."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Ellipse, Patch
 
 from intent_recognition.array_types import Floats
 from intent_recognition.report import (
@@ -17,10 +21,6 @@ from intent_recognition.report import (
     styled,
     task_colours,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
 
 WORKER_COLOUR, ASSISTANT_COLOUR = "#0072b2", "#d55e00"
 VIEWS = (((0, 1), "from above"), ((0, 2), "from the side"))
@@ -175,11 +175,9 @@ def _tube(paths: Floats) -> Tube:
 
 
 def _ellipses(
-    axes: "Axes", tube: Tube, plane: tuple[int, int], colour: str, count: int = N_ELLIPSES
+    axes: Axes, tube: Tube, plane: tuple[int, int], colour: str, count: int = N_ELLIPSES
 ) -> None:
     """Ellipses of two standard deviations, evenly spaced along the tube's path."""
-    from matplotlib.patches import Ellipse
-
     for k in _evenly_along(tube.mean, count):
         values, vectors = np.linalg.eigh(tube.covariance[k][np.ix_(plane, plane)])
         width, height = 4.0 * np.sqrt(np.maximum(values, 0.0))
@@ -199,7 +197,7 @@ def _evenly_along(path: Floats, count: int) -> list[int]:
 
 
 def _bands(
-    axes: "Axes", labels: Sequence[str], values: Floats, colours: Mapping[str, str], first: int = 0
+    axes: Axes, labels: Sequence[str], values: Floats, colours: Mapping[str, str], first: int = 0
 ) -> None:
     """Median and central 90 % of each task's probability; values (demonstrations, n, K)."""
     at = first + np.arange(values.shape[1])
@@ -211,9 +209,6 @@ def _bands(
 
 
 def _task_legend(figure: Drawing, labels: Sequence[str], colours: Mapping[str, str]) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     handles: list[Artist] = [
         Line2D([], [], color=colours[t], marker="o", markersize=3.5, label=readable(t))
         for t in labels
@@ -223,8 +218,6 @@ def _task_legend(figure: Drawing, labels: Sequence[str], colours: Mapping[str, s
 
 
 def _agents_legend(figure: Drawing) -> None:
-    from matplotlib.lines import Line2D
-
     handles = [
         Line2D([], [], color=WORKER_COLOUR, label="worker (observed)"),
         Line2D([], [], color=ASSISTANT_COLOUR, label="assistant (predicted)"),

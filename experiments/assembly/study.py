@@ -7,11 +7,12 @@ on all of them; those of the first turn are also run on the arm, which takes the
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from experiments.assembly.aligned import aligned_evidence
+from experiments.assembly.arm_stand_in import StoodIn, stand_in
 from experiments.assembly.scores import N_OBSERVATIONS, Scored, score
 from experiments.settings import Settings
 from intent_recognition.alignment import Alignment, align, even_trajectory
@@ -29,9 +30,6 @@ from intent_recognition.learning import (
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.share import share_path
 from intent_recognition.signals import Demonstration
-
-if TYPE_CHECKING:
-    from experiments.assembly.arm_stand_in import StoodIn
 
 FOLDS = 5
 NONE_PRIOR = 1e-6
@@ -182,8 +180,6 @@ def execute(library: TaskLibrary, recording: Demonstration, cut: Demonstration) 
 
     `cut` is the recording from the worker's onset to both agents' rest.
     """
-    from experiments.assembly.arm_stand_in import stand_in
-
     run = stand_in(library, recording)
     wrist = sample(recording.controlled, recording.start_ns, run.times_s)
     distance = np.linalg.norm(run.hand_m - wrist, axis=1)

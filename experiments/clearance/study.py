@@ -7,10 +7,11 @@ nodes do it, with a clock of 100 Hz.
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from experiments.clearance.distances import BulletCell
 from experiments.execution import Executed, execute
 from experiments.reaches import REST_S, STEP_NS, toolbox_recordings, watch_reach
 from experiments.settings import Settings
@@ -18,9 +19,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import LWR_LIMITS, Bodies, Box
 from intent_recognition.learning import learn
 from intent_recognition.motion import Clearance, Spread, scaled_limits
-
-if TYPE_CHECKING:
-    from sim_bridge.arm import Robot
+from sim_bridge.arm import Robot, find_robot
 
 N_REACHES, N_BOXES = 40, 5
 """Reaches, and draws of boxes for each of them."""
@@ -88,8 +87,6 @@ class ClearanceStudy(NamedTuple):
 
 def investigate(settings: Settings) -> ClearanceStudy:
     """Draw reaches and boxes, run each without and with the guard."""
-    from sim_bridge.arm import find_robot
-
     library, limits = learn(toolbox_recordings(settings)), scaled_limits(LWR_LIMITS)
     robot = find_robot("lwr")
     spreads = {label: Spread.of(library.primitive(k)) for k, label in enumerate(library.labels)}
@@ -135,7 +132,7 @@ def arrival_s(done: Executed) -> float:
     return (far[-1] + 1) * STEP_NS * 1e-9 - REST_S if far.size else np.inf
 
 
-def draw_boxes(rng: np.random.Generator, robot: "Robot", free: Executed) -> tuple[Box, ...]:
+def draw_boxes(rng: np.random.Generator, robot: Robot, free: Executed) -> tuple[Box, ...]:
     """One or two boxes beside or in the way of the hand of a free run, clear of where it starts
     and ends.
     """
@@ -159,10 +156,8 @@ def draw_boxes(rng: np.random.Generator, robot: "Robot", free: Executed) -> tupl
     return tuple(boxes)
 
 
-def nearest_m(robot: "Robot", boxes: Sequence[Box], ways: Sequence[Floats]) -> tuple[float, ...]:
+def nearest_m(robot: Robot, boxes: Sequence[Box], ways: Sequence[Floats]) -> tuple[float, ...]:
     """Least distance from a box on each of some joint paths (T, 7) [m], by PyBullet."""
-    from experiments.clearance.distances import BulletCell
-
     cell = BulletCell(robot, boxes)
     try:
         return tuple(min(min(cell.distances_m(q).values()) for q in way) for way in ways)

@@ -2,13 +2,11 @@
 """Figures of the feedback controllers: distributions and pushes."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+
+from matplotlib.axes import Axes
 
 from intent_recognition.array_types import Floats
 from intent_recognition.report import PALETTE, Drawing, fill_two_sigma, new_figure, styled
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 PRIMITIVE, STOCHASTIC, LOW_GAIN = PALETTE[0], PALETTE[1], PALETTE[2]
 NAMES = ("stochastic feedback", "low gain")
@@ -80,7 +78,7 @@ def push_figure(start_s: Floats, spread_m: Floats, deflection_m: Floats) -> Draw
     return figure
 
 
-def _joint_panels(n_joints: int, height_in: float) -> tuple[Drawing, list["Axes"], "Axes"]:
+def _joint_panels(n_joints: int, height_in: float) -> tuple[Drawing, list[Axes], Axes]:
     """A figure with one panel per joint, and the first free panel for the legend."""
     n_rows = -(-(n_joints + 1) // N_COLUMNS)
     figure = new_figure(9.8, height_in)
@@ -93,5 +91,5 @@ def _joint_panels(n_joints: int, height_in: float) -> tuple[Drawing, list["Axes"
     return figure, list(axes[:n_joints]), axes[n_joints]
 
 
-def _legend(panels: Sequence["Axes"], corner: "Axes") -> None:
+def _legend(panels: Sequence[Axes], corner: Axes) -> None:
     corner.legend(*panels[0].get_legend_handles_labels(), loc="center")

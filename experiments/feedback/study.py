@@ -12,6 +12,7 @@ from experiments.feedback.controller import (
     initial_state,
     propagate,
 )
+from experiments.feedback.runs import Push, execute
 from experiments.pointing.study import condition_on_end, final_wrist
 from experiments.settings import Settings
 from intent_recognition.array_types import Floats
@@ -109,8 +110,6 @@ def stiffer_after_the_human(library: TaskLibrary, test: Demonstration) -> Floats
 
 def reproduce(settings: Settings, policy: FeedbackPolicy, n_runs: int, which: int) -> Reproduced:
     """Executions from drawn starts; both controllers get the same starts and disturbances."""
-    from experiments.feedback.runs import execute
-
     runs = []
     for k in range(n_runs):
         settings.progress(0.15 + 0.35 * (which + k / n_runs), f"{CONTROLLERS[which]}, run {k + 1}")
@@ -124,8 +123,6 @@ def reproduce(settings: Settings, policy: FeedbackPolicy, n_runs: int, which: in
 
 def push_arm(policy: FeedbackPolicy, count: int) -> list[Pushed]:
     """Push the undisturbed arm sideways at several times of the mean movement."""
-    from experiments.feedback.runs import Push, execute
-
     length = float(policy.times_s[-1]) + AFTER_S
     start = policy.mean[0]
     free = [execute(policy, start, length, low_gain=bool(k)).hand_m for k in range(2)]

@@ -2,9 +2,10 @@
 """The figure of grasps: cuts through the containers with the fingers."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Polygon
 
 from experiments.grasps.gripper import CLEARANCE_M, FINGER_M, PAD_M
 from experiments.grasps.study import CARRIED, MANNERS, WARPED, Trial
@@ -18,9 +19,6 @@ from intent_recognition.report import (
     styled,
 )
 from intent_recognition.warping import Grasp
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 COLOURS = {WARPED: PALETTE[2], CARRIED: PALETTE[1]}
 N_COLUMNS = 4
@@ -49,10 +47,8 @@ def cuts_figure(trials: Sequence[Trial]) -> Drawing:
     return figure
 
 
-def _cut(axes: "Axes", lifts: Sequence[Trial]) -> None:
+def _cut(axes: Axes, lifts: Sequence[Trial]) -> None:
     """One container with the grasps of its lifts; the first gives the plane."""
-    from matplotlib.patches import Polygon
-
     mesh, plane = lifts[0].subject.mesh, lifts[0].grasp
     assert plane is not None
     along = plane.closing * [1.0, 1.0, 0.0]

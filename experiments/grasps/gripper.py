@@ -5,16 +5,12 @@ Its four joints slide: along the approach, straight up, and one for each finger.
 fingers at the same distance from the middle.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Floats
 from intent_recognition.warping import Grasp
-
-if TYPE_CHECKING:
-    from sim_bridge.physics import BulletClient
+from sim_bridge.physics import BulletClient
 
 FORCE_N = 40.0
 """Force of each finger [N]; the Franka Hand holds 70 N continuously."""
@@ -54,9 +50,7 @@ class Gripper:
         friction: of its pads; that of a contact is the product of both bodies'.
     """
 
-    def __init__(
-        self, client: "BulletClient", grasp: Grasp, step_s: float, friction: float
-    ) -> None:
+    def __init__(self, client: BulletClient, grasp: Grasp, step_s: float, friction: float) -> None:
         self._client, self._step_s = client, step_s
         turn = grasp.pose[:3, :3]
         behind = -0.5 * PALM_M[2] - FINGER_M + 0.5 * PAD_M[2]

@@ -20,6 +20,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.warping import Grasp
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.balls import write_obj
+from sim_bridge.physics import end_world, start_world
 
 STEP_S = 1.0 / 480.0
 """Physics step [s]: half of PyBullet's default, so that a grip of thin walls is calm."""
@@ -63,8 +64,6 @@ class LiftingWorld:
     """
 
     def __init__(self, mesh: trimesh.Trimesh, friction: float = FRICTION) -> None:
-        from sim_bridge.physics import start_world
-
         pieces = shell_pieces(mesh)
         masses = DENSITY_KG_M3 * np.array([ConvexHull(piece).volume for piece in pieces])
         middles = np.array([piece.mean(0) for piece in pieces])
@@ -123,8 +122,6 @@ class LiftingWorld:
 
     def close(self) -> None:
         """End the world."""
-        from sim_bridge.physics import end_world
-
         end_world(self.client)
         self._folder.cleanup()
 

@@ -4,6 +4,7 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib import colormaps
 
 from intent_recognition.array_types import Floats
 from intent_recognition.report import SOFT, Drawing, new_figure, styled
@@ -51,6 +52,4 @@ def noise_figure(
 
 def _shades(n: int) -> list:
     """Colours from light to dark of one hue."""
-    from matplotlib import colormaps
-
     return [colormaps["viridis"](share) for share in np.linspace(0.85, 0.1, n)]

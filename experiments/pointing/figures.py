@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.patches import Circle, Ellipse
 
 from intent_recognition.array_types import Floats
 from intent_recognition.promp import Trajectory
@@ -57,8 +58,6 @@ def table_figure(
         centre_m: of the circle (2,).
         diameter_m: of the circle.
     """
-    from matplotlib.patches import Circle, Ellipse
-
     figure, axes = new_axes(5.4, 5.2)
     axes.set_aspect("equal")
 

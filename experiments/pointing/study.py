@@ -3,10 +3,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from experiments.pointing.execution import PointingRun, execute
+from experiments.pointing.recordings import PURPOSES
 from experiments.pointing.scene import pointed_at
 from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
@@ -14,10 +15,6 @@ from intent_recognition.gaussian import Gaussian, condition
 from intent_recognition.learning import learn
 from intent_recognition.promp import TaskLibrary, Trajectory, rollout
 from intent_recognition.signals import Demonstration
-
-if TYPE_CHECKING:
-    from experiments.pointing.execution import PointingRun
-
 
 HOLD_SAMPLES = 20
 """The wrist's last samples, 0.2 s of holding still, whose mean is the one observation."""
@@ -95,8 +92,6 @@ def draw(folder: Path) -> dict[str, float]:
     The predictions are not executed: the arm points where it is sent, up to the shipped runs'
     `largest_execution_error_m`.
     """
-    from experiments.pointing.recordings import PURPOSES
-
     train, test = (
         read_demonstrations(folder / "pointing" / purpose, load_dofs())[0] for purpose in PURPOSES
     )
@@ -110,8 +105,6 @@ def draw(folder: Path) -> dict[str, float]:
 
 def predict_and_execute(library: TaskLibrary, recording: Demonstration, index: int) -> Tested:
     """Predict from a person's final wrist position, and point with the arm."""
-    from experiments.pointing.execution import execute
-
     wrist = final_wrist(recording)
     posterior = condition_on_end(library, wrist)
     trajectory = both_agents(library, posterior)

@@ -5,6 +5,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from intent_recognition.array_types import Flags, Floats
@@ -58,9 +61,6 @@ def paths_figure(
         pole_m: where the pole is (2,).
         pole_radius_m: its radius.
     """
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Circle
-
     figure = new_figure(3.3 * len(panels), 3.2)
     grid = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
     for axes, panel in zip(grid, panels, strict=True):
@@ -115,8 +115,6 @@ def components_figure(
         chosen: number of components taken.
         paper: per axis label, the paper's plateau.
     """
-    from matplotlib.ticker import MaxNLocator
-
     paper = paper or {}
     figure = new_figure(5.0 * len(errors), 3.7)
     grid = figure.subplots(1, len(errors), squeeze=False)[0]

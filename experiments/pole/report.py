@@ -11,6 +11,7 @@ from experiments.pole.figures import (
     scene_figure,
 )
 from experiments.pole.geometry import POLE_M, POLE_RADIUS_M, WAYS, fingertip
+from experiments.pole.pictures import picture
 from experiments.pole.study import Carried, PoleStudy
 from experiments.results import Finding
 from intent_recognition.array_types import Floats
@@ -104,8 +105,6 @@ def shown_twice(study: PoleStudy) -> dict[str, int]:
 
 
 def _scene(study: PoleStudy) -> Figure:
-    from experiments.pole.pictures import picture
-
     images = [
         (f"by the robot's {way}", picture(study.pairs.controlled[index, -1]))
         for way, index in shown_twice(study).items()

@@ -7,7 +7,6 @@ The demonstrations are unlabelled; on which side of the pole the arm was led is 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,15 +22,13 @@ from experiments.left_out import (
     try_numbers,
 )
 from experiments.pole.geometry import fingertip, planned_clearance, way_of
+from experiments.pole.world import PoleRun, execute
 from experiments.settings import Settings
 from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.learning import MIN_MEMBERS, purity
 from intent_recognition.share import share_path
 from intent_recognition.signals import Demonstration
-
-if TYPE_CHECKING:
-    from experiments.pole.world import PoleRun
 
 LARGEST_NUMBER = 17
 """Largest number of components that is tried."""
@@ -55,7 +52,7 @@ class Carried:
 
     label: str
     indices: Integers
-    runs: tuple["PoleRun", ...]
+    runs: tuple[PoleRun, ...]
     ways: tuple[str, ...]
     final_error_m: Floats
 
@@ -198,8 +195,6 @@ def n_through(predicted: LeftOutMixture) -> int:
 
 def _carry_out(label: str, pairs: Pairs, predicted: LeftOutMixture, indices: Integers) -> Carried:
     """Let the arm execute predictions, each in a fresh world with the pole."""
-    from experiments.pole.world import execute
-
     phase = np.linspace(0.0, 1.0, predicted.mean.shape[1])
     runs = tuple(execute(predicted.mean[i], phase * pairs.duration_s[i]) for i in indices)
     reached = np.array([fingertip(run.positions_rad[-1]) for run in runs])

@@ -10,11 +10,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from experiments.pouring.checking import HIGHEST_RISK, Constraints, learn_constraints
+from experiments.pouring.pour import AssumedGeometry, Poured, pour
 from experiments.pouring.recordings import joint_messages, labels_of
 from experiments.recording import PROVENANCE, Content, Message, recorded_at_ns
 from intent_recognition.errors import KinematicsError
@@ -34,9 +35,6 @@ from sim_bridge.scenarios.pouring import (
     read_demonstrated,
     seen_as,
 )
-
-if TYPE_CHECKING:
-    from experiments.pouring.pour import Poured
 
 MEAN, UNWARPED, SAMPLE = MANNERS = ("mean", "unwarped", "sample")
 LEVELS = {"tea_cup": (25, 50, 75), "round_bowl": (70, 140, 210)}
@@ -193,10 +191,8 @@ def asked_level(far: Reached, asked: str, cup: Seen, second: References) -> Pour
     return PourLevel(far, cup.emptying, HALF_FULL, left_m3 / volume_m3)
 
 
-def execute(order: PourOrder, plan_: Planned) -> "Poured":
+def execute(order: PourOrder, plan_: Planned) -> Poured:
     """Let the torque-controlled arm pour forty balls that fill half of the cup."""
-    from experiments.pouring.pour import AssumedGeometry, pour
-
     cup, second = (container_named(name) for name in PAIRS[order.pair])
     return pour(
         plan_.path,
@@ -209,7 +205,7 @@ def execute(order: PourOrder, plan_: Planned) -> "Poured":
     )
 
 
-def metadata(order: PourOrder, plan_: Planned, poured: "Poured") -> dict[str, str]:
+def metadata(order: PourOrder, plan_: Planned, poured: Poured) -> dict[str, str]:
     """Entries of metadata.yaml under custom_data."""
     cup, second = PAIRS[order.pair]
     return {
@@ -219,7 +215,7 @@ def metadata(order: PourOrder, plan_: Planned, poured: "Poured") -> dict[str, st
         "seed": str(order.seed),
         "pair": str(order.pair),
         "manner": order.manner,
-        **({"pour": order.pour} if order.pour else {}),
+        **({pour: order.pour} if order.pour else {}),
         **labels_of(container_named(cup), cup, second, poured),
         "risk": f"{plan_.risk:.6f}",
         "draws": str(plan_.draws),
@@ -229,7 +225,7 @@ def metadata(order: PourOrder, plan_: Planned, poured: "Poured") -> dict[str, st
     }
 
 
-def messages(order: PourOrder, poured: "Poured") -> Iterator[Message]:
+def messages(order: PourOrder, poured: Poured) -> Iterator[Message]:
     """Messages of the arm's noisy sensors."""
     noise = order.rng(2 + MANNERS.index(order.manner))
     return joint_messages(order.start_ns, poured, noise, every=EVERY)

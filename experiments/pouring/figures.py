@@ -2,9 +2,11 @@
 """Figures of pouring: the primitive in the warped space and in metres, and balls spilled."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.typing import LineStyleType
 
 from intent_recognition.array_types import Floats
 from intent_recognition.report import (
@@ -18,10 +20,6 @@ from intent_recognition.report import (
     styled,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.typing import LineStyleType
-
 WARPED_TITLES = (
     "along / radius of the second",
     "across / radius of the second",
@@ -31,7 +29,7 @@ WARPED_TITLES = (
 REAL_TITLES = ("along [cm]", "across [cm]", "up [cm]", "tilt [deg]")
 MEAN_COLOUR, INSIDE_COLOUR = PALETTE[0], PALETTE[1]
 PAIR_COLOURS = (PALETTE[2], PALETTE[3], PALETTE[4])
-DASHES: tuple["LineStyleType", ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
+DASHES: tuple[LineStyleType, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
 
 
 class Band(NamedTuple):
@@ -95,9 +93,7 @@ def paths_figure(
     return figure
 
 
-def _band(
-    axes: "Axes", band: Band, k: int, colour: str, label: str, dashes: "LineStyleType"
-) -> None:
+def _band(axes: Axes, band: Band, k: int, colour: str, label: str, dashes: LineStyleType) -> None:
     fill_two_sigma(axes, band.time, band.mean[:, k], band.std[:, k], colour, alpha=0.2)
     axes.plot(band.time, band.mean[:, k], color=colour, linestyle=dashes, label=label)
 

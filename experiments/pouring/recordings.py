@@ -8,11 +8,11 @@ holds the cup, which stand in the metadata.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments.pouring.person import draw_habit, plan_pour
+from experiments.pouring.pour import Poured, pour
 from experiments.recording import (
     ANGLE_STEP_RAD,
     JOINT_TOPIC,
@@ -28,12 +28,11 @@ from experiments.recording import (
     recorded_at_ns,
     to_counts,
 )
+from experiments.teaching.lesson import SENSOR_NOISE
 from intent_recognition.warping import References
+from sim_bridge.arm import ArmState
 from sim_bridge.containers import CONTAINER_SEED, Container, make_container
 from sim_bridge.scenarios.pouring import N_BALLS, OPENING_M, TASK, half_full_radius_m
-
-if TYPE_CHECKING:
-    from experiments.pouring.pour import Poured
 
 CUP, SECOND = "tall_mug", "shallow_bowl"
 N_DEMONSTRATIONS = 10
@@ -84,10 +83,8 @@ def true_references(container: Container) -> References:
     )
 
 
-def record(order: DemonstrationOrder) -> "Poured":
+def record(order: DemonstrationOrder) -> Poured:
     """Simulate one demonstration: a person leads the arm, and forty balls are poured."""
-    from experiments.pouring.pour import pour
-
     rng = order.rng()
     cup, second = (make_container(name, CONTAINER_SEED) for name in (CUP, SECOND))
     path = plan_pour(draw_habit(rng), true_references(cup), true_references(second))
@@ -96,7 +93,7 @@ def record(order: DemonstrationOrder) -> "Poured":
     )
 
 
-def metadata(order: DemonstrationOrder, poured: "Poured") -> dict[str, str]:
+def metadata(order: DemonstrationOrder, poured: Poured) -> dict[str, str]:
     """Entries of metadata.yaml under custom_data."""
     return {
         "task": TASK,
@@ -107,7 +104,7 @@ def metadata(order: DemonstrationOrder, poured: "Poured") -> dict[str, str]:
     }
 
 
-def labels_of(cup: Container, name: str, second: str, poured: "Poured") -> dict[str, str]:
+def labels_of(cup: Container, name: str, second: str, poured: Poured) -> dict[str, str]:
     """Labels of any recorded pour: containers, grasp and what became of the balls."""
     return {
         "cup": name,
@@ -124,19 +121,16 @@ def labels_of(cup: Container, name: str, second: str, poured: "Poured") -> dict[
     }
 
 
-def messages(order: DemonstrationOrder, poured: "Poured") -> Iterator[Message]:
+def messages(order: DemonstrationOrder, poured: Poured) -> Iterator[Message]:
     """Messages of the arm's noisy sensors."""
     noise = np.random.default_rng([order.seed, _STREAM, order.index, 1])
     return joint_messages(order.start_ns, poured, noise)
 
 
 def joint_messages(
-    start_ns: int, poured: "Poured", noise: np.random.Generator, *, every: int = 1
+    start_ns: int, poured: Poured, noise: np.random.Generator, *, every: int = 1
 ) -> Iterator[Message]:
     """Yield (topic, type, stamp in ns, fields) of noisy sensors, one of `every` samples."""
-    from experiments.teaching.lesson import SENSOR_NOISE
-    from sim_bridge.arm import ArmState
-
     true = ArmState(poured.joints_rad, poured.velocities_rad_s, poured.torques_nm, 0.0)
     said = SENSOR_NOISE.measure(true, noise)
     steps = (ANGLE_STEP_RAD, RATE_STEP_RAD_S, TORQUE_STEP_NM)

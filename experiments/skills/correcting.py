@@ -5,13 +5,14 @@ Detector, yielding, conditioning and keeping are those of the nodes; the arm and
 are in physics. Each task in turn is the one whose rule has moved.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from experiments.execution import Executed, SimulatedPerson, as_demonstration, execute
 from experiments.reaches import WatchedReach, toolbox_recordings, watch_reach
 from experiments.settings import Settings
+from experiments.skills.correcting_hand import CorrectingHand
 from intent_recognition.activation import Mode
 from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import LWR_LIMITS
@@ -25,10 +26,9 @@ from intent_recognition.motion import (
 )
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration
-
-if TYPE_CHECKING:
-    from experiments.skills.correcting_hand import CorrectingHand
-    from sim_bridge.arm import SimulatedArm
+from sim_bridge.arm import SimulatedArm
+from sim_bridge.coworker import TASKS
+from sim_bridge.scenarios.toolbox import HOME_HAND_M, handover_point
 
 MOVED_M = 0.08
 """How far a task's rule has moved [m]."""
@@ -115,11 +115,8 @@ class Corrects:
         self.hand: CorrectingHand | None = None
         self._rests_since_s: float | None = None
 
-    def __call__(self, arm: "SimulatedArm", mode: Mode) -> None:
+    def __call__(self, arm: SimulatedArm, mode: Mode) -> None:
         """Watch, or pull."""
-        from experiments.skills.correcting_hand import CorrectingHand
-        from sim_bridge.scenarios.toolbox import HOME_HAND_M
-
         if self.hand is not None:
             self.hand(arm)
             return
@@ -146,7 +143,7 @@ class _Bumps:
         self._waits_s = rng.uniform(0.2, 2.0)
         self._from_s: float | None = None
 
-    def __call__(self, arm: "SimulatedArm", mode: Mode) -> None:
+    def __call__(self, arm: SimulatedArm, mode: Mode) -> None:
         """Strike when it is time."""
         if mode is not Mode.EXECUTING and self._from_s is None:
             return
@@ -178,8 +175,6 @@ class _Cell:
 
 def investigate(settings: Settings) -> CorrectingStudy:
     """Calibrate, test, correct."""
-    from sim_bridge.coworker import TASKS
-
     cell = _Cell(settings)
     trained = learn_with_report(toolbox_recordings(settings)).trained
     library = trained.library
@@ -235,9 +230,6 @@ def _session(
     cell: _Cell, trained: Trained, task: str, number: int, detector: DeviationDetector
 ) -> CorrectingSession:
     """Move the rule of a task, correct it three times, and test it before and after each."""
-    from sim_bridge.coworker import TASKS
-    from sim_bridge.scenarios.toolbox import handover_point
-
     place = TASKS.index(task)
     rng = np.random.default_rng([cell.settings.seed, 165, place, number])
     direction = np.append(rng.normal(size=2), 0.3 * rng.normal())

@@ -20,6 +20,8 @@ from intent_recognition.kinematics import LWR_LIMITS
 from intent_recognition.learning import Trained, change_rule, learn_with_report
 from intent_recognition.motion import scaled_limits
 from intent_recognition.promp import TaskLibrary
+from sim_bridge.coworker import TASKS
+from sim_bridge.scenarios.toolbox import handover_point
 
 MOVED_M = 0.05
 """Distance of the wanted place from that of the demonstrations [m]."""
@@ -99,9 +101,6 @@ def _in_physics(
 
 def _execute(library: TaskLibrary, task: str, k: int, seed: int) -> tuple[float, float]:
     """How late the hand is [s], and how far off in the end [m], in one reach."""
-    from sim_bridge.coworker import TASKS
-    from sim_bridge.scenarios.toolbox import handover_point
-
     number, limits = 3 * k + TASKS.index(task), scaled_limits(LWR_LIMITS)
     rngs = [np.random.default_rng([seed, stream, number]) for stream in (172, 173)]
     watched = watch_reach(library, number, rngs[0], limits)

@@ -2,9 +2,10 @@
 """Figures of the experiment on sparse observations: one example, and errors over many."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from intent_recognition.array_types import Floats
 from intent_recognition.report import (
@@ -19,9 +20,6 @@ from intent_recognition.report import (
     shared_legend,
     styled,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 PRIOR, POSTERIOR = PALETTE[0], PALETTE[2]
 LINES = (PALETTE[1], PALETTE[3], PALETTE[5])
@@ -76,7 +74,7 @@ def example_figure(phase: Floats, examples: Sequence[SketchExample]) -> Drawing:
     return figure
 
 
-def _draw(axes: "Axes", phase: Floats, panel: Panel) -> None:
+def _draw(axes: Axes, phase: Floats, panel: Panel) -> None:
     for (mean, std), colour, name in (
         (panel.prior, PRIOR, "prior"),
         (panel.posterior, POSTERIOR, "ProMP given the observations"),
