@@ -10,6 +10,7 @@ import numpy as np
 from intent_recognition import __version__
 from intent_recognition.array_types import Floats
 from intent_recognition.bags import BagWriter
+from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
 from intent_recognition.kinematics import JOINT_NAMES
 from sim_bridge.coworker import WristSamples
 
@@ -81,6 +82,36 @@ def pose_and_joint_messages(
         if samples.visible[k]:
             yield topic, POSE_TYPE, stamp, pose_fields(stamp, positions[k], turns[k])
         yield JOINT_TOPIC, JOINT_TYPE, stamp, joint_fields(stamp, angles[k], rates[k], torques[k])
+
+
+def session_messages(
+    start_ns: int,
+    marks: Iterable[tuple[float, str]],
+    bodies: Mapping[str, WristSamples],
+    steps: tuple[float, float] = (POSITION_STEP_M, QUATERNION_STEP),
+) -> Iterator[Message]:
+    """Yield markers and the poses of bodies, in order of time; occluded poses are left out.
+
+    Args:
+        start_ns: stamp of the first sample.
+        marks: time [s] and label of each marker, "" at the end of a demonstration.
+        bodies: samples by topic, as many of each.
+        steps: resolution of positions [m], and of quaternions' components.
+    """
+    waiting = sorted((start_ns + round(at_s * 1e9), label) for at_s, label in marks)
+    tracked = [
+        (topic, body.visible, to_counts(body.positions_m, steps[0]),
+         to_counts(body.orientations, steps[1]))
+        for topic, body in bodies.items()
+    ]  # fmt: skip
+    for k in range(len(tracked[0][1])):
+        stamp = start_ns + k * SAMPLE_NS
+        while waiting and waiting[0][0] <= stamp:
+            at_ns, label = waiting.pop(0)
+            yield MARKER_TOPIC, MARKER_TYPE, at_ns, {"data": label}
+        for topic, visible, positions, turns in tracked:
+            if visible[k]:
+                yield topic, POSE_TYPE, stamp, pose_fields(stamp, positions[k], turns[k])
 
 
 def write_recording(folder: Path, metadata: Mapping[str, str], messages: Iterable[Message]) -> Path:

@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,6 +47,15 @@ class Finding:
     def alone(cls, quantity: str, ours: str, remark: str) -> "Finding":
         """A figure of ours for which the paper has none; `remark` says so."""
         return cls(quantity, "", ours, None, remark)
+
+
+class ExperimentPart(NamedTuple):
+    """What one of several parts adds to the result of an experiment; see `ExperimentResult`."""
+
+    findings: tuple[Finding, ...]
+    blocks: tuple[Block, ...]
+    conditions: tuple[str, ...]
+    numbers: Mapping[str, object]
 
 
 @dataclass(frozen=True)

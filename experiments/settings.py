@@ -2,7 +2,7 @@
 """What an experiment depends on."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +32,14 @@ class Settings:
     quick: bool = False
     bags: Path | None = None
     progress: Callable[[float, str], None] = field(default=_silent, compare=False)
+
+    def part(self, begin: float, end: float, prefix: str = "") -> "Settings":
+        """The same with the progress of a part, from one share of the whole to another."""
+
+        def progress(share: float, what: str) -> None:
+            self.progress(begin + (end - begin) * share, prefix + what)
+
+        return replace(self, progress=progress)
 
     def rng(self, stream: int) -> np.random.Generator:
         """An independent random generator for one purpose of the experiment."""

@@ -3,8 +3,6 @@
 
 from collections.abc import Sequence
 
-from matplotlib.axes import Axes
-
 from intent_recognition.array_types import Floats
 from intent_recognition.report import PALETTE, Drawing, fill_two_sigma, new_figure, styled
 
@@ -13,8 +11,6 @@ NAMES = ("stochastic feedback", "low gain")
 COLOURS = (STOCHASTIC, LOW_GAIN)
 DASHES = ((0, (5, 2)), (0, (1.5, 1.5)))
 """Dashes of the two controllers' lines."""
-N_COLUMNS = 4
-"""Axes beside one another."""
 
 Wanted = tuple[Floats, Floats, Floats]
 """Times (T,), mean (T, 7) [rad] and standard deviation (T, 7) [rad] of the primitive."""
@@ -31,7 +27,8 @@ def distribution_figure(
         times_s: of the arm's samples (S,).
         moments: mean and std (S, 7) by the stochastic feedback and by the low-gain controller.
     """
-    figure, panels, corner = _joint_panels(wanted[1].shape[1], 4.9)
+    figure = new_figure(9.8, 4.9)
+    *panels, corner = figure.subplots(2, 4, sharex=True).ravel()
     grid, mean, std = wanted
     for k, axes in enumerate(panels):
         fill_two_sigma(axes, grid, mean[:, k], std[:, k], PRIMITIVE, label="primitive, +-2 sigma")
@@ -47,7 +44,11 @@ def distribution_figure(
                 )  # fmt: skip
         axes.plot(times_s, moments[0][0][:, k], color=STOCHASTIC, lw=1.0, label="arm, mean")
         axes.set(ylabel=f"joint {k + 1} [rad]", xlim=(0.0, grid[-1]))
-    _legend(panels, corner)
+    for axes in panels[3:]:
+        axes.set_xlabel("time [s]")
+        axes.tick_params(labelbottom=True)
+    corner.set_axis_off()
+    corner.legend(*panels[0].get_legend_handles_labels(), loc="center")
     return figure
 
 
@@ -76,20 +77,3 @@ def push_figure(start_s: Floats, spread_m: Floats, deflection_m: Floats) -> Draw
     lower.set_xlabel("start of the push [s]")
     upper.legend(loc="upper left")
     return figure
-
-
-def _joint_panels(n_joints: int, height_in: float) -> tuple[Drawing, list[Axes], Axes]:
-    """A figure with one panel per joint, and the first free panel for the legend."""
-    n_rows = -(-(n_joints + 1) // N_COLUMNS)
-    figure = new_figure(9.8, height_in)
-    axes = figure.subplots(n_rows, N_COLUMNS, sharex=True).ravel()
-    for one in axes[n_joints:]:
-        one.set_axis_off()
-    for one in axes[max(0, n_joints - N_COLUMNS) : n_joints]:
-        one.set_xlabel("time [s]")
-        one.tick_params(labelbottom=True)
-    return figure, list(axes[:n_joints]), axes[n_joints]
-
-
-def _legend(panels: Sequence[Axes], corner: Axes) -> None:
-    corner.legend(*panels[0].get_legend_handles_labels(), loc="center")

@@ -10,7 +10,7 @@ from experiments.pointing.finger import PointingBodies
 from experiments.pointing.scene import HOME, home_pose, pointed_at, pointing_pose, pointing_rotation
 from experiments.teaching.lesson import HOME_STD_RAD, SENSOR_NOISE
 from experiments.teaching.path import TEACHING_STD_M, TEACHING_STD_RAD
-from experiments.teaching.virtual_hand import Grip, HandTarget, pull
+from experiments.teaching.virtual_hand import RATE_HZ, Grip, HandTarget, pull
 from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import frame_poses
 from intent_recognition.promp import minimum_jerk
@@ -23,8 +23,6 @@ GRIP = Grip()
 """How firmly the demonstrator holds the arm."""
 _BOW_M, _BOW_STD_M = np.array([0.0, 0.0, 0.03]), 0.010
 """Bow of the hand's way in its middle, and standard deviation of that bow [m]."""
-_PATH_RATE_HZ = 200.0
-"""Sampling rate of the taught path [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +43,12 @@ class LedPath:
 
     def target(self, time_s: float) -> HandTarget:
         """The hands at a time, with their velocities."""
-        row = min(time_s * _PATH_RATE_HZ, len(self.stamps_s) - 1.001)
+        row = min(time_s * RATE_HZ, len(self.stamps_s) - 1.001)
         low, share = int(row), row - int(row)
 
         def at(values: Floats) -> tuple[Floats, Floats]:
             step = values[low + 1] - values[low]
-            return values[low] + share * step, step * _PATH_RATE_HZ
+            return values[low] + share * step, step * RATE_HZ
 
         hand, hand_velocity = at(self.hand_m)
         elbow, elbow_velocity = at(self.elbow_m)
@@ -88,7 +86,7 @@ def plan_path(
     wrong = Rotation.from_rotvec(TEACHING_STD_RAD * rng.standard_normal(3)).as_matrix()
     goal = pointing_pose(spot_m + error, wrong @ pointing_rotation(spot_m))
     home = home_pose()
-    stamps = np.arange(round(length_s * _PATH_RATE_HZ) + 1) / _PATH_RATE_HZ
+    stamps = np.arange(round(length_s * RATE_HZ) + 1) / RATE_HZ
     done = minimum_jerk((stamps - start_s) / (arrival_s - start_s))[:, None]
     hand = home[:3, 3] + done * (goal[:3, 3] - home[:3, 3]) + bow * bow_profile(done, skew)
     ends = Rotation.from_matrix(np.stack((home[:3, :3], goal[:3, :3])))

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Report of the pole experiment: findings, figures, tables."""
 
+from operator import eq
+
 import numpy as np
 
 from experiments.draws import also, drawn, draws_tables
@@ -12,7 +14,7 @@ from experiments.pole.figures import (
 )
 from experiments.pole.geometry import POLE_M, POLE_RADIUS_M, WAYS, fingertip
 from experiments.pole.pictures import picture
-from experiments.pole.study import Carried, PoleStudy
+from experiments.pole.study import PoleStudy
 from experiments.results import Finding
 from intent_recognition.array_types import Floats
 from intent_recognition.report import (
@@ -35,7 +37,7 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
     middle = float(np.median(drawn(study.draws, "path")))
     n = len(study.single.runs)
     single, mixture, single_end, end = (int(c.hits.sum()) for c in study.carried)
-    same = sum(a == study.ways[i] for a, i in _ways(study.mixture))
+    shown = [study.ways[i] for i in study.mixture.indices]
     return (
         Finding.wanted(
             "error of the predicted path, leave-one-out [cm]",
@@ -74,7 +76,7 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
         ),
         Finding.alone(
             "motions on the side that was shown",
-            f"{same} of {n}",
+            f"{sum(map(eq, shown, study.mixture.ways))} of {n}",
             "Not in the paper; at spots that are reached both ways either side is right.",
         ),
     )
@@ -88,10 +90,6 @@ def blocks(study: PoleStudy) -> tuple[Block, ...]:
         _components(study),
         *_draws(study),
     )
-
-
-def _ways(carried: Carried) -> list[tuple[str, int]]:
-    return list(zip(carried.ways, carried.indices.tolist(), strict=True))
 
 
 def shown_twice(study: PoleStudy) -> dict[str, int]:

@@ -18,7 +18,7 @@ from experiments.practice.study import (
     of_method,
     share_left,
 )
-from experiments.results import ExperimentResult, Finding
+from experiments.results import ExperimentPart, Finding
 from experiments.settings import Settings
 from intent_recognition.report import (
     NONE_COLOUR,
@@ -49,7 +49,7 @@ CONDITIONS = (
 )
 
 
-def run(settings: Settings) -> ExperimentResult:
+def run(settings: Settings) -> ExperimentPart:
     """Practise with several seeds by each method."""
     n_seeds, n_rollouts = (1, 2) if settings.quick else (N_SEEDS, N_ROLLOUTS)
     done = investigate(
@@ -59,13 +59,7 @@ def run(settings: Settings) -> ExperimentResult:
         n_rollouts,
         lambda share: settings.progress(0.97 * share, "pouring"),
     )
-    return ExperimentResult(
-        title="Improving by practice",
-        source="no paper; beside random search",
-        question=(
-            "Demonstrations that pour too short spill much. Does the arm find a better pour within"
-            f" {n_rollouts} rollouts, inside two standard deviations of what it was shown?"
-        ),
+    return ExperimentPart(
         findings=findings(done),
         blocks=(
             Figure(

@@ -82,20 +82,14 @@ class Practised:
         return self.settled <= 0.5 * self.start
 
 
-def search_of(method: str, practice: Practice, seed: int) -> Search:
-    """The search of a name."""
-    n_axes = practice.space.n_axes
-    if method == RANDOM:
-        return RandomSearch(n_axes, seed)
-    return CovarianceSearch(n_axes, seed, practice.step)
-
-
 def practise(
     practice: Practice, method: str, seed: int, n_rollouts: int, cost_name: str = COST
 ) -> Practised:
     """Practise once; how the balls lie is the same for every method."""
     space, cost = practice.space, load_cost(cost_name)
-    search = search_of(method, practice, seed)
+    search: Search = CovarianceSearch(space.n_axes, seed, practice.step)
+    if method == RANDOM:
+        search = RandomSearch(space.n_axes, seed)
     points, costs = np.empty((0, space.n_axes)), np.empty(0)
     for number in range(n_rollouts):
         rng = np.random.default_rng([seed, number])

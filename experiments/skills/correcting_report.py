@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from experiments.results import Finding
+from experiments.results import ExperimentPart, Finding
 from experiments.settings import Settings
 from experiments.skills.correcting import (
     LARGEST_BLOW_N,
@@ -12,7 +12,6 @@ from experiments.skills.correcting import (
     CorrectingStudy,
     investigate,
 )
-from experiments.skills.part import SkillPart
 from intent_recognition.report import (
     Column,
     Drawing,
@@ -38,10 +37,10 @@ CONDITIONS = (
 )
 
 
-def run(settings: Settings) -> SkillPart:
+def run(settings: Settings) -> ExperimentPart:
     """Correct, and report."""
     study = investigate(settings)
-    return SkillPart(_findings(study), _blocks(study), CONDITIONS, _numbers(study))
+    return ExperimentPart(_findings(study), _blocks(study), CONDITIONS, _numbers(study))
 
 
 def _findings(study: CorrectingStudy) -> tuple[Finding, ...]:

@@ -2,16 +2,14 @@
 """Skills that grow: corrected by hand, improved by practice."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from experiments.practice import experiment as practice
-from experiments.results import ExperimentResult
+from experiments.results import ExperimentPart, ExperimentResult
 from experiments.settings import Settings
 from experiments.skills import correcting_report, practising_report
-from experiments.skills.part import SkillPart
 from intent_recognition.report import Paragraph
 
-PartRun = Callable[[Settings], SkillPart | ExperimentResult]
+PartRun = Callable[[Settings], ExperimentPart]
 PARTS: dict[str, tuple[float, PartRun]] = {
     "correcting": (0.45, correcting_report.run),
     "practising a task": (0.25, practising_report.run),
@@ -24,7 +22,7 @@ def run(settings: Settings) -> ExperimentResult:
     """Run every part."""
     parts, done = {}, 0.0
     for name, (share, part) in PARTS.items():
-        parts[name] = part(_of_part(settings, name, done, share))
+        parts[name] = part(settings.part(done, done + share, f"{name}: "))
         done += share
     blocks = [
         block
@@ -41,12 +39,3 @@ def run(settings: Settings) -> ExperimentResult:
         conditions=tuple(line for part in parts.values() for line in part.conditions),
         numbers={name: part.numbers for name, part in parts.items()},
     )
-
-
-def _of_part(settings: Settings, name: str, done: float, share: float) -> Settings:
-    """The settings with the progress of one part."""
-
-    def progress(part: float, what: str) -> None:
-        settings.progress(done + share * part, f"{name}: {what}")
-
-    return replace(settings, progress=progress)

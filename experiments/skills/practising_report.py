@@ -4,9 +4,8 @@
 import numpy as np
 
 from experiments.practice.study import CMA, RANDOM, share_left
-from experiments.results import Finding
+from experiments.results import ExperimentPart, Finding
 from experiments.settings import Settings
-from experiments.skills.part import SkillPart
 from experiments.skills.practising import (
     COSTS,
     DISTANCE,
@@ -38,10 +37,10 @@ CONDITIONS = (
 )
 
 
-def run(settings: Settings) -> SkillPart:
+def run(settings: Settings) -> ExperimentPart:
     """Practise, and report."""
     study = investigate(settings)
-    return SkillPart(_findings(study), _blocks(study), CONDITIONS, _numbers(study))
+    return ExperimentPart(_findings(study), _blocks(study), CONDITIONS, _numbers(study))
 
 
 def _findings(study: PractisingStudy) -> tuple[Finding, ...]:

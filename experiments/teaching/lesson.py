@@ -8,10 +8,11 @@ noise of its sensors; never the plan.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from experiments.teaching.objects import ObjectHolder, ToolboxObjects
 from experiments.teaching.path import TeachingPath
-from experiments.teaching.virtual_hand import Grip, HandTarget, pull
+from experiments.teaching.virtual_hand import LedWay
 from intent_recognition.array_types import Floats
 from sim_bridge.arm import STEPS_PER_SAMPLE, ArmState, SensorNoise, SimulatedArm
 from sim_bridge.coworker import HOLD
@@ -23,8 +24,6 @@ RELEASE_AFTER_S = 0.3
 """Time from the arrival until the object is let go [s]."""
 SENSOR_NOISE = SensorNoise(position_std_rad=1e-4, velocity_std_rad_s=2e-3, torque_std_nm=0.05)
 """Noise of the arm's sensors when it is taught."""
-GRIP = Grip()
-"""How firmly the arm is held."""
 
 
 @dataclass(frozen=True)
@@ -60,12 +59,11 @@ class _Lesson:
         self.objects = ToolboxObjects(arm)
         if path.task == HOLD:
             self.objects.worker_brings(HOLD)
-        self.strongest_pull_n = 0.0
         self._wrist_m = wrist_m
         self._home_error = arm.state().q - path.joints_rad[0]
-        self._joints = path.joint_spline()
-        self._elbow_velocity = np.gradient(path.elbow_m, path.stamps_s, axis=0)
-        self._hand_velocity = np.gradient(path.hand_m, path.stamps_s, axis=0)
+        self._joints = CubicSpline(path.stamps_s, path.joints_rad)
+        rate = len(path.stamps_s) - 1, path.stamps_s[-1]
+        self.hands = LedWay(path.hand_m, path.rotations, path.elbow_m, rate)
         self._released = False
         arm.before_step.append(self._before_step)
 
@@ -79,7 +77,7 @@ class _Lesson:
             self._follow(now)
             return
         arm.set_gravity_compensation(True)
-        self.strongest_pull_n = max(self.strongest_pull_n, pull(arm, self._target(now), GRIP))
+        self.hands.lead(arm)
 
     def _follow(self, now: float) -> None:
         """Let the controller run the hand-coded part."""
@@ -94,22 +92,6 @@ class _Lesson:
         elif task in STANDS_M and not self._released and now >= times.arrival_s + RELEASE_AFTER_S:
             self.objects.give_to_worker(task)
             self._released = True
-
-    def _target(self, now: float) -> HandTarget:
-        path = self.path
-        k = min(now * (len(path.stamps_s) - 1) / path.stamps_s[-1], len(path.stamps_s) - 1.001)
-        low, share = int(k), k - int(k)
-
-        def between(values: Floats) -> Floats:
-            return values[low] + share * (values[low + 1] - values[low])
-
-        return HandTarget(
-            between(path.hand_m),
-            path.rotations[low],
-            between(self._hand_velocity),
-            between(path.elbow_m),
-            between(self._elbow_velocity),
-        )
 
 
 def teach(rng: np.random.Generator, path: TeachingPath, wrist_m: Floats) -> TaughtArm:
@@ -134,7 +116,7 @@ def teach(rng: np.random.Generator, path: TeachingPath, wrist_m: Floats) -> Taug
         np.arange(len(rows), dtype=np.float64) * 0.01,
         *said[:3],
         np.array([row[1] for row in rows]),
-        lesson.strongest_pull_n,
+        lesson.hands.strongest_pull_n,
         tuple(row[2] for row in rows),
         np.array([row[3] for row in rows]),
     )

@@ -8,9 +8,9 @@ stand, grasp, lift. It is the same in every demonstration but for the tempo.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
+from experiments.teaching.virtual_hand import RATE_HZ
 from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import frame_poses
 from intent_recognition.promp import minimum_jerk
@@ -36,9 +36,6 @@ TEACHING_STD_M = 0.005
 """Scatter with which a person brings the hand to its place per axis [m]."""
 TEACHING_STD_RAD = 0.03
 """Scatter with which a person turns the hand per axis [rad]."""
-PATH_RATE_HZ = 200.0
-"""Sampling rate of the demonstrator's path [Hz]."""
-
 _BOW_M = {
     PLATE: np.array([-0.01, -0.01, 0.035]),
     SCREW: np.array([0.0, -0.02, 0.02]),
@@ -89,10 +86,6 @@ class TeachingPath:
     elbow_m: Floats
     end_error_m: Floats
 
-    def joint_spline(self) -> CubicSpline:
-        """The posture as a function of time, for a controller that follows it."""
-        return CubicSpline(self.stamps_s, self.joints_rad)
-
 
 def teaching_times(task: str, onset_s: float, arrival_s: float) -> TeachingTimes:
     """Phases of the arm's movement for a human onset and an arrival of the robot, in seconds."""
@@ -123,7 +116,7 @@ def plan_teaching(
     bow = _BOW_M[task] + _BOW_STD_M * rng.standard_normal(3)
     skew = rng.uniform(1.0, 1.5)
     wrong_turn = Rotation.from_rotvec(TEACHING_STD_RAD * rng.standard_normal(3))
-    stamps = np.arange(round(length_s * PATH_RATE_HZ) + 1) / PATH_RATE_HZ
+    stamps = np.arange(round(length_s * RATE_HZ) + 1) / RATE_HZ
     home = home_pose()
     hand, carry_start = _fetch(task, times, stamps, home)
     carried = minimum_jerk((stamps - times.taught_s) / (arrival_s - times.taught_s))[:, None]

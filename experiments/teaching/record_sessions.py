@@ -9,47 +9,19 @@ tasks is learned. No arm is in them. The same seed gives the same bytes.
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.generate import make_room
-from experiments.recording import (
-    POSE_TOPIC,
-    POSE_TYPE,
-    POSITION_STEP_M,
-    QUATERNION_STEP,
-    SAMPLE_NS,
-    pose_fields,
-    recorded_at_ns,
-    to_counts,
-    write_recording,
-)
+from experiments.recording import POSE_TOPIC, recorded_at_ns, session_messages, write_recording
 from intent_recognition import __version__
-from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
 from intent_recognition.errors import IntentError
-from sim_bridge.coworker import SessionPlan, parse_task_list, plan_session
+from sim_bridge.coworker import parse_task_list, plan_session
 
 FIRST_SEED = 1001
 """Seed of the first session; the next has the next one."""
 SESSIONS, INTERACTIONS = 8, 10
 """Sessions that are recorded, and interactions in each."""
-
-
-def session_messages(plan: SessionPlan, start_ns: int) -> Iterator[tuple[str, str, int, dict]]:
-    """Yield (topic, type, time in ns, fields), in order of time."""
-    samples = plan.samples
-    positions = to_counts(samples.positions_m, POSITION_STEP_M)
-    turns = to_counts(samples.orientations, QUATERNION_STEP)
-    markers = [(i.onset_s, i.task) for i in plan.interactions]
-    markers += [(i.end_s, "") for i in plan.interactions]
-    waiting = sorted((start_ns + round(at_s * 1e9), label) for at_s, label in markers)
-    for k in range(len(samples.times_s)):
-        stamp = start_ns + k * SAMPLE_NS
-        while waiting and waiting[0][0] <= stamp:
-            at_ns, label = waiting.pop(0)
-            yield MARKER_TOPIC, MARKER_TYPE, at_ns, {"data": label}
-        if samples.visible[k]:
-            yield POSE_TOPIC, POSE_TYPE, stamp, pose_fields(stamp, positions[k], turns[k])
 
 
 def record_session(folder: Path, seed: int, number: int, interactions: int) -> Path:
@@ -64,7 +36,10 @@ def record_session(folder: Path, seed: int, number: int, interactions: int) -> P
         "seed": str(seed),
         "tasks": " ".join(tasks),
     }
-    return write_recording(path, metadata, session_messages(plan, recorded_at_ns(60 * number)))
+    marks = [(i.onset_s, i.task) for i in plan.interactions]
+    marks += [(i.end_s, "") for i in plan.interactions]
+    said = session_messages(recorded_at_ns(60 * number), marks, {POSE_TOPIC: plan.samples})
+    return write_recording(path, metadata, said)
 
 
 def _parser() -> argparse.ArgumentParser:

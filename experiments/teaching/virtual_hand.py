@@ -14,6 +14,8 @@ from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import frame_poses, jacobian
 from sim_bridge.arm import SimulatedArm
 
+RATE_HZ = 200.0
+"""Sampling rate of a demonstrator's path [Hz]."""
 _GRIP_POINTS_M = np.array([[0.0, 0.0, 0.10], [0.14, 0.0, -0.05], [-0.07, 0.12, -0.05]])
 """Points of the hand that are held, in the hand frame (3, 3) [m]."""
 
@@ -80,6 +82,43 @@ def pull(arm: SimulatedArm, target: HandTarget, grip: Grip) -> float:
     force = grip.elbow_stiffness_n_m * (target.elbow_m - origin)
     force = force - grip.elbow_damping_n_s_m * (elbow_velocity - target.elbow_velocity_m_s)
     return max(strongest, _push(arm, force, grip, elbow_link, np.zeros(3)))
+
+
+class LedWay:
+    """The hands of a person who leads the arm along a way, sampled at `RATE_HZ`.
+
+    Args:
+        hand_m: of the arm's hand (T, 3), world.
+        rotations: of the arm's hand (T, 3, 3), world.
+        elbow_m: of the arm's elbow (T, 3), world.
+        rate: samples, and the seconds they take: shipped recordings depend on its last bit.
+
+    Attributes:
+        strongest_pull_n: largest pull so far.
+    """
+
+    def __init__(
+        self,
+        hand_m: Floats,
+        rotations: Floats,
+        elbow_m: Floats,
+        rate: tuple[float, float] = (RATE_HZ, 1.0),
+    ) -> None:
+        self._rotations, self._places, self._rate = rotations, (hand_m, elbow_m), rate
+        stamps = np.arange(len(hand_m)) / RATE_HZ
+        self._velocities = [np.gradient(places, stamps, axis=0) for places in self._places]
+        self.strongest_pull_n = 0.0
+
+    def lead(self, arm: SimulatedArm) -> None:
+        """Pull for the next physics step."""
+        row = min(arm.time_s * self._rate[0] / self._rate[1], len(self._rotations) - 1.001)
+        low, share = int(row), row - int(row)
+        (hand, elbow), (hand_velocity, elbow_velocity) = (
+            [one[low] + share * (one[low + 1] - one[low]) for one in pair]
+            for pair in (self._places, self._velocities)
+        )
+        target = HandTarget(hand, self._rotations[low], hand_velocity, elbow, elbow_velocity)
+        self.strongest_pull_n = max(self.strongest_pull_n, pull(arm, target, Grip()))
 
 
 def _push(arm: SimulatedArm, force: Floats, grip: Grip, link: int, point: Floats) -> float:
