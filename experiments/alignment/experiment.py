@@ -97,7 +97,8 @@ def findings(
         remark = "dtaidistance is not installed, so there is nothing to compare with."
         largest = f"{known[LOCAL].steps.largest:.1f}"
         return (Finding.alone("longest step of a warp [mean steps]", largest, remark),)
-    local, plain, tuned = known[LOCAL], known[DTW], known[DTW_TUNED]
+    three, tasks = (LOCAL, DTW, DTW_TUNED), list(recorded.values())
+    scores = [known[method] for method in three]
 
     def beside(quantity: str, paper: str, best: float, *others: float, digits: int = 1) -> Finding:
         better = best < min(others)
@@ -105,47 +106,38 @@ def findings(
         remark = "" if better else "DTW does as well here."
         return Finding(quantity, paper, text, bool(better), remark)
 
-    tasks = list(recorded.values())
-    left_out = [100 * max(t[m].left_out for t in tasks) for m in (LOCAL, DTW, DTW_TUNED)]
+    left_out = [100 * max(t[m].left_out for t in tasks) for m in three]
     return (
         beside(
             "longest step of any warp, known timing (DTW as it is, DTW tuned) [mean steps]",
             "no jumps; DTW jumps",
-            local.steps.largest,
-            plain.steps.largest,
-            tuned.steps.largest,
+            *(one.steps.largest for one in scores),
         ),
         beside(
             "steps that stand still [%]",
             "smooth; DTW is not",
-            100 * local.steps.flat,
-            100 * plain.steps.flat,
-            100 * tuned.steps.flat,
+            *(100 * one.steps.flat for one in scores),
         ),
         beside(
             "error of the warped movement's velocity [% of its root mean square]",
             "shape is preserved; DTW's is unrealistic",
-            100 * local.velocity,
-            100 * plain.velocity,
-            100 * tuned.velocity,
+            *(100 * one.velocity for one in scores),
             digits=0,
         ),
         beside(
             "median error of the timing [thousandths of the movement]",
             "",
-            1e3 * local.median,
-            1e3 * plain.median,
-            1e3 * tuned.median,
+            *(1e3 * one.median for one in scores),
         ),
         beside(
             "toolbox: longest step of any warp [mean steps]",
             "no jumps; DTW jumps",
-            *(max(t[m].steps.largest for t in tasks) for m in (LOCAL, DTW, DTW_TUNED)),
+            *(max(t[m].steps.largest for t in tasks) for m in three),
         ),
         beside(
             "toolbox: largest speed of a warped wrist [times that recorded]",
             "",
-            *(max(t[m].speed for t in tasks) for m in (LOCAL, DTW, DTW_TUNED)),
+            *(max(t[m].speed for t in tasks) for m in three),
         ),
         Finding.alone(
             "toolbox: part of a recording that a warp leaves out at the ends [%]",

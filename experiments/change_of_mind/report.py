@@ -56,62 +56,61 @@ def findings(study: ChangeStudy) -> tuple[Finding, ...]:
     switched = sum(bool(one.others) or one.switches > 0 for one in study.unchanged)
     let_go = sum(one.withdrawals > 0 for one in study.unchanged)
     n = len(study.unchanged)
+    recognised = [one for session in study.sessions for one in session.recognised]
+    in_order = sum(session.in_order for session in study.sessions)
     return (
         *(
-            _finding(
-                f"new task active, change at {share:.0%}",
-                f"at least {wanted:.0%}",
-                f"{usual[share].new_active:.0%} of {usual[share].n}",
-                usual[share].new_active >= wanted,
-            )
-            for share, wanted in NEW_WANTED.items()
+            _at_least(f"new task active, change at {s:.0%}", least, usual[s].new_active, usual[s].n)
+            for s, least in NEW_WANTED.items()
         ),
         *(
-            _finding(
-                f"old task kept to the end, change at {share:.0%}",
-                f"at most {wanted:.0%}",
-                f"{usual[share].old_kept:.0%} of {usual[share].n}",
-                usual[share].old_kept <= wanted,
+            _at_most(
+                f"old task kept to the end, change at {s:.0%}", most, usual[s].old_kept, usual[s].n
             )
-            for share, wanted in OLD_WANTED.items()
+            for s, most in OLD_WANTED.items()
         ),
-        _finding(
+        _at_least(
             f"old task let go within {RELEASED_WITHIN_S:g} s, where it was active",
-            f"at least {RELEASED_WANTED:.0%}",
-            _number(early.released_in_time, ".0%"),
-            early.released_in_time >= RELEASED_WANTED,
+            RELEASED_WANTED,
+            early.released_in_time,
         ),
-        _finding(
+        Finding.wanted(
             "median time from the change to the new task's activity [s]",
             f"at most {DELAY_WANTED_S:g}",
             _number(early.delay_s, ".2f"),
             early.delay_s <= DELAY_WANTED_S,
+            MISSED,
         ),
-        _finding(
+        _at_least(
             f"new task active, other blends up to {OTHER_BLENDS_UNTIL:.0%}, the worst",
-            f"at least {OTHER_BLENDS_WANTED:.0%}",
-            f"{min(others):.0%}",
-            min(others) >= OTHER_BLENDS_WANTED,
+            OTHER_BLENDS_WANTED,
+            min(others),
         ),
         Finding.alone(
             "new task active, replanned at " + ", ".join(f"{share:.0%}" for share in SHARES),
             ", ".join(replanned),
             "Another way to change one's mind than the filter may assume; no figure is wanted.",
         ),
-        _finding(
-            "unchanged reaches with another task active", "0", f"{switched} of {n}", not switched
+        Finding.wanted(
+            "unchanged reaches with another task active",
+            "0",
+            f"{switched} of {n}",
+            not switched,
+            MISSED,
         ),
-        _finding(
+        Finding.wanted(
             "unchanged reaches let go of",
             f"at most {LET_GO_WANTED} of 100",
             f"{let_go} of {n}",
             let_go <= LET_GO_WANTED,
+            MISSED,
         ),
-        _finding(
+        _at_most(
             "reaches that turn to no task in which another task is active",
-            f"at most {UNKNOWN_WANTED:.0%}",
-            f"{unknown.others:.1%} of {unknown.n}",
-            unknown.others <= UNKNOWN_WANTED,
+            UNKNOWN_WANTED,
+            unknown.others,
+            unknown.n,
+            ".1%",
         ),
         Finding.alone(
             "last task active after two changes (15 and 45 %)",
@@ -124,28 +123,37 @@ def findings(study: ChangeStudy) -> tuple[Finding, ...]:
             _number(100.0 * early.hand_error_m, ".1f"),
             "Where the predicted motion ends, where the new task was active; no figure is wanted.",
         ),
-        *_session_findings(study),
-    )
-
-
-def _session_findings(study: ChangeStudy) -> tuple[Finding, ...]:
-    recognised = [one for session in study.sessions for one in session.recognised]
-    in_order = sum(session.in_order for session in study.sessions)
-    share = float(np.mean(recognised))
-    return (
-        _finding(
+        _at_least(
             f"recognised without a pause, {len(study.sessions[0].tasks)} consecutive tasks",
-            f"at least {SESSION_WANTED:.0%}",
-            f"{share:.0%} of {len(recognised)}",
-            share >= SESSION_WANTED,
+            SESSION_WANTED,
+            float(np.mean(recognised)),
+            len(recognised),
         ),
-        _finding(
+        Finding.wanted(
             "sessions without a pause whose tasks became active in order, and no other",
             "all",
             f"{in_order} of {len(study.sessions)}",
             in_order == len(study.sessions),
+            MISSED,
         ),
     )
+
+
+def _at_least(quantity: str, least: float, share: float, of: int | None = None) -> Finding:
+    return Finding.wanted(
+        quantity, f"at least {least:.0%}", _share(share, of), share >= least, MISSED
+    )
+
+
+def _at_most(
+    quantity: str, most: float, share: float, of: int | None = None, form: str = ".0%"
+) -> Finding:
+    wanted, shown = f"at most {most:.0%}", _share(share, of, form)
+    return Finding.wanted(quantity, wanted, shown, share <= most, MISSED)
+
+
+def _share(share: float, of: int | None, form: str = ".0%") -> str:
+    return _number(share, form) + ("" if of is None else f" of {of}")
 
 
 def blocks(study: ChangeStudy) -> tuple[Block, ...]:
@@ -175,7 +183,7 @@ def _row(change: GoalChange, cell: Cell) -> tuple[str | float | None, ...]:
     to = {"task": "another task", "unknown": "no task", "other": "a third task", "back": "and back"}
     return (
         to[change.to],
-        _how(change.blend),
+        "replanned" if change.blend is None else f"over {change.blend:.0%}",
         100 * change.share,
         cell.n,
         100 * cell.new_active if change.to != "unknown" else None,
@@ -187,13 +195,5 @@ def _row(change: GoalChange, cell: Cell) -> tuple[str | float | None, ...]:
     )
 
 
-def _how(blend: float | None) -> str:
-    return "replanned" if blend is None else f"over {blend:.0%}"
-
-
 def _number(value: float, form: str) -> str:
     return format(value, form) if np.isfinite(value) else "-"
-
-
-def _finding(quantity: str, wanted: str, measured: str, reached: bool) -> Finding:
-    return Finding.wanted(quantity, wanted, measured, reached, MISSED)

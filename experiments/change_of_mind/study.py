@@ -122,14 +122,14 @@ def investigate(settings: Settings) -> ChangeStudy:
         settings.seed,
         per_pair,
         unchanged,
-        lambda share, what: settings.progress(0.05 + 0.8 * share, what),
+        settings.part(0.05, 0.85).progress,
         pairs=PAIRS[:1] if settings.quick else PAIRS,
     )
     sessions = follow_sessions(
         library,
         settings.seed,
         *((QUICK_SESSIONS, QUICK_INTERACTIONS) if settings.quick else (SESSIONS, INTERACTIONS)),
-        lambda share, what: settings.progress(0.85 + 0.1 * share, what),
+        settings.part(0.85, 0.95).progress,
     )
     return replace(study, sessions=tuple(sessions))
 

@@ -31,7 +31,6 @@ from experiments.feedback.study import (
 )
 from experiments.results import ExperimentResult, Finding
 from experiments.settings import Settings
-from intent_recognition.array_types import Floats
 from intent_recognition.report import Block, Figure, Paragraph, to_svg
 
 CONDITIONS = (
@@ -59,16 +58,6 @@ def run(settings: Settings) -> ExperimentResult:
     pushes = push_arm(policy, 2 if settings.quick else 9)
     settings.progress(0.95, "figures")
     demonstrated = joint_std(library, shown)
-    return _outcome(policy, demonstrated, stiffer, reproduced, pushes)
-
-
-def _outcome(
-    policy: FeedbackPolicy,
-    demonstrated: Floats,
-    stiffer: Floats,
-    reproduced: Sequence[Reproduced],
-    pushes: Sequence[Pushed],
-) -> ExperimentResult:
     ratios = [std_ratios(policy, one) for one in reproduced]
     deviations = [mean_deviation(policy, one) for one in reproduced]
     identity = linear_errors(policy)

@@ -30,7 +30,6 @@ from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.learning import learn
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.report import Block, Figure, Row, to_svg
-from intent_recognition.signals import Demonstration
 
 QUICK = (0, 7)
 """Recordings of a quick run, by index."""
@@ -75,16 +74,6 @@ def run(settings: Settings) -> ExperimentResult:
     )
     settings.progress(0.9, "figures")
     nearest = nearest_errors(train, tested)
-    return _outcome(library, train, tested, nearest, draws)
-
-
-def _outcome(
-    library: TaskLibrary,
-    train: list[Demonstration],
-    tested: list[Tested],
-    nearest: Floats,
-    draws: list[Draw],
-) -> ExperimentResult:
     errors = np.array([one.error_m for one in tested])
     predicted = np.array([np.linalg.norm(one.predicted_m - one.spot_m) for one in tested])
     teaching = np.array([float(one.metadata["teaching_error_m"]) for one in train])

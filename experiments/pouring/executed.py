@@ -168,11 +168,9 @@ def planned(order: PourOrder, skill: Skill) -> Planned:
         path = plan(skill.primitive, cup.references, second.references, level=level)
         left_m3 = level.left * cup.references.volume_m3
         return Planned(path, cup, second, risk(path), 0, left_m3)
-    if order.manner == UNWARPED:
-        path = plan(skill.primitive, skill.cup.references, skill.second.references)
-        return Planned(path, cup, second, risk(path), 0)
-    if order.manner == MEAN:
-        path = plan(skill.primitive, cup.references, second.references)
+    if order.manner != SAMPLE:
+        as_cup, as_second = (skill.cup, skill.second) if order.manner == UNWARPED else (cup, second)
+        path = plan(skill.primitive, as_cup.references, as_second.references)
         return Planned(path, cup, second, risk(path), 0)
     rng = order.rng(1)
     for draw in range(1, DRAWS + 1):

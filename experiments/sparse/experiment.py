@@ -29,7 +29,6 @@ from experiments.sparse.conditioning import (
 from experiments.sparse.figures import (
     Line,
     Panel,
-    SketchExample,
     example_figure,
     sparse_error_figure,
 )
@@ -196,8 +195,8 @@ def _example(
     pair: Floats,
     seen: tuple[Floats, Floats],
     others: Mapping[str, Floats] | None,
-) -> SketchExample:
-    panels = [
+) -> list[Panel]:
+    return [
         Panel(
             "" if number else title,
             (before[0][number], before[1][number]),
@@ -208,4 +207,3 @@ def _example(
         )
         for number in range(2)
     ]
-    return SketchExample(*panels)

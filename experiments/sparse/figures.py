@@ -45,20 +45,13 @@ class Panel(NamedTuple):
     others: Mapping[str, Floats] | None = None
 
 
-class SketchExample(NamedTuple):
-    """One situation: the observed agent above, the controlled one below."""
-
-    observed: Panel
-    controlled: Panel
-
-
 @styled
-def example_figure(phase: Floats, examples: Sequence[SketchExample]) -> Drawing:
+def example_figure(phase: Floats, examples: Sequence[Sequence[Panel]]) -> Drawing:
     """Prior and posterior of both agents, +- two standard deviations; one column per example.
 
     Args:
         phase: of the curves, (T,).
-        examples: one or more.
+        examples: panels of the observed and of the controlled agent.
     """
     figure = new_figure(4.6 * len(examples), 6.2)
     grid = figure.subplots(2, len(examples), sharex=True, sharey="row", squeeze=False)
