@@ -7,7 +7,6 @@
 import os
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,9 +19,8 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from benchmarks.measure import Result, at_most
-from intent_recognition.demonstrations import load_dofs
+from benchmarks.offline import model_file
 from intent_recognition.kinematics import JOINT_NAMES
-from intent_recognition.model import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import to_joint_state, to_pose, to_stamp
 from intent_recognition.nodes.diagnostics import Readiness
@@ -39,10 +37,8 @@ RECOGNITION = ("mocap_ingest", "intent_estimator", "primitive_activation")
 
 def flood(library: TaskLibrary, seconds: float = FLOOD_S) -> Iterator[Result]:
     """How long after the flood the estimate is of the newest pose again."""
-    with tempfile.TemporaryDirectory() as folder:
-        model = Path(folder) / "model.npz"
-        save_model(model, Model(library, load_dofs()))
-        lag_s, sent, largest_s = after_flood(model, seconds, Path(folder) / "logs")
+    with model_file(library) as model:
+        lag_s, sent, largest_s = after_flood(model, seconds, model.parent / "logs")
     remark = f"{sent / seconds:.0f} joint states a second for {seconds:.0f} s, poses at 100 Hz"
     yield at_most("intent/tasks current after a flood", lag_s, 1.0, "s", remark)
     remark = "age of the estimate, at most, while it lasted; no requirement"

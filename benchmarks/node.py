@@ -8,7 +8,6 @@ changes from pose to pose, so that neither finds the processor's caches as the o
 """
 
 import os
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -26,8 +25,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from benchmarks.measure import Result, at_most
-from intent_recognition.demonstrations import load_dofs
-from intent_recognition.model import Model, save_model
+from benchmarks.offline import model_file
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     TrajectoryBuilder,
@@ -54,9 +52,7 @@ def node(library: TaskLibrary, recordings: list[Demonstration]) -> Iterator[Resu
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
     rclpy.init(args=["--ros-args", "--log-level", "error"])
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            model = Path(folder) / "model.npz"
-            save_model(model, Model(library, load_dofs()))
+        with model_file(library) as model:
             yield from _latency(model, recordings)
             yield from _keeping_up(model, recordings[0])
     finally:

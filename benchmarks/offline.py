@@ -3,7 +3,8 @@
 
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,6 +15,15 @@ from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.model import Model, save_model
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration
+
+
+@contextmanager
+def model_file(library: TaskLibrary) -> Iterator[Path]:
+    """The file of a model of the toolbox, in a folder of its own that goes with the context."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.npz"
+        save_model(path, Model(library, load_dofs()))
+        yield path
 
 
 def bags_to_model(folder: Path) -> tuple[Result, TaskLibrary, list[Demonstration]]:

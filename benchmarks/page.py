@@ -13,7 +13,6 @@ import math
 import os
 import socket
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -27,10 +26,8 @@ from rclpy.node import Node
 
 from benchmarks.browser import PageSize, chromium, first_sight_s, open_page, resident_mb
 from benchmarks.measure import Result, at_least, at_most
-from benchmarks.offline import bags_to_model
+from benchmarks.offline import bags_to_model, model_file
 from intent_recognition.dashboard.admission import TOKEN_VARIABLE, answers, random_token
-from intent_recognition.demonstrations import load_dofs
-from intent_recognition.model import Model, save_model
 from intent_recognition.nodes.graph import resolve
 from intent_recognition.nodes.processes import LOCALHOST, RANGE, NodeProcesses, node_environment
 from intent_recognition.nodes.runtime import make_executor
@@ -102,36 +99,30 @@ def page(library: TaskLibrary) -> Iterator[str | Result]:
 
 def watch(library: TaskLibrary, seconds: float, step_s: float) -> Iterator[Sample]:
     """Samples of a running graph with one page open, after `SETTLED_S`."""
-    with tempfile.TemporaryDirectory() as folder:
-        model = Path(folder) / "model.npz"
-        save_model(model, Model(library, load_dofs()))
-        with _graph(model, seconds) as (processes, port, rate):
-            server = processes.pid(SERVER)
-            with open_page(_address(port), WIDTH, HEIGHT) as opened:
-                opened.wait(SETTLED_S)
-                start_s = at_s = time.monotonic()
-                used_s = _processor_s(server)
-                for k in range(1, max(int(seconds / step_s), 2) + 1):
-                    opened.wait(max(start_s + k * step_s - time.monotonic(), 0.0))
-                    processes.check()
-                    before_s, at_s = at_s, time.monotonic()
-                    used_before_s, used_s = used_s, _processor_s(server)
-                    yield Sample(
-                        at_s - start_s,
-                        resident_mb(server),
-                        (used_s - used_before_s) / (at_s - before_s),
-                        rate(),
-                        opened.size(),
-                    )
+    with _graph(library, seconds) as (processes, port, rate):
+        server = processes.pid(SERVER)
+        with open_page(_address(port), WIDTH, HEIGHT) as opened:
+            opened.wait(SETTLED_S)
+            start_s = at_s = time.monotonic()
+            used_s = _processor_s(server)
+            for k in range(1, max(int(seconds / step_s), 2) + 1):
+                opened.wait(max(start_s + k * step_s - time.monotonic(), 0.0))
+                processes.check()
+                before_s, at_s = at_s, time.monotonic()
+                used_before_s, used_s = used_s, _processor_s(server)
+                yield Sample(
+                    at_s - start_s,
+                    resident_mb(server),
+                    (used_s - used_before_s) / (at_s - before_s),
+                    rate(),
+                    opened.size(),
+                )
 
 
 def sight(library: TaskLibrary) -> Result:
     """How long an operator waits for the first whole frame, where a processor draws it."""
-    with tempfile.TemporaryDirectory() as folder:
-        model = Path(folder) / "model.npz"
-        save_model(model, Model(library, load_dofs()))
-        with _graph(model, SHORT_S) as (_, port, _):
-            waited_s = first_sight_s(_address(port), *WINDOW, "/person/upper_body/shape")
+    with _graph(library, SHORT_S) as (_, port, _):
+        waited_s = first_sight_s(_address(port), *WINDOW, "/person/upper_body/shape")
     return at_most("page, from the address to the whole scene", waited_s, MOST_SIGHT_S, "s", "")
 
 
@@ -190,7 +181,7 @@ def _after_warming(samples: Sequence[Sample]) -> Sequence[Sample]:
 
 
 @contextmanager
-def _graph(model: Path, seconds: float) -> Iterator[tuple]:
+def _graph(library: TaskLibrary, seconds: float) -> Iterator[tuple]:
     """The demo's nodes as processes: them, the page's port, and the rate it reports."""
     domain = int(os.environ.get("ROS_DOMAIN_ID", DOMAIN))
     within = {**os.environ, RANGE: LOCALHOST}  # other benchmarks want no network
@@ -199,8 +190,7 @@ def _graph(model: Path, seconds: float) -> Iterator[tuple]:
     os.environ.update(environment)
     port = _free_port()
     enough = math.ceil((seconds + START_S) / INTERACTION_S)
-    values = {
-        "model": str(model),
+    given = {
         "rate": 1.0,
         "headless": True,
         "sensor_noise": True,
@@ -209,13 +199,15 @@ def _graph(model: Path, seconds: float) -> Iterator[tuple]:
         "transfers": False,
         "dashboard": True,
         "port": port,
-        "library": str(model.parent / "tasks"),
-        "models": str(model.parent),
     }
     rclpy.init(args=["--ros-args", "--log-level", "error"])
     try:
-        with NodeProcesses(environment, model.parent / "logs") as processes:
-            for call in resolve("demo", values):
+        with (
+            model_file(library) as model,
+            NodeProcesses(environment, model.parent / "logs") as processes,
+        ):
+            folders = {"library": str(model.parent / "tasks"), "models": str(model.parent)}
+            for call in resolve("demo", {**given, **folders, "model": str(model)}):
                 if call.name != TEACHER:  # it wants a model with its statistics
                     processes.start(call.name, call.module, call.parameters)
             _wait_until_served(port, processes)

@@ -7,7 +7,6 @@
 import os
 import signal
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -22,9 +21,8 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from benchmarks.measure import Result, at_least, at_most
+from benchmarks.offline import model_file
 from benchmarks.pace_keeper import PaceKeeper
-from intent_recognition.demonstrations import load_dofs
-from intent_recognition.model import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.diagnostics import Readiness
@@ -96,10 +94,8 @@ class Soak:
 
 def soak(library: TaskLibrary, minutes: float, between_s: float = 100.0) -> Iterator[Result]:
     """Results of a run, with a node killed every so often [s]."""
-    with tempfile.TemporaryDirectory() as folder:
-        model = Path(folder) / "model.npz"
-        save_model(model, Model(library, load_dofs()))
-        yield from results(run(model, minutes, between_s, Path(folder) / "logs"), minutes)
+    with model_file(library) as model:
+        yield from results(run(model, minutes, between_s, model.parent / "logs"), minutes)
 
 
 def results(found: Soak, minutes: float) -> Iterator[Result]:
@@ -259,8 +255,8 @@ def _usage(pid: int, at_s: float) -> Usage:
 
 
 if __name__ == "__main__":
-    model_file, length, *between = sys.argv[1:]
+    path, length, *between = sys.argv[1:]
     between_s, rate = [*map(float, between), *(100.0, RATE)[len(between) :]]
-    run_of = run(Path(model_file), float(length), between_s, Path("out/soak"), rate)
+    run_of = run(Path(path), float(length), between_s, Path("out/soak"), rate)
     for result in results(run_of, float(length)):
         sys.stdout.write(result.line().rstrip() + "\n")

@@ -14,9 +14,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 
-from benchmarks.synthetic import reach
 from intent_recognition.array_types import Floats
 from intent_recognition.evaluation import evaluate, make_folds
+from intent_recognition.promp import minimum_jerk
 from intent_recognition.signals import Demonstration
 
 SHARES, EARLY = ("0.25", "0.5", "0.75", "1.0"), ("0.1", "0.2", "0.3")
@@ -32,7 +32,7 @@ def copies(
         times_s = np.arange(0.0, 0.7 + duration_s, step_s)
         points = np.vstack([np.zeros(3), usual[task] + 0.12 * rng.normal(size=(6, 3))])
         course = make_interp_spline(np.linspace(0.0, 1.0, 7), points, 3)
-        hand = course(reach((times_s - 0.4) / duration_s))
+        hand = course(minimum_jerk((times_s - 0.4) / duration_s))
         place, velocity, robot = hand[0], np.zeros(3), np.empty_like(hand)
         for k in range(len(times_s)):
             apart = hand[max(k - 120, 0)] - place
@@ -55,7 +55,7 @@ def people(
             times_s = np.arange(0.0, 0.8 + duration_s, 1 / 60)
             goal = goals[task] * length + height + 0.025 * rng.normal(size=3)
             ahead, later = (
-                reach((times_s - start_s) / duration_s)[:, None] for start_s in (0.5, 0.65)
+                minimum_jerk((times_s - start_s) / duration_s)[:, None] for start_s in (0.5, 0.65)
             )
             hand = height + ahead * (goal - height) + bow * np.sin(np.pi * ahead)
             there = goals[task] * [-1, 1, 1] + [1.4, 0, 0] + 0.9 * (goal - goals[task])
@@ -71,7 +71,8 @@ def exact(rng: np.random.Generator, n_tasks: int = 4, n: int = 16) -> Iterator[D
         duration_s = 2.0 * np.exp(0.2 * rng.normal())
         times_s = np.arange(0.0, 0.6 + 1.3 * duration_s, 0.01)
         goal = goals[task] + 0.05 * rng.normal(size=3)
-        ahead, later = (reach((times_s - 0.3) / duration_s - late)[:, None] for late in (0.0, 0.3))
+        share = ((times_s - 0.3) / duration_s)[:, None]
+        ahead, later = minimum_jerk(share), minimum_jerk(share - 0.3)
         bow = bows[task] * (1.0 + 0.2 * rng.normal())
         hand = ahead * goal + bow * np.sin(np.pi * ahead)
         there = goals[task] * [-1, 1, 1] + [1.4, 0, 0] + 0.9 * (goal - goals[task])

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from intent_recognition.promp import NormalizedRBFBasis, TaskLibrary
+from intent_recognition.promp import NormalizedRBFBasis, TaskLibrary, minimum_jerk
 from intent_recognition.signals import Observation, OnsetSettings
 
 N_OBSERVED = 3
@@ -13,12 +13,6 @@ NOISE_STD = 0.005
 START_NS = 1_700_000_000_000_000_000
 
 
-def reach(phase: np.ndarray) -> np.ndarray:
-    """Minimum jerk from 0 to 1 over phase [0, 1], held outside."""
-    z = np.clip(phase, 0.0, 1.0)
-    return z**3 * (10.0 - 15.0 * z + 6.0 * z**2)
-
-
 def synthetic_library(
     rng: np.random.Generator, n_tasks: int, n_controlled: int = 7, *, crowding_s: float = 0.05
 ) -> TaskLibrary:
@@ -26,7 +20,7 @@ def synthetic_library(
     basis = NormalizedRBFBasis(N_BASIS)
     n_dofs = N_OBSERVED + n_controlled
     goals = rng.uniform(-0.6, 0.6, size=(n_tasks, n_dofs))
-    mean = goals[:, :, None] * reach(basis.centers)
+    mean = goals[:, :, None] * minimum_jerk(basis.centers)
     between = np.exp(-0.5 * ((basis.centers[:, None] - basis.centers) / 0.3) ** 2)
     root = rng.normal(size=(n_dofs, n_dofs)) / np.sqrt(n_dofs)
     covariance = 0.03**2 * np.kron(root @ root.T, between)

@@ -14,9 +14,9 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
-from typing import Protocol
+from typing import Any
 
-from experiments.recording import Content, write_recording
+from experiments.recording import write_recording
 from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError
 
 SCENARIOS = MappingProxyType(
@@ -29,30 +29,8 @@ SCENARIOS = MappingProxyType(
         "pours": "experiments.pouring.executed",
     }
 )
-"""Per scenario its module, a `Scenario`."""
-
-
-class RecordingOrder(Protocol):
-    """One recording to make; `folder` is where its bag goes, below the folder for all bags."""
-
-    @property
-    def folder(self) -> PurePosixPath:
-        """As toolbox/train/plate_handover_03."""
-
-
-class Scenario(Protocol):
-    """A module that makes the recordings of one scenario."""
-
-    def orders(self, seed: int) -> list[RecordingOrder]:
-        """Every recording, in order."""
-
-    def content(self, order: RecordingOrder, bags: Path) -> Content:
-        """Simulate one recording; those that it builds on lie below `bags`."""
-
-
-def _scenario(name: str) -> Scenario:
-    module: Scenario = importlib.import_module(SCENARIOS[name])
-    return module
+"""Modules of the scenarios: `orders(seed)` are all recordings, `content(order, bags)` simulates
+one; `order.folder` is where its bag goes below `bags`, as toolbox/train/plate_handover_03."""
 
 
 def generate(
@@ -84,7 +62,7 @@ def generate(
     if jobs < 1 or seed < 0:
         expected = "jobs >= 1 and seed >= 0"
         raise ArgumentError.about("jobs, seed", expected, (jobs, seed), "Give such numbers.")
-    todo = _scenario(scenario).orders(seed)
+    todo = importlib.import_module(SCENARIOS[scenario]).orders(seed)
     for order in todo:
         make_room(output / order.folder, overwrite)
     written = []
@@ -100,8 +78,8 @@ def record(
     output: Path, seed: int, scenario: str, keep: Callable[[PurePosixPath], bool]
 ) -> list[Path]:
     """Make the recordings of a scenario that `keep` chooses by their folder, in this process."""
-    orders = (order for order in _scenario(scenario).orders(seed) if keep(order.folder))
-    return [_make(scenario, order, output) for order in orders]
+    orders = importlib.import_module(SCENARIOS[scenario]).orders(seed)
+    return [_make(scenario, order, output) for order in orders if keep(order.folder)]
 
 
 def make_room(folder: Path, overwrite: bool) -> None:
@@ -117,8 +95,8 @@ def make_room(folder: Path, overwrite: bool) -> None:
         shutil.rmtree(folder)
 
 
-def _make(scenario: str, order: RecordingOrder, output: Path) -> Path:
-    content = _scenario(scenario).content(order, output)
+def _make(scenario: str, order: Any, output: Path) -> Path:
+    content = importlib.import_module(SCENARIOS[scenario]).content(order, output)
     return write_recording(output / order.folder, *content)
 
 

@@ -5,6 +5,8 @@ World frame: the arm's base at the origin, x toward the person, z up. The hand i
 along x; its fingers close along y. The person's hand acts on the object by forces; it has no body.
 """
 
+from contextlib import AbstractContextManager
+
 import numpy as np
 
 from intent_recognition.array_types import Floats
@@ -35,7 +37,7 @@ OBJECTS = {
 """What is handed over, by name."""
 
 
-class TransferCell:
+class TransferCell(AbstractContextManager):
     """The physics. Use as a context: leaving it ends the world.
 
     Args:
@@ -99,17 +101,9 @@ class TransferCell:
         """Where the arm's grip is (3,), world."""
         return self.arm.hand_pose().position
 
-    def close(self) -> None:
-        """End the world."""
-        self.arm.close()
-
-    def __enter__(self) -> "TransferCell":
-        """Return the cell."""
-        return self
-
     def __exit__(self, *_: object) -> None:
         """End the world."""
-        self.close()
+        self.arm.close()
 
     def _act(self, arm: SimulatedArm) -> None:
         """Let the person and a bump act on the object in the coming step."""

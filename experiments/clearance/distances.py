@@ -2,6 +2,7 @@
 """How near an arm comes to boxes by PyBullet's own collision queries, without physics."""
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 
 from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import Box
@@ -12,7 +13,7 @@ _FAR_M = 10.0
 """Nothing in a cell is farther than this [m]."""
 
 
-class BulletCell:
+class BulletCell(AbstractContextManager):
     """An arm and boxes, in the frame of the world, in a physics world of their own."""
 
     def __init__(self, robot: Robot, boxes: Sequence[Box]) -> None:
@@ -25,7 +26,7 @@ class BulletCell:
         self._links = {info[12].decode(): info[0] for info in infos}
         self._boxes = [add_box(client, box) for box in boxes]
 
-    def close(self) -> None:
+    def __exit__(self, *_: object) -> None:
         """End the world."""
         end_world(self._client)
 

@@ -158,8 +158,5 @@ def draw_boxes(rng: np.random.Generator, robot: Robot, free: Executed) -> tuple[
 
 def nearest_m(robot: Robot, boxes: Sequence[Box], ways: Sequence[Floats]) -> tuple[float, ...]:
     """Least distance from a box on each of some joint paths (T, 7) [m], by PyBullet."""
-    cell = BulletCell(robot, boxes)
-    try:
+    with BulletCell(robot, boxes) as cell:
         return tuple(min(min(cell.distances_m(q).values()) for q in way) for way in ways)
-    finally:
-        cell.close()

@@ -5,6 +5,7 @@ The hand comes along the approach, closes, and goes straight up. Table, containe
 fingers collide: a finger that comes down on the rim pushes the container over.
 """
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -52,7 +53,7 @@ class Lifted(NamedTuple):
     pushed_m: float
 
 
-class LiftingWorld:
+class LiftingWorld(AbstractContextManager):
     """A table with one container on it. Use as a context: leaving it ends the world.
 
     Args:
@@ -120,15 +121,7 @@ class LiftingWorld:
         where, turn = self.client.getBasePositionAndOrientation(body)
         return np.array(where), Rotation.from_quat(turn)
 
-    def close(self) -> None:
+    def __exit__(self, *_: object) -> None:
         """End the world."""
         end_world(self.client)
         self._folder.cleanup()
-
-    def __enter__(self) -> "LiftingWorld":
-        """Return the world."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """End the world."""
-        self.close()
