@@ -115,7 +115,7 @@ def face(room: str) -> tuple[str, ...]:
     return tuple(alias.name for node in taken for alias in node.names)
 
 
-def told(violations: list[Import]) -> list[str]:
+def listed(violations: list[Import]) -> list[str]:
     return [f"{v.file} imports {v.module} {v.name}".rstrip() for v in violations]
 
 
@@ -136,7 +136,7 @@ def test_no_import_points_upward():
         and found.module.startswith(LIBRARY + ".")
         and storey_of(found.module) > storey_of(found.file)
     ]
-    assert told(upward) == []
+    assert listed(upward) == []
 
 
 @pytest.mark.slow
@@ -167,7 +167,7 @@ def test_rooms_import_from_a_room_not_from_its_files():
         and found.module != room
         and face(room)
     ]
-    assert told(inside) == []
+    assert listed(inside) == []
 
 
 def test_a_face_offers_what_others_take():
@@ -181,11 +181,16 @@ def test_a_face_offers_what_others_take():
     assert sorted(offered - taken) == []
 
 
-def test_ros_physics_plots_and_page_stay_in_their_rooms():
+def knows_nodes(module: str) -> bool:
+    """Whether it is a module of the library's uppermost storey."""
+    return module.startswith(LIBRARY) and storey_of(module) == len(STOREYS) - 1
+
+
+def test_ros_physics_plots_nodes_and_page_stay_in_their_rooms():
     wrong = []
     for found in imports():
         top, room = found.module.split(".")[0], (found.file.split(".") + [""])[1]
-        in_library = found.file.startswith(LIBRARY)
+        in_library, in_simulation = map(found.file.startswith, (LIBRARY, SIMULATION))
         is_node = (in_library and room in MAY_USE_ROS) or found.file.startswith("sim_bridge.nodes")
         is_ros = top in ROS or top.endswith(("_msgs", "_srvs"))
         if (
@@ -196,23 +201,12 @@ def test_ros_physics_plots_and_page_stay_in_their_rooms():
             or (found.module in SLOW and not found.file.startswith(EXPERIMENTS))
             or (top in QUIETED and not found.file.startswith("sim_bridge.physics"))
             or (top == "matplotlib" and in_library and room not in MAY_PLOT)
-            or (top == "matplotlib" and found.file.startswith(SIMULATION))
+            or (top == "matplotlib" and in_simulation)
             or (top == "viser" and not (in_library and room == "dashboard"))
+            or (in_simulation and not is_node and knows_nodes(found.module))
         ):
             wrong.append(found)
-    assert told(wrong) == []
-
-
-def test_the_simulation_knows_no_nodes_but_in_its_nodes():
-    wrong = [
-        found
-        for found in ours()
-        if found.file.startswith(SIMULATION)
-        and found.module.startswith(LIBRARY)
-        and storey_of(found.module) == len(STOREYS) - 1
-        and not found.file.startswith("sim_bridge.nodes")
-    ]
-    assert told(wrong) == []
+    assert listed(wrong) == []
 
 
 def loaded_after_importing(modules: list[str]) -> list[str]:

@@ -39,17 +39,21 @@ def movement():
     return change_of_mind(rng, first, NEW, 0.25, 0.25)
 
 
+def seen(at_s, active, event):
+    """What a decision said at a time, beside an estimate of nothing."""
+    none = np.zeros(4)
+    estimate = Estimate(0, False, 0, none, none, none, None, (*TASKS, NONE))
+    return SeenEstimate(at_s, estimate, DecisionState(active=active, event=event))
+
+
 @pytest.fixture
 def said(monkeypatch):
     """Let the decision say what a test wants: [(share of the movement, active, event)]."""
 
     def say(*steps):
         def watch(estimator, samples):
-            none = np.zeros(4)
-            for share, active, event in steps:
-                at = following.REST_S + share * movement().duration_s
-                estimate = Estimate(0, False, 0, none, none, none, None, (*TASKS, NONE))
-                yield SeenEstimate(at, estimate, DecisionState(active=active, event=event))
+            for share, *decision in steps:
+                yield seen(following.REST_S + share * movement().duration_s, *decision)
 
         monkeypatch.setattr(following, "IntentEstimator", lambda library: None)
         monkeypatch.setattr(following, "watch", watch)
@@ -93,12 +97,9 @@ def test_a_cell_counts_what_was_active_alone():
 
 def decided(interactions, *events):
     """(number of the interaction, share of it, active, event) as the decision would say it."""
-    none = np.zeros(4)
-    estimate = Estimate(0, False, 0, none, none, none, None, (*TASKS, NONE))
-    for number, share, active, event in events:
+    for number, share, *decision in events:
         one = interactions[number]
-        at_s = one.onset_s + share * (one.end_s - one.onset_s)
-        yield SeenEstimate(at_s, estimate, DecisionState(active=active, event=event))
+        yield seen(one.onset_s + share * (one.end_s - one.onset_s), *decision)
 
 
 def test_tasks_without_a_pause_are_recognised_when_each_becomes_active_in_its_turn():
@@ -165,8 +166,6 @@ def test_a_changed_reach_goes_from_the_first_to_the_second_goal_without_a_jump(s
         np.testing.assert_allclose(end, [changed.second.goal_m] * 2, atol=1e-12)
         assert changed.task == changed.second.task == TASKS[1]
         assert changed.change_s == pytest.approx(share * first.duration_s)
-    for seed in range(5):
-        _, changed = drawn(seed, share, blend)
         at = changed.change_s + STEP_S * np.arange(-3.0, 4.0)
         x = changed.positions(at)
         velocity = np.diff(x, axis=0) / STEP_S

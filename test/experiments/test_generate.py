@@ -14,10 +14,8 @@ from experiments.recording import write_recording
 from experiments.teaching.demonstration import TEST_COUNTS, TRAINING_COUNTS
 from experiments.teaching.hardness import (
     draw_set,
-    gaussian_labels,
     hardness_table,
     measure_hardness,
-    nearest_mean_labels,
 )
 from experiments.teaching.recordings import ToolboxOrder, content, orders
 from intent_recognition.bags.metadata import read_metadata
@@ -114,20 +112,6 @@ def test_sets_share_no_movement_and_the_readme_has_what_is_measured(repository):
     distances = np.linalg.norm(goals[:, None] - goals, axis=2) + np.eye(60)
     assert distances.min() > 1e-3
     assert hardness_table(1) in (repository / "bags" / "README.md").read_text()
-
-
-def test_classifiers_on_plain_cases():
-    labels = np.repeat([0, 1], 20)
-    rng = np.random.default_rng(0)
-    train = rng.standard_normal((40, 2)) + labels[:, None] * np.array([6.0, 0.0])
-    test = np.array([[0.5, 3.0], [5.5, -3.0]])
-    assert nearest_mean_labels(train, labels, test).tolist() == [0, 1]
-    assert gaussian_labels(train, labels, test).tolist() == [0, 1]
-    # Only the covariance tells these apart: a thin class difference across a wide spread.
-    stretched = rng.standard_normal((400, 2)) * [10.0, 0.1]
-    labels = np.tile([0, 1], 200)
-    stretched[:, 1] += labels
-    assert np.mean(gaussian_labels(stretched, labels, stretched) == labels) > 0.95
 
 
 @pytest.mark.slow

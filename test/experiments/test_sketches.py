@@ -166,21 +166,6 @@ def test_white_noise_keeps_the_variances_of_the_derivatives(pairs):
 
 
 @pytest.mark.slow
-def test_noise_carried_through_an_invertible_filter_loses_nothing(pairs, rng):
-    """Any invertible linear map of the observations leaves the posterior as it is."""
-    learned = learn_promp(pairs)
-    distribution = prior(learned.parameters, 0.1)
-    rows, noise_covariance, _ = observation(learned, ModelChoice(0.1, 0.01), 30)
-    seen = rows @ distribution.mean + 0.1 * rng.normal(size=30)
-    mixed = rng.normal(size=(30, 30)) + 5.0 * np.eye(30)
-    matrix, offset = predictor(distribution, rows, noise_covariance, learned.controlled)
-    other, shift = predictor(
-        distribution, mixed @ rows, mixed @ noise_covariance @ mixed.T, learned.controlled
-    )
-    np.testing.assert_allclose(other @ mixed @ seen + shift, matrix @ seen + offset, atol=1e-6)
-
-
-@pytest.mark.slow
 def test_errors_are_those_of_single_predictions(pairs):
     candidate = ModelChoice(0.03, 0.01)
     learned = learn_promp(pairs[:30])

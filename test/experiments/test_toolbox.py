@@ -57,8 +57,7 @@ def test_the_hand_from_the_final_wrist_alone_stands_beside_it(outcome):
 
 
 @pytest.mark.slow
-def test_recordings_drawn_again_are_told_by_the_same_numbers(outcome, shipped_again):
-    """Were the shipped ones drawn again, their numbers would come out."""
+def test_recordings_drawn_again_have_the_numbers_of_the_shipped_ones(outcome, shipped_again):
     settings = Settings(quick=True, n_seeds=2)
     (draw,) = draw_again(
         settings,

@@ -112,7 +112,7 @@ def test_it_learns_recognises_and_names_what_is_missing(python, repository):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "missing"),
     [
         (("train", "BAGS", "--output", "m.npz"), ""),
         (("replay", "BAGS/plate_handover_00", "--model", "m.npz"), ""),
@@ -123,7 +123,7 @@ def test_it_learns_recognises_and_names_what_is_missing(python, repository):
     ],
     ids=lambda value: value[0] if isinstance(value, tuple) else "",
 )
-def test_commands_run_or_name_what_they_need(python, repository, tmp_path, words, told):
+def test_commands_run_or_name_what_they_need(python, repository, tmp_path, words, missing):
     """In one line."""
     bags = tmp_path / "bags"
     for bag in sorted((repository / "bags/toolbox/train").glob("*_0[01]")):
@@ -132,5 +132,5 @@ def test_commands_run_or_name_what_they_need(python, repository, tmp_path, words
     (bags / "mug.obj").write_text("")
     words = [word.replace("BAGS", str(bags)) for word in words]
     said = run(python, *python.parents[1].glob("lib/*/site-packages/bin/intent"), *words)
-    assert said.returncode == (1 if told else 0), said.stderr
-    assert told in said.stderr and len(said.stderr.splitlines()) == bool(told)
+    assert said.returncode == (1 if missing else 0), said.stderr
+    assert missing in said.stderr and len(said.stderr.splitlines()) == bool(missing)

@@ -2,7 +2,6 @@
 from .session import MARGIN_S as MARGIN_S
 from .session import REST_M as REST_M
 from .session import SESSIONS as SESSIONS
-from .session import AssemblySession as AssemblySession
 from .session import in_assistants_place as in_assistants_place
 from .session import of_worker as of_worker
 from .session import plan_live as plan_live
