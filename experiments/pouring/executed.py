@@ -6,7 +6,6 @@ warped parameters, and, for comparison, along the mean with the demonstrated pai
 The demonstrations must be below the output folder.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path, PurePosixPath
@@ -17,7 +16,7 @@ import numpy as np
 from experiments.pouring.checking import HIGHEST_RISK, Constraints, learn_constraints
 from experiments.pouring.pour import AssumedGeometry, Poured, pour
 from experiments.pouring.recordings import joint_messages, labels_of
-from experiments.recording import PROVENANCE, Content, Message, recorded_at_ns
+from experiments.recording import PROVENANCE, Content, recorded_at_ns
 from intent_recognition.errors import KinematicsError
 from intent_recognition.warping import EMPTY, Reached, References, WarpedPrimitive, amount_to_leave
 from sim_bridge.scenarios.pouring import (
@@ -203,17 +202,19 @@ def execute(order: PourOrder, plan_: Planned) -> Poured:
     )
 
 
-def metadata(order: PourOrder, plan_: Planned, poured: Poured) -> dict[str, str]:
-    """Entries of metadata.yaml under custom_data."""
+def content(order: PourOrder, bags: Path) -> Content:
+    """Plan and pour, with the skill of the demonstrations below `bags`: metadata and messages."""
+    plan_ = planned(order, learn_skill(bags / "pouring" / "train", order.seed))
+    poured = execute(order, plan_)
     cup, second = PAIRS[order.pair]
-    return {
+    metadata = {
         "task": TASK,
         "set": "executed",
         **PROVENANCE,
         "seed": str(order.seed),
         "pair": str(order.pair),
         "manner": order.manner,
-        **({pour: order.pour} if order.pour else {}),
+        **({"pour": order.pour} if order.pour else {}),
         **labels_of(container_named(cup), cup, second, poured),
         "risk": f"{plan_.risk:.6f}",
         "draws": str(plan_.draws),
@@ -221,16 +222,5 @@ def metadata(order: PourOrder, plan_: Planned, poured: Poured) -> dict[str, str]
         "through_wall": str(poured.through_wall),
         "saturated_steps": str(poured.saturated_steps),
     }
-
-
-def messages(order: PourOrder, poured: Poured) -> Iterator[Message]:
-    """Messages of the arm's noisy sensors."""
     noise = order.rng(2 + MANNERS.index(order.manner))
-    return joint_messages(order.start_ns, poured, noise, every=EVERY)
-
-
-def content(order: PourOrder, bags: Path) -> Content:
-    """Plan and pour, with the skill of the demonstrations below `bags`: metadata and messages."""
-    plan_ = planned(order, learn_skill(bags / "pouring" / "train", order.seed))
-    poured = execute(order, plan_)
-    return metadata(order, plan_, poured), messages(order, poured)
+    return metadata, joint_messages(order.start_ns, poured, noise, every=EVERY)

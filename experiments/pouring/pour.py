@@ -115,63 +115,23 @@ def pour(
     belief = belief or AssumedGeometry(cup.lip_point, second.opening_centre)
     opening = OPENING_M + belief.opening_m - second.opening_centre
     joints = plan_joints(path, SideGrasp(belief.lip_m, cup.height_m), opening)
+    drive = _lead if led else _follow
+    pulls_n, touches_n = [0.0], [0.0]
+    states, poses, counts = [], [], []
     with SimulatedArm(joints(0.0)) as arm:
         table = PouringTable(arm, cup, second, ball_radius_m, n_balls, rng)
-        drive = _Led(joints) if led else _Follow(joints)
-        return _run(arm, table, drive, float(joints.x[-1]))
-
-
-class _Follow:
-    """The controller follows the plan."""
-
-    strongest_pull_n = 0.0
-
-    def __init__(self, joints: CubicSpline) -> None:
-        self._joints = joints
-
-    def __call__(self, arm: SimulatedArm) -> None:
-        now, end = arm.time_s, float(self._joints.x[-1])
-        if now < end:
-            arm.set_reference(self._joints(now), self._joints(now, 1), self._joints(now, 2))
-        else:
-            arm.set_reference(self._joints(end))
-
-
-class _Led:
-    """A person's hands lead the arm, which only carries its weight."""
-
-    def __init__(self, joints: CubicSpline) -> None:
-        self._joints = joints
-        self.strongest_pull_n = 0.0
-
-    def __call__(self, arm: SimulatedArm) -> None:
-        arm.set_gravity_compensation(True)
-        now = min(arm.time_s, float(self._joints.x[-1]))
-        here, soon = frame_poses(self._joints(np.array([now, now + 1e-3])))
-        moving = 1e3 * (now < self._joints.x[-1])
-        target = HandTarget(
-            here[7, :3, 3],
-            here[7, :3, :3],
-            moving * (soon[7, :3, 3] - here[7, :3, 3]),
-            here[3, :3, 3],
-            moving * (soon[3, :3, 3] - here[3, :3, 3]),
-        )
-        self.strongest_pull_n = max(self.strongest_pull_n, pull(arm, target, STEADY_GRIP))
-
-
-def _run(
-    arm: SimulatedArm, table: PouringTable, drive: "_Follow | _Led", duration_s: float
-) -> Poured:
-    touches: list[float] = []
-    arm.before_step += [drive, lambda _: touches.append(table.touch_n())]
-    states, poses, counts = [], [], []
-    samples = round((duration_s + LAST_WAIT_S) * 1000.0 / STEPS_PER_SAMPLE) + 1
-    for k in range(samples):
-        if k:
-            arm.step(STEPS_PER_SAMPLE)
-        states.append(arm.state())
-        poses.append(table.cup_pose())
-        counts.append([int(where.sum()) for where in table.look()])
+        arm.before_step += [
+            lambda arm: pulls_n.append(drive(arm, joints)),
+            lambda _: touches_n.append(table.touch_n()),
+        ]
+        samples = round((float(joints.x[-1]) + LAST_WAIT_S) * 1000.0 / STEPS_PER_SAMPLE) + 1
+        for k in range(samples):
+            if k:
+                arm.step(STEPS_PER_SAMPLE)
+            states.append(arm.state())
+            poses.append(table.cup_pose())
+            counts.append([int(where.sum()) for where in table.look()])
+        through_wall = table.through_wall
     times = np.arange(samples, dtype=np.float64) * STEPS_PER_SAMPLE * 1e-3
     in_cup, in_second = np.array(counts).T
     return Poured(
@@ -180,10 +140,36 @@ def _run(
         seen_path(times, np.array(poses), table.grasp.lip_m, OPENING_M),
         in_cup,
         in_second,
-        table.n_balls,
-        table.through_wall,
-        drive.strongest_pull_n,
+        n_balls,
+        through_wall,
+        max(pulls_n),
         arm.saturated_steps,
-        TIME_STEP_S * int(np.count_nonzero(touches)),
-        max(touches, default=0.0),
+        TIME_STEP_S * int(np.count_nonzero(touches_n)),
+        max(touches_n),
     )
+
+
+def _follow(arm: SimulatedArm, joints: CubicSpline) -> float:
+    """Let the controller follow the plan; nobody pulls."""
+    now, end = arm.time_s, float(joints.x[-1])
+    if now < end:
+        arm.set_reference(joints(now), joints(now, 1), joints(now, 2))
+    else:
+        arm.set_reference(joints(end))
+    return 0.0
+
+
+def _lead(arm: SimulatedArm, joints: CubicSpline) -> float:
+    """Lead the arm, which only carries its weight, by hand; return the strongest pull [N]."""
+    arm.set_gravity_compensation(True)
+    now = min(arm.time_s, float(joints.x[-1]))
+    here, soon = frame_poses(joints(np.array([now, now + 1e-3])))
+    moving = 1e3 * (now < joints.x[-1])
+    target = HandTarget(
+        here[7, :3, 3],
+        here[7, :3, :3],
+        moving * (soon[7, :3, 3] - here[7, :3, 3]),
+        here[3, :3, 3],
+        moving * (soon[3, :3, 3] - here[3, :3, 3]),
+    )
+    return pull(arm, target, STEADY_GRIP)

@@ -121,12 +121,6 @@ def labels_of(cup: Container, name: str, second: str, poured: Poured) -> dict[st
     }
 
 
-def messages(order: DemonstrationOrder, poured: Poured) -> Iterator[Message]:
-    """Messages of the arm's noisy sensors."""
-    noise = np.random.default_rng([order.seed, _STREAM, order.index, 1])
-    return joint_messages(order.start_ns, poured, noise)
-
-
 def joint_messages(
     start_ns: int, poured: Poured, noise: np.random.Generator, *, every: int = 1
 ) -> Iterator[Message]:
@@ -143,4 +137,5 @@ def joint_messages(
 def content(order: DemonstrationOrder, _: Path) -> Content:
     """Simulate one recording: its metadata and its messages."""
     poured = record(order)
-    return metadata(order, poured), messages(order, poured)
+    noise = np.random.default_rng([order.seed, _STREAM, order.index, 1])
+    return metadata(order, poured), joint_messages(order.start_ns, poured, noise)

@@ -158,7 +158,6 @@ class _Cell:
 
     def __init__(self, settings: Settings) -> None:
         self.settings, self.limits = settings, scaled_limits(LWR_LIMITS)
-        self.n_drawn = 0
 
     @property
     def n(self) -> tuple[int, int, int, int, int]:
