@@ -77,8 +77,8 @@ def learned(demonstrations):
     human, robot = demonstrations[0].observed[0], demonstrations[0].controlled[0]
     times_s = human.seconds(human.stamps_ns[0])
     odd = ir.Demonstration.from_arrays(times_s, human.values[:, :2], robot.values, task="left")
-    with pytest.warns(UserWarning, match="left out") as told:
-        return ir.learn([*demonstrations, odd], ir.TrainingSettings(switching=False)), told
+    with pytest.warns(UserWarning, match="left out") as warned:
+        return ir.learn([*demonstrations, odd], ir.TrainingSettings(switching=False)), warned
 
 
 @pytest.fixture(scope="module")

@@ -167,10 +167,10 @@ def test_goes_on_where_it_was_interrupted(tmp_path):
     output = tmp_path / "trials.npz"
     parts = unfinished(output, 3, done=19)
     (parts / "filling_square_bowl_00.half").write_bytes(b"half written")
-    told = []
-    made = dataset.generate(output, 3, trials=1, jobs=1, progress=lambda *what: told.append(what))
-    assert told[0] == ("found", 19, 20)
-    assert told[-1] == ("filling_square_bowl_00", 20, 20)
+    calls = []
+    made = dataset.generate(output, 3, trials=1, jobs=1, progress=lambda *what: calls.append(what))
+    assert calls[0] == ("found", 19, 20)
+    assert calls[-1] == ("filling_square_bowl_00", 20, 20)
     np.testing.assert_array_equal(made["pouring"][:, 0], np.arange(10))
     assert not parts.exists()
     trials = read_trials(output)

@@ -142,14 +142,14 @@ def poured(order):
 def test_joints_tell_the_pour():
     order = DemonstrationOrder(1, 0)
     path, made = poured(order)
-    told = metadata(order, made)
-    back = pour_of(made.times_s, made.joints_rad, told)
+    labels = metadata(order, made)
+    back = pour_of(made.times_s, made.joints_rad, labels)
     for axis in range(3):
         asked = np.interp(made.times_s, path.times_s, path.offset_m[:, axis])
         assert np.abs(back.offset_m[:, axis] - asked).max() < 2e-3
     asked = np.interp(made.times_s, path.times_s, path.tilt_rad)
     assert np.degrees(np.abs(back.tilt_rad - asked).max()) < 1.0
-    assert told["spilled"] == "40"
+    assert labels["spilled"] == "40"
 
 
 @given(st.integers(0, 1000))
