@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pouring: how a person does it, geometry, one pour in physics, new pairs, and the experiment."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.pouring import executed
 from experiments.pouring.executed import (
     MEAN,
     UNWARPED,
@@ -150,6 +153,15 @@ def test_joints_tell_the_pour():
     asked = np.interp(made.times_s, path.times_s, path.tilt_rad)
     assert np.degrees(np.abs(back.tilt_rad - asked).max()) < 1.0
     assert labels["spilled"] == "40"
+
+
+def test_a_recorded_pour_says_what_level_was_asked_for(monkeypatch):
+    planned_ = executed.Planned(None, None, None, 0.0, 0, left_m3=1e-5)
+    for name, found in (("learn_skill", None), ("planned", planned_)):
+        monkeypatch.setattr(executed, name, lambda *_, found=found: found)
+    monkeypatch.setattr(executed, "execute", lambda *_: poured(DemonstrationOrder(1, 0))[1])
+    labels, _ = executed.content(PourOrder(1, 6, MEAN, "25"), Path())
+    assert (labels["pour"], labels["left_ml"]) == ("25", "10.000")
 
 
 @given(st.integers(0, 1000))
