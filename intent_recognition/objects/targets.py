@@ -70,8 +70,10 @@ def load_target(
     try:
         # Files may lack material values, with which trimesh then computes.
         with np.errstate(invalid="ignore"):
-            # No materials or textures: they may refer to any file, also an endless one.
-            loaded = trimesh.load(place, resolver=_buffers(place), skip_materials=True)
+            # No materials or textures: they may refer to any file, also an endless one. Processing
+            # would drop triangles with vertices that are NaN.
+            options = {"skip_materials": True, "process": False}
+            loaded = trimesh.load(place, resolver=_buffers(place), **options)
     except Exception as error:  # each reader of trimesh has its own errors
         got = f"{type(error).__name__}: {error}"
         raise ArgumentError.about(place, NEEDED, got, "Export it again.") from error

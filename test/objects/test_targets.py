@@ -57,3 +57,11 @@ def test_a_body_without_a_cavity_is_still_closed(tmp_path):
     beside(cup(WALL_M), 0.06).export(tmp_path / "two.obj")
     with pytest.raises(ArgumentError, match="expected one object, got 1 beside it"):
         load_target(tmp_path / "two.obj")
+
+
+def test_vertices_that_are_nan_are_named_not_left_out(tmp_path):
+    cup(WALL_M).export(tmp_path / "cup.obj")
+    text = (tmp_path / "cup.obj").read_text()
+    (tmp_path / "cup.obj").write_text(text.replace("v 0.03700000 ", "v nan ", 1))
+    with pytest.raises(ArgumentError, match="vertices: expected finite ones, got 1 with NaN"):
+        load_target(tmp_path / "cup.obj")
