@@ -91,14 +91,20 @@ def _expanded(path: Path) -> str:
 def parse_xml(text: str) -> ET.Element:
     """Parse the text of a URDF and return its root, without checking the content.
 
+    A default namespace is left out of the names of elements.
+
     Raises:
         ArgumentError: the text is no XML, or larger or deeper than a URDF.
     """
     try:
-        return load_xml(text)
+        root = load_xml(text)
     except UntrustedError as error:
         cure = "Expand a xacro file first: xacro FILE > robot.urdf."
         raise ArgumentError.about("robot", "a URDF", error, cure) from error
+    namespace = root.tag[: root.tag.find("}") + 1]
+    for element in root.iter():
+        element.tag = element.tag.removeprefix(namespace)
+    return root
 
 
 def parse_urdf(source: str | Path) -> ET.Element:

@@ -83,7 +83,7 @@ def test_missing_limits_of_speed_and_effort_take_the_stated_defaults(limits, tmp
     assert Bodies(text, robot.joint_names, clearance_m=0.02).pairs == ()
 
 
-def test_descriptions_with_a_mark_in_degrees_or_none():
+def test_descriptions_with_a_mark_a_namespace_in_degrees_or_none():
     limits = LIMITS | {"r": '<limit lower="-170" upper="170" velocity="2" effort="60"/>'}
     said = r"j1: expected lower in radians, got -170. Likely degrees for radians .*57.3"
     with pytest.raises(ArgumentError, match=said):
@@ -91,11 +91,10 @@ def test_descriptions_with_a_mark_in_degrees_or_none():
     (tree, *_) = TREES.values()
     text = urdf(tree.branches)
     kept = {"tip": tree.asked or None, "base": tree.base or None}
-    found = [
-        Arm.from_urdf(one, **kept).joint_names
-        for one in (text, f"\ufeff\n <?xml version='1.0'?>{text}")
-    ]
-    assert found[0] == found[1]
+    head = "<?xml version='1.0'?>"
+    spaced = text.replace("<robot", "<robot xmlns='http://a.b/c' xmlns:xacro='http://d.e/f'", 1)
+    for one in (f"\ufeff\n {head}{text}", f"{head}<!DOCTYPE robot SYSTEM 'a.dtd'>\n{text}", spaced):
+        assert Arm.from_urdf(one, **kept).joint_names == Arm.from_urdf(text, **kept).joint_names
     with pytest.raises(ArgumentError, match="robot: expected a path, got one of type NoneType"):
         Arm.from_urdf(None)
 
