@@ -5,7 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
-from bag_builder import SteppingClock, raw, write_bag
+from bag_builder import SteppingClock, contents, raw, write_bag, write_mcap
 from mcap.writer import Writer
 
 from intent_recognition.bags.copying import recover
@@ -124,6 +124,20 @@ def test_messages_of_a_chunk_that_says_other_times_are_saved(whole, damaged, tmp
     report = recover(path, tmp_path / "saved")
     assert raw(tmp_path / "saved", BagReader) == whole[1] and len(report.damage) == 2
     assert (report.start_ns, report.end_ns) == (whole[1][0][2], whole[1][-1][2])
+
+
+@pytest.mark.parametrize("field", [0, 2, 10])  # opcode, length, channel
+def test_messages_outside_of_chunks_are_saved_behind_damage(field, tmp_path):
+    path = write_mcap(tmp_path / "a.mcap", contents(), use_chunking=False)
+    messages, data = raw(path, BagReader), bytearray(path.read_bytes())
+    for block in (blocks := scan_file(path).blocks)[3:9:5]:
+        data[block.offset + field] += 1
+    path.write_bytes(data)
+    assert len(blocks) == len(messages)
+    report = recover(path, tmp_path / "saved")
+    kept = [m for k, m in enumerate(messages) if k not in (3, 8)]
+    assert raw(tmp_path / "saved", BagReader) == kept
+    assert len(report.damage) == 2
 
 
 def test_the_only_chunk_cut_in_half_gives_its_first_part(tmp_path, shared_data):

@@ -41,10 +41,12 @@ LONGEST_COMPRESSION = 16
 """Longest accepted name of a compression [bytes]; real names are shorter, so more means damage."""
 MOST_EXPANSION = 100
 """Most bytes of messages per byte of file, beyond one `MOST_CHUNK`; shipped recordings reach 5."""
-CHUNK_START = re.compile(
-    rb"(?=\x06.{36}(?:\x04\x00\x00\x00zstd|\x03\x00\x00\x00lz4|\x00\x00\x00\x00))", re.DOTALL
+RECORD_START = re.compile(
+    rb"(?=\x06.{36}(?:\x04\x00\x00\x00zstd|\x03\x00\x00\x00lz4|\x00\x00\x00\x00)"
+    rb"|\x05.{4}\x00{4})",
+    re.DOTALL,
 )
-"""Bytes that may begin a chunk, with opcode and compression in the right places."""
+"""Bytes that may begin a chunk, with opcode and compression in the right places, or a message."""
 
 
 @dataclass(frozen=True)
@@ -144,10 +146,12 @@ def _walk(view: mmap.mmap, scan: FileScan) -> None:
             continue
         end = _read_record(view, position, scan)
         if end is None:
-            found = _resynchronise(view, min(previous, position + 1), position)
+            found = _resynchronise(view, min(previous, position + 1), position, scan)
             _note_damage(view, position, found, scan)
             if found is None:
                 return
+            if scan.blocks and scan.blocks[-1].offset < found < position:
+                scan.blocks.pop()  # its wrong length led here
             previous = position = found
             continue
         if view[position] == Opcode.FOOTER:
@@ -217,10 +221,8 @@ def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan:
     if opcode in (CHUNK, MESSAGE_INDEX):
         return False  # `_pass_chunks` has noted the sound ones
     if opcode == Opcode.MESSAGE:
-        if length < 22:
-            return False
         (log_ns,) = struct.unpack_from("<Q", view, start + 6)
-        if log_ns >= LATEST_NS:
+        if length < 22 or log_ns >= LATEST_NS:
             return False
         size = RECORD_HEADER.size + length
         scan.blocks.append(McapBlock(position, length, log_ns, log_ns, size, is_chunk=False))
@@ -271,24 +273,41 @@ def _cut_chunk(view: mmap.mmap, position: int) -> McapBlock | None:
     if (
         opcode != Opcode.CHUNK
         or start + length <= len(view)
-        or not CHUNK_START.match(view, position)
+        or not RECORD_START.match(view, position)
     ):
         return None
     block = _chunk_block(view, position, length)
     return block and block._replace(length=len(view) - start, is_cut=True)
 
 
-def _resynchronise(view: mmap.mmap, position: int, failed: int) -> int | None:
-    """Offset of the next chunk at or after `position`, other than the one at `failed`."""
-    for match in CHUNK_START.finditer(view, position):
+def _resynchronise(view: mmap.mmap, position: int, failed: int, scan: FileScan) -> int | None:
+    """Offset of the next chunk, or message outside of chunks, at or after `position`, other than
+    the one at `failed`.
+    """
+    for match in RECORD_START.finditer(view, position):
         at = match.start()
-        _, length = RECORD_HEADER.unpack_from(view, at)
+        opcode, length = RECORD_HEADER.unpack_from(view, at)
         if at == failed:
             continue
         whole = at + RECORD_HEADER.size + length <= len(view)
-        if (whole and _chunk_block(view, at, length)) or _cut_chunk(view, at):
+        if opcode == Opcode.MESSAGE:
+            if whole and _is_message(view, at, length, scan):
+                return at
+        elif (whole and _chunk_block(view, at, length)) or _cut_chunk(view, at):
             return at
     return None
+
+
+def _is_message(view: mmap.mmap, at: int, length: int, scan: FileScan) -> bool:
+    """Whether a message of a known channel is at `at`, and another record after it."""
+    start = at + RECORD_HEADER.size
+    after = start + length + RECORD_HEADER.size
+    if length < 22 or after > len(view):
+        return False
+    channel, _, log_ns = struct.unpack_from("<HIQ", view, start)
+    opcode, length = RECORD_HEADER.unpack_from(view, start + length)
+    follows = Opcode.HEADER <= opcode <= Opcode.DATA_END and after + length <= len(view)
+    return follows and channel in scan.channels and log_ns < LATEST_NS
 
 
 def _read_summary(view: mmap.mmap, scan: FileScan) -> None:
