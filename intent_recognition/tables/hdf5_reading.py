@@ -104,10 +104,19 @@ def _of_matlab(content: dict[str, Any]) -> dict[str, NDArray[Any]]:
         if isinstance(struct, dict) and (found := _of_qualisys(struct)):
             return {**found, "#rate": np.array(struct["FrameRate"]), "#unit": np.array("mm")}
     arrays = samples_first(on_end(dict(_of_structs(content, ""))))
+    for key, array in arrays.items():
+        if array.shape[1:] == (3, 2) or (array.shape[1:] == (3, 4) and not _are_turns(array)):
+            arrays[key] = np.swapaxes(array, 1, 2)  # places (T, 3, n), as MATLAB has them
     said: dict[str, set[str]] = {}
     for key in [key for key in arrays if ".#unit" in key]:
         said.setdefault(key.partition(".#unit")[0], set()).add(str(arrays.pop(key)))
     return {**arrays, "#rate": np.array(stated_rate(content)), "#units": _pairs(said)}
+
+
+def _are_turns(array: NDArray[Any]) -> bool:
+    """Whether numbers (T, 3, 4) are rotation matrices with a position, or three quaternions."""
+    lengths = np.stack([np.linalg.norm(array[..., :n], axis=2) for n in (3, 4)])
+    return bool(np.nanmax(np.abs(lengths - 1.0), axis=(1, 2)).min() < 0.01)
 
 
 def _as_before(h5py: Any, file: Any, item: Any) -> Any:

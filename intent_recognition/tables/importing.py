@@ -37,7 +37,8 @@ from intent_recognition.tables.times import SAMPLES, counted_ns, stamps_ns
 NO_SAMPLES = "Check its cells, and under time in the map where times come from."
 NO_TIMES = "Save all digits of times; where samples come at a rate, say under time only: rate."
 NO_TIME = "Say under time in the map which column holds it, or at which rate samples come."
-
+FEWEST = 5
+"""Fewest rows of each trial in a table whose times begin anew with every trial."""
 
 Imported = ImportedDemonstration | ImportedBag
 
@@ -166,7 +167,11 @@ def _demonstrations(
         yield Doubt(recording.paths[row.source.file].name, "", 0, said)
     main = mapping.columns[0].file
     labels = {key: text for key, text in recording.named.items() if key != "task"}
-    parts_ = _parts(recording, mapping, rows, data)
+    starts = _restarts(rows) if mapping.segments is None else []
+    if starts:
+        said = f"times begin anew {len(starts)} times: cut there"
+        yield Doubt(recording.name, "", 0, said)
+    parts_ = _parts(recording, mapping, rows, data, starts)
     for name, picks, first, cut in _cut_at_tasks(parts_, mapping, rows, data[main]):
         task = _task(mapping, cut, data[main], first, recording.named.get("task", ""))
         texts_ = {key: _text_at(t, data[main], first) for key, t in mapping.metadata.items()}
@@ -270,9 +275,13 @@ def _parts(
     mapping: ImportMap,
     rows: Sequence[_Rows],
     data: Mapping[str, Mapping[str, Values]],
+    starts: Sequence[int],
 ) -> Iterator[tuple[str, list[Integers], int, Cut | None]]:
     """For each demonstration: name, rows of each entry, first row of the first entry, and cut."""
-    if mapping.segments is None:
+    if starts:
+        for k, (start, stop) in enumerate(pairwise([0, *starts, rows[0].stamps_ns.size])):
+            yield f"{recording.name}_{k:03d}", [np.arange(start, stop)] * len(rows), start, None
+    elif mapping.segments is None:
         yield recording.name, [np.arange(row.stamps_ns.size) for row in rows], 0, None
     elif isinstance(mapping.segments, str):
         values = texts(data[mapping.columns[0].file][mapping.segments])
@@ -291,6 +300,24 @@ def _parts(
             first = int(picks[0][0]) if picks[0].size else 0
             name = recording.name if len(cuts) == 1 else f"{recording.name}_{k:03d}"
             yield name, picks, first, cut
+
+
+def _restarts(rows: Sequence[_Rows]) -> list[int]:
+    """Rows at which the times of all entries go back to where they began, as in successive trials.
+
+    Times that go back elsewhere, or after which few rows follow, are those of a faulty clock.
+    """
+    first, *others = rows
+    known = np.flatnonzero(first.known)
+    stamps = first.stamps_ns[known]
+    if any(not np.array_equal(row.stamps_ns, first.stamps_ns) for row in others):
+        return []
+    back = np.flatnonzero(np.diff(stamps) < 0) + 1
+    runs = [stamps[a:b] for a, b in pairwise([0, *back.tolist(), stamps.size])]
+    latest = 0.1 * np.ptp(runs[0]) if runs[0].size else 0
+    if not back.size or any(run.size < FEWEST or run[0] - stamps[0] > latest for run in runs):
+        return []
+    return known[back].tolist()
 
 
 def _cut_at_tasks(

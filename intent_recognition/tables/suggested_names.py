@@ -259,6 +259,15 @@ def array_of(name: str) -> str:
     return match[1] if match else ""
 
 
+def of_matrices(names: Collection[str]) -> set[str]:
+    """Elements `NAME.i.j` of arrays of three rows or more, such as Jacobians; two may be arms."""
+    rows: dict[str, dict[str, list[str]]] = {}
+    for name in names:
+        if match := re.fullmatch(r"(.*\D)\.(\d+)\.\d+", name):
+            rows.setdefault(match[1], {}).setdefault(match[2], []).append(name)
+    return {name for of in rows.values() if len(of) > 2 for row in of.values() for name in row}
+
+
 def is_joint(name: str) -> bool:
     """Whether the name of a moving column may be that of a joint position."""
     axis = PLACES.match(UNIT_END.sub("", name))

@@ -39,6 +39,7 @@ from intent_recognition.tables.suggested_names import (
     is_even,
     is_joint,
     is_marker_of,
+    of_matrices,
     orientations_of,
 )
 from intent_recognition.tables.table import Table
@@ -168,10 +169,13 @@ def _part(
     used = {str(time.get("column", "")), str(time.get("nanoseconds", "")), cut, *places}
     used |= (turning := orientations_of(columns, bodies))
     joints = [c for c in columns.values() if c.moves and c.name not in used and not counts_rows(c)]
+    matrices = of_matrices(columns)
     others = [
         c.name
         for c in joints
-        if not (is_joint(c.name) and is_angle(table, c.name)) or np.unique(c.values).size < 3
+        if not (is_joint(c.name) and is_angle(table, c.name))
+        or c.name in matrices
+        or np.unique(c.values).size < 3
     ]
     joints = [c for c in joints if c.name not in others]
     sizes = Counter(array_of(joint.name) for joint in joints)

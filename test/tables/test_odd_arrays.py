@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 from tables.exported_files import entry
-from tables.imports import check_wrist, demonstrations, imported
+from tables.imports import check_wrist, demonstrations, imported, suggested
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, h5, mat
 
 from intent_recognition.tables import import_demonstrations, suggest_map
@@ -139,6 +139,30 @@ def test_arrays_of_mat_have_their_axes_in_matlabs_order(version, tmp_path):
     )
     samples, _ = imported(tmp_path, "a.mat", None, WHERE[3:], time={"column": "t"})
     np.testing.assert_array_equal(samples.values, places[:, 1])
+
+
+@pytest.mark.parametrize("count", [2, 4])
+def test_places_of_a_few_markers_in_matlabs_order(count, tmp_path):
+    places = np.stack([PLACE / 1000 + 0.01 * k for k in range(count)], axis=2)
+    turns = np.dstack([np.tile(np.eye(3), (ROWS, 1, 1)), PLACE / 1000])
+    quaternions = np.tile([0.6, 0.0, 0.8, 0.0], (ROWS, 3, 1))
+    path = mat(tmp_path / "a.mat", {"w": places, "pose": turns, "q": quaternions}, 5)
+    samples, _ = imported(tmp_path, "a.mat", None, [f"w.1.{k}" for k in range(3)], time={"rate": 9})
+    np.testing.assert_array_equal(samples.values, places[:, :, 1])
+    found = open_table(path)
+    assert {"pose.2.3", "q.2.3"} < {*found.names} and "pose.3.0" not in found.names
+
+
+@pytest.mark.parametrize("shape", [(6, 7), (7, 7), (3, 6)])
+def test_jacobians_and_mass_matrices_are_no_joints(shape, rng, tmp_path):
+    arrays = {"t": TIMES_S, "q": SHARE + np.arange(7), "arms": SHARE[:, None] + np.ones((2, 4))}
+    matrix = 3.0 * rng.normal(size=shape) + SHARE[..., None] * rng.normal(size=shape)
+    np.savez(tmp_path / "a.npz", **arrays, matrix=matrix)
+    content, text, _ = suggested(tmp_path / "a.npz")
+    entries = [*content["observed"], *content.get("controlled", [])]
+    used = {column for one in entries for column in one["columns"]}
+    assert {"q.6", "arms.1.3"} <= used and not [name for name in used if "matrix" in name]
+    assert "They move, and are no positions: matrix.0.0" in text
 
 
 WHERE = [f"w.{n}.{axis}" for n in range(2) for axis in range(3)]

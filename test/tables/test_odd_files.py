@@ -3,12 +3,13 @@
 
 import gzip
 from datetime import datetime, timedelta
+from itertools import pairwise
 
 import numpy as np
 import pytest
 import yaml
 from tables.exported_files import entry
-from tables.imports import check_wrist, imported, imported_csv
+from tables.imports import check_wrist, demonstrations, imported, imported_csv
 from tables.odd_files import PLACE, ROWS, TIMES_S, cells, day_time, plain, table
 
 from intent_recognition.tables import import_demonstrations, suggest_map
@@ -263,12 +264,26 @@ def test_packed_tables_are_named(tmp_path):
 
 
 def test_times_that_go_back_are_named(tmp_path):
-    content = table("t,x,y,z", lambda k: [f"{k % 100 / 100}", *cells(k)])
+    content = table("t,x,y,z", lambda k: [f"{(k - 60 * (k > 99)) / 100}", *cells(k)])
     samples, said = imported_csv(tmp_path, content, unit="mm")
-    assert len(samples.stamps_ns) == 100
-    assert "100 of 200 rows" in said and "a clock that went back" in said
+    assert len(samples.stamps_ns) == 140
+    assert "60 of 200 rows" in said and "a clock that went back" in said
     _, said = imported_csv(tmp_path, plain(at=lambda t: f"{1706410000 + t:.1f}"), unit="mm")
     assert "179 of 200 rows" in said and "times that lost digits" in said
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.0003])
+def test_times_that_begin_anew_are_cut_there(late_s, tmp_path):
+    starts = [0, 70, 150, ROWS]  # without a time in the last row of each
+    times = np.concatenate([[*TIMES_S[: b - a - 1] + late_s * a, np.nan]
+                            for a, b in pairwise(starts)])  # fmt: skip
+    content = table("t,x,y,z", lambda k: [f"{times[k]:.3f}", *cells(k, scale=1e-3)])
+    (tmp_path / "a.csv").write_text(content)
+    said, *found = demonstrations(tmp_path / "a.csv", "xyz", rate=None)
+    assert said.reason == "times begin anew 2 times: cut there"
+    assert [one.name for one in found] == ["a_000", "a_001", "a_002"]
+    for (a, b), one in zip(pairwise(starts), found, strict=True):
+        np.testing.assert_allclose(one.samples[0].values, PLACE[a : b - 1] / 1000, atol=1e-6)
 
 
 def test_a_clock_that_jumps_is_named(tmp_path):
