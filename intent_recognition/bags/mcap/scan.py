@@ -31,9 +31,8 @@ MAGIC = b"\x89MCAP0\r\n"
 """First and last bytes of an MCAP file."""
 FOOTER = struct.Struct("<QQI")
 INDEX_HEADER = struct.Struct("<HI")  # channel, bytes of the index that follows
-INDEX_RECORD = struct.Struct("<BQHI")  # the same after opcode and length
-CHUNK, MESSAGE_INDEX, CHUNK_INDEX = (
-    int(code) for code in (Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX)
+CHUNK, MESSAGE, MESSAGE_INDEX = (
+    int(code) for code in (Opcode.CHUNK, Opcode.MESSAGE, Opcode.MESSAGE_INDEX)
 )
 LONGEST_METADATA = 2**20
 """Longest metadata record that is read [bytes]; rosbag2's have a few kilobytes."""
@@ -140,10 +139,6 @@ def _walk(view: mmap.mmap, scan: FileScan) -> None:
     if view[: len(MAGIC)] != MAGIC:
         scan.damage.append(Damage(0, "the file does not begin as an MCAP file"))
     while position < len(view):
-        after, previous = _pass_chunks(view, position, previous, scan)
-        if after != position:
-            position = after
-            continue
         end = _read_record(view, position, scan)
         if end is None:
             found = _resynchronise(view, min(previous, position + 1), position, scan)
@@ -159,33 +154,8 @@ def _walk(view: mmap.mmap, scan: FileScan) -> None:
             if view[end : end + len(MAGIC)] != MAGIC:
                 scan.damage.append(Damage(end, "the file does not end as an MCAP file"))
             return
-        previous, position = position + 1, end  # only the next record confirms this length
-
-
-def _pass_chunks(view: mmap.mmap, position: int, previous: int, scan: FileScan) -> tuple[int, int]:
-    """Quickly note the sound chunks and indices, most of a file, from `position` on.
-
-    Returns:
-        Offset of the first other record, and where to search for a chunk if it is damaged.
-    """
-    head, index, read = RECORD_HEADER.size, INDEX_HEADER.size, INDEX_RECORD.unpack_from
-    size, last = len(view), len(view) - INDEX_RECORD.size
-    while position <= last:
-        opcode, length, _, index_bytes = read(view, position)
-        end = position + head + length
-        if end > size:
-            break
-        if opcode in (MESSAGE_INDEX, CHUNK_INDEX):
-            if opcode == MESSAGE_INDEX and index_bytes != length - index:
-                break
-            previous = position + 1
-        elif opcode == CHUNK and (block := _chunk_block(view, position, length)):
-            scan.blocks.append(block)
-            previous = end
-        else:
-            break
-        position = end
-    return position, previous
+        # a chunk states its length twice; that of others is confirmed by the next record
+        previous, position = end if view[position] == CHUNK else position + 1, end
 
 
 def _note_damage(view: mmap.mmap, position: int, found: int | None, scan: FileScan) -> None:
@@ -218,9 +188,14 @@ def _read_record(view: mmap.mmap, position: int, scan: FileScan) -> int | None:
 
 def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan: FileScan) -> bool:
     start = position + RECORD_HEADER.size
-    if opcode in (CHUNK, MESSAGE_INDEX):
-        return False  # `_pass_chunks` has noted the sound ones
-    if opcode == Opcode.MESSAGE:
+    if opcode == MESSAGE_INDEX:
+        _, size = INDEX_HEADER.unpack_from(view, start)
+        return size == length - INDEX_HEADER.size
+    if opcode == CHUNK:
+        block = _chunk_block(view, position, length)
+        scan.blocks += [block] if block else []
+        return block is not None
+    if opcode == MESSAGE:
         (log_ns,) = struct.unpack_from("<Q", view, start + 6)
         if length < 22 or log_ns >= LATEST_NS:
             return False
