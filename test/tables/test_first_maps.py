@@ -72,6 +72,11 @@ def matrices():
     return "\n".join([head, *(",".join(map(str, row)) for row in rows)])
 
 
+def with_units(row):
+    """A unit of its own for each axis."""
+    return [f"{TIMES_S[row]}", *cells(row, "{:.9f}", 1e-3)[:2], f"{PLACE[row, 2]:.9f}"]
+
+
 def of_frames(head, form):
     both = [f"{form.format(k / 100, k // 100, k % 100)},{n},{','.join(map(str, p))}\n"
             for k, one in enumerate(WRIST.tolist())
@@ -107,6 +112,7 @@ NDI = "Number of frames: 200\nFrequency: 100 Hz\nUnits: mm\nFrame,w x,w y,w z"
         ("a.csv", listed(",w,,,cup,,\ntime,x,y,z,x,y,z\ns,m,m,m,m,m,m", WRIST + 1)),
         ("a.csv", listed("t,x,y,z", end="Note: dark,,,\nBy Ann,,,\n,,,\n")),
         ("a.csv", listed("t,x,y,z", end="\nMean,1,2,3\nSD,1,2,3\n")),
+        ("a.csv", table("t,x_m,y_m,z_mm", with_units)),
     ],
 )
 def test_the_wrist_of_an_exported_file_is_suggested(name, content, tmp_path):
@@ -167,33 +173,23 @@ def test_columns_that_are_never_there_together_are_no_quaternion(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("since", "year"),
-    [(10**12, 2000.1), (638_000_000_000_000_000, 2022.7), (133_000_000_000_000_000, 2022.5)],
+    ("since", "year", "rate_hz"),
+    [
+        (10**12, 2000.1, 30),
+        (638_000_000_000_000_000, 2022.7, 30),
+        (638_000_000_000_000_000, 2022.7, 100),  # no microseconds
+        (133_000_000_000_000_000, 2022.5, 30),
+    ],
 )
-def test_ticks_of_100_ns_are_times(since, year, tmp_path):
-    """Of Kinect at 30 Hz: since it started, of .NET since the year 1, of Windows since 1601."""
-    at = lambda t: f"{since + round(1e8 * t / 3)}"  # noqa: E731
+def test_ticks_of_100_ns_are_times(since, year, rate_hz, tmp_path):
+    """Of Kinect: since it started, of .NET since the year 1, of Windows since 1601."""
+    at = lambda t: f"{since + round(1e9 * t / rate_hz)}"  # noqa: E731
     (tmp_path / "a.csv").write_text(plain(head="Timestamp,x,y,z", at=at))
     content, _, (found,) = suggested(tmp_path / "a.csv")
     assert content["time"] == {"column": "Timestamp", "unit": "ticks"}
     stamps = found.samples[0].stamps_ns
-    np.testing.assert_allclose(stamps - stamps[0], 1e10 * TIMES_S / 3, atol=100)
+    np.testing.assert_allclose(stamps - stamps[0], 1e11 * TIMES_S / rate_hz, atol=100)
     assert stamps[0] / 1e9 / 86400 / 365.2425 + 1970 == pytest.approx(year, abs=0.1)
-
-
-def test_ticks_at_100_hz_are_no_microseconds(tmp_path):
-    at = lambda t: f"{638_000_000_000_000_000 + round(1e7 * t)}"  # noqa: E731
-    (tmp_path / "a.csv").write_text(plain(head="Timestamp,x,y,z", at=at))
-    _, _, (found,) = suggested(tmp_path / "a.csv")
-    stamps = found.samples[0].stamps_ns
-    np.testing.assert_allclose(stamps - stamps[0], 1e9 * TIMES_S, atol=100)
-
-
-@pytest.mark.parametrize(("head", "step"), [(",x,y,z", 2), ("n,x,y,z", 4), ("row,x,y,z", 10)])
-def test_a_count_of_every_second_row_is_no_time_and_no_joint(head, step, tmp_path):
-    (tmp_path / "a.csv").write_text(plain(head=head, at=lambda t: f"{100 * step * t:.0f}"))
-    text = suggest_map(tmp_path / "a.csv")
-    assert "# time: {rate: 100}" in text and "joints" not in text
 
 
 def landmarks(*last):

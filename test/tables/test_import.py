@@ -249,12 +249,6 @@ def test_a_file_name_is_divided_at_its_last_separator(source, values, tmp_path):
         shutil.rmtree(tmp_path / "bags")
 
 
-def test_a_label_that_names_no_task_is_told_the_rule(values, tmp_path):
-    mapping = ImportMap.from_dict(MAP | {"task": "a/b"})
-    (found,) = import_demonstrations(write_csv(tmp_path / "reach.csv", values), mapping)
-    assert f"expected {LABEL}, got 'a/b'. Give it another under labels" in str(found)
-
-
 def test_units_are_converted_with_one_rounding(values, tmp_path):
     table = values | {axis: values[axis] * 1000 for axis in "xyz"}
     table |= {"q0": np.array([90.0] * 12)}
@@ -270,14 +264,6 @@ def test_units_are_converted_with_one_rounding(values, tmp_path):
         ImportMap.from_dict(MAP | {"observed": [WRIST | {"columns_unit": "parsec"}]})
 
 
-def test_times_that_do_not_increase_are_dropped_and_counted(values, tmp_path):
-    values["t"][7] = values["t"][6]
-    write_csv(tmp_path / "a.csv", values)
-    (found,) = import_demonstrations(tmp_path / "a.csv", ImportMap.from_dict(MAP))
-    assert found.n_dropped == 2  # one row, two topics
-    assert [part.stamps_ns.size for part in found.samples] == [11, 11]
-
-
 def wrong(tmp_path, values, **changes) -> str:
     write_csv(tmp_path / "a.csv", values)
     (found,) = import_demonstrations(tmp_path / "a.csv", ImportMap.from_dict(MAP | changes))
@@ -290,7 +276,10 @@ def test_a_wrong_map_names_the_columns_that_are_there(values, tmp_path):
     assert "wrist_z" in reason and "x, y, z, q0, q1, t" in reason
     assert "seconds" in wrong(tmp_path, values, time={"column": "seconds"})
     assert "time in the map" in wrong(tmp_path, values, time={"column": "t", "since": 0})
-    assert "under labels" in wrong(tmp_path, values, task="a/b")
+    reason = wrong(tmp_path, values, task="a/b")
+    assert f"expected {LABEL}, got 'a/b'. Give it another under labels" in reason
+    outside = values | {"trial": ["../../evil"] * 12}
+    assert "a name for a folder" in wrong(tmp_path, outside, segments={"column": "trial"})
     values["q0"] = ["fast"] * 12
     assert "'fast' in row 1" in wrong(tmp_path, values)
 
@@ -314,12 +303,6 @@ def test_a_malformed_map_is_refused_in_one_line(changes, said):
     with pytest.raises(DofError, match=said) as caught:
         ImportMap.from_dict(MAP | changes)
     assert "\n" not in str(caught.value)
-
-
-def test_nothing_of_a_stranger_leaves_the_folder(values, tmp_path):
-    table = values | {"trial": ["../../evil"] * 12}
-    reason = wrong(tmp_path, table, segments={"column": "trial"})
-    assert "a name for a folder" in reason
 
 
 def test_it_says_how_to_go_on_and_what_has_no_task(values, tmp_path, capsys):

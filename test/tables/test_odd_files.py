@@ -67,6 +67,10 @@ PLAIN = {
     "dates over the midnight after which the day must come first": plain(
         scale=10.0, at=lambda t: dated(t, "%d/%m/%Y %H:%M:%S.{}", datetime(2024, 1, 12, 23, 59, 59))
     ),
+    "many rows with texts below a blank line": table(
+        "phase,t,x,y,z",
+        lambda k: ["1" if k < 90 else "b", f"{TIMES_S[k]}", *cells(k, scale=10.0)],
+    ).replace("\nb", "\n\nb", 1),
     "times in sec": plain(scale=10.0, at="{} sec".format),
     "times in min": plain(scale=10.0, at=lambda t: f"{t / 60:.12g} min"),
     "a comma": plain("{:.6f}", 10.0, ";", at=lambda t: f"{1 + t:.3f}".replace("1.500", "1,5")),
@@ -92,12 +96,6 @@ def test_rows_at_which_nothing_was_measured_take_their_time(name, tmp_path):
     seen = np.delete(np.arange(ROWS), np.arange(60, 80))
     check_wrist((samples, said), PLACE[seen] / 1000)
     np.testing.assert_array_equal(samples.stamps_ns - samples.stamps_ns[0], seen * 10**7)
-
-
-def test_many_rows_with_texts_below_a_blank_line_are_no_notes(tmp_path):
-    content = table("phase,t,x,y,z", lambda k: ["1" if k < 90 else "b", f"{k / 100}", *cells(k)])
-    content = content.replace("\nb", "\n\nb", 1)
-    check_wrist(imported_csv(tmp_path, content, unit="mm"), times_atol=1)
 
 
 def test_cells_that_are_missing_at_the_end_of_a_row_were_not_measured(tmp_path):

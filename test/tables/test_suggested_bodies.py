@@ -15,16 +15,6 @@ from intent_recognition.tables.import_map import ImportMap
 from intent_recognition.tables.suggested_entries import ARRAYS, PLACES
 
 
-def test_columns_of_a_body_may_have_units_of_their_own(tmp_path):
-    def row(k):
-        x, y, z = PLACE[k]
-        return [f"{TIMES_S[k]}", f"{x / 1e3}", f"{y / 1e3}", f"{z}"]
-
-    content, _, (found,) = suggested_csv(tmp_path, table("t,x_m,y_m,z_mm", row))
-    assert "columns_unit" not in content["observed"][0]
-    np.testing.assert_allclose(found.samples[0].values, PLACE / 1e3, atol=1e-9)
-
-
 @pytest.mark.parametrize("kind", [kind for kind in PLACES if kind != POSE])
 def test_a_body_in_any_message_that_holds_its_place_is_observed(kind, tmp_path):
     content: dict = {"x": 1.0, "y": 2.0, "z": 3.0}
@@ -102,10 +92,11 @@ def test_places_are_known_by_their_units_and_as_parts_of_a_pose(tmp_path):
     assert "# They move, and are no positions: gripper [mm]" in text
 
 
-def test_landmarks_of_an_image_are_places_of_two_axes(tmp_path):
+def test_landmarks_of_an_image_are_places_of_two_axes_and_a_likelihood_is_no_joint(tmp_path):
     head = "bodyparts,Händ,Händ,Händ,2nd,2nd,2nd\ncoords,x,y,likelihood,x,y,likelihood"
-    content = table(head, lambda k: [str(k), *(*cells(k)[:2], "0.9") * 2])
-    content, _, _ = suggested_csv(tmp_path, content)
+    content = table(head, lambda k: [str(k), *(*cells(k)[:2], f"{0.9 + k / 1e4}") * 2])
+    content, text, _ = suggested_csv(tmp_path, content)
+    assert "are no positions: Händ.likelihood" in text
     entries = content["observed"] + content["controlled"]
     assert [entry["topic"] for entry in entries] == ["/mocap/hand/pose", "/mocap/body_2nd/pose"]
     assert all(entry["fields"] == ["pose.position.x", "pose.position.y"] for entry in entries)
@@ -151,12 +142,3 @@ def test_landmarks_of_an_array_alone_are_places(tmp_path):
     content, _, (found,) = suggested(tmp_path / "a.npy")
     assert content["observed"][0]["columns"] == ["1.0", "1.1", "1.2"]
     np.testing.assert_allclose(found.samples[0].values, PLACE / 1000)
-
-
-def test_the_place_in_a_matrix_of_a_pose_is_found(tmp_path):
-    matrices = np.tile(np.eye(4), (len(TIMES_S), 1, 1))
-    matrices[:, :3, 3] = PLACE / 1000
-    np.savez(tmp_path / "a.npz", t=TIMES_S, hand=matrices)
-    content, text, (found,) = suggested(tmp_path / "a.npz")
-    np.testing.assert_array_equal(found.samples[0].values, PLACE / 1000)
-    assert "controlled" not in content and "joints" not in text

@@ -55,6 +55,12 @@ def test_joints_are_not_called_by_a_unit_that_is_converted(columns, joints, tmp_
     assert content["observed"][0]["columns"] == list(columns)
 
 
+def test_a_table_of_ros2_topic_echo_has_its_time(tmp_path):
+    content = table("", lambda k: ["1700000000", f"{k * 10**6}", "world", *cells(k, scale=1e-3)])
+    _, _, (found,) = suggested_csv(tmp_path, content.lstrip())
+    assert found.samples[0].stamps_ns[3] == 1_700_000_000_003_000_000
+
+
 UR = ["base", "shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3"]
 
 
@@ -86,12 +92,6 @@ def test_a_unit_that_is_unknown_is_asked_for_when_it_is_imported(tmp_path):
     content = yaml.safe_load(suggest_map(tmp_path / "a.csv"))
     (left_out,) = import_demonstrations(tmp_path / "a.csv", ImportMap.from_dict(content))
     assert "expected a unit of x that becomes m, got 'km'" in left_out.reason
-
-
-@pytest.mark.parametrize("name", ["temps", "czas (s)", "\N{CJK UNIFIED IDEOGRAPH-6642}"])
-def test_a_first_column_that_goes_on_evenly_is_the_time_in_any_language(name, tmp_path):
-    content, *_ = suggested_csv(tmp_path, plain(head=f"{name},x,y,z"))
-    assert content["time"] == {"column": name, "unit": "s"} and "controlled" not in content
 
 
 @pytest.mark.parametrize("head", ["x,y,z", "time,x,y,z", "time,q,x,y,z"])
@@ -172,13 +172,6 @@ def test_joints_of_two_files_have_names_of_their_own(tmp_path):
     assert [one["joints"] for one in entries] == [["q1", "q2"], ["q1_2", "q2_2"]]
 
 
-def test_a_likelihood_is_no_joint(tmp_path):
-    head = "scorer,D,D,D\nbodyparts,wrist,wrist,wrist\ncoords,x,y,likelihood"
-    content = table(head, lambda k: [str(k), *cells(k)[:2], f"{0.9 + k / 1e4}"])
-    content, text, _ = suggested_csv(tmp_path, content)
-    assert "controlled" not in content and "are no positions: wrist.likelihood" in text
-
-
 def test_a_suggestion_knows_seconds_with_nanoseconds_and_dates(tmp_path):
     for head, stamp, wanted in (
         ("sec,nanosec", lambda k: f"{k // 100},{k % 100 * 10**7}", "nanosec"),
@@ -227,15 +220,19 @@ def find_stem(found):
     return found.name
 
 
-def test_names_that_are_there_twice_are_named(tmp_path):
-    (tmp_path / "a.csv").write_text(plain(head="t,x,x,x"))
-    with pytest.raises(BagError, match=r"none but x, each twice\. Name columns by their numbers"):
-        suggest_map(tmp_path / "a.csv")
-
-
-def test_what_is_no_number_is_named(tmp_path):
-    (tmp_path / "a.csv").write_text(plain(hidden=range(150, 160), cell="lost"))
-    with pytest.raises(BagError, match=r"angles that move, got none\..* got 'lost' in row 151"):
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (plain(head="t,x,x,x"), r"none but x, each twice\. Name columns by their numbers"),
+        (
+            plain(hidden=range(150, 160), cell="lost"),
+            r"angles that move, got none\..* got 'lost' in row 151",
+        ),
+    ],
+)
+def test_why_nothing_is_suggested_is_named(content, said, tmp_path):
+    (tmp_path / "a.csv").write_text(content)
+    with pytest.raises(BagError, match=said):
         suggest_map(tmp_path / "a.csv")
 
 
@@ -252,12 +249,6 @@ def test_arrays_have_units_of_their_own_and_bodies_one(tmp_path):
         np.testing.assert_allclose(samples.values, wanted, atol=1e-12)
 
 
-def test_a_table_of_ros2_topic_echo_has_its_time(tmp_path):
-    content = table("", lambda k: ["1700000000", f"{k * 10**6}", "world", *cells(k, scale=1e-3)])
-    _, _, (found,) = suggested_csv(tmp_path, content.lstrip())
-    assert found.samples[0].stamps_ns[3] == 1_700_000_000_003_000_000
-
-
 @pytest.mark.parametrize(
     ("head", "at", "time"),
     [
@@ -270,12 +261,21 @@ def test_a_table_of_ros2_topic_echo_has_its_time(tmp_path):
         ("t,x,y,z", lambda t: f"{70_000 + 100 * t:.0f}", {"column": "t", "unit": "ms"}),
         ("n,x,y,z", lambda t: f"{1.7e12 + 1000 * t:.0f}", {"column": "n", "unit": "ms"}),
         ("t_ms,x,y,z", lambda t: f"{100 * t:.0f}", {"column": "t_ms", "unit": "ms"}),
+        *(
+            (f"{name},x,y,z", "{:.3f}".format, {"column": name, "unit": "s"})
+            for name in ("temps", "czas (s)", "\N{CJK UNIFIED IDEOGRAPH-6642}")
+        ),
+        *(
+            (head, lambda t, step=step: f"{100 * step * t:.0f}", None)  # counts every n-th row
+            for head, step in ((",x,y,z", 2), ("n,x,y,z", 4), ("row,x,y,z", 10))
+        ),
     ],
 )
-def test_the_index_of_pandas_is_the_time_unless_it_counts_rows(head, at, time, tmp_path):
+def test_a_first_column_is_the_time_in_any_language_unless_it_counts_rows(head, at, time, tmp_path):
     content = table(head, lambda k: [at(TIMES_S[k]), *cells(k, scale=1e-3)])
     (tmp_path / "a.csv").write_text(content)
-    assert yaml.safe_load(suggest_map(tmp_path / "a.csv")).get("time") == time
+    text = suggest_map(tmp_path / "a.csv")
+    assert yaml.safe_load(text).get("time") == time and "joints" not in text
 
 
 def test_trials_and_labels_are_known_by_their_names(tmp_path):
@@ -313,12 +313,6 @@ def test_what_is_measured_in_few_rows_is_seen_and_columns_that_are_twice_are_nam
     content, text, _ = suggested_csv(tmp_path, table("t,x,y,z,a,a", row))
     assert content["observed"][0]["columns"] == ["x", "y", "z"]
     assert "# There twice: name them by number: a" in text
-
-
-def test_a_joint_whose_name_ends_like_an_axis_is_a_joint(tmp_path):
-    content = table("t,shoulder,elbow", lambda k: [f"{TIMES_S[k]}", *[f"{SHARE[k, 0]}"] * 2])
-    content, *_ = suggested_csv(tmp_path, content)
-    assert content["observed"][0]["joints"] == ["shoulder", "elbow"]
 
 
 @pytest.mark.parametrize(
