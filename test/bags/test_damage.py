@@ -5,7 +5,9 @@ import shutil
 
 import numpy as np
 import pytest
+import yaml
 from bag_builder import SteppingClock, contents, raw, write_bag, write_mcap
+from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from intent_recognition.bags.copying import recover
@@ -54,6 +56,20 @@ def read_until_error(path) -> tuple[list, BagError | None]:
     return found, None
 
 
+def check_columns(path, whole):
+    """Columns of a damaged bag are those of the whole one, up to the damage, if there are any."""
+    try:
+        found = BagReader(path).columns(["mocap/wrist/pose"])["mocap/wrist/pose"]
+    except BagError:
+        return
+    if found is not None:  # else a definition is damaged
+        kept = BagReader(whole).columns(["mocap/wrist/pose"])["mocap/wrist/pose"]
+        for name in ("log_times_ns", "stamps_ns", "positions", "orientations"):
+            ours = getattr(found, name)
+            np.testing.assert_array_equal(ours, getattr(kept, name)[: len(ours)])
+        assert len(ours) == COUNT or not BagReader(path).is_finished
+
+
 def recovered(path, tmp_path) -> list:
     shutil.rmtree(tmp_path / "saved", ignore_errors=True)
     recover(path, tmp_path / "saved")
@@ -67,6 +83,7 @@ def test_truncation_anywhere_is_an_error_and_the_whole_chunks_are_saved(whole, d
     ends = [(b.offset + 9 + b.length, b.end_ns) for b in scan.blocks]
     for size in range(60, len(data), 509):
         path = damaged(data[:size])
+        check_columns(path, whole[0])
         found, error = read_until_error(path)
         assert found == messages[: len(found)]
         if error is None:  # cut between two records: what was written is whole
@@ -91,6 +108,7 @@ def test_flipped_bits_are_never_read_silently(whole, damaged, tmp_path):
         flipped = bytearray(data)
         flipped[int(rng.integers(len(data)))] ^= 1 << int(rng.integers(8))
         path = damaged(bytes(flipped))
+        check_columns(path, whole[0])
         found, error = read_until_error(path)
         assert found == messages or error is not None
         assert found == messages[: len(found)]
@@ -223,7 +241,12 @@ def test_bag_without_metadata_reads_with_a_note(whole, damaged):
     reader = BagReader(path)
     assert reader.custom_data == {"task": "plate"} and "metadata.yaml" in reader.notes[0]
     assert raw(path, BagReader) == whole[1]
-    assert raw(path / "bag_0.mcap", BagReader) == whole[1]
+    file = path / "bag_0.mcap"
+    assert raw(file, BagReader) == whole[1] and BagReader(file).custom_data == {"task": "plate"}
+    with file.open("rb") as stream:  # what `ros2 bag reindex` finds
+        (record,) = make_reader(stream).iter_metadata()
+    said = yaml.safe_load(record.metadata["serialized_metadata"])
+    assert record.name == "rosbag2" and said["custom_data"] == {"task": "plate"}
 
 
 @pytest.mark.parametrize("text", ["", "a: [", "rosbag2_bagfile_information: {}", "3"])
