@@ -1,19 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Copy a recording, or parts of it, byte for byte."""
 
-from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
 from intent_recognition.bags.definitions import definition
+from intent_recognition.bags.mcap.chunk import LATEST_NS
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.errors import BagError, MessageError
+from intent_recognition.errors import BagError, MessageError, as_path
 
 
 class BagPart(NamedTuple):
@@ -107,25 +106,18 @@ def recover(source: str | Path, output: str | Path) -> RecoveryReport:
     """
     reader = BagReader(source, tolerant=True)
     undefined = _undefined(reader)
-    messages = (m for m in reader.raw_messages() if m.topic not in undefined)
-    first = next(messages, None)
-    if first is None:
+    everything = BagPart(0, LATEST_NS, as_path("output", output), reader.custom_data)
+    (counts,) = cut_bag(reader, [everything], undefined)
+    if not counts:
         reasons = [*(found.reason for found in reader.damage), *undefined.values()]
         why = next(iter(reasons), "the bag is empty")
         cure = "Record it again."
         raise BagError.about(str(source), "a message that can be read", f"none: {why}", cure)
-    counts: Counter[str] = Counter()
-    start_ns = end_ns = first.log_time_ns
-    with BagWriter(output, reader.custom_data, flush_period_s=None) as writer:
-        declare_topics(writer, reader, undefined)
-        for message in chain([first], messages):
-            writer.write_raw(message)
-            counts[message.topic] += 1
-            at_ns = message.log_time_ns
-            start_ns, end_ns = min(start_ns, at_ns), max(end_ns, at_ns)
     damage = tuple(sorted(reader.damage, key=lambda found: found.offset))
-    notes = (*reader.notes, *undefined.values())
-    return RecoveryReport(str(source), str(output), dict(counts), start_ns, end_ns, damage, notes)
+    notes, saved = (*reader.notes, *undefined.values()), BagReader(everything.path)
+    found = {topic: count for topic, count in counts.items() if count}
+    times_ns = saved.start_ns, saved.end_ns
+    return RecoveryReport(str(source), str(output), found, *times_ns, damage, notes)
 
 
 def _undefined(reader: BagReader) -> dict[str, str]:
