@@ -266,7 +266,9 @@ class BagWriter:
         free = self._guard(lambda: self._disk_usage(self.path).free)
         if free < self._min_free_bytes:
             self.close()
-            raise self._disk_full(free)
+            need = f"at least {self._min_free_bytes / 2**20:.0f} MiB free"
+            cure = f"Free space. All {self.message_count} messages received until now are saved."
+            raise DiskFullError.about(str(self.path), need, f"{free / 2**20:.1f} MiB", cure)
 
     def _guard(self, action: Callable[[], Result]) -> Result:
         """Run a disk operation; if it fails, close the bag and leave a readable file."""
@@ -281,11 +283,6 @@ class BagWriter:
                 expected, cure = "room on the disk", "Free space, record again."
             got = f"{one_line(error)}; the last {self._pending} messages are lost"
             raise DiskFullError.about(str(self.path), expected, got, cure) from error
-
-    def _disk_full(self, free: int) -> DiskFullError:
-        need = f"at least {self._min_free_bytes / 2**20:.0f} MiB free"
-        cure = f"Free space. All {self.message_count} messages received until now are saved."
-        return DiskFullError.about(str(self.path), need, f"{free / 2**20:.1f} MiB", cure)
 
     def _write_metadata(self) -> None:
         write_metadata(self.path, self._metadata())

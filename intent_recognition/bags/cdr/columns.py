@@ -99,17 +99,15 @@ class ColumnsBuilder:
         sizes = [piece.numbers.size for piece in pieces]
         files = np.repeat(np.array([piece.file for piece in pieces], np.int64), sizes)
         layouts = np.repeat(np.array([piece.layout for piece in pieces], np.int64), sizes)
-        order = _order(files, log_times_ns, numbers)
-        if order is not None:
-            log_times_ns, stamps_ns, layouts = log_times_ns[order], stamps_ns[order], layouts[order]
+        order = np.lexsort((numbers, log_times_ns, files))
+        log_times_ns, stamps_ns, layouts = log_times_ns[order], stamps_ns[order], layouts[order]
         parts: list[_Part] = []
         for index in range(len(self._layouts)):
             rows = np.flatnonzero(layouts == index)
             # `order` sorts the messages of all layouts; its ranks sort those of this layout.
-            ranks = None if order is None else np.argsort(np.argsort(order[rows]))
+            ranks = np.argsort(np.argsort(order[rows]))
             own_values = [piece.values for piece in pieces if piece.layout == index]
-            values = [_join(arrays) for arrays in zip(*own_values, strict=True)]
-            parts.append((rows, [v if ranks is None else v[ranks] for v in values]))
+            parts.append((rows, [_join(one)[ranks] for one in zip(*own_values, strict=True)]))
         if self._type == JOINT_STATE:
             return self._joints(log_times_ns, stamps_ns, parts)
         return self._poses(log_times_ns, stamps_ns, layouts, parts)
@@ -187,11 +185,3 @@ class _Piece(NamedTuple):
 
 def _join(arrays: Sequence[NDArray]) -> NDArray:
     return np.concatenate(arrays) if arrays else np.empty(0, np.int64)
-
-
-def _order(files: Integers, log_times_ns: Integers, numbers: Integers) -> Integers | None:
-    """Indices that sort by file, log time and number; None if they are sorted already."""
-    later = (np.diff(files) > 0) | (np.diff(log_times_ns) >= 0)
-    if np.all(later) and np.all(np.diff(numbers) > 0):
-        return None
-    return np.lexsort((numbers, log_times_ns, files))
