@@ -220,35 +220,6 @@ def targets(rng):
         yield suffix, mutated(rng, content) if kind == 4 or rng.random() < 0.2 else content
 
 
-def objects(rng, mug):
-    """Arrays of annotated objects."""
-    yield mug
-    names = sorted(mug)
-    changes = (
-        lambda a: np.full(a.shape, rng.choice([np.nan, np.inf, -1.0, 0.0, 1e300, 1e-300, 1e9])),
-        lambda a: np.array(["a"] * 3),
-        lambda a: a.astype(complex) if a.dtype.kind in "fiu" else a[None],
-        lambda a: np.broadcast_to(a, (3, *a.shape)),
-        lambda a: a[:0] if a.ndim else np.zeros(0),
-        lambda a: a[: len(a) // 40] if a.ndim else a[None],
-        lambda a: rng.permutation(a) if a.ndim else np.array(2**63, np.uint64),
-        lambda a: a * 1e12 if a.dtype.kind == "f" else np.array("\x1b[2J" * 99),
-        lambda a: np.repeat(a[:1], len(a), 0) if a.ndim else np.array(True),
-        lambda a: a[:, :2] if a.ndim > 1 else a,
-        lambda a: a.astype(">f8" if a.dtype.kind == "f" else a.dtype),
-    )
-    for change in changes:
-        for name in names:
-            yield mug | {name: change(mug[name])}
-    for name in names:
-        yield {key: value for key, value in mug.items() if key != name}
-    while True:
-        found = dict(mug)
-        for name in rng.choice(names, 2):
-            found[str(name)] = changes[int(rng.integers(len(changes)))](mug[str(name)])
-        yield found
-
-
 def texts(rng, whole, write):
     """Texts of plain values: `whole` spoiled, its text with bytes changed, or one of `YAMLS`."""
     yield write(whole)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What all hostile files have in common: commands under limits, and values that spoil content."""
 
+import itertools
 import json
 import os
 import subprocess
@@ -95,6 +96,34 @@ def spoiled(rng, content, chance=0.15):
     if isinstance(content, list):
         return [spoiled(rng, value, chance) for value in content]
     return content
+
+
+CHANGES = (
+    lambda rng, a: np.full(a.shape, rng.choice(NUMBERS)),
+    lambda rng, a: np.array(["a"] * 3),
+    lambda rng, a: a.astype(complex) if a.dtype.kind in "fiu" else a[None],
+    lambda rng, a: np.broadcast_to(a, (3, *a.shape)),
+    lambda rng, a: a[:0] if a.ndim else np.zeros(0),
+    lambda rng, a: a[: len(a) // 40] if a.ndim else a[None],
+    lambda rng, a: rng.permutation(a) if a.ndim else np.array(2**63, np.uint64),
+    lambda rng, a: a * 1e12 if a.dtype.kind == "f" else np.array("\x1b[2J" * 99),
+    lambda rng, a: np.repeat(a[:1], len(a), 0) if a.ndim else np.array(True),
+    lambda rng, a: a[:, :2] if a.ndim > 1 else np.where(rng.random(a.shape) < 0.1, np.nan, 1.0),
+    lambda rng, a: a.astype(">f8" if a.dtype.kind == "f" else a.dtype),
+)
+NUMBERS = (np.nan, np.inf, -1.0, 0.0, 1e300, -1e300, 1e9, 1e-300)
+
+
+def spoiled_arrays(rng, arrays, kept=()):
+    """Arrays, whole at first, then one but the `kept` changed or missing each time, without end."""
+    names = sorted(arrays.keys() - {*kept})
+    yield arrays
+    for k in itertools.count():
+        name, change = names[k % len(names)], CHANGES[k % len(CHANGES)]
+        missing = k >= len(names) and rng.random() < 0.1
+        yield {key: a for key, a in arrays.items() if key != name} | (
+            {} if missing else {name: change(rng, arrays[name])}
+        )
 
 
 def write_bag(folder: Path, whole, metadata: str | bytes | None = None, content=None) -> Path:

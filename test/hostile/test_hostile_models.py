@@ -7,9 +7,12 @@ import zipfile
 
 import numpy as np
 import pytest
-from hostile.strangers import EACH, SEED, check, mutated, save, spoiled
+from hostile.strangers import EACH, SEED, check, mutated, save, spoiled, spoiled_arrays
 
 pytestmark = pytest.mark.slow
+
+REQUIRED = ("weight_mean", "noise_variance")
+"""Arrays of numbers without which there is no model."""
 
 
 @pytest.fixture(scope="module")
@@ -44,15 +47,11 @@ def test_pouring_skills(worker, tmp_path, repository):
     rng = np.random.default_rng(SEED + 12)
     with np.load(repository / "config/skills/pouring.npz") as content:
         skill = {name: content[name] for name in content.files}
-    assert check(worker, "load_pouring_skill", save(tmp_path / "s.npz", skill))["code"] == 0
-    for k, name in enumerate([*skill] * 6):
-        array = skill[name]
-        changed = (
-            np.full(array.shape, rng.choice(NUMBERS)), array.astype(complex), np.array(["a"] * 3),
-            np.full(array.shape, 1e300), np.zeros(0), np.full(array.shape, 1e9),
-        )[k // len(skill)]  # fmt: skip
-        path = save(tmp_path / f"{k}.npz", skill | {name: changed})
-        check(worker, "load_pouring_skill", path)
+    codes = []
+    for k, arrays in zip(range(6 * len(skill)), spoiled_arrays(rng, skill), strict=False):
+        path = save(tmp_path / f"{k}.npz", arrays)
+        codes.append(check(worker, "load_pouring_skill", path)["code"])
+    assert codes[0] == 0 and 1 in codes
 
 
 def test_headers_of_models(worker, model, tmp_path):
@@ -73,27 +72,16 @@ def test_headers_of_models(worker, model, tmp_path):
         check(worker, "load_trained", path)
 
 
-NUMBERS = (np.nan, np.inf, -1.0, 0.0, 1e300, -1e300, 1e9, 1e-300)
-
-
 def test_arrays_of_models(worker, model, tmp_path):
     rng = np.random.default_rng(SEED + 3)
-    names = sorted(set(model) - {"header"})
-    for k in range(EACH):
-        name = names[k % len(names)]
-        array, kind = model[name], k % 6
-        one_odd = array.astype(float).copy()
-        if one_odd.size:
-            one_odd.flat[int(rng.integers(one_odd.size))] = rng.choice(NUMBERS)
-        changed = (
-            np.full(array.shape, rng.choice(NUMBERS)), one_odd, np.array(["a"] * 3),
-            np.zeros((0,) if array.ndim else (2, 2)), np.broadcast_to(array, (3, *array.shape)),
-            array.astype(complex),
-        )[kind]  # fmt: skip
-        path = save(tmp_path / f"{k}.npz", model | {name: changed})
-        answer = check(worker, "inspect", path)
-        assert kind in (0, 1) or name not in ("weight_mean", "noise_variance") or answer["code"]
+    codes = []
+    for k, arrays in zip(range(EACH), spoiled_arrays(rng, model, ["header"]), strict=False):
+        path = save(tmp_path / f"{k}.npz", arrays)
+        codes.append(check(worker, "inspect", path)["code"])
         check(worker, "load_trained", path)
+        wrong = [arrays.get(name, model[name]).dtype.kind for name in REQUIRED]
+        assert set(wrong) <= {*"fiu"} or codes[-1]
+    assert codes[0] == 0 and 1 in codes
 
 
 def npy(shape, dtype="<f8", data=b"") -> bytes:

@@ -73,6 +73,19 @@ def parquet_file(path, columns):
     return path
 
 
+def in_turns(k, *two):
+    """Trackers list what they see, in any order."""
+    return two[:: 1 - 2 * (k % 2)]
+
+
+def of_bodies(key, cup, wrist):
+    both = ({key: cup, "at": [0.0] * 3}, {key: wrist})
+    return [
+        [*in_turns(k, both[0], both[1] | {"at": place})]
+        for k, place in enumerate((PLACE / 1000).tolist())
+    ]
+
+
 def cells(k, form="{:.6f}", scale=1.0):
     return [form.format(value * scale) for value in PLACE[k]]
 

@@ -6,9 +6,8 @@ import json
 import numpy as np
 import pytest
 from tables.imports import check_wrist, imported
-from tables.odd_files import PLACE, ROWS, TIMES_S, parquet_file
+from tables.odd_files import PLACE, ROWS, TIMES_S, in_turns, of_bodies
 
-from intent_recognition.errors import BagError
 from intent_recognition.tables.files import open_table
 
 
@@ -163,16 +162,6 @@ COLUMNS = {"t": AT, **BY_AXIS, "what": ["give"] * ROWS}
 CUP = dict.fromkeys("xyz", 0.1)
 
 
-def in_turns(k, *two):
-    """Trackers list what they see, in any order."""
-    return two[:: 1 - 2 * (k % 2)]
-
-
-def of_bodies(key, cup, wrist):
-    both = ({key: cup, "at": [0.0] * 3}, {key: wrist})
-    return [[*in_turns(k, both[0], both[1] | {"at": place})] for k, place in enumerate(PLACES)]
-
-
 def timed(key, values):
     return [{"t": at, key: value} for at, value in zip(AT, values, strict=True)]
 
@@ -264,21 +253,6 @@ def test_landmarks_of_an_image_however_they_are_listed(kind, tmp_path):
     samples, said = imported(tmp_path, "a.json", json.dumps(content), columns, **options)
     assert said == "the landmarks are places in the image, not in metres"
     np.testing.assert_allclose(samples.values[:, :2], PLACE[:, :2] / 1000)
-
-
-@pytest.mark.parametrize(("key", "wrist"), [("name", "wrist"), ("id", 5)])
-def test_bodies_of_parquet_may_change_places(key, wrist, tmp_path):
-    bodies = of_bodies(key, 7 if key == "id" else "cup", wrist)
-    parquet_file(tmp_path / "a.parquet", {"bodies": bodies})
-    columns, time = [f"bodies.{wrist}.at.{k}" for k in range(3)], {"rate": 100}
-    check_wrist(imported(tmp_path, "a.parquet", None, columns, time=time), atol=0.0)
-
-
-def test_another_body_at_the_place_of_one_in_parquet_is_not_taken_for_it(tmp_path):
-    lists = [[{"name": name, "x": 0.0}] for name in ("cup", "wrist")]
-    parquet_file(tmp_path / "a.parquet", {"bodies": lists})
-    with pytest.raises(BagError, match="lists of the same names in bodies"):
-        open_table(tmp_path / "a.parquet").columns(["bodies.cup.x"])
 
 
 @pytest.mark.parametrize(

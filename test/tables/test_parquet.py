@@ -6,8 +6,9 @@ import pickle
 import numpy as np
 import pytest
 from tables.imports import check_wrist, imported
-from tables.odd_files import PLACE, ROWS, TIMES_S, parquet_file
+from tables.odd_files import PLACE, ROWS, TIMES_S, of_bodies, parquet_file
 
+from intent_recognition.errors import BagError
 from intent_recognition.tables.files import open_table
 
 
@@ -25,37 +26,39 @@ def test_units_of_parquet(stated, tmp_path):
     check_wrist(imported(tmp_path, "a.parquet", None, names, time={"column": "t"}))
 
 
-NESTED = {
-    "a struct": ([dict(zip("xyz", row, strict=True)) for row in (PLACE / 1000).tolist()], "w.{}"),
-    "a list of structs": (
-        [[{"p": dict(zip("xyz", row, strict=True))}] for row in (PLACE / 1000).tolist()],
-        "w.0.p.{}",
+ROWS_OF = [dict(zip("xyz", row, strict=True)) for row in (PLACE / 1000).tolist()]
+LAYOUTS = {
+    "a struct": ({"w": ROWS_OF}, "w.{}"),
+    "a list of structs": ({"w": [[{"p": row}] for row in ROWS_OF]}, "w.0.p.{}"),
+    "levels of pandas": (
+        {f"('w', '{axis}')": PLACE[:, k] / 1000 for k, axis in enumerate("xyz")},
+        "w.{}",
     ),
+    "bodies by name": ({"in": of_bodies("name", "cup", "wrist")}, "in.wrist.at.{}"),
+    "bodies by id": ({"in": of_bodies("id", 7, 5)}, "in.5.at.{}"),
 }
 
 
-@pytest.mark.parametrize("kind", NESTED)
-def test_structs_of_parquet(kind, tmp_path):
-    values, name = NESTED[kind]
-    parquet_file(tmp_path / "a.parquet", {"t": TIMES_S, "w": values})
-    columns = [name.format(axis) for axis in "xyz"]
-    check_wrist(imported(tmp_path, "a.parquet", None, columns, time={"column": "t"}), atol=0.0)
+@pytest.mark.parametrize("kind", LAYOUTS)
+def test_columns_of_parquet_in_any_layout(kind, tmp_path):
+    columns, name = LAYOUTS[kind]
+    parquet_file(tmp_path / "a.parquet", {"t": TIMES_S, **columns})
+    names = [name.format(axis) for axis in ("012" if "at" in name else "xyz")]
+    found = imported(tmp_path, "a.parquet", None, names, time={"column": "t"})
+    check_wrist(found, atol=0.0, times_atol=1)
 
 
-def test_levels_of_names_of_pandas_are_parts_of_the_names(tmp_path):
-    columns = {f"('w', '{axis}')": PLACE[:, k] / 1000 for k, axis in enumerate("xyz")}
-    parquet_file(tmp_path / "a.parquet", columns)
-    found = imported(tmp_path, "a.parquet", None, ["w.x", "w.y", "w.z"], time={"rate": 100})
-    check_wrist(found, atol=0.0)
-
-
-def test_a_list_that_is_missing_was_not_measured(tmp_path):
+def test_a_list_that_is_missing_was_not_measured_and_no_body_is_taken_for_another(tmp_path):
     lists = [None if k < 3 else row for k, row in enumerate((PLACE / 1000).tolist())]
     parquet_file(tmp_path / "a.parquet", {"w": lists})
     columns, time = ["w.0", "w.1", "w.2"], {"rate": 100}
     samples, _ = imported(tmp_path, "a.parquet", None, columns, time=time)
     assert np.isnan(samples.values[:3]).all()
     np.testing.assert_array_equal(samples.values[3:], PLACE[3:] / 1000)
+    lists = [[{"name": name, "x": 0.0}] for name in ("cup", "wrist")]
+    parquet_file(tmp_path / "b.parquet", {"bodies": lists})
+    with pytest.raises(BagError, match="lists of the same names in bodies"):
+        open_table(tmp_path / "b.parquet").columns(["bodies.cup.x"])
 
 
 def test_the_columns_of_parquet_that_are_read_are_bounded(tmp_path, monkeypatch):
