@@ -4,7 +4,7 @@
 import mmap
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from io import BytesIO
 from typing import NamedTuple
 
@@ -28,7 +28,6 @@ from intent_recognition.bags.mcap.records import (
 
 CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, compression length
 PARSE_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError)
-CHECKSUM = "checksum of the chunk does not match"
 CHUNK_BYTES = 2**20
 """Size of a written chunk before compression, and of records read together [bytes]: the default
 of MCAP."""
@@ -52,9 +51,9 @@ class McapBlock(NamedTuple):
 
 
 class MessageTable(NamedTuple):
-    """The messages of one block in file order; n rows."""
+    """The messages of one or more blocks in file order; n rows."""
 
-    data: bytes | memoryview  # bytes of the block, decompressed
+    data: bytes  # bytes of the block, decompressed
     channels: NDArray  # channel ids, uint16 (n,)
     sequences: NDArray  # uint32 (n,)
     log_times_ns: NDArray  # uint64 (n,)
@@ -73,25 +72,43 @@ class MessageTable(NamedTuple):
         return MessageTable(self.data, *(column[keep] for column in self[1:]))
 
 
-def read_messages(view: bytes | mmap.mmap, block: McapBlock) -> MessageTable:
-    """The messages of one block, after verifying its checksum.
+def groups(blocks: Iterable[McapBlock]) -> Iterator[list[McapBlock]]:
+    """Group successive blocks up to `CHUNK_BYTES` of records; larger and cut blocks are alone.
+
+    A recorder writes two chunks per second; reading them singly takes five times as long.
+    """
+    group: list[McapBlock] = []
+    total = 0
+    for block in blocks:
+        if group and (total + block.size > CHUNK_BYTES or block.is_cut or group[-1].is_cut):
+            yield group
+            group, total = [], 0
+        group.append(block)
+        total += block.size
+    if group:
+        yield group
+
+
+def read_messages(view: bytes | mmap.mmap, *blocks: McapBlock) -> MessageTable:
+    """The messages of successive blocks, after verifying their checksums.
 
     From a chunk that the end of the file cuts off, everything that can be decompressed is returned.
 
     Raises:
-        ValueError, McapError, zstandard.ZstdError, struct.error, RuntimeError: the block is
+        ValueError, McapError, zstandard.ZstdError, struct.error, RuntimeError: a block is
             damaged. `PARSE_ERRORS` lists all these errors.
     """
-    data = _block_data(view, block)
-    return message_table(data, message_positions(data, record_positions(data, block.is_cut)))
+    zstd = zstandard.ZstdDecompressor()  # making one takes as long as reading a small chunk
+    parts = [_block_data(view, block, zstd) for block in blocks]
+    data = parts[0] if len(parts) == 1 else b"".join(parts)
+    positions = record_positions(data, blocks[-1].is_cut)
+    ends = np.cumsum([len(part) for part in parts if part])[:-1]
+    if np.any(positions[np.searchsorted(positions, ends, side="right") - 1] != ends):
+        raise ValueError("a chunk ends inside of a record")
+    return message_table(data, positions[np.frombuffer(data, np.uint8)[positions] == MESSAGE])
 
 
-def message_positions(data: bytes | memoryview, positions: NDArray) -> NDArray:
-    """The `positions` (n,) whose records are messages."""
-    return positions[np.frombuffer(data, np.uint8)[positions] == MESSAGE]
-
-
-def message_table(data: bytes | memoryview, positions: NDArray) -> MessageTable:
+def message_table(data: bytes, positions: NDArray) -> MessageTable:
     """The messages whose records begin at `positions` (n,)."""
     heads = gather(data, positions, MESSAGE_HEADER.itemsize).view(MESSAGE_HEADER)
     if np.any(heads["log_ns"] >= LATEST_NS):
@@ -122,7 +139,8 @@ def payloads(table: MessageTable, length: int) -> NDArray:
 
 def read_definitions(view: bytes | mmap.mmap, block: McapBlock) -> Iterator[Schema | Channel]:
     """Schemas and channels inside one block, in file order."""
-    return definitions_in(_block_data(view, block), block.is_cut)
+    zstd = zstandard.ZstdDecompressor()
+    return definitions_in(_block_data(view, block, zstd), block.is_cut)
 
 
 def definitions_in(data: bytes, is_cut: bool) -> Iterator[Schema | Channel]:
@@ -140,39 +158,40 @@ def parse_definition(opcode: int, data: bytes) -> Schema | Channel:
     return Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
 
 
-def chunk_content(view: bytes | mmap.mmap, block: McapBlock) -> tuple[str, bytes, int]:
-    """Compression, compressed records and checksum (0 for none) of a chunk."""
-    start = block.offset + RECORD_HEADER.size
-    _, _, _, crc, name_length = CHUNK_HEADER.unpack_from(view, start)
-    at = start + CHUNK_HEADER.size
-    compression = bytes(view[at : at + name_length]).decode()
-    return compression, view[at + name_length + 8 : start + block.length], crc
-
-
-def _block_data(view: bytes | mmap.mmap, block: McapBlock) -> bytes:
+def _block_data(
+    view: bytes | mmap.mmap, block: McapBlock, zstd: zstandard.ZstdDecompressor
+) -> bytes:
     """The records of a block, decompressed; a message outside of chunks is its own record."""
     size = block.size
     if not block.is_chunk:
         return bytes(view[block.offset : block.offset + size])
-    compression, content, crc = chunk_content(view, block)
-    data = decompress(compression, content, size, block.is_cut)
+    start = block.offset + RECORD_HEADER.size
+    _, _, _, crc, name_length = CHUNK_HEADER.unpack_from(view, start)
+    at = start + CHUNK_HEADER.size
+    compression = bytes(view[at : at + name_length]).decode()
+    content = view[at + name_length + 8 : start + block.length]
+    data = _decompress(compression, content, size, zstd, block.is_cut)
     if not block.is_cut:
         if len(data) != size:
             raise ValueError(f"a chunk of {len(data)} bytes that states {size}")
         if crc and zlib.crc32(data) != crc:
-            raise ValueError(CHECKSUM)
+            raise ValueError("checksum of the chunk does not match")
     return data
 
 
-def decompress(compression: str, data: bytes, size: int, is_cut: bool = False) -> bytes:
+def _decompress(
+    compression: str, data: bytes, size: int, zstd: zstandard.ZstdDecompressor, is_cut: bool
+) -> bytes:
     """Decompress the records of a chunk, or as many of a truncated chunk as possible."""
     if size > MOST_CHUNK:
         raise ValueError(f"a chunk of {size} bytes, more than {MOST_CHUNK}")
     if compression == "zstd":
-        check_frame(data, size)
+        said = zstandard.frame_content_size(data)
+        if said not in (-1, size):  # zstd allocates it
+            raise ValueError(f"a frame of {said} bytes in a chunk that states {size}")
         if is_cut:
-            return _cut_zstd(data, size)
-        return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+            return _cut_zstd(data, size, zstd)
+        return zstd.decompress(data, max_output_size=size)
     if compression == "lz4":
         return lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size)
     if compression == "":
@@ -180,17 +199,10 @@ def decompress(compression: str, data: bytes, size: int, is_cut: bool = False) -
     raise ValueError(f"unknown compression {compression!r}")
 
 
-def check_frame(data: bytes, size: int) -> None:
-    """Raise ValueError if a zstd frame states another size than its chunk; zstd allocates it."""
-    said = zstandard.frame_content_size(data)
-    if said not in (-1, size):
-        raise ValueError(f"a frame of {said} bytes in a chunk that states {size}")
-
-
-def _cut_zstd(data: bytes, size: int) -> bytes:
+def _cut_zstd(data: bytes, size: int, zstd: zstandard.ZstdDecompressor) -> bytes:
     """Decompress a truncated frame piece by piece, as far as possible."""
     found = bytearray()
-    with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+    with zstd.stream_reader(data) as reader:
         while len(found) < size:
             piece = reader.read(min(size - len(found), 2**16))
             if not piece:

@@ -12,8 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from mcap.records import Channel, Schema
 
-from intent_recognition.bags.mcap.chunk import PARSE_ERRORS, McapBlock, MessageTable, read_messages
-from intent_recognition.bags.mcap.group import GroupReader, groups
+from intent_recognition.bags.mcap.chunk import (
+    PARSE_ERRORS,
+    McapBlock,
+    MessageTable,
+    groups,
+    read_messages,
+)
 from intent_recognition.bags.mcap.scan import Damage, FileScan, open_view, scan_file
 from intent_recognition.bags.messages import RECOVER, ROS_ENCODINGS, complete_schema
 from intent_recognition.errors import BagError
@@ -84,15 +89,17 @@ class McapFile:
     def tables(self, wanted: Collection[int]) -> Iterator[MessageTable]:
         """The messages of some channels block by block, in recorded order.
 
-        Small blocks are read together. A table's `data` is valid until the next table is read.
+        Small blocks are read together.
         """
+        is_known, is_wanted = np.zeros((2, 2**16), bool)  # by channel id
+        is_known[list(self.scan.channels)] = is_wanted[list(wanted)] = True
         with open_view(self.path) as view:
-            reader = GroupReader(view, self.scan.channels.keys(), wanted)
             for group in groups(sorted(self._usable(), key=lambda b: b.offset)):
                 try:
-                    if group[-1].is_cut:
-                        raise ValueError("the end of the file cuts it off")
-                    yield reader.read(group)
+                    table = read_messages(view, *group)
+                    if group[-1].is_cut or not is_known[table.channels].all():
+                        raise ValueError("one that is cut off, or of a channel that is unknown")
+                    yield table.rows(is_wanted[table.channels])
                 except PARSE_ERRORS:  # read each block of the group by itself
                     for block in group:
                         table = self._table(view, block)
