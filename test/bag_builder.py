@@ -154,6 +154,7 @@ def write_mcap(path, messages, schemas=None, encoding="cdr", profile="ros2", **o
             channels[topic] = writer.register_channel(topic, encoding, number or 0)
         for topic, at_ns, data in messages:
             writer.add_message(channels[topic], at_ns, data, at_ns)
+        writer.add_attachment(1, 1, "note", "text/plain", b"\x05" * 100)
         writer.finish()
     return path
 

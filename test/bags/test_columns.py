@@ -12,7 +12,6 @@ import pytest
 from bag_builder import JOINTS, LWR, POSE, START_NS, TEXT, joints, pose
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from intent_recognition.bags.cdr.columns import JointColumns, PoseColumns
@@ -261,31 +260,6 @@ def test_order_is_that_of_the_messages(chunks):
     (part,) = found["joint_states"].parts
     assert part.names == tuple(LWR)
     np.testing.assert_array_equal(part.position, [m.message.position for m in messages])
-
-
-@pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.LZ4])
-@pytest.mark.parametrize("options", [{}, {"use_chunking": False}, {"use_statistics": False}])
-def test_files_of_other_writers(tmp_path, compression, options):
-    file = tmp_path / "other.mcap"
-    payloads = [serialize(POSE, pose(i)) for i in range(60)]
-    with file.open("wb") as stream:
-        writer = Writer(stream, chunk_size=2000, compression=compression, **options)
-        writer.start("ros2", "test")
-        schema = writer.register_schema(POSE, "ros2msg", definition(POSE).text.encode())
-        channel = writer.register_channel("/mocap/wrist/pose", "cdr", schema)
-        for i, data in enumerate(payloads):
-            if i % 20 == 10:
-                writer.add_attachment(i, i, "note", "text/plain", b"\x05" * 100)
-            writer.add_message(channel, 100 + i, data, 100 + i, i)
-        writer.finish()
-    found = columns(file, POSE)
-    np.testing.assert_array_equal(found.positions[:, 0], 0.001 * np.arange(60))
-    raw = list(BagReader(file).raw_messages())
-    assert [(m.log_time_ns, m.sequence, m.data) for m in raw] == [
-        (100 + i, i, data) for i, data in enumerate(payloads)
-    ]
-    file.write_bytes(file.read_bytes()[:-60])  # without the end of its summary
-    assert BagReader(file, tolerant=True).columns([TOPICS[POSE]])[TOPICS[POSE]] is not None
 
 
 def test_damage_is_an_error_and_nothing_is_given_out(chunks):

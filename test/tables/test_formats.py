@@ -279,19 +279,6 @@ def test_names_that_differ_in_case_alone_are_two(tmp_path):
     assert found.samples[0].values[3].tolist() == [1.0, 2.0, 0.3]
 
 
-def test_a_task_that_changes_is_cut(tmp_path):
-    lines = [
-        f"{k / 10},0,0,0.{k},{'give' if k < 5 else 'take' if k == 5 else ''}" for k in range(9)
-    ]
-    path = csv(tmp_path, "t,x,y,z,what", lines)
-    more = {"time": {"column": "t"}, "task": {"column": "what"}}
-    parts = imported(path, ["x", "y", "z"], more)
-    assert [(p.custom_data["task"], len(p.samples[0].values)) for p in parts] == [
-        ("give", 5),
-        ("take", 4),
-    ]
-
-
 @given(
     values=st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=6),
     separator=st.sampled_from([";", "\t"]),

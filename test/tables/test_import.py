@@ -214,7 +214,7 @@ def test_files_of_other_rates_and_beginnings_are_cut_at_the_same_times(way, rate
     write_csv(
         tmp_path / "wrist_0.csv",
         {"t": [str(day + round(s * 1e9)) for s in wrist], "x": wrist, "y": wrist, "z": 0.1 * wrist}
-        | {"what": ["give" if s < 4.0 else "take" for s in wrist]},
+        | {"what": ["give" if s < 4.0 else "take" if s == 4.0 else "" for s in wrist]},
     )
     write_csv(
         tmp_path / "arm_0.csv",

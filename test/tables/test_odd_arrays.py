@@ -170,11 +170,21 @@ SEEN = [np.ones(1 + k % 3) for k in range(1001)]
 """Cells of what was seen at each sample: no columns."""
 
 
-@pytest.mark.parametrize("version", [5, 7.3])
-def test_a_number_called_fs_is_the_rate_of_a_mat_file(version, tmp_path):
-    mat(tmp_path / "a.mat", {"fs": 50.0, "w": PLACE / 1000}, version)
-    samples, _ = imported(tmp_path, "a.mat", None, ["w.0", "w.1", "w.2"])
-    assert set(np.diff(samples.stamps_ns)) == {20_000_000}
+@pytest.mark.parametrize(
+    ("kind", "key"),
+    [("npz", "fps"), ("npz", "mocap_framerate"), ("h5", "FPS"), ("5", "fs"), ("7.3", "fs")],
+)
+def test_a_number_that_is_called_a_rate_is_that_of_the_file(kind, key, tmp_path):
+    path = tmp_path / f"a.{kind if kind in ('npz', 'h5') else 'mat'}"
+    if kind == "npz":
+        np.savez(path, w=PLACE / 1000, **{key: 50.0})
+    elif kind == "h5":
+        h5(path, {"w": PLACE / 1000}, **{key: 50, "note": "by me"})
+    else:
+        mat(path, {key: 50.0, "w": PLACE / 1000}, float(kind))
+    found = imported(tmp_path, path.name, None, [f"w.{k}" for k in range(3)])
+    check_wrist(found)
+    assert set(np.diff(found[0].stamps_ns)) == {20_000_000}
 
 
 def test_samples_along_another_axis_are_named_where_nothing_says_so(rng, tmp_path):
@@ -219,19 +229,6 @@ def test_times_beside_a_rate_are_asked_for_and_texts_are_labels(kind, tmp_path):
         ("take", ROWS - 120),
     ]
     assert "time: {column: t, unit: s}" in suggest_map(path)
-
-
-@pytest.mark.parametrize("key", ["fps", "mocap_framerate"])
-def test_a_number_that_is_a_rate_is_that_of_npz(key, tmp_path):
-    np.savez(tmp_path / "a.npz", w=PLACE / 1000, **{key: 50.0})
-    found = imported(tmp_path, "a.npz", None, [f"w.{k}" for k in range(3)])
-    check_wrist(found)
-    assert set(np.diff(found[0].stamps_ns)) == {20_000_000}
-
-
-def test_a_rate_that_hdf5_states_is_used(tmp_path):
-    h5(tmp_path / "a.h5", {"w": PLACE / 1000}, FPS=50, note="by me")
-    assert open_table(tmp_path / "a.h5").defaults == {"time": {"rate": 50.0}}
 
 
 @pytest.mark.parametrize("times", [TIMES_S, TIMES_S[None], TIMES_S[:, None]])

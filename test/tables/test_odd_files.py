@@ -2,6 +2,7 @@
 """Tables of text as labs send them: read right, or refused with what is wrong."""
 
 import gzip
+import re
 from datetime import datetime, timedelta
 from itertools import pairwise
 
@@ -261,13 +262,42 @@ def test_packed_tables_are_named(tmp_path):
     assert left_out.path.endswith("a.csv.gz") and found.name == "b"
 
 
-def test_times_that_go_back_are_named(tmp_path):
-    content = table("t,x,y,z", lambda k: [f"{(k - 60 * (k > 99)) / 100}", *cells(k)])
-    samples, said = imported_csv(tmp_path, content, unit="mm")
-    assert len(samples.stamps_ns) == 140
-    assert "60 of 200 rows" in said and "a clock that went back" in said
-    _, said = imported_csv(tmp_path, plain(at=lambda t: f"{1706410000 + t:.1f}"), unit="mm")
-    assert "179 of 200 rows" in said and "times that lost digits" in said
+ODD = {
+    "times that go back": (
+        table("t,x,y,z", lambda k: [f"{(k - 60 * (k > 99)) / 100}", *cells(k, scale=1e-3)]),
+        140,
+        "60 of 200 rows .* a clock that went back",
+    ),
+    "times without digits": (
+        plain(scale=1e-3, at=lambda t: f"{1706410000 + t:.1f}"),
+        21,
+        "179 of 200 rows .* times that lost digits",
+    ),
+    "a clock that jumps": (
+        table("t,x,y,z", lambda k: [f"{k / 100 + 3600 * (k > 99)}", *cells(k, scale=1e-3)]),
+        ROWS,
+        "no sample of mocap/wrist/pose for 3600 s",
+    ),
+    "zeros": (
+        plain(hidden=range(60, 65), cell="0", scale=1e-3),
+        ROWS,
+        "is at exactly zero in 5 of 200 samples",
+    ),
+    "metres called millimetres": (plain(scale=1e-6), ROWS, r"say in the map columns_unit: m\."),
+    "a short reach in centimetres": (
+        plain(scale=0.03),
+        ROWS,
+        "is hardly metres. Likely centimetres for metres",
+    ),
+    "nothing": (plain(scale=1e-3), ROWS, "^$"),
+}
+
+
+@pytest.mark.parametrize("kind", ODD)
+def test_what_is_odd_is_imported_and_named(kind, tmp_path):
+    content, count, words = ODD[kind]
+    samples, said = imported_csv(tmp_path, content)
+    assert len(samples.stamps_ns) == count and re.search(words, said)
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.0003])
@@ -282,12 +312,6 @@ def test_times_that_begin_anew_are_cut_there(late_s, tmp_path):
     assert [one.name for one in found] == ["a_000", "a_001", "a_002"]
     for (a, b), one in zip(pairwise(starts), found, strict=True):
         np.testing.assert_allclose(one.samples[0].values, PLACE[a : b - 1] / 1000, atol=1e-6)
-
-
-def test_a_clock_that_jumps_is_named(tmp_path):
-    content = table("t,x,y,z", lambda k: [f"{k / 100 + 3600 * (k > 99)}", *cells(k)])
-    samples, said = imported_csv(tmp_path, content, unit="mm")
-    assert len(samples.stamps_ns) == ROWS and "no sample of mocap/wrist/pose for 3600 s" in said
 
 
 @pytest.mark.parametrize("text", ["10:00:00:12", "10:00", "13:00:00.5 PM", "31/31/2024 10:00:00"])
@@ -324,10 +348,3 @@ def test_names_in_several_lines(kind, tmp_path):
     assert "the unit" in imported_csv(tmp_path, content, **options)[1]
     assert open_table(tmp_path / "a.csv").names[0] not in ("s", "")
     check_wrist(imported_csv(tmp_path, content, unit="mm", **options), atol=1e-9)
-
-
-def test_zeros_of_plain_columns_are_named(tmp_path):
-    lost = plain(hidden=range(60, 65), cell="0", scale=1e-3)
-    samples, said = imported_csv(tmp_path, lost)
-    assert samples is not None and "is at exactly zero in 5 of 200 samples" in said
-    assert not imported_csv(tmp_path, plain(scale=1e-3))[1]

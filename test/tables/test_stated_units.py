@@ -11,15 +11,13 @@ from tables.odd_files import SHARE, TIMES_S, cells, plain, table
 from intent_recognition.tables import Doubt, import_demonstrations, suggest_map
 from intent_recognition.tables.import_map import ImportMap
 
-
-@pytest.mark.parametrize("name", ["x [mm]", "x (mm)", "x_mm"])
-def test_a_unit_in_a_name_is_taken(name, tmp_path):
-    names = [name.replace("x", axis) for axis in "xyz"]
-    check_wrist(imported_csv(tmp_path, plain(head=",".join(["t", *names])), names))
+ANGLES = ["x_degrees", "x_rad", "x deg", "x.Degrees"]
 
 
-@pytest.mark.parametrize("name", ["x [%]", "x [km]", "x (px)", "x_px", "x [V]", "x [mm s^-1]"])
-def test_a_unit_of_which_nothing_is_known_is_no_metre(name, tmp_path):
+@pytest.mark.parametrize(
+    "name", ["x [%]", "x [km]", "x (px)", "x_px", "x [V]", "x [mm s^-1]", *ANGLES]
+)
+def test_a_unit_that_is_unknown_or_of_an_angle_is_no_length(name, tmp_path):
     names = [name.replace("x", axis) for axis in "xyz"]
     samples, said = imported_csv(tmp_path, plain(head=",".join(["t", *names])), names)
     assert samples is None and f"expected a unit of {name} that becomes m" in said
@@ -35,6 +33,7 @@ def test_a_unit_of_which_nothing_is_known_is_no_metre(name, tmp_path):
         ("timestamp_ns,x,y,z", 1e9),
         ("elapsed_usec,x,y,z", 1e6),
         ("Time (Seconds),x,y,z", 1.0),
+        ("t [min],x,y,z", 1 / 60),
         ("t,x,y,z\nms,mm,mm,mm", 1e3),
         ("t,wrist,wrist,wrist\nms,x,y,z", 1e3),
     ],
@@ -66,13 +65,8 @@ def test_joints_in_degrees_are_doubted_and_wrapped_ones_are_not(tmp_path):
         assert all(isinstance(one, Doubt) for one in doubts)
 
 
-def test_metres_that_are_called_millimetres_are_named(tmp_path):
-    samples, said = imported_csv(tmp_path, plain(scale=1e-3), unit="mm")
-    assert samples is not None and "or centimetres: say in the map columns_unit: m." in said
-
-
-ENDS = {"_MM": 1.0, " mm": 1.0, ".cm": 0.1, "-cm": 0.1, "/cm": 0.1, "_dm": 0.01,
-        "_centimeters": 0.1, "_inches": 1 / 25.4, " [CM]": 0.1}  # fmt: skip
+ENDS = {"_MM": 1.0, " mm": 1.0, " [mm]": 1.0, " (mm)": 1.0, ".cm": 0.1, "-cm": 0.1, "/cm": 0.1,
+        "_dm": 0.01, "_centimeters": 0.1, "_inches": 1 / 25.4, " [CM]": 0.1}  # fmt: skip
 
 
 @pytest.mark.parametrize("end", ENDS)
@@ -94,25 +88,6 @@ def test_a_unit_at_the_end_of_names(end, tmp_path):
 )
 def test_a_unit_above_the_names(line, scale, tmp_path):
     check_wrist(imported_csv(tmp_path, f"{line}\n{plain(scale=scale)}"), atol=2e-6)
-
-
-@pytest.mark.parametrize("end", ["_degrees", "_rad", " deg", ".Degrees"])
-def test_an_angle_at_the_end_of_names_is_no_length(end, tmp_path):
-    content = plain(scale=1e-3, head=",".join(["t", *(f"{axis}{end}" for axis in "xyz")]))
-    columns = [f"{axis}{end}" for axis in "xyz"]
-    samples, said = imported_csv(tmp_path, content, columns)
-    assert samples is None and "that becomes m" in said
-
-
-def test_times_in_minutes_are_read_by_their_name(tmp_path):
-    content = plain(at=lambda t: f"{t / 60:.9f}", head="t [min],x,y,z")
-    samples, _ = imported_csv(tmp_path, content, unit="mm", time={"column": "t [min]"})
-    np.testing.assert_allclose(np.diff(samples.stamps_ns), 1e7, atol=100)
-
-
-def test_a_short_reach_in_centimetres_is_doubted(tmp_path):
-    samples, said = imported_csv(tmp_path, plain(scale=0.03))
-    assert samples is not None and "is hardly metres. Likely centimetres for metres" in said
 
 
 @pytest.mark.parametrize("said", ["mm", "m"])
