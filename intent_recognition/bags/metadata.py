@@ -48,7 +48,10 @@ class BagMetadata:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Indents lists inside mappings, as rosbag2 does."""
+    """Indents lists inside mappings, and repeats equal values, as rosbag2 does."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
 
     def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:
         super().increase_indent(flow, False)
@@ -76,8 +79,8 @@ def write_metadata(folder: Path, metadata: BagMetadata) -> None:
     """Write `folder`/metadata.yaml atomically."""
     target = folder / FILE_NAME
     temporary = folder / f".{FILE_NAME}.new"
-    with temporary.open("w", encoding="utf-8") as stream:
-        stream.write(dump_yaml({"rosbag2_bagfile_information": _to_dict(metadata)}))
+    content = dump_yaml({"rosbag2_bagfile_information": _to_dict(metadata)})
+    temporary.write_text(content, encoding="utf-8")
     commit(temporary, target)
 
 
@@ -104,27 +107,22 @@ def read_metadata(folder: Path) -> BagMetadata:
 def _to_dict(metadata: BagMetadata) -> dict[str, object]:
     start = {"nanoseconds_since_epoch": metadata.start_ns}
     duration = {"nanoseconds": metadata.duration_ns}
-    count = metadata.message_count
+    count = {"message_count": metadata.message_count}
     return {
         "version": 9,  # as Jazzy's rosbag2 writes it
         "storage_identifier": metadata.storage,
-        "duration": dict(duration),
-        "starting_time": dict(start),
-        "message_count": count,
+        "duration": duration,
+        "starting_time": start,
+        **count,
         "topics_with_message_count": [_topic_to_dict(topic) for topic in metadata.topics],
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": list(metadata.files),
         "files": [
-            {
-                "path": name,
-                "starting_time": dict(start),
-                "duration": dict(duration),
-                "message_count": count,
-            }
+            {"path": name, "starting_time": start, "duration": duration, **count}
             for name in metadata.files
         ],
-        "custom_data": {str(k): str(v) for k, v in metadata.custom_data.items()},
+        "custom_data": dict(metadata.custom_data),
         "ros_distro": "jazzy",
     }
 
