@@ -15,43 +15,27 @@ from intent_recognition.tables.import_map import ImportMap
 from intent_recognition.tables.suggested_entries import ARRAYS, PLACES
 
 
-@pytest.mark.parametrize("kind", [kind for kind in PLACES if kind != POSE])
-def test_a_body_in_any_message_that_holds_its_place_is_observed(kind, tmp_path):
-    content: dict = {"x": 1.0, "y": 2.0, "z": 3.0}
-    for part in reversed(PLACES[kind].split(".")):
-        content = {part: content}
+@pytest.mark.parametrize("kind", [*ARRAYS, *(kind for kind in PLACES if kind != POSE)])
+def test_bodies_in_any_message_that_holds_their_places_are_suggested(kind, tmp_path):
+    array, path = ARRAYS.get(kind) or ("", PLACES[kind])
+    bodies = []
+    for n, name in enumerate(("wrist", "cup") if array else ("wrist",)):
+        body: dict = {"x": 1.0, "y": 2.0, "z": float(n)}
+        for part in reversed(path.split(".")):
+            body = {part: body}
+        bodies.append(body | ({"child_frame_id": name} if "tf2" in kind else {}))
     with BagWriter(tmp_path / "give_00", flush_period_s=None) as writer:
         for k in range(5):
             states = {"header": {"stamp": START_NS + k}, "name": ["q"], "position": [k / 10]}
             writer.write_message("/q", JOINTS, states, START_NS + k)
-            writer.write_message("/vicon/wrist", kind, content, START_NS + k)
-    content = yaml.safe_load(suggest_map(tmp_path))
-    (place,) = content["observed"]
-    assert (place["topic"], place["type"]) == ("/vicon/wrist", kind)
-    assert content["controlled"][0]["joints"] == ["q"]
-    (entry,) = ImportMap.from_dict(content).dofs.observed
-    (message, *_) = BagReader(tmp_path / "give_00").messages(["/vicon/wrist"])
-    assert extract(entry, message.message).tolist() == [1.0, 2.0, 3.0]
-
-
-@pytest.mark.parametrize("kind", ARRAYS)
-def test_bodies_in_an_array_are_suggested_where_no_other_is_there(kind, tmp_path):
-    array, place = ARRAYS[kind]
-    with BagWriter(tmp_path / "give_00", flush_period_s=None) as writer:
-        for k in range(5):
-            elements = []
-            for n, frame in enumerate(("wrist", "cup")):
-                content: dict = dict(zip("xyz", (1.0, 2.0, float(n)), strict=True))
-                for part in reversed(place.split(".")):
-                    content = {part: content}
-                elements.append(content | ({"child_frame_id": frame} if "tf2" in kind else {}))
-            writer.write_message("/bodies", kind, {array: elements}, START_NS + k)
-    content = yaml.safe_load(suggest_map(tmp_path))
-    mapping = ImportMap.from_dict(content)
-    entries = (*mapping.dofs.observed, *mapping.dofs.controlled)
-    (message, *_) = BagReader(tmp_path / "give_00").messages(["/bodies"])
-    found = [extract(entry, message.message).tolist() for entry in entries]
-    assert found == [[1.0, 2.0, 0.0], [1.0, 2.0, 1.0]]
+            message = {array: bodies} if array else bodies[0]
+            writer.write_message("/bodies", kind, message, START_NS + k)
+    mapping = ImportMap.from_dict(yaml.safe_load(suggest_map(tmp_path)))
+    *places, arm = (*mapping.dofs.observed, *mapping.dofs.controlled)
+    assert arm.joints == ("q",) and {place.type for place in places} == {kind}
+    (first, *_) = BagReader(tmp_path / "give_00").messages(["/bodies"])
+    found = [extract(place, first.message).tolist() for place in places]
+    assert found == [[1.0, 2.0, float(n)] for n in range(len(bodies))]
 
 
 def test_bodies_of_one_name_have_topics_of_their_own(tmp_path):
