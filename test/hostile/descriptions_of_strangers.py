@@ -8,6 +8,7 @@ import json
 from xml.etree import ElementTree as ET
 
 import numpy as np
+import pytest
 from hostile.strangers import YAMLS, mutated, spoiled
 
 SHIPPED_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".xyz")
@@ -147,26 +148,13 @@ def cup(n=24):
 
 def written(vertices, faces, suffix):
     """Vertices and triangles as a file."""
-    if suffix == ".stl":
-        triangle = np.zeros(len(faces), [("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
-        with np.errstate(over="ignore"):
-            triangle["v"] = vertices[faces]
-        return bytes(80) + np.uint32(len(faces)).tobytes() + triangle.tobytes()
-    rows = [" ".join(map(repr, row)) for row in vertices.tolist()]
     if suffix == ".xyz":
-        return "\n".join(rows * 4).encode()
-    if suffix == ".obj":
-        text = [f"v {row}" for row in rows]
-        return "\n".join([*text, *("f {} {} {}".format(*f) for f in (faces + 1).tolist())]).encode()
-    triangles = ["3 {} {} {}".format(*face) for face in faces.tolist()]
-    head = f"OFF\n{len(rows)} {len(triangles)} 0"
-    if suffix == ".ply":
-        head = (
-            f"ply\nformat ascii 1.0\nelement vertex {len(rows)}\n"
-            "property double x\nproperty double y\nproperty double z\n"
-            f"element face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header"
-        )
-    return "\n".join([head, *rows, *triangles, ""]).encode()
+        return "\n".join(" ".join(map(repr, row)) for row in vertices.tolist() * 4).encode()
+    mesh = pytest.importorskip("trimesh").Trimesh(vertices, faces, process=False)
+    options = {"encoding": "ascii"} if suffix == ".ply" else {}
+    with np.errstate(all="ignore"):
+        content = mesh.export(file_type=suffix[1:], **options)
+    return content if isinstance(content, bytes) else content.encode()
 
 
 def targets(rng):
