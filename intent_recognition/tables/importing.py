@@ -315,7 +315,7 @@ def _restarts(rows: Sequence[_Rows]) -> list[int]:
     back = np.flatnonzero(np.diff(stamps) < 0) + 1
     runs = [stamps[a:b] for a, b in pairwise([0, *back.tolist(), stamps.size])]
     latest = 0.1 * np.ptp(runs[0]) if runs[0].size else 0
-    if not back.size or any(run.size < FEWEST or run[0] - stamps[0] > latest for run in runs):
+    if not back.size or any(run.size < FEWEST or abs(run[0] - stamps[0]) > latest for run in runs):
         return []
     return known[back].tolist()
 

@@ -268,6 +268,11 @@ ODD = {
         140,
         "60 of 200 rows .* a clock that went back",
     ),
+    "a clock that counts round": (
+        table("t,x,y,z", lambda k: [f"{(k + 60) % 100 / 100}", *cells(k, scale=1e-3)]),
+        40,
+        "160 of 200 rows .* a clock that went back",
+    ),
     "times without digits": (
         plain(scale=1e-3, at=lambda t: f"{1706410000 + t:.1f}"),
         21,
