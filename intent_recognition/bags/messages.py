@@ -112,13 +112,8 @@ def converter(encoding: str, schema: Schema | None) -> Callable[[bytes], bytes]:
     """Function from the recorded bytes of a message to CDR bytes."""
     if encoding != "ros1" or schema is None:
         return unpacked
-    name = normalize_msgtype(schema.name)
-
-    def convert(data: bytes) -> bytes:
-        store = _typestore("ros1msg", bytes(schema.data), name)
-        return bytes(store.ros1_to_cdr(data, name))
-
-    return convert
+    name, text = normalize_msgtype(schema.name), bytes(schema.data)
+    return lambda data: bytes(_typestore("ros1msg", text, name).ros1_to_cdr(data, name))
 
 
 def unpacked(data: bytes) -> bytes:

@@ -138,15 +138,11 @@ def _find(
 
 def _expression(pattern: str) -> re.Pattern[str]:
     """A pattern of file names as a regular expression, with greedy placeholders."""
-    seen: set[str] = set()
-    parts = []
-    for k, part in enumerate(PLACEHOLDER.split(pattern)):
-        if k % 2 == 0:
-            parts.append(re.escape(part))
-        else:
-            parts.append(f"(?P={part})" if part in seen else f"(?P<{part}>[^/]+)")
-            seen.add(part)
-    return re.compile("".join(parts))
+    text = re.escape(pattern)
+    for name in dict.fromkeys(PLACEHOLDER.findall(pattern)):
+        escaped = re.escape(f"{{{name}}}")
+        text = text.replace(escaped, f"(?P<{name}>[^/]+)", 1).replace(escaped, f"(?P={name})")
+    return re.compile(text)
 
 
 def _demonstrations(

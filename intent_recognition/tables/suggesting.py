@@ -87,7 +87,7 @@ def suggest_map(source: Path) -> str:
         by_number = "Name columns by their numbers, from 0 on, in a map of your own."
         there = [f"{line.removeprefix('# ')}." for line in parts[0].left_out if not twice]
         cure = " ".join(
-            [*table.notes, *parts[0].texts, *there, by_number if twice else "Check the file."]
+            [*table.notes, *_columns(table)[2], *there, by_number if twice else "Check the file."]
         )
         raise BagError.about(str(table.source), "places or angles that move", got, cure)
     others = [line for entry in entries[1:] for line in entry]
@@ -121,7 +121,6 @@ class _Part(NamedTuple):
     times: list[str]
     tasks: list[str]
     left_out: list[str]
-    texts: list[str]
 
 
 def _suggest(kind: FileKind, name: str) -> list[_Part]:
@@ -129,7 +128,7 @@ def _suggest(kind: FileKind, name: str) -> list[_Part]:
 
     Columns of another length, such as at another rate, have times of their own.
     """
-    columns, labels, texts_ = _columns(kind.table)
+    columns, labels, _ = _columns(kind.table)
     of_size: dict[int, dict[str, SeenColumn]] = {}
     for one in columns.values():
         if one.values.size > 1:
@@ -141,7 +140,7 @@ def _suggest(kind: FileKind, name: str) -> list[_Part]:
     left = [column for of, part in rest if not part.bodies + part.others for column in of]
     left_out = [*found.left_out, *_line("Of other lengths", left)]
     more = (part for _, part in rest if part.bodies + part.others)
-    return [found._replace(texts=texts_, left_out=left_out), *more]
+    return [found._replace(left_out=left_out), *more]
 
 
 def _line(title: str, names: Sequence[str]) -> list[str]:
@@ -225,7 +224,6 @@ def _part(
         [] if name or not is_main else [time_line],
         [*_of_texts(kind, labels, used, cut)] if is_main else [],
         left_out,
-        [],
     )
 
 
