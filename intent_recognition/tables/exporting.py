@@ -90,36 +90,21 @@ def write_table(path: Path, columns: Columns) -> None:
     """
     suffix = path.suffix.lower()
     if suffix == ".parquet":
-        _write_parquet(path, columns)
-    elif suffix == ".csv":
-        _write_csv(path, columns)
+        arrow, parquet = (optional(m) for m in ("pyarrow", "pyarrow.parquet"))
+        arrays = {}
+        for name, values in columns.items():
+            array = arrow.array(values, mask=np.isnan(values) if values.dtype.kind == "f" else None)
+            arrays[name] = array.dictionary_encode() if values.dtype.kind == "O" else array
+        parquet.write_table(arrow.table(arrays), path, compression="zstd")
+    elif suffix == ".csv":  # csv prints the shortest text that reads as the same number
+        cells = [["" if v != v else v for v in values.tolist()] for values in columns.values()]
+        with path.open("w", encoding="utf-8", newline="") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(zip(*cells, strict=True))
     else:
         expected = f"a file ending in {' or '.join(WRITTEN)}, or a name without ending"
         raise BagError.about("--output", expected, path.name, "Name the file so.")
-
-
-def _write_csv(path: Path, columns: Columns) -> None:
-    cells = [_cells(values) for values in columns.values()]
-    with path.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*cells, strict=True))
-
-
-def _cells(values: NDArray[Any]) -> list[object]:
-    """Values for the CSV writer, which prints the shortest text that reads as the same number."""
-    if values.dtype.kind == "f":
-        return ["" if value != value else value for value in values.tolist()]
-    return list(values.tolist())
-
-
-def _write_parquet(path: Path, columns: Columns) -> None:
-    arrow, parquet = (optional(m) for m in ("pyarrow", "pyarrow.parquet"))
-    arrays = {}
-    for name, values in columns.items():
-        array = arrow.array(values, mask=np.isnan(values) if values.dtype.kind == "f" else None)
-        arrays[name] = array.dictionary_encode() if values.dtype.kind == "O" else array
-    parquet.write_table(arrow.table(arrays), path, compression="zstd")
 
 
 HUMAN, ROBOT = "observation.human", "observation.state"

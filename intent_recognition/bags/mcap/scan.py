@@ -297,7 +297,10 @@ def _read_summary(view: mmap.mmap, scan: FileScan) -> None:
     for found in definitions_in(summary or b"", is_cut=True):
         scan.define(found)
     if not _is_complete(scan):
-        _definitions_of_chunks(view, scan)
+        for block in filter(lambda block: block.is_chunk, scan.blocks):
+            with suppress(*PARSE_ERRORS):
+                for found in list(read_definitions(view, block)):
+                    scan.define(found)
     said = scan.statistics.chunk_count if scan.statistics else 0
     if said not in (0, sum(block.is_chunk for block in scan.blocks)) and not scan.damage:
         why = f"{said} chunks were written, not all of them are found"
@@ -327,10 +330,3 @@ def _checked_summary(view: mmap.mmap) -> bytes | None:
     summary = bytes(view[start : footer - RECORD_HEADER.size])
     covered = bytes(view[start : footer + FOOTER.size - 4])
     return summary if crc == 0 or zlib.crc32(covered) == crc else None
-
-
-def _definitions_of_chunks(view: mmap.mmap, scan: FileScan) -> None:
-    for block in filter(lambda block: block.is_chunk, scan.blocks):
-        with suppress(*PARSE_ERRORS):
-            for found in list(read_definitions(view, block)):
-                scan.define(found)
