@@ -204,9 +204,9 @@ def _wall_m(solid: "trimesh.Trimesh", points: NDArray, faces: NDArray) -> float:
     """Median thickness of the wall [m] below surface points (n, 3) on `faces` (n,)."""
     inward = -solid.face_normals[faces]
     hits, rays, _ = solid.ray.intersects_location(
-        points + inward * 1e-6 * solid.scale,
+        points + inward * 1e-6 * solid.scale,  # above rounding
         inward,
-        multiple_hits=False,  # above rounding
+        multiple_hits=False,
     )
     if not len(hits):
         return float("nan")

@@ -104,20 +104,12 @@ def _places(joints: list[_Joint], values: Floats) -> list[Floats]:
     for joint in joints:
         own = values[:, joint.column : joint.column + len(joint.channels)]
         place = np.tile(joint.offset, (len(values), 1))
-        turns = []
+        turn = Rotation.identity(len(values))
         for channel, column in zip(joint.channels, own.T, strict=True):
-            axis = "XYZ".index(channel[0])
-            if channel.endswith("position"):
-                place[:, axis] = column  # in BVH, positions replace the offset
+            if channel.endswith("position"):  # in BVH, positions replace the offset
+                place[:, "XYZ".index(channel[0])] = column
             else:
-                turns.append((channel[0], column))
-        order = "".join(axis for axis, _ in turns)
-        angles = np.column_stack([turn for _, turn in turns]) if turns else None
-        turn = (
-            Rotation.from_euler(order, angles, degrees=True)
-            if angles is not None
-            else Rotation.identity(len(values))
-        )
+                turn = turn * Rotation.from_euler(channel[0], column[:, None], degrees=True)
         if joint.parent >= 0:
             origin, before = found[joint.parent]
             place, turn = origin + before.apply(place), before * turn

@@ -103,7 +103,7 @@ class McapFile:
                 except PARSE_ERRORS:  # read each block of the group by itself
                     for block in group:
                         table = self._table(view, block)
-                        yield table.rows(np.isin(table.channels, list(wanted)))
+                        yield table.rows(is_wanted[table.channels])
         self._raise_damage()
 
     def items(self, wanted: set[str] | None) -> Iterator[Item]:
