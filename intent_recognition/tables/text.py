@@ -5,7 +5,6 @@
 names.
 """
 
-import codecs
 import csv
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -371,12 +370,10 @@ def _encoding(path: Path) -> str:
                 return encoding
         if b"\0" in start:
             raise unusable(path, "a table of text", "bytes that are no text", "Save it as CSV.")
-        stream.seek(0)
-        decoder = codecs.getincrementaldecoder("utf-8")()
-        try:
-            for piece in iter(lambda: stream.read(2**20), b""):
-                decoder.decode(piece)
-            decoder.decode(b"", final=True)
-            return "utf-8-sig"
-        except UnicodeDecodeError:
-            return "latin-1"
+    try:
+        with path.open(encoding="utf-8") as text:
+            while text.read(2**20):
+                pass
+        return "utf-8-sig"
+    except UnicodeDecodeError:
+        return "latin-1"

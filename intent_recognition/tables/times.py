@@ -142,12 +142,10 @@ def stamps_ns(values: Values, unit: str, since_ns: int | None, source: Path, nam
     per, place = PER_UNIT[unit], f"{source}: {name}"
     known = np.ones(values.size, bool)
     are_dates = values.dtype.kind == "M"
-    if are_dates:
+    if values.dtype.kind in "Mm":
         known = ~np.isnat(values)
-        counts: Any = np.where(known, values.astype("datetime64[ns]").astype(np.int64), 0)
-    elif values.dtype.kind == "m":
-        known = ~np.isnat(values)
-        counts = np.where(known, values.astype("timedelta64[ns]").astype(np.int64), 0)
+        exact = values.astype(f"{values.dtype.kind}8[ns]").astype(np.int64)
+        counts: Any = np.where(known, exact, 0)
     elif values.dtype.kind in "iu":
         counts = values.astype(object) * per
     elif values.dtype.kind == "f":
