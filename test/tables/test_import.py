@@ -278,7 +278,7 @@ def test_a_wrong_map_names_the_columns_that_are_there(values, tmp_path):
     assert "time in the map" in wrong(tmp_path, values, time={"column": "t", "since": 0})
     reason = wrong(tmp_path, values, task="a/b")
     assert f"expected {LABEL}, got 'a/b'. Give it another under labels" in reason
-    outside = values | {"trial": ["../../evil"] * 12}
+    outside = values | {"trial": ["a/../../evil"] * 12}
     assert "a name for a folder" in wrong(tmp_path, outside, segments={"column": "trial"})
     values["q0"] = ["fast"] * 12
     assert "'fast' in row 1" in wrong(tmp_path, values)
