@@ -29,6 +29,12 @@ def entry(columns, **more):
     }
 
 
+def kept(path, content):
+    """The path of a file with some content."""
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
 def rows(before, separator=",", decimals=".", scale=1.0):
     """Lines of a table: what `before` says of a row, then the wrist."""
     cells = ([*before(k), *(f"{v:.6f}" for v in place * scale)] for k, place in enumerate(PLACE))
@@ -48,16 +54,14 @@ def motive(folder):
         "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,",
     ]
     body = [f"{k},{k / 120:.6f},0,0,0,1,{x},{y},{z},0.1" for k, (x, y, z) in enumerate(PLACE)]
-    (folder / "motive.csv").write_text("\n".join([*head, *body]) + "\n")
-    return folder / "motive.csv"
+    return kept(folder / "motive.csv", "\n".join([*head, *body]) + "\n")
 
 
 def nexus(folder):
     head = "Trajectories\n100\n,,Ann:RWRA,,,Ann:LWRA,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n"
     head += ",,mm,mm,mm,mm,mm,mm\n"
     body = "".join(f"{k + 1},0,{x},{y},{z},,,\n" for k, (x, y, z) in enumerate(PLACE))
-    (folder / "nexus.csv").write_text(f"{head}{body}\nDevices\n1000\n,,Force\nFrame,Sub Frame,Fx\n")
-    return folder / "nexus.csv"
+    return kept(folder / "nexus.csv", f"{head}{body}\nDevices\n1000\n,,Force\nFrame,Sub Frame,Fx\n")
 
 
 def trc(folder):
@@ -66,9 +70,9 @@ def trc(folder):
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n"
         f"100\t100\t{ROWS}\t2\tmm\nFrame#\tTime\tLWR\t\t\tRWR\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n"
     )
-    path = folder / "a.trc"
-    path.write_text(head + rows(lambda k: [str(k + 1), f"{k / 100:.3f}", "", "", ""], "\t"))
-    return path
+    return kept(
+        folder / "a.trc", head + rows(lambda k: [str(k + 1), f"{k / 100:.3f}", "", "", ""], "\t")
+    )
 
 
 def qtm(folder):
@@ -76,40 +80,35 @@ def qtm(folder):
         f"NO_OF_FRAMES\t{ROWS}\nNO_OF_CAMERAS\t8\nNO_OF_MARKERS\t1\nFREQUENCY\t100\n"
         "DATA_INCLUDED\t3D\nMARKER_NAMES\twrist\n"
     )
-    (folder / "qtm.tsv").write_text(head + rows(lambda k: [], "\t"))
-    return folder / "qtm.tsv"
+    return kept(folder / "qtm.tsv", head + rows(lambda k: [], "\t"))
 
 
 def opensim(folder):
     head = f"model\nversion=1\nnRows={ROWS}\nnColumns=5\ninDegrees=yes\nendheader\n"
     head += "time\telbow\twrist_tx\twrist_ty\twrist_tz\n"
-    path = folder / "a.mot"
-    path.write_text(head + rows(lambda k: [f"{k / 100:.3f}", "90"], "\t", scale=0.001))
-    return path
+    return kept(
+        folder / "a.mot", head + rows(lambda k: [f"{k / 100:.3f}", "90"], "\t", scale=0.001)
+    )
 
 
 def german_excel(folder):
     head = "Zeit [s];Größe;x;y;z\n"
     text = head + rows(lambda k: [f"{k / 100:.3f}", "groß"], ";", ",")
-    (folder / "excel.csv").write_bytes(text.encode("latin-1"))
-    return folder / "excel.csv"
+    return kept(folder / "excel.csv", text.encode("latin-1"))
 
 
 def utf16(folder):
     text = "t\tx\ty\tz\n" + rows(lambda k: [f"{k / 100:.3f}"], "\t")
-    (folder / "unicode.txt").write_text(text, encoding="utf-16")
-    return folder / "unicode.txt"
+    return kept(folder / "unicode.txt", text.encode("utf-16"))
 
 
 def without_names(folder):
-    (folder / "plain.csv").write_text(rows(lambda k: [f"{k / 100:.3f}"]))
-    return folder / "plain.csv"
+    return kept(folder / "plain.csv", rows(lambda k: [f"{k / 100:.3f}"]))
 
 
 def c3d(folder):
     points = np.stack([PLACE, PLACE + 100.0], axis=1)
-    (folder / "a.c3d").write_bytes(c3d_file(points, labels=["RWRA", "LWRA"]))
-    return folder / "a.c3d"
+    return kept(folder / "a.c3d", c3d_file(points, labels=["RWRA", "LWRA"]))
 
 
 def bvh(folder):
@@ -133,8 +132,7 @@ Frames: {ROWS}
 Frame Time: 0.01
 """  # the hips turn by 90 degrees about z: the wrist is 10 to their left
     body = "".join(f"{x + 10} {y} {z} 90 0 0 0 0 0\n" for x, y, z in PLACE)
-    (folder / "a.bvh").write_text(text + body)
-    return folder / "a.bvh"
+    return kept(folder / "a.bvh", text + body)
 
 
 def mvnx(folder):
@@ -192,8 +190,7 @@ def mediapipe(folder):
          "pose_world_landmarks": landmarks(k, 1e-3)}
         for k in range(ROWS)
     ]  # fmt: skip
-    (folder / "a.json").write_text(json.dumps({"frames": frames}))
-    return folder / "a.json"
+    return kept(folder / "a.json", json.dumps({"frames": frames}))
 
 
 TASKS = "Hand me the plate.", "Take the screw."
@@ -244,8 +241,7 @@ def lerobot(folder):
 
 def deeplabcut(folder):
     head = "scorer,a,a,a\nbodyparts,wrist,wrist,wrist\ncoords,x,y,z\n"
-    (folder / "dlc.csv").write_text(head + rows(lambda k: [f"{k}"]))
-    return folder / "dlc.csv"
+    return kept(folder / "dlc.csv", head + rows(lambda k: [f"{k}"]))
 
 
 def parquet(folder):

@@ -23,6 +23,7 @@ from tables.exported_files import (
     aloha,
     c3d,
     entry,
+    kept,
     lerobot,
     openpose,
     robomimic,
@@ -45,8 +46,7 @@ def imported(path, columns, more=None, **keys):
 
 
 def c3d_of(folder, points, **options):
-    (folder / "a.c3d").write_bytes(c3d_file(points, **options))
-    return folder / "a.c3d"
+    return kept(folder / "a.c3d", c3d_file(points, **options))
 
 
 @pytest.mark.parametrize("kind", EXAMPLES)
@@ -205,8 +205,7 @@ def test_a_file_that_crashes_one_library_is_read_by_the_other(order, tmp_path):
 
 
 def csv(folder: Path, header: str, lines) -> Path:
-    (folder / "a.csv").write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
-    return folder / "a.csv"
+    return kept(folder / "a.csv", "\n".join([header, *lines]) + "\n")
 
 
 TIMES = {
