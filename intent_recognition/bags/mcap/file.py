@@ -135,14 +135,13 @@ class McapFile:
     def _block_items(
         self, block: McapBlock, table: MessageTable, wanted: set[str] | None
     ) -> list[Item]:
-        """The wanted messages of a block, sorted by log time."""
+        """The wanted messages of a block."""
         channels = {
             number: channel
             for number, channel in self.scan.channels.items()
             if wanted is None or channel.topic.lstrip("/") in wanted
         }
         rows = np.flatnonzero(np.isin(table.channels, list(channels)))
-        rows = rows[np.argsort(table.log_times_ns[rows], kind="stable")]
         _, *columns = table.rows(rows)
         data = bytes(table.data)
         return [
