@@ -143,7 +143,7 @@ class McapFile:
         }
         rows = np.flatnonzero(np.isin(table.channels, list(channels)))
         _, *columns = table.rows(rows)
-        data = bytes(table.data)
+        data = table.data
         return [
             Item(log_ns, block.offset, i, publish_ns, sequence, data[at : at + n], channels[c])
             for i, c, sequence, log_ns, publish_ns, at, n in zip(
