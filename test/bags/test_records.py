@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from intent_recognition.bags.mcap import records
+from intent_recognition.bags.mcap.chunk import McapBlock, read_messages
 
 HEAD, LEAST = records.RECORD_HEADER.size, records.LEAST_MESSAGE
 SEARCHES = [records._positions, *filter(None, [records._compiled])]
@@ -44,3 +45,14 @@ def test_records_begin_where_the_ones_before_end(search, monkeypatch):
         records.record_positions(data[:-1], is_cut=False)
     with pytest.raises(ValueError, match="a message of less than"):
         records.record_positions(struct.pack("<BQ", records.MESSAGE, 3) + bytes(3), is_cut=False)
+
+
+def test_blocks_that_are_read_together_end_with_their_records():
+    whole, long = (
+        struct.pack("<BQ", records.MESSAGE, size) + bytes(LEAST)
+        for size in (LEAST, 2 * LEAST + HEAD)
+    )
+    blocks = [McapBlock(at, LEAST, 0, 0, len(whole), is_chunk=False) for at in (0, len(whole))]
+    assert read_messages(whole * 2, *blocks).starts.size == 2
+    with pytest.raises(ValueError, match="inside of a record"):
+        read_messages(long + whole, *blocks)
