@@ -8,10 +8,11 @@ import pytest
 import yaml
 from bag_builder import SteppingClock, contents, raw, write_bag, write_mcap
 from mcap.reader import make_reader
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 
 from intent_recognition.bags.copying import recover
 from intent_recognition.bags.definitions import serialize
+from intent_recognition.bags.mcap.chunk import read_messages
 from intent_recognition.bags.mcap.scan import scan_file
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import BagError, ResourceBusyError
@@ -156,6 +157,18 @@ def test_messages_outside_of_chunks_are_saved_behind_damage(field, tmp_path):
     kept = [m for k, m in enumerate(messages) if k not in (3, 8)]
     assert raw(tmp_path / "saved", BagReader) == kept
     assert len(report.damage) == 2
+
+
+def test_messages_inside_of_a_damaged_chunk_are_not_taken_for_others(tmp_path):
+    options = {"chunk_size": 1000, "compression": CompressionType.NONE}
+    path = write_mcap(tmp_path / "a.mcap", contents(), **options)
+    messages, data = raw(path, BagReader), bytearray(path.read_bytes())
+    block = scan_file(path).blocks[1]
+    count = read_messages(bytes(data), block).starts.size
+    data[block.offset] = 0x7F
+    path.write_bytes(data)
+    assert recover(path, tmp_path / "saved").message_count == len(messages) - count
+    assert {*raw(tmp_path / "saved", BagReader)} < {*messages}
 
 
 def test_the_only_chunk_cut_in_half_gives_its_first_part(tmp_path, shared_data):
