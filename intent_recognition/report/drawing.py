@@ -24,6 +24,8 @@ Look: TypeAlias = dict[str, Any]
 """Keyword arguments of matplotlib."""
 Drawing: TypeAlias = "Figure"
 """A matplotlib Figure; matplotlib is loaded only when one is drawn."""
+Panel: TypeAlias = "Axes"
+"""Axes of a Drawing."""
 
 NONE_COLOUR = "#8792a0"
 INK = "#1d2733"
@@ -101,20 +103,20 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
     return run
 
 
-def new_figure(width_in: float, height_in: float) -> "Figure":
+def new_figure(width_in: float, height_in: float) -> Drawing:
     """A blank matplotlib Figure of a size in inches, which needs no display."""
     Figure = optional("matplotlib.figure").Figure
     return Figure(figsize=(width_in, height_in), layout=LAYOUT)
 
 
-def new_axes(width_in: float, height_in: float) -> "tuple[Figure, Axes]":
+def new_axes(width_in: float, height_in: float) -> tuple[Drawing, Panel]:
     """A blank figure of a size in inches, and its only panel."""
     figure = new_figure(width_in, height_in)
     return figure, figure.subplots()
 
 
 @styled
-def to_svg(figure: "Figure") -> bytes:
+def to_svg(figure: Drawing) -> bytes:
     """Render a figure as an SVG file; equal figures give equal bytes.
 
     The file contains no date and, except for XML namespaces, no address.
@@ -135,13 +137,13 @@ def to_svg(figure: "Figure") -> bytes:
     return head + rest.partition(b">")[2].lstrip() if rest else head
 
 
-def svg_figure(figure: "Figure", caption: str) -> html.Figure:
+def svg_figure(figure: Drawing, caption: str) -> html.Figure:
     """A figure with its caption, as a block of a page."""
     return html.Figure(to_svg(figure), caption)
 
 
 @styled
-def to_png(figure: "Figure", dpi: float = 150.0) -> bytes:
+def to_png(figure: Drawing, dpi: float = 150.0) -> bytes:
     """Render a figure as a PNG file."""
     stream = BytesIO()
     figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
@@ -149,7 +151,7 @@ def to_png(figure: "Figure", dpi: float = 150.0) -> bytes:
 
 
 def fill_two_sigma(
-    axes: "Axes",
+    axes: Panel,
     at: Floats,
     mean: Floats,
     std: Floats,
@@ -163,7 +165,7 @@ def fill_two_sigma(
     axes.fill_between(at, low, high, color=colour, alpha=alpha, linewidth=0, label=label)
 
 
-def shared_legend(figure: "Figure", panels: Iterable["Axes"], n_columns: int) -> None:
+def shared_legend(figure: Drawing, panels: Iterable[Panel], n_columns: int) -> None:
     """Draw one legend for several panels below the figure; shared entries appear once."""
     entries: dict[str, Artist] = {}
     for axes in panels:

@@ -3,7 +3,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,15 +12,13 @@ from intent_recognition.report.drawing import (
     INK,
     PALETTE,
     SOFT,
+    Drawing,
     new_figure,
     readable,
     styled,
     svg_figure,
 )
 from intent_recognition.report.figures_interaction import posterior_over_time_figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 EXPLANATION = (
     "Evidence is the logarithm of how much more probable an observation is under the task than"
@@ -69,7 +66,7 @@ def without_rows(one: Explanation) -> list[tuple[str, float | None, str]]:
 
 
 @styled
-def evidence_figure(one: Explanation) -> "Figure":
+def evidence_figure(one: Explanation) -> Drawing:
     """Figure of the accumulated evidence over time, by DOF and in total, and its final values."""
     found = one.evidence
     figure = new_figure(8.6, 3.4)

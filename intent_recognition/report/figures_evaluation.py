@@ -2,7 +2,7 @@
 """Figures of an evaluation on held-out recordings."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +12,9 @@ from intent_recognition.report.drawing import (
     INK,
     PALETTE,
     SOFT,
+    Drawing,
     Look,
+    Panel,
     new_axes,
     new_figure,
     readable,
@@ -20,18 +22,13 @@ from intent_recognition.report.drawing import (
     styled,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from matplotlib.typing import LineStyleType
-
 PHASE_NAMES = {"known_phase": "known phase", "unknown_phase": "unknown phase"}
 PHASE_STYLES: dict[str, dict[str, Any]] = {
     "known_phase": {"color": PALETTE[0], "marker": "o", "markeredgecolor": "white"},
     "unknown_phase": {"color": PALETTE[1], "marker": "s", "ls": DASHED, "markerfacecolor": "none"},
 }
 """Style of each kind of phase; the second, often as accurate, does not hide the first."""
-RMSE_STYLES: dict[str, tuple[str, str, str, "LineStyleType"]] = {
+RMSE_STYLES: dict[str, tuple[str, str, str, Any]] = {
     "rmse": ("library, true task", PALETTE[0], "o", "-"),
     "rmse_inferred_task": ("library, inferred task", PALETTE[5], "s", (0, (1, 1.5))),
     "rmse_future": ("library, part not yet seen", PALETTE[2], "^", "-"),
@@ -47,7 +44,7 @@ Series = Mapping[str, tuple[ScoreValues, ScoreValues]]
 
 
 @styled
-def recognition_figure(accuracy: Series, log_loss: Series, segment: str = "movement") -> "Figure":
+def recognition_figure(accuracy: Series, log_loss: Series, segment: str = "movement") -> Drawing:
     """Accuracy and log loss over the observed share, with known and with unknown phase."""
     figure = new_figure(11.2, 3.5)
     left, right = figure.subplots(1, 2)
@@ -60,7 +57,7 @@ def recognition_figure(accuracy: Series, log_loss: Series, segment: str = "movem
 
 
 @styled
-def rmse_figure(panels: Mapping[str, Series], unit: str, segment: str = "movement") -> "Figure":
+def rmse_figure(panels: Mapping[str, Series], unit: str, segment: str = "movement") -> Drawing:
     """Error of the controlled agent beside the baselines, one panel per kind of phase."""
     figure = new_figure(11.2, 3.9)
     grid = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
@@ -80,7 +77,7 @@ def rmse_figure(panels: Mapping[str, Series], unit: str, segment: str = "movemen
 
 
 @styled
-def coverage_figure(coverage: Series, segment: str = "movement") -> "Figure":
+def coverage_figure(coverage: Series, segment: str = "movement") -> Drawing:
     """Share of true values within +-2 sigma; the ideal is 95 %."""
     figure, axes = new_axes(5.6, 3.7)
     axes.axhline(100 * TWO_SIGMA, color=INK, linewidth=1.2, linestyle=DASHED)
@@ -95,7 +92,7 @@ def coverage_figure(coverage: Series, segment: str = "movement") -> "Figure":
 
 
 @styled
-def reliability_figure(confidence: Floats, share_right: Floats, counts: Integers) -> "Figure":
+def reliability_figure(confidence: Floats, share_right: Floats, counts: Integers) -> Drawing:
     """How often a task was true (B,) when its probability was about `confidence` (B,).
 
     Args:
@@ -121,7 +118,7 @@ def reliability_figure(confidence: Floats, share_right: Floats, counts: Integers
 @styled
 def confusion_shares_figure(
     counts: Floats, true: Sequence[str], recognised: Sequence[str]
-) -> "Figure":
+) -> Drawing:
     """Confusion matrix: true tasks (rows) and recognised tasks (columns), as shares of the row.
 
     `counts` are (K, K + 1), with the names of rows and columns; the last column is `none`.
@@ -152,7 +149,7 @@ def confusion_shares_figure(
 
 
 @styled
-def roc_figure(unknown: Sequence[float], known: Sequence[float], area: float) -> "Figure":
+def roc_figure(unknown: Sequence[float], known: Sequence[float], area: float) -> Drawing:
     """Share of known over share of unknown movements that reach each threshold, as steps."""
     figure, axes = new_axes(5.0, 3.9)
     axes.plot([0, 1], [0, 1], color=SOFT, linewidth=1.2, linestyle=DASHED, label="chance")
@@ -164,7 +161,7 @@ def roc_figure(unknown: Sequence[float], known: Sequence[float], area: float) ->
     return figure
 
 
-def _phases(axes: "Axes", series: Series, segment: str) -> None:
+def _phases(axes: Panel, series: Series, segment: str) -> None:
     for phase, (fractions, values) in series.items():
         percent, numbers = 100 * np.asarray(fractions, dtype=float), np.asarray(values, dtype=float)
         look = {"markersize": 5.5, "clip_on": False, "zorder": 3}  # not clipped at the axes

@@ -2,7 +2,6 @@
 """Figures of one interaction: its posterior over time, and the forces of its transfer."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,7 +10,9 @@ from intent_recognition.report.drawing import (
     INK,
     PREDICTED_COLOUR,
     SOFT,
+    Drawing,
     Look,
+    Panel,
     new_axes,
     new_figure,
     readable,
@@ -20,15 +21,11 @@ from intent_recognition.report.drawing import (
     task_colours,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 OBSERVED, PREDICTED, TUBE = INK, PREDICTED_COLOUR, "#f5dfe5"
 
 
 @styled
-def transfer_figure(trace: Mapping) -> "Figure":
+def transfer_figure(trace: Mapping) -> Drawing:
     """Forces while an object changes hands; keys are those of `evaluation.Trace`."""
     figure = new_figure(11.2, 4.2)
     axes, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
@@ -45,7 +42,7 @@ def transfer_figure(trace: Mapping) -> "Figure":
 
 
 @styled
-def posterior_over_time_figure(trace: Mapping, movement_s: float) -> "Figure":
+def posterior_over_time_figure(trace: Mapping, movement_s: float) -> Drawing:
     """Task posterior of one interaction over time, with its decision and the movement's end."""
     colours = task_colours(trace["labels"])
     time_s = thin(np.asarray(trace["share"], dtype=float)) * movement_s
@@ -68,7 +65,7 @@ def thin(values: Floats, count: int = 400) -> Floats:
     return values[np.linspace(0, len(values) - 1, count).round().astype(int)]
 
 
-def _events(axes: "Axes", trace: Mapping) -> None:
+def _events(axes: Panel, trace: Mapping) -> None:
     for key, label, line in (("decision_s", "decision", "-"), ("end_s", "human's end", ":")):
         if trace.get(key) is not None:
             axes.axvline(trace[key], color=SOFT, linewidth=1.2, linestyle=line, label=label)

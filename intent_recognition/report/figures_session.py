@@ -2,7 +2,6 @@
 """Figures of a session of interactions; each function turns arrays into a matplotlib Figure."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +12,9 @@ from intent_recognition.report.drawing import (
     INK,
     PAPER_COLOUR,
     SOFT,
+    Drawing,
     Look,
+    Panel,
     new_axes,
     new_figure,
     readable,
@@ -22,10 +23,6 @@ from intent_recognition.report.drawing import (
     task_colours,
     task_markers,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SHARE_GRID = np.linspace(0.0, 1.0, 101)
 MEAN: Look = {"markersize": 6.5, "markeredgecolor": "white"}
@@ -37,7 +34,7 @@ def hand_error_figure(
     paper_cm: Mapping[str, tuple[float, float]] | None = None,
     remarks: Mapping[str, str] | None = None,
     labels: Sequence[str] = (),
-) -> "Figure":
+) -> Drawing:
     """Each hand error as a dot, with mean +- two standard deviations, beside the paper's values.
 
     Args:
@@ -83,7 +80,7 @@ def histogram_figure(
     end: float,
     form: str,
     labels: Sequence[str] = (),
-) -> "Figure":
+) -> Drawing:
     """Stacked histogram of values by task, with the median of all values.
 
     Args:
@@ -124,7 +121,7 @@ def posterior_figure(
     shares: Sequence[Floats],
     probabilities: Sequence[Floats],
     decisions: Sequence[float | None],
-) -> "Figure":
+) -> Drawing:
     """Task posteriors over the share of the movement: panels by true task, a line per interaction.
 
     Args:
@@ -166,7 +163,7 @@ def confusion_counts(
     return rows, columns, counts
 
 
-def _bundle(axes: "Axes", lines: Sequence[tuple[Floats, Floats]], colour: str, name: str) -> None:
+def _bundle(axes: Panel, lines: Sequence[tuple[Floats, Floats]], colour: str, name: str) -> None:
     """Draw thin lines and their median; a line that ends early is held at its last value."""
     for share, values in lines:
         inside = np.asarray(share) <= 1.0
@@ -187,7 +184,7 @@ def _spread(values: Floats, half_width: float) -> Floats:
 
 
 def _whisker(
-    axes: "Axes", x: float, mean: float, two_std: float, colour: str, marker: str = "o"
+    axes: Panel, x: float, mean: float, two_std: float, colour: str, marker: str = "o"
 ) -> None:
     look: Look = {"color": colour, "fmt": marker, "capsize": 4, "elinewidth": 1.8, **MEAN}
     axes.errorbar([x], [mean], yerr=[[min(two_std, mean)], [two_std]], **look)

@@ -3,7 +3,6 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from intent_recognition.report import html
 from intent_recognition.report.drawing import (
     INK,
     SOFT,
+    Drawing,
     new_figure,
     readable,
     styled,
@@ -19,9 +19,6 @@ from intent_recognition.report.drawing import (
     task_colours,
 )
 from intent_recognition.report.figures_interaction import thin
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 EXPLANATION = (
     "Every recording is fed to the estimator and the decision that the nodes run. Missed: its task"
@@ -87,7 +84,7 @@ def write_rehearsal_report(path: str | Path, tables: Tables, worst: Sequence[Reh
 
 
 @styled
-def worst_figure(runs: Sequence[Rehearsed]) -> "Figure":
+def worst_figure(runs: Sequence[Rehearsed]) -> Drawing:
     """A small plot for each run: probabilities over time, and the active task."""
     columns = 5
     rows = -(-len(runs) // columns)

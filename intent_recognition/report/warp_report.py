@@ -3,7 +3,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from intent_recognition.report.drawing import (
     INK,
     PALETTE,
     SOFT,
+    Drawing,
     Look,
     new_axes,
     new_figure,
@@ -22,9 +22,6 @@ from intent_recognition.report.drawing import (
     to_png,
 )
 from intent_recognition.warping import ObjectModel, Part, PouringParameters, WarpedObject
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PART_COLOURS = {Part.CONTAINER: PALETTE[0], Part.RIM: PALETTE[1], Part.HANDLE: PALETTE[2]}
 CUT = (
@@ -78,7 +75,7 @@ def _text(value: object) -> str:
 
 
 @styled
-def parts_figure(views: tuple[tuple[str, Floats, NDArray[np.integer]], ...]) -> "Figure":
+def parts_figure(views: tuple[tuple[str, Floats, NDArray[np.integer]], ...]) -> Drawing:
     """Points of several objects, coloured by part, each upright in its own frame.
 
     Args:
@@ -104,7 +101,7 @@ def parts_figure(views: tuple[tuple[str, Floats, NDArray[np.integer]], ...]) -> 
 
 
 @styled
-def cut_figure(warped: WarpedObject, parameters: PouringParameters) -> "Figure":
+def cut_figure(warped: WarpedObject, parameters: PouringParameters) -> Drawing:
     """Section along the lip: points near it, the cavity, and the level that leaves half of it."""
     rim, cavity = warped.rim, warped.cavity
     along = parameters.lip_point - rim.centre
