@@ -6,7 +6,6 @@ the start are known, as they are online (`IntentEstimator.predict_controlled_at`
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -68,28 +67,26 @@ def _scale(windows: Floats, signals: Sequence[Signal]) -> Floats:
     return np.tile(scale, WINDOW)
 
 
-class ReactiveCase(NamedTuple):
-    """One held-out recording."""
+def score_reactive(
+    scores: ScoreTable,
+    run: MovementFilter,
+    task_weights: Floats,
+    test: Demonstration,
+    elapsed_s: float,
+    start: StartPosture,
+    windows: NearestWindows,
+) -> None:
+    """Add the squared errors of a held-out recording at a time after its start [s], by horizon.
 
-    windows: NearestWindows
-    test: Demonstration
-    start: StartPosture  # posture of the controlled agent at its start
-
-    def score(
-        self, scores: ScoreTable, run: MovementFilter, task_weights: Floats, elapsed_s: float
-    ) -> None:
-        """Add the squared errors at a time after the start [s], by task and horizon.
-
-        The filter has run up to this time; the K tasks have the probabilities `task_weights`, (K,).
-        """
-        times_s = elapsed_s + np.array(HORIZONS_S)
-        times_s = times_s[times_s <= self.test.duration_s + 1e-9]
-        truth = sample(self.test.controlled, self.test.start_ns, times_s)
-        predicted, _ = run.mixture_at(times_s, task_weights, self.start)
-        nearest = self.windows.predict(self.test, elapsed_s)[: len(times_s)]
-        for k, horizon_s in enumerate(HORIZONS_S[: len(times_s)]):
-            guesses = predicted[k], nearest[k], self.start.position
-            errors = [per_unit(run.library, (guess - truth[k])[None] ** 2) for guess in guesses]
-            scores.add(
-                str(self.test.task), horizon_s, **dict(zip(REACTIVE_NAMES, errors, strict=True))
-            )
+    The filter has run up to this time; the K tasks have the probabilities `task_weights`, (K,).
+    `start` is the posture of the controlled agent at its start.
+    """
+    times_s = elapsed_s + np.array(HORIZONS_S)
+    times_s = times_s[times_s <= test.duration_s + 1e-9]
+    truth = sample(test.controlled, test.start_ns, times_s)
+    predicted, _ = run.mixture_at(times_s, task_weights, start)
+    nearest = windows.predict(test, elapsed_s)[: len(times_s)]
+    for k, horizon_s in enumerate(HORIZONS_S[: len(times_s)]):
+        guesses = predicted[k], nearest[k], start.position
+        errors = [per_unit(run.library, (guess - truth[k])[None] ** 2) for guess in guesses]
+        scores.add(str(test.task), horizon_s, **dict(zip(REACTIVE_NAMES, errors, strict=True)))

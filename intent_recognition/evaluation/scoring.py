@@ -3,13 +3,12 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.evaluation.calibration import NormalisedErrors, RecognitionRecords
-from intent_recognition.evaluation.reactive import MOMENTS, NearestWindows, ReactiveCase
+from intent_recognition.evaluation.reactive import MOMENTS, NearestWindows, score_reactive
 from intent_recognition.evaluation.scores import (
     ScoreTable,
     mean_of_task,
@@ -76,7 +75,7 @@ def score_demonstration(
     training: Sequence[Demonstration],
     test: Demonstration,
     start_posture: bool,
-    windows: NearestWindows | None = None,
+    windows: NearestWindows,
 ) -> None:
     """Add the scores of one held-out demonstration.
 
@@ -86,7 +85,7 @@ def score_demonstration(
         training: demonstrations from which the library was learned.
         test: held-out demonstration.
         start_posture: whether predictions know the controlled agent's start.
-        windows: baseline of reactive prediction; None to skip it.
+        windows: baseline of reactive prediction.
     """
     duration, test = test.duration_s, in_turns(test, angle_starts(library))
     times = TRUTH_PHASES * duration
@@ -98,23 +97,26 @@ def score_demonstration(
         known = phase == "known_phase"
         hypotheses = fixed_prior_grid(library, duration) if known else make_prior_grid(library)
         monitor = None if known else DecisionMonitor(learned)
-        reacting = None if known or windows is None else ReactiveCase(windows, test, posture)
-        shares = {*RECOGNITION_FRACTIONS, *PREDICTION_FRACTIONS}
-        if reacting is not None:
-            shares |= {*MOMENTS}
-        for fraction, run in _snapshots(library, hypotheses, test, sorted(shares), monitor):
+        moments = () if known else MOMENTS
+        shares = sorted({*RECOGNITION_FRACTIONS, *PREDICTION_FRACTIONS, *moments})
+        for fraction, run in _snapshots(library, hypotheses, test, shares, monitor):
             posterior = task_posterior(run.log_evidence, hypotheses, fraction * duration)
             probabilities = _without_none(posterior, hypotheses)
-            if reacting is not None and fraction in MOMENTS:
-                reacting.score(collected.reactive, run, probabilities, fraction * duration)
+            if fraction in moments:
+                now = run, probabilities, test, fraction * duration
+                score_reactive(collected.reactive, *now, posture, windows)
             if fraction in RECOGNITION_FRACTIONS:
                 _score_recognition(
                     collected, phase, fraction, test, library, posterior, probabilities
                 )
             if fraction in PREDICTION_FRACTIONS:
-                case = _PredictionCase(run, label, probabilities, fraction, times, truth)
+                start = posture if start_posture else None
+                given = np.eye(library.n_tasks)[label]
+                mean, std = run.mixture_at(times, given, start)
+                inferred, _ = run.mixture_at(times, probabilities, start)
+                own, errors = _prediction_scores(library, mean - truth, std, fraction)
+                own["rmse_inferred_task"] = np.sqrt(per_unit(library, (inferred - truth) ** 2))
                 baselines = _baseline_scores(library, training, test, fraction, truth, known)
-                own, errors = case.scores(posture if start_posture else None)
                 collected.scores.add(phase, fraction, **own, **baselines)
                 collected.normalised_errors.add(phase, errors)
         if monitor is not None:
@@ -145,33 +147,19 @@ def _score_recognition(
     )
 
 
-class _PredictionCase(NamedTuple):
-    """A recording at one observed share: the filter, and the true poses (T, Q) at times (T,)."""
-
-    run: MovementFilter
-    label: int
-    probabilities: Floats
-    fraction: float
-    times: Floats
-    truth: Floats
-
-    def scores(self, start: StartPosture | None) -> tuple[dict[str, Floats], Floats]:
-        """Scores given the true task, and errors in predicted standard deviations (T, Q)."""
-        library = self.run.library
-        given = np.eye(library.n_tasks)[self.label]
-        mean, std = self.run.mixture_at(self.times, given, start)
-        inferred, _ = self.run.mixture_at(self.times, self.probabilities, start)
-        error = mean - self.truth
-        density = 0.5 * (error / std) ** 2 + np.log(std) + 0.5 * np.log(2 * np.pi)
-        squared, future = error**2, TRUTH_PHASES > self.fraction
-        return {
-            "rmse": np.sqrt(per_unit(library, squared)),
-            "rmse_inferred_task": np.sqrt(per_unit(library, (inferred - self.truth) ** 2)),
-            "rmse_future": np.sqrt(per_unit(library, squared[future])),
-            "end_rmse": np.sqrt(per_unit(library, squared[-1:])),
-            "coverage_2_sigma": per_unit(library, (np.abs(error) < 2 * std).astype(float)),
-            "nll": per_unit(library, density),
-        }, error / std
+def _prediction_scores(
+    library: TaskLibrary, error: Floats, std: Floats, fraction: float
+) -> tuple[dict[str, Floats], Floats]:
+    """Scores of a prediction (T, Q), and its errors in predicted standard deviations."""
+    density = 0.5 * (error / std) ** 2 + np.log(std) + 0.5 * np.log(2 * np.pi)
+    squared, future = error**2, TRUTH_PHASES > fraction
+    return {
+        "rmse": np.sqrt(per_unit(library, squared)),
+        "rmse_future": np.sqrt(per_unit(library, squared[future])),
+        "end_rmse": np.sqrt(per_unit(library, squared[-1:])),
+        "coverage_2_sigma": per_unit(library, (np.abs(error) < 2 * std).astype(float)),
+        "nll": per_unit(library, density),
+    }, error / std
 
 
 def _without_none(posterior: TaskPosterior, hypotheses: PriorGrid) -> Floats:

@@ -11,7 +11,8 @@ import pytest
 from simulation import START_NS, demonstration_of, gathered, make_library, minimum_jerk, simulate
 
 from intent_recognition.errors import ArgumentError, TrainingError
-from intent_recognition.evaluation import evaluate, make_folds
+from intent_recognition.evaluation import evaluate, make_folds, remarks_on
+from intent_recognition.evaluation.reactive import NearestWindows
 from intent_recognition.evaluation.scores import ScoreTable, per_unit
 from intent_recognition.evaluation.scoring import (
     PREDICTION_FRACTIONS,
@@ -22,7 +23,7 @@ from intent_recognition.evaluation.scoring import (
 from intent_recognition.learning import Hyperparameters, accumulate, library_from_statistics
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.promp import STEADY, TaskLibrary
-from intent_recognition.signals import Demonstration, Signal
+from intent_recognition.signals import Demonstration, Signal, numbered
 
 SETTINGS = TrainingSettings(n_basis=8, n_aligned_basis=8, segmentation="recording")
 PREDICTION_KEYS = {
@@ -149,7 +150,7 @@ def test_percentages_observed_are_of_time_not_of_samples():
     human = np.where(times <= 0.9, -human, human)  # like b until 45 % of the time, like a after
     odd = replace(truth[0], observed=(Signal(("x",), stamps, human[:, None], "m"),))
     collected = EvaluationRecords()
-    score_demonstration(collected, library, truth, odd, False)
+    score_demonstration(collected, library, truth, odd, False, NearestWindows(truth))
     table = collected.scores.table("known_phase", RECOGNITION_FRACTIONS, ("rad",), ("accuracy",))
     assert table["0.3"]["accuracy"] == 0.0
     assert table["1.0"]["accuracy"] == 1.0
@@ -168,10 +169,10 @@ def test_what_comes_after_a_fraction_or_before_the_movement_does_not_change_scor
     stamps_ns = np.r_[signal.stamps_ns - test.end_ns + test.start_ns - 1, signal.stamps_ns]
     values = np.concatenate([changed + 5.0, signal.values])
     longer = replace(test, observed=(Signal(signal.names, stamps_ns, values, "m"),))
-    tables = []
+    tables, windows = [], NearestWindows(training)
     for recording in (test, other, longer):
         collected = EvaluationRecords()
-        score_demonstration(collected, library, training, recording, False)
+        score_demonstration(collected, library, training, recording, False, windows)
         names = tuple(PREDICTION_KEYS - {"rmse_nearest_neighbour"})
         tables.append(
             (
@@ -330,3 +331,37 @@ def test_no_truth_is_extrapolated():
 def test_a_fold_that_cannot_be_learned_from_is_named():
     with pytest.raises(TrainingError, match=r"learning without a0: .* at least two"):
         evaluate(IDENTICAL[:3:2], "loo", SETTINGS)
+
+
+def test_chance_is_named():
+    (remark,) = [line for line in remarks_on({"tasks": ["a", "b", "c", "d"]}) if "Chance" in line]
+    assert "accuracy of 0.25 and a log loss of 1.39" in remark and "Early figures" in remark
+
+
+@pytest.fixture
+def unnamed():
+    rng, times_s = np.random.default_rng(0), np.arange(0.0, 2.0, 0.02)
+    found = []
+    for k in range(10):
+        way = np.clip(times_s - 0.4, 0.0, 1.0)[:, None] ** 2 * (0.4 + 0.3 * (k % 2))
+        human = way + 0.001 * rng.normal(size=(100, 1))
+        found.append(Demonstration.from_arrays(times_s, human, 1.0 - way, task=f"t{k % 2}"))
+    return found
+
+
+def test_demonstrations_without_a_name_are_numbered(unnamed):
+    settings = TrainingSettings(n_basis=8)
+    assert accumulate(unnamed, settings).used == tuple(f"demonstration_{k}" for k in range(10))
+    named = Demonstration.from_arrays([0, 1, 2, 3], np.eye(4), np.eye(4), name="mine")
+    assert [d.name for d in numbered([unnamed[0], named])] == ["demonstration_0", "mine"]
+    wrong = [
+        *unnamed,
+        Demonstration.from_arrays(
+            np.arange(0.0, 2.0, 0.02),
+            human=unnamed[0].observed[0].values,
+            robot=np.zeros((100, 2)),
+            task="t0",
+        ),
+    ]
+    left_out = evaluate(wrong, "kfold:3", settings)["left_out"]
+    assert [one["recording"] for one in left_out] == ["demonstration_10"]
