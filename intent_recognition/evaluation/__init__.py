@@ -4,7 +4,7 @@
 Each score and each way of replaying has a file; all use held-out recordings.
 """
 
-from intent_recognition.evaluation.calibration import reliability_bins
+from intent_recognition.evaluation.calibration import confusion_counts, reliability_bins
 from intent_recognition.evaluation.explaining import Explanation, explain
 from intent_recognition.evaluation.folds import Fold, make_folds
 from intent_recognition.evaluation.online import run_online, where_both_were_recorded

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -54,15 +54,12 @@ class RecognitionRecords:
     def confusion(self) -> dict[str, dict[str, dict]]:
         """Per phase and share: true tasks in rows, recognised ones in columns, none in the last."""
         every = [one for by in self._records.values() for rows in by.values() for one in rows]
-        tasks = sorted({name for truth, labels, _, _ in every for name in (truth, *labels)})
-        columns = [*tasks, NONE]
+        tasks = {name for truth, labels, _, _ in every for name in (truth, *labels)}
 
         def counted(records: list[tuple]) -> dict[str, list]:
-            counts = np.zeros((len(tasks), len(columns)), dtype=int)
-            for truth, labels, p, none in records:
-                answer = NONE if none else labels[int(np.argmax(p))]
-                counts[tasks.index(truth), columns.index(answer)] += 1
-            return {"true": tasks, "recognised": columns, "counts": counts.tolist()}
+            found = [NONE if none else labels[int(np.argmax(p))] for _, labels, p, none in records]
+            rows, columns, counts = confusion_counts([t for t, *_ in records], found, tasks)
+            return {"true": rows, "recognised": columns, "counts": counts.tolist()}
 
         return self._by_fraction(counted)
 
@@ -115,6 +112,18 @@ class NormalisedErrors:
             phase: {"should": list(QUANTILES), "does": np.mean(rows, axis=0).tolist()}
             for phase, rows in self._inside.items()
         }
+
+
+def confusion_counts(
+    true: Sequence[str], recognised: Sequence[str], tasks: Iterable[str] = ()
+) -> tuple[list[str], list[str], Integers]:
+    """Rows (true tasks and `tasks`), columns (all tasks, `none` last), and counts of pairs."""
+    rows = sorted({*true, *tasks})
+    columns = [*sorted({*rows, *recognised} - {NONE, ""}), NONE]
+    counts = np.zeros((len(rows), len(columns)), dtype=int)
+    for task, name in zip(true, recognised, strict=True):
+        counts[rows.index(task), columns.index(name or NONE)] += 1
+    return rows, columns, counts
 
 
 def reliability_bins(

@@ -11,6 +11,7 @@ from intent_recognition.evaluation import (
     DemoSummary,
     InteractionRecord,
     Trace,
+    confusion_counts,
     reliability_bins,
 )
 from intent_recognition.promp import NONE
@@ -74,9 +75,8 @@ def figures_of_posteriors(
     """Figures of recognised tasks and posteriors; traces are by index of the interaction."""
     if not records:
         return ()
-    rows, columns, counts = figures_session.confusion_counts(
-        [r.task for r in records], [r.recognised for r in records]
-    )
+    true, recognised = [r.task for r in records], [r.recognised for r in records]
+    rows, columns, counts = confusion_counts(true, recognised)
     figure = confusion_shares_figure(counts, rows, columns)
     confusion = svg_figure(figure, "What each task was recognised as.")
     both = [(r, by_index[r.index]) for r in records if _has_posterior(by_index.get(r.index))]

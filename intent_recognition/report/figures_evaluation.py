@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.report.drawing import (
@@ -117,7 +118,7 @@ def reliability_figure(confidence: Floats, share_right: Floats, counts: Integers
 
 @styled
 def confusion_shares_figure(
-    counts: Floats, true: Sequence[str], recognised: Sequence[str]
+    counts: ArrayLike, true: Sequence[str], recognised: Sequence[str]
 ) -> Drawing:
     """Confusion matrix: true tasks (rows) and recognised tasks (columns), as shares of the row.
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.promp import NONE
 from intent_recognition.report.drawing import (
     DASHED,
     INK,
@@ -148,19 +147,6 @@ def posterior_figure(
     grid[0].set_ylabel("probability")
     shared_legend(figure, grid, 6)
     return figure
-
-
-def confusion_counts(
-    true: Sequence[str], recognised: Sequence[str]
-) -> tuple[list[str], list[str], Floats]:
-    """Rows (true tasks), columns (true and other recognised tasks, `none` last) and counts."""
-    recognised = [name or NONE for name in recognised]
-    rows = sorted(set(true))
-    columns = [*sorted((set(recognised) | set(rows)) - {NONE}), NONE]
-    counts = np.zeros((len(rows), len(columns)), dtype=int)
-    for task, name in zip(true, recognised, strict=True):
-        counts[rows.index(task), columns.index(name)] += 1
-    return rows, columns, counts
 
 
 def _bundle(axes: Panel, lines: Sequence[tuple[Floats, Floats]], colour: str, name: str) -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from intent_recognition.evaluation.calibration import reliability_bins
+from intent_recognition.evaluation.calibration import confusion_counts, reliability_bins
 from intent_recognition.report import figures_session as figures
 from intent_recognition.report.drawing import (
     NONE_COLOUR,
@@ -97,15 +97,9 @@ def test_every_figure_draws_labels_its_axes_and_is_never_registered(all_figures)
         assert sys.modules["matplotlib.pyplot"].get_fignums() == []
 
 
-def test_equal_figures_give_equal_bytes_without_date(per_task):
-    one, other = (to_svg(arrivals(per_task)) for _ in range(2))
-    assert one == other
-    assert b"<metadata" not in one
-    assert b"DOCTYPE" not in one
-
-
-def test_the_users_settings_are_neither_used_nor_changed(per_task):
+def test_equal_figures_give_equal_bytes_without_date_whatever_the_users_settings(per_task):
     plain = to_svg(arrivals(per_task))
+    assert b"<metadata" not in plain and b"DOCTYPE" not in plain
     with matplotlib.rc_context({"font.size": 31.0, "axes.facecolor": "red"}):
         assert to_svg(arrivals(per_task)) == plain
         assert matplotlib.rcParams["font.size"] == 31.0
@@ -178,7 +172,7 @@ def test_known_tasks_keep_their_colours_and_no_two_have_the_same(labels, more):
 @given(st.lists(st.tuples(st.sampled_from(TASKS), st.sampled_from((*TASKS, "none", "")))))
 def test_confusion_counts_every_pair(pairs):
     true, recognised = [t for t, _ in pairs], [r for _, r in pairs]
-    rows, columns, counts = figures.confusion_counts(true, recognised)
+    rows, columns, counts = confusion_counts(true, recognised)
     assert counts.sum() == len(pairs)
     for row, task in enumerate(rows):
         for column, name in enumerate(columns):
