@@ -124,7 +124,6 @@ def load_cost(name: str, known: Sequence[str] = tuple(COSTS), *, files: bool = T
 
 
 def _run(path: Path) -> dict[str, Any]:
-    """Run a file and return its global names."""
     try:
         check_regular(path)
     except (OSError, UntrustedError) as error:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError, ShapeError, optional
+from intent_recognition.errors import ArgumentError, optional
 
 HELD = 0.95
 """Share of the paths' variance that the search space covers, with all DOFs weighted equally."""
@@ -63,15 +63,9 @@ def search_space(mean: ArrayLike, spread: ArrayLike, design: ArrayLike) -> Searc
     maps weights to Q DOFs at m phases.
 
     Raises:
-        ShapeError: the arrays do not fit each other.
         ArgumentError: the primitive has no spread.
     """
     mean, spread, design = (np.asarray(a, dtype=np.float64) for a in (mean, spread, design))
-    size = len(mean)
-    if spread.ndim != 2 or design.ndim != 3 or {len(spread), design.shape[2]} != {size}:
-        got = (mean.shape, spread.shape, design.shape)
-        expected, cure = "shapes (d,), (d, r), (Q, m, d)", "Take all three from one primitive."
-        raise ShapeError.about("mean, spread, design", expected, got, cure)
     paths = design @ spread
     scale = np.sqrt(np.mean(np.sum(paths**2, axis=2), axis=1))
     moving = scale > NEGLIGIBLE * np.max(np.abs(design), initial=0.0) * np.max(
@@ -111,11 +105,7 @@ class CovarianceSearch:
     step: float = 1.0  # standard deviation of the first points; 1 is the primitive's
 
     def ask(self, points: Floats, costs: Floats) -> Floats:
-        """The next point to try (k,), given those tried (n, k) and their costs (n,).
-
-        Raises:
-            ShapeError: the arrays do not fit.
-        """
+        """The next point to try (k,), given those tried (n, k) and their costs (n,)."""
         if not len(costs):
             return np.zeros(self.n_axes)
         _, generation, left = self._replayed(points, costs)
@@ -125,9 +115,6 @@ class CovarianceSearch:
         """Mean of the search's distribution after its last complete generation, (k,).
 
         This mean of many tries is more reliable than the lowest of noisy costs.
-
-        Raises:
-            ShapeError: the arrays do not fit.
         """
         if not len(costs):
             return np.zeros(self.n_axes)
@@ -136,10 +123,6 @@ class CovarianceSearch:
 
     def _replayed(self, points: Floats, costs: Floats) -> tuple[Any, list, int]:
         """The strategy, its present generation, and the number of its points tried already."""
-        if np.shape(points) != (len(costs), self.n_axes):
-            expected = f"shapes ({len(costs)}, {self.n_axes}) and ({len(costs)},)"
-            got, cure = (np.shape(points), np.shape(costs)), "Give one point for each cost."
-            raise ShapeError.about("points, costs", expected, got, cure)
         strategy = self._strategy()
         done, size = 1, strategy.popsize
         generation = strategy.ask()

@@ -57,13 +57,10 @@ step."""
 class Person(NamedTuple):
     """A recorded person and the robot's task beside this person."""
 
-    name: str
     duration_s: float  # duration of the interaction
-    observed: Floats  # observed DOFs at `sample_phases()`, (m, P)
-    hand_m: Floats  # position of the person's hand at these phases (m, 3)
+    hand_m: Floats  # position of the person's hand at `sample_phases()`, (m, 3)
     weights: Floats  # weights of the robot's path by the rule, (Q N,)
     place_m: Floats  # goal of the robot's hand (3,)
-    context: Floats  # context of the scene (M,)
 
 
 def check_task(task: str, labels: Sequence[str]) -> None:
@@ -193,15 +190,7 @@ class TaskPractice:
         place_m = self._hand(example.controlled[-1:])[0]
         if self._beside_m is not None:
             place_m = hand_m[-1] + np.array(self._beside_m)
-        return Person(
-            example.name,
-            example.duration_s,
-            example.observed,
-            hand_m,
-            weights,
-            place_m + self._moved_m,
-            example.context,
-        )
+        return Person(example.duration_s, hand_m, weights, place_m + self._moved_m)
 
     def _hand(self, joints: Floats) -> Floats:
         """Positions of the hand (T, 3) [m] for joints (T, n)."""
