@@ -172,17 +172,14 @@ def summarise(records: Sequence[InteractionRecord]) -> DemoSummary:
     )
     changed = [record for record in records if record.changed_from]
     transfers = [record for record in records if record.handed_over is not None]
-    forces = [r.largest_force_n for r in transfers if r.largest_force_n is not None]
+    forces = _known(transfers, "largest_force_n")
     moved = [record for record in changed if record.task not in TASKS_APART]
     records = [record for record in records if not record.changed_from]
-    by_task: dict[str, list[float]] = {task: [] for task in sorted({r.task for r in records})}
-    for record in records:
-        if record.hand_error_m is not None:
-            by_task[record.task].append(record.hand_error_m)
+    tasks = sorted({record.task for record in records})
+    by_task = {t: _known([r for r in records if r.task == t], "hand_error_m") for t in tasks}
     apart = tuple(task for task in by_task if task in TASKS_APART)
     right = [r for r in records if r.right and not r.person]
-    shares = [r.decision_share for r in right if r.decision_share is not None]
-    arrivals = [r.arrival_s for r in records if r.arrival_s is not None]
+    shares, arrivals = _known(right, "decision_share"), _known(records, "arrival_s")
     return DemoSummary(
         n=len(records),
         recognised_right=sum(record.right for record in records),
@@ -195,9 +192,7 @@ def summarise(records: Sequence[InteractionRecord]) -> DemoSummary:
         latest_arrival_s=max(arrivals) if arrivals else None,
         n_changed=len(changed),
         changes_followed=sum(record.right for record in changed),
-        changed_hand_error=hand_error(
-            [r.hand_error_m for r in moved if r.hand_error_m is not None]
-        ),
+        changed_hand_error=hand_error(_known(moved, "hand_error_m")),
         n_transfers=len(transfers),
         handed_over=sum(bool(record.handed_over) for record in transfers),
         largest_force_n=max(forces) if forces else None,
@@ -205,9 +200,12 @@ def summarise(records: Sequence[InteractionRecord]) -> DemoSummary:
     )
 
 
+def _known(records: Sequence[InteractionRecord], name: str) -> list[float]:
+    return [value for one in records if (value := getattr(one, name)) is not None]
+
+
 def _summary_of(person: str, records: Sequence[InteractionRecord]) -> PersonSummary:
-    arrivals = [r.arrival_s for r in records if r.arrival_s is not None]
-    forces = [r.largest_force_n for r in records if r.largest_force_n is not None]
+    arrivals, forces = _known(records, "arrival_s"), _known(records, "largest_force_n")
     return PersonSummary(
         person,
         n=len(records),
