@@ -120,6 +120,82 @@ def test_mistakes_are_named(tmp_path, content, named):
     assert f"{share_path('config/dofs.yaml')} is an example." in str(caught.value)
 
 
+NAME = ENTRY["type"]
+TURN = {"type": NAME, "fields": [f"pose.orientation.{axis}" for axis in "xyzw"], "unit": "rad"}
+TURN |= {"orientation": "quaternion"}
+(PLACE, TURNED) = load_dofs(share_path("config/examples/link_pose.dofs.yaml")).to_dict()[
+    "controlled"
+]
+RATE = {
+    "topic": "r",
+    "type": NAME,
+    "fields": ["v.x"],
+    "unit": "m/s",
+    "of": ["a.pose.x"],
+    "std": 0.1,
+}
+FRAME = "tracker 1 0.5 0 0 0 0 1"
+
+
+def controlled(*entries) -> dict:
+    return {"observed": [ENTRY], "controlled": list(entries)}
+
+
+def velocity(**changes) -> dict:
+    return spec() | {"velocities": [RATE | changes]}
+
+
+def extrinsics(*listed) -> dict:
+    return spec() | {"extrinsics": list(listed)}
+
+
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        (spec(context=True), "observed: expected an entry of the human"),
+        (spec(context=1), r"observed\[0\]: context: expected true or false, got 1"),
+        (spec(link="hand"), r"observed\[0\]: .*only the keys .*, got link"),
+        (spec(std=0.1), r"observed\[0\]: .*only the keys .*, got std"),
+        (
+            controlled(ENTRY | {"context": True}),
+            r"controlled\[0\]: .*only the keys .*, got context",
+        ),
+        (controlled(PLACE | {"unit": "mm"}), r"controlled\[0\]: link: expected type .*unit m"),
+        (controlled(PLACE | {"fields": ["pose.x"]}), r"controlled\[0\]: link: .*pose.position.z"),
+        (controlled(PLACE | {"link": ""}), r"controlled\[0\]: link: expected a text"),
+        *(
+            (
+                controlled(PLACE, TURNED | change),
+                r"controlled\[1\]: expected the position before it",
+            )
+            for change in ({"link": "other"}, {"topic": "/other"}, {"robot": "x.urdf"})
+        ),
+        (spec(**TURN | {"orientation": "euler"}), r".*orientation: expected quaternion"),
+        (spec(**TURN | {"unit": "m"}), ".*unit: expected rad"),
+        (spec(**TURN | {"fields": TURN["fields"][:3]}), ".*fields: expected the fields x, y, z, w"),
+        (spec(**TURN | {"fields": TURN["fields"][::-1]}), ".*fields: expected the fields x, y, z"),
+        (spec(**TURN, reference=[0, 0, 0, 2.0]), ".*reference: expected a unit quaternion"),
+        (spec(**TURN, reference="north"), ".*reference: expected a unit quaternion"),
+        (velocity(of=["nothing"]), r"velocities\[0\]: of: .*got nothing"),
+        (velocity(of=["a.pose.x", "a"]), r"velocities\[0\]: of: expected 1 different names"),
+        (velocity(of=None), r"velocities\[0\]: of: expected a list of names"),
+        *(
+            (velocity(std=std), r"velocities\[0\]: std: expected a positive number")
+            for std in (0.0, "much", True)
+        ),
+        (velocity(rate=1), r"velocities\[0\]: expected only the keys .*got rate"),
+        (spec() | {"extrinsics": FRAME}, "extrinsics: expected a list"),
+        (extrinsics(FRAME, 3), r"extrinsics\[1\]: expected a text"),
+        (extrinsics(FRAME, "cam 1 2 3"), r"extrinsics\[1\]: expected one 'frame x y.*'cam 1 2 3'"),
+        (extrinsics(FRAME, FRAME), r"extrinsics\[1\]: .*Give each frame once"),
+        (extrinsics("cam 0 0 0 0 0 0 0"), r"extrinsics\[0\]: .*a quaternion"),
+    ],
+)
+def test_mistakes_in_entries_of_any_kind_name_file_and_place(content, named):
+    with pytest.raises(DofError, match=f"^mine.yaml: {named}"):
+        DofSpec.from_dict(content, "mine.yaml")
+
+
 @pytest.mark.parametrize("text", ["observed: [", "\x00", ": :"])
 def test_no_yaml_is_named(tmp_path, text):
     (tmp_path / "bad.yaml").write_text(text)

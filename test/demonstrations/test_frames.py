@@ -13,7 +13,6 @@ from intent_recognition.bags import POSE, BagReader
 from intent_recognition.demonstrations import DofSpec, iter_observations, settle_orientations
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.reading import read_demonstrations, read_whole
-from intent_recognition.errors import DofError
 
 TURN = DofEntry(
     WRIST.topic,
@@ -94,18 +93,3 @@ def test_the_file_keeps_extrinsics():
         assert DofSpec.from_dict(dofs.to_dict()) == dofs
     assert "extrinsics" not in DOFS.to_dict()
     assert DofSpec.from_dict(DOFS.to_dict() | {"extrinsics": None}) == DOFS
-
-
-@pytest.mark.parametrize(
-    ("extrinsics", "place"),
-    [
-        (ENTRY, "extrinsics: expected a list"),
-        ([ENTRY, 3], r"extrinsics\[1\]: expected a text"),
-        ([ENTRY, "cam 1 2 3"], r"extrinsics\[1\]: expected one 'frame x y.*'cam 1 2 3'"),
-        ([ENTRY, ENTRY], r"extrinsics\[1\]: .*Give each frame once"),
-        (["cam 0 0 0 0 0 0 0"], r"extrinsics\[0\]: .*a quaternion"),
-    ],
-)
-def test_malformed_extrinsics_name_file_and_entry(extrinsics, place):
-    with pytest.raises(DofError, match=f"^mine.yaml: {place}"):
-        DofSpec.from_dict(DOFS.to_dict() | {"extrinsics": extrinsics}, "mine.yaml")

@@ -37,12 +37,6 @@ def record(path, positions, names=LWR, **more):
     return write_pairs(path, map(pose, range(len(states))), states, **more)
 
 
-def entry(**changes):
-    content = HAND.to_dict()
-    content["controlled"] = [content["controlled"][0] | changes]
-    return content
-
-
 @pytest.mark.parametrize("link", ["lwr_a7_link", "lwr_a6_link"])
 def test_the_whole_pose_of_a_named_link_is_computed_from_joints(repository, link):
     """Against the Denavit-Hartenberg chain, whose frames stand where the next joint does."""
@@ -111,48 +105,23 @@ def test_an_arm_in_degrees_is_refused_by_its_limits(tmp_path, known_by):
     assert "Likely degrees for radians (a factor of 57.3)" in refused.reason
 
 
-def test_for_a_hand_joints_and_description_are_recorded_too_and_links_are_controlled():
+def test_for_a_hand_joints_and_description_are_recorded_too():
     joints_of = load_dofs()
     assert topics_of(joints_of) == ("mocap/wrist/pose", "joint_states")
     needed = ("mocap/wrist/pose", "hand/pose", "joint_states", "robot_description")
     assert topics_of(HAND) == needed
-    content = HAND.to_dict()
-    content["observed"][0]["link"] = "lwr_hand"
-    with pytest.raises(DofError, match=r"observed\[0\].*link"):
-        DofSpec.from_dict(content)
 
 
 def test_the_file_is_written_back_and_found_beside_a_users_own(tmp_path):
     assert DofSpec.from_dict(HAND.to_dict()) == HAND
     (tmp_path / "mine.urdf").write_text(lwr_urdf())
-    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(entry(robot="mine.urdf")))
+    content = HAND.to_dict()
+    content["controlled"][0]["robot"] = "mine.urdf"
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(content))
     found = load_dofs(tmp_path / "mine.yaml").controlled[0]
     assert found.robot == str(tmp_path / "mine.urdf")
     bag = write_bag(tmp_path / "bag")
     assert read_one(bag, replace(HAND, controlled=(found,))).values.shape == (50, 3)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"unit": "mm"}, r"controlled\[0\]: link: expected type .*unit m"),
-        ({"fields": ["pose.position.x"]}, r"controlled\[0\]: link: .*pose.position.z"),
-        ({"link": ""}, r"controlled\[0\]: link: expected a text"),
-    ],
-)
-def test_a_wrong_entry_is_named(changes, message):
-    with pytest.raises(DofError, match=message):
-        DofSpec.from_dict(entry(**changes))
-
-
-@pytest.mark.parametrize(
-    "changes", [{"link": "lwr_hand"}, {"topic": "/other"}, {"robot": "x.urdf"}]
-)
-def test_an_orientation_is_of_the_link_whose_position_is_before_it(changes):
-    content = POSE_OF_A_LINK.to_dict()
-    content["controlled"][1] |= changes
-    with pytest.raises(DofError, match=r"controlled\[1\]: expected the position before it"):
-        DofSpec.from_dict(content)
 
 
 @pytest.mark.parametrize(

@@ -116,30 +116,6 @@ def test_velocities_survive_the_file_and_are_of_one_entry():
     content["velocities"] = [content["velocities"][0] | two]
     with pytest.raises(DofError, match="one observed entry"):
         DofSpec.from_dict(content)
-    content = make_dofs(HAND).to_dict()
-    content["observed"][0]["std"] = 0.1
-    with pytest.raises(DofError, match="only the keys"):
-        DofSpec.from_dict(content)
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"of": ["nothing"]}, ("velocities[0]: of", "nothing")),
-        ({"of": ["thumb", "index"]}, ("1 different names",)),
-        ({"of": None}, ("velocities[0]: of", "a list of names")),
-        ({"std": 0.0}, ("velocities[0]: std", "a positive number")),
-        ({"std": "much"}, ("std", "a positive number")),
-        ({"std": True}, ("std", "a positive number")),
-        ({"rate": 1}, ("only the keys", "rate")),
-    ],
-)
-def test_what_is_wrong_with_velocities_is_named(changes, words):
-    content = DOFS.to_dict()
-    content["velocities"] = [content["velocities"][0] | changes]
-    with pytest.raises(DofError) as error:
-        DofSpec.from_dict(content, "mine.yaml")
-    assert all(word in str(error.value) for word in ("mine.yaml", *words))
 
 
 @pytest.mark.parametrize("prefix", ["", "cell/"])

@@ -175,23 +175,6 @@ def test_orientations_are_found_beside_positions_or_named_where_none_is(tmp_path
     assert orientation_beside((HAND, position), 0) is None
 
 
-@pytest.mark.parametrize(
-    ("changes", "named"),
-    [
-        ({"orientation": "euler"}, "orientation: expected quaternion"),
-        ({"unit": "m"}, "unit: expected rad"),
-        ({"fields": list(QUATERNION[:3])}, "fields: expected the fields x, y, z, w"),
-        ({"fields": [*QUATERNION[1:], QUATERNION[0]]}, "fields: expected the fields x, y, z, w"),
-        ({"reference": [0, 0, 0, 2.0]}, "reference: expected a unit quaternion"),
-        ({"reference": "north"}, "reference: expected a unit quaternion"),
-    ],
-)
-def test_entries_that_are_no_orientation(changes, named):
-    entry = HAND.to_dict() | changes
-    with pytest.raises(DofError, match=named):
-        DofSpec.from_dict({"observed": [entry]})
-
-
 WRIST = replace(HAND, topic="mocap/wrist/pose", reference=(0.0, 0.0, 0.6, 0.8))
 
 
