@@ -3,7 +3,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -17,8 +17,7 @@ from intent_recognition.errors import BagError, first_of
 
 def bag_json(summary: BagSummary) -> dict:
     """A bag's summary as plain values."""
-    topics = tuple(replace(t, rejected=dict(t.rejected)) for t in summary.topics)
-    return asdict(replace(summary, topics=topics)) | {
+    return asdict(summary) | {
         "duration_s": summary.duration_s,
         "message_count": summary.message_count,
     }

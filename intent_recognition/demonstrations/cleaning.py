@@ -26,7 +26,6 @@ from intent_recognition.demonstrations.fields import (
     Content,
     pose_message,
     pose_numbers,
-    stamp_of,
     values_of,
 )
 from intent_recognition.signals import Signal
@@ -62,12 +61,6 @@ class TopicSamples:
 def is_raw_pose(topic: str, type_name: str) -> bool:
     """Whether a topic carries unchecked tracker poses, `mocap/<body>/pose`."""
     return type_name == POSE and RAW_POSE_TOPIC.fullmatch(relative_topic(topic)) is not None
-
-
-def restamped(entry: DofEntry, message: BagMessage) -> BagMessage | None:
-    """A message with the stamp of the entry's elements; None if it has none of the elements."""
-    stamp_ns = stamp_of(entry, message.message, message.log_time_ns)
-    return None if stamp_ns is None else replace(message, stamp_ns=stamp_ns)
 
 
 def clean_topic(
@@ -180,7 +173,6 @@ def signals_of(
 def _pose_columns(
     stamps_ns: Integers, log_times_ns: Integers, messages: Sequence[Any]
 ) -> PoseColumns:
-    """Columns of decoded PoseStamped messages."""
     frames: dict[str, int] = {}
     indices = [frames.setdefault(m.header.frame_id, len(frames)) for m in messages]
     poses = np.array([pose_numbers(m) for m in messages], np.float64).reshape(-1, 7)

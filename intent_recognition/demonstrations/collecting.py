@@ -10,10 +10,9 @@ from intent_recognition.demonstrations.cleaning import (
     clean_columns,
     clean_topic,
     frame_names,
-    restamped,
 )
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
-from intent_recognition.demonstrations.fields import has_columns
+from intent_recognition.demonstrations.fields import has_columns, stamp_of
 from intent_recognition.demonstrations.paths import (
     STAMPED_ELEMENTS,
     element_headers,
@@ -67,7 +66,9 @@ def collect(
     samples = {}
     for stream, entry in dofs.streams.items():
         recorded = messages[entry.topic]
-        about = [m for m in (restamped(entry, message) for message in recorded) if m is not None]
+        stamps = (stamp_of(entry, m.message, m.log_time_ns) for m in recorded)
+        both = zip(recorded, stamps, strict=True)
+        about = [replace(m, stamp_ns=ns) for m, ns in both if ns is not None]
         if recorded and not about and damage is None:
             has = {name for m in recorded for name in element_names(m.message, entry.fields)} - {""}
             reason = (

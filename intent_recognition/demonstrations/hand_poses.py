@@ -100,9 +100,7 @@ def _known(reader: BagReader, recorded: set[str], entry: DofEntry) -> Known | No
     return Known(*ranges.T) if len(ranges) else None
 
 
-@lru_cache(maxsize=8)
-def _arm(description: str, link: str) -> Arm:
-    return arm_in_world(description, link)
+_arm = lru_cache(maxsize=8)(arm_in_world)
 
 
 def topics_of(dofs: DofSpec) -> tuple[str, ...]:

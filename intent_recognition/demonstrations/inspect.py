@@ -2,7 +2,6 @@
 """Summarise a recording: its topics, rates, gaps, demonstrations and damage."""
 
 import math
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -247,14 +246,13 @@ def _summarise(info: TopicInfo, stream: _Stream) -> TopicSummary:
         rate_hz=1.0 / median_s if median_s > 0 else 0.0,
         gaps=tuple((int(before[i]), float(steps_s[i])) for i in at),
         longest_gap_s=float(steps_s.max(initial=0.0)),
-        rejected=Counter(rejected),
+        rejected=dict(rejected),
         not_finite=not_finite,
         undecodable=undecodable,
     )
 
 
 def _is_finite(value: object) -> bool:
-    """Whether all numbers in a decoded message are finite."""
     if isinstance(value, float):
         return math.isfinite(value)
     if isinstance(value, str | bytes | int) or value is None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read demonstrations from bags, folders of bags and session bags."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
@@ -142,31 +142,23 @@ def _read_bag(
         if problem is None and marker is None and not reader.is_finished and not reader.damage:
             problem = Rejection(str(path), "", reader.end_ns, UNFINISHED, RECOVER)
     except BagError as error:
-        yield Rejection.of(str(path), error)
-        return
+        problem = Rejection.of(str(path), error)
     if problem is not None:
         yield problem
         return
-    for found in _parts(reader, dofs, marker, extrinsics):
-        yield as_hands(found, asked, arms) if isinstance(found, Demonstration) else found
-
-
-def _parts(
-    reader: BagReader, dofs: DofSpec, marker: str | None, extrinsics: Mapping[str, tuple] | None
-) -> Iterator[Demonstration | Rejection]:
     samples, markers, damage = collect(reader, dofs, marker, extrinsics)
-    if damage is not None and marker is None:
-        yield damage
-        return
+    parts: Iterable[SessionPart | Rejection | None] = [None]
+    if marker is not None:
+        parts = split_session(markers, samples, str(reader.path))
+    elif damage is not None:
+        parts = ()
     known = known_of(reader, dofs)
-    if marker is None:
-        yield _demonstration(reader, dofs, samples, known)
-        return
-    for part in split_session(markers, samples, str(reader.path)):
+    for part in parts:
         if isinstance(part, Rejection):
             yield part
-        else:
-            yield _demonstration(reader, dofs, samples, known, part)
+            continue
+        found = _demonstration(reader, dofs, samples, known, part)
+        yield as_hands(found, asked, arms) if isinstance(found, Demonstration) else found
     if damage is not None:
         yield damage
 
@@ -179,12 +171,9 @@ def _demonstration(
     part: SessionPart | None = None,
 ) -> Demonstration | Rejection:
     """The demonstration in a whole bag or in a part of a session."""
-    if part is None:
-        observed, controlled, rejected = signals_of(dofs, samples)
-    else:
-        observed, controlled, rejected = signals_of(
-            dofs, samples, part.start_ns, part.end_ns, count_topics=part.index == 0
-        )
+    between = (part.start_ns, part.end_ns) if part else (None, None)
+    first = part is None or part.index == 0
+    observed, controlled, rejected = signals_of(dofs, samples, *between, count_topics=first)
     problem = _too_short(reader, dofs, samples, (*observed, *controlled), part)
     if problem is not None:
         return problem

@@ -5,14 +5,20 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from bag_builder import joints, pose, write_bag
+from bag_builder import LWR, POSE, START_NS, STEP_NS, joints, pose, write_bag, write_pairs
 from geometry_msgs.msg import PoseStamped
 from model_builder import GLOVE, TOOL, WRIST, make_dofs, perform, true_library, write_recording
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 
 from intent_recognition.bags import BagReader, BagWriter
-from intent_recognition.demonstrations import DofEntry, iter_observations, read_demonstrations
+from intent_recognition.demonstrations import (
+    DofEntry,
+    Source,
+    iter_observations,
+    iter_samples,
+    read_demonstrations,
+)
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array, stamp_ns
 from intent_recognition.nodes.mocap_ingest import MocapIngest
@@ -82,26 +88,6 @@ def test_two_entries_of_one_topic_share_its_messages(tmp_path):
         np.testing.assert_array_equal(seen[2 * k + 1].covariance, observation.covariance[1:, 1:])
 
 
-def test_what_is_dropped_is_counted_by_reason(tmp_path):
-    spoiled = {
-        3: {"x": float("nan")},
-        5: {"stamp_ns": 0},
-        7: {"x": 4.0},
-        9: {"frame_id": "elsewhere"},
-        11: {"stamp_ns": pose(2)["header"]["stamp"]},
-    }
-    with BagWriter(tmp_path / "bag") as writer:
-        for i in range(20):
-            at_ns = pose(i)["header"]["stamp"]
-            writer.write_message(WRIST.topic, WRIST.type, pose(i, **spoiled.get(i, {})), at_ns)
-    counted = Counter()
-    seen = stream(tmp_path / "bag", rejected=counted)
-    reasons = ("not_finite", "zero_stamp", "jump", "unknown_frame", "stamp_not_increasing")
-    assert counted == dict.fromkeys(reasons, 1)
-    kept = [pose(i)["header"]["stamp"] for i in range(20) if i not in spoiled]
-    assert [o.stamp_ns for o in seen] == kept
-
-
 def test_a_message_without_one_joint_tells_of_the_other_and_one_without_any_is_counted(tmp_path):
     human = DofEntry("joint_states", GLOVE.type, joints=("lwr_a1_joint", "lwr_a2_joint"), unit="r")
     with BagWriter(tmp_path / "bag") as writer:
@@ -130,3 +116,29 @@ def test_extrinsics_turn_values_and_covariance(tmp_path):
     (seen,) = stream(tmp_path / "bag", settings=settings)
     np.testing.assert_allclose(seen.values, [0.8, 2.5, 4.0], atol=1e-12)
     np.testing.assert_allclose(seen.covariance, np.diag([4e-6, 1e-6, 9e-6]), atol=1e-15)
+
+
+def test_both_agents_in_order_and_the_human_s_as_without_the_other(tmp_path):
+    reader = BagReader(write_bag(tmp_path / "bag", count=10))
+    samples = list(iter_samples(reader, DOFS))
+    assert [s.source for s in samples] == [Source.OBSERVED, Source.CONTROLLED] * 10
+    human = [s.observation for s in samples if s.source is Source.OBSERVED]
+    for ours, alone in zip(human, iter_observations(reader, DOFS), strict=True):
+        assert ours.stamp_ns == alone.stamp_ns
+        np.testing.assert_array_equal(ours.values, alone.values)
+    arm = [s.observation for s in samples if s.source is Source.CONTROLLED]
+    assert [o.group for o in arm] == [0] * 10
+    np.testing.assert_array_equal(arm[3].values, 0.03 + np.arange(7))
+    assert arm[3].stamp_ns == START_NS + 3 * STEP_NS
+
+
+def test_an_arm_that_is_missing_or_incomplete_leaves_the_human(tmp_path):
+    with BagWriter(tmp_path / "human") as writer:
+        for k in range(5):
+            writer.write_message("mocap/wrist/pose", POSE, pose(k), START_NS + k * STEP_NS)
+    assert len(list(iter_samples(BagReader(tmp_path / "human"), DOFS))) == 5
+    short = [joints(k, names=LWR[:6], positions=[0.0] * 6) for k in range(5)]
+    six = write_pairs(tmp_path / "six", map(pose, range(5)), short)
+    rejected = Counter()
+    samples = list(iter_samples(BagReader(six), DOFS, rejected=rejected))
+    assert len(samples) == 5 and rejected == {"missing_dof": 5}
