@@ -12,7 +12,6 @@ line counts as never written. Later lines extend or change what is known of the 
 """
 
 import json
-import os
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -127,8 +126,9 @@ class Executions:
             return
         line = Execution(now, bag.parent.name, name, model, kept)
         file = self.path / OUTCOMES
+        is_torn = file.exists() and file.stat().st_size > self._read_to  # after `all`
         with writing(str(file)):
-            append_line(file, ("\n" if _is_torn(file) else "") + json.dumps(asdict(line)))
+            append_line(file, "\n" * is_torn + json.dumps(asdict(line)))
 
     def thin(self, task: str, most: int) -> None:
         """Remove the oldest recordings of a task; their outcomes are kept."""
@@ -141,15 +141,6 @@ def _number(bag: Path) -> int:
     """Number at the end of a recording's name; -1 without one."""
     end = bag.name.rpartition("_")[2]
     return int(end) if end.isdecimal() else -1
-
-
-def _is_torn(file: Path) -> bool:
-    """Whether the last line of a file is incomplete."""
-    if not file.exists() or not file.stat().st_size:
-        return False
-    with file.open("rb") as stream:
-        stream.seek(-1, os.SEEK_END)
-        return stream.read() != b"\n"
 
 
 def _execution(line: str) -> Execution | None:

@@ -94,7 +94,6 @@ class PractisedTask:
 
 
 def _text(numbers: Sequence[float]) -> str:
-    """Numbers in the format of the practice file."""
     return " ".join(f"{number:g}" for number in numbers)
 
 

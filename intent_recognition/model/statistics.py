@@ -65,6 +65,9 @@ ARRAYS = (
 def pack_statistics(trained: Trained) -> tuple[dict[str, object], dict[str, NDArray[Any]]]:
     """Header entry and arrays with the statistics, preprocessing and hyperparameters."""
     preprocessing, tasks = trained.preprocessing, list(trained.tasks.values())
+    templates = preprocessing.timing.templates.values()
+    values, scales = [one.values for one in templates], [one.scale for one in templates]
+    timing = np.array(values), np.array(scales), preprocessing.timing.deviation_std
     header: dict[str, object] = {
         "preprocessing": _plain(preprocessing),
         "chosen": trained.chosen._asdict(),
@@ -75,7 +78,7 @@ def pack_statistics(trained: Trained) -> tuple[dict[str, object], dict[str, NDAr
     arrays = {
         **_pack_tasks(tasks, STEADY),
         **_pack_tasks([task.aligned for task in tasks if task.aligned is not None], ALIGNED),
-        **_pack_timing(preprocessing.timing),
+        **dict(zip(TIMING, timing, strict=True)),
         COUNT: np.array([len(task.examples) for task in tasks]),
     }
     if not trained.library.context_names:
@@ -169,16 +172,7 @@ def _plain_value(value: NDArray[Any]) -> Any:
     return value.item() if np.ndim(value) == 0 else value
 
 
-def _pack_timing(timing: Timing) -> dict[str, NDArray[Any]]:
-    """Arrays of the templates, label by label, and of the phase deviations."""
-    templates = timing.templates.values()
-    values, scales = [one.values for one in templates], [one.scale for one in templates]
-    parts = np.array(values), np.array(scales), timing.deviation_std
-    return dict(zip(TIMING, parts, strict=True))
-
-
 def _timing(path: str, header: Mapping, arrays: Mapping[str, NDArray[Any]], n_dofs: int) -> Timing:
-    """Timing from a model file, checked."""
     labels: Sequence[str] = header["templates"]
     values, scale, deviation_std = (arrays.get(name, np.zeros(0)) for name in TIMING)
     n_phases, n_deviations = np.shape(values)[1:2], max(len(np.atleast_1d(deviation_std)), 2)
