@@ -3,19 +3,19 @@
 
 import json
 import shutil
-from dataclasses import fields, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from model_builder import make_dofs, perform, true_library
+from same_library import assert_same
 from simulation import gathered
 
 from intent_recognition.errors import ModelError
 from intent_recognition.learning.fitting import library_from_statistics
-from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.learning.training import TrainingSettings, add_demonstration
 from intent_recognition.model.file import Model, load_model, load_trained, save_model
-from intent_recognition.promp.library import TaskLibrary
 
 DOFS = make_dofs()
 TRUTH = true_library(DOFS)
@@ -44,23 +44,7 @@ def written(trained, tmp_path_factory):
     return path
 
 
-def assert_identical(found: TaskLibrary, expected: TaskLibrary) -> None:
-    assert_same_fields(found, expected, "phase_deviation")
-    one, other = vars(found.phase_deviation), vars(expected.phase_deviation)
-    assert one.keys() == other.keys()
-    assert all(np.array_equal(one[key], other[key]) for key in one)
-
-
-def assert_same_fields(found, expected, *apart: str) -> None:
-    for name in (field.name for field in fields(expected) if field.name not in apart):
-        assert np.array_equal(getattr(found, name), getattr(expected, name)), name
-
-
-def assert_same_statistics(found: TaskStatistics, expected: TaskStatistics) -> None:
-    assert_same_fields(found, expected, "examples", "aligned")
-    for ours, theirs in zip(expected.examples, found.examples, strict=True):
-        for name in set(ours._fields) - {"aligned"}:
-            assert np.array_equal(getattr(ours, name), getattr(theirs, name)), name
+assert_identical = partial(assert_same, rtol=0.0, apart=())
 
 
 def test_what_was_written_is_read_bit_for_bit(trained, written):
@@ -69,10 +53,7 @@ def test_what_was_written_is_read_bit_for_bit(trained, written):
     assert (read.preprocessing, read.chosen) == (trained.preprocessing, trained.chosen)
     assert list(read.tasks) == list(trained.tasks)
     for label, task in trained.tasks.items():
-        assert_same_statistics(read.tasks[label], task)
-        assert_same_statistics(read.tasks[label].aligned, task.aligned)
-        for ours, theirs in zip(task.aligned.examples, read.tasks[label].examples, strict=True):
-            assert all(map(np.array_equal, ours, theirs.aligned))
+        assert_identical(read.tasks[label], task)
 
 
 def test_a_later_session_adds_the_same(trained, written):
