@@ -4,7 +4,7 @@
 import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cached_property, partial
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -74,13 +74,9 @@ def is_pouring(args: argparse.Namespace) -> bool:
 def undo(args: argparse.Namespace, console: Console) -> str:
     """Undo the last accepted practice; return the new state in words."""
     if not is_pouring(args):
-        folder, task = _folder(args), args.task
-        what = f"undid practice of {task}"
-        return _changed(args, console, folder, partial(undo_practice, folder, task), what)
-    return _undo_pouring(args.output or PRACTICE_FOLDER)
-
-
-def _undo_pouring(folder: Path) -> str:
+        tasks, what = _folder(args), f"undid practice of {args.task}"
+        return _changed(args, console, tasks, partial(undo_practice, tasks, args.task), what)
+    folder = args.output or PRACTICE_FOLDER
     if not (folder / SKILL).exists():
         cure = "Accept first, or name the folder with --output."
         raise ModelError.about(str(folder), "an accepted skill", "none", cure)
@@ -127,22 +123,13 @@ class TaskOfFolder:
         if args.output is not None:
             cure = "Leave --output out: practice of a task is kept in its library."
             raise ArgumentError.about("--output", "the task pouring", args.task, cure)
-        self._args, self._console = args, console
-
-    @cached_property
-    def _practised(self) -> PractisedTask:
-        args, arm = self._args, None
-        if args.robot is not None:
-            arm = arm_in_world(read_urdf(args.robot))
+        arm = None if args.robot is None else arm_in_world(read_urdf(args.robot))
         options = {"most_people": 1} if args.cost == THUMBS else {}
-        return PractisedTask(
+        self._practised = PractisedTask(
             _folder(args), args.task, beside_m=args.beside, moved_m=args.moved, arm=arm, **options
         )
-
-    @property
-    def practice(self) -> Practice:
-        """The practice to execute."""
-        return self._practised.practice
+        self._args, self._console = args, console
+        self.practice: Practice = self._practised.practice
 
     def session(self, cost: Cost) -> PracticeSession:
         """Session with this cost and seed, continued or new."""
@@ -195,7 +182,6 @@ def _changed(
 
 
 def _skill(args: argparse.Namespace) -> "PouringSkill":
-    """The pouring skill with which practice starts."""
     from sim_bridge.scenarios.pouring import learn_pouring_skill, read_demonstrated, short_skill
 
     if args.start is not None and args.start.is_file():

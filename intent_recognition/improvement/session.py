@@ -13,6 +13,7 @@ import json
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from math import isfinite
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -200,13 +201,6 @@ class PracticeSession:
             write_text(self.folder / STATE, json.dumps(content, indent=1) + "\n")
         self.tried = tried
 
-    def _check(self, tried: list[Tried]) -> None:
-        n_axes = self._practice.space.n_axes
-        for one in tried:
-            if len(one.point) != n_axes or not np.all(np.isfinite([*one.point, one.cost])):
-                raise ValueError(f"a rollout other than {n_axes} coordinates and a cost")
-            dict(one.outcome)
-
     def _read(self) -> list[Tried]:
         path, cure = self.folder / STATE, "Choose another folder."
         try:
@@ -217,11 +211,13 @@ class PracticeSession:
             content = load_json(text)
             about, known = dict(content["about"]), content["format"] == FORMAT
             tried = [
-                Tried(tuple(map(float, t["point"])), float(t["cost"]), t["bag"], t["outcome"])
+                Tried(tuple(map(float, t["point"])), float(t["cost"]), t["bag"], {**t["outcome"]})
                 for t in content["tried"]
             ]
-            if known and about == self.about:
-                self._check(tried)
+            n_axes = self._practice.space.n_axes
+            whole = all(len(t.point) == n_axes and isfinite(sum(t.point, t.cost)) for t in tried)
+            if known and about == self.about and not whole:
+                raise ValueError(f"a rollout other than {n_axes} coordinates and a cost")
         except OSError as error:
             expected = "a folder that can be made and read"
             raise ResourceBusyError.about(str(self.folder), expected, error, cure) from error
