@@ -2,6 +2,7 @@
 """Contents of a demo's session: recordings to learn from, the worker's plan, an arm."""
 
 import argparse
+from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -129,16 +130,17 @@ def _toolbox(args: argparse.Namespace) -> Scene:
         named |= {"arm": _file(args, arm.robot), "hand_link": arm.robot.tip}
         tip = find_robot(args.arm, base=args.base, tip=args.tip).tip
         of_arm |= {"tip": tip, "base_position": list(arm.robot.base_position_m)}
-    own = {"primitive_activation": {"home": home}, "arm_sim": of_arm}
+    own: dict[str, dict[str, object]] = defaultdict(dict)
+    own |= {"primitive_activation": {"home": home}, "arm_sim": of_arm}
     if args.scenario == CELL:
         named |= {"plan": str(share_path(CELL_PLAN)), "scene": CELL}
         things = {"boxes": list(CELL_BOXES)}
         for arm_node in ARMS:
-            own[arm_node] = {**own.get(arm_node, {}), **things}
+            own[arm_node] |= things
         own["primitive_activation"] |= {**things, "clearance": 0.02, **CELL_SEPARATION}
     if people := [person for person in plans if person]:
         for node in (*WITH_PEOPLE, *ARMS):
-            own[node] = {**own.get(node, {}), "persons": people}
+            own[node] |= {"persons": people}
         shared = [topic for topic in RECORDED if topic not in OF_EACH]
         own["bag_recorder"] = {
             "topics": [
@@ -149,7 +151,7 @@ def _toolbox(args: argparse.Namespace) -> Scene:
     if by_force:
         robot = with_fingers(find_robot(LWR)) if arm is None else arm.robot
         for node, felt in by_force_with(robot, hold_s).items():
-            own[node] = {**own.get(node, {}), **felt}
+            own[node] |= felt
     stands_m = np.array(list(STANDS_M.values()))
     scoring = Scoring(places_m, by_force=by_force, passed_m=stands_m)
     if arm is not None:

@@ -200,7 +200,7 @@ def _follow(
     start_s = 120.0
     longest_s = start_s + 300.0 * progress.total  # at the slowest pace
     began_s, began_ns = time.monotonic(), observer.get_clock().now().nanoseconds
-    with progress:
+    with progress.shown():
         watch.until(lambda: not watch.processes.running(COWORKER), longest_s, "the session's end")
         over_ns = observer.get_clock().now().nanoseconds + 3_000_000_000
         watch.until(

@@ -2,8 +2,8 @@
 """Watches a session of `intent demo`: shows progress, and waits for nodes and signals."""
 
 import time
-from collections.abc import Callable, Iterable, Set
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Set
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -132,17 +132,13 @@ class ProgressLine:
         self._truth: dict[str, str] = {}
         self._changed = False
         self._text = "waiting for the coworker"
-        self._status = console.status(self._text)
-        self._news = news(console, lambda: self._text)
+        self._console, self._status = console, console.status(self._text)
 
-    def __enter__(self) -> "ProgressLine":
-        self._status.start()
-        self._news.__enter__()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._news.__exit__(None, None, None)
-        self._status.stop()
+    @contextmanager
+    def shown(self) -> Iterator[None]:
+        """Context in which the line is on the console."""
+        with self._status, news(self._console, lambda: self._text):
+            yield
 
     def on_task(self, label: str, person: str = "") -> None:
         """Note the ground truth: a person's movement started, changed, or ended."""

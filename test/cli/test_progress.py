@@ -36,7 +36,7 @@ def test_work_of_unknown_length_says_what_it_is():
 
 def test_the_demo_counts_a_changed_interaction_once():
     line = ProgressLine(2, console := terminal())
-    with line:
+    with line.shown():
         for take, label in (
             (line.on_task, "plate"),
             (line.on_active, "plate"),
@@ -123,7 +123,8 @@ def test_without_a_terminal_a_line_says_again_and_again_how_far_it_is(kind, monk
         with busy(console, "learning"):
             wait_for("learning: 0 s\n")
     else:
-        with ProgressLine(2, console) as line:
+        line = ProgressLine(2, console)
+        with line.shown():
             wait_for("waiting for the coworker\n")
             line.on_task("plate")
             wait_for("interaction 1/2, 0 right so far; human: plate, robot: -\n")
