@@ -84,7 +84,6 @@ def bar_with(console: Console, *columns: ProgressColumn) -> Iterator[Progress]:
 
 
 def _state(task: Task) -> str:
-    """Progress of a bar's task, as text."""
     elapsed_s = task.elapsed or 0.0
     if task.total is None:
         return f"{task.description}: {elapsed_s:.0f} s"

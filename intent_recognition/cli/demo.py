@@ -83,8 +83,8 @@ from intent_recognition.cli.console import say
 from intent_recognition.cli.demo_model import check_model, trained_model
 from intent_recognition.cli.demo_scene import LIVE, Scene, make_scene
 from intent_recognition.cli.demo_session import refuse_options, run_session
-from intent_recognition.cli.options import PRINTED, number
-from intent_recognition.cli.output import console_beside, write_json
+from intent_recognition.cli.options import number
+from intent_recognition.cli.output import console_beside, table_console, write_json
 from intent_recognition.composing import read_sequences
 from intent_recognition.errors import ArgumentError, ResourceBusyError
 from intent_recognition.interrupts import END_SIGNALS, end_like_interrupted
@@ -170,8 +170,7 @@ def _end(records: list["InteractionRecord"], console: Console) -> int:
     from intent_recognition.evaluation import summarise, summary_line
 
     summary = summarise(records)
-    console.file.write(summary_line(summary) + "\n")
-    console.file.flush()
+    say(console, summary_line(summary))
     return 1 if summary.too_many_missed else 0
 
 
@@ -231,8 +230,7 @@ def _run_one(
         **time_went,
         "duration of the session [s, simulated]": round(duration_s, 1),
     }
-    if args.json != PRINTED:
-        console.print(table_of(records))
+    table_console(args).print(table_of(records))
     report = args.output / "report.html"
     say(console, "drawing the report ...")
     write_demo_report(report, records, summary, traces, settings)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-from intent_recognition.cli.console import boxed_table, busy
+from intent_recognition.cli.console import boxed_table, busy, say
 from intent_recognition.cli.demo_session import refuse_options, waits_for_answers, watched_graph
-from intent_recognition.cli.output import PRINTED, write_json
+from intent_recognition.cli.output import table_console, write_json
 from intent_recognition.cli.session_watch import NodeWatch
 from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.model import load_pouring_skill, save_pouring_skill
@@ -52,15 +52,12 @@ def run_pouring(args: argparse.Namespace, console: Console) -> int:
     else:
         load_pouring_skill(path := args.model)
     done = [_pour(args, path, cup, second, balls_above_m(cup), console) for cup, second in pairs]
-    if args.json != PRINTED:
-        console.print(_table(done, args.pour))
+    table_console(args).print(_table(done, args.pour))
     write_json(args.json, [_numbers(one, args.pour) for one in done])
     mean = sum(one.balls["spilled"] for one in done) / len(done)
-    console.file.write(
-        f"poured with {len(done)} pairs never demonstrated: {mean:.1f} of {done[0].n_balls}"
-        f" balls spilled on average, {time.monotonic() - started:.0f} s\n"
-    )
-    console.file.flush()
+    spilled = f"{mean:.1f} of {done[0].n_balls} balls spilled on average"
+    taken_s = time.monotonic() - started
+    say(console, f"poured with {len(done)} pairs never demonstrated: {spilled}, {taken_s:.0f} s")
     return 1 if mean > 2.0 else 0
 
 
@@ -116,7 +113,6 @@ def _pour(
 
 
 def _follow(args: argparse.Namespace, observer: "PouringObserver", watch: NodeWatch) -> None:
-    """Request the pour and wait for its end."""
     watch.until(observer.is_ready, 180.0, "the containers, seen and warped")
     observer.ask(args.pour)
     watch.until(lambda: bool(observer.active or observer.refused), 60.0, "the pour")

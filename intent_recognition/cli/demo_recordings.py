@@ -25,7 +25,7 @@ from intent_recognition.cli.demo_session import (
     shared_arguments,
     watched_graph,
 )
-from intent_recognition.cli.output import PRINTED, write_json
+from intent_recognition.cli.output import table_console, write_json
 from intent_recognition.cli.session_watch import PLAYER, START_S, NodeWatch
 from intent_recognition.dashboard.admission import answers
 from intent_recognition.demonstrations import find_bags, is_raw_pose, read_demonstrations
@@ -187,11 +187,7 @@ def _play(
     watch.until(lambda: not watch.processes.running(PLAYER), START_S + lasts_s, "the recording")
     watch.until_or(lambda: not observer.active, AFTER_S)
     task, after_s, posture = observer.task, observer.acted_s, observer.held
-
-    def at_home() -> bool:
-        return bool(np.all(np.abs(observer.posture - home) < 0.05))
-
-    watch.until_or(at_home, 20.0)
+    watch.until_or(lambda: bool(np.all(np.abs(observer.posture - home) < 0.05)), 20.0)
     label, off_cm = ", ".join(dict.fromkeys(one.task or "-" for one in recorded)), np.nan
     if posture is not None and len(recorded) == 1:
         off_cm = 100.0 * float(np.linalg.norm(arm.hand(posture) - _end(recorded[0], model, arm)))
@@ -223,8 +219,7 @@ def _report(args: argparse.Namespace, shown: Sequence[Shown], console: Console) 
             f"{x:.{n}f}" if np.isfinite(x) else "-" for x, n in ((one.after_s, 2), (one.off_cm, 1))
         ]
         table.add_row(one.name, one.label, one.task or "-", *numbers)
-    if args.json != PRINTED:
-        console.print(table)
+    table_console(args).print(table)
     write_json(args.json, [one._asdict() for one in shown])
     right = sum(bool(one.task) and one.task == one.label for one in shown)
     off = [one.off_cm for one in shown if np.isfinite(one.off_cm)]
@@ -232,5 +227,5 @@ def _report(args: argparse.Namespace, shown: Sequence[Shown], console: Console) 
         say(console, "a busy machine may be too slow for real time; to evaluate without it:")
         say(console, f"  intent rehearse {quote(str(args.model))} {quote(str(args.recordings))}")
     by_hand = f", hand off by {np.mean(off):.1f} cm on average" if off else ""
-    console.file.write(f"acted on as labelled {right}/{len(shown)}{by_hand}\n")
+    say(console, f"acted on as labelled {right}/{len(shown)}{by_hand}")
     return 1 if 2 * right < len(shown) else 0

@@ -104,8 +104,7 @@ def run(args: argparse.Namespace) -> int:
     print_left_out(console, [*map(_line, result["left_out"])])
     print_doubtful(console, [*map(_line, result["doubtful"])])
     result |= {"left_out": [*map(_as_json, unread), *result["left_out"]]} | mixture
-    if args.json != output.PRINTED:
-        print_result(console, result)
+    print_result(output.table_console(args), result)
     return _write(args, result, _title(args.bags, test), console)
 
 
@@ -127,7 +126,6 @@ def _finish_unlabelled(
 
 
 def _write(args: argparse.Namespace, result: dict, title: str, console: Console) -> int:
-    """Write the requested files."""
     output.write_json(args.json, result)
     if args.report:
         from intent_recognition.report import write_evaluation_report

@@ -28,8 +28,8 @@ from pathlib import Path
 
 from intent_recognition.cli.completion import offer
 from intent_recognition.cli.console import busy, say
-from intent_recognition.cli.options import PRINTED, number
-from intent_recognition.cli.output import check_output, console_beside, write_json
+from intent_recognition.cli.options import number
+from intent_recognition.cli.output import check_output, console_beside, table_console, write_json
 from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.share import source_tree
 
@@ -76,8 +76,7 @@ def run(args: argparse.Namespace) -> int:
 
     console = console_beside(args)
     if args.list:
-        if args.json != PRINTED:
-            output.print_list(console, EXPERIMENTS)
+        output.print_list(table_console(args), EXPERIMENTS)
         listed = [{"name": e.name, "source": e.source, "summary": e.summary} for e in EXPERIMENTS]
         write_json(args.json, listed)
         return 0
@@ -91,8 +90,8 @@ def run(args: argparse.Namespace) -> int:
     runs = run_all(entries, settings, args.jobs, console)
     failures = {name: run.failure for name, run in runs.items() if run.failure}
     outcomes = {name: run.outcome for name, run in runs.items() if run.outcome}
-    for name, outcome in outcomes.items() if args.json != PRINTED else ():
-        output.print_outcome(console, name, outcome, runs[name].seconds)
+    for name, outcome in outcomes.items():
+        output.print_outcome(table_console(args), name, outcome, runs[name].seconds)
     numbers = output.numbers_json(runs, args.seed, args.quick)
     with busy(console, "writing the report"):
         report = write_report(args.output, outcomes, failures, numbers)
@@ -102,5 +101,5 @@ def run(args: argparse.Namespace) -> int:
         sys.stderr.write(f"intent experiments: {name} broke off: {reason}\n")
     taken_s = time.monotonic() - started
     say(console, f"{len(outcomes)} experiments in {taken_s:.0f} s, report: {report}")
-    console.file.write(output.summary_line(outcomes.values()) + "\n")
+    say(console, output.summary_line(outcomes.values()))
     return 1 if failures else 0

@@ -41,11 +41,11 @@ def run(args: argparse.Namespace) -> int:
     with busy(console, "explaining"):
         found = explain(reader, model, rejected)
     output.write_json(args.json, [one.to_json() for one in found])
-    if args.json != output.PRINTED:
-        for one in found:
-            print_explanation(console, one)
-        if not found:
-            say(console, "no movement was found: `intent inspect` shows what is in the recording")
+    shown = output.table_console(args)
+    for one in found:
+        print_explanation(shown, one)
+    if not found:
+        say(shown, "no movement was found: `intent inspect` shows what is in the recording")
     if args.report:
         write_report(console, args.report, found, args.bag)
     return 0

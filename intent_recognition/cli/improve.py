@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
     """Practise, accept or undo."""
     console = output.console_beside(args)
     if args.undo:
-        _tell(args, console, "undone", undo(args, console))
+        _tell(args, "undone", undo(args, console))
         return 0
     with subject_of(args, console) as subject:
         known = subject.practice.costs
@@ -100,17 +100,16 @@ def run(args: argparse.Namespace) -> int:
         cost = Cost(THUMBS, _thumb) if asked == THUMBS else load_cost(asked, known)
         session = subject.session(cost)
         if args.accept:
-            _tell(args, console, "accepted", subject.accept(session))
+            _tell(args, "accepted", subject.accept(session))
             return 0
         _practise(session, args.rollouts, console)
-        _report(args, session, subject, cost, console)
+        _report(args, session, subject, cost)
     return 0
 
 
-def _tell(args: argparse.Namespace, console: Console, what: str, said: str) -> None:
+def _tell(args: argparse.Namespace, what: str, said: str) -> None:
     """Print what was accepted or undone, and write it as JSON."""
-    if args.json != output.PRINTED:
-        say(console, said)
+    say(output.table_console(args), said)
     output.write_json(args.json, {what: said})
 
 
@@ -133,11 +132,7 @@ def _practise(session: PracticeSession, rollouts: int, console: Console) -> None
 
 
 def _report(
-    args: argparse.Namespace,
-    session: PracticeSession,
-    subject: Pouring | TaskOfFolder,
-    cost: Cost,
-    console: Console,
+    args: argparse.Namespace, session: PracticeSession, subject: Pouring | TaskOfFolder, cost: Cost
 ) -> None:
     numbers: dict[str, object] = {
         "about": session.about,
@@ -155,8 +150,7 @@ def _report(
         numbers["checked_outcomes"] = outcomes
     accept = "the same command with --accept"
     facts["to take it over"] = accept if session.improved else "practise on: nothing is better yet"
-    if args.json != output.PRINTED:
-        print_facts(console, facts)
+    print_facts(output.table_console(args), facts)
     output.write_json(args.json, numbers)
 
 

@@ -28,7 +28,7 @@ from rich.progress import track
 
 from intent_recognition.bags import cure_of
 from intent_recognition.cli import output
-from intent_recognition.cli.console import make_console, plain_table, print_facts
+from intent_recognition.cli.console import plain_table, print_facts
 from intent_recognition.cli.inspect_bag import bag_json, print_bag, print_folder
 from intent_recognition.cli.inspect_model import model_json, print_model
 from intent_recognition.cli.rejections import print_doubtful
@@ -59,7 +59,7 @@ CURE = "Give a bag, a folder of bags, or a model that `intent train` wrote."
 def run(args: argparse.Namespace) -> int:
     """Print all paths: models first, then the recordings, several of them in one table."""
     output.check_outputs(args)
-    console = Console(quiet=True) if args.json == output.PRINTED else make_console()
+    console = output.table_console(args)
     models = [path for path in args.paths if path.suffix == ".npz"]
     sources = [path for path in args.paths if path not in models]
     if any(path.is_absolute() for path in sources):

@@ -57,7 +57,6 @@ def model_json(model: Model) -> dict:
 
 
 def _progress(library: TaskLibrary) -> str:
-    """Describe how the phase model represents people's progress."""
     deviation = library.phase_deviation
     largest = f"phase deviations of {100 * deviation.deviation_std.max():.2g} % of the movement"
     follows = "follows them" if deviation.controlled_follows else "keeps steady progress"
@@ -65,7 +64,6 @@ def _progress(library: TaskLibrary) -> str:
 
 
 def _in_frames(frames: Frames) -> str:
-    """Describe the frames in which the poses were learned."""
     if len(set(frames.values())) == 1:
         return f"frame {' and '.join(next(iter(frames.values())))}"
     return ", ".join(f"{topic} in {' and '.join(found)}" for topic, found in frames.items())

@@ -219,10 +219,10 @@ _remapping = matching(
 
 def add_node_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of commands that run a node: namespace and remapping."""
-    group = parser.add_argument_group("topics")
     add_options(
-        group,
+        parser,
         """
+        topics:
         --namespace NS    namespace of the topics
         --remap FROM:=TO  use another topic name; may be repeated
         """,

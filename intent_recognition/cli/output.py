@@ -24,6 +24,11 @@ def console_beside(args: argparse.Namespace, *options: str) -> Console:
     return make_console(stderr=args.json == PRINTED)
 
 
+def table_console(args: argparse.Namespace) -> Console:
+    """Console for tables, which stay away if `--json` writes to standard output."""
+    return Console(quiet=True) if args.json == PRINTED else make_console()
+
+
 def check_outputs(args: argparse.Namespace, *options: str) -> None:
     """Check these options and `--json`, which may have swallowed the next argument."""
     path: Path | None = args.json

@@ -113,7 +113,6 @@ def print_plan(console: Console, plan: WorkPlan) -> None:
 
 
 def _assemblies(paths: Sequence[Path], pause_s: float, console: Console) -> tuple[Assembly, ...]:
-    """Assemblies recorded in YAML files and bags."""
     found = [one for path in paths if path.suffix in YAML for one in _read(path, read_assemblies)]
     bags = [path for path in paths if path.suffix not in YAML]
     sequences, rejections = read_task_sequences(bags, pause_s)

@@ -11,14 +11,13 @@ intent recover demos/give_bracket_07 --output demos/give_bracket_07_saved
 """
 
 import argparse
-import sys
 from dataclasses import asdict, replace
 
 from rich.console import Console
 
 from intent_recognition.bags import RecoveryReport, recover
 from intent_recognition.cli import output
-from intent_recognition.cli.console import busy
+from intent_recognition.cli.console import busy, say
 from intent_recognition.cli.inspect_bag import damage_line
 
 OPTIONS = {"output": {"required": True}}
@@ -30,8 +29,7 @@ def run(args: argparse.Namespace) -> int:
     with busy(Console(stderr=True), "recovering"):
         report = recover(args.bag, args.output)
     output.write_json(args.json, report_json(report))
-    if args.json != output.PRINTED:
-        sys.stdout.write("\n".join(report_lines(report)) + "\n")
+    say(output.table_console(args), "\n".join(report_lines(report)))
     return 0
 
 

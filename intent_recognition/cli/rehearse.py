@@ -53,13 +53,13 @@ def run(args: argparse.Namespace) -> int:
     output.write_json(args.json, rehearsal_to_json(rehearsal, suggestions))
     worst = rehearsal.worst(10)
     tables = rehearsal_tables(rehearsal, suggestions, worst)
-    if args.json != output.PRINTED:
-        say(console, settings.risk or "the model holds no risk: tasks are acted on from 0.9")
-        for title, (names, *rows) in tables.items():
-            table = boxed_table(title, *names)
-            for row in rows:
-                table.add_row(*row)
-            console.print(table)
+    shown = output.table_console(args)
+    say(shown, settings.risk or "the model holds no risk: tasks are acted on from 0.9")
+    for title, (names, *rows) in tables.items():
+        table = boxed_table(title, *names)
+        for row in rows:
+            table.add_row(*row)
+        shown.print(table)
     if args.report:
         write_rehearsal_report(args.report, tables, worst)
         say(console, f"wrote {args.report}")

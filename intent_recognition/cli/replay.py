@@ -54,8 +54,7 @@ def run(args: argparse.Namespace) -> int:
             " `intent inspect` shows for the model.",
         )
     output.write_json(args.json, rows, indent=None)
-    if args.json != output.PRINTED:
-        print_rows(console, model.library, rows)
+    print_rows(output.table_console(args), model.library, rows)
     active = {row["active_task"] for row in rows}
     for reason in (reason for task, reason in held_back.items() if task not in active):
         say(console, f"not activated: {reason}", "yellow")

@@ -113,8 +113,7 @@ def run(args: argparse.Namespace) -> int:
 
 def finish(args: argparse.Namespace, model: Model, report: TrainingReport, console: Console) -> int:
     """Print what was learned, add transitions, and write the model."""
-    if args.json != output.PRINTED:
-        print_library(console, model.library, report)
+    print_library(output.table_console(args), model.library, report)
     print_mixed_frames(console, frames_of(model.library))
     print_doubtful(console, report.doubtful)
     model = with_sessions(model, args.sessions, console)

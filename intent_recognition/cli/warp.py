@@ -37,12 +37,11 @@ from rich.table import Table
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.cli import output
-from intent_recognition.cli.console import boxed_table, busy, make_console, say
+from intent_recognition.cli.console import boxed_table, busy, say
 from intent_recognition.cli.options import number
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects import find_object, load_object, load_target
 from intent_recognition.warping import (
-    Grasp,
     ObjectModel,
     Part,
     PouringParameters,
@@ -60,7 +59,13 @@ ROWS = (
     ("opening centre", "opening_centre", 1e3, "mm"),
     ("lip point", "lip_point", 1e3, "mm"),
     ("tilt that leaves half", "tilt_reference_rad", 180.0 / np.pi, "deg"),
+    ("thickness of the wall", "wall_m", 1e3, "mm"),
+    ("grasp: middle of the pads", "position", 1e3, "mm"),
+    ("grasp: width", "width_m", 1e3, "mm"),
+    ("grasp: the hand approaches", "approach", 1.0, ""),
+    ("grasp: the fingers close", "closing", 1.0, ""),
 )
+"""Rows of the table: title, name in the JSON, factor to the unit, and unit."""
 
 
 OPTIONS = {
@@ -100,17 +105,16 @@ def run(args: argparse.Namespace) -> int:
             "width_m": grasp.width_m,
         }
     output.write_json(args.json, content)
-    if args.json != output.PRINTED:
-        make_console().print(_table(args, content, parameters, grasp))
-        parts = ", ".join(f"{n} {part}" for part, n in content["points"].items())
-        say(make_console(), f"{len(warped.points)} points: {parts}; {1e3 * taken_s:.0f} ms")
+    console = output.table_console(args)
+    console.print(_table(content))
+    parts = ", ".join(f"{n} {part}" for part, n in content["points"].items())
+    say(console, f"{len(warped.points)} points: {parts}; {1e3 * taken_s:.0f} ms")
     if args.report:
         from intent_recognition.report import write_warp_report
 
         with busy(Console(stderr=True), "writing the report"):
             path = write_warp_report(args.report, source, warped, parameters, content)
-        if args.json != output.PRINTED:
-            say(make_console(), f"report: {path}")
+        say(console, f"report: {path}")
     return 0
 
 
@@ -135,25 +139,13 @@ def as_json(
     }
 
 
-def _table(
-    args: argparse.Namespace,
-    content: Mapping[str, Any],
-    parameters: PouringParameters,
-    grasp: Grasp | None,
-) -> Table:
-    title = f"{args.source} warped onto {args.target}"
+def _table(content: Mapping[str, Any]) -> Table:
+    title = f"{content['source']} warped onto {content['target']}"
     table = boxed_table(title, "parameter", ">value", "unit")
-    rows = [(title, getattr(parameters, name), factor, unit) for title, name, factor, unit in ROWS]
-    if content["wall_m"] is not None:
-        rows.append(("thickness of the wall", content["wall_m"], 1e3, "mm"))
-    if grasp is not None:
-        rows += [
-            ("grasp: middle of the pads", grasp.centre, 1e3, "mm"),
-            ("grasp: width", grasp.width_m, 1e3, "mm"),
-            ("grasp: the hand approaches", grasp.approach, 1.0, ""),
-            ("grasp: the fingers close", grasp.closing, 1.0, ""),
-        ]
-    for title, value, factor, unit in rows:
+    for title, name, factor, unit in ROWS:
+        value = (content | content.get("grasp", {})).get(name)
+        if value is None:
+            continue
         digits = 1 if unit else 2
         rounded = np.round(np.atleast_1d(value) * factor, digits) + 0.0  # avoids -0.0
         shown = (f"{number:.{digits}f}" for number in rounded)
