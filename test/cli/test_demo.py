@@ -88,6 +88,7 @@ def test_ended_it_stops_every_process(tmp_path, toolbox_model):
         (("--scenario", "cell", "--transfers"), "--transfers: expected no such option with"),
         (("--arm", "lwr,panda"), "--model: expected no such option with several arms"),
         (("--rate", "0"), "--rate: expected 0.01 to 50, got 0"),
+        (("--recordings", "bags"), "intent train RECORDINGS"),
         (("--pour", "-1"), "Add --scenario pouring"),
         (("--pair", "tea_cup,paper_cup"), "Add --scenario pouring"),
         ((*POURING, "--record", "bag"), "--record"),
@@ -98,7 +99,7 @@ def test_ended_it_stops_every_process(tmp_path, toolbox_model):
     ],
 )
 def test_bad_options_are_one_line(run, toolbox_model, arguments, message, tmp_path):
-    if not {"--model", "pouring"} & {*arguments}:
+    if not {"--model", "--recordings", "pouring"} & {*arguments}:
         arguments = (*arguments, "--model", str(toolbox_model))
     code, _, errors = run("--interactions", "1", *arguments)
     assert code == (2 if "usage" in errors else 1)

@@ -92,11 +92,6 @@ def test_a_page_that_is_closed_in_the_first_recording_is_no_failure(page):
     assert demo_recordings._report(args, [], Console()) == int(not page)
 
 
-def test_recordings_need_a_model(tmp_path, capsys):
-    assert main(["demo", "--recordings", str(tmp_path), "--output", str(tmp_path / "o")]) != 0
-    assert "intent train RECORDINGS" in " ".join(capsys.readouterr().err.split())
-
-
 @pytest.mark.parametrize("task", ["a", ""])
 def test_where_an_arm_missed_something_it_is_said_how_to_count_without_a_clock(task, capsys):
     shown = [demo_recordings.Shown("a_0", "a", "a", 1.0, 2.0)] * 2

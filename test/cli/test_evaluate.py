@@ -6,6 +6,7 @@ import json
 import shutil
 from contextlib import redirect_stdout
 from typing import NamedTuple
+from unittest.mock import Mock
 
 import pytest
 from cli.recorded import spoil
@@ -69,30 +70,33 @@ def test_folds_by_index(scored):
         assert row["recognised"] >= 0.75 and row["wrongly_acted_on"] == 0.0
 
 
-class AskedForError(Exception):
-    """Carries what the command asks the evaluation for."""
+@pytest.fixture
+def asked(evaluate, monkeypatch):
+    """What the command asks the evaluation for: recordings, folds, settings and options."""
+
+    def run(*options):
+        mock = Mock(side_effect=ArgumentError("enough"))
+        monkeypatch.setattr(command, "evaluate", mock)
+        with pytest.raises(ArgumentError, match="enough"):
+            evaluate(*options)
+        return mock.call_args
+
+    return run
 
 
 @pytest.mark.parametrize(
-    ("options", "asked"),
+    ("options", "more"),
     [
         ((), {}),
         (("--start-posture", "on"), {"start_posture": True}),
         (("--unknown-tasks", "off"), {"unknown_tasks": False}),
     ],
 )
-def test_leaving_one_out_is_the_default_and_options_are_passed_on(
-    evaluate, monkeypatch, options, asked
-):
-    def ask(usable, folds, settings, **more):
-        assert folds == make_folds(usable, "loo")
-        raise AskedForError({key: more[key] for key in default})
-
+def test_leaving_one_out_is_the_default_and_options_are_passed_on(asked, options, more):
+    (usable, folds, _), given = asked(*options)
+    assert folds == make_folds(usable, "loo")
     default = {"start_posture": False, "unknown_tasks": True}
-    monkeypatch.setattr(command, "evaluate", ask)
-    with pytest.raises(AskedForError) as caught:
-        evaluate(*options)
-    assert caught.value.args == (default | asked,)
+    assert {key: given[key] for key in default} == default | more
 
 
 @pytest.mark.slow
@@ -136,14 +140,9 @@ def test_a_folder_and_a_protocol_contradict_each_other(evaluate, recorded):
 @pytest.mark.parametrize(
     "option", [("--test", "{}"), ("--protocol", "holdout:{}")], ids=["test", "holdout"]
 )
-def test_a_folder_to_test_on_is_in_one_fold(evaluate, recorded, monkeypatch, option):
-    def ask(usable, folds, settings, **more):
-        raise AskedForError(len(usable), folds)
-
-    monkeypatch.setattr(command, "evaluate", ask)
-    with pytest.raises(AskedForError) as caught:
-        evaluate(*(word.format(recorded / "bags") for word in option))
-    assert caught.value.args == (16, [(list(range(8)), list(range(8, 16)))])
+def test_a_folder_to_test_on_is_in_one_fold(asked, recorded, option):
+    usable, folds, _ = asked(*(word.format(recorded / "bags") for word in option)).args
+    assert (len(usable), folds) == (16, [(list(range(8)), list(range(8, 16)))])
 
 
 @pytest.mark.slow

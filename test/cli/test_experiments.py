@@ -100,12 +100,6 @@ def test_unknown_name_is_one_line(capsys):
     assert "NAME" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("option", "least"), [("--seed", "0"), ("--seeds", "1"), ("--jobs", "1")])
-def test_a_number_that_is_too_small_is_named(refused, option, least):
-    said = refused("experiments", option, int(least) - 1)
-    assert f"argument {option}: expected {least} or more" in said
-
-
 def test_recordings_that_are_not_there_are_said_before_any_work(capsys, tmp_path):
     missing = tmp_path / "nowhere"
     assert main(["experiments", "--bags", str(missing), "--output", str(tmp_path / "new")]) == 1

@@ -89,8 +89,10 @@ def test_without_extrinsics_the_recorded_frame_is_kept(train, run_command, recor
     assert replayed(run_command, recorded / "raw" / "demo_03", path)
     with pytest.raises(BagError, match=r"unknown_frame.*in the frame that"):
         run_command("replay", recorded / "world" / "demo_03", "--model", path)
-    _, said = train(["world/demo_00", "world/demo_01"], "world.yaml", "--add", path)
-    assert f"recorded in the frames {TRACKER}, world" in said
+    both, said = train(["world/demo_00", "world/demo_01"], "world.yaml", "--add", path)
+    assert f"{WRIST.topic}: recorded in the frames {TRACKER}, world" in said
+    assert "extrinsics" in said
+    assert frames_of(load_model(both).library) == {WRIST.topic: (TRACKER, "world")}
     more, said = train(["raw/demo_00", "raw/demo_01"], "world.yaml", "--add", path)
     assert "recorded in the frames" not in said
     assert frames_of(load_model(more).library) == {WRIST.topic: (TRACKER,)}
@@ -99,10 +101,7 @@ def test_without_extrinsics_the_recorded_frame_is_kept(train, run_command, recor
 @pytest.mark.slow
 def test_recordings_in_several_frames_are_named(train, run_command, recorded):
     bags = [*(f"raw/demo_{k:02d}" for k in range(4)), *(f"world/demo_{k:02d}" for k in range(4, 8))]
-    path, said = train(bags, "world.yaml")
     sentence = f"{WRIST.topic}: recorded in the frames {TRACKER}, world"
-    assert sentence in said and "extrinsics" in said
-    assert frames_of(load_model(path).library) == {WRIST.topic: (TRACKER, "world")}
     _, said = train(bags, "raw.yaml")
     assert sentence not in said
     _, said = run_command("evaluate", *(recorded / bag for bag in bags), "--dofs",

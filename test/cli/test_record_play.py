@@ -44,11 +44,6 @@ def test_play_options_become_parameters(parse):
     }
 
 
-@pytest.mark.parametrize("rate", ["-1", "nan", "inf", "fast"])
-def test_an_impossible_rate_is_refused(refused, rate):
-    assert "rate" in refused("play", "/b", f"--rate={rate}")
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
