@@ -139,11 +139,10 @@ def _recognition(recognition: Mapping, segment: str) -> tuple[html.Block, ...]:
         columns.append(html.Column(f"log loss, {PHASE_NAMES[phase]}", "nat", form=".3f"))
     rows = []
     for fraction in sorted(next(iter(phases.values())), key=float):
-        row: list[float | None] = [100 * float(fraction)]
+        row = [100 * float(fraction)]
         for table in phases.values():
             scores = table.get(fraction, {})
-            row.append(_known(100 * number(scores.get("accuracy"), "")))
-            row.append(_known(number(scores.get("log_loss"), "")))
+            row += [100 * number(scores.get("accuracy"), ""), number(scores.get("log_loss"), "")]
         rows.append(row)
     caption = f"Accuracy and mean log loss over the share of the {segment} observed."
     return svg_figure(figure, caption), html.TableBlock(columns, rows)
@@ -184,14 +183,13 @@ def _online(online: Mapping) -> tuple[html.Block, ...]:
     shares = (html.Column(text, "%", form=".1f") for text in ONLINE_COLUMNS.values())
     rows = []
     for phase, scores in phases.items():
-        values = [100 * number(scores.get(name), "") for name in ONLINE_COLUMNS]
-        rows.append((PHASE_NAMES[phase], *map(_known, values)))
+        values = (100 * number(scores.get(name), "") for name in ONLINE_COLUMNS)
+        rows.append((PHASE_NAMES[phase], *values))
     table = html.TableBlock((*html.text_columns(""), *shares), rows)
     return table, html.Paragraph(ONLINE_EXPLANATION, small=True)
 
 
 def _faults(result: Mapping) -> tuple[html.Block, ...]:
-    """Recordings that were not scored, and recordings with doubtful streams."""
     rows = [
         (str(one["recording"]), kind, str(one["reason"]))
         for key, kind in (("left_out", "left out"), ("doubtful", "doubtful"))
@@ -233,7 +231,3 @@ def _text(value: float, form: str = "") -> str | None:
         return None
     decimals = 2 - int(np.floor(np.log10(abs(value)))) if value else 2
     return format(value, form or f".{min(max(decimals, 0), 6)}f")
-
-
-def _known(value: float) -> float | None:
-    return value if np.isfinite(value) else None

@@ -8,12 +8,12 @@ import base64
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
+from math import isnan
 from pathlib import Path
 from typing import Any, Literal
 
 from intent_recognition.array_types import settle
 from intent_recognition.durable import writing
-from intent_recognition.errors import ShapeError
 from intent_recognition.report.stylesheet import STYLESHEET
 
 ABSENT = "\N{EN DASH}"
@@ -39,11 +39,7 @@ class Column:
 
 @dataclass(frozen=True)
 class TableBlock:
-    """Rows of cells: texts, numbers in the column's format, and None, shown as a dash.
-
-    Raises:
-        ShapeError: a row has more or fewer cells than there are columns.
-    """
+    """Rows of cells: texts, numbers in the column's format; None and NaN are shown as a dash."""
 
     columns: Sequence[Column]  # C columns
     rows: Iterable[Sequence[object]]  # rows of C cells
@@ -52,18 +48,14 @@ class TableBlock:
     strong: Collection[int] = ()  # indices of bold rows, such as totals
 
     def __post_init__(self) -> None:
-        rows = []
-        for number, row in enumerate(self.rows):
-            if len(row) != len(self.columns):
-                expected, cure = f"{len(self.columns)} cells", "Use None for an empty cell."
-                raise ShapeError.about(f"row {number}", expected, len(row), cure)
-            forms = (column.form for column in self.columns)
-            rows.append(tuple(map(_written, row, forms)))
-        settle(self, rows=tuple(rows))
+        rows = (zip(row, self.columns, strict=True) for row in self.rows)
+        settle(self, rows=tuple(tuple(_written(v, c.form) for v, c in cells) for cells in rows))
 
 
 def _written(value: object, form: str) -> str | None:
-    return value if value is None or isinstance(value, str) else format(value, form)
+    if value is None or (isinstance(value, float) and isnan(value)):
+        return None
+    return value if isinstance(value, str) else format(value, form)
 
 
 @dataclass(frozen=True)

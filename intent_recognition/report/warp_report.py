@@ -64,7 +64,6 @@ def write_warp_report(
 
 
 def _text(value: object) -> str:
-    """Short text of a JSON value."""
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, list):

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from intent_recognition.evaluation.scoring import PREDICTION_NAMES
 from intent_recognition.evaluation.session_summary import InteractionRecord, summarise
 from intent_recognition.report import drawing
 from intent_recognition.report.demo_report import demo_page, write_demo_report
@@ -77,12 +78,6 @@ def page(session):
     return demo_page(records, summarise(records), traces, {"seed": 1})
 
 
-@pytest.fixture
-def bare_page(session, undrawn):
-    records, _ = session
-    return demo_page(records, summarise(records), (), {})
-
-
 @pytest.mark.slow
 def test_the_demo_report_needs_nothing_from_outside(page):
     html = render(page)
@@ -125,22 +120,14 @@ def test_the_demo_table_is_the_records(session, page):
 
 
 @pytest.mark.slow
-def test_figures_without_data_are_left_out(session, page, bare_page):
+def test_figures_without_data_are_left_out(session, page, undrawn):
     records, _ = session
-    assert len(figures_of(bare_page)) == 4
     assert len(figures_of(page)) == 4 + 2 + 4
-    bare = [{"index": r.index} for r in records]
-    assert len(figures_of(demo_page(records, summarise(records), bare, {}))) == 4
-
-
-@pytest.mark.slow
-def test_traces_may_hold_nothing(session, undrawn):
-    records, _ = session
+    assert len(figures_of(demo_page(records, summarise(records), (), {}))) == 4
     empty = {"transfer_s": None, "load_n": np.zeros(3), "share": [], "labels": LABELS}
-    page = demo_page(
-        records, summarise(records), [{"index": r.index, **empty} for r in records], {}
-    )
-    assert len(figures_of(page)) == 4
+    for more in ({}, empty):
+        data = [{"index": r.index, **more} for r in records]
+        assert len(figures_of(demo_page(records, summarise(records), data, {}))) == 4
 
 
 def test_no_interaction_at_all_still_gives_a_page(tmp_path):
@@ -153,16 +140,6 @@ def result(rng, unit="rad"):
         value = float(rng.uniform(0.1, 0.3))
         return value if isinstance(unit, str) else {u: value * (i + 1) for i, u in enumerate(unit)}
 
-    names = (
-        "rmse",
-        "rmse_inferred_task",
-        "rmse_future",
-        "rmse_mean_of_task",
-        "rmse_nearest_neighbour",
-        "end_rmse",
-        "coverage_2_sigma",
-        "nll",
-    )
     return {
         "n_demonstrations": 28,
         "tasks": ["rocket", "waving"],
@@ -175,7 +152,10 @@ def result(rng, unit="rad"):
             for phase in ("known_phase", "unknown_phase")
         },
         "prediction": {
-            phase: {f: {name: one() for name in names} for f in ("0.25", "0.5", "0.75", "1.0")}
+            phase: {
+                f: {name: one() for name in PREDICTION_NAMES}
+                for f in ("0.25", "0.5", "0.75", "1.0")
+            }
             for phase in ("known_phase", "unknown_phase")
         },
     }
