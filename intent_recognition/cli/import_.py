@@ -19,10 +19,8 @@ intent evaluate out/baton --dofs out/baton/dofs.yaml --protocol kfold:5
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Mapping
 
 import yaml
-from rich.table import Table
 
 from intent_recognition.cli import output
 from intent_recognition.cli.console import busy, make_console, plain_table, say
@@ -32,7 +30,6 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.signals import Rejection
 from intent_recognition.tables import (
     Doubt,
-    ImportedBag,
     ImportedDemonstration,
     import_demonstrations,
     load_map,
@@ -80,7 +77,11 @@ def run(args: argparse.Namespace) -> int:
             totals.update(written)
             count += 1
             n_unlabelled += "task" not in found.custom_data
-            _add_row(table, found, written)
+            messages = " + ".join(map(str, written.values()))
+            row = [found.name, found.custom_data.get("task", "-"), messages]
+            if isinstance(found, ImportedDemonstration):
+                row += [str(found.not_measured(written)), str(found.n_dropped)]
+            table.add_row(*row)
     if not count:
         raise nothing_of(str(args.source), "demonstrations", left_out, "Correct the map.")
     dofs.write_text(text, encoding="utf-8")
@@ -95,13 +96,3 @@ def run(args: argparse.Namespace) -> int:
         cure = "name it under task or files in the map, or learn with --unlabelled"
         say(console, f"{n_unlabelled} without a task: {cure}", "yellow")
     return 0
-
-
-def _add_row(
-    table: Table, found: ImportedDemonstration | ImportedBag, written: Mapping[str, int]
-) -> None:
-    messages = " + ".join(map(str, written.values()))
-    row = [found.name, found.custom_data.get("task", "-"), messages]
-    if isinstance(found, ImportedDemonstration):
-        row += [str(found.not_measured(written)), str(found.n_dropped)]
-    table.add_row(*row)

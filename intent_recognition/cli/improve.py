@@ -26,6 +26,11 @@ for pouring:
                    average by so many of its radii (default: %(default)s)
 --output DIR       folder of rollouts and results (default: practice)
 
+the result, one of:
+--accept  use the result: a task changes in its library, pouring is written as skill.npz into
+          --output
+--undo    take the last --accept back
+
 # practise to pour from demonstrations that fall short, 40 pours in simulation
 intent improve pouring --short 0.9
 # bring the plate earlier
@@ -48,7 +53,6 @@ from rich.console import Console
 from intent_recognition.cli import output
 from intent_recognition.cli.console import print_facts, progress_bar, say
 from intent_recognition.cli.improve_subjects import (
-    SKILL,
     THUMBS,
     Pouring,
     TaskOfFolder,
@@ -56,23 +60,12 @@ from intent_recognition.cli.improve_subjects import (
     subject_of,
     undo,
 )
-from intent_recognition.cli.options import add_options, number
+from intent_recognition.cli.options import number
 from intent_recognition.cli.teach import add_library_options
 from intent_recognition.improvement import Cost, PracticeSession, Rollout, compare, load_cost
 
 CHECKS = 5
 """Number of fresh rollouts with which the initial and the improved skill are compared."""
-
-
-def _accept_or_undo(parser: argparse.ArgumentParser) -> None:
-    add_options(
-        parser.add_mutually_exclusive_group(),
-        f"""
-        --accept  use the result: a task changes in its library, pouring is written as {SKILL} into
-                  --output
-        --undo    take the last --accept back
-        """,
-    )
 
 
 OPTIONS = {
@@ -85,7 +78,7 @@ OPTIONS = {
     "wanted": {"type": number(int, 1, 40), "default": 40},
     "short": {"type": number(float, 0.0, 2.0), "default": 0.0},
 }
-MORE = (_accept_or_undo, partial(add_library_options, default=None))
+MORE = (partial(add_library_options, default=None),)
 
 
 def run(args: argparse.Namespace) -> int:

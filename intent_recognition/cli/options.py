@@ -146,8 +146,9 @@ def add_options(group: argparse._ActionsContainer, tables: str, /, **more: Any) 
         group: parser or group to which the arguments are added.
         tables: one row per argument: its name and metavar, two or more spaces, and its help. A
             row without metavar is a switch, `...` takes one or more values, and metavars in
-            `PATHS` are paths. A line that ends in a colon is the title of a group. The row of
-            `--json OUT` says what is written; the rest of its help is the same everywhere.
+            `PATHS` are paths. A line that ends in a colon is the title of a group; after `one of:`
+            its arguments exclude one another. The row of `--json OUT` says what is written; the
+            rest of its help is the same everywhere.
         more: by argument name its type, or keywords of `add_argument`.
     """
     for section in filter(None, textwrap.dedent(tables).strip().split("\n\n")):
@@ -155,7 +156,10 @@ def add_options(group: argparse._ActionsContainer, tables: str, /, **more: Any) 
         rows = [re.sub(r"\n +", "  ", row, count=1) for row in re.split(r"\n(?! )", section)]
         within = group
         if rows[0].endswith(":"):
-            within = group.add_argument_group(rows.pop(0)[:-1])
+            title = rows.pop(0)[:-1]
+            within = group.add_argument_group(title)
+            if title.endswith("one of"):
+                within = within.add_mutually_exclusive_group()
         for row in rows:
             name, options = _argument(row)
             given = more.pop(name.lstrip("-").replace("-", "_"), {})

@@ -7,6 +7,10 @@ session SESSION  one bag, or its .mcap file
 --output BAGS    folder of the new bags (default: %(default)s)
 --json OUT       the segments
 
+who finds the tasks, one of:
+--model M.npz  model that finds and labels the tasks
+--unlabelled   cut by motion alone (the default without --model)
+
 # cut where both agents rest, then find the tasks
 intent segment sessions/monday --unlabelled --output demos
 # then learn from them
@@ -20,7 +24,6 @@ from pathlib import Path
 
 from intent_recognition.cli import output
 from intent_recognition.cli.console import busy, plain_table, say
-from intent_recognition.cli.options import add_options
 from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import (
@@ -30,19 +33,7 @@ from intent_recognition.evaluation import (
 )
 from intent_recognition.model import load_model
 
-
-def _labelled_or_not(parser: argparse.ArgumentParser) -> None:
-    add_options(
-        parser.add_mutually_exclusive_group(),
-        """
-        --model M.npz  model that finds and labels the tasks
-        --unlabelled   cut by motion alone (the default without --model)
-        """,
-    )
-
-
 OPTIONS = {"output": {"default": Path("out/segments")}}
-MORE = (_labelled_or_not,)
 
 
 def run(args: argparse.Namespace) -> int:
