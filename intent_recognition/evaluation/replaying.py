@@ -32,7 +32,12 @@ class Decided(NamedTuple):
 
 def samples_of(reader: BagReader, model: Model, rejected: Counter[str]) -> Iterator[Sample]:
     """Samples of a recording that a model reads, in order, in the frame in which it was learned."""
-    return iter_samples(reader, model.dofs, _ingest_settings(model), rejected)
+    raw = {entry.topic for entry in model.dofs.recorded if is_raw_pose(entry.topic, entry.type)}
+    frames = {f for topic, found in frames_of(model.library).items() if topic in raw for f in found}
+    settings = None  # the defaults of `mocap_ingest`, and the extrinsics
+    if model.dofs.extrinsics is None and len(frames) == 1:
+        settings = IngestSettings(world_frame=frames.pop())
+    return iter_samples(reader, model.dofs, settings, rejected)
 
 
 def follow(
@@ -68,15 +73,6 @@ def decisions(
         current = estimate.labels, estimate.probabilities, estimate.log_evidence
         state, end_std = decide_when_ready(settings, state, *current, estimator.predicted_end_std)
         yield Decided(estimate, state, end_std)
-
-
-def _ingest_settings(model: Model) -> IngestSettings | None:
-    """Settings of `mocap_ingest` that fit a model; None for its defaults and extrinsics."""
-    raw = {entry.topic for entry in model.dofs.recorded if is_raw_pose(entry.topic, entry.type)}
-    frames = {f for topic, found in frames_of(model.library).items() if topic in raw for f in found}
-    if model.dofs.extrinsics is not None or len(frames) != 1:
-        return None
-    return IngestSettings(world_frame=frames.pop())
 
 
 def replay(

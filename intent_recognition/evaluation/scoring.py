@@ -111,8 +111,7 @@ def score_demonstration(
                 )
             if fraction in PREDICTION_FRACTIONS:
                 start = posture if start_posture else None
-                given = np.eye(library.n_tasks)[label]
-                mean, std = run.mixture_at(times, given, start)
+                mean, std = run.mixture_at(times, np.eye(library.n_tasks)[label], start)
                 inferred, _ = run.mixture_at(times, probabilities, start)
                 own, errors = _prediction_scores(library, mean - truth, std, fraction)
                 own["rmse_inferred_task"] = np.sqrt(per_unit(library, (inferred - truth) ** 2))

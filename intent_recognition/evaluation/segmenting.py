@@ -2,7 +2,7 @@
 """Splits a session into demonstrations: finds its interactions and labels them with a model."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import islice, pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -102,12 +102,14 @@ def write_segments(
     )
     shift_ns = clock_shift_ns(np.array([a - b for a, b in stamps if b is not None], np.int64))
     session = path.resolve().name.removesuffix(".mcap")
+    labels = {k: v for k, v in reader.custom_data.items() if k not in ("task", "tasks")}
+    labels["session"] = session
     parts = [
         BagPart(
             segment.start_ns + shift_ns,
             segment.end_ns + shift_ns,
             output / f"{session}_{number:03d}",
-            _labels(reader.custom_data, session, segment),
+            labels | ({"task": segment.task} if segment.task else {}),
         )
         for number, segment in enumerate(segments)
     ]
@@ -118,10 +120,3 @@ def write_segments(
             raise ResourceBusyError.about("output", "no bag of that name", part.path, cure)
     cut_bag(reader, parts, markers)
     return [part.path for part in parts]
-
-
-def _labels(custom_data: Mapping[str, str], session: str, segment: Segment) -> dict[str, str]:
-    """Labels of a segment's bag: the session's, except those that describe it as a whole."""
-    labels = {key: value for key, value in custom_data.items() if key not in ("task", "tasks")}
-    labels["session"] = session
-    return labels | ({"task": segment.task} if segment.task else {})

@@ -12,7 +12,6 @@ from intent_recognition.report.drawing import (
     SOFT,
     Drawing,
     Look,
-    Panel,
     new_axes,
     new_figure,
     readable,
@@ -52,7 +51,10 @@ def posterior_over_time_figure(trace: Mapping, movement_s: float) -> Drawing:
         axes.plot(time_s, p, color=colours[label], label=readable(label))[0]
         for label, p in zip(trace["labels"], probabilities.T, strict=True)
     ]
-    _events(axes, {"end_s": movement_s, **trace})
+    events = (trace.get("decision_s"), "-"), (trace.get("end_s", movement_s), ":")
+    for at_s, line in events:
+        if at_s is not None:
+            axes.axvline(at_s, color=SOFT, linewidth=1.2, linestyle=line)
     axes.set(ylim=(-0.02, 1.04), xlabel="time after onset [s]", ylabel="probability")
     figure.legend(handles=lines, loc="outside lower center", ncols=5)
     return figure
@@ -63,9 +65,3 @@ def thin(values: Floats, count: int = 400) -> Floats:
     if len(values) <= count:
         return values
     return values[np.linspace(0, len(values) - 1, count).round().astype(int)]
-
-
-def _events(axes: Panel, trace: Mapping) -> None:
-    for key, label, line in (("decision_s", "decision", "-"), ("end_s", "human's end", ":")):
-        if trace.get(key) is not None:
-            axes.axvline(trace[key], color=SOFT, linewidth=1.2, linestyle=line, label=label)
