@@ -143,7 +143,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _run_several(args: argparse.Namespace, arms: list[str], console: Console) -> int:
     """Run the same session with one arm after another, and write one report of all."""
-    from intent_recognition.report import write_arms_report
+    from intent_recognition.report import arms_page, write_page
 
     alone = {"record": None, "dashboard": False, "model": None, "tip": "", "base": ""}
     refuse_options(args, alone, "several arms", "Run one arm at a time.")
@@ -159,7 +159,7 @@ def _run_several(args: argparse.Namespace, arms: list[str], console: Console) ->
     for part, scene in zip(parts, scenes, strict=True):
         say(console, f"arm: {part.arm}")
         sessions[part.arm], numbers[part.arm] = _run_one(part, scene, console)
-    report = write_arms_report(args.output / "report.html", sessions)
+    report = write_page(args.output / "report.html", arms_page(sessions))
     say(console, f"all arms: {report}")
     write_json(args.json, {"arms": numbers})
     return _end([record for records in sessions.values() for record in records], console)
@@ -209,7 +209,7 @@ def _run_one(
 ) -> tuple[list["InteractionRecord"], dict]:
     """Run one session, print its table and write its report; return its records and numbers."""
     from intent_recognition.evaluation import summarise, to_json
-    from intent_recognition.report import write_demo_report
+    from intent_recognition.report import demo_page, write_page
     from sim_bridge.scenarios.toolbox import score_people
 
     if scene.note:
@@ -233,7 +233,7 @@ def _run_one(
     table_console(args).print(table_of(records))
     report = args.output / "report.html"
     say(console, "drawing the report ...")
-    write_demo_report(report, records, summary, traces, settings)
+    write_page(report, demo_page(records, summary, traces, settings))
     say(console, f"session of {duration_s:.0f} s in simulated time, report: {report}")
     return records, to_json(records, summary, settings)
 

@@ -34,7 +34,7 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli import output
-from intent_recognition.cli.console import boxed_table, busy, progress_bar, say
+from intent_recognition.cli.console import boxed_table, progress_bar, say
 from intent_recognition.cli.recordings import add_recording_options, read_all, training_settings
 from intent_recognition.cli.rejections import (
     print_doubtful,
@@ -48,10 +48,8 @@ from intent_recognition.errors import ArgumentError, first_of
 from intent_recognition.evaluation import PHASES, Fold, evaluate, make_folds, remarks_on
 from intent_recognition.learning import Relabelled
 from intent_recognition.model import merge_frames
+from intent_recognition.report import evaluation_page
 from intent_recognition.signals import Demonstration, Rejection, StreamFinding
-
-ONLINE = ("recognised", "acted_on", "wrongly_acted_on", "median_share_at_decision")
-
 
 OPTIONS = {
     "start_posture": {"choices": ("on", "off"), "default": "off"},
@@ -128,11 +126,7 @@ def _finish_unlabelled(
 def _write(args: argparse.Namespace, result: dict, title: str, console: Console) -> int:
     output.write_json(args.json, result)
     if args.report:
-        from intent_recognition.report import write_evaluation_report
-
-        with busy(console, "writing the report"):
-            write_evaluation_report(args.report, result, title)
-        say(console, f"wrote {args.report}")
+        output.write_report(console, args.report, evaluation_page, result, title)
     return 0
 
 
@@ -192,18 +186,9 @@ def print_result(console: Console, result: dict) -> None:
         taken = (f"{m['recording']} ({m['true']}) for {m['recognised']}" for m in mistaken)
         say(console, f"taken for another task at the end: {first_of([*taken])}", "yellow")
     print_reactive(console, result["reactive"])
-    print_online(console, result["online"])
+    online = {phase.removesuffix("_phase"): row for phase, row in result["online"].items()}
+    _print_scores(console, "online, as the nodes run", "phase", online, "{:.1%}")
     _print_none(console, result["none"])
-
-
-def print_online(console: Console, online: dict) -> None:
-    """Print a table of what the nodes would have done."""
-    title = "online, as the nodes run"
-    rows = {
-        phase.removesuffix("_phase"): {name: row[name] for name in ONLINE}
-        for phase, row in online.items()
-    }
-    _print_scores(console, title, "phase", rows, "{:.1%}")
 
 
 def _print_scores(

@@ -14,7 +14,6 @@ intent explain demos/give_bracket_00 --model bracket.npz --report why.html
 import argparse
 from collections import Counter
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from rich.console import Console
@@ -24,7 +23,7 @@ from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, busy, say
 from intent_recognition.evaluation import Explanation, explain
 from intent_recognition.model import load_model
-from intent_recognition.report import heading, without_rows, write_explanation_report
+from intent_recognition.report import explanation_page, heading, without_rows
 
 PARTS = 3
 """Number of intervals into which the table divides the time until a decision."""
@@ -47,15 +46,9 @@ def run(args: argparse.Namespace) -> int:
     if not found:
         say(shown, "no movement was found: `intent inspect` shows what is in the recording")
     if args.report:
-        write_report(console, args.report, found, args.bag)
+        title = f"Decisions in {args.bag.name}"
+        output.write_report(console, args.report, explanation_page, found, title)
     return 0
-
-
-def write_report(console: Console, path: Path, found: list[Explanation], bag: Path) -> None:
-    """Write the figures as an HTML page."""
-    with busy(console, "writing the report"):
-        write_explanation_report(path, found, f"Decisions in {bag.name}")
-    say(console, f"wrote {path}")
 
 
 def print_explanation(console: Console, one: Explanation) -> None:

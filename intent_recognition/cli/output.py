@@ -5,14 +5,19 @@ import argparse
 import json
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from intent_recognition.cli.console import make_console
+from intent_recognition.cli.console import busy, make_console, say
 from intent_recognition.cli.options import PRINTED
 from intent_recognition.durable import writing
 from intent_recognition.errors import ArgumentError, ResourceBusyError, optional
+
+if TYPE_CHECKING:
+    from intent_recognition.report import ReportPage
 
 
 def console_beside(args: argparse.Namespace, *options: str) -> Console:
@@ -65,6 +70,17 @@ def check_output(option: str, path: Path | None) -> None:
     if problem:
         expected = "a file that can be written"
         raise ResourceBusyError.about(f"{option} {path}", expected, problem, "Choose another.")
+
+
+def write_report(
+    console: Console, path: Path, page: Callable[..., "ReportPage"], *content: object
+) -> None:
+    """Write the page that a function makes of some content, and say so."""
+    from intent_recognition.report import write_page
+
+    with busy(console, "writing the report"):
+        write_page(path, page(*content))
+    say(console, f"wrote {path}")
 
 
 def check_new(path: Path, text: str) -> None:

@@ -31,7 +31,7 @@ from intent_recognition.evaluation import (
 from intent_recognition.learning import Trained
 from intent_recognition.model import load_trained
 from intent_recognition.recognition import MAX_WRONG, decision_settings
-from intent_recognition.report import rehearsal_tables, write_rehearsal_report
+from intent_recognition.report import rehearsal_page, rehearsal_tables
 from intent_recognition.signals import Demonstration
 
 OPTIONS = {"max_wrong": {"type": number(float, 0.001, 0.5), "default": MAX_WRONG}}
@@ -61,8 +61,7 @@ def run(args: argparse.Namespace) -> int:
             table.add_row(*row)
         shown.print(table)
     if args.report:
-        write_rehearsal_report(args.report, tables, worst)
-        say(console, f"wrote {args.report}")
+        output.write_report(console, args.report, rehearsal_page, tables, worst)
     return 0
 
 

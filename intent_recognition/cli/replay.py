@@ -22,11 +22,11 @@ from rich.console import Console
 from intent_recognition.bags import BagReader
 from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, progress_bar, say
-from intent_recognition.cli.explain import write_report
 from intent_recognition.errors import BagError
 from intent_recognition.evaluation import explain, replay
 from intent_recognition.model import load_model
 from intent_recognition.promp import NONE, TaskLibrary
+from intent_recognition.report import explanation_page
 
 OPTIONS = {"model": {"required": True}}
 
@@ -61,7 +61,8 @@ def run(args: argparse.Namespace) -> int:
     if dropped:
         console.print(f"messages dropped: {dropped}", style="yellow")
     if args.report:
-        write_report(console, args.report, explain(reader, model), args.bag)
+        found, title = explain(reader, model), f"Decisions in {args.bag.name}"
+        output.write_report(console, args.report, explanation_page, found, title)
     return 0
 
 

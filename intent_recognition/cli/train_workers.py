@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from multiprocessing import get_context
 from typing import Any
@@ -24,11 +24,10 @@ CONNECT_S = 10.0
 
 def add_worker_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of commands whose work can be distributed."""
-    where = parser.add_argument_group("where bags are read")
-    group = where.add_mutually_exclusive_group()
     add_options(
-        group,
+        parser,
         """
+        where bags are read, one of:
         --jobs N             processes that read the bags (default: %(default)s)
         --scheduler ADDRESS  dask scheduler whose workers read the bags, as tcp://127.0.0.1:8786;
                              they need the same paths and `pip install .[dask]`
@@ -37,8 +36,7 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-@contextmanager
-def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Run]:
+def workers(jobs: int = 1, scheduler: str | None = None) -> AbstractContextManager[Run]:
     """A `map` over `jobs` processes, or over the workers of a dask scheduler.
 
     Args:
@@ -46,13 +44,8 @@ def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Run]:
         scheduler: address such as `tcp://127.0.0.1:8786`; its workers must see the same paths.
     """
     if scheduler is not None:
-        with _dask(scheduler) as run:
-            yield run
-    elif jobs > 1:
-        with _processes(jobs) as run:
-            yield run
-    else:
-        yield map
+        return _dask(scheduler)
+    return _processes(jobs) if jobs > 1 else nullcontext(map)
 
 
 @contextmanager

@@ -32,12 +32,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.cli import output
-from intent_recognition.cli.console import boxed_table, busy, say
+from intent_recognition.cli.console import boxed_table, say
 from intent_recognition.cli.options import number
 from intent_recognition.errors import ArgumentError
 from intent_recognition.objects import find_object, load_object, load_target
@@ -110,11 +109,9 @@ def run(args: argparse.Namespace) -> int:
     parts = ", ".join(f"{n} {part}" for part, n in content["points"].items())
     say(console, f"{len(warped.points)} points: {parts}; {1e3 * taken_s:.0f} ms")
     if args.report:
-        from intent_recognition.report import write_warp_report
+        from intent_recognition.report import warp_page
 
-        with busy(Console(stderr=True), "writing the report"):
-            path = write_warp_report(args.report, source, warped, parameters, content)
-        say(console, f"report: {path}")
+        output.write_report(console, args.report, warp_page, source, warped, parameters, content)
     return 0
 
 

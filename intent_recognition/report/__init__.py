@@ -4,7 +4,7 @@
 Each page has a file, and so have the figures on it.
 """
 
-from intent_recognition.report.demo_report import write_arms_report, write_demo_report
+from intent_recognition.report.demo_report import arms_page, demo_page
 from intent_recognition.report.drawing import (
     DASHED,
     INK,
@@ -23,12 +23,12 @@ from intent_recognition.report.drawing import (
     to_png,
     to_svg,
 )
-from intent_recognition.report.evaluation_report import write_evaluation_report
+from intent_recognition.report.evaluation_report import evaluation_page
 from intent_recognition.report.explanation_report import (
+    explanation_page,
     heading,
     short_name,
     without_rows,
-    write_explanation_report,
 )
 from intent_recognition.report.figures_session import hand_error_figure
 from intent_recognition.report.html import (
@@ -45,5 +45,5 @@ from intent_recognition.report.html import (
     write_page,
 )
 from intent_recognition.report.interaction_table import fields_of
-from intent_recognition.report.rehearsal_report import rehearsal_tables, write_rehearsal_report
-from intent_recognition.report.warp_report import write_warp_report
+from intent_recognition.report.rehearsal_report import rehearsal_page, rehearsal_tables
+from intent_recognition.report.warp_report import warp_page

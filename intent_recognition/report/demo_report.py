@@ -2,7 +2,6 @@
 """Reports of the demo: one arm's results beside the paper's, or several arms' results."""
 
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from statistics import median
 
 from intent_recognition.evaluation import (
@@ -34,36 +33,21 @@ LARGEST_FORCE_N = 15.0
 COLOURS = "Green: an aim is met; red: missed; blue: no aim."
 
 
-def write_demo_report(
-    path: str | Path,
-    records: Sequence[InteractionRecord],
-    summary: DemoSummary,
-    traces: Sequence[Trace] = (),
-    settings: Mapping[str, object] | None = None,
-) -> Path:
-    """Write the demo's report as one HTML file.
-
-    Args:
-        path: path of the file; its folder is created if it is missing.
-        records: all interactions, in order.
-        summary: summary of the records.
-        traces: arrays of any of the interactions (keys: `evaluation.Trace`); figures without data
-            are left out.
-        settings: names and values of the session's settings, listed at the end.
-
-    Raises:
-        ResourceBusyError: the file cannot be written.
-    """
-    return html.write_page(path, demo_page(records, summary, traces, settings or {}))
-
-
 def demo_page(
     records: Sequence[InteractionRecord],
     summary: DemoSummary,
     traces: Sequence[Trace],
     settings: Mapping[str, object],
 ) -> html.ReportPage:
-    """Content of the report; the arguments are those of `write_demo_report`."""
+    """The demo's report.
+
+    Args:
+        records: all interactions, in order.
+        summary: summary of the records.
+        traces: arrays of any of the interactions (keys: `evaluation.Trace`); figures without data
+            are left out.
+        settings: names and values of the session's settings, listed at the end.
+    """
     by_index = {trace["index"]: usable(trace) for trace in traces}
     labels = [label for trace in by_index.values() for label in trace.get("labels", ())]
     unchanged = [record for record in records if not record.changed_from]
@@ -226,10 +210,8 @@ CAPTION = (
 )
 
 
-def write_arms_report(
-    path: str | Path, sessions: Mapping[str, Sequence[InteractionRecord]]
-) -> Path:
-    """Write the report as one HTML file."""
+def arms_page(sessions: Mapping[str, Sequence[InteractionRecord]]) -> html.ReportPage:
+    """Report of the same session with several arms, by arm."""
     errors_cm = {
         arm: [CM_PER_M * r.hand_error_m for r in records if r.hand_error_m is not None]
         for arm, records in sessions.items()
@@ -245,4 +227,4 @@ def write_arms_report(
     title = "The same session with several arms"
     subtitle = "Each arm before the same simulated coworker; measured on the ROS 2 topics."
     result = html.Section("Result", (html.TableBlock(columns, rows, CAPTION), figure))
-    return html.write_page(path, html.ReportPage(title, subtitle, (result,), together))
+    return html.ReportPage(title, subtitle, (result,), together)

@@ -2,7 +2,6 @@
 """The report of `intent evaluate`: its numbers as tables and figures."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
@@ -54,19 +53,8 @@ EXPLANATION = (
 )
 
 
-def write_evaluation_report(path: str | Path, result: Mapping, title: str) -> Path:
-    """Write the report as one HTML file.
-
-    Args:
-        path: path of the file; its folder is created if it is missing.
-        result: the JSON of `intent evaluate`; missing parts are left out.
-        title: title of the page.
-    """
-    return html.write_page(path, evaluation_page(result, title))
-
-
 def evaluation_page(result: Mapping, title: str) -> html.ReportPage:
-    """Content of the report; the arguments are those of `write_evaluation_report`."""
+    """The report of the JSON of `intent evaluate`; missing parts are left out."""
     tasks = ", ".join(str(task) for task in result.get("tasks", ()))
     segment = result.get("segment", "movement")
     explained = " ".join([*remarks_on(result), EXPLANATION.format(segment=segment)])

@@ -2,7 +2,6 @@
 """Explanations of decisions: evidence over time and by DOF, and decisions without signals."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -33,12 +32,10 @@ CAPTIONS = (
 )
 
 
-def write_explanation_report(
-    path: str | Path, explanations: Sequence[Explanation], title: str
-) -> Path:
-    """Write the explanations of a recording as one HTML file."""
+def explanation_page(explanations: Sequence[Explanation], title: str) -> html.ReportPage:
+    """The report of the explanations of a recording."""
     sections = tuple(html.Section(heading(one), _blocks(one)) for one in explanations)
-    return html.write_page(path, html.ReportPage(title, EXPLANATION, sections))
+    return html.ReportPage(title, EXPLANATION, sections)
 
 
 def heading(one: Explanation) -> str:

@@ -2,7 +2,6 @@
 """The report of a rehearsal: risk, latency, the worst moments, and what to demonstrate next."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -68,8 +67,8 @@ def rehearsal_tables(
     }
 
 
-def write_rehearsal_report(path: str | Path, tables: Tables, worst: Sequence[Rehearsed]) -> Path:
-    """Write the report as one HTML file and create its folder; the worst runs come first."""
+def rehearsal_page(tables: Tables, worst: Sequence[Rehearsed]) -> html.ReportPage:
+    """The report of a rehearsal; the worst runs come first."""
     sections = []
     for title, (names, *rows) in tables.items():
         table = html.TableBlock(html.text_columns(*names), rows)
@@ -79,8 +78,7 @@ def write_rehearsal_report(path: str | Path, tables: Tables, worst: Sequence[Reh
         sections[-1] = html.Section(sections[-1].heading, (drawn, *sections[-1].blocks))
     explained = html.Paragraph(EXPLANATION, small=True)
     sections[0] = html.Section("Result", (*sections[0].blocks, explained))
-    page = html.ReportPage("Rehearsal", "before the robot moves", tuple(sections))
-    return html.write_page(path, page)
+    return html.ReportPage("Rehearsal", "before the robot moves", tuple(sections))
 
 
 @styled

@@ -2,7 +2,6 @@
 """The report of one warp: its parameters, the points by part, and a section."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,14 +31,13 @@ MM = 1e3
 """Millimetres in a metre."""
 
 
-def write_warp_report(
-    path: str | Path,
+def warp_page(
     source: ObjectModel,
     warped: WarpedObject,
     parameters: PouringParameters,
     content: Mapping[str, object],
-) -> Path:
-    """Write the report of a warp as one HTML file."""
+) -> html.ReportPage:
+    """The report of a warp; `content` is its JSON."""
     own = source.annotated
     views = (
         (f"annotated: {own.name}", source.frame.to_local(own.points), own.labels),
@@ -60,7 +58,7 @@ def write_warp_report(
     blocks |= {"Cavity": cut, "As JSON": table}
     sections = tuple(html.Section(name, (block,)) for name, block in blocks.items())
     subtitle = f"{content['source']} onto {content['target']}"
-    return html.write_page(path, html.ReportPage("Warped object", subtitle, sections))
+    return html.ReportPage("Warped object", subtitle, sections)
 
 
 def _text(value: object) -> str:

@@ -16,6 +16,7 @@ from intent_recognition.cli import evaluate as command
 from intent_recognition.cli.main import main
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import make_folds
+from intent_recognition.report.evaluation_report import ONLINE_COLUMNS
 
 
 class Run(NamedTuple):
@@ -66,7 +67,7 @@ def test_folds_by_index(scored):
     assert "Shares observed are of the recording" in text and "--segment movement" in text
     assert "nothing to recognise" not in text
     for row in result["online"].values():
-        assert set(row) == {*command.ONLINE}
+        assert set(row) == {*ONLINE_COLUMNS}
         assert row["recognised"] >= 0.75 and row["wrongly_acted_on"] == 0.0
 
 

@@ -15,11 +15,11 @@ from experiments import catalogue
 from experiments.catalogue import Experiment
 from experiments.runs import ExperimentRun
 from intent_recognition.cli import main as cli
-from intent_recognition.cli.evaluate import ONLINE
 from intent_recognition.cli.output import PRINTED, write_json
 from intent_recognition.evaluation.reactive import REACTIVE_NAMES
 from intent_recognition.learning import TrainingReport, TrainingSettings, learn_with_report
 from intent_recognition.model import Model, save_model
+from intent_recognition.report.evaluation_report import ONLINE_COLUMNS
 from sim_bridge.containers.generate import make_container
 
 TRAIN = ("train", "bags", "--dofs", "dofs.yaml", "--basis", "8")
@@ -54,7 +54,7 @@ def folder(tmp_path_factory) -> Path:
 def _evaluated(demonstrations, folds, *_, **__) -> dict:
     """What is printed of an evaluation, in place of seconds of scoring (test_evaluate)."""
     nothing = {"known_phase": {"1.0": {"accuracy": 1.0}}, "unknown_phase": {"1.0": {"rmse": None}}}
-    online = {"known_phase": dict.fromkeys(ONLINE)}
+    online = {"known_phase": dict.fromkeys(ONLINE_COLUMNS)}
     return {
         "n_demonstrations": len(demonstrations),
         "tasks": [*{d.task: None for d in demonstrations}],
