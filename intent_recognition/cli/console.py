@@ -4,7 +4,7 @@
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 from rich.console import Console, JustifyMethod, OverflowMethod
@@ -94,11 +94,9 @@ def _state(task: Task) -> str:
     return f"{said}, about {rest_s:.0f} s more"
 
 
-@contextmanager
-def progress_bar(console: Console) -> Iterator[Progress]:
+def progress_bar(console: Console) -> AbstractContextManager[Progress]:
     """A progress bar for a known number of items."""
-    with bar_with(console, MofNCompleteColumn(), TimeRemainingColumn()) as bar:
-        yield bar
+    return bar_with(console, MofNCompleteColumn(), TimeRemainingColumn())
 
 
 @contextmanager

@@ -88,18 +88,18 @@ class NodeWatch:
             IntentError: a node died or hangs, or the deadline has passed.
             KeyboardInterrupt: a signal arrived.
         """
-        end_s = time.monotonic() + deadline_s
+        if not self.until_or(condition, deadline_s):
+            cure = "See the nodes' logs."
+            raise IntentError.about(what, f"within {deadline_s:.0f} s", "nothing", cure)
+
+    def until_or(self, condition: Callable[[], bool], longest_s: float) -> bool:
+        """Wait until a condition holds or a time has passed; return whether it holds."""
+        end_s = time.monotonic() + longest_s
         while not condition():
             if time.monotonic() > end_s:
-                cure = "See the nodes' logs."
-                raise IntentError.about(what, f"within {deadline_s:.0f} s", "nothing", cure)
+                return False
             self._step()
-
-    def until_or(self, condition: Callable[[], bool], longest_s: float) -> None:
-        """Wait until a condition holds or a time has passed; raises as `until` does."""
-        end_s = time.monotonic() + longest_s
-        while not condition() and time.monotonic() <= end_s:
-            self._step()
+        return True
 
     def for_seconds(self, seconds: float) -> None:
         """Wait for a time; raises as `until` does."""
@@ -108,8 +108,7 @@ class NodeWatch:
     def until_interrupted(self) -> None:
         """Wait for a signal."""
         with suppress(KeyboardInterrupt):
-            while True:
-                self._step()
+            self.until_or(lambda: False, float("inf"))
 
     def _step(self) -> None:
         if self._interrupts.take():

@@ -56,6 +56,7 @@ def test_a_bag_shows_topics_labels_gaps_and_outliers(run_command, flawed_bag):
     assert (content["task"], content["message_count"], pose_topic["count"]) == ("plate", 90, 60)
     assert content["duration_s"] == pytest.approx(59 * 0.01 + 0.5)
     assert pose_topic["rejected"] == {"jump": 1, "not_finite": 1}
+    assert pose_topic["not_finite"] == 1
     assert pose_topic["gaps"] == [[START_NS + 39 * STEP_NS, pytest.approx(0.51)]]
 
 
