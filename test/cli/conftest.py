@@ -65,6 +65,20 @@ def recorded(tmp_path_factory):
     return folder
 
 
+@pytest.fixture
+def train(run_command, recorded, tmp_path):
+    """Train with eight basis functions; returns the model's file and what was printed."""
+
+    def run(*arguments, dofs="dofs.yaml"):
+        path = tmp_path / f"model_{len(list(tmp_path.iterdir()))}.npz"
+        options = ("--dofs", recorded / dofs, "--basis", 8, "--output", path)
+        code, text = run_command("train", *arguments, *options)
+        assert code == 0
+        return path, text
+
+    return run
+
+
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
     """File of a model of those tasks."""

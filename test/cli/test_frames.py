@@ -39,18 +39,6 @@ def recorded(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def train(run_command, recorded, tmp_path):
-    def run(bags, dofs, *arguments):
-        path = tmp_path / f"{len(list(tmp_path.iterdir()))}.npz"
-        options = ["--dofs", recorded / dofs, "--basis", 8, "--output", path, *arguments]
-        code, text = run_command("train", *(recorded / bag for bag in bags), *options)
-        assert code == 0
-        return path, text
-
-    return run
-
-
 def replayed(run_command, bag, model):
     code, text = run_command("replay", bag, "--model", model, "--json")
     assert code == 0
@@ -59,7 +47,8 @@ def replayed(run_command, bag, model):
 
 @pytest.mark.slow
 def test_raw_recordings_with_extrinsics_are_those_in_the_world(train, run_command, recorded):
-    (in_world, _), (raw, said) = train(["world"], "world.yaml"), train(["raw"], "raw.yaml")
+    in_world, _ = train(recorded / "world", dofs="world.yaml")
+    raw, said = train(recorded / "raw", dofs="raw.yaml")
     expected, found = load_model(in_world), load_model(raw)
     for name in NUMBERS:
         ours, theirs = getattr(found.library, name), getattr(expected.library, name)
@@ -81,7 +70,7 @@ def test_raw_recordings_with_extrinsics_are_those_in_the_world(train, run_comman
 
 @pytest.mark.slow
 def test_without_extrinsics_the_recorded_frame_is_kept(train, run_command, recorded):
-    path, _ = train(["raw"], "world.yaml")
+    path, _ = train(recorded / "raw", dofs="world.yaml")
     model = load_model(path)
     assert frames_of(model.library) == {WRIST.topic: (TRACKER,)}
     _, shown = run_command("inspect", path)
@@ -89,23 +78,25 @@ def test_without_extrinsics_the_recorded_frame_is_kept(train, run_command, recor
     assert replayed(run_command, recorded / "raw" / "demo_03", path)
     with pytest.raises(BagError, match=r"unknown_frame.*in the frame that"):
         run_command("replay", recorded / "world" / "demo_03", "--model", path)
-    both, said = train(["world/demo_00", "world/demo_01"], "world.yaml", "--add", path)
+    two = (recorded / "world" / name for name in ("demo_00", "demo_01"))
+    both, said = train(*two, "--add", path, dofs="world.yaml")
     assert f"{WRIST.topic}: recorded in the frames {TRACKER}, world" in said
     assert "extrinsics" in said
     assert frames_of(load_model(both).library) == {WRIST.topic: (TRACKER, "world")}
-    more, said = train(["raw/demo_00", "raw/demo_01"], "world.yaml", "--add", path)
+    two = (recorded / "raw" / name for name in ("demo_00", "demo_01"))
+    more, said = train(*two, "--add", path, dofs="world.yaml")
     assert "recorded in the frames" not in said
     assert frames_of(load_model(more).library) == {WRIST.topic: (TRACKER,)}
 
 
 @pytest.mark.slow
 def test_recordings_in_several_frames_are_named(train, run_command, recorded):
-    bags = [*(f"raw/demo_{k:02d}" for k in range(4)), *(f"world/demo_{k:02d}" for k in range(4, 8))]
+    bags = [recorded / ("raw" if k < 4 else "world") / f"demo_{k:02d}" for k in range(8)]
     sentence = f"{WRIST.topic}: recorded in the frames {TRACKER}, world"
-    _, said = train(bags, "raw.yaml")
+    _, said = train(*bags, dofs="raw.yaml")
     assert sentence not in said
-    _, said = run_command("evaluate", *(recorded / bag for bag in bags), "--dofs",
-                          recorded / "world.yaml", "--basis", 8, "--unknown-tasks", "off",
+    _, said = run_command("evaluate", *bags, "--dofs", recorded / "world.yaml",
+                          "--basis", 8, "--unknown-tasks", "off",
                           "--protocol", "temporal:0.5")  # fmt: skip
     assert sentence in said
 

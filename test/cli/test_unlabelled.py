@@ -140,29 +140,19 @@ def small_parts(monkeypatch):
     monkeypatch.setattr(accumulate, "BATCH", 2)
 
 
-@pytest.fixture
-def train(run_command, recorded, tmp_path):
-    def run(*arguments):
-        output = tmp_path / f"model_{len(list(tmp_path.iterdir()))}.npz"
-        options = ("--dofs", recorded / "dofs.yaml", "--basis", 8, "--output", output)
-        code, text = run_command("train", recorded / "bags", *arguments, *options)
-        assert code == 0
-        return load_model(output).library, text
-
-    return run
-
-
-def assert_same_bags(found, expected):
+def assert_same_bags(*models):
+    found, expected = (load_model(path).library for path in models)
     assert_same(found, expected, rtol=1e-12)
     assert found.provenance["bags"] == expected.provenance["bags"]
 
 
 @pytest.mark.slow
 def test_processes_learn_the_same_model(train, recorded, small_parts):
-    alone, text = train(recorded / "spoiled")
-    together, text_together = train(recorded / "spoiled", "--jobs", 2)
+    folders = recorded / "bags", recorded / "spoiled"
+    alone, text = train(*folders)
+    together, text_together = train(*folders, "--jobs", 2)
     assert_same_bags(together, alone)
-    assert together.n_demonstrations.tolist() == [4, 4]
+    assert load_model(together).library.n_demonstrations.tolist() == [4, 4]
     left_out = [line for line in text.splitlines() if "left out" in line]
     assert len(left_out) >= 5
     assert [line for line in text_together.splitlines() if "left out" in line] == left_out
@@ -183,16 +173,16 @@ def cluster():
 
 
 @pytest.mark.slow
-def test_a_dask_scheduler_learns_the_same_model(train, small_parts, cluster):
+def test_a_dask_scheduler_learns_the_same_model(train, recorded, small_parts, cluster):
     assert cluster.scheduler_address.startswith("tcp://127.0.0.1:")
-    elsewhere, _ = train("--scheduler", cluster.scheduler_address)
-    assert_same_bags(elsewhere, train()[0])
+    elsewhere, _ = train(recorded / "bags", "--scheduler", cluster.scheduler_address)
+    assert_same_bags(elsewhere, train(recorded / "bags")[0])
 
 
 def test_without_dask_the_cure_is_named(train, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(MissingPackageError, match="pip install distributed"):
-        train("--scheduler", "tcp://127.0.0.1:1")
+        train("bags", "--scheduler", "tcp://127.0.0.1:1")
 
 
 @pytest.mark.slow
@@ -200,9 +190,9 @@ def test_a_scheduler_that_is_not_there_is_one_line(train, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("intent_recognition.cli.train_workers.CONNECT_S", 0.3)
     with pytest.raises(ResourceBusyError, match=r"--scheduler tcp://127\.0\.0\.1:1: .*--jobs"):
-        train("--scheduler", "tcp://127.0.0.1:1")
+        train("bags", "--scheduler", "tcp://127.0.0.1:1")
     with pytest.raises(ResourceBusyError, match=r"--scheduler nonsense://x"):
-        train("--scheduler", "nonsense://x")
+        train("bags", "--scheduler", "nonsense://x")
 
 
 def test_a_scheduler_without_workers_is_refused(train):
@@ -212,7 +202,7 @@ def test_a_scheduler_without_workers_is_refused(train):
         distributed.LocalCluster(n_workers=0, processes=False, **options) as empty,
         pytest.raises(ResourceBusyError, match="at least one worker, got none"),
     ):
-        train("--scheduler", empty.scheduler_address)
+        train("bags", "--scheduler", empty.scheduler_address)
 
 
 @pytest.mark.slow
