@@ -123,8 +123,7 @@ def _find_label_topic(reader: BagReader, wanted: str) -> str | None:
 
 
 def _label(message: BagMessage) -> str:
-    text: str = message.message.data.strip()
-    return text
+    return str(message.message.data).strip()
 
 
 def _unended(source: str, marker: BagMessage, label: str, when: str) -> Rejection:

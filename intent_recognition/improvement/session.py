@@ -168,7 +168,11 @@ class PracticeSession:
             ResourceBusyError: the file cannot be written.
         """
         tried = Tried(tuple(point.tolist()), cost, bag, dict(outcome))
-        self._write([*self.tried, tried])
+        every, path = [*self.tried, tried], self.folder / STATE
+        content = {"format": FORMAT, "about": self.about, "tried": [asdict(one) for one in every]}
+        with writing(str(path)):
+            write_text(path, json.dumps(content, indent=1) + "\n")
+        self.tried = every
         return tried
 
     def settled(self) -> Floats:
@@ -194,12 +198,6 @@ class PracticeSession:
         """Improved weights (d,), or the initial weights if there is no improvement."""
         space, keeps = self._practice.space, self._practice.keeps_limits
         return space.weights(settled_point(self._search, space, self.points, self.costs, keeps))
-
-    def _write(self, tried: list[Tried]) -> None:
-        content = {"format": FORMAT, "about": self.about, "tried": [asdict(one) for one in tried]}
-        with writing(str(self.folder / STATE)):
-            write_text(self.folder / STATE, json.dumps(content, indent=1) + "\n")
-        self.tried = tried
 
     def _read(self) -> list[Tried]:
         path, cure = self.folder / STATE, "Choose another folder."

@@ -209,13 +209,8 @@ class TaskFolder:
             if before is not None and before.model and not (self.path / before.model).is_file():
                 cure = "Put it back, or go on with the present model."
                 raise ModelError.about(before.model, "the model before", "none", cure)
-            return self._write(
-                UNDO,
-                last.task,
-                last.bag,
-                before.model if before else "",
-                before.tasks if before else {},
-            )
+            model, tasks = (before.model, before.tasks) if before else ("", {})
+            return self._write(UNDO, last.task, last.bag, model, tasks)
 
     def correct(self, execution: Path) -> Path:
         """Make a demonstration from a corrected execution; return its recording.
