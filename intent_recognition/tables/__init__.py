@@ -9,6 +9,6 @@ from intent_recognition.tables.exporting import (
     write_table,
 )
 from intent_recognition.tables.import_map import load_map
-from intent_recognition.tables.imported import EntrySamples, ImportedBag, ImportedDemonstration
+from intent_recognition.tables.imported import EntrySamples, ImportedDemonstration
 from intent_recognition.tables.importing import import_demonstrations
 from intent_recognition.tables.suggesting import suggest_map

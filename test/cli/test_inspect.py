@@ -125,6 +125,16 @@ def test_damage_is_shown_not_raised(run_command, tmp_path):
     assert code == 1 and "1 damaged" in output
 
 
+def test_the_length_of_a_cut_bag_is_of_what_can_be_read(run_command, tmp_path):
+    bag = write_bag(tmp_path / "cut", count=2000)
+    file = next(bag.glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[:70_000])
+    _, output = run_command("inspect", bag, "--json")
+    content = json.loads(output)
+    times_ns = [m.log_time_ns for m in BagReader(bag, tolerant=True).raw_messages()]
+    assert content["end_ns"] == max(times_ns) < START_NS + 1900 * STEP_NS
+
+
 def test_nothing_to_inspect_is_an_error(run_command, tmp_path):
     notes, missing = tmp_path / "notes.txt", tmp_path / "missing"
     model = missing.with_suffix(".npz")
@@ -207,18 +217,17 @@ def test_a_table_is_to_be_imported(words, run_command, tmp_path, model_file):
             run_command(*words, path, *more)
 
 
-@pytest.mark.parametrize("how", ["cut", "flipped"])
-def test_messages_that_cannot_be_read_do_not_count(run_command, tmp_path, how):
-    bag = write_bag(tmp_path / how, count=2000)
+def test_messages_of_a_chunk_that_cannot_be_read_do_not_count(run_command, tmp_path):
+    bag = write_bag(tmp_path / "flipped")
     file = next(bag.glob("*.mcap"))
     data = bytearray(file.read_bytes())
     data[len(data) // 2] ^= 0xFF
-    file.write_bytes(data if how == "flipped" else data[: len(data) // 2])
+    file.write_bytes(data)
     _, output = run_command("inspect", bag, "--json")
     content = json.loads(output)
-    times_ns = [m.log_time_ns for m in BagReader(bag, tolerant=True).raw_messages()]
-    assert content["message_count"] == len(times_ns) < 4000 and content["damage"]
-    assert (content["start_ns"], content["end_ns"]) == (min(times_ns), max(times_ns))
+    n_readable = len(list(BagReader(bag, tolerant=True).raw_messages()))
+    assert content["message_count"] == n_readable < 200 and content["damage"]
+    assert content["duration_s"] < 0.5
 
 
 def test_moments_of_simulated_clocks_are_plain_seconds():
