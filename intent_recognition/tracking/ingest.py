@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intent_recognition.array_types import Flags, Floats, Integers, frozen
+from intent_recognition.array_types import Floats, Integers, frozen
 from intent_recognition.bags import PoseColumns
 from intent_recognition.tracking.settings import IngestSettings, frame_name
 from intent_recognition.tracking.transforms import multiply_quaternions, normalise_quaternions
@@ -212,39 +212,29 @@ def _within_gate(settings: IngestSettings, earlier: Sample, later: Sample) -> bo
 
 
 def _velocity(settings: IngestSettings, state: IngestState) -> Velocity | None:
+    """Slope of the least-squares line through the recent positions, and its covariance.
+
+    It is the velocity in the middle of the samples, so it lags by half their span. Since it is
+    computed from the positions, it serves onset detection and display, not as an independent
+    observation. None with fewer than three samples.
+    """
     if len(state.recent) < 3:
         return None
     stamps_ns = np.array([stamp_ns for stamp_ns, _ in state.recent], dtype=np.int64)
     positions = np.array([position for _, position in state.recent])
-    variance = settings.largest_std_m**2
-    return fit_velocity(stamps_ns, positions, variance)
-
-
-def fit_velocity(stamps_ns: Integers, positions: Floats, position_variance: float) -> Velocity:
-    """Slope of the least-squares line through two or more recent positions (T, 3) [m].
-
-    The slope is the velocity in the middle of the samples, so it lags by half their span. Since it
-    is computed from the positions, it serves onset detection and display, not as an independent
-    observation. `position_variance` is that of each coordinate of each sample [m^2].
-
-    Returns:
-        The slope and its covariance: variance / sum of squared centred times on the diagonal.
-    """
     times_s = (stamps_ns - stamps_ns[0]) * 1e-9
     centred_s = times_s - times_s.sum() / times_s.size
     squares_s2 = float(centred_s @ centred_s)
-    return Velocity(
-        centred_s @ positions / squares_s2, np.eye(3) * (position_variance / squares_s2)
-    )
+    variance = settings.largest_std_m**2 / squares_s2
+    return Velocity(centred_s @ positions / squares_s2, np.eye(3) * variance)
 
 
 def ingest_poses(
     settings: IngestSettings, raw: PoseColumns
 ) -> tuple[PoseColumns, Integers, Counter[str]]:
-    """Check all samples of one body in order, as `ingest_pose` would one by one.
+    """Check all samples of one body in order, as `ingest_pose` does one by one.
 
-    Samples that `ingest_pose` is certain to accept are accepted together. From a sample that it may
-    reject, samples are passed to it one by one until it accepts one again. Positions are in metres.
+    All are transformed together, and no velocity is fitted. Positions are in metres.
 
     Returns:
         The samples in the world frame, with unit quaternions (NaN where none was measured); the
@@ -261,35 +251,17 @@ def ingest_poses(
             world[rows] = transform.apply(positions[rows])
             units = normalise_quaternions(orientations[rows])
             turned[rows] = multiply_quaternions(transform.quaternion, units.T).T
-    uncertain = np.flatnonzero(~_follows(settings, stamps_ns, world))
-    accepted = np.ones(stamps_ns.size, bool)
-    rejected: Counter[str] = Counter()
-    at = 0
-    while (ahead := int(np.searchsorted(uncertain, at))) < uncertain.size:
-        at = int(uncertain[ahead])
-        # Earlier samples of the state affect the velocity only, which is not needed here.
-        recent = ((int(stamps_ns[at - 1]), world[at - 1]),) if at else ()
-        state = IngestState(recent=recent)
-        while at < stamps_ns.size:
-            pose = positions[at], orientations[at], raw.frame_ids[frames[at]]
-            state, result = ingest_pose(settings, state, int(stamps_ns[at]), *pose)
-            at += 1
-            if isinstance(result, TrackedPose):
-                break
-            accepted[at - 1] = False
-            rejected[result.reason] += 1
+    known = np.isfinite(world[:, 0])
+    accepted, rejected, state = [], Counter[str](), IngestState()
+    for row, stamp_ns in enumerate(stamps_ns.tolist()):
+        if known[row]:
+            state, rejection, _ = _follow(settings, state, (stamp_ns, world[row]))
+        else:
+            pose = positions[row], orientations[row], raw.frame_ids[frames[row]]
+            rejection = _check_sample(settings, stamp_ns, *pose)
+        if rejection is None:
+            accepted.append(row)
+        else:
+            rejected[rejection.reason] += 1
     columns = replace(raw, positions=world, orientations=turned)
-    return columns, np.flatnonzero(accepted), rejected
-
-
-def _follows(settings: IngestSettings, stamps_ns: Integers, world: Floats) -> Flags:
-    """Mask (T,) of samples certain to be accepted if the sample before was accepted."""
-    follows = np.isfinite(world[:, 0])
-    steps_ns = np.diff(stamps_ns)
-    lengths_m = np.linalg.norm(np.diff(world, axis=0), axis=1)
-    reach_m = settings.max_speed_m_s * steps_ns * 1e-9 + settings.margin_m
-    # rounding: lengths are computed in another order here
-    near = lengths_m <= (1.0 - 1e-9) * reach_m
-    gap = (steps_ns * 1e-9 > settings.max_gap_s) & follows[:-1]
-    follows[1:] &= (steps_ns > 0) & (near | gap)  # the first has nothing to compare with
-    return follows
+    return columns, np.array(accepted, dtype=np.int64), rejected

@@ -22,6 +22,7 @@ T0 = 10**18
 STEP = 10**7
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 DEFAULT = IngestSettings()
+LATE, JUMP, NEW = "stamp_not_increasing", "jump", "a new track"
 REASONS = {"not_finite", "zero_stamp", "stamp_not_increasing", "jump", "unknown_frame"}
 
 
@@ -110,12 +111,6 @@ def test_zero_orientation_is_an_unmeasured_one():
     np.testing.assert_array_equal(result.orientation, UPRIGHT)
 
 
-def test_duplicate_and_late_stamps():
-    results, _ = feed([*walk(5), (4, [0.04, 0.2, 0.3]), (2, [0.02, 0.2, 0.3]), *walk(2, 5)])
-    late = "stamp_not_increasing"
-    assert reasons(results) == [None] * 5 + [late, late, None, None]
-
-
 def test_known_frame_is_transformed():
     turn = Rotation.from_euler("z", 90, degrees=True).as_quat()
     setting = IngestSettings(
@@ -140,42 +135,37 @@ def test_single_outlier_is_dropped_and_forgotten():
     np.testing.assert_array_equal(results[-1].velocity.mean, clean[-1].velocity.mean)
 
 
-def test_wild_outliers_never_become_the_track():
+def outliers(count, start):
     generator = np.random.default_rng(0)
-    samples = walk(20) + [(20 + i, generator.uniform(-50, 50, 3)) for i in range(20)] + walk(5, 40)
-    results, _ = feed(samples)
-    assert reasons(results) == [None] * 20 + ["jump"] * 20 + [None] * 5
+    return [(start + i, generator.uniform(-50, 50, 3)) for i in range(count)]
 
 
-def test_new_place_after_an_occlusion_is_accepted():
-    results, _ = feed(walk(10) + walk(10, 70, offset=5.0))
-    assert reasons(results) == [None] * 20
-    assert results[10].velocity is None
+TRACKS = {
+    "late and again": (
+        [*walk(5), (4, [0.04, 0.2, 0.3]), (2, [0.02, 0.2, 0.3]), *walk(2, 5)],
+        [None] * 5 + [LATE] * 2 + [None] * 2,
+    ),
+    "wild": (walk(20) + outliers(20, 20) + walk(5, 40), [None] * 20 + [JUMP] * 20 + [None] * 5),
+    "elsewhere after an occlusion": (walk(10) + walk(10, 70, offset=5.0), [None] * 20),
+    "far after a while": ([*walk(10), (20, [0.64, 0.2, 0.3])], [None] * 11),
+    "far at once": ([*walk(10), (10, [0.64, 0.2, 0.3])], [None] * 10 + [JUMP]),
+    "elsewhere for good": (
+        walk(10) + walk(10, 10, offset=2.0),
+        [None] * 10 + [JUMP] * 4 + [NEW] + [None] * 5,
+    ),
+    "an outlier first": ([(0, [9.0] * 3), *walk(10, 1)], [None] + [JUMP] * 4 + [NEW] + [None] * 5),
+    "a clock set back": (walk(5, 1000) + walk(30), [None] * 5 + [LATE] * 9 + [NEW] + [None] * 20),
+}
 
 
-def test_gate_widens_with_time():
-    results, _ = feed([*walk(10), (20, [0.09 + 0.55, 0.2, 0.3])])
-    assert reasons(results)[-1] is None
-    results, _ = feed([*walk(10), (10, [0.09 + 0.55, 0.2, 0.3])])
-    assert reasons(results)[-1] == "jump"
-
-
-def test_consistent_jumps_are_a_new_position():
-    results, _ = feed(walk(10) + walk(10, 10, offset=2.0))
-    assert reasons(results) == [None] * 10 + ["jump"] * 4 + [None] * 6
-    assert [r.reanchored for r in results[14:]] == [True] + [False] * 5
-
-
-def test_first_sample_may_be_an_outlier():
-    results, _ = feed([(0, [9.0, 9.0, 9.0]), *walk(10, 1)])
-    assert reasons(results) == [None] + ["jump"] * 4 + [None] * 6
-
-
-def test_clock_set_back_is_followed_in_the_end():
-    setting = replace(DEFAULT, clock_reset_after=10)
-    results, _ = feed(walk(5, 1000) + walk(30), setting)
-    late = "stamp_not_increasing"
-    assert reasons(results) == [None] * 5 + [late] * 9 + [None] * 21
+@pytest.mark.parametrize(("samples", "expected"), TRACKS.values(), ids=TRACKS)
+def test_what_follows_a_track_is_accepted_or_begins_a_new_one(samples, expected):
+    results, _ = feed(samples, replace(DEFAULT, clock_reset_after=10))
+    found = reasons(results)
+    begun = [k for k, one in enumerate(results) if not found[k] and one.reanchored]
+    assert found == [None if why == NEW else why for why in expected]
+    assert begun == [k for k, why in enumerate(expected) if why == NEW]
+    assert all(results[k].velocity is None for k in begun)
 
 
 def test_state_is_never_modified():
