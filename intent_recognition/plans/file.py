@@ -40,16 +40,9 @@ def write_plan(plan: WorkPlan) -> str:
     """
     steps = []
     for step in plan.steps:
-        row: dict[str, Any] = {
-            "step": _named("plan", step.name),
-            "task": step.task,
-            "share": step.share,
-        }
-        row |= {"who": dict(step.who)} if step.who else {}
-        row |= {"objects": dict(step.objects)} if step.objects else {}
-        row |= {"duration": step.duration_s} if step.duration_s else {}
-        row |= {"after": dict(step.after)} if step.after else {}
-        steps.append(row)
+        numbers = step.share, dict(step.who), dict(step.objects), step.duration_s, dict(step.after)
+        row = zip(STEP_KEYS, (_named("plan", step.name), step.task, *numbers), strict=True)
+        steps.append({key: value for key, value in row if value or key == "share"})
     content = {
         "assemblies": plan.n_assemblies,
         "repeated": plan.repeated,
