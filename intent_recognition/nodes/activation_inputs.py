@@ -27,12 +27,11 @@ from intent_recognition.motion import (
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_parameters import Taught
 from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
-from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.diagnostics import Diagnostics, RejectionError
 from intent_recognition.nodes.hand_input import HandInput, no_description
 from intent_recognition.nodes.object_transfer import FRESH_S, TRANSFER
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.planning_scene import BOTH, READ, PlanningSceneLink
-from intent_recognition.nodes.prediction_input import RejectionError
 from intent_recognition.share import share_path
 from intent_recognition.transfer import EXCHANGES
 from intent_recognition.untrusted import load_yaml, read_text
@@ -168,7 +167,8 @@ class PersonInput:
 
     def _take(self, who: str, message: JointTrajectory) -> None:
         self._diagnostics.tick(TOPIC)
-        try:
+        # the person's last prediction stays in force
+        with self._diagnostics.rejecting("bad_human_trajectory", TOPIC):
             times_s, positions, rest = trajectory_arrays(message)
             names = list(message.joint_names)
             if not {*self._dofs} <= {*names} or (len(times_s) and "effort" not in rest):
@@ -186,38 +186,29 @@ class PersonInput:
             mean, std = positions[:, columns], rest["effort"][:, columns]
             if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(std))):
                 raise ArgumentError.about("points", "finite numbers", "NaN", "Check the sender.")
-        except IntentError as error:  # the person's last prediction stays in force
-            self._diagnostics.reject("bad_human_trajectory", f"{TOPIC}: {error}")
-            return
-        times_ns = stamp_ns(message) + np.rint(times_s * 1e9).astype(np.int64)
-        # The root of the trace bounds the standard deviation in every direction.
-        self._people[who] = PredictedPerson(
-            times_ns, mean + np.array(self._offset), np.linalg.norm(std, axis=1)
-        )
-        self.people = tuple(self._people.values())
+            times_ns = stamp_ns(message) + np.rint(times_s * 1e9).astype(np.int64)
+            # The root of the trace bounds the standard deviation in every direction.
+            self._people[who] = PredictedPerson(
+                times_ns, mean + np.array(self._offset), np.linalg.norm(std, axis=1)
+            )
+            self.people = tuple(self._people.values())
 
 
-class CorrectionInput:
-    """Reads the deviation detector and makes `correction`; None if the arm does not yield."""
+def make_correction(
+    detector: DeviationDetector | None, names: tuple[str, ...], taught: Taught
+) -> Correction | None:
+    """How the arm yields to a person; None without a detector.
 
-    def __init__(self, node: Node) -> None:
-        name = declare(node, "correction")["correction"]
-        self._detector = load_detector(name) if name else None
-        self.correction: Correction | None = None
-        self._made_for: Taught | None = None
-
-    def update(self, names: tuple[str, ...], taught: Taught) -> None:
-        """Check the detector against the joints, and remake `correction` for new tasks."""
-        detector = self._detector
-        if detector is None:
-            return
-        if detector.explained.size != len(names):
-            expected = f"errors of {len(names)} joints"
-            cure = "Give a file of this arm."
-            raise ArgumentError.about("correction", expected, f"{detector.explained.size}", cure)
-        if taught is not self._made_for:
-            self._made_for = taught
-            self.correction = Correction(detector, taught.spreads(Spread.given_person))
+    Raises:
+        ArgumentError: the detector is of another number of joints.
+    """
+    if detector is None:
+        return None
+    if detector.explained.size != len(names):
+        expected = f"errors of {len(names)} joints"
+        cure = "Give a file of this arm."
+        raise ArgumentError.about("correction", expected, f"{detector.explained.size}", cure)
+    return Correction(detector, taught.spreads(Spread.given_person))
 
 
 def load_detector(name: str) -> DeviationDetector:

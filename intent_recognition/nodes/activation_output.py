@@ -37,16 +37,13 @@ class ActivationOutput:
         self._corrections = node.create_publisher(JointTrajectory, "intent/correction", qos.COMMAND)
         self._questions = node.create_publisher(JointState, "intent/question", qos.LATCHED)
         self._clock = node.get_clock()
-        self._asked: tuple[str, ...] = ()
         self._feedback = node.create_publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
         self._builder: TrajectoryBuilder | None = None
-        self._published_task: str | None = None
         self._helped: Publisher | None = None
         if named_people(node):
             self._helped = node.create_publisher(String, "intent/active_person", qos.LATCHED)
-        self._published_person: str | None = None
         self._corrected: PredictedInteraction | None = None
-        self._ahead = ""
+        self._said: dict[str, object] = {"ahead": "", "question": set()}
 
     def set_joints(self, names: tuple[str, ...]) -> None:
         """Set the joints that commands are for."""
@@ -99,25 +96,25 @@ class ActivationOutput:
     def task(self, activation: Activation | None) -> None:
         """Publish the helped person, the active task and those in question; log pretriggering."""
         person = "" if activation is None else activation.attended
-        if self._helped is not None and person != self._published_person:
-            self._published_person = person
+        if self._helped is not None and self._is_news("person", person):
             self._helped.publish(String(data=person))
         task = "" if activation is None else activation.active_task
-        if task != self._published_task:
-            self._published_task = task
+        if self._is_news("task", task):
             self._task.publish(String(data=task))
             self._diagnostics.tick("intent/active_task")
             self._logger.info(f"active task: {task or 'none'}")
         question = {} if activation is None else activation.inbox.question
-        if {*question} != {*self._asked}:
-            self._asked = tuple(question)
+        if self._is_news("question", {*question}):
             message = JointState(name=list(question), position=list(question.values()))
             message.header.stamp = self._clock.now().to_msg()
             self._questions.publish(message)
         ahead = "" if activation is None else activation.pretrigger.label
-        if ahead != self._ahead:
-            self._ahead = ahead
+        if self._is_news("ahead", ahead):
             self._logger.info(f"pretriggered: {ahead}" if ahead else "no longer pretriggered")
+
+    def _is_news(self, what: str, value: object) -> bool:
+        before, self._said[what] = self._said.get(what), value
+        return value != before
 
     def report(self, activation: Activation, silent: str) -> None:
         """Report to the diagnostics what the arm does."""

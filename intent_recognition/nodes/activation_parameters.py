@@ -15,8 +15,8 @@ from intent_recognition.demonstrations import DofEntry, numbers_of
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, JointLimits, check_position
 from intent_recognition.motion import Spread, is_hand, scaled_limits
+from intent_recognition.nodes.diagnostics import RejectionError
 from intent_recognition.nodes.parameters import DEFAULT, Changes, declare
-from intent_recognition.nodes.prediction_input import RejectionError
 from intent_recognition.promp import Risk, TaskLibrary, Trajectory, end_std_limits, least_end_std
 from intent_recognition.recognition import (
     USUAL_THRESHOLD,

@@ -4,7 +4,8 @@
 import socket
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from enum import IntEnum
 from typing import Any
 
@@ -15,6 +16,7 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 
+from intent_recognition.errors import IntentError, one_line
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.runtime import simulated_ns, steady_timer
 from intent_recognition.registry import ANSWERS
@@ -42,6 +44,14 @@ class Level(IntEnum):
     WARN = 1
     ERROR = 2
     STALE = 3
+
+
+class RejectionError(IntentError):
+    """An input that is not acted on, with the `reason` that it is counted under."""
+
+    def __init__(self, reason: str, text: str):
+        super().__init__(text)
+        self.reason = reason
 
 
 def answer_of(node: str, counts: Mapping[str, int]) -> JointState:
@@ -115,6 +125,18 @@ class Diagnostics:
         if now_s - self._logged_s.get(reason, -np.inf) >= 1.0:
             self._logged_s[reason] = now_s
             self._node.get_logger().warning(f"{reason}: {text} ({self._counts[reason]} so far)")
+
+    @contextmanager
+    def rejecting(self, reason: str, of: str = "") -> Iterator[None]:
+        """Reject an input if the block raises an IntentError, for the error's reason or this one.
+
+        The log names what the input was `of`.
+        """
+        try:
+            yield
+        except IntentError as error:
+            text = f"{of}: {one_line(error)}" if of else one_line(error)
+            self.reject(getattr(error, "reason", reason), text)
 
     def rejected(self, reason: str) -> int:
         """Number of inputs rejected for `reason` so far."""

@@ -7,7 +7,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from intent_recognition.demonstrations import arm_in_world
-from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.kinematics import Arm
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import Diagnostics
@@ -39,12 +39,11 @@ class HandInput:
     def arm(self) -> Arm | None:
         """The arm; None before its description has come, or if that is unusable."""
         if self._arm is None and self.description:
-            try:
+            with self._diagnostics.rejecting("bad_robot_description"):
                 self._arm = self._read()
                 self._node.get_logger().info(f"the hand is {self._arm.tip}")
-            except IntentError as error:
-                self._diagnostics.reject("bad_robot_description", str(error))
-                self.description = ""
+                return self._arm
+            self.description = ""
         return self._arm
 
     def _read(self) -> Arm:

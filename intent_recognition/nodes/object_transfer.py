@@ -20,7 +20,6 @@ from std_msgs.msg import Bool, String
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import MessageError, one_line
 from intent_recognition.kinematics import Arm, read_ranges
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
@@ -31,7 +30,7 @@ from intent_recognition.nodes.conversions import (
     position_array,
     stamp_ns,
 )
-from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.diagnostics import Diagnostics, RejectionError
 from intent_recognition.nodes.hand_input import HandInput, no_description
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.people import meet
@@ -98,10 +97,14 @@ class ObjectTransfer(Node):
             seen.clear()
 
     def _on_joints(self, message: JointState) -> None:
+        with self._diagnostics.rejecting("bad_joint_states"):
+            self._step(message)
+
+    def _step(self, message: JointState) -> None:
+        """Let the machine act on a measured state of the arm."""
         arm = self._hand.arm
         if arm is None:
-            self._diagnostics.reject("no_robot_description", no_description("joint_states"))
-            return
+            raise RejectionError("no_robot_description", no_description("joint_states"))
         if of_other_joints(message, arm.joint_names):
             self._diagnostics.tick("joint_states of other joints")
             return
@@ -111,36 +114,26 @@ class ObjectTransfer(Node):
             ends = [ranges.get(finger, (0.0, np.inf))[1] for finger in self._fingers]
             self._open_m = float(np.mean(ends)) if ends else np.inf
         situation = self._situation(message, arm, self._estimator)
-        if situation is None:
-            return
         output = self._machine.step(self._request(), situation)
         load_n = float(np.linalg.norm(situation.force_n))
         self._out.publish(to_message(message, output, load_n))
         self._diagnostics.tick(TRANSFER)
         self._diagnostics.value("state", output.holding.value)
 
-    def _situation(
-        self, message: JointState, arm: Arm, estimator: LoadEstimator
-    ) -> Situation | None:
-        """Measured state of hand and person; None if the message lacks a needed value."""
+    def _situation(self, message: JointState, arm: Arm, estimator: LoadEstimator) -> Situation:
+        """Measured state of hand and person; an error if the message lacks a needed value."""
         at_ns, names = stamp_ns(message), arm.joint_names
-        try:
-            q, velocity = (joint_values(message, names, key) for key in ("position", "velocity"))
-            effort = measured_values(message, names, "effort")
-            half = joint_values(message, [name for name in self._fingers if name in message.name])
-        except MessageError as error:
-            self._diagnostics.reject("bad_joint_states", one_line(error))
-            return None
+        q, velocity = (joint_values(message, names, key) for key in ("position", "velocity"))
+        effort = measured_values(message, names, "effort")
+        half = joint_values(message, [name for name in self._fingers if name in message.name])
         torque = np.zeros(len(q)) if effort is None else effort
         if not np.all(np.isfinite([q, velocity, torque])):
-            self._diagnostics.reject("not_finite", "joint_states hold NaN or infinity")
-            return None
+            raise RejectionError("not_finite", "joint_states hold NaN or infinity")
         pose = arm.forward_kinematics(q)
         force = estimator.update(at_ns * 1e-9, q, velocity, torque)
         measured = self._measured(at_ns, arm, pose)
         if measured is None and effort is None:
-            self._diagnostics.reject("no_effort", "neither efforts in joint_states nor a wrench")
-            return None
+            raise RejectionError("no_effort", "neither efforts in joint_states nor a wrench")
         near, toward, speed = self._look(at_ns, pose[:3, 3])
         return Situation(
             at_ns * 1e-9,

@@ -104,11 +104,9 @@ class ObjectWarper(Node):
         """The annotated grasp on the seen object; None without one, or if it does not fit."""
         if self._source.annotated.grasp is None:
             return None
-        try:
+        with self._diagnostics.rejecting("no_grasp"):
             return warp_grasp(self._source, warped)
-        except ArgumentError as error:
-            self._diagnostics.reject("no_grasp", one_line(error))
-            return None
+        return None
 
     def _on_toward(self, message: PoseStamped) -> None:
         if np.isfinite(position_array(message.pose)).all():

@@ -8,19 +8,12 @@ import numpy as np
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import IntentError, TrajectoryError
+from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics import Arm, JointLimits
 from intent_recognition.motion import JointPath, check_range, is_hand, joints_along, make_path
 from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
+from intent_recognition.nodes.diagnostics import RejectionError
 from intent_recognition.signals import POSITION_FIELDS
-
-
-class RejectionError(IntentError):
-    """An input that is not acted on, with the `reason` that it is counted under."""
-
-    def __init__(self, reason: str, text: str):
-        super().__init__(text)
-        self.reason = reason
 
 
 class PredictionNumbers(NamedTuple):
@@ -94,8 +87,3 @@ def joint_path(
     except TrajectoryError as error:
         raise RejectionError("outside_range", str(error)) from error
     return make_path(times_s, positions, limits, velocities)
-
-
-def reason_of(error: IntentError, usual: str) -> str:
-    """Reason under which an input that is not acted on is counted; `usual` if none is known."""
-    return error.reason if isinstance(error, RejectionError) else usual

@@ -21,9 +21,10 @@ from intent_recognition.motion import JointPath, hand_targets, is_hand
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_inputs import (
     ClearanceInput,
-    CorrectionInput,
     PersonInput,
     TransferInput,
+    load_detector,
+    make_correction,
 )
 from intent_recognition.nodes.activation_output import ActivationOutput
 from intent_recognition.nodes.activation_parameters import AT_REST, ActivationParameters
@@ -34,22 +35,18 @@ from intent_recognition.nodes.conversions import (
     of_other_joints,
     stamp_ns,
 )
-from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.diagnostics import Diagnostics, RejectionError
 from intent_recognition.nodes.hand_input import HandInput, no_description
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.parameters import (
     Changes,
+    declare,
     keep_live,
     live_parameters,
     parameter_sources,
 )
 from intent_recognition.nodes.people import meet
-from intent_recognition.nodes.prediction_input import (
-    RejectionError,
-    joint_path,
-    read_prediction,
-    reason_of,
-)
+from intent_recognition.nodes.prediction_input import joint_path, read_prediction
 from intent_recognition.nodes.runtime import now_ns, run, steady_timer
 from intent_recognition.nodes.sequence_runner import SequenceRunner
 from intent_recognition.nodes.services import serve
@@ -77,7 +74,8 @@ class PrimitiveActivation(ManagedNode):
         self._hand = HandInput(self, self.diagnostics)
         self._things = ClearanceInput(self, self.diagnostics)
         self._person = PersonInput(self, self._hand, self.diagnostics)
-        self._correction = CorrectionInput(self)
+        detector = declare(self, "correction")["correction"]
+        self._detector = load_detector(detector) if detector else None
         self._transfer = TransferInput(self.diagnostics)
         self._sequences = SequenceRunner(self, self.diagnostics)
         self.activation: Activation | None = None
@@ -164,15 +162,11 @@ class PrimitiveActivation(ManagedNode):
         start_s = time.perf_counter()
         probabilities = np.array(message.position, dtype=np.float64)
         evidence = np.array(message.effort, dtype=np.float64) if message.effort else None
-        try:
+        with self.diagnostics.rejecting("bad_tasks"):
             activation.take_tasks(
                 now_ns(self), stamp_ns(message), list(message.name), probabilities, evidence, person
             )
-        except IntentError as error:
-            self.diagnostics.reject("bad_tasks", str(error))
-            return
-        if self._step(activation):
-            self.diagnostics.latency(time.perf_counter() - start_s)
+        self._step(activation, start_s)
 
     def _on_prediction(self, person: str, message: JointTrajectory) -> None:
         if not self.active:
@@ -183,8 +177,7 @@ class PrimitiveActivation(ManagedNode):
         if prediction is None or activation is None:
             return
         activation.take_prediction(now_ns(self), prediction, person)
-        if self._step(activation):
-            self.diagnostics.latency(time.perf_counter() - start_s)
+        self._step(activation, start_s)
 
     def _accept_prediction(self, message: JointTrajectory) -> PredictedInteraction | None:
         """The prediction, or None if it is rejected; the first one determines the joints."""
@@ -203,7 +196,7 @@ class PrimitiveActivation(ManagedNode):
                 self._apply_settings(joints)
         except IntentError as error:
             usual = "wrong_size" if isinstance(error, MessageError) else "bad_prediction"
-            self.diagnostics.reject(reason_of(error, usual), str(error))
+            self.diagnostics.reject(getattr(error, "reason", usual), str(error))
             return None
         return PredictedInteraction(read.label, read.onset_ns, path, read.end_std)
 
@@ -253,36 +246,32 @@ class PrimitiveActivation(ManagedNode):
         self.diagnostics.tick(OF_ARM)
         if not self.active:
             return
-        try:
+        with self.diagnostics.rejecting("joint_states_incomplete"):
             if self.activation is None and self._settings.of_hand and self._hand.arm is not None:
                 self._apply_settings(self._meet_arm().joint_names)
             if self.activation is None:
                 return
             position = joint_values(message, self.joint_names)
             velocity = measured_values(message, self.joint_names, "velocity")
-        except IntentError as error:
-            self.diagnostics.reject(reason_of(error, "joint_states_incomplete"), str(error))
-            return
-        measured = position if velocity is None else np.stack([position, velocity])
-        if not np.all(np.isfinite(measured)):
-            self.diagnostics.reject("joint_states_not_finite", "joint_states holds NaN or infinity")
-        elif stamp_ns(message) == 0:
-            self.diagnostics.reject("joint_states_zero_stamp", "joint_states without a stamp")
-        else:
+            measured = position if velocity is None else np.stack([position, velocity])
+            if not np.all(np.isfinite(measured)):
+                text = "joint_states holds NaN or infinity"
+                raise RejectionError("joint_states_not_finite", text)
+            if stamp_ns(message) == 0:
+                text = "joint_states without a stamp"
+                raise RejectionError("joint_states_zero_stamp", text)
             now = now_ns(self)
             self.activation.take_joint_state(stamp_ns(message), position, velocity, now_ns=now)
-            if self.diagnostics.answers:  # simulated time waits for this step, and for no timer
-                self._step(self.activation)
+        if self.diagnostics.answers and self.activation is not None:
+            self._step(self.activation)  # simulated time waits for it, and for no timer
 
     def _on_next_task(self, message: JointState) -> None:
         if not self.active or self.activation is None:
             return
-        try:
+        with self.diagnostics.rejecting("bad_next_task"):
             self.activation.take_next_task(
                 now_ns(self), stamp_ns(message), list(message.name), np.array(message.position)
             )
-        except IntentError as error:
-            self.diagnostics.reject("bad_next_task", str(error))
 
     def _reset(self) -> str:
         self.check_active()
@@ -334,10 +323,10 @@ class PrimitiveActivation(ManagedNode):
 
     # Steps
 
-    def _step(self, activation: Activation) -> bool:
-        """Let the state machine act; returns whether a command was sent."""
+    def _step(self, activation: Activation, start_s: float | None = None) -> None:
+        """Let the state machine act; the latency counts from the arrival of a message."""
         if self._refused:
-            return False
+            return
         activation.take_people(self._person.people)
         activation.take_exchange(self._transfer.exchanging_until_ns(now_ns(self)))
         self._sequences.update(activation, self._path_of, lambda: self._hand.arm)
@@ -346,7 +335,8 @@ class PrimitiveActivation(ManagedNode):
         self._output.outcomes(activation)
         self._output.task(self.activation)
         self._output.report(activation, self._silent)
-        return command is not None
+        if command is not None and start_s is not None:
+            self.diagnostics.latency(time.perf_counter() - start_s)
 
     # Set-up
 
@@ -375,13 +365,12 @@ class PrimitiveActivation(ManagedNode):
 
     def _apply_settings(self, names: tuple[str, ...]) -> None:
         """Set the joints; if they are the same as before, the command in force is kept."""
-        self._correction.update(names, self._settings.taught)
         settings = replace(
             self._settings.settings(names, self._starts),
             clearance=self._things.clearance,
             separation=self._person.separation,
             slow_places=self._person.slow_places,
-            correction=self._correction.correction,
+            correction=make_correction(self._detector, names, self._settings.taught),
         )
         self._limits = settings.limits
         if self.activation is None or names != self.joint_names:

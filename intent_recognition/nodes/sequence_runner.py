@@ -26,7 +26,7 @@ from intent_recognition.composing import (
     read_sequences,
     read_via_points,
 )
-from intent_recognition.errors import ArgumentError, IntentError
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion import JointPath
 from intent_recognition.nodes import qos
@@ -123,7 +123,7 @@ class SequenceRunner:
     def _prediction(
         self, library: TaskLibrary, task: str, make_path: MakePath, arm: FindArm
     ) -> PredictedInteraction | None:
-        try:
+        with self._diagnostics.rejecting("bad_step", task):
             number = library.labels.index(task)
             points = [
                 replace(point, task=task) for point in self._points if point.task in ("", task)
@@ -132,9 +132,7 @@ class SequenceRunner:
             trajectory = bent.primitive(number).predict_controlled(50)
             end_std = largest_by_unit(trajectory.std[-1], library.controlled_units)
             return PredictedInteraction(task, 0, make_path(trajectory), end_std)
-        except IntentError as error:
-            self._diagnostics.reject("bad_step", f"{task}: {error}")
-            return None
+        return None
 
     def _publish(self) -> None:
         progress, step = self._progress, awaited(self._sequences, self._progress)
@@ -159,7 +157,5 @@ class SequenceRunner:
             self._places[body] = elapsed_s(self._node), place
 
     def _take_points(self, message: String) -> None:
-        try:
+        with self._diagnostics.rejecting("bad_via_points"):
             self._points = read_via_points(message.data)
-        except IntentError as error:
-            self._diagnostics.reject("bad_via_points", str(error))

@@ -29,7 +29,7 @@ from intent_recognition.nodes.conversions import (
     of_other_joints,
     to_joint_state,
 )
-from intent_recognition.nodes.diagnostics import Diagnostics, values_of
+from intent_recognition.nodes.diagnostics import Diagnostics, RejectionError, values_of
 from intent_recognition.nodes.object_messages import seen_container
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import now_ns, run, when_clock_goes_back
@@ -81,15 +81,11 @@ class WarpedPrimitiveNode(Node):
     def _on_joint_states(self, message: JointState) -> None:
         if of_other_joints(message, JOINT_NAMES):
             return
-        try:
+        with self._diagnostics.rejecting("joint_states_incomplete"):
             joints = joint_values(message, JOINT_NAMES)
-        except IntentError as error:
-            self._diagnostics.reject("joint_states_incomplete", str(error))
-            return
-        if np.isfinite(joints).all():
+            if not np.isfinite(joints).all():
+                raise RejectionError("not_finite", "joint_states hold NaN or infinity")
             self._joints = joints
-        else:
-            self._diagnostics.reject("not_finite", "joint_states hold NaN or infinity")
 
     def _on_feedback(self, message: DiagnosticStatus) -> None:
         """Take the outcome of a pour; executions of other tasks are ignored."""
