@@ -51,6 +51,7 @@ class PostureInput:
 
     Attributes:
         hand: input of the arm on `robot_description`.
+        left_overs: to start over when the clock goes back.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
@@ -60,8 +61,7 @@ class PostureInput:
         self.estimators: Sequence[IntentEstimator] = ()
         self._noted: dict[str, tuple] = {}
         self._received = False
-        self._last_ns: dict[int, int] = {}
-        self._left_overs = LeftOvers({})
+        self.left_overs = LeftOvers()
 
     def open(self, estimators: Sequence[IntentEstimator], entries: Sequence[DofEntry]) -> None:
         """Subscribe to the controlled signals.
@@ -70,7 +70,7 @@ class PostureInput:
         whose place the arm takes, which a `hand_link` indicates.
         """
         self.estimators = estimators
-        self._last_ns.clear()
+        self.left_overs.last_ns.clear()
         self.hand.taught = next((entry.link for entry in entries if entry.link), "")
         numbers = [name for entry in entries for name in entry.message_names]
         in_place = bool(self.hand.link) and is_hand(numbers)
@@ -91,10 +91,6 @@ class PostureInput:
         """Unsubscribe."""
         while self._subscriptions:
             self._node.destroy_subscription(self._subscriptions.pop())
-
-    def start_over(self) -> None:
-        """Accept earlier stamps again, after the clock went back."""
-        self._left_overs, self._last_ns = LeftOvers(self._last_ns), {}
 
     def _take(self, group: int, entry: DofEntry, raw: bool, message: Any) -> None:
         now_ns = self._node.get_clock().now().nanoseconds
@@ -121,14 +117,14 @@ class PostureInput:
         self._diagnostics.tick(topic)
         self._received = True
         now_ns = self._node.get_clock().now().nanoseconds
-        if self._left_overs.include(group, stamp):
+        if self.left_overs.include(group, stamp):
             self._diagnostics.count("left_over")
             return
         # one sample from the future would make all later ones seem late
-        if 0 < max(now_ns, self._last_ns.get(group, 0)) < stamp - 1_000_000_000:
+        if 0 < max(now_ns, self.left_overs.last_ns.get(group, 0)) < stamp - 1_000_000_000:
             self._diagnostics.reject("posture_in_future", f"{topic} at {stamp} ns")
             return
-        self._last_ns[group] = stamp
+        self.left_overs.last_ns[group] = stamp
         try:
             values = values_of()
         except IntentError as error:

@@ -60,9 +60,9 @@ class IntentEstimatorNode(ManagedNode):
         self.start()
 
     def _start_over(self) -> None:
-        self._postures.start_over()
+        self._postures.left_overs.start_over()
         for belief in self.people.values():
-            belief.start_over()
+            belief.left_overs.start_over()
         if self.active:
             self._forget()
 

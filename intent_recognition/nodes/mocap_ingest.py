@@ -102,8 +102,7 @@ class MocapIngest(Node):
 
         meet(self, f"mocap/{{}}/{bodies[0]}/pose", hear_all)
         keep_live(self, LIVE, self._changed, self._change)
-        self._last_ns: dict[str, int] = {}  # by the tracker's label and body
-        self._left_overs = LeftOvers({})
+        self._left_overs = LeftOvers()  # by the tracker's label and body
         when_clock_goes_back(self, self._start_over)
 
     def _hear(self, body: str) -> None:
@@ -119,7 +118,7 @@ class MocapIngest(Node):
     def _start_over(self) -> None:
         if self._identity is not None:
             self._identity.forget()
-        self._left_overs, self._last_ns = LeftOvers(self._last_ns), {}
+        self._left_overs.start_over()
         self._states = dict.fromkeys(self._states, IngestState())
         for waiting in self._waiting.values():
             waiting.clear()
@@ -140,7 +139,8 @@ class MocapIngest(Node):
         if self._left_overs.include(body, measured.stamp_ns):
             self._diagnostics.count("left_over")
             return
-        self._last_ns[body] = max(measured.stamp_ns, self._last_ns.get(body, 0))
+        newest = self._left_overs.last_ns
+        newest[body] = max(measured.stamp_ns, newest.get(body, 0))
         waiting = self._waiting[body]
         if waiting or (self._hears and frame_name(measured.frame_id) not in self._settings.frames):
             if len(waiting) >= 1000:

@@ -60,6 +60,7 @@ class ObservationInput:
         self._observe, self._observe_context = observe, observe_context
         self._backlog = Backlog(partial(diagnostics.count, "dropped_behind"))
         self._kinds: dict[str, type] = {}
+        self._placed: set[str] = set()
         self.learned_in({})
 
     def configure(self, dofs: DofSpec) -> None:
@@ -71,6 +72,7 @@ class ObservationInput:
         self._dofs = dofs
         entries = (*dofs.observed, *dofs.velocities, *dofs.context)
         self._kinds = {entry.type: message_class(entry.type) for entry in entries}
+        self._placed = {e.topic for e in dofs.observed if position_columns(e) is not None}
 
     def learned_in(self, frames: Frames) -> None:
         """Set the frames of the model, to warn once per topic of poses in other frames."""
@@ -116,20 +118,15 @@ class ObservationInput:
         except MessageError as error:
             self._diagnostics.reject("malformed", str(error))
             return
-        self._check_frame(readers[0].entry.topic, frame_id)
-        if not readers[0].entry.context:
-            self.frame = frame_id or self.frame
+        self._note_frame(readers[0].entry.topic, frame_id)
         self._take(readers, lambda one: one.observe_pose(stamp, pose, covariance), start_s)
 
     def _on_message(self, name: str, readers: list[ObservationReader], message: object) -> None:
         start_s = time.perf_counter()
         self._diagnostics.tick(name)
         now_ns = self._node.get_clock().now().nanoseconds
-
         frame_id = getattr(getattr(message, "header", None), "frame_id", "")
-        self._check_frame(readers[0].entry.topic, frame_id)
-        if not readers[0].entry.context and position_columns(readers[0].entry) is not None:
-            self.frame = frame_id or self.frame
+        self._note_frame(readers[0].entry.topic, frame_id)
 
         def read(reader: ObservationReader) -> Observation | None:
             stamp = stamp_of(reader.entry, message, now_ns)
@@ -137,8 +134,10 @@ class ObservationInput:
 
         self._take(readers, read, start_s)
 
-    def _check_frame(self, topic: str, frame_id: str) -> None:
+    def _note_frame(self, topic: str, frame_id: str) -> None:
         """Count poses in another frame than the model was learned in, and warn of the first."""
+        if topic in self._placed:
+            self.frame = frame_id or self.frame
         learned = self._frames.get(topic)
         if not learned or not frame_id or learned == (frame_name(frame_id),):
             return

@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable
 from std_msgs.msg import String
 
 from intent_recognition.demonstrations import DofSpec
-from intent_recognition.errors import ArgumentError, IntentError, one_line
+from intent_recognition.errors import ArgumentError, one_line
 from intent_recognition.model import Model, frames_of
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
@@ -54,8 +54,7 @@ class PersonBelief:
         self.inputs = ObservationInput(
             node, diagnostics, self._observe, self._observe_context, person
         )
-        self._last_ns: dict[Hashable, int] = {}
-        self._left_overs = LeftOvers({})
+        self.left_overs = LeftOvers()
 
     def configure(self, model: Model, dofs: DofSpec, estimator: IntentEstimator) -> None:
         """Set the model, the DOFs to observe and the estimator."""
@@ -90,10 +89,6 @@ class PersonBelief:
         self.status = WAITING
         self._on_change(self)
 
-    def start_over(self) -> None:
-        """Accept earlier stamps again, after the clock went back."""
-        self._left_overs, self._last_ns = LeftOvers(self._last_ns), {}
-
     def _say(self, level: Level, text: str) -> None:
         self.status = level, text
         self._on_change(self)
@@ -102,10 +97,8 @@ class PersonBelief:
         """Use a person's answer as evidence for the task, from the next observation on."""
         if not self._node.active:
             return
-        try:
+        with self._diagnostics.rejecting("bad_answer"):
             self.estimator.answer(message.data)
-        except IntentError as error:
-            self._diagnostics.reject("bad_answer", str(error))
 
     def _observe(self, observation: Observation, topic: str) -> bool:
         stream = (observation.group, observation.derivative)
@@ -136,7 +129,7 @@ class PersonBelief:
         topic: str,
         reason_not_to: Callable[[Observation], str | None],
     ) -> bool:
-        if self._left_overs.include(stream, observation.stamp_ns):
+        if self.left_overs.include(stream, observation.stamp_ns):
             self._diagnostics.count("left_over")
             return False
         reason = reason_not_to(observation)
@@ -145,7 +138,7 @@ class PersonBelief:
             detail = f"at {observation.stamp_ns} ns" if misfit is None else misfit.reason
             self._diagnostics.reject(reason, f"{topic}: {detail}")
             return False
-        self._last_ns[stream] = observation.stamp_ns
+        self.left_overs.last_ns[stream] = observation.stamp_ns
         return True
 
     def _publish(self, estimate: Estimate, observation: Observation) -> None:

@@ -9,9 +9,9 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import rclpy
 from rclpy.clock import Clock, ClockType, JumpThreshold, ROSClock, TimeJump
@@ -157,19 +157,27 @@ def when_clock_goes_back(node: Node, action: Callable[[], object]) -> None:
 
 
 class LeftOvers:
-    """Detects messages sent before /clock went back, which may come for a second afterwards."""
+    """Detects messages sent before /clock went back, which may come for a second afterwards.
 
-    def __init__(self, last_ns: Mapping[Any, int]):
-        self._last_ns = dict(last_ns)
+    Attributes:
+        last_ns: newest stamp of each stream since then, which its user sets.
+    """
+
+    def __init__(self) -> None:
+        self.last_ns: dict[Hashable, int] = {}
+        self._before: dict[Hashable, int] = {}
+        self._end_s = 0.0
+
+    def start_over(self) -> None:
+        """Accept earlier stamps from now on: the clock went back."""
+        self._before, self.last_ns = self.last_ns, {}
         self._end_s = time.monotonic() + 1.0
 
     def include(self, stream: Hashable, stamp_ns: int) -> bool:
         """Whether a message continues its old stream; False from the first that does not."""
-        if stream not in self._last_ns:
-            return False
-        if stamp_ns >= self._last_ns[stream] and time.monotonic() < self._end_s:
+        if stamp_ns >= self._before.get(stream, 2**63) and time.monotonic() < self._end_s:
             return True
-        del self._last_ns[stream]
+        self._before.pop(stream, None)
         return False
 
 
