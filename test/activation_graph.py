@@ -1,15 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A fake estimator, arm and clock around a real activation node, on its topics."""
+"""A fake estimator, arm and clock around a real activation node."""
 
 import numpy as np
 from hermite import hermite
 from joint_trajectories import build_joint_trajectory
-from sensor_msgs.msg import JointState
-from std_msgs.msg import String
-from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.kinematics.lwr import JOINT_NAMES
-from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns, to_joint_state, trajectory_arrays
 from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
@@ -42,19 +38,13 @@ class Graph:
     """Fake estimator, of one of several people too, arm and clock around a real node."""
 
     def __init__(self, harness, person="", **parameters):
-        self.harness, told = harness, f"intent/{person}/".replace("//", "/")
+        self.harness, self._prefix = harness, f"intent/{person}/".replace("//", "/")
         parameters = {"use_sim_time": True, "home": HOME.tolist(), **parameters}
         given = {name: value for name, value in parameters.items() if value is not None}
         self.node = harness.node(PrimitiveActivation, **given)
-        self.tasks = harness.publisher(JointState, f"{told}tasks", qos.STATE)
-        predicted = f"{told}robot_trajectory"
-        self.prediction = harness.publisher(JointTrajectory, predicted, qos.COMMAND)
-        self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
-        self.commands = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
-        self.active = harness.collect(String, "intent/active_task", qos.LATCHED)
-        harness.connect(self.tasks, self.prediction, self.joints)
-        if parameters.get("autostart", True):
-            harness.spin_until(lambda: self.active, what="the latched task")
+        if not self.node._action:
+            self.commands = harness.said(self.node, "joint_trajectory")
+        self.active = harness.said(self.node, "intent/active_task")
         self.now_ns, self.k = START_NS, 0
         self.task, self.onset_ns, self.shift = "idle", 0, 0.0
         self.speaks = True
@@ -63,13 +53,13 @@ class Graph:
     def seen(self, stream):
         return self.node.diagnostics._totals[stream]
 
-    def send(self, publisher, message, stream):
-        """Publish and spin until the node has handled it, so that no message depends on timing."""
-        self.harness.tell(self.node, publisher, message, stream)
+    def hear(self, topic, message):
+        self.harness.hear(self.node, topic, message)
 
     def tick(self):
         self.now_ns += STEP_NS
         self.harness.set_clock(self.node, self.now_ns)
+        self.node._timer.callback()
 
     def probabilities(self):
         if self.task == "idle":
@@ -87,16 +77,16 @@ class Graph:
     def send_joints(self, position=None):
         q = self.arm() if position is None else position
         message = to_joint_state(JOINT_NAMES, q, np.zeros(7), time_ns=self.now_ns)
-        self.send(self.joints, message, "joint_states")
+        self.hear("joint_states", message)
 
     def send_tasks(self, p=None, time_ns=None, names=LABELS):
         p = self.probabilities() if p is None else p
         time_ns = self.now_ns if time_ns is None else time_ns
-        self.send(self.tasks, to_joint_state(names, p, time_ns=time_ns), "intent/tasks")
+        self.hear(f"{self._prefix}tasks", to_joint_state(names, p, time_ns=time_ns))
 
     def send_prediction(self, message=None):
         message = message or predicted(self.task, self.onset_ns, shift=self.shift)
-        self.send(self.prediction, message, "intent/robot_trajectory")
+        self.hear(f"{self._prefix}robot_trajectory", message)
 
     def step(self):
         """20 ms of the graph: joint states and tasks at 50 Hz, predictions at 25 Hz."""

@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The estimator node between a fake tracker and listeners, and what the library says."""
+"""The estimator node, what it is told and says, and what the library says."""
+
+from functools import partial
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from model_builder import GLOVE, TOOL, WRIST, learned_model, make_dofs, perform, true_library
-from nav_msgs.msg import Odometry, Path
-from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
-from visualization_msgs.msg import MarkerArray
+from nav_msgs.msg import Odometry
 
 from intent_recognition.model.file import Model, save_model
-from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns, to_joint_state, to_pose, to_stamp
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.promp import NONE
@@ -69,46 +67,22 @@ def message_for(dofs, observation):
 
 
 class Graph:
-    """The node between a fake tracker and listeners of all its topics."""
+    """The node, what it is told, and what it says on its topics."""
 
     def __init__(self, harness, folder, *, listen=True, **parameters):
         self.harness, self.dofs, self.model = harness, folder.dofs, folder.model
-        parameters = {"model": str(folder.path), **parameters}
-        self.node = harness.node(IntentEstimatorNode, **parameters)
-        self.inputs = [
-            harness.publisher(Odometry, "human/wrist", qos.SENSOR)
-            if entry == WRIST
-            else harness.publisher(JointState if entry.joints else PoseStamped, entry.topic, 10)
-            for entry in self.dofs.observed
-        ]
-        self.tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
-        self.robot = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
+        self.node = harness.node(IntentEstimatorNode, **{"model": str(folder.path), **parameters})
+        said = partial(harness.said, self.node)
+        self.tasks, self.robot = said("intent/tasks"), said("intent/robot_trajectory")
         if listen:
-            self.path = harness.collect(Path, "intent/human_path", qos.COMMAND)
-            self.markers = harness.collect(MarkerArray, "intent/markers", qos.COMMAND)
-        if parameters.get("autostart", True):
-            harness.connect(*self.inputs)
-        topics = ("intent/tasks", "intent/robot_trajectory") + listen * ("intent/markers",)
-        outputs = [p for p in self.node.publishers if p.topic_name.lstrip("/") in topics]
-        harness.connect(*outputs)
+            self.path, self.markers = said("intent/human_path"), said("intent/markers")
 
     def send(self, message, group=0):
-        """Publish and spin until the node has handled it; whether it was accepted."""
-        seen, accepted = self.received(group), len(self.tasks)
-        refused = sum(self.node._diagnostics._counts.values())
-        self.inputs[group].publish(message)
-        self.harness.spin_until(lambda: self.received(group) > seen, what="received")
-        self.harness.spin_until(
-            lambda: (
-                len(self.tasks) > accepted or sum(self.node._diagnostics._counts.values()) > refused
-            ),
-            what="tasks or a count",
-        )
+        """Let the node take a message; whether it was accepted."""
+        accepted, entry = len(self.tasks), self.dofs.observed[group]
+        topic = "human/wrist" if entry == WRIST else entry.topic
+        self.harness.hear(self.node, topic, message)
         return len(self.tasks) > accepted
-
-    def received(self, group):
-        topic = self.inputs[group].topic_name.lstrip("/")
-        return self.node._diagnostics._totals[topic]
 
     def feed(self, observations):
         for observation in observations:

@@ -12,11 +12,12 @@ from functools import partial
 from pathlib import Path
 
 import rclpy
+from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.time import Time
-from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from intent_recognition.nodes.runtime import make_executor, spin_until
@@ -127,22 +128,32 @@ class Harness:
         """The response of a service that takes nothing."""
         return self.call(Trigger, name, Trigger.Request())
 
-    def tell(self, node: Node, publisher, message, stream: str = "") -> None:
-        """Publish, and spin until the node has counted the message of the topic, or stream."""
-        totals = (getattr(node, "diagnostics", None) or node._diagnostics)._totals
-        stream = stream or publisher.topic_name.lstrip("/")
-        before = totals[stream]
-        publisher.publish(message)
-        self.spin_until(lambda: totals[stream] > before, what=stream)
+    def hear(self, node: Node, topic: str, message) -> None:
+        """Let a node take a message at once, as if it had come on the topic."""
+        name = node.resolve_topic_name(topic)
+        found = next(one for one in node.subscriptions if one.topic_name == name)
+        assert isinstance(message, found.msg_type)
+        found.callback(serialize_message(message) if found.raw else message)
+
+    def said(self, node: Node, topic: str) -> list:
+        """A list that grows with every message that the node publishes on the topic from now on."""
+        name, said = node.resolve_topic_name(topic), []
+        publisher = next(one for one in node.publishers if one.topic_name == name)
+        publish = publisher.publish
+
+        def note(message) -> None:
+            data = message if isinstance(message, bytes) else serialize_message(message)
+            said.append(deserialize_message(data, publisher.msg_type))
+            publish(message)
+
+        publisher.publish, publisher.get_subscription_count = note, lambda: 1
+        return said
 
     def set_clock(self, node: Node, time_ns: int) -> None:
-        """Publish simulated time, and spin until the node has it."""
-        if not hasattr(self, "_clock"):
-            self._clock = self.publisher(Clock, "/clock")
-            self.connect(self._clock)
-        self._clock.publish(Clock(clock=Time(nanoseconds=time_ns).to_msg()))
-        now = node.get_clock().now
-        self.spin_until(lambda: now().nanoseconds == time_ns, what="clock")
+        """Set the simulated time of a node."""
+        node.get_clock().set_ros_time_override(
+            Time(nanoseconds=time_ns, clock_type=ClockType.ROS_TIME)
+        )
 
 
 def node_with(harness: Harness, **overrides) -> Node:

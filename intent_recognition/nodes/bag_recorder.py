@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any
 
 from intent_recognition.errors import BagError
-from intent_recognition.nodes.parameters import declare, keep_live
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.services import serve
 from intent_recognition.nodes.topic_recorder import TopicRecorder, check_task
@@ -18,7 +18,6 @@ class BagRecorder(TopicRecorder):
         super().__init__("bag_recorder", **kwargs)
         topics: list[str] = declare(self, "bag_recorder")["topics"]
         check_task({"task": self.get_parameter("task").value})
-        keep_live(self, ["task"], check_task, lambda _: None)
         self.done = False
         self.exit_code = 0
         serve(self, "start", self.start)

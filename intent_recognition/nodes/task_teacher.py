@@ -39,11 +39,11 @@ from intent_recognition.model import (
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import MODEL, Level, key_values, values_of
 from intent_recognition.nodes.execution_recorder import ExecutionRecorder
-from intent_recognition.nodes.parameters import declare, keep_live
+from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.runtime import ANSWER_S, now_ns, run, steady_timer
 from intent_recognition.nodes.services import answer, serve
 from intent_recognition.nodes.task_practice import TaskPracticeService
-from intent_recognition.nodes.topic_recorder import TopicRecorder, check_task
+from intent_recognition.nodes.topic_recorder import TopicRecorder
 from intent_recognition.registry import LEARNING
 
 
@@ -82,7 +82,6 @@ class TaskTeacher(TopicRecorder):
         declare(self, "practice")
         self.practice = TaskPracticeService(self)
         steady_timer(self, 0.1, self.practice.step)
-        keep_live(self, ["task"], check_task, lambda _: None)
         self._status = self.create_publisher(String, "teach/status", qos.LATCHED)
         self._skills = self.create_publisher(DiagnosticArray, "teach/skills", qos.LATCHED)
         for name in LEARNING:

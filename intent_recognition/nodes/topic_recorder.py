@@ -23,7 +23,7 @@ from intent_recognition.errors import BagError, IntentError, ResourceBusyError
 from intent_recognition.nodes.bag_listener import BagListener
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import PATIENCE_S, Diagnostics, Level
-from intent_recognition.nodes.parameters import Changes
+from intent_recognition.nodes.parameters import Changes, keep_live
 from intent_recognition.nodes.qos import keep_last
 from intent_recognition.nodes.runtime import simulated_ns, steady_timer
 from intent_recognition.registry import ANSWERS
@@ -75,6 +75,7 @@ class TopicRecorder(Node):
         """
         self._check_names(topics)
         self._wanted = tuple(topics)
+        keep_live(self, ["task"], check_task, lambda _: None)
         steady_timer(self, 0.1, self.discover)
         steady_timer(self, FLUSH_PERIOD_S, self._flush)
         self.discover()
@@ -94,11 +95,6 @@ class TopicRecorder(Node):
     def recording(self) -> Path | None:
         """The bag being written, None between recordings."""
         return None if self._writer is None else self._writer.path
-
-    @property
-    def message_count(self) -> int:
-        """Number of messages written to the bag so far."""
-        return 0 if self._writer is None else self._writer.message_count
 
     def open_bag(self, path: str | Path, metadata: Mapping[str, str]) -> None:
         """Begin to record.
@@ -255,10 +251,8 @@ class TopicRecorder(Node):
                 self._write(self._writer, message)
 
     def _declare(self, writer: BagWriter, source: _RecordedTopic) -> None:
-        try:
+        with self.diagnostics.rejecting("undeclared_topic"):
             writer.add_topic(source.name, source.type, source.profiles)
-        except IntentError as error:
-            self.diagnostics.reject("undeclared_topic", str(error))
 
     def _write(self, writer: BagWriter, message: RawMessage) -> None:
         try:

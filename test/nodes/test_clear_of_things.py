@@ -7,14 +7,11 @@ from activation_graph import GOALS, HOME, START_NS
 from activation_graph import Graph as ActivationGraph
 from clearance_world import ROBOT
 from joint_trajectories import build_joint_trajectory
-from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import String
-from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import hand_position, parse_boxes
-from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import to_pose, trajectory_arrays
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.registry import ANSWERS
@@ -33,13 +30,10 @@ class Graph(ActivationGraph):
 
     def __init__(self, harness, **parameters):
         super().__init__(harness, **{"n_observations": 2} | parameters)
-        self.description = harness.publisher(String, "robot_description", qos.LATCHED)
-        harness.connect(self.description)
         self.begin("plate")
 
     def describe(self, text):
-        self.description.publish(String(data=text))
-        self.harness.spin_until(lambda: self.node._hand.description == text)
+        self.hear("robot_description", String(data=text))
 
     def step(self):
         self.tick()
@@ -71,7 +65,6 @@ def test_a_path_into_a_box_is_planned_anew_or_not_followed_and_both_bodies_are_n
         assert texts and all("plate: lwr_a" in text for text in texts), told
         assert all("would touch crate at phase" in text for text in texts)
         return
-    graph.harness.spin_until(lambda: graph.commands)
     q = trajectory_arrays(graph.commands[0])[1]
     np.testing.assert_allclose(q[-1], GOAL, atol=1e-6)
     assert np.abs(q - HOME - (GOAL - HOME) * (q[:, :1] - HOME[0]) / 0.4).max() > 0.02
@@ -97,7 +90,6 @@ def test_a_path_into_a_thing_of_the_planning_scene_waits_until_it_is_gone(harnes
         scene.world.collision_objects = [thing]
         graph.node._things._scene.take(scene)
         graph.run(4)
-        harness.spin_until(lambda w=waits: w or graph.commands, what="a command")
         assert bool(graph.commands) != waits
         message = graph.node.diagnostics._message
         assert ("waits: plate: lwr_a" in message) == waits, message
@@ -121,7 +113,7 @@ def test_without_the_arms_shape_nothing_moves(harness, needs, reason):
     assert graph.commands == []
     graph.describe(ROBOT.description)
     graph.run(3)
-    graph.harness.spin_until(lambda: graph.commands)
+    assert graph.commands
 
 
 @pytest.mark.parametrize(
@@ -139,11 +131,9 @@ def test_what_cannot_be_kept_clear_of_is_an_error_at_start(harness, wrong, messa
 
 
 def tell_person(graph, position, names=PERSON, times_s=(0.0, 5.0)):
-    publisher = graph.harness.publisher(JointTrajectory, "intent/human_trajectory", qos.COMMAND)
-    graph.harness.connect(publisher)
     where, std = np.tile(position, (2, 1)), np.full((2, 3), 0.02)
     message = build_joint_trajectory(names, np.array(times_s), where, None, std, time_ns=START_NS)
-    graph.send(publisher, message, "intent/human_trajectory")
+    graph.hear("intent/human_trajectory", message)
 
 
 @pytest.mark.parametrize("near", [True, False])
@@ -153,7 +143,6 @@ def test_the_arm_slows_where_the_person_is_predicted_to_be(harness, near):
     graph.describe(ROBOT.description)
     tell_person(graph, (hand_position(GOAL) if near else np.array([6.0, 0.0, 0.0])) - offset)
     graph.run(3)
-    graph.harness.spin_until(lambda: graph.commands)
     assert bool(graph.node.activation.counts["slowed by person"]) == near
     times_s, q, _ = trajectory_arrays(graph.commands[0])
     np.testing.assert_allclose(q[-1], GOAL, atol=1e-6)
@@ -177,6 +166,5 @@ def test_a_broken_prediction_does_not_clear_the_way_of_a_person(harness, capfd, 
 def test_where_time_waits_for_the_node_a_search_takes_none(harness):
     graph = Graph(harness)
     assert graph.node._things._spent_s() > 0.0
-    harness.collect(JointState, ANSWERS, qos.FEEDBACK)
-    harness.spin_until(lambda: graph.node.diagnostics.answers, what="somebody waits")
+    harness.said(graph.node, ANSWERS)  # somebody waits
     assert graph.node._things._spent_s() == 0.0

@@ -2,6 +2,7 @@
 """What the estimator is told beside its observations: places of the scene, and via points."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,18 +27,12 @@ from intent_recognition.signals import Observation, merge
 PLACE, ELSEWHERE = np.array([0.2, -0.15]), np.array([-0.1, 0.2])
 
 
-class BoxFolder:
-    """The model on disk."""
-
-    def __init__(self, folder):
-        self.dofs, self.model = BOX_DOFS, Model(learned().library, BOX_DOFS)
-        self.path = folder / "model.npz"
-        save_model(self.path, self.model)
-
-
 @pytest.fixture(scope="module")
 def box_folder(tmp_path_factory):
-    return BoxFolder(tmp_path_factory.mktemp("context"))
+    """The model on disk."""
+    model, path = Model(learned().library, BOX_DOFS), tmp_path_factory.mktemp("box") / "model.npz"
+    save_model(path, model)
+    return SimpleNamespace(dofs=BOX_DOFS, model=model, path=path)
 
 
 def pose(place, stamp_ns):
@@ -52,24 +47,21 @@ def observations(seed=300):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("profile", [qos.LATCHED, qos.SENSOR])
-def test_a_context_counts_from_when_it_comes(harness, box_folder, profile):
+@pytest.mark.parametrize("latched", [True, False])
+def test_a_context_counts_from_when_it_comes(harness, box_folder, latched):
     """Latched, the first was said before the node started; else it comes late. Then it changes."""
-    latched = profile is qos.LATCHED
-    box = harness.publisher(PoseStamped, "box/pose", profile)
     if latched:
+        box = harness.publisher(PoseStamped, "box/pose", qos.LATCHED)
         box.publish(pose(ELSEWHERE, START_NS - 10**9))
     graph = Graph(harness, box_folder, listen=False)
-    harness.connect(box, subscribers=2 if latched else 1)
     estimator, expected = IntentEstimator(box_folder.model.library), []
     if latched:
-        harness.spin_until(lambda: heard(graph) > 0, what="the latched place")
+        heard = graph.node._diagnostics._totals
+        harness.spin_until(lambda: heard["box/pose"], what="the latched place")
         estimator.update_context(Observation(START_NS - 10**9, 0, ELSEWHERE))
     for number, observation in enumerate(observations()):
         if number == 60:
-            due = heard(graph) + 1 + latched
-            box.publish(pose(PLACE, observation.stamp_ns))
-            harness.spin_until(lambda due=due: heard(graph) >= due, what="the place")
+            harness.hear(graph.node, "box/pose", pose(PLACE, observation.stamp_ns))
             estimator.update_context(Observation(observation.stamp_ns, 0, PLACE))
         assert graph.send(message_for(BOX_DOFS, observation))
         expected.append(estimator.update(with_covariance(BOX_DOFS, observation)))
@@ -80,28 +72,18 @@ def test_a_context_counts_from_when_it_comes(harness, box_folder, profile):
 
 
 def test_a_context_that_cannot_be_read_is_counted(harness, box_folder):
-    box = harness.publisher(PoseStamped, "box/pose", qos.STATE)
     graph = Graph(harness, box_folder, listen=False)
-    harness.connect(box)
-    box.publish(pose([np.inf, 0.0], START_NS))
-    harness.spin_until(lambda: graph.rejected("not_finite"), what="a count")
-    box.publish(pose(PLACE, START_NS + 5))
-    box.publish(pose(PLACE, START_NS + 3))
-    harness.spin_until(lambda: graph.rejected("stamp_not_increasing"), what="a count")
-
-
-def heard(graph):
-    return graph.node._diagnostics._totals["box/pose"]
+    for place, after_ns in (([np.inf, 0.0], 0), (PLACE, 5), (PLACE, 3)):
+        harness.hear(graph.node, "box/pose", pose(place, START_NS + after_ns))
+    assert graph.node._diagnostics._counts == {"not_finite": 1, "stamp_not_increasing": 1}
 
 
 def test_what_is_left_over_from_a_pass_before_does_not_hold_up_the_next(harness, box_folder):
-    box = harness.publisher(PoseStamped, "box/pose", qos.STATE)
     graph = Graph(harness, box_folder, listen=False)
-    harness.connect(box)
     for at_s, place in ((10, ELSEWHERE), (11, ELSEWHERE), (2, PLACE)):
         if at_s == 11:
             graph.node._start_over()  # as when /clock goes back
-        harness.tell(graph.node, box, pose(place, START_NS + at_s * 10**9))
+        harness.hear(graph.node, "box/pose", pose(place, START_NS + at_s * 10**9))
     assert graph.rejected("left_over") == 1 and graph.rejected("stamp_not_increasing") == 0
     np.testing.assert_array_equal(graph.node.people[""].estimator._context.values, PLACE)
 
@@ -113,10 +95,8 @@ def folder(tmp_path_factory):
 
 @pytest.mark.slow
 def test_the_path_passes_until_the_point_is_removed(harness, folder):
-    told = harness.collect(String, "intent/via_points", qos.LATCHED)
     graph = Graph(harness, folder)
-    harness.spin_until(lambda: told, what="that there are none")
-    assert told[-1].data == ""
+    told = harness.said(graph.node, "intent/via_points")
 
     def put(*points):
         text = write_via_points(read_via_points(json.dumps(points)))
@@ -130,7 +110,6 @@ def test_the_path_passes_until_the_point_is_removed(harness, folder):
     end = {"name": "end", "task": task, "phase": 1.0, "std": 1e-4}
     point = end | {"dofs": {"lwr_a4_joint": goal}}
     assert put(point) == ""
-    harness.spin_until(lambda: told[-1].data, what="the point")
     assert read_via_points(told[-1].data) == read_via_points(json.dumps([point]))
     for refused, text in (
         (end | {"dofs": {"lwr_a4_joint": 2.0}}, "end: expected at most 6 standard"),
@@ -139,23 +118,20 @@ def test_the_path_passes_until_the_point_is_removed(harness, folder):
     ):
         assert text in put(refused)
     graph.feed(folder.observations(task=0)[:100])
-    harness.spin_until(lambda: graph.robot, what="a trajectory")
     found = graph.robot[-1]
     assert found.header.frame_id == task
     assert abs(trajectory_arrays(found)[1][-1, 3] - goal) < 1e-3
     assert put() == ""
-    harness.spin_until(lambda: not told[-1].data, what="that it is removed")
+    assert told[-1].data == ""
     assert graph.node.people[""].estimator.library is graph.node._model.library
 
 
 def test_given_at_the_start_a_point_of_the_hand_waits_for_the_arm(harness, folder):
-    told = harness.collect(String, "intent/via_points", qos.LATCHED)
     far = "[{name: far, task: task_0, phase: 0.5, hand: [3, 0, 0.5]}]"
     node = harness.node(IntentEstimatorNode, model=str(folder.path), via_points=far)
-    arm = harness.publisher(String, "robot_description", qos.LATCHED)
-    harness.spin_until(lambda: node.active, what="an active node")
+    told = harness.said(node, "intent/via_points")
+    node._check_stream()
     assert told == [] and node._diagnostics.rejected("bad_via_points") == 0
-    arm.publish(String(data=lwr_urdf()))
-    harness.spin_until(lambda: node._diagnostics.rejected("bad_via_points"), what="a count")
-    harness.spin_until(lambda: told, what="what is in force")
-    assert told[-1].data == ""
+    harness.hear(node, "robot_description", String(data=lwr_urdf()))
+    node._check_stream()
+    assert told[-1].data == "" and node._diagnostics.rejected("bad_via_points") == 1

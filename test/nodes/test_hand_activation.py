@@ -12,13 +12,11 @@ from joint_trajectories import build_joint_trajectory
 from model_builder import true_library
 from rclpy.node import Node
 from scipy.spatial.transform import Rotation, Slerp
-from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from intent_recognition.bags import JOINT_STATE
 from intent_recognition.demonstrations import DofEntry, load_dofs
 from intent_recognition.model.file import Model, save_model
-from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import PostureInput
 from intent_recognition.nodes.conversions import stamp_ns, to_joint_state, trajectory_arrays
 from intent_recognition.nodes.diagnostics import Diagnostics
@@ -45,11 +43,8 @@ class HandGraph(Graph):
         own = {"home": arm.home.tolist(), "hand_link": arm.robot.tip, "n_observations": 2}
         super().__init__(harness, **own | others)
         self.arm = arm
-        self.description = harness.publisher(String, "robot_description", qos.LATCHED)
-        harness.connect(self.description)
         if describe:
-            self.description.publish(String(data=arm.robot.description))
-            harness.spin_until(lambda: self.node._hand.arm is not None)
+            self.hear("robot_description", String(data=arm.robot.description))
 
     @property
     def turn_at_home(self):
@@ -69,14 +64,14 @@ class HandGraph(Graph):
             names, 2.0 * s, path, None, np.full(path.shape, 0.01), time_ns=START_NS - 600_000_000
         )
         message.header.frame_id = "plate"
-        self.send(self.prediction, message, "intent/robot_trajectory")
+        self.hear("intent/robot_trajectory", message)
 
     def step(self, goal):
         self.tick()
         names = [*self.arm.robot.joint_names, "panda_finger_joint1", "panda_finger_joint2"]
         q = [*self.arm.home, 0.04, 0.04]
         state = to_joint_state(names, q, np.zeros(9), time_ns=self.now_ns)
-        self.send(self.joints, state, "joint_states")
+        self.hear("joint_states", state)
         self.predict(goal)
         self.send_tasks([0.99, 0.01], names=("plate", "none"))
 
@@ -84,7 +79,6 @@ class HandGraph(Graph):
         """Predict it until the arm is commanded; the first command."""
         for _ in range(6):
             self.step(goal)
-        self.harness.spin_until(lambda: self.commands)
         return self.commands[0]
 
 
@@ -155,12 +149,9 @@ def test_without_a_description_nothing_moves(harness, panda):
     graph = HandGraph(harness, panda, describe=False)
     graph.predict(GOAL_M)
     assert graph.node.diagnostics.rejected("no_robot_description") == 1
-    graph.description.publish(String(data="<robot"))
-    reasons = graph.node.diagnostics
-    graph.harness.spin_until(
-        lambda: graph.node._hand.arm or reasons.rejected("bad_robot_description")
-    )
-    assert reasons.rejected("bad_robot_description") == 1
+    graph.hear("robot_description", String(data="<robot"))
+    assert graph.node._hand.arm is None
+    assert graph.node.diagnostics.rejected("bad_robot_description") == 1
 
 
 @pytest.mark.parametrize("dofs", ["dofs_hand", "dofs_two_humans"])
@@ -174,17 +165,13 @@ def test_the_estimator_hears_where_the_hand_is(harness, panda, dofs):
     inputs = PostureInput(node, Diagnostics(node))
     estimator = SimpleNamespace(update_controlled=taken.append)
     inputs.open([estimator], load_dofs(share_path(f"config/{dofs}.yaml")).controlled)
-    description = harness.publisher(String, "robot_description", qos.LATCHED)
-    joints = harness.publisher(JointState, "joint_states", qos.STATE)
-    harness.connect(description, joints)
-    description.publish(String(data=panda.robot.description))
-    harness.spin_until(lambda: inputs.hand.arm is not None)
-    state = to_joint_state(panda.robot.joint_names, panda.home, np.zeros(7), time_ns=START_NS)
-    joints.publish(state)
-    joints.publish(to_joint_state(["finger"], [0.0], [0.0], time_ns=START_NS + 1))
+    harness.hear(node, "robot_description", String(data=panda.robot.description))
     half = [*panda.robot.joint_names[:3], "finger"]
-    joints.publish(to_joint_state(half, np.zeros(4), np.zeros(4), time_ns=START_NS + 2))
-    harness.spin_until(lambda: inputs._diagnostics.rejected("posture_missing_dof"))
+    for k, (names, q) in enumerate(
+        ((panda.robot.joint_names, panda.home), (["finger"], [0.0]), (half, np.zeros(4)))
+    ):
+        state = to_joint_state(names, q, np.zeros(len(q)), time_ns=START_NS + k)
+        harness.hear(node, "joint_states", state)
     assert inputs._diagnostics.rejected("posture_missing_dof") == 1
     (observation,) = taken
     assert (observation.stamp_ns, observation.group) == (START_NS, 0)

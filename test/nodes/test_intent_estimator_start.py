@@ -4,6 +4,8 @@
 import json
 import re
 from dataclasses import replace
+from itertools import count
+from unittest.mock import Mock, call
 
 import numpy as np
 import pytest
@@ -14,11 +16,9 @@ from nav_msgs.msg import Odometry
 
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.model import FRAMES, Model, save_model
-from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import to_pose, to_stamp
-from intent_recognition.nodes.diagnostics import values_of
+from intent_recognition.nodes.conversions import to_stamp
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode, main
-from intent_recognition.nodes.observation_input import human_topic
+from intent_recognition.nodes.observation_input import ObservationInput, human_topic
 
 DOFS = make_dofs(WRIST, GLOVE)
 
@@ -101,87 +101,45 @@ def test_it_listens_to_what_ingest_makes_of_a_raw_pose():
     assert human_topic(cell) == "cell/human/elbow"
 
 
-TRACKED = make_dofs(WRIST, TOOL)
-LEARNED = {WRIST.topic: ["optitrack"], TOOL.topic: ["camera"]}
+@pytest.mark.parametrize(
+    ("learned", "frames", "warned", "counted"),
+    [
+        (("optitrack",), ("optitrack", "/optitrack", ""), "", 0),
+        (("optitrack",), ("world", "world", "cell"), "'optitrack', got 'world'", 3),
+        (("optitrack", "world"), ("world",), "'optitrack' and 'world', got 'world'", 1),
+        ((), ("world", "optitrack"), "", 0),
+    ],
+)
+def test_another_frame_is_told_once_and_counted(learned, frames, warned, counted):
+    node, diagnostics = Mock(), Mock()
+    inputs = ObservationInput(node, diagnostics, Mock(), Mock())
+    inputs.learned_in({WRIST.topic: learned})
+    for frame in frames:
+        inputs._note_frame(WRIST.topic, frame)
+    warnings = [one.args[0] for one in node.get_logger().warning.mock_calls]
+    assert len(warnings) == bool(warned)
+    assert all(word in text for text in warnings for word in (warned, WRIST.topic, "extrinsics"))
+    assert diagnostics.tick.mock_calls == [call(f"{WRIST.topic}, in another frame")] * counted
 
 
-def save(path, frames):
-    library = replace(true_library(TRACKED), provenance={} if frames is None else {FRAMES: frames})
-    save_model(path, Model(library, TRACKED))
+def test_the_frames_are_those_of_the_model_also_of_one_that_is_loaded_again(harness, tmp_path):
+    dofs, path, sent = make_dofs(WRIST, TOOL), tmp_path / "m.npz", count(1)
 
+    def save(frames):
+        library = replace(true_library(dofs), provenance={FRAMES: frames})
+        save_model(path, Model(library, dofs))
 
-class Stream:
-    """The node, and what it gets, one message after the other."""
+    def counted(frame):
+        for kind, topic in ((Odometry, "human/wrist"), (PoseStamped, TOOL.topic)):
+            message = kind()
+            message.header.frame_id, message.header.stamp = frame, to_stamp(10**18 + next(sent))
+            harness.hear(node, topic, message)
+        totals = node._diagnostics._totals
+        return [totals[f"{entry.topic}, in another frame"] for entry in (WRIST, TOOL)]
 
-    def __init__(self, harness, tmp_path, frames):
-        self.harness, self.path, self.n = harness, tmp_path / "m.npz", 0
-        save(self.path, frames)
-        self.node = harness.node(IntentEstimatorNode, model=str(self.path))
-        self.inputs = [
-            harness.publisher(Odometry, "human/wrist", qos.SENSOR),
-            harness.publisher(PoseStamped, TOOL.topic, 10),
-        ]
-        harness.connect(*self.inputs)
-        self.warnings = []
-        self.node.people[""].inputs._node = self  # what the input logs
-
-    def get_logger(self):
-        return self
-
-    def warning(self, text):
-        self.warnings.append(text)
-
-    def get_clock(self):
-        return self.node.get_clock()
-
-    def send(self, frame, group=0):
-        self.n += 1
-        message = (Odometry, PoseStamped)[group]()
-        if group == 0:
-            message.pose.pose = to_pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-        message.header.frame_id = frame
-        message.header.stamp = to_stamp(1_700_000_000_000_000_000 + self.n * 10_000_000)
-        self.harness.tell(self.node, self.inputs[group], message)
-
-    def counted(self, entry):
-        rows = values_of(self.node._diagnostics.report())
-        return int(rows.get(f"received {entry.topic}, in another frame", 0))
-
-
-def test_another_frame_is_told_once_and_counted(harness, tmp_path):
-    stream = Stream(harness, tmp_path, LEARNED)
-    for frame in ("optitrack", "/optitrack", "", "world", "world", "cell"):
-        stream.send(frame)
-    (text,) = stream.warnings
-    assert text.startswith("mocap/wrist/pose: expected poses in the frame of the demonstrations")
-    assert "'optitrack', got 'world'" in text
-    assert "extrinsics" in text and "mocap_ingest" in text
-    assert stream.counted(WRIST) == 3 and stream.counted(TOOL) == 0
-    stream.send("camera", 1)
-    assert len(stream.warnings) == 1
-    stream.send("lens", 1)
-    assert "'camera', got 'lens'" in stream.warnings[1] and stream.counted(TOOL) == 1
-
-
-@pytest.mark.parametrize("frames", [None, {}, {TOOL.topic: ["camera"]}])
-def test_a_model_that_knows_no_frame_is_silent(harness, tmp_path, frames):
-    stream = Stream(harness, tmp_path, frames)
-    for frame in ("world", "optitrack"):
-        stream.send(frame)
-    assert not stream.warnings and not stream.counted(WRIST)
-
-
-def test_a_model_of_several_frames_fits_none(harness, tmp_path):
-    stream = Stream(harness, tmp_path, {WRIST.topic: ["optitrack", "world"]})
-    stream.send("world")
-    assert "'optitrack' and 'world', got 'world'" in stream.warnings[0]
-
-
-def test_a_model_that_is_loaded_again_brings_its_frame(harness, tmp_path):
-    stream = Stream(harness, tmp_path, LEARNED)
-    save(stream.path, {WRIST.topic: ["world"]})
+    save({WRIST.topic: ["optitrack"], TOOL.topic: ["camera"]})
+    node = harness.node(IntentEstimatorNode, model=str(path))
+    assert counted("optitrack") == [0, 1] and counted("camera") == [1, 1]
+    save({WRIST.topic: ["world"]})
     assert harness.trigger("intent_estimator/reload_model").success
-    stream.send("world")
-    assert not stream.warnings
-    stream.send("optitrack")
-    assert len(stream.warnings) == 1
+    assert counted("world") == [1, 1] and counted("optitrack") == [2, 1]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from bag_builder import write_bag
 from model_builder import learned_model, make_dofs
-from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
 from intent_recognition.activation.states import Homing, Idle
@@ -33,37 +32,34 @@ def model(tmp_path_factory):
     return str(path)
 
 
-def change(harness, node, **values):
+def change(node, **values):
     """The reason why the values were not taken, or empty."""
-    parameters = [Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
-    request = SetParametersAtomically.Request(parameters=parameters)
-    service = f"{node.get_name()}/set_parameters_atomically"
-    result = harness.call(SetParametersAtomically, service, request).result
-    return "" if result.successful else result.reason
+    parameters = [Parameter(name, value=value) for name, value in values.items()]
+    return node.set_parameters_atomically(parameters).reason
 
 
 def test_ingest_takes_noise_and_speed_and_refuses_what_is_none(harness):
     node = harness.node(MocapIngest)
-    assert change(harness, node, position_std=0.01, max_speed=2.0, orientation_std_rad=0.1) == ""
+    assert change(node, position_std=0.01, max_speed=2.0, orientation_std_rad=0.1) == ""
     assert node._settings.max_speed_m_s == 2.0
     assert np.allclose(node._settings.covariances["world"], np.eye(3) * 1e-4)
     assert node._settings.orientation_std_rad == pytest.approx(0.1)
     for value in (0.0, -1.0, float("nan"), float("inf"), 2000.0):
-        assert "max_speed" in change(harness, node, max_gap=0.2, max_speed=value)
+        assert "max_speed" in change(node, max_gap=0.2, max_speed=value)
         assert (node._settings.max_speed_m_s, node._settings.max_gap_s) == (2.0, 0.5)
 
 
 def test_estimator_takes_rate_and_expectation(harness, model):
     node = harness.node(IntentEstimatorNode, model=model)
-    assert change(harness, node, publish_rate=5.0, transition_prior=False, forget_after=1.0) == ""
+    assert change(node, publish_rate=5.0, transition_prior=False, forget_after=1.0) == ""
     assert node.people[""].publish_rate == 5.0
     assert node.people[""].estimator.expectation._forget_after_s == 1.0
-    assert "publish_rate" in change(harness, node, publish_rate=0.0)
+    assert "publish_rate" in change(node, publish_rate=0.0)
 
 
 def test_activation_takes_the_decision_at_once(harness, model):
     node = harness.node(PrimitiveActivation, model=model)
-    assert change(harness, node, threshold=0.8, n_observations=2, timeout=0.2) == ""
+    assert change(node, threshold=0.8, n_observations=2, timeout=0.2) == ""
     settings = node.activation._parts.common.settings
     assert (settings.decision.threshold, settings.decision.n_observations) == (0.8, 2)
     assert settings.timeout_s == 0.2
@@ -73,18 +69,17 @@ def test_the_bound_on_wrong_actions_is_that_of_the_share_in_force(harness, model
     node = harness.node(PrimitiveActivation, model=model)
     bounds = []
     for values in ({"max_wrong": 0.5}, {"max_wrong": 0.4}, {"threshold": 0.8}):
-        assert change(harness, node, **values) == ""
+        assert change(node, **values) == ""
         bounds.append(values_of(node.diagnostics.report())["wrong actions at most"])
     assert bounds == ["0.500", "0.400", "not known"]
 
 
 def test_activation_tells_what_does_not_fit(harness, model):
     node = harness.node(PrimitiveActivation)
-    assert "0 without a model" in change(harness, node, pretrigger_threshold=0.5)
+    assert "0 without a model" in change(node, pretrigger_threshold=0.5)
     other = harness.node(PrimitiveActivation, model=model)
-    harness.executor.remove_node(node)
-    assert "7 angles" in change(harness, other, home=[0.0, 0.0])
-    assert " rad" in change(harness, other, home=[0.0, 90.0, *[0.0] * 5])
+    assert "7 angles" in change(other, home=[0.0, 0.0])
+    assert " rad" in change(other, home=[0.0, 90.0, *[0.0] * 5])
 
 
 def test_limits_change_only_while_the_arm_rests(harness, model):
@@ -92,10 +87,10 @@ def test_limits_change_only_while_the_arm_rests(harness, model):
     before = node._limits.velocity
     node._timer.cancel()  # nothing steps it on meanwhile
     node.activation.state = Homing(None)
-    assert "an arm at rest, got homing" in change(harness, node, velocity_scale=0.45)
-    assert change(harness, node, threshold=0.95) == ""
+    assert "an arm at rest, got homing" in change(node, velocity_scale=0.45)
+    assert change(node, threshold=0.95) == ""
     node.activation.state = Idle()
-    assert change(harness, node, velocity_scale=0.45, home=[0.1] * 7) == ""
+    assert change(node, velocity_scale=0.45, home=[0.1] * 7) == ""
     np.testing.assert_allclose(node._limits.velocity, before / 2.0)
     limits = node.activation._parts.common.settings.limits
     np.testing.assert_allclose(limits.velocity, before / 2.0)
@@ -106,7 +101,7 @@ def test_player_goes_on_at_another_rate(harness, tmp_path):
     bag = str(write_bag(tmp_path / "bag", count=30))
     node = harness.node(BagPlayer, bag=bag, rate=0.001, wait_for_subscribers=0.0)
     harness.spin_until(lambda: node.published >= 1)
-    assert change(harness, node, rate=0.0) == ""
+    assert change(node, rate=0.0) == ""
     harness.spin_until(node.finished.is_set)
     assert node.published == 60
 
@@ -116,9 +111,9 @@ def test_a_label_that_cannot_name_a_task_is_refused(harness, tmp_path, kind):
     needed = {"library": str(tmp_path / "tasks")} if kind is TaskTeacher else {}
     node = harness.node(kind, **needed)
     for label in ("bad/label", "x" * 300, "a\x1b[2J", ".."):
-        reason = change(harness, node, task=label)
+        reason = change(node, task=label)
         assert "label" in reason and "\x1b" not in reason
-    assert change(harness, node, task="give_cup") == ""
+    assert change(node, task="give_cup") == ""
     if kind is BagRecorder:
         with pytest.raises(BagError, match="label"):
             harness.node(kind, task="bad/label")

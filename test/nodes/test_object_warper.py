@@ -8,11 +8,10 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from scan_builder import scanned
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import JointState, PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 from intent_recognition.errors import ArgumentError, MessageError, ModelError
-from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     orientation_array,
     position_array,
@@ -97,15 +96,11 @@ def test_parameters_and_labels_are_those_of_the_library(harness):
     assert offered == set(NODES["object_warper"].publishes) - set(FRAMES)
     assert offered <= set(GRAPH_NODES["cup_warper"].topics)  # where there are two
     cloud = scanned("tall_mug")
-    clouds = harness.collect(PointCloud2, "object/labelled_cloud", qos.STATE)
-    vectors = harness.collect(JointState, "object/parameters", qos.STATE)
-    poses = harness.collect(PoseStamped, "object/pose", qos.STATE)
-    grasps = harness.collect(PoseStamped, "object/grasp", qos.STATE)
-    publisher = harness.publisher(PointCloud2, "object/cloud", qos.STATE)
-    toward = harness.publisher(PoseStamped, "object/toward", qos.STATE)
-    harness.connect(publisher, toward)
-    publisher.publish(message_of(cloud))
-    harness.spin_until(lambda: clouds and vectors and poses and grasps, what="parameters")
+    clouds, vectors, poses, grasps = (
+        harness.said(node, f"object/{name}")
+        for name in ("labelled_cloud", "parameters", "pose", "grasp")
+    )
+    harness.hear(node, "object/cloud", message_of(cloud))
     source = ObjectModel.learn(load_object(find_object("mug")))
     sent = ObjectCloud(*cloud_arrays(message_of(cloud)))
     warped = warp_object(source, sent)
@@ -132,10 +127,8 @@ def test_parameters_and_labels_are_those_of_the_library(harness):
     assert found["tilt_leaving_40_percent_rad"] == pytest.approx(holds.tilt_leaving(0.4))
     there = np.array([0.1, 0.5, 0.1])
     place = PoseStamped(header=header(), pose=to_pose(there, np.array([0.0, 0.0, 0.0, 1.0])))
-    toward.publish(place)
-    harness.spin_until(lambda: node._toward is not None, what="the other container")
-    publisher.publish(message_of(cloud, 1))
-    harness.spin_until(lambda: len(vectors) == 2, what="parameters again")
+    harness.hear(node, "object/toward", place)
+    harness.hear(node, "object/cloud", message_of(cloud, 1))
     nearest = pouring_parameters(warped, toward=there).lip_point
     found = dict(zip(vectors[1].name, vectors[1].position, strict=True))
     np.testing.assert_allclose([found[f"lip_point_{axis}"] for axis in "xyz"], nearest)
@@ -148,9 +141,7 @@ def test_parameters_and_labels_are_those_of_the_library(harness):
 def test_bad_clouds_are_counted_and_harm_nothing(harness):
     """Empty, no container, malformed; then a good one with pixels without depth."""
     node = harness.node(ObjectWarper)
-    vectors = harness.collect(JointState, "object/parameters", qos.STATE)
-    publisher = harness.publisher(PointCloud2, "object/cloud", qos.STATE)
-    harness.connect(publisher)
+    vectors = harness.said(node, "object/parameters")
     cloud = scanned("tumbler")
     malformed = message_of(cloud)
     malformed.fields.pop()
@@ -160,12 +151,10 @@ def test_bad_clouds_are_counted_and_harm_nothing(harness):
     good = to_labelled_cloud(header(9), points, normals, np.zeros(len(points)))
     large = ObjectCloud(1000.0 * cloud.points, cloud.normals)
     for message in (PointCloud2(header=header()), malformed, message_of(large), good):
-        publisher.publish(message)
-        harness.executor.spin_once(timeout_sec=0.05)
-    harness.spin_until(lambda: vectors, what="parameters of the good cloud")
-    assert stamp_ns(vectors[0]) == T0 + 9
+        harness.hear(node, "object/cloud", message)
+    assert [stamp_ns(vector) for vector in vectors] == [T0 + 9]
     counted = {"pixel_without_depth": 80, "malformed": 2, "not_warped": 1}
-    harness.spin_until(lambda: node._diagnostics._counts == counted, what="the counts")
+    assert node._diagnostics._counts == counted
 
 
 @pytest.mark.slow
@@ -178,13 +167,10 @@ def test_a_grasp_that_does_not_fit_costs_no_parameters(harness, tmp_path):
     pose[:3, 3] = [grip[0] + 0.004, 0.0, grip[2]]
     path = save_object(tmp_path / "held.npz", replace(mug, grasp=Grasp(pose, 0.009)))
     node = harness.node(ObjectWarper, source=str(path))
-    vectors = harness.collect(JointState, "object/parameters", qos.STATE)
-    publisher = harness.publisher(PointCloud2, "object/cloud", qos.STATE)
-    harness.connect(publisher)
-    publisher.publish(message_of(scanned("tumbler")))
-    harness.spin_until(lambda: vectors, what="parameters")
+    vectors = harness.said(node, "object/parameters")
+    harness.hear(node, "object/cloud", message_of(scanned("tumbler")))
     assert "volume_m3" in vectors[0].name and "grasp_width_m" not in vectors[0].name
-    harness.spin_until(lambda: node._diagnostics.rejected("no_grasp") == 1, what="the count")
+    assert node._diagnostics.rejected("no_grasp") == 1
 
 
 @pytest.mark.parametrize(

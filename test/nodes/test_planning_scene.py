@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Point, Pose, Quaternion
+from geometry_msgs.msg import Point
 from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from shape_msgs.msg import Mesh, SolidPrimitive
@@ -13,6 +13,7 @@ from shape_msgs.msg import Mesh, SolidPrimitive
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import parse_boxes
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import to_pose
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.planning_scene import CHANGES, MONITORED, PlanningSceneLink
 
@@ -37,10 +38,7 @@ def link(harness, moveit):
 
 
 def pose(position=(0.0, 0.0, 0.0), rotation=None):
-    x, y, z = map(float, position)
-    q = [0.0, 0.0, 0.0, 1.0] if rotation is None else rotation.as_quat()
-    turned = Quaternion(x=float(q[0]), y=float(q[1]), z=float(q[2]), w=float(q[3]))
-    return Pose(position=Point(x=x, y=y, z=z), orientation=turned)
+    return to_pose(np.array(position), (rotation or Rotation.identity()).as_quat())
 
 
 def thing(moveit, name, kind=SolidPrimitive.BOX, dimensions=(0.1, 0.2, 0.3), frame="world", **more):

@@ -43,14 +43,12 @@ def test_done_ends_the_process_with_the_nodes_exit_code(capfd):
 
 def test_simulated_time_hears_of_a_node_before_its_first_message(harness):
     """Else time goes on while the node takes its first one, and what comes meanwhile is lost."""
-    heard = harness.collect(JointState, ANSWERS, qos.FEEDBACK)
     node = harness.add(Node("taker"))
     diagnostics = Diagnostics(node)
     poses = node.create_subscription(PoseStamped, "mocap/wrist/pose", lambda _: None, qos.SENSOR)
     diagnostics.watch(poses, "mocap/wrist/pose")
-    harness.spin_until(lambda: diagnostics.answers, what="who hears the answers")
+    heard = harness.said(node, ANSWERS)
     diagnostics.answer()
-    harness.spin_until(lambda: heard, what="the answer")
     assert (heard[0].header.frame_id, heard[0].name) == ("taker", ["mocap/wrist/pose"])
     assert heard[0].position.tolist() == [0.0]
 

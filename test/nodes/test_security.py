@@ -131,6 +131,13 @@ def check_contract(node, name):
         profile = profiles[f"/cell1/{topic}"]
         assert (profile.reliability, profile.durability) == (reliability, durability), topic
         assert (profile.history, profile.depth) == (QoSHistoryPolicy.KEEP_LAST, depth), topic
+    every = {
+        f"/cell1/{topic}": qos for offered in OFFERED.values() for topic, qos in offered.items()
+    }
+    for one in node.subscriptions:  # asks for no more than is offered
+        wanted, offered = one.qos_profile, every.get(one.topic_name, LATCHED)
+        assert wanted.reliability == SENSOR[0] or offered[0] == STATE[0], one.topic_name
+        assert wanted.durability == STATE[1] or offered[1] == LATCHED[1], one.topic_name
 
 
 def test_a_node_of_no_graph_keeps_the_contract(harness, tmp_path):

@@ -52,15 +52,12 @@ def given(tmp_path):
 @pytest.mark.slow
 def test_a_task_of_two_parts_with_a_via_point_and_another_task_leads_out(harness, given):
     library, parameters = given
-    told = harness.collect(DiagnosticStatus, "intent/sequence", qos.LATCHED)
-    points = harness.publisher(String, "intent/via_points", qos.LATCHED)
-    wrist = harness.publisher(Odometry, "human/wrist", qos.SENSOR)
     graph = Graph(harness, **parameters)
-    harness.connect(points, wrist)
+    told = harness.said(graph.node, "intent/sequence")
     end = controlled_at(library, 1, 1.0)
     goal = float(end.mean[3] + 2.0 * np.sqrt(end.covariance[3, 3]))
     point = ViaPoint("end", {"lwr_a4_joint": (goal,)}, (1e-4,), 1.0, None, "screw")
-    points.publish(String(data=write_via_points([point])))
+    graph.hear("intent/via_points", String(data=write_via_points([point])))
     graph.begin("plate")
     graph.until(lambda: graph.node.activation.arrived)
     graph.task = "idle"
@@ -72,7 +69,7 @@ def test_a_task_of_two_parts_with_a_via_point_and_another_task_leads_out(harness
     back.pose.pose = to_pose(np.array([0.5, 0.05, 0.2]), (0.0, 0.0, 0.0, 1.0))
 
     def begun():
-        wrist.publish(back)
+        graph.hear("human/wrist", back)
         return graph.active[-1].data == "screw"
 
     graph.until(begun)
@@ -125,14 +122,13 @@ def test_sequences_need_a_model_and_a_file(harness, given, tmp_path):
 @pytest.mark.slow
 def test_the_estimator_expects_the_step(harness, tmp_path):
     folder = Folder(tmp_path, DOFS)
-    status = harness.publisher(DiagnosticStatus, "intent/sequence", qos.LATCHED)
-
-    status.publish(DiagnosticStatus(values=[KeyValue(key="task", value="task_1")]))
     node = harness.node(IntentEstimatorNode, model=str(folder.path))
     expectation = node.people[""].estimator.expectation
-    harness.spin_until(lambda: expectation.prior[1] > HABIT_TRUST, what="the step")
-    status.publish(DiagnosticStatus(message="no sequence"))
-    harness.spin_until(lambda: expectation.prior[1] < HABIT_TRUST, what="no step")
+    step = DiagnosticStatus(values=[KeyValue(key="task", value="task_1")])
+    harness.hear(node, "intent/sequence", step)
+    assert expectation.prior[1] > HABIT_TRUST
+    harness.hear(node, "intent/sequence", DiagnosticStatus(message="no sequence"))
+    assert expectation.prior[1] < HABIT_TRUST
 
 
 TEXT = (
@@ -218,12 +214,10 @@ class AheadGraph(Graph):
     def __init__(self, harness, path, **parameters):
         values = {"model": str(path), "pretrigger_threshold": 0.7, **parameters}
         super().__init__(harness, **values)
-        self.next_task = harness.publisher(JointState, "intent/next_task", qos.LATCHED)
-        harness.connect(self.next_task)
 
     def expect(self, p=(0.1, 0.9), names=TASKS, ahead_s=0.0):
         message = to_joint_state(names, p, time_ns=self.now_ns + round(ahead_s * 1e9))
-        self.send(self.next_task, message, "intent/next_task")
+        self.hear("intent/next_task", message)
 
 
 @pytest.mark.slow

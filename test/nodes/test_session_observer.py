@@ -7,24 +7,19 @@ from std_msgs.msg import String
 
 from intent_recognition.bags import BagReader, RawMessage
 from intent_recognition.model import Executions, now
-from intent_recognition.nodes import qos
 from intent_recognition.nodes.execution_recorder import ExecutionRecorder
 from intent_recognition.nodes.session_observer import SessionObserver
 from sim_bridge.arm.lock_step import EDGES
 
 
-def told(labels, values):
-    return JointState(name=labels, position=values)
-
-
 def test_a_task_taught_meanwhile_is_left_out(harness):
     observer = harness.add(SessionObserver(print, print))
-    publisher = harness.publisher(JointState, "intent/tasks", qos.STATE)
-    harness.connect(publisher)
-    publisher.publish(told(["plate", "none"], [0.25, 0.75]))
-    publisher.publish(told(["plate", "wave", "none"], [0.25, 0.5, 0.25]))
-    publisher.publish(told(["none"], [1.0]))
-    harness.spin_until(lambda: len(observer.log().probabilities) == 3)
+    for labels, p in (
+        (["plate", "none"], [0.25, 0.75]),
+        (["plate", "wave", "none"], [0.25, 0.5, 0.25]),
+        (["none"], [1.0]),
+    ):
+        harness.hear(observer, "intent/tasks", JointState(name=labels, position=p))
     log = observer.log()
     assert log.labels == ("plate", "none")
     np.testing.assert_array_equal(log.probabilities, [[0.25, 0.75], [0.25, 0.25], [0.0, 1.0]])
@@ -39,39 +34,25 @@ def test_it_takes_all_that_the_clock_waits_for(harness):
 
 def test_closed_it_hears_no_more(harness):
     observer = harness.add(SessionObserver(print, print, namespace="closing"))
-    publisher = harness.publisher(JointState, "closing/intent/tasks", qos.STATE)
-    answers = harness.collect(JointState, "closing/clock_answers", qos.FEEDBACK)
-    harness.connect(publisher, observer._answers)
+    answers = harness.said(observer, "clock_answers")
     tasks = next(s for s in observer._inputs if s.topic_name == "/closing/intent/tasks")
     observer.close()
-    tasks.callback(told(["plate"], [1.0]))  # was queued
+    tasks.callback(JointState(name=["plate"], position=[1.0]))  # was queued
     observer.close()
-    harness.spin_until(lambda: publisher.get_subscription_count() == 0 and len(answers) >= 2)
-    assert not any(answer.name for answer in answers)
+    assert [answer.name for answer in answers] == [[], []]
     assert observer.log().probabilities.size == 0
+    assert tasks not in [*observer.subscriptions]
 
 
 def test_of_several_people_each_log_holds_what_was_done_for_that_one(harness):
     observer = harness.add(SessionObserver(print, print, ("anna", "ben"), namespace="several"))
-    person, task = (
-        harness.publisher(String, f"several/intent/active_{what}", qos.LATCHED)
-        for what in ("person", "task")
-    )
-    truth = harness.publisher(JointState, "several/coworker/hand", qos.STATE)
-    for publisher in (person, task, truth):
-        harness.connect(publisher)
-    said = [(person, "anna"), (task, "plate"), (person, "ben"), (person, ""), (task, "")]
-    heard = {person: observer._helped, task: observer._active}
-    for publisher, text in said:
-        n = len(heard[publisher])
-        publisher.publish(String(data=text))
-        harness.spin_until(lambda p=publisher, n=n: len(heard[p]) > n, what=text)
+    said = [("person", "anna"), ("task", "plate"), ("person", "ben"), ("person", ""), ("task", "")]
+    for what, text in said:
+        harness.hear(observer, f"intent/active_{what}", String(data=text))
         message = JointState(position=[0.0, 0.0, 1.0])
         message.header.stamp = observer.get_clock().now().to_msg()
         message.header.frame_id = text
-        n = len(observer._contacts)
-        truth.publish(message)
-        harness.spin_until(lambda n=n: len(observer._contacts) > n, what="the hand")
+        harness.hear(observer, "coworker/hand", message)
     anna, ben = observer.log("anna"), observer.log("ben")
     assert anna.active == ben.active == ("plate", "")
     assert anna.active_ns[-1] == ben.active_ns[0]

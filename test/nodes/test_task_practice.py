@@ -8,7 +8,6 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.task_teacher import TaskTeacher
@@ -66,27 +65,24 @@ def test_thumbs_of_the_page_judge_the_points_that_the_estimator_tries(harness, t
     teacher.set_parameters([Parameter("practice_cost", value="thumbs")])
     assert "an estimator" in call("practise", SetBool, data=True).message
     estimator = harness.node(IntentEstimatorNode, model=str(model))
-    active = harness.publisher(String, "intent/active_task", qos.LATCHED)
-    feedback = harness.publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
-    harness.connect(active, feedback)
     harness.spin_until(teacher.estimator_runs)
-    recorder, log = teacher.executions, teacher.executions.executions
+    log = teacher.executions.executions
 
     def judge(thumbs):
-        feedback.publish(DiagnosticStatus(name=TASK, values=[KeyValue(key="thumbs", value=thumbs)]))
+        message = DiagnosticStatus(name=TASK, values=[KeyValue(key="thumbs", value=thumbs)])
+        harness.hear(teacher, "intent/feedback", message)
 
     def execute(n):
-        active.publish(String(data=TASK))
-        harness.spin_until(lambda: recorder.is_recording)
-        active.publish(String(data=""))
-        harness.spin_until(lambda: len(log.all()) == n)
+        for active in (TASK, ""):
+            harness.hear(teacher, "intent/active_task", String(data=active))
+        assert len(log.all()) == n
 
     execute(1)
     teacher.set_parameters([Parameter("practice_rollouts", value=2)])
     assert call("practise", SetBool, data=True).success
     harness.spin_until(lambda: teacher.practice._judged_before)
     judge("up")  # of an execution from before: it does not count
-    harness.spin_until(lambda: log.all()[0].values.get("thumbs"))
+    assert log.all()[0].values["thumbs"]
     session, library = teacher.practice._begun.session, str(teacher.folder.model_path)
     assert not session.tried
     assert estimator.get_parameter("model").value == str(teacher.practice.trial) != library

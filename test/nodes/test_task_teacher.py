@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Teaching while the graph runs: recorded, learned, in use, and taken back, with no restart."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from estimator_graph import message_for
 from geometry_msgs.msg import PoseStamped
 from model_builder import make_dofs, perform, true_library
-from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
@@ -18,7 +18,6 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import (
@@ -69,18 +68,18 @@ class Cell:
         self.teacher = harness.node(TaskTeacher, model=str(model), library=str(library), task=NEW)
         self.pose = harness.publisher(PoseStamped, "mocap/wrist/pose", qos.SENSOR)
         self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
-        self.human = harness.publisher(Odometry, "human/wrist", qos.SENSOR)
-        self.tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
-        self.said = harness.collect(String, "teach/status", qos.LATCHED)
+        self.tasks = harness.said(self.estimator, "intent/tasks")
+        self.said = harness.said(self.teacher, "teach/status")
         harness.spin_until(lambda: len(self.teacher.listening) == 2)
-        harness.connect(self.pose, self.joints, self.human)
+        harness.connect(self.pose, self.joints)
 
     def show(self, seed):
         """Publish a demonstration of the new task; returns when it is written."""
         sent = movement(seed, "observed", "controlled")
-        for number, (stamp, group, values) in enumerate(sent, self.teacher.message_count + 1):
+        writer = self.teacher._writer
+        for number, (stamp, group, values) in enumerate(sent, writer.message_count + 1):
             self.publish(stamp, group, values)
-            self.harness.spin_until(lambda n=number: self.teacher.message_count >= n, poll_s=1e-3)
+            self.harness.spin_until(lambda n=number: writer.message_count >= n, poll_s=1e-3)
 
     def publish(self, stamp, group, values):
         if group == 0:
@@ -101,9 +100,8 @@ class Cell:
         """Let the estimator see a movement; returns labels and the highest probability of each."""
         self.tasks.clear()
         for stamp, _, values in movement(seed, "observed"):
-            seen = len(self.tasks)
-            self.human.publish(message_for(DOFS, Observation(stamp, 0, values)))
-            self.harness.spin_until(lambda n=seen: len(self.tasks) > n)
+            message = message_for(DOFS, Observation(stamp, 0, values))
+            self.harness.hear(self.estimator, "human/wrist", message)
         return list(self.tasks[-1].name), np.max([m.position for m in self.tasks], axis=0)
 
 
@@ -253,7 +251,7 @@ def test_with_another_arm_its_description_and_the_name_of_its_hand_are_recorded(
     description.publish(String(data=describe_robot()))
     harness.spin_until(lambda: teacher.listening)
     bag = teacher.start()
-    harness.spin_until(lambda: teacher.message_count)
+    harness.spin_until(lambda: teacher._writer.message_count)
     teacher.close_bag()
     assert {"/joint_states", "/robot_description"} <= set(teacher.wanted)
     reader = BagReader(bag)
@@ -267,24 +265,19 @@ def test_an_execution_is_recorded_judged_and_kept(harness, tmp_path, model):
     cell = Cell(harness, tmp_path / "mine", model)
     teacher, label, log = cell.teacher, OLD[0], cell.teacher.executions.executions
     execute(teacher.folder, perform(TRUTH, 0, 40))  # nobody wanted to keep this one
-    active = harness.publisher(String, "intent/active_task", qos.LATCHED)
-    correction = harness.publisher(JointTrajectory, "intent/correction", qos.COMMAND)
-    feedback = harness.publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
-    skills = harness.collect(DiagnosticArray, "teach/skills", qos.LATCHED)
-    harness.connect(active, correction, feedback)
+    hear, skills = partial(harness.hear, teacher), harness.said(teacher, "teach/skills")
     heard = []
     take = teacher.executions.take
     teacher.executions.take = lambda *args: (heard.append(args), take(*args))
 
     def tell(**values):
         rows = [KeyValue(key=key, value=value) for key, value in values.items()]
-        feedback.publish(DiagnosticStatus(name=label, values=rows))
+        hear("intent/feedback", DiagnosticStatus(name=label, values=rows))
 
     sent = movement(70, "observed", "controlled", task=0)
     for number, one in enumerate(sent, 1):
         if number == len(sent) // 2:  # recognised amid the movement: what came before counts
-            active.publish(String(data=label))
-            harness.spin_until(lambda: teacher.executions._writer is not None)
+            hear("intent/active_task", String(data=label))
         cell.publish(*one)
         harness.spin_until(lambda n=number: len(heard) >= n, poll_s=1e-3)
     times_s = np.linspace(0.0, 2.0, 21)
@@ -293,13 +286,11 @@ def test_an_execution_is_recorded_judged_and_kept(harness, tmp_path, model):
     builder = TrajectoryBuilder(tuple(DOFS.controlled_names))
     message = builder.build(sent[0][0] + 800_000_000, times_s, path, np.zeros_like(path))
     message.header.frame_id = label
-    correction.publish(message)
+    hear("intent/correction", message)
     tell(outcome="arrived", corrections="1")
-    harness.spin_until(lambda: "corrections" in teacher.executions._values)
-    active.publish(String(data=""))
-    harness.spin_until(lambda: len(log.all()) == 2)
+    hear("intent/active_task", String(data=""))
+    assert len(log.all()) == 2
     tell(thumbs="up")
-    harness.spin_until(lambda: "thumbs" in log.all()[-1].values)
     assert dict(log.all()[-1].values) == {"outcome": "arrived", "corrections": "1", "thumbs": "up"}
     before = cell.estimator._model.library
     answer = cell.call("keep")

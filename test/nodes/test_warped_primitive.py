@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node warped_primitive on its topics, with what object_warper tells it."""
 
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -11,11 +11,9 @@ from scan_builder import scanned
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
-from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import MessageError
 from intent_recognition.kinematics import JOINT_NAMES, forward_kinematics
-from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     stamp_ns,
     to_joint_state,
@@ -80,37 +78,27 @@ def test_a_container_survives_its_messages():
 def test_a_request_becomes_a_task_and_a_trajectory(harness, pouring_skill):
     """Too early it is refused; then the arm's own posture, there and back, upright at both ends."""
     node = harness.node(WarpedPrimitiveNode, skill=str(pouring_skill))
-    tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
-    planned = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
-    ask = harness.publisher(String, "pour", qos.STATE)
-    joints = harness.publisher(JointState, "joint_states", qos.STATE)
-    seen = {
-        name: (
-            harness.publisher(JointState, f"{name}/parameters", qos.STATE),
-            harness.publisher(PoseStamped, f"{name}/pose", qos.STATE),
-        )
-        for name in ("cup", "second")
-    }
-    harness.connect(ask, joints, *seen["cup"], *seen["second"])
-    rejected = node._diagnostics.rejected
-    ask.publish(String(data="empty"))
-    harness.spin_until(lambda: tasks and rejected("bad_request") == 1, what="too early")
-    assert tasks[-1].position[0] == 0.0
+    tasks, planned = (
+        harness.said(node, "intent/tasks"),
+        harness.said(node, "intent/robot_trajectory"),
+    )
+    hear, rejected = partial(harness.hear, node), node._diagnostics.rejected
+    hear("pour", String(data="empty"))  # too early
+    node._on_timer()
+    assert rejected("bad_request") == 1 and tasks[-1].position[0] == 0.0
     posture = start_posture("tea_cup")
-    joints.publish(to_joint_state(JOINT_NAMES, posture, time_ns=5))
+    hear("joint_states", to_joint_state(JOINT_NAMES, posture, time_ns=5))
     messages = {
         "cup": told("tea_cup", tuple(LIP_M)),
         "second": told("paper_cup", None, tuple(OPENING_M)),
     }
     for name, pair in messages.items():
-        for publisher, message in zip(seen[name], pair, strict=True):
-            publisher.publish(message)
-    harness.spin_until(lambda: len(node._poses) == len(node._vectors) == 2, what="containers")
-    harness.spin_until(lambda: node._joints is not None, what="joints")
-    ask.publish(String(data="400"))
-    harness.spin_until(lambda: rejected("bad_request") == 2, what="too much")
-    ask.publish(String(data="50"))
-    harness.spin_until(lambda: planned and tasks[-1].position[0] == 1.0, what="the pour")
+        for what, message in zip(("parameters", "pose"), pair, strict=True):
+            hear(f"{name}/{what}", message)
+    hear("pour", String(data="400"))  # too much
+    assert rejected("bad_request") == 2
+    hear("pour", String(data="50"))
+    assert tasks[-1].position[0] == 1.0
     assert planned[0].header.frame_id == tasks[-1].name[0] == "pouring"
     times_s, path, rest = trajectory_arrays(planned[0])
     assert times_s[-1] > 6.0
@@ -120,16 +108,13 @@ def test_a_request_becomes_a_task_and_a_trajectory(harness, pouring_skill):
     np.testing.assert_allclose(hands[1], hands[0], atol=1e-4)
     assert rest["effort"].shape == path.shape
     assert rest["effort"][-1].max() < 0.02 < rest["effort"].max() < 0.5
-    ask.publish(String(data="10"))
-    harness.spin_until(lambda: rejected("bad_request") == 3, what="one at a time")
-    assert len(planned) == 1
+    hear("pour", String(data="10"))  # one at a time
+    assert rejected("bad_request") == 3 and len(planned) == 1
     assert node._end_ns > 0
     node._end_ns = node.get_clock().now().nanoseconds  # over; the arm tells once it has held still
-    harness.spin_until(lambda: tasks[-1].position[0] == 0.0, what="the end")
+    node._on_timer()
+    assert tasks[-1].position[0] == 0.0
     before = node._fluid
-    feedback = harness.publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
-    harness.connect(feedback)
     told_outcome = [KeyValue(key="outcome", value="arrived")]
-    feedback.publish(DiagnosticStatus(name="pouring", values=told_outcome))
-    harness.spin_until(lambda: node._fluid < before, what="what is left in the cup")
-    assert not rejected("not_poured")
+    hear("intent/feedback", DiagnosticStatus(name="pouring", values=told_outcome))
+    assert node._fluid < before and not rejected("not_poured")
