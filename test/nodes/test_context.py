@@ -78,16 +78,6 @@ def test_a_context_that_cannot_be_read_is_counted(harness, box_folder):
     assert graph.node._diagnostics._counts == {"not_finite": 1, "stamp_not_increasing": 1}
 
 
-def test_what_is_left_over_from_a_pass_before_does_not_hold_up_the_next(harness, box_folder):
-    graph = Graph(harness, box_folder, listen=False)
-    for at_s, place in ((10, ELSEWHERE), (11, ELSEWHERE), (2, PLACE)):
-        if at_s == 11:
-            graph.node._start_over()  # as when /clock goes back
-        harness.hear(graph.node, "box/pose", pose(place, START_NS + at_s * 10**9))
-    assert graph.rejected("left_over") == 1 and graph.rejected("stamp_not_increasing") == 0
-    np.testing.assert_array_equal(graph.node.people[""].estimator._context.values, PLACE)
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return Folder(tmp_path_factory.mktemp("via"), DOFS)

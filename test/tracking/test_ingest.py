@@ -154,6 +154,7 @@ TRACKS = {
         [None] * 10 + [JUMP] * 4 + [NEW] + [None] * 5,
     ),
     "an outlier first": ([(0, [9.0] * 3), *walk(10, 1)], [None] + [JUMP] * 4 + [NEW] + [None] * 5),
+    "late in no order": (walk(5, 1000) + walk(20)[::-1], [None] * 5 + [LATE] * 20),
     "a clock set back": (walk(5, 1000) + walk(30), [None] * 5 + [LATE] * 9 + [NEW] + [None] * 20),
 }
 
