@@ -112,6 +112,10 @@ class NodeProcesses(AbstractContextManager["NodeProcesses"]):
         """File with a node's output."""
         return self._log_folder / f"{name}.log"
 
+    def pid(self, name: str) -> int:
+        """Process number of a node."""
+        return self._processes[name].pid
+
     def running(self, name: str) -> bool:
         """Whether a node still runs."""
         return self._processes[name].poll() is None

@@ -29,7 +29,7 @@ from pathlib import Path
 from intent_recognition.nodes.processes import NodeProcesses
 with NodeProcesses(os.environ, Path("log")) as nodes:
     nodes.start("waiting", "waits", {})
-    print(nodes._processes["waiting"].pid, flush=True)
+    print(nodes.pid("waiting"), flush=True)
     sys.stdin.read()
 """
 FIRST = ["unshare", "--pid", "--fork"]
@@ -81,11 +81,11 @@ def test_one_that_dies_is_named_with_the_end_of_its_log(environment, tmp_path):
         nodes.start("waiting", "waits", {})
         nodes.check()
         nodes.start("arm", "dies", {})
-        os.waitid(os.P_PID, nodes._processes["arm"].pid, os.WEXITED | os.WNOWAIT)
+        os.waitid(os.P_PID, nodes.pid("arm"), os.WEXITED | os.WNOWAIT)
         assert nodes.running("waiting") and not nodes.running("arm")
         with pytest.raises(IntentError, match=r"node arm: .*exit code 1: no such arm"):
             nodes.check(may_end=("arm",))
-        waiting = nodes._processes["waiting"].pid
+        waiting = nodes.pid("waiting")
     with pytest.raises(ProcessLookupError):
         os.kill(waiting, 0)
 

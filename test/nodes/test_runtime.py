@@ -18,7 +18,7 @@ from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.nodes import mocap_ingest, qos
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import declare_one
-from intent_recognition.nodes.runtime import _Signals, run, when_clock_goes_back
+from intent_recognition.nodes.runtime import LeftOvers, _Signals, run, when_clock_goes_back
 from intent_recognition.parameter_table import ParameterSpec
 from intent_recognition.registry import ANSWERS
 
@@ -243,3 +243,16 @@ def test_a_clock_that_goes_back_is_acted_on_at_once(harness, back_s):
     for now_s in (100.0, 150.0, 150.0 - back_s, 200.0):
         harness.set_clock(node, round(now_s * 1e9))
     assert len(acted) == (back_s > 0.1)
+
+
+@pytest.mark.parametrize(("later_s", "left"), [(0.9, True), (1.1, False)])
+def test_what_goes_on_from_before_the_clock_went_back_is_left_over_for_a_second(
+    monkeypatch, later_s, left
+):
+    now_s, left_overs = [10.0], LeftOvers()
+    monkeypatch.setattr("intent_recognition.nodes.runtime.time.monotonic", lambda: now_s[0])
+    left_overs.last_ns |= {"a": 50, "b": 50}
+    left_overs.start_over()
+    now_s[0] += later_s
+    assert left_overs.include("a", 51) == left
+    assert not any(left_overs.include("b", stamp_ns) for stamp_ns in (3, 51))
