@@ -155,6 +155,9 @@ def test_bad_clouds_are_counted_and_harm_nothing(harness):
     assert [stamp_ns(vector) for vector in vectors] == [T0 + 9]
     counted = {"pixel_without_depth": 80, "malformed": 2, "not_warped": 1}
     assert node._diagnostics._counts == counted
+    often = node._n_points // len(cloud.points) + 2
+    thinned = node._target(*(np.tile(part, (often, 1)) for part in (cloud.points, cloud.normals)))
+    assert len(thinned.points) == node._n_points
 
 
 @pytest.mark.slow
