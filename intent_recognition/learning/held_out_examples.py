@@ -132,7 +132,7 @@ def _without(
         covariance = predictive_covariance(part, rest, task.n - 1, floor, *assumed)
     else:  # two demonstrations in all: nothing would be left to estimate a target from
         rest = pooled
-        covariance = structured_target(own, pooled, floor).covariance()
+        covariance = structured_target(own, pooled, floor)
     shared = shared_covariance(observed_block(rest, size), floor[:n_observed], STRENGTH)
     mean = (task.mean - deviation / (task.n - 1)).ravel()
     log_s = float(np.log(as_recorded.duration_s))

@@ -86,33 +86,6 @@ class Scatter(NamedTuple):
     freedom: float  # demonstrations less estimated means and other estimated parameters
 
 
-class StructuredTarget(NamedTuple):
-    """Factors of the target covariance, and its floor."""
-
-    amplitude: Floats  # standard deviation of each weight, a, (D, N)
-    # correlation over DOFs at each basis function, R, (N, D, D); of controlled DOFs a lag later
-    dofs: Floats
-    basis: Floats  # correlation along the basis functions, C, (N, N)
-    floor: Floats  # variance added to every weight of a DOF, (D,)
-    # matrix that undoes the lag in weights of controlled DOFs, (D N, D N); None without a lag
-    earlier: Floats | None = None
-
-    def covariance(self) -> Floats:
-        """The target as one matrix, (D N, D N), weights grouped by DOF."""
-        n_basis, size = len(self.basis), self.amplitude.size
-        values, vectors = np.linalg.eigh(self.dofs)
-        root = (vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]) @ np.swapaxes(vectors, 1, 2)
-        flat = np.swapaxes(root, 0, 1).reshape(size, -1)
-        gram = (flat @ flat.T).reshape(-1, n_basis, size // n_basis, n_basis)
-        gram *= self.basis[None, :, None, :]
-        scale, correlation = self.amplitude.ravel(), gram.reshape(size, size)
-        if self.earlier is not None:
-            correlation = self.earlier @ correlation @ self.earlier.T
-            scale = scale / np.sqrt(np.diag(correlation) + FLOOR_OF_RANGE**2)
-        covariance = correlation * np.outer(scale, scale)
-        return symmetrize(covariance) + np.diag(np.repeat(self.floor, n_basis))
-
-
 def weight_extent(weights: Floats, units: Sequence[str] | None = None) -> Floats:
     """Range of the weights of each DOF over all demonstrations, (D,).
 
@@ -140,8 +113,8 @@ def weight_floor(weights: Floats, units: Sequence[str] | None = None) -> Floats:
 
 def structured_target(
     own: Scatter, pooled: Scatter, floor: Floats, assumed: TargetSettings = USUAL
-) -> StructuredTarget:
-    """Fit a task's target to the deviations of all demonstrations from their tasks' means.
+) -> Floats:
+    """Target covariance of a task, fitted to the deviations of all demonstrations, (D N, D N).
 
     The task's own demonstrations count fully. All others together count as `assumed.borrowed`
     demonstrations, or as `OTHERS_SAMPLE_SIZE` if the task has fewer than `FEW` degrees of freedom.
@@ -172,13 +145,29 @@ def structured_target(
     amplitude = of_range * np.sqrt((1.0 - alike) * squares + alike * squares.mean(axis=0))
     observed = np.arange(len(floor)) < (assumed.n_observed or len(floor))
     floor = floor + assumed.independent * observed * np.mean(amplitude**2, axis=1)
-    return StructuredTarget(amplitude, dofs, basis, floor, earlier)
+    correlation, scale = _joined(dofs, basis), amplitude.ravel()
+    if earlier is not None:
+        correlation = earlier @ correlation @ earlier.T
+        scale = scale / np.sqrt(np.diag(correlation) + FLOOR_OF_RANGE**2)
+    covariance = correlation * np.outer(scale, scale)
+    return symmetrize(covariance) + np.diag(np.repeat(floor, len(basis)))
+
+
+def _joined(dofs: Floats, basis: Floats) -> Floats:
+    """C_kl (F_k F_l^T)_de from R (N, D, D) and C (N, N), (D N, D N)."""
+    n_basis, n_dofs, _ = dofs.shape
+    values, vectors = np.linalg.eigh(dofs)
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+    flat = np.swapaxes(root, 0, 1).reshape(n_dofs * n_basis, -1)
+    gram = (flat @ flat.T).reshape(n_dofs, n_basis, n_dofs, n_basis)
+    gram *= basis[None, :, None, :]
+    return gram.reshape(len(flat), -1)
 
 
 def _correlation_over_dofs(
     scaled: Floats, shape: tuple[int, ...], width: float, assumed: TargetSettings
 ) -> tuple[Floats, Floats | None]:
-    """R, and the matrix that undoes its lag (`StructuredTarget`), from a scaled scatter."""
+    """R, of controlled DOFs a lag later, and the matrix that undoes this lag; None without one."""
     (n_dofs, n_basis), earlier = shape, None
     if assumed.lag:
         later = _moved(assumed.lag, assumed.n_observed, n_dofs, n_basis)
@@ -283,7 +272,7 @@ def shared_covariance(
         alike: as in `TargetSettings`.
     """
     assumed = TargetSettings(independent=OBSERVED_INDEPENDENT, alike=alike)
-    target = structured_target(pooled, pooled, floor, assumed).covariance()
+    target = structured_target(pooled, pooled, floor, assumed)
     return (pooled.matrix + strength * target) / (pooled.freedom + strength)
 
 
@@ -328,7 +317,7 @@ def predictive_covariance(
         strength: equivalent sample size of the target, in demonstrations, positive.
         assumed: assumptions of the target.
     """
-    target = structured_target(own, pooled, floor, assumed).covariance()
+    target = structured_target(own, pooled, floor, assumed)
     covariance = (own.matrix + strength * target) * ((1.0 + 1.0 / n) / (own.freedom + strength))
     if not assumed.ridge:
         return symmetrize(covariance)

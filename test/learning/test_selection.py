@@ -119,11 +119,11 @@ def test_leaving_one_out_equals_never_having_seen_it(seed, counts, strength, ind
         pooled = scatter_of(rest)
         seen = Scatter(pooled.matrix[:size, :size], pooled.freedom)
         assumed = TargetSettings(independent=OBSERVED_INDEPENDENT)
-        target = structured_target(seen, seen, floor[:P], assumed).covariance()
+        target = structured_target(seen, seen, floor[:P], assumed)
         shared = (seen.matrix + STRENGTH * target) / (pooled.freedom + STRENGTH)
         np.testing.assert_allclose(one.covariance, shared, atol=1e-9)
         own = scatter_of([rest[k]])
-        target = structured_target(own, pooled, floor, chosen.target(P)).covariance()
+        target = structured_target(own, pooled, floor, chosen.target(P))
         joint = own.matrix + strength * target
         gain = joint[size:, :size] @ np.linalg.inv(joint[:size, :size])
         np.testing.assert_allclose(one.rule.matrix, gain, rtol=1e-5, atol=1e-6)
@@ -170,13 +170,10 @@ def by_hand(library, data: Accumulated) -> tuple[np.ndarray, float]:
         own, pooled = list(data.tasks).index(left_out.task), scatter_of(rest)
         seen = Scatter(pooled.matrix[:size, :size], pooled.freedom)
         assumed = TargetSettings(independent=OBSERVED_INDEPENDENT)
-        target = structured_target(seen, seen, floor[:n_observed], assumed).covariance()
+        target = structured_target(seen, seen, floor[:n_observed], assumed)
         shared = (seen.matrix + STRENGTH * target) / (pooled.freedom + STRENGTH)
         single = scatter_of([rest[own]])
-        joint = (
-            single.matrix
-            + REGRESSION_STRENGTHS[0] * structured_target(single, pooled, floor).covariance()
-        )
+        joint = single.matrix + REGRESSION_STRENGTHS[0] * structured_target(single, pooled, floor)
         gain = np.linalg.solve(joint[:size, :size], joint[:size, size:]).T
         for n in range(1, len(sample_phases()) + 1):
             rows = library.basis.design_matrix(sample_phases()[:n])
