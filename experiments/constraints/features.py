@@ -26,7 +26,6 @@ from intent_recognition.warping import (
     ObjectModel,
     References,
     pouring_parameters,
-    references,
     warp_object,
 )
 from sim_bridge.balls import level_axes
@@ -94,7 +93,7 @@ def know_all(
             ahead = cup.opening_centre + np.array([OTHER_AHEAD_M, 0.0, 0.0])
             found = pouring_parameters(warped, toward=ahead)
             known[method][index] = KnownContainer(
-                references(found), found.lip_point, found.opening_centre
+                found.references, found.lip_point, found.opening_centre
             )
         middle = cup.mesh.bounds.mean(axis=0)
         known[STANDARD][index] = KnownContainer(NO_REFERENCES, middle, middle)

@@ -22,7 +22,6 @@ from intent_recognition.warping.parameters import (
     References,
     nearest_on_loop,
     pouring_parameters,
-    references,
 )
 from intent_recognition.warping.part_labels import LogisticModel, fit_logistic
 from intent_recognition.warping.pour_level import (

@@ -44,16 +44,10 @@ class PouringParameters(NamedTuple):
     lip_point: Floats
     tilt_reference_rad: float
 
-
-def lip_point(warped: WarpedObject, toward: Floats | None = None) -> Floats:
-    """Point (3,) of the rim over which is poured [m].
-
-    It is closest to the other container at `toward` (3,) [m], or by default opposite the handle.
-    """
-    rim = warped.rim
-    return nearest_on_loop(
-        rim.crest, rim.centre - 100.0 * rim.axes[1] if toward is None else toward
-    )
+    @property
+    def references(self) -> References:
+        """Reference values of the container."""
+        return References(*self[:3], self.tilt_reference_rad)
 
 
 def nearest_on_loop(corners: Floats, point: Floats) -> Floats:
@@ -64,28 +58,16 @@ def nearest_on_loop(corners: Floats, point: Floats) -> Floats:
     return nearest[np.argmin(np.linalg.norm(nearest - point, axis=1))]
 
 
-def tilt_reference(warped: WarpedObject, lip: Floats | None = None) -> float:
-    """Tilt about the lip (default: `lip_point`) that leaves half of the volume [rad]."""
-    rim, cavity = warped.rim, warped.cavity
-    lip = lip_point(warped) if lip is None else lip
-    return half_volume_angle(cavity.vertices, cavity.faces, lip, rim.up, rim.outward(lip))
-
-
 def pouring_parameters(warped: WarpedObject, toward: Floats | None = None) -> PouringParameters:
-    """Parameters of one container for pouring; the other one is at `toward` (3,) [m], if any."""
+    """Parameters of one container for pouring.
+
+    The lip is the point of the rim closest to the other container at `toward` (3,) [m], or by
+    default opposite the handle.
+    """
     rim, cavity = warped.rim, warped.cavity
-    lip = lip_point(warped, toward)
-    tilt_rad = tilt_reference(warped, lip)
+    beside = rim.centre - 100.0 * rim.axes[1] if toward is None else toward
+    lip = nearest_on_loop(rim.crest, beside)
+    tilt_rad = half_volume_angle(cavity.vertices, cavity.faces, lip, rim.up, rim.outward(lip))
     return PouringParameters(
         rim.radius_m, cavity.volume_m3, cavity.height_m, rim.centre, lip, tilt_rad
-    )
-
-
-def references(parameters: PouringParameters) -> References:
-    """Reference values of a warped container."""
-    return References(
-        parameters.opening_radius_m,
-        parameters.volume_m3,
-        parameters.height_m,
-        parameters.tilt_reference_rad,
     )

@@ -23,7 +23,7 @@ from intent_recognition.warping.frame import N_LEVELS
 from intent_recognition.warping.object_model import ObjectCloud, Part
 from intent_recognition.warping.object_warp import warp_object
 from intent_recognition.warping.opening import _bearing, _looks_into
-from intent_recognition.warping.parameters import lip_point, pouring_parameters, tilt_reference
+from intent_recognition.warping.parameters import pouring_parameters
 from intent_recognition.warping.pour_level import LEFT_WHEN_EMPTY, emptying
 from intent_recognition.warping.rim import N_HARMONICS, Rim, _fit_harmonics
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
@@ -145,17 +145,19 @@ def test_lip_follows_the_other_container_or_the_handle(mug):
     """Closest to the other one; else opposite to the handle."""
     warped = warp_object(mug, scanned("tall_mug"))
     centre, radius = warped.rim.centre, warped.rim.radius_m
-    near = lip_point(warped, toward=centre + [0.0, 0.5, -0.1])
-    assert near == pytest.approx(centre + [0.0, radius, 0.0], abs=0.004)
+    near = pouring_parameters(warped, toward=centre + [0.0, 0.5, -0.1])
+    assert near.lip_point == pytest.approx(centre + [0.0, radius, 0.0], abs=0.004)
     crest = warped.rim.crest
     rim = crest + np.linspace(0.0, 1.0, 100)[:, None, None] * (np.roll(crest, -1, axis=0) - crest)
     for angle in range(7):
         beside = centre + 1.2 * radius * np.array([np.cos(angle), np.sin(angle), 0.0])
         at = np.argmin(np.linalg.norm(rim.reshape(-1, 3) - beside, axis=1))
-        assert lip_point(warped, beside) == pytest.approx(rim.reshape(-1, 3)[at], abs=1e-4)
-    level = lip_point(warped)
-    assert level[0] > centre[0] + 0.9 * radius
-    assert tilt_reference(warped, near) == pytest.approx(tilt_reference(warped, level), abs=0.02)
+        assert pouring_parameters(warped, beside).lip_point == pytest.approx(
+            rim.reshape(-1, 3)[at], abs=1e-4
+        )
+    level = pouring_parameters(warped)
+    assert level.lip_point[0] > centre[0] + 0.9 * radius
+    assert near.tilt_reference_rad == pytest.approx(level.tilt_reference_rad, abs=0.02)
 
 
 def test_at_the_reference_tilt_half_of_the_volume_is_below_the_lip(mug):

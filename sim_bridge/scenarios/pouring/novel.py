@@ -31,7 +31,6 @@ from intent_recognition.warping import (
     from_warped,
     pouring_parameters,
     reached,
-    references,
     tilts_to_level,
     to_warped,
     warp_object,
@@ -216,7 +215,7 @@ def seen_as(name: str, seed: int) -> Seen:
     found = pouring_parameters(warped, toward=ahead)
     lip = found.lip_point
     above_m = BALLS_ABOVE * half_full_radius_m(container)
-    return Seen(references(found), lip, found.opening_centre, emptying(warped, lip, above_m))
+    return Seen(found.references, lip, found.opening_centre, emptying(warped, lip, above_m))
 
 
 @cache
