@@ -194,6 +194,18 @@ def _runge_kutta(slope: Callable[[Floats], Floats], value: Floats, step: float) 
     return value + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
 
+def second_derivative_matrix(
+    basis: NormalizedRBFBasis, phase: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """d^2 basis / d phase^2 at phases (T,): (T, N); zero outside [0, 1]."""
+    values = basis.design_matrix(phase)
+    slope = -(np.clip(phase, 0.0, 1.0)[:, None] - basis.centers) / basis.scale**2
+    slope -= np.sum(values * slope, axis=1, keepdims=True)
+    variance = np.sum(values * slope**2, axis=1, keepdims=True)
+    inside = (phase >= 0.0) & (phase <= 1.0)
+    return values * (slope**2 - variance) * inside[:, None]
+
+
 def _moments(
     basis: NormalizedRBFBasis, weights: Gaussian, phase: Floats, duration_s: float
 ) -> tuple[Floats, Floats]:
@@ -202,7 +214,7 @@ def _moments(
         (
             basis.design_matrix(phase),
             basis.derivative_matrix(phase) / duration_s,
-            basis.second_derivative_matrix(phase) / duration_s**2,
+            second_derivative_matrix(basis, phase) / duration_s**2,
         )
     )
     per_joint = weights.mean.reshape(-1, basis.n_basis)

@@ -90,13 +90,3 @@ class NormalizedRBFBasis:
         bends = 1e-3 * np.diff(np.eye(self.n_basis), 2, axis=0)
         fit = np.linalg.pinv(np.vstack([self.design_matrix(phases), bends]))[:, : len(phases)]
         return np.asarray(fit @ self.design_matrix(phases - by), dtype=np.float64)
-
-    def second_derivative_matrix(self, phase: Floats) -> Floats:
-        """d^2 basis / d phase^2 at phases (...,): (..., N); zero outside [0, 1]."""
-        values = self.design_matrix(phase)
-        phase = np.asarray(phase, dtype=np.float64)
-        slope = -(np.clip(phase, 0.0, 1.0)[..., None] - self.centers) / self.scale**2
-        slope -= np.sum(values * slope, axis=-1, keepdims=True)
-        variance = np.sum(values * slope**2, axis=-1, keepdims=True)
-        inside = (phase >= 0.0) & (phase <= 1.0)
-        return values * (slope**2 - variance) * inside[..., None]
