@@ -39,10 +39,10 @@ from intent_recognition.filtering.prediction import NEGLIGIBLE_SHARE
 from intent_recognition.filtering.rates import (
     AFRESH,
     DELAY,
+    REACH_UNTIL,
     TURN,
     birth_shares,
     log_stay,
-    may_begin_anew,
     moving_parts,
 )
 from intent_recognition.filtering.table import OFFSET_BASIS, HypothesisTable
@@ -237,7 +237,7 @@ class Births:
             tasks = np.sort(np.argpartition(joint, -MAX_TASKS)[-MAX_TASKS:])
         fading, ending = self._newborn(tasks)
         self._add(TURN, np.append(tasks, n_tasks), fading, birth_s, log_evidence)
-        if may_begin_anew(birth_s / self.usual_s):
+        if birth_s <= REACH_UNTIL * self.usual_s:
             self._add(AFRESH, tasks, ending, birth_s, log_evidence)
 
     def _add(

@@ -30,11 +30,6 @@ TURN, DELAY, AFRESH = range(3)
 fade as a spring. A reach begins afresh at its birth, and its offset ends at rest."""
 
 
-def may_begin_anew(passed: float) -> bool:
-    """Whether a new reach may begin at this time after onset, in usual durations."""
-    return passed <= REACH_UNTIL
-
-
 def log_stay(passed: float, switch_margin: float) -> float:
     """Log of the share of a task's probability left to its hypotheses of the onset.
 

@@ -25,26 +25,22 @@ class Regressions:
         self._variance = variance
         self._kept: dict[int, tuple[Regression, Floats | None]] = {}
 
-    def __len__(self) -> int:
-        return len(self._mean)
-
     def __getitem__(self, task: int) -> Regression:
-        """Regression N(A w_o + b, C) of a task; negative indices count from the end."""
+        """Regression N(A w_o + b, C) of a task."""
         return self._find(task)[0]
 
     def _find(self, task: int) -> tuple[Regression, Floats | None]:
         """Regression of a task, and S_oo^-1 if its coefficients are uncertain."""
-        index, n = range(len(self))[task], self._n_observed
-        found = self._kept.pop(index, None)
+        n, found = self._n_observed, self._kept.pop(task, None)
         if found is None:
-            joint = Gaussian(self._mean[index], self._covariance[index])
+            joint = Gaussian(self._mean[task], self._covariance[task])
             precision: Floats | None = None
             if self._variance:
                 precision = np.asarray(np.linalg.inv(joint.covariance[:n, :n]), dtype=np.float64)
             found = regression(joint, n), precision
             while len(self._kept) >= N_KEPT:
                 del self._kept[next(iter(self._kept))]
-        self._kept[index] = found
+        self._kept[task] = found
         return found
 
     def uncertainty(self, task: int, mean: Floats, covariance: Floats) -> Floats:
