@@ -30,7 +30,7 @@ from intent_recognition.learning.held_out import (
     samples_at,
 )
 from intent_recognition.learning.held_out_examples import LeftOutExample
-from intent_recognition.learning.hyperparameters import EXPONENTS
+from intent_recognition.learning.hyperparameters import EXPONENTS, clearly_best
 from intent_recognition.promp import ResidualCoupling, TaskLibrary
 
 N_DURATIONS = 7
@@ -84,8 +84,7 @@ def choose_duration_evidence(
 ) -> tuple[float, ResidualCoupling]:
     """Choose the exponent of the duration's evidence, with the coupling of the residuals.
 
-    The default exponent is kept unless another is better by more than the standard error over the
-    demonstrations.
+    The default exponent is kept unless another is clearly better.
 
     Args:
         library: provides basis, noise and timing.
@@ -99,7 +98,7 @@ def choose_duration_evidence(
     )
     log_prior = duration_offsets(N_DURATIONS)[1]
     tasks = np.array([one.task for one in left_out])
-    found: list[tuple[Floats, float, ResidualCoupling]] = []
+    couplings, errors = [], []
     for exponent in EXPONENTS:
         log_weight = log_prior + exponent * log_evidence
         weight = np.exp(log_weight - log_weight.max(axis=2, keepdims=True))
@@ -115,12 +114,10 @@ def choose_duration_evidence(
             np.array([one.truth for one in left_out]) - robot,
         )
         coupling, left = learn_coupling(residuals, variance, library.durations_s)
-        found.append((np.mean(left / variance, axis=(0, 2)), exponent, coupling))
-    default, best = found[0][0], min(found, key=lambda one: one[0].mean())
-    gained = default - best[0]
-    clear = gained.mean() > gained.std() / np.sqrt(len(gained))
-    _, exponent, coupling = best if clear else found[0]
-    return exponent, coupling
+        couplings.append(coupling)
+        errors.append(np.mean(left / variance, axis=(0, 2)))
+    chosen = clearly_best(np.array(errors))
+    return EXPONENTS[chosen], couplings[chosen]
 
 
 def log_losses(log_evidence: Floats, own: Integers) -> Floats:

@@ -3,6 +3,9 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
+from intent_recognition.array_types import Floats
 from intent_recognition.promp import OTHERS_SAMPLE_SIZE, TargetSettings
 
 STRENGTH = 4.0
@@ -57,3 +60,14 @@ class Hyperparameters(NamedTuple):
     def aligned(self) -> bool:
         """Whether demonstrations are aligned before their weights are fitted."""
         return self.pace == "aligned"
+
+
+def is_clear(gained: Floats, errors: float = 1.0) -> bool:
+    """Whether a gain over n demonstrations (n,) is larger than so many standard errors."""
+    return bool(gained.mean() > errors * gained.std() / np.sqrt(len(gained)))
+
+
+def clearly_best(losses: Floats) -> int:
+    """Index of the candidate with the least losses (c, n); 0 unless it is clearly better."""
+    best = int(np.argmin(losses.mean(axis=1)))
+    return best if is_clear(losses[0] - losses[best]) else 0

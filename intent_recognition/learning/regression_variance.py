@@ -23,7 +23,7 @@ from intent_recognition.learning.held_out import (
     samples_at,
 )
 from intent_recognition.learning.held_out_examples import LeftOutExample
-from intent_recognition.learning.hyperparameters import REGRESSION_VARIANCES
+from intent_recognition.learning.hyperparameters import REGRESSION_VARIANCES, clearly_best
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import TaskLibrary
 
@@ -36,17 +36,13 @@ def choose_regression_variance(
 ) -> float:
     """Choose the variance of the coefficients under which the controlled agent is most probable.
 
-    The first value is kept unless another is better by more than the standard error over the
-    demonstrations. See `choose_duration_evidence`; `tasks` are the statistics of each label.
+    The first value is kept unless another is clearly better. See `choose_duration_evidence`;
+    `tasks` are the statistics of each label.
     """
     parts = [
         _losses(library, some, tasks, samples_at(shares)) for some in batches_of(library, left_out)
     ]
-    losses = np.concatenate(parts, axis=1)
-    best = int(np.argmin(losses.mean(axis=1)))
-    gained = losses[0] - losses[best]
-    clear = gained.mean() > gained.std() / np.sqrt(len(gained))
-    return REGRESSION_VARIANCES[best if clear else 0]
+    return REGRESSION_VARIANCES[clearly_best(np.concatenate(parts, axis=1))]
 
 
 def _losses(

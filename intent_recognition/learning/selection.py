@@ -41,6 +41,7 @@ from intent_recognition.learning.hyperparameters import (
     REGRESSION_STRENGTHS,
     RIDGES,
     Hyperparameters,
+    is_clear,
 )
 from intent_recognition.learning.persons import compares_people
 from intent_recognition.learning.regression_variance import choose_regression_variance
@@ -124,7 +125,7 @@ def choose(
         alone = best._replace(ridge=ridge, strength=REGRESSION_STRENGTHS[0])
         best_with(alone)
         gained = parts[best] - parts[alone]
-        if gained.mean() > gained.std() / np.sqrt(len(gained)):
+        if is_clear(gained):
             best = alone
         elif not best.ridge and gained.mean() <= 0.0:  # other ridges will not be better either
             break

@@ -14,6 +14,7 @@ import numpy as np
 
 from intent_recognition.alignment import Template, Warp, align, align_to, even_trajectory
 from intent_recognition.array_types import Floats
+from intent_recognition.learning.hyperparameters import is_clear
 from intent_recognition.learning.persons import compares_people
 from intent_recognition.promp import LAGS, STEADY, PhaseDeviation, steady_phase
 from intent_recognition.signals import GROUP, Demonstration
@@ -210,9 +211,9 @@ def estimate_following(
         by_delay.append([_copy_errors(scaled, n_observed, delay * pace) for delay in delays_s])
     usual_way, of_all, exponent = _best(by_all)
     (_, of_share, _), (_, of_delay, delay) = _best(by_share), _best(by_delay)
-    if _clear(of_all - of_delay) and _clear(of_share - of_delay):
+    if is_clear(of_all - of_delay, 2.0) and is_clear(of_share - of_delay, 2.0):
         return 0.0, float(delays_s[delay])
-    return tried[exponent] if _clear(usual_way - of_all) else 0.0, 0.0
+    return tried[exponent] if is_clear(usual_way - of_all, 2.0) else 0.0, 0.0
 
 
 def _best(errors: Sequence[Sequence[Floats]]) -> tuple[Floats, Floats, int]:
@@ -220,11 +221,6 @@ def _best(errors: Sequence[Sequence[Floats]]) -> tuple[Floats, Floats, int]:
     found = np.log(np.maximum(np.hstack(errors), 1e-12))
     best = int(np.argmin(found.mean(axis=1)))
     return found[0], found[best], best
-
-
-def _clear(gained: Floats) -> bool:
-    """Whether a gain is more than twice its standard error."""
-    return bool(gained.mean() > 2.0 * gained.std() / np.sqrt(len(gained)))
 
 
 def _copy_errors(path: Floats, n_observed: int, lag: Floats | float) -> Floats:

@@ -83,10 +83,14 @@ def test_progress_is_told_and_numbers_that_make_no_sense_are_refused(rng):
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])
-def test_few_demonstrations_are_one_component(n):
+def test_few_demonstrations_or_a_robot_that_does_the_same_are_one_component(n):
     features, _ = drawn(np.random.default_rng(n), (n,))
     choice = choose_components(features, np.random.default_rng(0))
     assert choice.n_components == 1 and len(choice.tried) == 1
+    weights = np.random.default_rng(n).normal(size=(n + 5, 4, 10))
+    weights[:, 3] = 1.0
+    choice = choose_components(mixture_features(weights, 3, BASIS), np.random.default_rng(0))
+    assert choice.n_components == 1 and not choice.chosen.nll.any()
 
 
 def test_the_smallest_within_one_paired_error():
@@ -97,6 +101,8 @@ def test_the_smallest_within_one_paired_error():
     scores[1] = 1.05 + noise
     assert smallest_within_one_error(scores) == 2
     assert smallest_within_one_error(scores[:1]) == 0
+    apart = np.array([0.3 + 0.2 * noise, 0.0 * noise])  # by 1.02 standard errors
+    assert smallest_within_one_error(apart) == 1
 
 
 @given(st.lists(st.integers(0, 3), min_size=1, max_size=20), st.integers(0, 10))

@@ -10,8 +10,18 @@ from same_library import assert_same
 from simulation import gathered
 
 from intent_recognition.errors import ArgumentError, ShapeError, TrainingError
-from intent_recognition.learning import accumulate, add_demonstration, example_of, learn
-from intent_recognition.promp import CONTEXT_STRENGTH
+from intent_recognition.learning import (
+    accumulate,
+    add_demonstration,
+    change_rule,
+    example_of,
+    learn,
+    summarize,
+)
+from intent_recognition.learning.correcting import RuleChange
+from intent_recognition.learning.hyperparameters import STRENGTH
+from intent_recognition.learning.statistics import variance_scales
+from intent_recognition.promp import CONTEXT_STRENGTH, Scatter, shared_covariance
 from intent_recognition.signals import Demonstration
 
 
@@ -41,6 +51,48 @@ def test_the_gain_is_a_ridge_regression_on_the_demonstrations():
         right = np.vstack([weights - weights.mean(axis=0), np.zeros((2, weights.shape[1]))])
         expected = np.linalg.lstsq(left, right, rcond=None)[0].T
         np.testing.assert_allclose(trained.library.context.gain[k], expected, atol=1e-9)
+
+
+def test_covariances_are_predictive_and_of_what_the_context_leaves(rng):
+    """Residuals lose the degrees of freedom of the regression, the trace of its hat matrix."""
+    trained = gathered(demonstrations(), SETTINGS)
+    library, tasks = trained.library, [*trained.tasks.values()]
+    size, model, n = library.n_observed_weights, library.context, 8
+    matrix, freedom = np.zeros((size, size)), 0.0
+    for k, task in enumerate(tasks):
+        contexts, weights = (
+            np.array([getattr(one, name).ravel() for one in task.examples])
+            for name in ("context", "weights")
+        )
+        contexts, weights = (part - part.mean(axis=0) for part in (contexts, weights[:, :size]))
+        scatter = model.covariance[k] / ((1.0 + 1.0 / n) / (n - 1 + CONTEXT_STRENGTH))
+        prior = scatter - contexts.T @ contexts
+        assert prior.diagonal().min() > 0.0 and abs(prior[0, 1]) < 1e-9
+        residuals = weights - contexts @ model.gain[k, :size].T
+        matrix += residuals.T @ weights
+        freedom += n - 1 - np.trace(contexts @ np.linalg.solve(scatter, contexts.T))
+    floor, _ = variance_scales(trained.tasks, library.units)
+    pooled = Scatter(0.5 * (matrix + matrix.T), freedom)
+    shared = shared_covariance(pooled, floor[: library.n_observed], STRENGTH)
+    for k, gain in enumerate(model.gain[:, :size]):
+        expected = (1.0 + 1.0 / n) * shared + gain @ model.covariance[k] @ gain.T
+        np.testing.assert_allclose(library.observed_covariance[k], expected, atol=1e-9)
+
+
+def test_a_changed_rule_is_changed_in_every_context(rng):
+    trained = gathered(demonstrations(), SETTINGS)
+    library, n = trained.library, trained.library.n_observed_weights
+    size = library.weight_mean.shape[1] - n
+    change = RuleChange(0.1 * rng.normal(size=(size, n)), rng.normal(size=size))
+    after = change_rule(trained, "give", change)
+    for given in ([np.nan, np.nan], [0.1, -0.2]):
+        before, now = (one.library.given(given).regressions[0] for one in (trained, after))
+        np.testing.assert_allclose(now.matrix, before.matrix + change.slopes, atol=1e-8)
+        offset = before.offset + change.offset - change.slopes @ library.weight_mean[0, :n]
+        np.testing.assert_allclose(now.offset, offset, atol=1e-8)
+    task = after.tasks["give"]
+    again = summarize(task.examples)
+    np.testing.assert_allclose(task.context_cross, again.context_cross, atol=1e-9)
 
 
 def test_a_new_place_is_predicted_and_the_context_is_that_at_the_beginning():

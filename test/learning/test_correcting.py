@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from model_builder import make_dofs, perform, true_library
-from simulation import gathered
+from simulation import gathered, make_library
 
 from intent_recognition.learning import TrainingSettings, keep_correction, summarize
 from intent_recognition.learning.correcting import (
@@ -14,6 +14,7 @@ from intent_recognition.learning.correcting import (
     OFFSET_VARIANCE,
     SLOPE_VARIANCE,
     correction_gain,
+    place_scale,
 )
 
 TRUTH = true_library(make_dofs())
@@ -32,6 +33,13 @@ def test_the_gain_is_that_of_one_regression_on_all_corrections():
         x = np.r_[1.0, places[k]]
         drift += correction_gain(places[: k + 1]) * (residuals[k] - x @ drift)
     np.testing.assert_allclose(drift, last @ np.linalg.solve(covariance, residuals), rtol=1e-9)
+
+
+def test_each_kind_of_unit_counts_in_proportion_to_its_dofs(rng):
+    library = replace(make_library(rng, groups=(2, 1)), observed_units=("m", "m", "px"))
+    variance = np.diag(library.weight_covariance[1])[: library.n_observed_weights]
+    scaled = (variance / place_scale(library, 1) ** 2).reshape(3, -1)
+    assert scaled[:2].sum() == pytest.approx(2 / 3) and scaled[2].sum() == pytest.approx(1 / 3)
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,8 @@ from intent_recognition.learning import (
     TrainingSettings,
     example_of,
     learn_with_report,
-    regression_variance,
 )
-from intent_recognition.learning.hyperparameters import REGRESSION_VARIANCES
-from intent_recognition.learning.regression_variance import choose_regression_variance
+from intent_recognition.learning.hyperparameters import clearly_best, is_clear
 from intent_recognition.promp import controlled_weights, dof_variance
 from intent_recognition.signals.demonstration import Demonstration
 
@@ -81,20 +79,10 @@ def test_nothing_is_uncertain_where_the_robot_meets_all_in_the_same_way():
     assert inside(trained, recorded(rng, 20, 1, 0.0, "new"), 0.0) > 0.93
 
 
-@pytest.mark.parametrize(("gain", "best"), [(0.1, 0), (1.0, 2)])
-def test_another_variance_is_chosen_where_all_left_out_are_better_by_a_standard_error(
-    monkeypatch, gain, best
-):
-    compared = []
-
-    def losses(_library, left_out, *_):
-        compared.extend(left_out)
-        found = np.full((len(REGRESSION_VARIANCES), len(left_out)), 5.0)
-        found[[0, 2]] = np.array([[0.0], [-gain]]) + [[0.0], [1.0]] * (-1.0) ** np.array(left_out)
-        return found
-
-    monkeypatch.setattr(regression_variance, "_losses", losses)
-    batches = lambda _, left_out: (left_out[:7], left_out[7:])  # noqa: E731
-    monkeypatch.setattr(regression_variance, "batches_of", batches)
-    chosen = choose_regression_variance(None, range(16), {}, [0.5])
-    assert chosen == REGRESSION_VARIANCES[best] and compared == [*range(16)]
+@pytest.mark.parametrize(("gain", "best"), [(0.2, 0), (0.3, 2)])
+def test_another_candidate_is_chosen_where_it_is_better_by_a_standard_error(gain, best):
+    """Of 16 demonstrations, whose gains have the standard deviation 1."""
+    losses = np.full((4, 16), 5.0)
+    losses[[0, 2]] = np.array([[0.0], [-gain]]) + [[0.0], [1.0]] * (-1.0) ** np.arange(16)
+    assert clearly_best(losses) == best
+    assert is_clear(losses[0] - losses[2], 0.5) and not is_clear(losses[0] - losses[2], 2.0)

@@ -81,6 +81,7 @@ def test_what_was_chosen_is_in_the_library_and_in_the_odds_that_the_risk_is_stat
 def test_who_is_followed_under_several_durations_took_the_same_time_under_each(rng, monkeypatch):
     """Pace times duration, the latter in usual ones of the task, as displacements grow with it."""
     library, asked = make_library(rng, duration_s=1.5), []
+    library = replace(library, n_demonstrations=np.full(3, 4))
     size = library.n_observed_weights
     left_out = [
         SimpleNamespace(task=task, log_duration=0.3, duration_s=duration_s, mean=np.zeros(size))
@@ -98,3 +99,5 @@ def test_who_is_followed_under_several_durations_took_the_same_time_under_each(r
         took_s = 1.5 * (pace * relative).reshape(3, -1)
         np.testing.assert_allclose(took_s, np.array([[1.2], [2.0], [1.7]]) + 0.0 * took_s)
     assert np.all(np.diff(asked[0][2].reshape(3, -1)) < 0.0)
+    for _, prior, *_ in asked:  # of the mean of the other three
+        np.testing.assert_allclose(prior.covariance[0], (1.0 + 1.0 / 3.0) * np.eye(size))

@@ -98,6 +98,15 @@ def test_identical_demonstrations_train(truth, rng):
     assert np.linalg.eigvalsh(library.weight_covariance[0]).min() > 0
     assert np.all(np.isfinite(library.regressions[0].matrix))
     assert np.isfinite(library.provenance["chosen"]["score"])
+    assert library.log_duration_std == pytest.approx([0.05])
+
+
+def test_durations_vary_as_in_their_task_and_four_demonstrations_of_all_tasks(truth, rng):
+    trained = gathered(recordings(truth, rng, 3), WHOLE)
+    logs = np.log([[e.duration_s for e in task.examples] for task in trained.tasks.values()])
+    squares = 3.0 * np.var(logs, axis=1)
+    expected = (squares + 4.0 * squares.sum() / 4.0) / (2.0 + 4.0) * (1.0 + 1.0 / 3.0)
+    np.testing.assert_allclose(trained.library.log_duration_std**2, expected)
 
 
 @pytest.mark.slow
