@@ -60,6 +60,8 @@ def test_tasks_are_found_and_numbered_by_size_with_the_same_generator_alike(rng)
     found = cluster(features, 3, np.random.default_rng(0))
     assert same_partition(found.labels, tasks[order])
     assert np.bincount(found.labels).tolist() == [8, 7, 6]
+    alike = mixture_features(drawn(rng, (6, 6))[0], 3, BASIS)
+    assert cluster(alike, 2, np.random.default_rng(0)).labels.tolist() == [0] * 6 + [1] * 6
     first, second = (cluster(features, 4, np.random.default_rng(1)) for _ in range(2))
     np.testing.assert_array_equal(first.labels, second.labels)
     assert first.log_likelihood == second.log_likelihood

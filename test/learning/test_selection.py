@@ -232,13 +232,18 @@ def test_a_person_is_left_out_whole_where_others_have_shown_each_task():
         observed = means[one.rivals, : one.rival_means.shape[1]]
         np.testing.assert_allclose(one.rival_means, observed)
         assert one.log_duration == pytest.approx(rest[example.task].log_duration_mean)
-    alone = {k: summarize([e._replace(group="") for e in t.examples]) for k, t in people.items()}
-    for one, example in zip(
-        leave_out(alone, alone, UNITS, Hyperparameters()), everyone, strict=True
-    ):
-        task = people[example.task]
-        mean = task.mean - (example.weights - task.mean) / (task.n - 1)
-        np.testing.assert_allclose(one.mean, mean.ravel())
+    for few in ([""], "ab"):  # without one of two, nothing would show how people differ
+        alone = {
+            label: summarize(
+                [e._replace(group=few[k % len(few)]) for k, e in enumerate(t.examples)]
+            )
+            for label, t in people.items()
+        }
+        found = leave_out(alone, alone, UNITS, Hyperparameters())
+        for one, example in zip(found, everyone, strict=True):
+            task = people[example.task]
+            mean = task.mean - (example.weights - task.mean) / (task.n - 1)
+            np.testing.assert_allclose(one.mean, mean.ravel())
 
 
 def test_neither_batches_nor_very_many_demonstrations_matter(monkeypatch):

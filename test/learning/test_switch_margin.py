@@ -45,6 +45,9 @@ def test_without_a_demonstration_it_observes_as_if_it_had_been_learned_so(traine
     anew = library_from_statistics(fewer, trained.preprocessing, trained.chosen)
     np.testing.assert_allclose(found.observed_mean[:-1], anew.observed_mean[:-1], atol=1e-10)
     np.testing.assert_allclose(found.none_mean, anew.none_mean, atol=1e-10)
+    np.testing.assert_allclose(
+        found.observed_covariance[:-1], anew.observed_covariance[:-1], atol=1e-6
+    )
     assert not np.allclose(found.observed_mean[1], trained.library.observed_mean[1], atol=1e-6)
 
 

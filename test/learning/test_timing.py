@@ -10,7 +10,9 @@ from simulation import START_NS, demonstration_of, minimum_jerk
 
 from intent_recognition.learning import (
     TrainingSettings,
+    accumulate,
     add_demonstration,
+    example_of,
     learn_with_report,
 )
 from intent_recognition.learning.timing import (
@@ -106,6 +108,7 @@ def test_how_progress_depends_on_the_duration_is_recovered(rng, duration_exponen
     timing = estimate_timing(recordings)
     assert timing.duration_exponent == pytest.approx(duration_exponent, abs=0.15)
     assert timing.usual_s == {"task_0": pytest.approx(2.0)}
+    assert timing.usual_of("a later one") == pytest.approx(2.0)
     assert timing.deviation_std.max() < 0.02  # what durations explain is no deviation
     relative = np.array([one.duration_s for one in recordings]) / 2.0
     for of_one, share in zip(timing.steady(recordings), relative, strict=True):
@@ -161,6 +164,27 @@ def test_the_delay_of_a_robot_that_copies_is_recovered(rng, delay_s, share):
     timing = estimate_timing(recordings)
     assert timing.delay_s == pytest.approx(delay_s, abs=0.02)
     assert timing.displacement_exponent == 0.0
+
+
+@pytest.mark.parametrize(("exponent", "delay_s"), [(2.0, 0.0), (0.0, 0.15)])
+def test_an_example_goes_as_far_and_as_late_as_in_the_usual_duration(rng, exponent, delay_s):
+    """Of one movement that takes several times."""
+    recordings = []
+    for duration_s in (1.2, 2.0, 2.8):
+        phase = np.linspace(0.0, 1.0, 200)
+        hand = np.sin(3.0 * phase)[:, None]
+        passed = np.clip(phase - delay_s / duration_s, 0.0, 1.0)
+        robot = 0.4 + 0.1 * duration_s**exponent * minimum_jerk(passed)[:, None]
+        times_s = duration_s * phase
+        recordings.append(Demonstration.from_arrays(times_s, hand, robot, task="reach"))
+    settings = TrainingSettings(segmentation="recording")
+    settled = accumulate(recordings, settings).preprocessing
+    usual = {"usual_s": {"reach": 2.0}, "displacement_exponent": exponent, "delay_s": delay_s}
+    settled = replace(settled, timing=Timing({}, settled.timing.deviation_std, **usual))
+    design = settled.basis_of(False).design_matrix(PHASE)
+    short, usually, long = (design @ example_of(one, settled).weights[1] for one in recordings)
+    np.testing.assert_allclose(short, usually, atol=0.02 * np.ptp(usually))
+    np.testing.assert_allclose(long, usually, atol=0.02 * np.ptp(usually))
 
 
 def test_what_is_added_is_filtered_at_the_phases_it_was_fitted_at(rng):

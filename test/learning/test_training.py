@@ -75,27 +75,14 @@ def test_what_was_simulated_is_learned_back(truth, rng):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n_each", [1, 2])
-def test_few_demonstrations_train_with_positive_definite_covariances(truth, rng, n_each):
-    examples = recordings(truth, rng, n_each)
-    if n_each == 1:
-        examples.append(simulate(truth, 0, rng, name="second"))
-    library = learn(examples, WHOLE)
-    covariances = (*library.weight_covariance, *library.observed_covariance)  # and of none
-    for covariance in covariances:
-        assert np.array_equal(covariance, covariance.T)
-        assert np.linalg.eigvalsh(covariance).min() > 0
-    assert np.all(np.isfinite(library.log_duration_std))
-    assert np.all(library.log_duration_std >= 0.05)
-    size = 5 * library.basis.n_basis
-    assert library.primitive(0).weights.covariance.shape == (size, size)
-
-
-@pytest.mark.slow
-def test_identical_demonstrations_train(truth, rng):
-    one = simulate(truth, 0, rng)
+def test_identical_demonstrations_and_a_single_one_of_a_task_train(truth, rng):
+    one, other = simulate(truth, 0, rng, duration_s=2.0), simulate(truth, 1, rng)
     library = learn([one, replace(one, name="again"), replace(one, name="third")], WHOLE)
-    assert np.linalg.eigvalsh(library.weight_covariance[0]).min() > 0
+    with_another = learn([one, replace(one, name="again"), other], WHOLE)
+    for of_some in (library, with_another):
+        for covariance in (*of_some.weight_covariance, *of_some.observed_covariance):  # and of none
+            assert np.array_equal(covariance, covariance.T)
+            assert np.linalg.eigvalsh(covariance).min() > 0
     assert np.all(np.isfinite(library.regressions[0].matrix))
     assert np.isfinite(library.provenance["chosen"]["score"])
     assert library.log_duration_std == pytest.approx([0.05])
@@ -181,6 +168,11 @@ def test_nothing_to_learn_from_is_an_error_that_says_why(truth, rng):
         learn([replace(simulate(truth, 0, rng), controlled=()) for _ in range(2)], WHOLE)
     with pytest.raises(TrainingError, match=r"one of task_0, task_1\. Record more"):
         learn(recordings(truth, rng, 1), WHOLE)
+    one = simulate(truth, 0, rng)
+    with pytest.raises(ArgumentError, match=r"a list of Demonstration, .* Put it into a list"):
+        learn(one, WHOLE)
+    with pytest.raises(ArgumentError, match=r"demonstrations\[1\].*ndarray"):
+        learn([one, np.zeros((5, 3))], WHOLE)
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from intent_recognition.learning.training import (
     learn_accumulated,
     learn_with_report,
 )
-from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp import ResidualCoupling, TaskLibrary
 from intent_recognition.signals.demonstration import Demonstration
 
 CUT = TrainingSettings(n_basis=6, n_aligned_basis=6)
@@ -103,7 +103,8 @@ def test_priors_over_tasks_survive_and_a_new_task_takes_its_share():
     trained = learn_with_report(recordings(3, 6, n_tasks=2), CUT).trained
     transition = np.array([[0.1, 0.9], [0.7, 0.3], [0.6, 0.4]])
     library = replace(trained.library, transition_prior=transition, task_prior=np.array([0.2, 0.8]))
-    trained = replace(trained, library=library)
+    coupling = ResidualCoupling(np.ones((2, 2, 3)), np.full((2, 2), 0.5), np.array([2.0, 3.0]))
+    trained = replace(trained, library=replace(library, coupling=coupling))
     same = add_demonstration(trained, recordings(3, 7, n_tasks=2)[-1])
     assert np.array_equal(same.library.transition_prior, transition)
     new = replace(recordings(3, 1)[0], task="a new one", name="new")
@@ -112,6 +113,8 @@ def test_priors_over_tasks_survive_and_a_new_task_takes_its_share():
     np.testing.assert_allclose(more.task_prior, [1 / 3, 0.2 * 2 / 3, 0.8 * 2 / 3])
     np.testing.assert_allclose(more.transition_prior.sum(axis=1), 1.0)
     np.testing.assert_allclose(more.transition_prior[1:, 1:], transition * 2 / 3)
+    assert more.coupling.decay_s.tolist()[1:] == [2.0, 3.0] and not more.coupling.gain[0].any()
+    assert np.all(more.coupling.gain[1:] == 1.0) and np.all(more.coupling.explained[1:] == 0.5)
 
 
 @pytest.mark.slow
@@ -161,6 +164,7 @@ def test_a_long_stream_settles_its_preprocessing_by_its_first_recordings_and_nam
     unlabelled = replace(demonstrations[0], task=None, name="unlabelled")
     found = accumulate(iter([unlabelled, *demonstrations]), CUT)
     assert found.preprocessing == accumulate(demonstrations[:5], CUT).preprocessing
+    assert found.preprocessing != accumulate(demonstrations, CUT).preprocessing  # of all in a list
     assert found.n_used == 20 and found.used == tuple(f"demo_{i:02d}" for i in range(20))
     assert [name for name, _ in found.rejected] == ["unlabelled"]
     monkeypatch.setattr(accumulation, "NAMES_KEPT", 4)

@@ -8,7 +8,12 @@ import pytest
 from simulation import make_library, simulate
 
 from intent_recognition.errors import ArgumentError, TrainingError
-from intent_recognition.learning import TrainingSettings, label_by_components, learn_components
+from intent_recognition.learning import (
+    TrainingSettings,
+    label_by_components,
+    learn_components,
+    learn_mixture,
+)
 
 SETTINGS = TrainingSettings(n_basis=10, n_aligned_basis=10, segmentation="recording")
 
@@ -33,8 +38,10 @@ def test_each_component_is_a_task(recorded):
     library = report.library
     assert library.labels == ("component_1", "component_2")
     np.testing.assert_allclose(library.task_prior, [0.6, 0.4])
-    np.testing.assert_allclose(library.transition_prior.sum(axis=1), 1.0)
+    np.testing.assert_allclose(library.transition_prior, [[0.6, 0.4]] * 3)
     assert report.trained.library is library
+    blind = [replace(one, task=None) for one in recorded]
+    assert np.array_equal(learn_mixture(blind, 2, SETTINGS).weight_mean, library.weight_mean)
 
 
 def test_labels_are_not_looked_at_and_their_number_may_be_given(recorded):
