@@ -4,11 +4,13 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from simulation import make_library
 
 from intent_recognition.gaussian.normal import regression
+from intent_recognition.promp.coupling import residual_weights
 from intent_recognition.promp.regressions import N_KEPT
 
 
@@ -57,3 +59,15 @@ def test_every_task_s_regression_is_there_and_few_stay_in_memory(rng):
         regressions[0]  # one that is asked for again and again stays
     assert len(regressions._kept) == N_KEPT
     assert 0 in regressions._kept
+
+
+@pytest.mark.parametrize("n", [1, 2, 7])
+def test_the_expected_residual_is_the_conditional_mean_of_the_process(rng, n):
+    seen = np.sort(rng.uniform(0.0, 2.0, size=n))
+    times = np.r_[-0.3, rng.uniform(0.0, 2.0, size=9), seen, 2.4, 90.0]
+    covariance = np.exp(-np.abs(seen[:, None] - seen) / 0.3)
+    cross = np.exp(-np.abs(times[:, None] - seen) / 0.3)
+    expected = np.linalg.solve(covariance, cross.T).T
+    weights, known = residual_weights(seen, times, 0.3)
+    np.testing.assert_allclose(weights, expected, atol=1e-9)
+    np.testing.assert_allclose(known, np.sum(expected * cross, axis=1), atol=1e-9)
