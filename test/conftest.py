@@ -81,7 +81,7 @@ settings.load_profile("untimed")
 
 BOUNDS = {
     "intent_recognition.learning.selection:NOISE_SCALES": (4.0,),
-    "intent_recognition.learning.left_out_odds:MAX_FOLLOWED": 2,
+    "intent_recognition.learning.left_out:MAX_FOLLOWED": 2,
     "intent_recognition.learning.unknown_task:MAX_VALIDATED": 12,
     "intent_recognition.learning.held_out_examples:MAX_VALIDATED": 12,
 }

@@ -6,7 +6,7 @@ other times, or by other processes, can be merged.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrainingError, describe
 from intent_recognition.learning.examples import TrainingExample, cut_one, make_example
 from intent_recognition.learning.settings import TrainingSettings
+from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.learning.timing import Timing, estimate_timing
 from intent_recognition.promp import NONE, NormalizedRBFBasis
 from intent_recognition.signals import (
@@ -23,9 +24,14 @@ from intent_recognition.signals import (
     Demonstration,
     OnsetSettings,
     Signal,
+    Size,
+    StreamFinding,
     begin_near,
+    differing_unit,
     first_values,
+    median_size,
     onset_settings,
+    size_of,
     turn_reference,
 )
 
@@ -242,3 +248,34 @@ def _dofs(model: Demonstration | Preprocessing) -> tuple[tuple[SignalNames, ...]
 
 def _names(signals: Iterable[Signal]) -> tuple[SignalNames, ...]:
     return tuple(SignalNames(signal.names, signal.unit) for signal in signals)
+
+
+def other_units_of(
+    tasks: Mapping[str, TaskStatistics],
+    usual: Mapping[str, TaskStatistics],
+    preprocessing: Preprocessing,
+) -> list[StreamFinding]:
+    """Demonstrations with a signal in another unit than most others, each with the likely unit."""
+    known = [_sizes(example, preprocessing) for task in usual.values() for example in task.examples]
+    medians = {name: median_size([each[name] for each in known]) for name in known[0]}
+    return [
+        StreamFinding(example.name, f"{name} {found.reason}")
+        for task in tasks.values()
+        for example in task.examples
+        for name, size in _sizes(example, preprocessing).items()
+        if (found := differing_unit(size, medians[name])) is not None
+    ]
+
+
+def _sizes(example: TrainingExample, preprocessing: Preprocessing) -> dict[str, Size]:
+    """Size of each signal's values, keyed by its first DOF."""
+    found = {}
+    for signals, values in (
+        (preprocessing.observed, example.observed),
+        (preprocessing.controlled, example.controlled),
+    ):
+        first = 0
+        for names, unit in signals:
+            found[names[0]] = size_of(unit, values[:, first : first + len(names)])
+            first += len(names)
+    return found

@@ -63,18 +63,15 @@ class Timing:
     delay_s: float = 0.0  # as in `promp.TaskLibrary`
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Timing) or self.templates.keys() != other.templates.keys():
-            return False
-        pairs = [(self.deviation_std, other.deviation_std)]
-        ours, theirs = (
-            (one.duration_exponent, one.displacement_exponent, one.delay_s, one.usual_s)
-            for one in (self, other)
-        )
-        if ours != theirs:
-            return False
-        for label, template in self.templates.items():
-            pairs += zip(template, other.templates[label], strict=True)
-        return all(np.array_equal(ours, theirs) for ours, theirs in pairs)
+        return isinstance(other, Timing) and self._numbers() == other._numbers()
+
+    def _numbers(self) -> tuple[object, ...]:
+        templates = {
+            label: [part.tolist() for part in template]
+            for label, template in self.templates.items()
+        }
+        own = self.duration_exponent, self.displacement_exponent, self.delay_s, self.usual_s
+        return templates, self.deviation_std.tolist(), *own
 
     __hash__ = None  # type: ignore[assignment]  # arrays have no hash
 

@@ -20,8 +20,8 @@ from intent_recognition.learning.fitting import (
     statistics_of,
 )
 from intent_recognition.learning.hyperparameters import Hyperparameters
-from intent_recognition.learning.left_out_odds import learn_left_out_odds, learn_switch_margin
-from intent_recognition.learning.preprocessing import Preprocessing, example_of
+from intent_recognition.learning.left_out import learn_left_out_odds, learn_switch_margin
+from intent_recognition.learning.preprocessing import Preprocessing, example_of, other_units_of
 from intent_recognition.learning.selection import Choice, choose
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import (
@@ -31,7 +31,6 @@ from intent_recognition.learning.statistics import (
     summarize,
 )
 from intent_recognition.learning.timing import PACES
-from intent_recognition.learning.unit_check import other_units_of
 from intent_recognition.learning.unknown_task import learn_none_margin
 from intent_recognition.promp import ResidualCoupling, TaskLibrary
 from intent_recognition.signals import Demonstration, StreamFinding, label_doubts

@@ -23,7 +23,6 @@ from intent_recognition.learning.mixture import (
     cluster,
     leave_each_out,
     left_out_labels,
-    mixture_features,
 )
 from intent_recognition.promp.basis import NormalizedRBFBasis
 

@@ -9,11 +9,11 @@ from scipy.special import expit
 from simulation import gathered, make_library, simulate
 
 from intent_recognition.filtering import MovementFilter, make_prior_grid
-from intent_recognition.learning import TrainingSettings, left_out_odds, sample_phases, summarize
+from intent_recognition.learning import TrainingSettings, left_out, sample_phases, summarize
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
-from intent_recognition.learning.left_out import LeavingOut
-from intent_recognition.learning.left_out_odds import (
+from intent_recognition.learning.left_out import (
     N_SCALES,
+    LeavingOut,
     largest_odds,
     largest_odds_against,
     learn_switch_margin,
@@ -80,7 +80,7 @@ def shown_by(people, tasks):
 @pytest.mark.slow
 @pytest.mark.parametrize("people", ["", "abc"])
 def test_the_margin_is_what_left_out_movements_stay_below(trained, tasks, people, monkeypatch):
-    monkeypatch.setattr(left_out_odds, "MAX_FOLLOWED", 12)
+    monkeypatch.setattr(left_out, "MAX_FOLLOWED", 12)
     whose = people or [""]
     tasks, recorded = shown_by(whose, tasks), shown_by(whose, trained.tasks)
     leaving_out = LeavingOut(trained.library, tasks)

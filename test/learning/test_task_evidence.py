@@ -18,8 +18,7 @@ from intent_recognition.learning import (
 )
 from intent_recognition.learning.evidence_exponents import POWERS, expected_power, log_losses
 from intent_recognition.learning.fitting import statistics_of
-from intent_recognition.learning.left_out import LeavingOut
-from intent_recognition.learning.left_out_odds import largest_odds_against
+from intent_recognition.learning.left_out import LeavingOut, largest_odds_against
 
 LEVELS = np.array([0.0, 0.15, 0.3])
 """Of three tasks, in standard deviations of an innovation."""

@@ -10,8 +10,8 @@ import pytest
 from intent_recognition.errors import TrainingError
 from intent_recognition.learning import TrainingSettings, learn, learn_with_report
 from intent_recognition.learning.correcting import keep_correction
+from intent_recognition.learning.preprocessing import other_units_of
 from intent_recognition.learning.training import add_demonstration
-from intent_recognition.learning.unit_check import other_units_of
 from intent_recognition.promp import controlled_spread, end_std_limits, weight_floor
 from intent_recognition.recognition import DecisionState, IntentEstimator, decide, decision_settings
 from intent_recognition.recognition.start_posture import (
