@@ -76,7 +76,8 @@ def a_step(rng: np.random.Generator, n: int, n_deviations: int, freedom: float, 
     rows = rng.normal(size=(n, n_deviations, N_BASIS))
     noise = root @ root.T + 0.1 * np.eye(m)
     moved = rng.dirichlet(np.ones(n_deviations), size=(n, n_deviations))
-    return LinearMeasurement(dofs, rows, rng.normal(size=m), noise, moved, exponent, freedom)
+    values = rng.normal(size=(n, m))
+    return LinearMeasurement(dofs, rows, values, noise, moved, exponent, freedom)
 
 
 @settings(max_examples=15)
@@ -97,7 +98,7 @@ def test_a_step_is_what_its_formulas_say(seed, freedom, exponent):
             expected = np.kron(selected, believed @ step.rows[b])
             spread = expected @ covariance[b] @ expected.T + step.noise_covariance
             predicted = [np.kron(selected, row) @ mean[b] for row in step.rows[b]]
-            density = np.exp([log_density(step.values, p, spread, freedom) for p in predicted])
+            density = np.exp([log_density(step.values[b], p, spread, freedom) for p in predicted])
             assert evidence[b] == pytest.approx(np.log(believed @ density), rel=1e-8, abs=1e-8)
             believed = believed * density**exponent
             believed /= believed.sum()
@@ -106,7 +107,7 @@ def test_a_step_is_what_its_formulas_say(seed, freedom, exponent):
             (mean[b], covariance[b]), _ = condition(
                 Gaussian(mean[b], covariance[b]),
                 np.kron(selected, believed @ step.rows[b]),
-                step.values,
+                step.values[b],
                 step.noise_covariance + induced,
             )
         found = batch.moments()

@@ -45,6 +45,8 @@ def test_an_impossible_task_stays_impossible_and_nothing_turns_into_nan():
     assert posterior.probabilities.tolist() == [0.0, 1.0]
     assert np.isneginf(posterior.log_evidence[0])
     assert np.all(np.isfinite(posterior.phase))
+    weights = hypotheses.duration_weights(np.array([5.0, 6.0, -1e5, -2e5]))[0]
+    assert weights[1] == pytest.approx(1.0 / (1.0 + np.exp(-1.0)))
 
 
 def test_the_evidence_of_the_duration_can_be_taken_to_a_power(rng):

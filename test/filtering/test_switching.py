@@ -114,6 +114,16 @@ def test_who_turns_to_another_task_has_the_habit_of_the_task_before(library, rng
     np.testing.assert_allclose(joint[1] + np.log(ratio) - joint[0], np.log(ratio[0]), atol=0.1)
 
 
+def test_who_turns_to_the_unknown_is_kept_by_the_margin_that_was_paid_at_birth(library, rng):
+    times_s = np.arange(0.0, 1.2, 0.05)
+    library = replace(library, none_margin=10.0)
+    run = filtered(library, times_s, course(library, draw_weights(library, 0, rng), times_s))
+    table, of_onset = run.births.table, run.births.onset_log_joint(run.log_evidence)
+    total = np.logaddexp.reduce(np.logaddexp(run.births.log_joint, of_onset))
+    unknown = (table.rows["task"] == library.n_tasks) & np.isfinite(table.log_joint)
+    assert table.log_joint[unknown].min() < total - births.NEGLIGIBLE
+
+
 def evidence_of(run, task):
     """Of the born hypotheses of a task that are not negligible."""
     table = run.births.table
@@ -144,7 +154,8 @@ def log_density_of_last(y, mean, covariance, n):
 
 
 def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch, one_each):
-    monkeypatch.setattr(rates, "REACH_UNTIL", -1.0)
+    for room in (rates, births):
+        monkeypatch.setattr(room, "REACH_UNTIL", -1.0)
     monkeypatch.setattr(rates, "DELAY_RATE", 0.0)
     monkeypatch.setattr(births, "NEGLIGIBLE_SHARE", 0.0)
     monkeypatch.setattr(births, "BIRTHS_EVERY", 1)
@@ -227,7 +238,8 @@ def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, one
 
 def test_who_is_delayed_goes_on_with_all_that_was_seen(library, rng, monkeypatch, one_each):
     monkeypatch.setattr(births, "DELAYS", (0.12,))
-    monkeypatch.setattr(rates, "REACH_UNTIL", -1.0)
+    for room in (rates, births):
+        monkeypatch.setattr(room, "REACH_UNTIL", -1.0)
     monkeypatch.setattr(births, "NEGLIGIBLE_SHARE", 0.0)
     monkeypatch.setattr(births, "BIRTHS_EVERY", 5)
     times_s = np.arange(0.0, 1.0, 0.1)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import multivariate_t
 from simulation import make_library
 
 from intent_recognition.errors import ArgumentError, ShapeError
@@ -181,27 +180,6 @@ def test_thousands_of_nearly_noiseless_updates_keep_a_covariance(resting):
         expected = np.linalg.inv(information)
     error = np.abs(covariance[0] - expected).max()
     assert error <= 1e-9 * np.abs(prior[0]).max()
-
-
-def test_each_may_have_its_own_values_and_a_student_density_conditions_alike(rng):
-    batch, normal = (random_batch(np.random.default_rng(6)) for _ in range(2))
-    prior = batch.moments()
-    one = a_measurement(rng, 5, 3, 20)
-    one = one._replace(values=rng.normal(size=(5, len(one.dofs))), degrees_of_freedom=4.0)
-    density, _ = batch.condition(one)
-    normal.condition(one._replace(degrees_of_freedom=np.inf))
-    assert np.array_equal(batch.state, normal.state)
-    mean, covariance = batch.moments()
-    noise = np.broadcast_to(one.noise_covariance, (5, len(one.dofs), len(one.dofs)))
-    for b in range(5):
-        H = np.kron(np.eye(3)[one.dofs], one.rows[b])
-        before = Gaussian(prior[0][b], prior[1][b])
-        expected, _ = condition(before, H, one.values[b], noise[b])
-        np.testing.assert_allclose(mean[b], expected.mean, atol=1e-9)
-        np.testing.assert_allclose(covariance[b], expected.covariance, atol=1e-9)
-        spread = H @ before.covariance @ H.T + noise[b]
-        found = multivariate_t(H @ before.mean, spread, df=4.0).logpdf(one.values[b])
-        assert density[b] == pytest.approx(found, rel=1e-9)
 
 
 def test_new_weights_are_independent_of_the_others_and_may_be_left_out_again(rng):

@@ -99,6 +99,7 @@ def test_a_primitive_with_itself_or_alone_is_that_one(primitive, primitives):
     assert same.duration_s == pytest.approx(2.0)
     both = co_activate([primitive, primitive], [1.0, 1.0])
     np.testing.assert_allclose(both.weights.covariance, primitive.weights.covariance / 2, atol=1e-9)
+    np.testing.assert_allclose(both.noise_variance, primitive.noise_variance)
     alone = co_activate(primitives, [0.0, 1.0])
     assert alone.weights is primitives[1].weights and alone.duration_s == 2.0
 

@@ -99,15 +99,6 @@ def test_the_lead_is_forgotten_like_an_ornstein_uhlenbeck_process(step):
     np.testing.assert_allclose(kept, np.exp(-step / 0.4), atol=0.006)
 
 
-def test_transitions_of_many_steps_come_at_once():
-    steps = np.random.default_rng(1).uniform(0.0, 1.0, size=(3, 4))
-    together = deviation_transition(a_progress(), steps)
-    assert together.shape == (3, 4, 15, 15)
-    np.testing.assert_allclose(
-        together[2, 1], deviation_transition(a_progress(), steps[2, 1]), atol=1e-14
-    )
-
-
 @given(st.lists(st.floats(-2.0, 3.0), min_size=1, max_size=6), st.floats(0.001, 0.3))
 def test_phases_lie_in_the_movement_and_rise_with_the_deviation(recorded, std):
     phase_deviation = a_progress(std=std)

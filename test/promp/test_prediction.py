@@ -13,7 +13,12 @@ from simulation import START_NS, make_library, simulate
 from intent_recognition.filtering import fixed_prior_grid
 from intent_recognition.gaussian.normal import Gaussian, condition
 from intent_recognition.promp import NormalizedRBFBasis, dof_variance, rollout
-from intent_recognition.promp.prediction import StartPosture, controlled_weights, least_end_std
+from intent_recognition.promp.prediction import (
+    StartPosture,
+    controlled_weights,
+    end_std_limits,
+    least_end_std,
+)
 from intent_recognition.signals import OnsetSettings, at_rest, end_velocity, is_slow, merge
 
 BASIS = NormalizedRBFBasis(7, 1.0)
@@ -119,6 +124,9 @@ def test_the_least_uncertainty_of_an_end_is_that_of_people_as_they_usually_are(r
     ]
     expected = np.sqrt((np.mean(variances, axis=0) + library.control_noise_variance()).max())
     assert least_end_std(library, 0, start_known=False)["rad"] == pytest.approx(expected, rel=0.02)
+    assert end_std_limits(library)["task_0"]["rad"] == max(
+        0.35, 1.5 * least_end_std(library, 0, start_known=False)["rad"]
+    )
 
 
 @settings(deadline=None)

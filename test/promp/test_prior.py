@@ -109,6 +109,13 @@ def test_what_is_independent_is_added_to_each_observed_variance(rng, n_observed,
     np.testing.assert_allclose(apart - usual, np.diag(np.repeat(of_dof, 5)), rtol=1e-5, atol=1e-12)
 
 
+def test_dofs_that_vary_alike_do_so_relative_to_their_ranges(rng):
+    own, floor = scatter_of(rng.normal(size=(30, 2, 5))), np.array([1e-6, 9e-6])
+    both = structured_target(own, own, floor, TargetSettings(alike=1.0)).reshape(2, 5, 2, 5)
+    np.testing.assert_allclose(9.0 * both[0, :, 0], both[1, :, 1], rtol=1e-9)
+    np.testing.assert_allclose(both[0, :, 1], 0.0, atol=1e-9)
+
+
 @pytest.mark.parametrize("steps", [0, 2, 4])
 def test_the_lag_of_a_robot_that_copies_the_hand_is_found(rng, steps):
     """Independent weights, so that any other lag explains nothing; 21 of them are 0.05 apart."""

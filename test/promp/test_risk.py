@@ -19,6 +19,7 @@ def test_without_groups_the_threshold_is_the_split_conformal_quantile(rng):
         risk = risk_of(of_nobody(odds), 0.05)
         assert risk.threshold == pytest.approx(expit(np.sort(odds)[rank - 1]))
         assert (risk.bound, risk.n_groups, risk.grouped) == (0.05, n, False)
+    assert risk_of(of_nobody(np.linspace(-9.0, -8.0, 40)), 0.05).threshold == 0.6
 
 
 def test_one_more_interaction_is_wrong_in_at_most_the_stated_share(rng):
