@@ -19,7 +19,6 @@ from intent_recognition.learning.persons import (
 from intent_recognition.learning.preprocessing import Preprocessing
 from intent_recognition.learning.statistics import (
     TaskStatistics,
-    aligned_statistics,
     pooled_moments,
     variance_scales,
 )
@@ -129,13 +128,10 @@ def learned_from(
 def statistics_of(
     tasks: Mapping[str, TaskStatistics], aligned: bool
 ) -> Mapping[str, TaskStatistics]:
-    """Statistics of the aligned examples if `aligned`, else of the examples as recorded."""
+    """Statistics of the aligned examples, which all have, or of the examples as recorded."""
     if not aligned:
         return tasks
-    found = aligned_statistics(tasks)
-    if found is None:
-        raise ValueError("statistics_of needs tasks whose examples are all aligned")
-    return found
+    return {label: task.aligned for label, task in tasks.items() if task.aligned is not None}
 
 
 def predictive_covariances(

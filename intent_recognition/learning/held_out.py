@@ -115,7 +115,9 @@ def follow_known(
     prior, own = _priors(library, left_out, tasks)
     sizes = np.diff(np.append(own, len(prior.mean)))
     samples = np.repeat(np.array([one.observed for one in left_out]), sizes, axis=0)
-    pace, relative = np.ones(len(prior.mean)), np.exp(_log_relative(library, left_out))
+    usual_s = [library.usual_s[[one.task, *one.rivals]] for one in left_out]
+    relative = np.repeat([one.duration_s for one in left_out], sizes) / np.concatenate(usual_s)
+    pace = np.ones(len(relative))
     own = own[:, None]
     for progress in filter_samples(library, prior, pace, relative, np.swapaxes(samples, 0, 1)):
         yield Followed(progress, own, pace[own], relative[own])
@@ -133,13 +135,6 @@ def _priors(
         covariance.append(one.covariance * (1.0 + 1.0 / n)[:, None, None])
     own = np.cumsum([0, *(len(part) for part in mean[:-1])])
     return Gaussian(np.concatenate(mean), np.concatenate(covariance)), own
-
-
-def _log_relative(library: TaskLibrary, left_out: Sequence[LeftOutExample]) -> Floats:
-    """Log durations of demonstrations relative to the usual ones of own task and rivals."""
-    return np.concatenate(
-        [np.log(one.duration_s / library.usual_s[[one.task, *one.rivals]]) for one in left_out]
-    )
 
 
 def samples_at(shares: Sequence[float]) -> list[int]:

@@ -206,7 +206,7 @@ def example_of(recorded: Demonstration, preprocessing: Preprocessing) -> Trainin
     return example
 
 
-def reason_against(recorded: Demonstration, like: Demonstration | Preprocessing | None) -> str:
+def reason_against(recorded: Demonstration, like: Preprocessing | None) -> str:
     """Why a recording cannot be learned from together with earlier ones, or an empty string."""
     if recorded.task is None:
         return "it has no label `task`"
@@ -223,10 +223,9 @@ def reason_against(recorded: Demonstration, like: Demonstration | Preprocessing 
     expected, found = _dofs(like), _dofs(recorded)
     if expected == found:
         return ""
-    source = like.source if isinstance(like, Preprocessing) else like.name
     return describe(
         "DOFs",
-        f"those of {source or 'the model'}, {_in_words(expected)}",
+        f"those of {like.source or 'the model'}, {_in_words(expected)}",
         _in_words(found),
         "Give all the same names and units; read bags with one DOF file.",
     )

@@ -149,12 +149,6 @@ def variance_scales(
     return floor, np.maximum(residual / sum(task.n for task in statistics), floor)
 
 
-def aligned_statistics(tasks: Mapping[str, TaskStatistics]) -> dict[str, TaskStatistics] | None:
-    """Statistics of the aligned examples of each label; None if a label has none."""
-    aligned = {label: task.aligned for label, task in tasks.items() if task.aligned is not None}
-    return aligned if len(aligned) == len(tasks) else None
-
-
 def _draw(examples: Sequence[TrainingExample]) -> tuple[TrainingExample, ...]:
     """Sample the `MAX_EXAMPLES` with the smallest hash, whatever the order and grouping."""
 

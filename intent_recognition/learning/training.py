@@ -26,7 +26,6 @@ from intent_recognition.learning.selection import Choice, choose
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import (
     TaskStatistics,
-    aligned_statistics,
     merge_tasks,
     summarize,
 )
@@ -167,7 +166,7 @@ def choose_hyperparameters(
     tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing
 ) -> Choice:
     """Choose hyperparameters by held-out validation; also return all that were tried."""
-    paces = PACES if aligned_statistics(tasks) is not None else PACES[:-1]
+    paces = PACES if all(task.aligned is not None for task in tasks.values()) else PACES[:-1]
     candidates = {}
     for pace in paces:
         parameters = Hyperparameters(pace)

@@ -16,26 +16,17 @@ recordings were arranged, not how often a task is done in a scene.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.gaussian import cholesky, solve_lower, symmetrize
+from intent_recognition.gaussian import symmetrize, whiten_innovation
 
 CONTEXT_STRENGTH = 0.1
 """Equivalent sample size, in demonstrations, of the prior on the gain. Under this prior, one
 standard deviation of the context moves the weights by about three of their remaining ones."""
-
-
-class Given(NamedTuple):
-    """Changes of the weights of K tasks by a known context."""
-
-    shift: Floats  # shift of the means, (K, d)
-    reduction: Floats  # reduction of the covariances, (K, d, d)
-    scale: Floats  # factor of the reduced covariances, (K,)
 
 
 @dataclass(frozen=True)
@@ -56,19 +47,25 @@ class ContextModel:
         least = np.min(np.diagonal(self.covariance, axis1=1, axis2=2), axis=0)
         return 0.05 * np.sqrt(least)
 
-    def given(self, values: Floats) -> Given:
-        """Condition the weights on a context (M,), NaN for unknown numbers."""
+    def given(self, values: Floats) -> tuple[Floats, Floats, Floats]:
+        """Condition the weights on a context (M,), NaN for unknown numbers.
+
+        Returns:
+            Shift of the means (K, d), reduction of the covariances (K, d, d), and factor of the
+            reduced covariances (K,).
+        """
         known = np.flatnonzero(np.isfinite(values))
-        factor = cholesky(self.covariance[:, known[:, None], known], name="covariance of context")
-        cross = np.matmul(self.gain, self.covariance[:, :, known])
-        whitened = solve_lower(factor, np.swapaxes(cross, 1, 2))
-        apart = solve_lower(factor, (values[known] - self.mean[:, known])[..., None])
-        distance = np.sum(apart[..., 0] ** 2, axis=-1)
-        return Given(
-            np.matmul(np.swapaxes(whitened, 1, 2), apart)[..., 0],
-            symmetrize(np.matmul(np.swapaxes(whitened, 1, 2), whitened)),
-            1.0 + distance / self.freedom,
+        cross = np.matmul(self.covariance[:, known], np.swapaxes(self.gain, 1, 2))
+        cross, apart, _ = whiten_innovation(
+            self.covariance[:, known[:, None], known],
+            cross,
+            values[known] - self.mean[:, known],
+            name="covariance of context",
         )
+        turned = np.swapaxes(cross, 1, 2)
+        shift = np.matmul(turned, apart[..., None])[..., 0]
+        scale = 1.0 + np.sum(apart**2, axis=1) / self.freedom
+        return shift, symmetrize(np.matmul(turned, cross)), scale
 
 
 def as_context(context: ArrayLike, names: Sequence[str]) -> Floats:
