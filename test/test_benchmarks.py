@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from plain import bank_of, condition_bank, start_bank
+from plain import bank_of
 
 from benchmarks import __main__ as command
 from benchmarks.bank import Stream
@@ -19,6 +19,7 @@ from benchmarks.pace_keeper import LAG_HIGH_S, LAG_LOW_S, SLOWEST, next_factor
 from benchmarks.soak import Soak, Usage, results
 from benchmarks.synthetic import DURATION_S, synthetic_library
 from intent_recognition.filtering.grid import fixed_prior_grid
+from intent_recognition.gaussian import Gaussian, condition
 from intent_recognition.promp.basis import NormalizedRBFBasis
 
 
@@ -45,12 +46,12 @@ def test_peers_of_the_filter_bank_compute_what_it_does(name):
     width = 19 / np.sqrt(-8.0 * 20**2 * np.log(0.7))  # movement_primitives knows no other
     library = replace(library, basis=NormalizedRBFBasis(20, width))
     noise, values, phase = 1e-4 * np.eye(3), np.array([0.1, -0.2, 0.3]), 0.4
-    bank = start_bank(library, fixed_prior_grid(library, 2.0))
-    row = library.basis.design_matrix(np.array([phase]))
-    ours = condition_bank(bank, np.arange(3), row[:, None], values, noise)
+    prior = Gaussian(library.observed_mean[0], library.observed_covariance[0])
+    rows = np.kron(np.eye(3), library.basis.design_matrix(np.array([phase])))
+    ours, _ = condition(prior, rows, values, noise)
     mean, covariance = getattr(peers, name)(library, noise, values, phase)()
-    np.testing.assert_allclose(mean, ours.mean[0], atol=1e-6)
-    np.testing.assert_allclose(covariance, ours.covariance[0], atol=1e-8)
+    np.testing.assert_allclose(mean, ours.mean, atol=1e-6)
+    np.testing.assert_allclose(covariance, ours.covariance, atol=1e-8)
 
 
 def test_rows_that_the_bank_is_given_are_those_that_it_finds_itself():

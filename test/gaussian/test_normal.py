@@ -14,7 +14,6 @@ from intent_recognition.gaussian.linalg import (
     half_log_det,
     solve_lower,
     student_log_density,
-    symmetrize,
 )
 from intent_recognition.gaussian.normal import (
     Gaussian,
@@ -131,15 +130,6 @@ def positive_definite(rng: np.random.Generator, *shape: int) -> np.ndarray:
     """Random positive definite matrices (..., d, d)."""
     root = rng.normal(size=(*shape, shape[-1]))
     return root @ np.swapaxes(root, -1, -2) + np.eye(shape[-1])
-
-
-@given(seeds, st.integers(1, 6))
-def test_symmetrize_is_exact_and_idempotent(seed, d):
-    matrix = np.random.default_rng(seed).normal(size=(3, d, d))
-    once = symmetrize(matrix)
-    assert np.array_equal(once, np.swapaxes(once, -1, -2))
-    assert np.array_equal(symmetrize(once), once)
-    np.testing.assert_allclose(np.trace(once, axis1=1, axis2=2), np.trace(matrix, axis1=1, axis2=2))
 
 
 def test_cholesky_refuses_an_indefinite_matrix_and_says_how_far_off_it_is():
