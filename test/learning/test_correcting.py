@@ -8,7 +8,14 @@ import pytest
 from model_builder import make_dofs, perform, true_library
 from simulation import gathered, make_library
 
-from intent_recognition.learning import TrainingSettings, keep_correction, summarize
+from intent_recognition.gaussian import Gaussian, condition
+from intent_recognition.learning import (
+    TrainingSettings,
+    inferred_weights,
+    keep_correction,
+    sample_phases,
+    summarize,
+)
 from intent_recognition.learning.correcting import (
     DRIFT,
     OFFSET_VARIANCE,
@@ -48,6 +55,17 @@ def trained():
     settings = TrainingSettings(n_basis=10, n_aligned_basis=10)
     trained = gathered(recordings, settings)
     return replace(trained, library=replace(trained.library, none_margin=3.0))
+
+
+def test_weights_are_inferred_with_the_noise_of_the_samples_that_the_filter_uses(trained):
+    library, example = trained.library, [*trained.tasks.values()][1].examples[0]
+    rows = library.basis.design_matrix(sample_phases())
+    matrix = np.vstack([np.kron(np.eye(library.n_observed), row) for row in rows])
+    noise = 2.0 * library.noise_scale * library.noise_variance[: library.n_observed]
+    prior = Gaussian(library.observed_mean[1], library.observed_covariance[1])
+    spread = np.diag(np.tile(noise, len(rows)))
+    expected, _ = condition(prior, matrix, example.observed.ravel(), spread)
+    np.testing.assert_allclose(inferred_weights(trained, example), expected.mean, atol=1e-8)
 
 
 def moved(recording, offset):

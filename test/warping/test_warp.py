@@ -25,7 +25,7 @@ from intent_recognition.warping.object_warp import warp_object
 from intent_recognition.warping.opening import _bearing, _looks_into
 from intent_recognition.warping.parameters import pouring_parameters
 from intent_recognition.warping.pour_level import LEFT_WHEN_EMPTY, emptying
-from intent_recognition.warping.rim import N_HARMONICS, Rim, _fit_harmonics
+from intent_recognition.warping.rim import N_HARMONICS, Rim, _crest_level, _fit_harmonics
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
 
 names = st.sampled_from(CONTAINER_NAMES)
@@ -158,6 +158,12 @@ def test_lip_follows_the_other_container_or_the_handle(mug):
     level = pouring_parameters(warped)
     assert level.lip_point[0] > centre[0] + 0.9 * radius
     assert near.tilt_reference_rad == pytest.approx(level.tilt_reference_rad, abs=0.02)
+
+
+def test_the_crest_of_a_round_rim_is_where_its_normal_points_up(rng):
+    upward = rng.uniform(0.3, 1.0, size=200)
+    level = 0.1 - 0.005 * (1.0 - upward) + 1e-4 * rng.normal(size=200)
+    assert _crest_level(level, upward) == pytest.approx(0.1, abs=1e-4)
 
 
 def test_at_the_reference_tilt_half_of_the_volume_is_below_the_lip(mug):
