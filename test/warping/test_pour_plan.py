@@ -59,7 +59,8 @@ def test_the_references_are_a_context_with_a_known_gain(skill):
     parts = (other[None], np.eye(3)[None], gain.reshape(1, 4 * n, 3), np.array([9.0]), (3,))
     model = ContextModel(("radius", "height", "tilt"), ("m", "m", "rad"), *parts)
     there = gain.reshape(-1, 3) @ other
-    here = there + model.given(np.array([0.06, 0.09, 0.8])).shift[0]
+    shift, _, _ = model.given(np.array([0.06, 0.09, 0.8]))
+    here = there + shift[0]
     given = skill.primitive.given(CUP, SECOND)
     np.testing.assert_allclose(given.weights.mean, here, atol=1e-12)
     found = given.predict_controlled(len(PHASE))
