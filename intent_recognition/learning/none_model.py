@@ -46,15 +46,10 @@ def departure(tasks: Sequence[TaskStatistics], dofs: Integers) -> Floats:
     total = np.zeros(n_basis)
     for task, mean in zip(tasks, means, strict=True):
         rows = task.scatter.reshape(len(task.mean), n_basis, len(task.mean), n_basis)
-        own = np.einsum("dkdl->dkl", rows)[dofs]
-        variance, at_start = np.einsum("pkk->k", own), np.sum(own[:, 0, 0])
-        total += (
-            variance
-            + at_start
-            - 2.0 * np.sum(own[:, 0], axis=0)
-            + task.n * np.sum((mean - mean[:, :1]) ** 2, axis=0)
-        )
-        total += at_start + task.n * np.sum((mean[:, 0] - centre) ** 2)
+        own = np.sum(np.einsum("dkdl->dkl", rows)[dofs], axis=0)
+        total += np.diagonal(own) - 2.0 * own[0] + 2.0 * own[0, 0]
+        total += task.n * np.sum((mean - mean[:, :1]) ** 2, axis=0)
+        total += task.n * np.sum((mean[:, 0] - centre) ** 2)
     return total / (count.sum() * len(dofs))
 
 

@@ -103,11 +103,6 @@ class Comparison(NamedTuple):
     n_tasks: int  # tasks that share the prior; those not compared are too far away to matter
     recorded: TrainingExample
 
-    @property
-    def n_hypotheses(self) -> int:
-        """Number of hypotheses that are filtered: durations of the tasks and of none."""
-        return (len(self.compared) + 1) * N_SCALES
-
 
 def log_factors(comparisons: Sequence[Comparison]) -> list[Floats]:
     """Log Bayes factor of the tasks over none after each sample of each movement, (m,) each.
@@ -118,7 +113,7 @@ def log_factors(comparisons: Sequence[Comparison]) -> list[Floats]:
     while first < len(comparisons):
         size = comparisons[first].without.mean.shape[1]
         most = max(1, MAX_FLOATS // size**2)
-        counts = np.cumsum([one.n_hypotheses for one in comparisons[first:]])
+        counts = np.cumsum([(len(one.compared) + 1) * N_SCALES for one in comparisons[first:]])
         last = first + max(1, int(np.searchsorted(counts, most, side="right")))
         factors += _log_factors_together(comparisons[first:last])
         first = last
