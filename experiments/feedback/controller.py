@@ -194,9 +194,7 @@ def _runge_kutta(slope: Callable[[Floats], Floats], value: Floats, step: float) 
     return value + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
 
-def second_derivative_matrix(
-    basis: NormalizedRBFBasis, phase: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def second_derivative_matrix(basis: NormalizedRBFBasis, phase: Floats) -> Floats:
     """d^2 basis / d phase^2 at phases (T,): (T, N); zero outside [0, 1]."""
     values = basis.design_matrix(phase)
     slope = -(np.clip(phase, 0.0, 1.0)[:, None] - basis.centers) / basis.scale**2
