@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSReliabilityPolicy
 
 from intent_recognition.nodes.graph import GRAPHS, NODES, OWN_TOPICS, RECORDED
+from intent_recognition.nodes.qos import LATCHED_TOPICS
 from intent_recognition.nodes.security import main, policy
 from intent_recognition.registry import NODES as REGISTERED
 from intent_recognition.share import PACKAGE
@@ -134,10 +135,12 @@ def check_contract(node, name):
     every = {
         f"/cell1/{topic}": qos for offered in OFFERED.values() for topic, qos in offered.items()
     }
-    for one in node.subscriptions:  # asks for no more than is offered
+    for one in node.subscriptions:  # asks for no more than is offered, and for what was said before
         wanted, offered = one.qos_profile, every.get(one.topic_name, LATCHED)
         assert wanted.reliability == SENSOR[0] or offered[0] == STATE[0], one.topic_name
         assert wanted.durability == STATE[1] or offered[1] == LATCHED[1], one.topic_name
+        latched = one.topic_name.removeprefix("/cell1/") in LATCHED_TOPICS
+        assert not latched or wanted.durability == LATCHED[1], one.topic_name
 
 
 def test_a_node_of_no_graph_keeps_the_contract(harness, tmp_path):
