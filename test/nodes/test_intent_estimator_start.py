@@ -13,9 +13,12 @@ import yaml
 from geometry_msgs.msg import PoseStamped
 from model_builder import GLOVE, TOOL, WRIST, make_dofs, true_library
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.model import FRAMES, Model, save_model
+from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import to_stamp
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode, main
 from intent_recognition.nodes.observation_input import ObservationInput, human_topic
@@ -93,6 +96,15 @@ def test_a_type_that_is_not_installed(capfd, tmp_path):
     dofs = make_dofs(alien)
     save_model(tmp_path / "m.npz", Model(true_library(dofs), dofs))
     assert "alien_msgs/msg/Brain" in start(capfd, model=tmp_path / "m.npz")
+
+
+def test_who_listens_later_hears_that_nothing_is_expected_and_no_point_is_in_force(harness, model):
+    harness.node(IntentEstimatorNode, model=str(model))
+    expected = harness.collect(JointState, "intent/next_task", qos.LATCHED)
+    points = harness.collect(String, "intent/via_points", qos.LATCHED)
+    harness.spin_until(lambda: expected and points, what="both")
+    assert expected[0].header.frame_id == points[0].data == ""
+    np.testing.assert_allclose(expected[0].position, 1 / len(expected[0].name))
 
 
 def test_it_listens_to_what_ingest_makes_of_a_raw_pose():
