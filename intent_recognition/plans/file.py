@@ -40,9 +40,10 @@ def write_plan(plan: WorkPlan) -> str:
     """
     steps = []
     for step in plan.steps:
-        numbers = step.share, dict(step.who), dict(step.objects), step.duration_s, dict(step.after)
-        row = zip(STEP_KEYS, (_named("plan", step.name), step.task, *numbers), strict=True)
-        steps.append({key: value for key, value in row if value or key == "share"})
+        row = {"step": _named("plan", step.name), "task": step.task, "share": step.share}
+        known = dict(step.who), dict(step.objects), step.duration_s, dict(step.after)
+        more = zip(STEP_KEYS[len(row) :], known, strict=True)
+        steps.append(row | {key: value for key, value in more if value})
     content = {
         "assemblies": plan.n_assemblies,
         "repeated": plan.repeated,

@@ -63,7 +63,8 @@ def test_what_is_no_plan_is_refused(steps, order, said):
 
 
 def test_what_is_written_is_read():
-    steps = (*STEPS, WorkStep("a 2", "a", 0.5, {"anna": 1.0}, {"screw": 2.0}, 3.25, {"b": 2.0}))
+    full = WorkStep("a 2", "a", 0.5, {"anna": 1.0}, {"screw": 2.0}, 3.25, {"b": 2.0})
+    steps = (*STEPS, full, WorkStep("of no task", ""))
     plan = WorkPlan(steps, {("a", "b"): 0.875}, {("b", "c"): 1.0}, 0.01, 0.02, 7)
     assert read_plan(write_plan(plan)) == plan
 
