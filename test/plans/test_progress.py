@@ -60,11 +60,12 @@ def test_an_order_that_is_allowed_is_followed():
 
 
 @pytest.mark.parametrize("share", [0.97, 1.0])
-def test_a_step_that_was_left_out_is_forgotten_until_it_is_done(share):
+@pytest.mark.parametrize("of", ["order", "by_hand"])
+def test_a_step_that_was_left_out_is_forgotten_until_it_is_done(share, of):
     """Also one of every assembly."""
     steps = tuple(WorkStep(name, name, share) for name in "abcd")
-    by_hand = dict.fromkeys(CHAIN.order, 1.0)
-    progress = WorkProgress(WorkPlan(steps, by_hand=by_hand), LABELS)
+    plan = WorkPlan(steps, **{of: CHAIN.order}, n_assemblies=CHAIN.n_assemblies)
+    progress = WorkProgress(plan, LABELS)
     for label in "ac":
         progress.take(sure(label))
     assert state(progress) == {"a": "done", "b": "forgotten", "c": "done", "d": "may come"}
