@@ -176,7 +176,7 @@ def load_xml(text: str) -> ET.Element:
         UntrustedError: it is not XML, its document type declares something, or it is too deep or
             too large.
     """
-    text = re.sub(r"<!DOCTYPE[^\[>]*>", "", text, count=1)
+    text = re.sub(r"<!DOCTYPE[^<\[>]*>", "", text, count=1)
     try:
         return ET.fromstring(text, ET.XMLParser(target=_BoundedTree()))
     except UntrustedError:

@@ -95,6 +95,8 @@ def test_descriptions_with_a_mark_a_namespace_in_degrees_or_none():
     spaced = text.replace("<robot", "<robot xmlns='http://a.b/c' xmlns:xacro='http://d.e/f'", 1)
     for one in (f"\ufeff\n {head}{text}", f"{head}<!DOCTYPE robot SYSTEM 'a.dtd'>\n{text}", spaced):
         assert Arm.from_urdf(one, **kept).joint_names == Arm.from_urdf(text, **kept).joint_names
+    with pytest.raises(ArgumentError, match="expected a URDF, got broken XML"):
+        Arm.from_urdf("<!DOCTYPE" * 400_000)  # at once: it may come from a topic
     with pytest.raises(ArgumentError, match="robot: expected a path, got one of type NoneType"):
         Arm.from_urdf(None)
 
