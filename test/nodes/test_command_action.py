@@ -92,7 +92,7 @@ def cell(harness, result):
     return Cell(harness, Client(result))
 
 
-def test_goals_of_a_real_controller_are_accepted_replaced_and_succeed(
+def test_goals_of_a_real_controller_are_accepted_replaced_and_succeed_and_its_end_is_seen(
     harness, result, repository, monkeypatch
 ):
     monkeypatch.setattr(command_action, "ANSWER_S", np.inf)  # however late it is
@@ -114,6 +114,7 @@ def test_goals_of_a_real_controller_are_accepted_replaced_and_succeed(
         status, values = cell.report()
         assert status.level != bytes([Level.ERROR]) and "controller" not in status.message
         assert values["controller error [rad]"] == "0.020"
+    harness.spin_until(lambda: not cell.node._action._client.server_is_ready(), what="its end")
 
 
 def violate(cell, goal):
