@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from joint_trajectories import build_joint_trajectory
 from rclpy.duration import Duration
+from scipy.interpolate import CubicSpline
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from trajectory_msgs.msg import JointTrajectory
@@ -104,7 +105,7 @@ def fetch_and_carry() -> JointTrajectory:
     path = plan_teaching(
         np.random.default_rng(0), PLATE, STYLES[PLATE].goal_centre_m, 0.0, 3.0, 3.2
     )
-    spline, times_s = path.joint_spline(), np.arange(0.1, 3.21, 0.1)
+    spline, times_s = CubicSpline(path.stamps_s, path.joints_rad), np.arange(0.1, 3.21, 0.1)
     moving = times_s[:, None] < 3.15
     return build_joint_trajectory(
         JOINT_NAMES, times_s, spline(times_s), moving * spline(times_s, 1)
