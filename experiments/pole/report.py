@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Report of the pole experiment: findings, figures, tables."""
 
-from operator import eq
-
 import numpy as np
 
 from experiments.draws import also, drawn, draws_tables
@@ -37,7 +35,7 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
     middle = float(np.median(drawn(study.draws, "path")))
     n = len(study.single.runs)
     single, mixture, single_end, end = (int(c.hits.sum()) for c in study.carried)
-    shown = [study.ways[i] for i in study.mixture.indices]
+    taken = zip(study.mixture.indices, study.mixture.ways, strict=True)
     return (
         Finding.wanted(
             "error of the predicted path, leave-one-out [cm]",
@@ -76,7 +74,7 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
         ),
         Finding.alone(
             "motions on the side that was shown",
-            f"{sum(map(eq, shown, study.mixture.ways))} of {n}",
+            f"{sum(study.ways[i] == way for i, way in taken)} of {n}",
             "Not in the paper; at spots that are reached both ways either side is right.",
         ),
     )
