@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from intent_recognition.array_types import Floats
+from intent_recognition.errors import ArgumentError
 from intent_recognition.learning.context import fit_context
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT
 from intent_recognition.learning.hyperparameters import STRENGTH, Hyperparameters
@@ -128,10 +129,14 @@ def learned_from(
 def statistics_of(
     tasks: Mapping[str, TaskStatistics], aligned: bool
 ) -> Mapping[str, TaskStatistics]:
-    """Statistics of the aligned examples, which all have, or of the examples as recorded."""
+    """Statistics of the aligned examples if `aligned`, else of the examples as recorded."""
     if not aligned:
         return tasks
-    return {label: task.aligned for label, task in tasks.items() if task.aligned is not None}
+    found = {label: task.aligned for label, task in tasks.items() if task.aligned is not None}
+    if missing := [label for label in tasks if label not in found]:
+        expected, cure = "examples aligned as those learned before", "Make them by `example_of`."
+        raise ArgumentError.about("tasks", expected, f"others of {', '.join(missing)}", cure)
+    return found
 
 
 def predictive_covariances(

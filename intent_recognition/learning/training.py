@@ -197,6 +197,7 @@ def add_statistics(
     Their names are added to the provenance.
 
     Raises:
+        ArgumentError: their examples are not aligned, and the library's primitives are.
         TrainingError: one of them is in another unit than those learned before.
     """
     for finding in other_units_of(tasks, trained.tasks, trained.preprocessing):

@@ -13,8 +13,16 @@ from hypothesis import strategies as st
 from same_library import assert_same
 from simulation import make_library, simulate
 
-from intent_recognition.errors import TrainingError
-from intent_recognition.learning import Trained, accumulation, statistics
+from intent_recognition.errors import ArgumentError, TrainingError
+from intent_recognition.learning import (
+    Hyperparameters,
+    Trained,
+    accumulation,
+    add_statistics,
+    example_of,
+    statistics,
+    summarize,
+)
 from intent_recognition.learning.accumulation import accumulate, merge_accumulated
 from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.learning.training import (
@@ -129,6 +137,16 @@ def test_what_cannot_be_added_is_refused_by_name_and_reason(report):
         add_demonstration(trained, replace(one, observed=one.observed[:1]))
     with pytest.raises(TrainingError, match=r"odd: movement: expected at least 0\.2 s"):
         add_demonstration(trained, replace(one, end_ns=one.start_ns + 1))
+
+
+@pytest.mark.parametrize("task", ["task_0", "a new one"])
+def test_examples_that_are_not_aligned_are_no_part_of_aligned_primitives(task):
+    gathered = accumulate(recordings(1, 6), CUT)
+    chosen, settled = Hyperparameters("aligned"), gathered.preprocessing
+    library = library_from_statistics(gathered.tasks, settled, chosen)
+    one = example_of(recordings(2, 1)[0], settled)._replace(task=task, aligned=None)
+    with pytest.raises(ArgumentError, match=f"tasks: .*aligned.*others of {task}.*example_of"):
+        add_statistics(Trained(library, settled, gathered.tasks, chosen), {task: summarize([one])})
 
 
 @pytest.mark.slow
