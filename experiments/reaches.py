@@ -58,7 +58,7 @@ class WatchedReach(NamedTuple):
     onset_s: float
     goal_m: Floats
     labels: tuple[str, ...]
-    samples: "WristSamples"
+    samples: WristSamples
     frames: tuple[Frame, ...]
 
 

@@ -37,7 +37,7 @@ OBJECTS = {
 """What is handed over, by name."""
 
 
-class TransferCell(AbstractContextManager):
+class TransferCell(AbstractContextManager["TransferCell"]):
     """The physics. Use as a context: leaving it ends the world.
 
     Args:

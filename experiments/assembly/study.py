@@ -56,7 +56,7 @@ class StandInScore(NamedTuple):
     """
 
     task: str
-    run: "StoodIn"
+    run: StoodIn
     wrist_m: Floats
     end_m: float
     path_m: float

@@ -13,7 +13,7 @@ _FAR_M = 10.0
 """Nothing in a cell is farther than this [m]."""
 
 
-class BulletCell(AbstractContextManager):
+class BulletCell(AbstractContextManager["BulletCell"]):
     """An arm and boxes, in the frame of the world, in a physics world of their own."""
 
     def __init__(self, robot: Robot, boxes: Sequence[Box]) -> None:

@@ -53,7 +53,7 @@ class Lifted(NamedTuple):
     pushed_m: float
 
 
-class LiftingWorld(AbstractContextManager):
+class LiftingWorld(AbstractContextManager["LiftingWorld"]):
     """A table with one container on it. Use as a context: leaving it ends the world.
 
     Args:

@@ -44,7 +44,7 @@ class Tested:
     posterior: Gaussian
     predicted_m: Floats
     spread_m2: Floats
-    run: "PointingRun"
+    run: PointingRun
 
     @property
     def error_m(self) -> float:
