@@ -13,8 +13,10 @@ from intent_recognition.learning import (
     TrainingSettings,
     example_of,
     learn_with_report,
+    regression_variance,
 )
-from intent_recognition.learning.hyperparameters import clearly_best, is_clear
+from intent_recognition.learning.hyperparameters import REGRESSION_VARIANCES, is_clear
+from intent_recognition.learning.regression_variance import choose_regression_variance
 from intent_recognition.promp import controlled_weights, dof_variance
 from intent_recognition.signals.demonstration import Demonstration
 
@@ -80,9 +82,12 @@ def test_nothing_is_uncertain_where_the_robot_meets_all_in_the_same_way():
 
 
 @pytest.mark.parametrize(("gain", "best"), [(0.2, 0), (0.3, 2)])
-def test_another_candidate_is_chosen_where_it_is_better_by_a_standard_error(gain, best):
-    """Of 16 demonstrations, whose gains have the standard deviation 1."""
-    losses = np.full((4, 16), 5.0)
+def test_another_variance_is_chosen_where_it_is_better_by_a_standard_error(monkeypatch, gain, best):
+    """Of 16 demonstrations in two batches, whose gains have the standard deviation 1."""
+    losses = np.full((len(REGRESSION_VARIANCES), 16), 5.0)
     losses[[0, 2]] = np.array([[0.0], [-gain]]) + [[0.0], [1.0]] * (-1.0) ** np.arange(16)
-    assert clearly_best(losses) == best
+    monkeypatch.setattr(regression_variance, "_losses", lambda _, some, *rest: losses[:, some])
+    monkeypatch.setattr(regression_variance, "batches_of", lambda _, of: (of[:1], of[1:]))
+    found = choose_regression_variance(None, range(16), {}, [0.5])
+    assert found == REGRESSION_VARIANCES[best]
     assert is_clear(losses[0] - losses[2], 0.5) and not is_clear(losses[0] - losses[2], 2.0)
