@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The residuals' coupling: recovered from simulated residuals, and none where there is none."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from intent_recognition.learning import evidence_exponents
 from intent_recognition.learning.coupling import HeldOutResiduals, learn_coupling
+from intent_recognition.learning.evidence_exponents import N_DURATIONS, choose_duration_evidence
+from intent_recognition.learning.hyperparameters import EXPONENTS
 
 PHASES = np.linspace(0.0, 1.0, 20)
 SEEN = np.array([0.25, 0.5, 0.75, 1.0])
@@ -47,3 +52,16 @@ def test_agents_whose_residuals_are_independent_are_left_as_they_are(n):
         before = np.mean(residuals.controlled**2, axis=(0, 2))
         assert left.mean() <= before.mean() + 1e-12
         assert np.all(found.explained < 0.1)
+
+
+@pytest.mark.parametrize("best", range(len(EXPONENTS)))
+def test_the_coupling_is_that_of_the_chosen_exponent(monkeypatch, best):
+    learned = iter([(k, np.full((1, 4, 1), float(k != best))) for k in range(len(EXPONENTS))])
+    paths = np.zeros((1, 4, N_DURATIONS, 1, 1))
+    monkeypatch.setattr(evidence_exponents, "follow", lambda *_: (paths[..., 0, 0], paths, paths))
+    monkeypatch.setattr(evidence_exponents, "batches_of", lambda _, all_, __: [all_])
+    monkeypatch.setattr(evidence_exponents, "learn_coupling", lambda *_: next(learned))
+    left_out = [SimpleNamespace(task=0, seen=np.zeros((1, 1)), truth=np.zeros((1, 1)))] * 4
+    library = SimpleNamespace(durations_s=np.ones(1))
+    found = choose_duration_evidence(library, left_out, [0.5], np.ones(1))
+    assert found == (EXPONENTS[best], best)
