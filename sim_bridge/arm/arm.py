@@ -187,7 +187,12 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
 
         `com_m` is its centre of mass in the hand frame (3,). Set the mass to 0 when it is released.
         """
-        self._payload_mass_kg, self._payload_com_m = mass_kg, com_m
+        if not (np.isfinite(mass_kg) and mass_kg >= 0.0 and np.all(np.isfinite(com_m))):
+            cure = "Check them."
+            raise ArgumentError.about("mass_kg, com_m", "finite, mass >= 0", (mass_kg, com_m), cure)
+        self._payload_mass_kg = float(mass_kg)
+        x, y, z = com_m
+        self._payload_com_m = float(x), float(y), float(z)
 
     def apply_force(
         self,
@@ -202,9 +207,13 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         The force acts at a point (3,) in the axes of a link (PyBullet's index), by default the
         hand. Several pushes add up. To simulate a spring, call this once per step.
         """
-        force, until = tuple(np.asarray(force_n).tolist()), self.n_steps + n_steps
+        force = np.asarray(force_n, dtype=np.float64)
+        if force.shape != (3,) or not np.all(np.isfinite(force)):
+            raise ArgumentError.about("force_n", "three finite numbers", force_n, "Check the push.")
         link = self.hand_link if link is None else link
-        self._pushes.append(_Push(until, link, force, point_m))
+        point = (float(point_m[0]), float(point_m[1]), float(point_m[2]))
+        until = self.n_steps + int(n_steps)
+        self._pushes.append(_Push(until, link, tuple(force.tolist()), point))
 
     def close(self) -> None:
         """Disconnect from the world."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from intent_recognition.array_types import Floats, frozen
+from intent_recognition.errors import ArgumentError
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +41,9 @@ class ControllerGains:
 
     def scaled(self, stiffness_scale: float) -> "ControllerGains":
         """Return gains with the stiffness times a factor and the damping ratio kept."""
+        if not (np.isfinite(stiffness_scale) and stiffness_scale > 0.0):
+            cure = "1 is normal."
+            raise ArgumentError.about("stiffness_scale", "a positive number", stiffness_scale, cure)
         return replace(
             self,
             stiffness=self.stiffness * stiffness_scale,

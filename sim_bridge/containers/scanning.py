@@ -7,6 +7,7 @@ import numpy as np
 import trimesh
 
 from intent_recognition.array_types import Floats
+from intent_recognition.errors import ArgumentError
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,9 @@ def scan(
     A ray goes through every pixel; the camera sees the first surface that the ray meets. The mesh
     is in metres, z up, wound outward. The cloud is in the mesh's frame and holds `n_points` of all
     views together.
+
+    Raises:
+        ArgumentError: fewer than `n_points` points are visible.
     """
     camera = camera or Camera()
     centre = mesh.bounds.mean(0)
@@ -55,6 +59,9 @@ def scan(
         eye = centre + camera.distance_m * (level + [0.0, 0.0, np.sin(elevation)])
         views.append(_view(mesh, eye, centre, radius, 6 * n_points // n_views, camera))
     points, normals, eyes = (np.concatenate(parts) for parts in zip(*views, strict=True))
+    if len(points) < n_points:
+        cure = "Take fewer points or a smaller distance."
+        raise ArgumentError.about("n_points", f"at most {len(points)}", n_points, cure)
     kept = np.sort(rng.choice(len(points), n_points, replace=False))
     points, normals, eyes = points[kept], normals[kept], eyes[kept]
     rays = points - eyes

@@ -125,6 +125,8 @@ def test_stiffness_scale_keeps_the_damping_ratio_and_bad_arguments_are_refused(a
     stiffer = gains.scaled(4.0)
     assert np.allclose(stiffer.stiffness, 4.0 * gains.stiffness)
     assert np.allclose(stiffer.damping, 2.0 * gains.damping)
+    with pytest.raises(ArgumentError, match="stiffness_scale"):
+        gains.scaled(0.0)
     with pytest.raises(ArgumentError, match="rng"):
         SimulatedArm(noise=SensorNoise())
     with pytest.raises(KinematicsError, match="lwr_a2_joint"):
@@ -133,3 +135,7 @@ def test_stiffness_scale_keeps_the_damping_ratio_and_bad_arguments_are_refused(a
         arm.set_reference(np.zeros(6))
     with pytest.raises(ArgumentError, match="finite"):
         arm.set_reference(np.full(7, np.nan))
+    with pytest.raises(ArgumentError, match="force_n"):
+        arm.apply_force(np.array([np.inf, 0.0, 0.0]))
+    with pytest.raises(ArgumentError, match="mass_kg"):
+        arm.set_payload(-1.0)

@@ -7,6 +7,7 @@ import trimesh
 
 from benchmarks.measured_mesh import measure_mesh
 from experiments.annotate import annotated, labels_of
+from intent_recognition.errors import ArgumentError
 from intent_recognition.objects.file import find_object, load_object
 from intent_recognition.warping.object_model import Part
 from sim_bridge.containers import CONTAINER_NAMES, Camera, make_container, scan
@@ -108,7 +109,7 @@ def test_points_are_on_the_surface_and_are_seen(name):
     assert not container.mesh.ray.intersects_any(start, rays).any()
 
 
-def test_noise_is_along_the_ray_and_as_large_as_said():
+def test_noise_is_along_the_ray_and_as_large_as_said_and_points_as_many_as_are_seen():
     container = make_container("tumbler")
     exact = scan(container.mesh, np.random.default_rng(3), 1, 1500, EXACT)
     noisy = scan(container.mesh, np.random.default_rng(3), 1, 1500)
@@ -118,6 +119,9 @@ def test_noise_is_along_the_ray_and_as_large_as_said():
     along = (offsets * rays).sum(1)
     np.testing.assert_allclose(offsets, along[:, None] * rays, atol=1e-9)
     assert along.std() == pytest.approx(0.0007, rel=0.1)
+    far = Camera(distance_m=0.7, grazing_rad=1.5)
+    with pytest.raises(ArgumentError, match="n_points"):
+        scan(make_container("tall_glass").mesh, np.random.default_rng(0), 1, 2000, far)
 
 
 @pytest.mark.parametrize("name", [CONTAINER_NAMES[0], "tea_cup", "square_bowl"])
