@@ -142,11 +142,11 @@ def _walk(view: mmap.mmap, scan: FileScan) -> None:
         end = _read_record(view, position, scan)
         if end is None:
             found = _resynchronise(view, min(previous, position + 1), position, scan)
+            if found and scan.blocks and scan.blocks[-1].offset < found < position:
+                position = scan.blocks.pop().offset  # its wrong length led here
             _note_damage(view, position, found, scan)
             if found is None:
                 return
-            if scan.blocks and scan.blocks[-1].offset < found < position:
-                scan.blocks.pop()  # its wrong length led here
             previous = position = found
             continue
         if view[position] == Opcode.FOOTER:
