@@ -165,7 +165,7 @@ def _demonstrations(
     labels = {key: text for key, text in recording.named.items() if key != "task"}
     starts = _restarts(rows) if mapping.segments is None else []
     if starts:
-        said = f"times begin anew {len(starts)} times: cut there"
+        said = f"times begin anew: cut into {len(starts) + 1} parts"
         yield Doubt(recording.name, "", 0, said)
     parts_ = _parts(recording, mapping, rows, data, starts)
     for name, picks, first, cut in _cut_at_tasks(parts_, mapping, rows, data[main]):

@@ -313,7 +313,7 @@ def test_times_that_begin_anew_are_cut_there(late_s, tmp_path):
     content = table("t,x,y,z", lambda k: [f"{times[k]:.3f}", *cells(k, scale=1e-3)])
     (tmp_path / "a.csv").write_text(content)
     said, *found = demonstrations(tmp_path / "a.csv", "xyz", rate=None)
-    assert said.reason == "times begin anew 2 times: cut there"
+    assert said.reason == "times begin anew: cut into 3 parts"
     assert [one.name for one in found] == ["a_000", "a_001", "a_002"]
     for (a, b), one in zip(pairwise(starts), found, strict=True):
         np.testing.assert_allclose(one.samples[0].values, PLACE[a : b - 1] / 1000, atol=1e-6)
