@@ -81,6 +81,8 @@ class Nodes:
             topic = raw.topic.lstrip("/")
             node = self.ingest if topic.startswith("mocap/") else self.estimator
             self.harness.hear(node, topic, deserialize_message(raw.data, types[topic]))
+            # poses in a frame that may still come to /tf wait, and all that follow
+            self.harness.spin_until(lambda: not any(self.ingest._waiting.values()), what="frames")
 
     def rejected(self):
         return self.ingest._diagnostics._counts + self.estimator._diagnostics._counts
