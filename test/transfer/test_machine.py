@@ -144,9 +144,10 @@ def test_who_begins_with_an_object_between_the_fingers_does_not_open_them():
     assert course.run(0.3, Request.NOTHING, half_opening_m=0.0)[-1].grip_n == 0.0
 
 
-def test_a_hand_that_carries_half_and_one_that_is_not_there_get_nothing():
-    course = Course().offer()
-    assert set(states(course.run(1.5, Request.GIVE, (0, 0, -WEIGHT_N / 2)))) == {Holding.OFFERING}
+@pytest.mark.parametrize("share", [0.5, 0.85])
+def test_a_hand_that_carries_a_part_and_one_that_is_not_there_get_nothing(share):
+    course, left = Course().offer(), (0.0, 0.0, -WEIGHT_N * (1.0 - share))
+    assert set(states(course.run(1.5, Request.GIVE, left))) == {Holding.OFFERING}
     course = Course().offer()
     outputs = course.run(1.0, Request.GIVE, (0.0, 0.0, 0.0), near=False)
     assert Holding.RELEASING not in states(outputs)
@@ -195,6 +196,39 @@ def test_what_a_person_holds_out_is_taken_when_the_person_lets_go():
     outputs = course.run(1.2, take, half_opening_m=0.03)
     assert outputs[-1].holding is Holding.CARRYING
     assert outputs[-1].weight_n == pytest.approx(WEIGHT_N)
+
+
+def test_fingers_that_still_open_close_on_nothing_and_who_goes_has_let_go():
+    course, take = Course(), Request.TAKE
+    for k in range(round(2.0 * PRESENT_S / STEP_S)):
+        (last,) = course.run(STEP_S, take, (0, 0, 0), half_opening_m=0.01 + 1e-4 * k)
+    assert last.holding is Holding.RECEIVING
+    course.run(PRESENT_S + 0.3, take, (0, 0, 0), half_opening_m=0.03)
+    swaying = course.run(1.0, take, lambda t: (3.0 * np.sin(9.0 * t), 0, 0), half_opening_m=0.03)
+    assert swaying[-1].holding is Holding.TAKING
+    (gone,) = course.run(STEP_S, take, half_opening_m=0.03, near=False)
+    assert gone.holding is Holding.CARRYING
+
+
+@pytest.mark.parametrize(
+    ("carried", "length_s", "doubted", "slips"),
+    [
+        (0.6, 0.2, 0.0, True),
+        (0.6, 0.2, 0.3, False),
+        (0.0, STEP_S, 0.0, False),
+        (0.7, 0.02, 0.0, False),
+    ],
+    ids=["slips", "may be an error", "a single load", "an impulse below 0.015 N s"],
+)
+def test_a_load_that_is_missing_for_long_and_surely_is_a_slip(carried, length_s, doubted, slips):
+    course = Course()
+    course.machine.carry(WEIGHT_N)
+    way = {"moving": True, "near": False}
+    course.run(0.1, Request.HOLD, **way)
+    less, doubt_n = (0.0, 0.0, -carried * WEIGHT_N), doubted * WEIGHT_N
+    course.run(length_s, Request.HOLD, less, **way, doubt_n=doubt_n)
+    course.run(0.1, Request.HOLD, **way)
+    assert any(one.slip for one in course.outputs) is slips
 
 
 def test_an_arm_that_accelerates_lets_nothing_slip():
