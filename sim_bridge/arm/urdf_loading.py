@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
-from xml.etree import ElementTree
 
 import numpy as np
 import pybullet_data
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import check_meshes, link_of
+from intent_recognition.kinematics import check_meshes, link_of, parse_xml
 from sim_bridge.physics import BulletClient, pybullet
 
 MOST_LINKS = 128
@@ -36,8 +35,12 @@ class Joint(NamedTuple):
 
 
 def fixtures_of(urdf: str) -> frozenset[str]:
-    """Links with a shape that stand still and carry no moving joint, such as a table."""
-    root = ElementTree.fromstring(urdf)
+    """Links with a shape that stand still and carry no moving joint, such as a table.
+
+    Raises:
+        ArgumentError: the text is no XML.
+    """
+    root = parse_xml(urdf)
     ends = [
         (j.get("type"), link_of(j, "parent"), link_of(j, "child")) for j in root.findall("joint")
     ]
@@ -100,7 +103,7 @@ def _try_meshes(urdf: str, path: Path, flags: int) -> None:
     """Try meshes that are not PyBullet's own in another process: some broken ones crash it."""
     meshes = [
         mesh
-        for mesh in ElementTree.fromstring(urdf).iter("mesh")
+        for mesh in parse_xml(urdf).iter("mesh")
         if not mesh.get("filename", "").startswith(pybullet_data.getDataPath())
     ]
     if not meshes:

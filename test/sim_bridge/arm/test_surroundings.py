@@ -7,6 +7,7 @@ import sys
 import pytest
 from kinematics.robots import lwr_urdf
 
+from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Box, hand_position
 from sim_bridge.arm import NAMES, SimulatedArm, Surroundings, find_robot
 from sim_bridge.arm.urdf_loading import fixtures_of
@@ -61,6 +62,14 @@ def test_what_the_urdf_fixes_to_its_root_stops_the_arm_too(tmp_path):
         surroundings = Surroundings(arm, [])
         assert side_of_crate(swing(arm)) < 0.0
         assert surroundings.touches >= 1 and surroundings.last[1] == "table"
+
+
+def test_fixtures_are_found_in_a_default_namespace_and_broken_xml_is_refused():
+    text = lwr_urdf().replace("</robot>", TABLE.format("0 0 0"))
+    assert fixtures_of(text) == {"table"}
+    assert fixtures_of(text.replace("<robot", "<robot xmlns='http://a.b/c'", 1)) == {"table"}
+    with pytest.raises(ArgumentError, match="expected a URDF, got broken XML"):
+        fixtures_of("<robot")
 
 
 @pytest.mark.parametrize("name", NAMES)
