@@ -13,6 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from intent_recognition.array_types import Floats
+from intent_recognition.errors import ArgumentError
 from intent_recognition.promp import minimum_jerk
 from sim_bridge.coworker.styles import (
     DURATION_RANGE_S,
@@ -155,7 +156,13 @@ def draw_reach(
 
     Without hesitation it takes `nominal_s`, drawn log-uniformly from 1.6 to 4.0 s if None. `side`
     is as in `draw_rest`, so that the hands of two people do not meet.
+
+    Raises:
+        ArgumentError: the task is unknown.
     """
+    if task not in STYLES:
+        cure = "Correct the label."
+        raise ArgumentError.about("task", f"one of {sorted(STYLES)}", repr(task), cure)
     style = STYLES[task]
     goal = style.goal_centre_m + style.goal_half_width_m * _draw_place(rng, side)
     bow = style.bow_m + style.bow_std_m * rng.standard_normal(3)
@@ -235,6 +242,10 @@ def blend(first: WristMovement, second: Reach, share: float, blend_share: float)
     The change begins at a share in (0, 1) of the movement's time, and takes `blend_share` of it, at
     most the remaining share. If `first` was changed before, that must have been by `blend`.
     """
+    if not (0.0 < share < 1.0 and 0.0 < blend_share <= 1.0 - share + 1e-9):
+        got = f"{blend_share:g} after {share:g}"
+        expected = "a positive share of what remains"
+        raise ArgumentError.about("blend_share", expected, got, "Change earlier, or faster.")
     timing = last_reach(first)
     second = replace(second, nominal_s=timing.nominal_s, hesitations=timing.hesitations)
     duration_s = first.duration_s

@@ -21,6 +21,7 @@ from sim_bridge.coworker.reach import (
     draw_retract,
     superposed,
 )
+from sim_bridge.coworker.styles import STYLES
 from sim_bridge.coworker.task_list import Intention, read_intention
 from sim_bridge.coworker.timeline import WristSamples, sample_wrist
 
@@ -91,8 +92,11 @@ def plan_session(
     See `read_intention` for changes of mind in `tasks`, and `draw_rest` for `side`.
 
     Raises:
-        ArgumentError: a label is unknown.
+        ArgumentError: a label is unknown, or there is no task.
     """
+    if not tasks:
+        cure = f"Name some of {sorted(STYLES)}."
+        raise ArgumentError.about("tasks", "at least one label", "none", cure)
     timing = timing or SessionTiming()
     rng = np.random.default_rng([seed, 2])
     place, now = draw_rest(rng, side), timing.first_idle_s

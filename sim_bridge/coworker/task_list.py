@@ -94,6 +94,9 @@ def parse_task_list(task_list: str, seed: int, interactions: int) -> tuple[str, 
     Raises:
         ArgumentError: a label is unknown, the list is empty, or the file cannot be read.
     """
+    if interactions < 0:
+        cure = "Give the number of reaches."
+        raise ArgumentError.about("interactions", "0 or more", interactions, cure)
     text = task_list.strip()
     if text == "habit":
         return habitual_tasks(seed, interactions or 40)

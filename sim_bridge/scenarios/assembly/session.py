@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from intent_recognition.array_types import Floats
+from intent_recognition.errors import ArgumentError
 from sim_bridge.arm import find_robot
 from sim_bridge.coworker import (
     Interaction,
@@ -37,6 +38,9 @@ class AssemblySession:
 
 def session_tasks(seed: int, index: int) -> tuple[str, ...]:
     """Tasks of a session in order, from 40 of each task shuffled over the three sessions."""
+    if not 0 <= index < SESSIONS:
+        expected = f"0 to {SESSIONS - 1}"
+        raise ArgumentError.about("index", expected, index, "There are no more sessions.")
     dealt = np.repeat(TASKS, PER_TASK)[
         np.random.default_rng([seed, 40]).permutation(PER_TASK * len(TASKS))
     ]
@@ -58,7 +62,7 @@ def plan_session(
     between interactions.
 
     Raises:
-        ArgumentError: a task is unknown.
+        ArgumentError: a task or the session is unknown.
     """
     tasks = session_tasks(seed, index) if tasks is None else tasks
     rng = np.random.default_rng([seed, 41, index])

@@ -15,7 +15,7 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
 from intent_recognition.plans import WorkProgress, read_plan
 from intent_recognition.share import share_path
-from sim_bridge.coworker import change_some, work_shares
+from sim_bridge.coworker import change_some, draw_reach, work_shares
 from sim_bridge.coworker.session import WITHOUT_PAUSE, SessionTiming, plan_people, plan_session
 from sim_bridge.coworker.styles import HOLD, PLATE, STYLES, TASKS
 from sim_bridge.coworker.task_list import (
@@ -141,6 +141,19 @@ def test_as_many_entries_are_changed_as_asked_for():
     assert change_some(tasks, 1, 0) == tasks
     with pytest.raises(ArgumentError, match="at most 40"):
         change_some(tasks, 1, 41)
+
+
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (lambda: plan_session(1, ()), "tasks: expected at least one label"),
+        (lambda: parse_task_list("habit", 1, -1), "interactions: expected 0 or more, got -1"),
+        (lambda: draw_reach(np.random.default_rng(0), "sing", np.zeros(3)), "task: expected one"),
+    ],
+)
+def test_what_a_coworker_cannot_do_is_refused(ask, said):
+    with pytest.raises(ArgumentError, match=said):
+        ask()
 
 
 def test_without_a_pause_the_wrist_is_never_at_rest_between_the_first_and_the_last():
