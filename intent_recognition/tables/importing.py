@@ -32,13 +32,11 @@ from intent_recognition.tables.imported import (
     bag_parts,
 )
 from intent_recognition.tables.table import Table
-from intent_recognition.tables.times import SAMPLES, counted_ns, stamps_ns
+from intent_recognition.tables.times import SAMPLES, counted_ns, restarts, stamps_ns
 
 NO_SAMPLES = "Check its cells, and under time in the map where times come from."
 NO_TIMES = "Save all digits of times; where samples come at a rate, say under time only: rate."
 NO_TIME = "Say under time in the map which column holds it, or at which rate samples come."
-FEWEST = 5
-"""Fewest rows of each trial in a table whose times begin anew with every trial."""
 
 Imported = ImportedDemonstration | ImportedBag
 
@@ -163,7 +161,9 @@ def _demonstrations(
         yield Doubt(recording.paths[row.source.file].name, "", 0, said)
     main = mapping.columns[0].file
     labels = {key: text for key, text in recording.named.items() if key != "task"}
-    starts = _restarts(rows) if mapping.segments is None else []
+    stamps, starts = rows[0].stamps_ns, list[int]()
+    if mapping.segments is None and all(np.array_equal(row.stamps_ns, stamps) for row in rows):
+        starts = restarts(stamps, rows[0].known)
     if starts:
         said = f"times begin anew: cut into {len(starts) + 1} parts"
         yield Doubt(recording.name, "", 0, said)
@@ -296,24 +296,6 @@ def _parts(
             first = int(picks[0][0]) if picks[0].size else 0
             name = recording.name if len(cuts) == 1 else f"{recording.name}_{k:03d}"
             yield name, picks, first, cut
-
-
-def _restarts(rows: Sequence[_Rows]) -> list[int]:
-    """Rows at which the times of all entries go back to where they began, as in successive trials.
-
-    Times that go back elsewhere, or after which few rows follow, are those of a faulty clock.
-    """
-    first, *others = rows
-    known = np.flatnonzero(first.known)
-    stamps = first.stamps_ns[known]
-    if any(not np.array_equal(row.stamps_ns, first.stamps_ns) for row in others):
-        return []
-    back = np.flatnonzero(np.diff(stamps) < 0) + 1
-    runs = [stamps[a:b] for a, b in pairwise([0, *back.tolist(), stamps.size])]
-    latest = 0.1 * np.ptp(runs[0]) if runs[0].size else 0
-    if not back.size or any(run.size < FEWEST or abs(run[0] - stamps[0]) > latest for run in runs):
-        return []
-    return known[back].tolist()
 
 
 def _cut_at_tasks(

@@ -4,6 +4,7 @@
 import re
 from datetime import datetime, timezone
 from decimal import Decimal
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -265,3 +266,22 @@ def _nanoseconds(text: str, per: int) -> int:
     if not abs(count) < 10**30:
         raise OverflowError
     return round(count)
+
+
+FEWEST = 5
+"""Fewest rows of each trial in a table whose times begin anew with every trial."""
+
+
+def restarts(stamps_ns: Integers, known: Flags) -> list[int]:
+    """Rows at which the known stamps (T,) go back to where they began, as in successive trials.
+
+    Times that go back elsewhere, or after which few rows follow, are those of a faulty clock.
+    """
+    rows = np.flatnonzero(known)
+    stamps = stamps_ns[rows]
+    back = np.flatnonzero(np.diff(stamps) < 0) + 1
+    runs = [stamps[a:b] for a, b in pairwise([0, *back.tolist(), stamps.size])]
+    latest = 0.1 * np.ptp(runs[0]) if runs[0].size else 0
+    if not back.size or any(run.size < FEWEST or abs(run[0] - stamps[0]) > latest for run in runs):
+        return []
+    return rows[back].tolist()
