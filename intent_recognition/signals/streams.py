@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from intent_recognition.array_types import Flags, Floats
 from intent_recognition.signals.onset import earliest_onset
 from intent_recognition.signals.segmentation import LEAST_RATE_HZ, onset_settings
 from intent_recognition.signals.signal import Signal
@@ -248,14 +249,19 @@ def zeros(signal: Signal) -> list[str]:
     if zero.all():  # joints of a simulation may stay at zero
         said = f"{in_words(signal)} is at exactly zero in every sample. Likely it was never seen."
         return [said] if signal.unit == "m" else []
-    steps = np.linalg.norm(np.diff(signal.values, axis=0), axis=1)
-    edge = zero[1:] != zero[:-1]
-    if steps[edge].min() <= 3.0 * steps[~edge].max(initial=0.0):  # a movement to zero, not a jump
+    if not jumps_to(signal.values, zero):
         return []
     return [
         f"{in_words(signal)} is at exactly zero in {zero.sum()} of {len(zero)} samples, and jumps"
         " there. Likely nothing was measured then: leave these samples out."
     ]
+
+
+def jumps_to(values: Floats, rows: Flags) -> bool:
+    """Whether values (T, d) jump to some rows, a mask (T,), and back rather than move there."""
+    steps = np.linalg.norm(np.diff(values, axis=0), axis=1)
+    edge = rows[1:] != rows[:-1]
+    return bool(edge.any() and steps[edge].min() > 3.0 * steps[~edge].max(initial=0.0))
 
 
 def _found_late(recorded: _Recorded) -> Iterator[str]:

@@ -52,7 +52,7 @@ def certain_misfit(samples: Sequence[EntrySamples]) -> str | None:
             continue
         found = misfit(signal)
         if found is not None and found.certain:
-            return _never_measured(signal) or _with_cure(found)
+            return _with_cure(found)
     return None
 
 
@@ -102,17 +102,3 @@ def bag_doubts(name: str, path: Path, dofs: DofSpec) -> Iterator[Doubt]:
 def _with_cure(found: Misfit) -> str:
     known = np.isfinite(found.factor)
     return f"{found.reason} Say in the map: columns_unit." if known else found.reason
-
-
-def _never_measured(signal: Signal) -> str:
-    """Report rows with one number in all columns, if only these are odd; else empty."""
-    same = np.ptp(signal.values, axis=1) == 0.0
-    if signal.values.shape[1] < 2 or len(set(signal.values[same, 0].tolist())) != 1:
-        return ""
-    rest = Signal(signal.names, signal.stamps_ns[~same], signal.values[~same], signal.unit)
-    if not rest.values.size or misfit(rest) is not None:
-        return ""
-    return (
-        f"{signal.values[same][0, 0]:.6g} {signal.unit} is in every column of {int(same.sum())}"
-        " rows. Likely nothing was measured there: leave these cells empty."
-    )

@@ -79,7 +79,7 @@ def motive(rows: Rows) -> Header | None:
     rate = said.get("Export Frame Rate", said.get("Capture Frame Rate", ""))
     time = {"time": _clock(rows[at + 1 :], axes, rate)}
     about = {"aliases": aliases, "units": units, "defaults": time}
-    return Header(tuple(names), at + 1, {**about, "must_say": not all(units.values())})
+    return Header(tuple(names), at + 1, {**about, "must_say": True})
 
 
 def nexus(rows: Rows) -> Header | None:

@@ -14,7 +14,7 @@ from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import check_label, find_bags, reference_of
 from intent_recognition.errors import BagError, DofError, MissingPackageError
 from intent_recognition.signals import LONGEST_LABEL, Rejection, from_tangent
-from intent_recognition.tables.cells import Values, convert, numbers, text_of, texts, without_zeros
+from intent_recognition.tables.cells import Values, convert, numbers, text_of, texts, without_hidden
 from intent_recognition.tables.doubts import Doubt, bag_doubts, certain_misfit, doubts
 from intent_recognition.tables.files import find_tables, name_below, open_table
 from intent_recognition.tables.import_map import (
@@ -59,7 +59,7 @@ class _Rows:
     known: Flags
     values: Floats
     zero_ns: int
-    hidden: int
+    hidden: str  # note on positions of a hidden body, "" for none
 
 
 def import_demonstrations(source: Path, mapping: ImportMap) -> Iterator[Imported | Rejection]:
@@ -156,9 +156,7 @@ def _demonstrations(
     rows = [_rows(source, tables[source.file], data[source.file], mapping.time)
             for source in mapping.columns]  # fmt: skip
     for row in filter(lambda row: row.hidden, rows):
-        marker = row.source.columns[0].rpartition(".")[0] or row.source.entry.topic
-        said = f"frames at exactly (0, 0, 0) are taken for occlusion: {marker} {row.hidden}"
-        yield Doubt(recording.paths[row.source.file].name, "", 0, said)
+        yield Doubt(recording.paths[row.source.file].name, "", 0, row.hidden)
     main = mapping.columns[0].file
     labels = {key: text for key, text in recording.named.items() if key != "task"}
     stamps, starts = rows[0].stamps_ns, list[int]()
@@ -234,9 +232,14 @@ def _rows(
     values = np.column_stack(columns)
     if source.entry.orientation and values.shape[1] == 3:  # as `intent export` writes it
         values = from_tangent(values, reference_of(source.entry))
-    hidden = 0
-    if table.must_say and source.entry.unit == "m" and values.shape[1] == 3:
-        values, hidden = without_zeros(values)
+    said = ""
+    if source.entry.unit == "m" and values.shape[1] > 1:
+        places, hidden = without_hidden(values, table.must_say)
+        if hidden.any():
+            marker = source.columns[0].rpartition(".")[0] or source.entry.topic
+            at = ", ".join(f"{number:.6g}" for number in values[hidden][0])
+            said = f"frames at exactly ({at}) are taken for occlusion: {marker} {hidden.sum()}"
+        values = places
     if time.column is None or time.unit == SAMPLES:
         if time.column is not None:
             counts = numbers(data[time.column], table.source, time.column)
@@ -254,7 +257,7 @@ def _rows(
         more = numbers(data[time.nanoseconds], table.source, time.nanoseconds)
         known = known & np.isfinite(more)
         ns = ns + np.where(known, more, 0.0).astype(np.int64)
-    return _Rows(source, ns, known, values, stamps.zero_ns, hidden)
+    return _Rows(source, ns, known, values, stamps.zero_ns, said)
 
 
 def _column(source: ColumnsOf, table: Table, name: str, cells: Values) -> Floats:

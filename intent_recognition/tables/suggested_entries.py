@@ -17,7 +17,7 @@ from intent_recognition.bags import JOINT_STATE, POSE, BagReader
 from intent_recognition.demonstrations import FIRST_MESSAGES
 from intent_recognition.errors import BagError
 from intent_recognition.signals import POSITION_FIELDS, spelled
-from intent_recognition.tables.cells import ANGLES, scale_between, without_zeros
+from intent_recognition.tables.cells import ANGLES, scale_between
 from intent_recognition.tables.files import name_pattern
 from intent_recognition.tables.table import Table
 
@@ -44,17 +44,16 @@ class SeenColumn(NamedTuple):
 
 def body_entry(
     table: Table,
-    columns: Mapping[str, SeenColumn],
+    values: Floats,
     body: str,
     names: Sequence[str],
     farthest: float,
     file: str = "",
 ) -> list[str]:
-    """Lines of the entry of a body with its columns, named after the body or else its file.
+    """Lines of the entry of a body with its columns `values`, named after the body or its file.
 
     All bodies of a table have one unit: `farthest` is the largest number of any body.
     """
-    values, _ = without_zeros(np.column_stack([columns[name].values for name in names]))
     extent = float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0)))
     unit, note = _unit_of(table, names, farthest, "m")
     if len(names) == 2 and not note.startswith("from"):

@@ -5,11 +5,12 @@ import re
 
 import numpy as np
 import pytest
+import yaml
 from c3d_builder import c3d_file
 from tables.exported_files import PLACE as EXPORTED
 from tables.exported_files import motive, qtm, trc
 from tables.imports import check_wrist, imported
-from tables.odd_files import DEVICES, NEXUS, PLACE, ROWS, TIMES_S, cells, nexus, table
+from tables.odd_files import DEVICES, NEXUS, PLACE, ROWS, TIMES_S, cells, nexus, plain, table
 
 from intent_recognition.tables import suggest_map
 
@@ -166,13 +167,30 @@ def test_a_marker_of_two_people_is_named_with_its_person(tmp_path):
         assert (samples is not None) == known
 
 
-def test_zeros_of_a_hidden_marker_are_no_places_in_texts_either(tmp_path):
-    head = "NO_OF_FRAMES\t200\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\twrist\n"
-    body = "".join("\t".join(cells(k) if k % 10 else ["0.000"] * 3) + "\n" for k in range(ROWS))
+@pytest.mark.parametrize("cell", ["0.000", "-9999", "-3.697314E+028"])
+@pytest.mark.parametrize("kind", ["QTM", "Motive", "CSV in metres"])
+def test_a_number_in_each_column_of_a_hidden_body_is_no_place(kind, cell, tmp_path):
+    gap = range(60, 80)
+    body = [cells(k) if k not in gap else [cell] * 3 for k in range(ROWS)]
     columns = [f"wrist.{axis}" for axis in "xyz"]
-    samples, said = imported(tmp_path, "a.tsv", head + body, columns)
-    assert "(0, 0, 0) are taken for occlusion: wrist 20" in said
-    assert np.sum(np.isnan(samples.values[:, 0])) == 20
+    if kind == "QTM":
+        name, content = "a.tsv", QTM + "MARKER_NAMES\twrist\n"
+        content += "".join("\t".join(row) + "\n" for row in body)
+    elif kind == "Motive":
+        name, columns = "a.csv", [f"wrist.Position.{axis}" for axis in "XYZ"]
+        content = "".join(motive(tmp_path).read_text().splitlines(keepends=True)[:7])
+        content += "".join(
+            f"{k},{k / 100},0,0,0,1,{','.join(row)},0\n" for k, row in enumerate(body)
+        )
+    else:
+        name, columns, content = "a.csv", ["x", "y", "z"], plain(hidden=gap, cell=cell, scale=1e-3)
+    more = {"time": {"column": "t"}} if kind == "CSV in metres" else {}
+    samples, said = imported(tmp_path, name, content, columns, **more)
+    assert re.fullmatch(r"frames at exactly \(.*\) are taken for occlusion: \S+ 20", said)
+    wanted = np.where(np.isin(np.arange(ROWS), gap)[:, None], np.nan, PLACE / 1000)
+    np.testing.assert_allclose(samples.values, wanted, atol=1e-6)
+    (entry,) = yaml.safe_load(suggest_map(tmp_path / name))["observed"]
+    assert entry.get("columns_unit") == (None if kind == "CSV in metres" else "mm")
 
 
 def test_two_people_in_one_mvnx_are_refused(tmp_path):
