@@ -15,13 +15,15 @@ OF_VICON = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
 """Titles of tables of Nexus and Tracker; the first of these that a file holds is read."""
 QTM_UNITS = {"x": "mm", "y": "mm", "z": "mm", "Roll": "deg", "Pitch": "deg", "Yaw": "deg"}
 """Units of Qualisys, by the ends of names."""
+QTM_KEY = re.compile(r"[A-Z]+(?:_[A-Z]+)+|DESCRIPTION|EVENT|FREQUENCY")
+"""First cells of the lines of a header of Qualisys."""
 OF_ALL, OF_BODY = ("scorer",), ("bodyparts",)
 """First cells of DeepLabCut's lines that name the scorer and the body parts."""
 OF_RATES = {"Velocities": "/s", "Speeds": "/s", "Accelerations": "/s^2"}
 """Titles of OpenSim's files, and what they add to the units of the columns."""
 OF_VECTORS = {"vec3": "xyz", "quaternion": "wxyz"}
 """OpenSim's types of cells with several numbers, and the names of these numbers."""
-OF_LENGTHS = ("_tx", "_ty", "_tz", "_X", "_Y", "_Z")
+OF_LENGTHS = ("_tx", "_ty", "_tz", "_px", "_py", "_pz", "_X", "_Y", "_Z")
 """Ends of OpenSim's names of translations and positions."""
 NUMBER = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?|\d[\d:.,T /-]*")
 """A number or a time."""
@@ -54,11 +56,11 @@ def known_header(rows: Rows) -> Header | None:
 
 def motive(rows: Rows) -> Header | None:
     """OptiTrack Motive: `BODY.Position.X`, `BODY.Rotation.W`, `BODY:MARKER.Position.X`."""
-    if rows[0][0].strip() != "Format Version":
-        return None
-    said = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     at = next(k for k, row in enumerate(rows) if row and row[0].strip() == "Frame")
-    heads = [row for row in rows[1:at] if any(cell.strip() for cell in row)]
+    if rows[0][:1] != ["Format Version"] and rows[at][1].strip() != "Time (Seconds)":
+        return None
+    said = dict(zip(rows[0][::2], rows[0][1::2], strict=False))  # the first line may be left out
+    heads = [row for row in rows[:at] if row[1:] and not row[0].strip() and any(row)]
     above = {row[1].strip(): row for row in heads if len(row) > 1}
     if not above.keys() & {"Name", "Type"}:  # before version 1.21 these rows have no names
         above = dict(zip(("Type", "Name"), heads, strict=False))
@@ -78,8 +80,10 @@ def motive(rows: Rows) -> Header | None:
             units[k] = "deg" if angles else said.get("Length Units", "").strip()
     rate = said.get("Export Frame Rate", said.get("Capture Frame Rate", ""))
     time = {"time": _clock(rows[at + 1 :], axes, rate)}
-    about = {"aliases": aliases, "units": units, "defaults": time}
-    return Header(tuple(names), at + 1, {**about, "must_say": True})
+    about = {"aliases": aliases, "units": units, "defaults": time, "must_say": True}
+    if said.get("Coordinate Space") == "Local":
+        about["notes"] = ("Coordinate Space Local: places are in the frame of each parent",)
+    return Header(tuple(names), at + 1, about)
 
 
 def nexus(rows: Rows) -> Header | None:
@@ -132,12 +136,11 @@ def qtm(rows: Rows) -> Header | None:
     if rows[0][0].strip() != "NO_OF_FRAMES":
         return None
     said = {row[0].strip(): row for row in rows if row}
+    skip = next(k for k, row in enumerate(rows) if row and not QTM_KEY.fullmatch(row[0].strip()))
     if "BODY_NAMES" in said:
-        skip = rows.index(said["BODY_NAMES"]) + 2
-        names = _qtm_bodies(rows[skip - 1])
+        names, skip = _qtm_bodies(rows[skip]), skip + 1
     else:
         names = _places_of([label.strip() for label in said["MARKER_NAMES"][1:]])
-        skip = rows.index(said.get("TRAJECTORY_TYPES", said["MARKER_NAMES"])) + 1
         first = [cell.strip() for cell in rows[skip]]
         if first[0] == "Frame" or first[-1].endswith((" X", " Y", " Z")):
             skip += 1

@@ -37,6 +37,7 @@ def open_bvh(path: Path) -> Table:
         check_regular(path, MOST_MESH)
         text = path.read_text(encoding="utf-8", errors="replace")
         hierarchy, motion = re.split(r"^\s*MOTION\s*$", text, maxsplit=1, flags=re.MULTILINE)
+        motion = motion.replace(",", ".")
         joints = _joints(hierarchy)
         count = int(re.search(r"Frames:\s*(\d+)", motion)[1])  # type: ignore[index]
         period, rows = re.split(r"Frame Time:\s*", motion, maxsplit=1)[1].split("\n", 1)

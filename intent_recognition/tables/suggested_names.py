@@ -60,7 +60,7 @@ POSE_SIZES = (3, 6, 7)
 """Numbers of elements of a pose: x, y, z alone, with a rotation vector or with a quaternion."""
 UNIT_END = re.compile(
     r"(?i)\s*(?:[\[(](?P<unit>[^\[\]()]*)[\])]"
-    r"|(?<=[xyz])[_ ./-](?:[mcd]?m|(?:milli|centi|deci)?met(?:er|re)s?|inch(?:es)?))$"
+    r"|(?<=[xyz])[_ .,/-](?:[mcd]?m|(?:milli|centi|deci)?met(?:er|re)s?|inch(?:es)?))$"
 )
 """A unit at the end of a name."""
 PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[wxyzWXYZ])$")
@@ -69,7 +69,7 @@ AXIS_FIRST = re.compile(
 )
 """Names such as `x1`, `Px1`, `xWrist` and `x_wrist`."""
 NO_PLACE = re.compile(
-    r"(?i)rotation|orientation|twist|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)"
+    r"(?i)rotation|orientation|twist|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)|(?-i:[a-z]Acc)"
     r"|(?:rot|vel|dot|std|omega|ang|angle|force|moment|power|torque)s?[\W_]?$"
 )
 TURN = re.compile(

@@ -8,7 +8,7 @@ import pytest
 import yaml
 from c3d_builder import c3d_file
 from tables.exported_files import PLACE as EXPORTED
-from tables.exported_files import motive, qtm, trc
+from tables.exported_files import bvh, motive, qtm, three, trc
 from tables.imports import check_wrist, imported
 from tables.odd_files import DEVICES, NEXUS, PLACE, ROWS, TIMES_S, cells, nexus, plain, table
 
@@ -34,6 +34,10 @@ def test_a_header_of_motive_without_names_of_its_rows(rows, has_blank_line, tmp_
     content = content if has_blank_line else content.replace("\n\n", "\n")
     columns = [f"wrist.Position.{axis}" for axis in "XYZ"]
     check_wrist(imported(tmp_path, "a.csv", content, columns), EXPORTED / 1000)
+    _, below = content.split("\n", 1)  # without the header information
+    check_wrist(imported(tmp_path, "b.csv", below, columns, unit="mm"), EXPORTED / 1000)
+    content = content.replace("Space,Global", "Space,Local")
+    assert "frame of each parent" in imported(tmp_path, "a.csv", content, columns)[1]
 
 
 VICON = {
@@ -71,6 +75,7 @@ BODY = "wrist X\tY\tZ\tRoll\tPitch\tYaw\tResidual\n"
     ("head", "after"),
     [
         (QTM + "MARKER_NAMES\twrist\nTRAJECTORY_TYPES\tMeasured\n", []),
+        (QTM + f"BODY_NAMES\twrist\nBODY_FILTERS\tNone\n{BODY}", ["1", "2", "3", "0.1"]),
         (QTM + f"BODY_NAMES\twrist\n{BODY}", ["1", "2", "3", "0.1"]),
     ],
 )
@@ -147,6 +152,18 @@ def test_places_of_bodies_of_opensim_are_metres_and_no_speeds(title, tmp_path):
         assert "/mocap/hand_o" not in suggest_map(path)
     else:
         assert samples is None and "a unit of hand_X that becomes m, got 'm/s" in said
+
+
+def test_places_of_forces_of_opensim_are_metres_and_frames_of_bvh_have_decimal_commas(tmp_path):
+    names = "\t".join(f"ground_force_{name}" for name in ("px", "py", "pz"))
+    content = table(
+        f"grf\ninDegrees=yes\nendheader\ntime\t{names}",
+        lambda k: [f"{TIMES_S[k]}", *cells(k, scale=0.001)], "\t",
+    )  # fmt: skip
+    check_wrist(imported(tmp_path, "a.mot", content, names.split("\t")), atol=1e-6)
+    before, after = bvh(tmp_path).read_text().split("MOTION")
+    content, columns = f"{before}MOTION{after.replace('.', ',')}", three("Right Wrist")
+    check_wrist(imported(tmp_path, "b.bvh", content, columns, unit="mm"), EXPORTED / 1000)
 
 
 def test_states_of_opensim_by_their_paths(tmp_path):

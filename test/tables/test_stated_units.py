@@ -66,13 +66,13 @@ def test_joints_in_degrees_are_doubted_and_wrapped_ones_are_not(tmp_path):
 
 
 ENDS = {"_MM": 1.0, " mm": 1.0, " [mm]": 1.0, " (mm)": 1.0, ".cm": 0.1, "-cm": 0.1, "/cm": 0.1,
-        "_dm": 0.01, "_centimeters": 0.1, "_inches": 1 / 25.4, " [CM]": 0.1}  # fmt: skip
+        "_dm": 0.01, "_centimeters": 0.1, "_inches": 1 / 25.4, " [CM]": .1, ",cm": .1}  # fmt: skip
 
 
 @pytest.mark.parametrize("end", ENDS)
 def test_a_unit_at_the_end_of_names(end, tmp_path):
     names = [f"{axis}{end}" for axis in "xyz"]
-    content = plain(scale=ENDS[end], head=",".join(["t", *names]))
+    content = plain(scale=ENDS[end], head=",".join(["t", *(f'"{name}"' for name in names)]))
     check_wrist(imported_csv(tmp_path, content, names), atol=2e-6)
     suggested = yaml.safe_load(suggest_map(tmp_path / "a.csv"))["observed"][0]
     assert suggested["columns"] == names

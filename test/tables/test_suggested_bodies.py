@@ -97,6 +97,7 @@ def test_landmarks_of_an_image_are_places_of_two_axes_and_a_likelihood_is_no_joi
         ("t,posX,posY,posZ,rotX,rotY,rotZ,rotW", "posX"),
         ("elapsed,lin_acc_x,lin_acc_y,lin_acc_z,hand_x,hand_y,hand_z", "hand_x"),
         ("t,vel.x,vel.y,vel.z,hand.x,hand.y,hand.z", "hand"),
+        ("t,FreeAcc_X,FreeAcc_Y,FreeAcc_Z,Hand_X,Hand_Y,Hand_Z", "Hand"),
         ("t,magnet_x,magnet_y,magnet_z,image_x,image_y,image_z", "image"),
         ("t,w.1.0,w.1.1,w.1.2,w.2.0,w.2.1,w.2.2,w.2.3", "w.1.0"),
         ("t,cartesian_position.0,cartesian_position.1,cartesian_position.2,a.3,a.4,a.5", "cart"),
