@@ -117,12 +117,14 @@ def _named(elements: Sequence[Any], wanted: ElementName) -> Any:
 
 def _name(element: Any, key: str) -> str:
     """Name of an element: the value of `key`, or else its child frame, name or namespace/id."""
+    if is_deleted(element):
+        return ""
     if key:
         return str(attrgetter(key)(element)).lstrip("/")
     for usual in ("child_frame_id", "name"):
         if (name := getattr(element, usual, None)) is not None:
             return str(name).lstrip("/")
-    return "" if is_deleted(element) else f"{element.ns}/{element.id}"
+    return f"{element.ns}/{element.id}"
 
 
 def is_deleted(element: Any) -> bool:

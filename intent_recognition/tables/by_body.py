@@ -128,7 +128,8 @@ def flat(content: Any, name: str = "", by_name: bool = True) -> Iterator[tuple[s
     In a list of mappings that name their bodies, paths use those names instead of indices.
     """
     if isinstance(content, dict | list):
-        listed = _own_names(content) if by_name and isinstance(content, list) else count()
+        own = naming_key(content) if by_name and isinstance(content, list) else ""
+        listed = [one[own] for one in content] if own else count()
         named = content.items() if isinstance(content, dict) else zip(listed, content, strict=False)
         for key, value in named:
             yield from flat(value, f"{name}.{key}" if name else str(key), by_name)
@@ -136,12 +137,12 @@ def flat(content: Any, name: str = "", by_name: bool = True) -> Iterator[tuple[s
         yield name, content
 
 
-def _own_names(listed: Sequence[Any]) -> Sequence[object]:
-    """Unique names or numbers of bodies in a list of mappings; otherwise indices."""
+def naming_key(listed: Sequence[Any]) -> str:
+    """The key that names bodies in a list of mappings, each differently; "" if there is none."""
     keys = listed[0] if listed and isinstance(listed[0], dict) else ()
     for key in [k for of in (OF_BODY, OF_ANY) for k in keys if of.fullmatch(str(k))]:
         names = [one.get(key) if isinstance(one, dict) else None for one in listed]
         known = {str(name) for name in names if type(name) in (int, str)}
-        if len(known) == len(listed):
-            return names
-    return range(len(listed))
+        if len(known - {""}) == len(listed):
+            return str(key)
+    return ""

@@ -17,6 +17,7 @@ from intent_recognition.bags import JOINT_STATE, POSE, BagReader
 from intent_recognition.demonstrations import FIRST_MESSAGES
 from intent_recognition.errors import BagError
 from intent_recognition.signals import POSITION_FIELDS, spelled
+from intent_recognition.tables.by_body import naming_key
 from intent_recognition.tables.cells import ANGLES, scale_between
 from intent_recognition.tables.files import name_pattern
 from intent_recognition.tables.table import Table
@@ -153,20 +154,12 @@ def flow(content: object) -> str:
     return text.strip().removesuffix("...").strip()
 
 
-PLACES = {
-    POSE: "pose.position",
-    "geometry_msgs/msg/TransformStamped": "transform.translation",
-    "nav_msgs/msg/Odometry": "pose.pose.position",
-    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose.position",
-    "geometry_msgs/msg/PointStamped": "point",
-    "geometry_msgs/msg/Pose": "position",
-}
-"""Types of messages with the position of one body [m], and its field."""
-ARRAYS = {
-    "geometry_msgs/msg/PoseArray": ("poses", "position"),
-    "tf2_msgs/msg/TFMessage": ("transforms", "transform.translation"),
-}
-"""Types of messages with positions of several bodies [m]: the array, and the field in each."""
+PLACES = ("position", "translation", "point")
+"""Last names of paths to positions [m]."""
+HAS_PLACES = re.compile(r"(?m)^float(?:32|64) x\b")
+"""A definition of a type that may contain positions."""
+NUMBERED = re.compile(r"\[\d+\]")
+"""A number of an element in a path."""
 MOST_OF_ARRAY = 8
 """Most bodies of an array in a suggestion; a person deletes those not needed."""
 
@@ -175,19 +168,16 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
     """Suggest the text of a map that labels recordings by their names."""
     reader = BagReader(bags[0])
     filled = {t.name: t.type for t in reader.topics.values() if t.message_count}
-    poses = [name for name, kind in filled.items() if kind in PLACES]
     states = [name for name, kind in filled.items() if kind == JOINT_STATE]
-    entries = [_place(topic, filled[topic], PLACES[filled[topic]]) for topic in poses]
-    arrays = [name for name, kind in filled.items() if kind in ARRAYS and "static" not in name]
-    if not poses:
-        poses = arrays
-        entries = [_place(topic, filled[topic], one) for topic in arrays
-                   for one in _elements(reader, topic, *ARRAYS[filled[topic]])]  # fmt: skip
+    places = {topic: _places_on(reader, topic) for topic in filled if topic not in states}
+    alone = [name for name, of in places.items() if len(of) == 1 and "[" not in of[0]]
+    poses = alone or [name for name, of in places.items() if of and "static" not in name]
+    entries = [_place(topic, filled[topic], place) for topic in poses for place in places[topic]]
     entries += [joints for topic in states for joints in _joints(reader, topic)]
     if not entries:
         got = ", ".join(f"{t.name} ({t.type})" for t in reader.topics.values()) or "no topics"
         cure = "Write the DOF file by hand (docs/bags.md)."
-        expected = f"{', '.join([*PLACES, *ARRAYS])} or {JOINT_STATE}"
+        expected = f"messages with positions, or {JOINT_STATE}"
         raise BagError.about(str(bags[0]), expected, got, cure)
     pattern = name_pattern(source, bags)
     others = [t.name for t in reader.topics.values() if t.name not in (*poses, *states)]
@@ -205,12 +195,40 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _elements(reader: BagReader, topic: str, array: str, place: str) -> list[str]:
-    """Paths of the positions of bodies in an array, by its first messages."""
-    messages = islice(reader.messages([topic]), FIRST_MESSAGES)
-    listed = [pair for m in messages for pair in enumerate(getattr(m.message, array))]
-    names = dict.fromkeys(getattr(one, "child_frame_id", k) for k, one in listed)
-    return [f"{array}[{name}].{place}" for name in [*names][:MOST_OF_ARRAY]]
+def _places_on(reader: BagReader, topic: str) -> list[str]:
+    """Paths of the positions in the first messages of a topic.
+
+    In arrays without names these are the first ones, if the arrays have one length.
+    """
+    definition = reader.definition_of(topic)
+    if definition is None or not HAS_PLACES.search(definition.text):
+        return []
+    found = [
+        tuple(_places(message.message))
+        for message in islice(reader.messages([topic]), FIRST_MESSAGES)
+    ]
+    numbered = {tuple(filter(NUMBERED.search, places)) for places in found} - {()}
+    left_out = set().union(*numbered) if len(numbered) > 1 else ()
+    every = dict.fromkeys(place for places in found for place in places if place not in left_out)
+    return [*every][:MOST_OF_ARRAY]
+
+
+def _places(value: Any, path: str = "", is_named: bool = False) -> Iterator[str]:
+    """Paths of the positions in a message; `is_named` for an element that has a name."""
+    names = getattr(value, "__slots__", ())
+    if {*"xyz"} <= {*names}:
+        if path.endswith(PLACES) or is_named:
+            yield path
+        return
+    for name in names:
+        part, below = getattr(value, name), f"{path}.{name}".lstrip(".")
+        if not isinstance(part, list):
+            yield from _places(part, below)
+        elif "[" not in path and hasattr(part[0] if part else None, "__slots__"):
+            key = naming_key([{own: getattr(one, own) for own in one.__slots__} for one in part])
+            for k, one in enumerate(part):
+                element = f"{key}={getattr(one, key)}" if key else k
+                yield from _places(one, f"{below}[{element}]", bool(key))
 
 
 def _place(topic: str, kind: str, place: str) -> list[str]:

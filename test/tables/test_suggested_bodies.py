@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 import yaml
-from bag_builder import JOINTS, POSE, START_NS
+from bag_builder import JOINTS, START_NS
 from tables.imports import suggested, suggested_csv
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, plain, table
 
@@ -12,30 +12,76 @@ from intent_recognition.bags import BagReader, BagWriter
 from intent_recognition.demonstrations import extract
 from intent_recognition.tables import suggest_map
 from intent_recognition.tables.import_map import ImportMap
-from intent_recognition.tables.suggested_entries import ARRAYS, PLACES
+
+PATH = "nav_msgs/msg/Path"
 
 
-@pytest.mark.parametrize("kind", [*ARRAYS, *(kind for kind in PLACES if kind != POSE)])
+ONE = {
+    "geometry_msgs/msg/TransformStamped": "transform.translation",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose.position",
+    "nav_msgs/msg/Odometry": "pose.pose.position",
+    "geometry_msgs/msg/PointStamped": "point",
+    "geometry_msgs/msg/Pose": "position",
+    "visualization_msgs/msg/Marker": "pose.position",
+}
+ARRAYS = {
+    "geometry_msgs/msg/PoseArray": ("poses", "position", ""),
+    "tf2_msgs/msg/TFMessage": ("transforms", "transform.translation", "child_frame_id"),
+    "visualization_msgs/msg/MarkerArray": ("markers", "pose.position", "id"),
+    "lab_msgs/msg/Bodies": ("bodies", "pose.position", "rigid_body_name"),
+    "lab_msgs/msg/Marks": ("bodies", "", "marker_id"),
+}
+"""By type: the array, the path to a position in each element, and what names the element."""
+LAB = {
+    "lab_msgs/msg/Body": "string rigid_body_name\ngeometry_msgs/Pose pose\n",
+    "lab_msgs/msg/Bodies": "std_msgs/Header header\nlab_msgs/Body[] bodies\n",
+    "lab_msgs/msg/Mark": "int32 marker_id\nfloat64 x\nfloat64 y\nfloat64 z\n",
+    "lab_msgs/msg/Marks": "std_msgs/Header header\nlab_msgs/Mark[] bodies\n",
+}
+
+
+@pytest.fixture
+def _lab_msgs(tmp_path, monkeypatch):
+    """An installed package of messages that are not ROS's."""
+    folder = tmp_path / "share/lab_msgs/msg"
+    folder.mkdir(parents=True)
+    for name, text in LAB.items():
+        (folder / f"{name.rpartition('/')[2]}.msg").write_text(text)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+
+
+@pytest.mark.usefixtures("_lab_msgs")
+@pytest.mark.parametrize("kind", [*ARRAYS, *ONE])
 def test_bodies_in_any_message_that_holds_their_places_are_suggested(kind, tmp_path):
-    array, path = ARRAYS.get(kind) or ("", PLACES[kind])
+    array, path, key = ARRAYS.get(kind) or ("", ONE[kind], "")
     bodies = []
-    for n, name in enumerate(("wrist", "cup") if array else ("wrist",)):
+    for n, name in enumerate(("7", "9") if array else ("7",)):
         body: dict = {"x": 1.0, "y": 2.0, "z": float(n)}
-        for part in reversed(path.split(".")):
+        for part in reversed(path.split(".") if path else ()):
             body = {part: body}
-        bodies.append(body | ({"child_frame_id": name} if "tf2" in kind else {}))
-    with BagWriter(tmp_path / "give_00", flush_period_s=None) as writer:
+        names = {
+            "child_frame_id": name,
+            "rigid_body_name": name,
+            "id": int(name),
+            "marker_id": int(name),
+        }
+        bodies.append(body | ({key: names[key]} if key else {}))
+    with BagWriter(tmp_path / "bags/give_00", flush_period_s=None) as writer:
         for k in range(5):
             states = {"header": {"stamp": START_NS + k}, "name": ["q"], "position": [k / 10]}
             writer.write_message("/q", JOINTS, states, START_NS + k)
-            message = {array: bodies} if array else bodies[0]
-            writer.write_message("/bodies", kind, message, START_NS + k)
-    mapping = ImportMap.from_dict(yaml.safe_load(suggest_map(tmp_path)))
+            there = bodies[:: -1 if k % 2 and key else 1]  # in any order
+            writer.write_message(
+                "/bodies", kind, {array: there} if array else there[0], START_NS + k
+            )
+            if k:  # grows
+                writer.write_message("/path", PATH, {"poses": [{}] * k}, START_NS + k)
+    mapping = ImportMap.from_dict(yaml.safe_load(suggest_map(tmp_path / "bags")))
     *places, arm = (*mapping.dofs.observed, *mapping.dofs.controlled)
     assert arm.joints == ("q",) and {place.type for place in places} == {kind}
-    (first, *_) = BagReader(tmp_path / "give_00").messages(["/bodies"])
-    found = [extract(place, first.message).tolist() for place in places]
-    assert found == [[1.0, 2.0, float(n)] for n in range(len(bodies))]
+    for one in BagReader(tmp_path / "bags/give_00").messages(["/bodies"]):
+        found = [extract(place, one.message).tolist() for place in places]
+        assert found == [[1.0, 2.0, float(n)] for n in range(len(bodies))]
 
 
 def test_bodies_of_one_name_have_topics_of_their_own(tmp_path):
