@@ -53,7 +53,7 @@ from intent_recognition.signals.signal import (
 )
 from intent_recognition.signals.streams import (
     common_span,
-    jumps_to,
+    hidden_rows,
     recording_doubts,
     sparse,
     stream_defect,

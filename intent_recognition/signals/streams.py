@@ -249,7 +249,7 @@ def zeros(signal: Signal) -> list[str]:
     if zero.all():  # joints of a simulation may stay at zero
         said = f"{in_words(signal)} is at exactly zero in every sample. Likely it was never seen."
         return [said] if signal.unit == "m" else []
-    if not jumps_to(signal.values, zero):
+    if not _jumps_to(signal.values, zero):
         return []
     return [
         f"{in_words(signal)} is at exactly zero in {zero.sum()} of {len(zero)} samples, and jumps"
@@ -257,7 +257,22 @@ def zeros(signal: Signal) -> list[str]:
     ]
 
 
-def jumps_to(values: Floats, rows: Flags) -> bool:
+def hidden_rows(places: Floats, never_zero: bool = False) -> Flags:
+    """Rows (T,) of positions (T, d) at which the body was hidden, as many programs write it.
+
+    They have one number in every column, such as zero or -9999, and the body jumps there for less
+    than half of the time; with `never_zero`, zeros always mean occlusion, unless all are zero.
+    """
+    known = np.isfinite(places).all(axis=1)
+    same = known & np.all(places == places[:, :1], axis=1)
+    numbers, counts = np.unique(places[same, 0], return_counts=True)
+    hidden = same & np.isin(places[:, 0], numbers[counts == counts.max(initial=0)][:1])
+    if not (never_zero and np.all(places[hidden] == 0.0)):
+        hidden &= hidden.sum() < 0.5 * known.sum() and _jumps_to(places[known], hidden[known])
+    return hidden & (not np.array_equal(hidden, known))
+
+
+def _jumps_to(values: Floats, rows: Flags) -> bool:
     """Whether values (T, d) jump to some rows, a mask (T,), and back rather than move there."""
     steps = np.linalg.norm(np.diff(values, axis=0), axis=1)
     edge = rows[1:] != rows[:-1]

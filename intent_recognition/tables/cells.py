@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.array_types import Flags, Floats
+from intent_recognition.array_types import Floats
 from intent_recognition.errors import BagError, DofError
-from intent_recognition.signals import UNITS, jumps_to, spelled
+from intent_recognition.signals import UNITS, spelled
 
 Values = NDArray[Any]
 """A column: numbers, dates, or texts (of dtype object)."""
@@ -124,25 +124,6 @@ def text_of(value: object) -> str:
 def texts(values: Values) -> list[str]:
     """Convert a column to texts, "" for missing values; whole numbers have no decimals."""
     return [text_of(value) for value in values]
-
-
-def without_hidden(places: Floats, never_zero: bool) -> tuple[Floats, Flags]:
-    """Replace positions (T, d) of a hidden body by NaN.
-
-    They have one number in every column, such as zero or -9999, and the body jumps there for less
-    than half of the time; with `never_zero`, zeros always mean occlusion, unless all are zero.
-
-    Returns:
-        The positions, and which are replaced (T,).
-    """
-    known = np.isfinite(places).all(axis=1)
-    same = known & np.all(places == places[:, :1], axis=1)
-    numbers_, counts = np.unique(places[same, 0], return_counts=True)
-    hidden = same & np.isin(places[:, 0], numbers_[counts == counts.max(initial=0)][:1])
-    if not (never_zero and np.all(places[hidden] == 0.0)):
-        hidden &= hidden.sum() < 0.5 * known.sum() and jumps_to(places[known], hidden[known])
-    hidden &= not np.array_equal(hidden, known)
-    return np.where(hidden[:, None], np.nan, places), hidden
 
 
 OF_IMAGE = "the landmarks are places in the image, not in metres"

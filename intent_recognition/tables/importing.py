@@ -13,8 +13,8 @@ from intent_recognition.array_types import Flags, Floats, Integers
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import check_label, find_bags, reference_of
 from intent_recognition.errors import BagError, DofError, MissingPackageError
-from intent_recognition.signals import LONGEST_LABEL, Rejection, from_tangent
-from intent_recognition.tables.cells import Values, convert, numbers, text_of, texts, without_hidden
+from intent_recognition.signals import LONGEST_LABEL, Rejection, from_tangent, hidden_rows
+from intent_recognition.tables.cells import Values, convert, numbers, text_of, texts
 from intent_recognition.tables.doubts import Doubt, bag_doubts, certain_misfit, doubts
 from intent_recognition.tables.files import find_tables, name_below, open_table
 from intent_recognition.tables.import_map import (
@@ -234,12 +234,12 @@ def _rows(
         values = from_tangent(values, reference_of(source.entry))
     said = ""
     if source.entry.unit == "m" and values.shape[1] > 1:
-        places, hidden = without_hidden(values, table.must_say)
+        hidden = hidden_rows(values, table.must_say)
         if hidden.any():
             marker = source.columns[0].rpartition(".")[0] or source.entry.topic
             at = ", ".join(f"{number:.6g}" for number in values[hidden][0])
             said = f"frames at exactly ({at}) are taken for occlusion: {marker} {hidden.sum()}"
-        values = places
+        values = np.where(hidden[:, None], np.nan, values)
     if time.column is None or time.unit == SAMPLES:
         if time.column is not None:
             counts = numbers(data[time.column], table.source, time.column)

@@ -14,8 +14,8 @@ from intent_recognition.array_types import Floats
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import find_bags
 from intent_recognition.errors import BagError, printable
-from intent_recognition.signals import LONGEST_LABEL, NONE, can_name_task
-from intent_recognition.tables.cells import numbers, texts, without_hidden
+from intent_recognition.signals import LONGEST_LABEL, NONE, can_name_task, hidden_rows
+from intent_recognition.tables.cells import numbers, texts
 from intent_recognition.tables.files import FileKind, file_kinds, find_tables, has_tables
 from intent_recognition.tables.suggested_entries import (
     SeenColumn,
@@ -187,10 +187,10 @@ def _part(
     time_line = f"{'# ' * (time_note == NO_RATE)}time: {flow(time)}  # {time_note}"
     own = [f"    file: {flow(name)}"] * bool(name)
     own += [f"    {time_line}"] * bool(name or not is_main)
-    measured = {
-        body: without_hidden(np.column_stack([columns[n].values for n in bodies[body]]), True)[0]
-        for body in moving
-    }
+    measured = {}
+    for body in moving:
+        places = np.column_stack([columns[name].values for name in bodies[body]])
+        measured[body] = np.where(hidden_rows(places, True)[:, None], np.nan, places)
     farthest = max((float(np.nanmax(np.abs(of))) for of in measured.values()), default=0.0)
     found = [
         body_entry(table, measured[body], body, bodies[body], farthest, name) + own
