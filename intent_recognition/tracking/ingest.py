@@ -98,7 +98,7 @@ def ingest_pose(
     reappears elsewhere after an occlusion is tracked again. After `reanchor_after` consecutive
     jumps, each within the gate of the previous jump, the track must be wrong: the last jump is
     accepted and begins a new track. A first sample that is an outlier thus costs only a few
-    samples. Likewise, a clock that was set back is accepted after `clock_reset_after` late samples.
+    samples. A step to exactly zero in the tracker's frame is always a jump. Likewise, a clock that was set back is accepted after `clock_reset_after` late samples.
 
     Position (3,) [m] and orientation (4,) xyzw are in the frame `frame_id`, whose leading slash is
     ignored. The orientation need not be normalised; all zeros mean that it was not measured.
@@ -117,7 +117,7 @@ def ingest_pose(
     world = transform.apply(position)
     world.setflags(write=False)
     sample = (int(stamp_ns), world)
-    state, rejected, reanchored = _follow(settings, state, sample)
+    state, rejected, reanchored = _follow(settings, state, sample, not position.any())
     if rejected is not None:
         return state, rejected
     unit = normalise_quaternions(orientation)
@@ -152,9 +152,13 @@ def _check_sample(
 
 
 def _follow(
-    settings: IngestSettings, state: IngestState, sample: Sample
+    settings: IngestSettings, state: IngestState, sample: Sample, is_zero: bool
 ) -> tuple[IngestState, Rejected | None, bool]:
-    """Extend the track by a sample; returns state, rejection and whether a new track began."""
+    """Extend the track by a sample, or reject it if `is_zero`, as trackers write for hidden bodies.
+
+    Returns:
+        The state, the rejection and whether a new track began.
+    """
     if not state.recent:
         return IngestState(recent=(sample,)), None, False
     stamp_ns = sample[0]
@@ -167,6 +171,8 @@ def _follow(
         detail = f"stamp {stamp_ns} ns, last accepted {last_ns} ns"
         state = replace(state, late_ns=stamp_ns, late=late)
         return state, Rejected(STAMP_NOT_INCREASING, detail), False
+    if is_zero and np.any(sample[1] != state.recent[-1][1]):
+        return state, Rejected(JUMP, "to exactly zero, likely hidden from the tracker"), False
     gap_s = (stamp_ns - last_ns) * 1e-9
     if gap_s > settings.max_gap_s:
         return IngestState(recent=(sample,)), None, state.jumps > 0
@@ -251,11 +257,11 @@ def ingest_poses(
             world[rows] = transform.apply(positions[rows])
             units = normalise_quaternions(orientations[rows])
             turned[rows] = multiply_quaternions(transform.quaternion, units.T).T
-    known = np.isfinite(world[:, 0])
+    known, zero = np.isfinite(world[:, 0]), ~positions.any(axis=1)
     accepted, rejected, state = [], Counter[str](), IngestState()
     for row, stamp_ns in enumerate(stamps_ns.tolist()):
         if known[row]:
-            state, rejection, _ = _follow(settings, state, (stamp_ns, world[row]))
+            state, rejection, _ = _follow(settings, state, (stamp_ns, world[row]), zero[row])
         else:
             pose = positions[row], orientations[row], raw.frame_ids[frames[row]]
             rejection = _check_sample(settings, stamp_ns, *pose)

@@ -68,6 +68,15 @@ def test_velocity_covariance_holds_its_sample_variance():
     assert 0.8 < ratio < 1.25
 
 
+@pytest.mark.parametrize("count", [3, 30, 300])
+def test_zeros_of_a_hidden_body_never_begin_a_track(count):
+    hidden = [(50 + k, [0.0, 0.0, 0.0]) for k in range(count)]
+    results, _ = feed([*walk(50), *hidden, *walk(50, 50 + count)])
+    assert reasons(results) == [None] * 50 + [JUMP] * count + [None] * 50
+    results, _ = feed([*hidden, *walk(50, 50 + count)])  # a body may rest there from the beginning
+    assert reasons(results)[:count] == [None] * count and results[-1].position[0] > 0.5
+
+
 @pytest.mark.parametrize("rate_hz", [25, 100, 333, 1000])
 def test_velocity_at_any_rate(rate_hz):
     step = 100 / rate_hz
