@@ -17,7 +17,7 @@ SLOWEST_HZ, FASTEST_HZ = 0.1, 1e5
 def open_c3d(path: Path) -> Table:
     """Read markers as columns `LABEL.x`, `LABEL.y`, `LABEL.z`, NaN where a marker was not seen.
 
-    Rate and unit come from the file. Analog channels are not read.
+    Rate and unit come from the file. Of poses (Theia) the origins are read; analog channels not.
     """
     try:
         optional("ezc3d")
@@ -32,7 +32,7 @@ def open_c3d(path: Path) -> Table:
     count, rate = points.shape[1], float(found["rate"])
     if not count:
         cure = "Export the markers; forces and angles as CSV."
-        raise unusable(path, "markers", "none: analog channels and rotations are not read", cure)
+        raise unusable(path, "markers", "none: analog channels are not read", cure)
     said_labels = [label.encode("utf-8", "surrogateescape") for label in found["labels"].tolist()]
     labels = [_text(label) or f"unlabelled_{k}" for k, label in enumerate(said_labels)]
     labels = [*labels, *(f"unlabelled_{k}" for k in range(len(labels), count))][:count]

@@ -56,12 +56,17 @@ def _by_ezc3d(library: Any, path: str) -> Arrays:
     residuals = file["data"]["meta_points"]["residuals"][0].T
     values = file["data"]["analogs"].size / max(len(points), 1)
     scale = point["SCALE"]["value"][0] if "SCALE" in point else -1.0
-    _check_frame(path, points.shape[1], values, scale)
+    _check_frame(path, count := points.shape[1], values, scale)
+    points = np.where((residuals < 0.0)[:, :, None], np.nan, points)
+    labels = _all_labels({key: point[key].get("value", ()) for key in point}, count)
+    poses = file["data"].get("rotations", np.empty(0))  # (4, 4, n, T), as Theia writes bodies
+    if poses.ndim == 4 and poses.size and poses.shape[3] == len(points):
+        labels = [*labels, *[""] * count][:count]
+        labels += file["parameters"]["ROTATION"]["LABELS"]["value"]
+        points = np.concatenate([points, poses[:3, 3].transpose(2, 1, 0)], axis=1)
     return {
-        "points": np.where((residuals < 0.0)[:, :, None], np.nan, points),
-        "labels": np.array(
-            _all_labels({key: point[key].get("value", ()) for key in point}, points.shape[1])
-        ),
+        "points": points,
+        "labels": np.array(labels),
         "unit": np.array("".join(point["UNITS"]["value"][:1]) if "UNITS" in point else ""),
         "rate": np.array(float(file["header"]["points"]["frame_rate"])),
         **_stated(path),

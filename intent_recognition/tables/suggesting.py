@@ -189,8 +189,8 @@ def _part(
     own += [f"    {time_line}"] * bool(name or not is_main)
     measured = {}
     for body in moving:
-        places = np.column_stack([columns[name].values for name in bodies[body]])
-        measured[body] = np.where(hidden_rows(places, True)[:, None], np.nan, places)
+        values = np.column_stack([columns[n].values for n in bodies[body]])
+        measured[body] = np.where(hidden_rows(values, True)[:, None], np.nan, values)
     farthest = max((float(np.nanmax(np.abs(of))) for of in measured.values()), default=0.0)
     found = [
         body_entry(table, measured[body], body, bodies[body], farthest, name) + own

@@ -98,7 +98,8 @@ def ingest_pose(
     reappears elsewhere after an occlusion is tracked again. After `reanchor_after` consecutive
     jumps, each within the gate of the previous jump, the track must be wrong: the last jump is
     accepted and begins a new track. A first sample that is an outlier thus costs only a few
-    samples. A step to exactly zero in the tracker's frame is always a jump. Likewise, a clock that was set back is accepted after `clock_reset_after` late samples.
+    samples. Likewise, a clock that was set back is accepted after `clock_reset_after` late samples.
+    A step to exactly zero in the tracker's frame is always a jump.
 
     Position (3,) [m] and orientation (4,) xyzw are in the frame `frame_id`, whose leading slash is
     ignored. The orientation need not be normalised; all zeros mean that it was not measured.

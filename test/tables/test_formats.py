@@ -128,6 +128,24 @@ def test_more_frames_than_a_header_can_state(way, tmp_path):
     assert np.sum(np.isfinite(found.samples[0].values[:, 0])) == 66_000
 
 
+@pytest.mark.parametrize("is_alone", [True, False])
+def test_poses_of_bodies_are_at_their_origins(is_alone, tmp_path):
+    """Theia writes no markers but a 4 x 4 matrix of each body."""
+    file = pytest.importorskip("ezc3d").c3d()
+    point = file["parameters"]["POINT"]
+    point["RATE"]["value"], point["UNITS"]["value"] = [100.0], ["mm"]
+    point["LABELS"]["value"] = [] if is_alone else ["hat"]
+    file["data"]["points"] = np.ones((4, len(point["LABELS"]["value"]), len(PLACE)))
+    poses = np.tile(np.eye(4)[:, :, None, None], (2, len(PLACE)))
+    poses[:3, 3, 1] = PLACE.T
+    file["data"]["rotations"] = poses
+    file.add_parameter("ROTATION", "LABELS", ["pelvis_4X4", "hand_4X4"])
+    file.add_parameter("ROTATION", "RATE", [100.0])
+    file.write(str(tmp_path / "a.c3d"))
+    (found,) = imported(tmp_path / "a.c3d", [f"hand_4X4.{axis}" for axis in "xyz"])
+    np.testing.assert_allclose(found.samples[0].values, PLACE / 1000, atol=1e-6)
+
+
 def test_more_than_255_markers_and_lax_headers(tmp_path):
     points = np.repeat(PLACE[:, None], 300, axis=1)
     points[:, 280] += 100.0
@@ -145,7 +163,7 @@ MISFITS = {
     "points": ({"used": 2}, "ezc3d says: 2 points, 0 analog values and a scale of -1, where the "
                "header has frames of 144 bytes"),
     "scale": ({"scale": 0.1}, "a scale of 0.1, where the header has frames of 144 bytes"),
-    "no marker": ({}, "got none: analog channels and rotations are not read"),
+    "no marker": ({}, "got none: analog channels are not read"),
     "no frame": ({}, "/mocap/wrist/pose: empty: no samples with a time of its own"),
     "rate": ({"said_rate": 50.0}, "header: 50 Hz, POINT:RATE: 100 Hz, which is used"),
     "frames": ({"said_frames": 20}, "20 of 30 frames: its parameters state no more"),
