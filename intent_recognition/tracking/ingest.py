@@ -258,7 +258,7 @@ def ingest_poses(
             world[rows] = transform.apply(positions[rows])
             units = normalise_quaternions(orientations[rows])
             turned[rows] = multiply_quaternions(transform.quaternion, units.T).T
-    known, zero = np.isfinite(world[:, 0]), ~positions.any(axis=1)
+    known, zero = np.isfinite(world[:, 0]), np.all(positions == 0.0, axis=1)
     accepted, rejected, state = [], Counter[str](), IngestState()
     for row, stamp_ns in enumerate(stamps_ns.tolist()):
         if known[row]:
