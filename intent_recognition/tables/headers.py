@@ -4,6 +4,7 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
 
@@ -59,7 +60,7 @@ def motive(rows: Rows) -> Header | None:
     at = next(k for k, row in enumerate(rows) if row and row[0].strip() == "Frame")
     if rows[0][:1] != ["Format Version"] and rows[at][1].strip() != "Time (Seconds)":
         return None
-    said = dict(zip(rows[0][::2], rows[0][1::2], strict=False))  # the first line may be left out
+    said = dict(pairwise(rows[0]))  # notes may have commas; the line may be left out
     heads = [row for row in rows[:at] if row[1:] and not row[0].strip() and any(row)]
     above = {row[1].strip(): row for row in heads if len(row) > 1}
     if not above.keys() & {"Name", "Type"}:  # before version 1.21 these rows have no names
@@ -89,16 +90,17 @@ def motive(rows: Rows) -> Header | None:
 def nexus(rows: Rows) -> Header | None:
     """Vicon Nexus and Tracker: `SUBJECT:MARKER.X`, `OBJECT:OBJECT.TX`, at the rate of the table."""
     title = next((k for k, row in enumerate(rows) if row and row[0].strip()), 0)
-    if rows[title][0].strip() not in OF_VICON:
+    if rows[title][0].strip().title() not in OF_VICON:
         return None
-    at = next(k for k, row in enumerate(rows) if row[:2] == ["Frame", "Sub Frame"])
-    owner, names = "", ["Frame", "Sub Frame"]
-    for k in range(2, len(rows[at])):
+    at = next(k for k, row in enumerate(rows) if row[:1] in (["Frame"], ["Field #"]))  # of 1.x
+    owner, names = "", [name for name in rows[at][:2] if name in ("Frame", "Field #", "Sub Frame")]
+    for k in range(len(names), len(rows[at])):
         owner = (rows[at - 1][k].strip() if k < len(rows[at - 1]) else "") or owner
         names.append(f"{owner}.{rows[at][k].strip()}")
-    units = {k: unit.strip() for k, unit in enumerate(rows[at + 1]) if unit.strip()}
-    time = {"column": "Frame", "unit": "samples", "rate": float(with_point(rows[title + 1][0]))}
-    return _of_markers(names, at + 2, units, time, ends_blank=True)
+    below = [] if rows[at + 1][0].strip() else rows[at + 1]
+    units = {k: unit.strip() for k, unit in enumerate(below) if unit.strip()}
+    time = {"column": names[0], "unit": "samples", "rate": float(with_point(rows[title + 1][0]))}
+    return _of_markers(names, at + 1 + bool(below), units, time, ends_blank=True)
 
 
 def trc(rows: Rows) -> Header | None:

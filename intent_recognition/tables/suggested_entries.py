@@ -204,7 +204,7 @@ def _places_on(reader: BagReader, topic: str) -> list[str]:
     if definition is None or not HAS_PLACES.search(definition.text):
         return []
     found = [
-        tuple(_places(message.message))
+        tuple(_places(message.message, is_named=message.type.endswith("/Point")))
         for message in islice(reader.messages([topic]), FIRST_MESSAGES)
     ]
     numbered = {tuple(filter(NUMBERED.search, places)) for places in found} - {()}
@@ -214,7 +214,7 @@ def _places_on(reader: BagReader, topic: str) -> list[str]:
 
 
 def _places(value: Any, path: str = "", is_named: bool = False) -> Iterator[str]:
-    """Paths of the positions in a message; `is_named` for an element that has a name."""
+    """Paths of the positions in a message; `is_named` for a point, or an element with a name."""
     names = getattr(value, "__slots__", ())
     if {*"xyz"} <= {*names}:
         if path.endswith(PLACES) or is_named:
@@ -232,7 +232,7 @@ def _places(value: Any, path: str = "", is_named: bool = False) -> Iterator[str]
 
 
 def _place(topic: str, kind: str, place: str) -> list[str]:
-    fields = [f"{place}.{axis}" for axis in "xyz"]
+    fields = [f"{place}.{axis}".lstrip(".") for axis in "xyz"]
     return [*_head(topic, kind), f"    fields: {flow(fields)}", "    unit: m"]
 
 

@@ -55,7 +55,7 @@ NUMPY = re.compile(r"np\.float\d+\(([^()]*)\)")
 """A number in a list as numpy 2 prints it: `[np.float64(0.1), np.float64(0.2)]`."""
 COMMENTS = ("#", "% ")
 """Beginnings of comment lines."""
-NO_PLACES = ("Devices", "Events")
+NO_PLACES = ("Devices", "Events", "Analog", "Force Plates")
 """Titles of Nexus tables without positions, which are never read."""
 TEXTS = (".csv", ".tsv", ".txt", ".trc", ".mot", ".sto")
 
@@ -234,11 +234,11 @@ def _before_places(path: Path, skip_rows: int, encoding: str) -> tuple[int, Sequ
     """Number of rows before the table to read in Vicon's export, and titles of its other tables."""
     rows = _rows(path, skip_rows, encoding)
     titles = (*OF_VICON, *NO_PLACES)
-    if "".join(next(rows, [])).strip() not in titles:
+    if "".join(next(rows, [])).strip().title() not in titles:
         return 0, ()
     starts: dict[str, int] = {}
     for k, row in enumerate(_rows(path, skip_rows, encoding)):
-        if row and (title := row[0].strip()) in titles:
+        if row and (title := row[0].strip().title()) in titles:
             starts.setdefault(title, k)
     main = min(starts, key=titles.index)
     return starts[main], [t for t in starts if t != main and t in OF_VICON]

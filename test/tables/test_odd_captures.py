@@ -36,7 +36,7 @@ def test_a_header_of_motive_without_names_of_its_rows(rows, has_blank_line, tmp_
     check_wrist(imported(tmp_path, "a.csv", content, columns), EXPORTED / 1000)
     _, below = content.split("\n", 1)  # without the header information
     check_wrist(imported(tmp_path, "b.csv", below, columns, unit="mm"), EXPORTED / 1000)
-    content = content.replace("Space,Global", "Space,Local")
+    content = content.replace("Space,Global", "Space,Local").replace("Name,a", "Name,left, up")
     assert "frame of each parent" in imported(tmp_path, "a.csv", content, columns)[1]
 
 
@@ -65,6 +65,15 @@ def test_the_places_of_vicon_are_read_and_other_tables_named(kind, tmp_path):
     samples, said = imported(tmp_path, "a.csv", head + body, columns)
     assert words in said and bool(words) == bool(said)
     np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-8)
+
+
+def test_the_table_of_nexus_1_has_neither_units_nor_sub_frames(tmp_path):
+    content = "ANALOG\n1000,Hz\nSample #,Fx\nUnits:,N\n" + "1,2\n" * 100
+    content += "\nTRAJECTORIES\n100,Hz\n,Ann:RWRA,,\nField #,X,Y,Z\n"
+    content += "".join(f"{k + 1},{','.join(cells(k))}\n" for k in range(ROWS))
+    columns = [f"Ann:RWRA.{axis}" for axis in "XYZ"]
+    found = imported(tmp_path, "a.csv", content, columns, unit="mm")
+    check_wrist(found, times_atol=2)
 
 
 QTM = f"NO_OF_FRAMES\t{ROWS}\nFREQUENCY\t100\nDATA_INCLUDED\t3D\n"

@@ -22,6 +22,7 @@ ONE = {
     "nav_msgs/msg/Odometry": "pose.pose.position",
     "geometry_msgs/msg/PointStamped": "point",
     "geometry_msgs/msg/Pose": "position",
+    "geometry_msgs/msg/Point": "",
     "visualization_msgs/msg/Marker": "pose.position",
 }
 ARRAYS = {
