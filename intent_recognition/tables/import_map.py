@@ -14,10 +14,10 @@ from intent_recognition.tables.cells import check_convertible
 from intent_recognition.tables.times import PER_UNIT, SAMPLES
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
-SIDES = ("observed", "controlled", "velocities")
+SIDES, EXTRINSICS = ("observed", "controlled", "velocities"), "extrinsics"
 ENTRY_KEYS = ("columns", "columns_unit", "file", "time")
 """Keys of an entry beyond those of a DOF file."""
-KEYS = (*SIDES, "files", "time", "segments", "every", "task", "labels", "metadata", "frame",
+KEYS = (*SIDES, EXTRINSICS, "files", "time", "segments", "every", "task", "labels", "metadata", "frame",
         "skip_rows")  # fmt: skip
 LARGEST = 1e12
 """Largest accepted time or rate [s, Hz]; times in seconds since 1970 are about 2e9."""
@@ -104,6 +104,7 @@ class ImportMap:
                 else item
                 for item in listed
             ]
+        plain |= {EXTRINSICS: items.get(EXTRINSICS)}
         dofs = DofSpec.from_dict({k: v for k, v in plain.items() if v or k == "observed"}, source)
         files = _files(items.get("files", {}), f"{source}: files")
         columns = tuple(

@@ -88,6 +88,14 @@ def test_a_csv_to_the_last_bit(values, tmp_path):
     assert found.observed[0].stamps_ns.size == 10
 
 
+def test_poses_with_y_up_are_turned_into_the_world(values, tmp_path):
+    y_up = {"frame": "motive", "extrinsics": [f"motive 0 0 1 {0.5**0.5} 0 0 {0.5**0.5}"]}
+    (found,) = imported(write_csv(tmp_path / "a.csv", values), tmp_path, MAP | y_up)
+    wanted = np.column_stack([values["x"], -values["z"], values["y"] + 1.0])
+    seen = np.isfinite(values["y"])
+    np.testing.assert_allclose(found.observed[0].values, wanted[seen], atol=1e-12)
+
+
 def test_an_npz_with_its_own_times_and_arrays_of_columns(values, tmp_path):
     wrist = np.column_stack([values[a] for a in "xyz"])
     q = np.column_stack([values["q0"], values["q1"]])
