@@ -41,7 +41,7 @@ from intent_recognition.demonstrations.observations import (
     iter_samples,
     observation_readers,
 )
-from intent_recognition.demonstrations.paths import STAMPED_ELEMENTS
+from intent_recognition.demonstrations.paths import STAMPED_ELEMENTS, is_deleted, is_path
 from intent_recognition.demonstrations.reading import (
     FIRST_MESSAGES,
     iter_demonstrations,

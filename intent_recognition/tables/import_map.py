@@ -17,8 +17,8 @@ from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 SIDES, EXTRINSICS = ("observed", "controlled", "velocities"), "extrinsics"
 ENTRY_KEYS = ("columns", "columns_unit", "file", "time")
 """Keys of an entry beyond those of a DOF file."""
-KEYS = (*SIDES, EXTRINSICS, "files", "time", "segments", "every", "task", "labels", "metadata", "frame",
-        "skip_rows")  # fmt: skip
+KEYS = (*SIDES, EXTRINSICS, "files", "time", "segments", "every", "task", "labels", "metadata",
+        "frame", "skip_rows")  # fmt: skip
 LARGEST = 1e12
 """Largest accepted time or rate [s, Hz]; times in seconds since 1970 are about 2e9."""
 EXAMPLES = "docs/import.md has examples."

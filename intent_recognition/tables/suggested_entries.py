@@ -14,7 +14,7 @@ import yaml
 
 from intent_recognition.array_types import Floats
 from intent_recognition.bags import JOINT_STATE, POSE, BagReader
-from intent_recognition.demonstrations import FIRST_MESSAGES
+from intent_recognition.demonstrations import FIRST_MESSAGES, is_deleted, is_path
 from intent_recognition.errors import BagError
 from intent_recognition.signals import POSITION_FIELDS, spelled
 from intent_recognition.tables.by_body import naming_key
@@ -196,29 +196,33 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
 
 
 def _places_on(reader: BagReader, topic: str) -> list[str]:
-    """Paths of the positions in the first messages of a topic.
-
-    In arrays without names these are the first ones, if the arrays have one length.
-    """
+    """Paths of the positions in the first messages of a topic, those that move first."""
     definition = reader.definition_of(topic)
     if definition is None or not HAS_PLACES.search(definition.text):
         return []
-    found = [
-        tuple(_places(message.message, is_named=message.type.endswith("/Point")))
-        for message in islice(reader.messages([topic]), FIRST_MESSAGES)
-    ]
-    numbered = {tuple(filter(NUMBERED.search, places)) for places in found} - {()}
-    left_out = set().union(*numbered) if len(numbered) > 1 else ()
-    every = dict.fromkeys(place for places in found for place in places if place not in left_out)
-    return [*every][:MOST_OF_ARRAY]
+    seen: dict[str, set[tuple[float, ...]]] = {}
+    counts = set()  # of elements without names
+    for message in islice(reader.messages([topic]), FIRST_MESSAGES):
+        places = dict(_places(message.message, is_named=message.type.endswith("/Point")))
+        counts.add(sum(NUMBERED.search(path) is not None for path in places))
+        for path, place in places.items():
+            seen.setdefault(path, set()).add(place)
+    still = {path for path, places in seen.items() if len(places) < 2}
+    if len(counts - {0}) > 1:  # such as a path that grows
+        seen = {
+            path: of for path, of in seen.items() if not (path in still and NUMBERED.search(path))
+        }
+    return sorted(seen, key=still.__contains__)[:MOST_OF_ARRAY]
 
 
-def _places(value: Any, path: str = "", is_named: bool = False) -> Iterator[str]:
-    """Paths of the positions in a message; `is_named` for a point, or an element with a name."""
+def _places(
+    value: Any, path: str = "", is_named: bool = False
+) -> Iterator[tuple[str, tuple[float, ...]]]:
+    """Positions in a message and their paths; `is_named` for a point, or an element with a name."""
     names = getattr(value, "__slots__", ())
     if {*"xyz"} <= {*names}:
         if path.endswith(PLACES) or is_named:
-            yield path
+            yield path, (value.x, value.y, value.z)
         return
     for name in names:
         part, below = getattr(value, name), f"{path}.{name}".lstrip(".")
@@ -227,8 +231,10 @@ def _places(value: Any, path: str = "", is_named: bool = False) -> Iterator[str]
         elif "[" not in path and hasattr(part[0] if part else None, "__slots__"):
             key = naming_key([{own: getattr(one, own) for own in one.__slots__} for one in part])
             for k, one in enumerate(part):
-                element = f"{key}={getattr(one, key)}" if key else k
-                yield from _places(one, f"{below}[{element}]", bool(key))
+                own = f"{below}[{key}={getattr(one, key)}]" if key else ""
+                if not is_deleted(one):
+                    own = own if is_path(own) else f"{below}[{k}]"
+                    yield from _places(one, own, bool(key))
 
 
 def _place(topic: str, kind: str, place: str) -> list[str]:

@@ -13,7 +13,7 @@ from intent_recognition.demonstrations import extract
 from intent_recognition.tables import suggest_map
 from intent_recognition.tables.import_map import ImportMap
 
-PATH = "nav_msgs/msg/Path"
+PATH, TF = "nav_msgs/msg/Path", "tf2_msgs/msg/TFMessage"
 
 
 ONE = {
@@ -83,6 +83,22 @@ def test_bodies_in_any_message_that_holds_their_places_are_suggested(kind, tmp_p
     for one in BagReader(tmp_path / "bags/give_00").messages(["/bodies"]):
         found = [extract(place, one.message).tolist() for place in places]
         assert found == [[1.0, 2.0, float(n)] for n in range(len(bodies))]
+
+
+def test_of_many_bodies_those_that_move_are_suggested_first(tmp_path):
+    kind, still = "visualization_msgs/msg/MarkerArray", [{"id": k} for k in range(20)]
+    with BagWriter(tmp_path / "give_00", flush_period_s=None) as writer:
+        for k in range(5):
+            wrist = {"id": 99, "pose": {"position": {"x": k / 10}}}
+            markers = [{"ns": "gone", "id": 98, "action": 2}, *still, wrist]
+            writer.write_message("/bodies", kind, {"markers": markers}, START_NS + k)
+            frame = {"child_frame_id": "a [1]", "transform": {"translation": {"x": k / 10}}}
+            writer.write_message("/tf", TF, {"transforms": [frame]}, START_NS + k)
+    content = yaml.safe_load(suggest_map(tmp_path))
+    fields = [one["fields"][0] for one in content["observed"] + content["controlled"]]
+    assert fields[0] == "markers[id=99].pose.position.x" and len(fields) == 9
+    assert "markers[id=98].pose.position.x" not in fields
+    assert fields[-1] == "transforms[0].transform.translation.x"
 
 
 def test_bodies_of_one_name_have_topics_of_their_own(tmp_path):
