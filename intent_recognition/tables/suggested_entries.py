@@ -5,6 +5,7 @@ import re
 import unicodedata
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,6 +25,8 @@ from intent_recognition.tables.table import Table
 
 FARTHEST = {"m": 20.0, "rad": 4.0 * np.pi}
 """Largest number in the basic unit; larger ones mean another unit [m, rad]: a lab, two turns."""
+MOST_BODIES = 8
+"""Most bodies in a suggestion, of which a person is asked to delete those not needed."""
 JOINT = re.compile(r"(?:.*?[./])?(?P<joint>[^./]*[^./\d][^./]*)(?:[./](?:position|pos|q))?$")
 """Names of columns that contain their joint, as in `/joint_states/panda_joint1/position`."""
 UNIT_END = re.compile(r"(?i)(?<=[^\W_])[\W_]+(?:deg(?:ree)?s?|rad(?:ian)?s?)[\W_]*$")
@@ -160,8 +163,6 @@ HAS_PLACES = re.compile(r"(?m)^float(?:32|64) x\b")
 """A definition of a type that may contain positions."""
 NUMBERED = re.compile(r"\[\d+\]")
 """A number of an element in a path."""
-MOST_OF_ARRAY = 8
-"""Most bodies of an array in a suggestion; a person deletes those not needed."""
 
 
 def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
@@ -172,7 +173,11 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
     places = {topic: _places_on(reader, topic) for topic in filled if topic not in states}
     alone = [name for name, of in places.items() if len(of) == 1 and "[" not in of[0]]
     poses = alone or [name for name, of in places.items() if of and "static" not in name]
-    entries = [_place(topic, filled[topic], place) for topic in poses for place in places[topic]]
+    entries = [
+        _entry(topic, filled[topic], "fields", [f"{at}.{axis}".lstrip(".") for axis in "xyz"], "m")
+        for topic in poses
+        for at in places[topic]
+    ]
     entries += [joints for topic in states for joints in _joints(reader, topic)]
     if not entries:
         got = ", ".join(f"{t.name} ({t.type})" for t in reader.topics.values()) or "no topics"
@@ -202,17 +207,18 @@ def _places_on(reader: BagReader, topic: str) -> list[str]:
         return []
     seen: dict[str, set[tuple[float, ...]]] = {}
     counts = set()  # of elements without names
-    for message in islice(reader.messages([topic]), FIRST_MESSAGES):
-        places = dict(_places(message.message, is_named=message.type.endswith("/Point")))
-        counts.add(sum(NUMBERED.search(path) is not None for path in places))
-        for path, place in places.items():
-            seen.setdefault(path, set()).add(place)
+    with suppress(BagError):  # a damaged file, or a definition that cannot be used
+        for message in islice(reader.messages([topic]), FIRST_MESSAGES):
+            places = dict(_places(message.message, is_named=message.type.endswith("/Point")))
+            counts.add(sum(NUMBERED.search(path) is not None for path in places))
+            for path, place in places.items():
+                seen.setdefault(path, set()).add(place)
     still = {path for path, places in seen.items() if len(places) < 2}
     if len(counts - {0}) > 1:  # such as a path that grows
         seen = {
             path: of for path, of in seen.items() if not (path in still and NUMBERED.search(path))
         }
-    return sorted(seen, key=still.__contains__)[:MOST_OF_ARRAY]
+    return sorted(seen, key=still.__contains__)[:MOST_BODIES]
 
 
 def _places(
@@ -237,9 +243,9 @@ def _places(
                     yield from _places(one, own, bool(key))
 
 
-def _place(topic: str, kind: str, place: str) -> list[str]:
-    fields = [f"{place}.{axis}".lstrip(".") for axis in "xyz"]
-    return [*_head(topic, kind), f"    fields: {flow(fields)}", "    unit: m"]
+def _entry(topic: str, kind: str, key: str, names: Sequence[str], unit: str) -> list[str]:
+    what = f"    {key}: {flow(list(names))}"
+    return [f"  - topic: {topic}", f"    type: {kind}", what, f"    unit: {unit}"]
 
 
 def _joints(reader: BagReader, topic: str) -> Iterator[list[str]]:
@@ -250,9 +256,4 @@ def _joints(reader: BagReader, topic: str) -> Iterator[list[str]]:
         joints = [name for name in names if name not in seen]
         seen |= set(joints)
         if joints:
-            yield [*_head(topic, JOINT_STATE), f"    joints: {flow(joints)}", "    unit: rad"]
-
-
-def _head(topic: str, kind: str) -> Iterator[str]:
-    yield f"  - topic: {topic}"
-    yield f"    type: {kind}"
+            yield _entry(topic, JOINT_STATE, "joints", joints, "rad")

@@ -18,6 +18,7 @@ from intent_recognition.signals import LONGEST_LABEL, NONE, can_name_task, hidde
 from intent_recognition.tables.cells import numbers, texts
 from intent_recognition.tables.files import FileKind, file_kinds, find_tables, has_tables
 from intent_recognition.tables.suggested_entries import (
+    MOST_BODIES,
     SeenColumn,
     body_entry,
     distinct,
@@ -50,9 +51,8 @@ LONGEST_NAME = 300
 topics and fields have about a hundred characters."""
 MOST_LISTED = 12
 """Most columns of a kind that a comment lists."""
-MOST_JOINTS, MOST_BODIES = 16, 8
-"""Most joints and bodies in a suggestion: two arms with a hand, and bodies of which a person is
-asked to delete those not needed."""
+MOST_JOINTS = 16
+"""Most joints in a suggestion: two arms with a hand."""
 NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
 """Names of a column of nanoseconds beside a column of whole seconds."""
 MOSTLY, REPEATED = 0.9, 0.3

@@ -10,7 +10,7 @@ from c3d_builder import c3d_file
 from tables.exported_files import PLACE as EXPORTED
 from tables.exported_files import bvh, motive, qtm, three, trc
 from tables.imports import check_wrist, imported
-from tables.odd_files import DEVICES, NEXUS, PLACE, ROWS, TIMES_S, cells, nexus, plain, table
+from tables.odd_files import DEVICES, NEXUS, PLACE, ROWS, TIMES_S, cells, nexus, table
 
 from intent_recognition.tables import suggest_map
 
@@ -194,29 +194,30 @@ def test_a_marker_of_two_people_is_named_with_its_person(tmp_path):
 
 
 @pytest.mark.parametrize("cell", ["0.000", "-9999", "-3.697314E+028"])
-@pytest.mark.parametrize("kind", ["QTM", "Motive", "CSV in metres"])
-def test_a_number_in_each_column_of_a_hidden_body_is_no_place(kind, cell, tmp_path):
-    gap = range(60, 80)
-    body = [cells(k) if k not in gap else [cell] * 3 for k in range(ROWS)]
-    columns = [f"wrist.{axis}" for axis in "xyz"]
-    if kind == "QTM":
-        name, content = "a.tsv", QTM + "MARKER_NAMES\twrist\n"
-        content += "".join("\t".join(row) + "\n" for row in body)
-    elif kind == "Motive":
-        name, columns = "a.csv", [f"wrist.Position.{axis}" for axis in "XYZ"]
-        content = "".join(motive(tmp_path).read_text().splitlines(keepends=True)[:7])
-        content += "".join(
-            f"{k},{k / 100},0,0,0,1,{','.join(row)},0\n" for k, row in enumerate(body)
-        )
-    else:
-        name, columns, content = "a.csv", ["x", "y", "z"], plain(hidden=gap, cell=cell, scale=1e-3)
-    more = {"time": {"column": "t"}} if kind == "CSV in metres" else {}
-    samples, said = imported(tmp_path, name, content, columns, **more)
+@pytest.mark.parametrize(
+    ("name", "head", "column", "scale"),
+    [
+        ("a.tsv", QTM + "MARKER_NAMES\twrist", "wrist.{}", 1.0),
+        ("a.csv", f"Format Version,1,Length Units,Millimeters\n,Name{',wrist' * 3}\n,"
+         f"{',Position' * 3}\nFrame,Time (Seconds),X,Y,Z", "wrist.Position.{}", 1.0),
+        ("b.csv", "row,time,x,y,z", "{}", 1e-3),
+    ],
+)  # fmt: skip
+def test_one_number_for_all_columns_of_a_hidden_body_is_no_place(
+    name, head, column, scale, cell, tmp_path
+):
+    gap, before = range(60, 80), 0 if name == "a.tsv" else 2
+    rows = [cells(k, scale=scale) if k not in gap else [cell] * 3 for k in range(ROWS)]
+    firsts = [[f"{k}", f"{TIMES_S[k]}"][:before] for k in range(ROWS)]
+    separator = "," if before else "\t"
+    content = table(head, lambda k: firsts[k] + rows[k], separator)
+    more = {} if scale == 1.0 else {"time": {"column": "time"}}
+    samples, said = imported(tmp_path, name, content, map(column.format, "xyz"), **more)
     assert re.fullmatch(r"frames at exactly \(.*\) are taken for occlusion: \S+ 20", said)
     wanted = np.where(np.isin(np.arange(ROWS), gap)[:, None], np.nan, PLACE / 1000)
     np.testing.assert_allclose(samples.values, wanted, atol=1e-6)
     (entry,) = yaml.safe_load(suggest_map(tmp_path / name))["observed"]
-    assert entry.get("columns_unit") == (None if kind == "CSV in metres" else "mm")
+    assert entry.get("columns_unit") == ("mm" if scale == 1.0 else None)
 
 
 def test_two_people_in_one_mvnx_are_refused(tmp_path):

@@ -279,11 +279,6 @@ ODD = {
         ROWS,
         "no sample of mocap/wrist/pose for 3600 s",
     ),
-    "zeros": (
-        plain(hidden=range(60, 65), cell="0", scale=1e-3),
-        ROWS,
-        r"frames at exactly \(0, 0, 0\) are taken for occlusion: mocap/wrist/pose 5$",
-    ),
     "metres called millimetres": (plain(scale=1e-6), ROWS, r"say in the map columns_unit: m\."),
     "a short reach in centimetres": (
         plain(scale=0.03),

@@ -94,6 +94,7 @@ def test_of_many_bodies_those_that_move_are_suggested_first(tmp_path):
             writer.write_message("/bodies", kind, {"markers": markers}, START_NS + k)
             frame = {"child_frame_id": "a [1]", "transform": {"translation": {"x": k / 10}}}
             writer.write_message("/tf", TF, {"transforms": [frame]}, START_NS + k)
+            writer.write("/path", PATH, b"no CDR", START_NS + k)
     content = yaml.safe_load(suggest_map(tmp_path))
     fields = [one["fields"][0] for one in content["observed"] + content["controlled"]]
     assert fields[0] == "markers[id=99].pose.position.x" and len(fields) == 9
