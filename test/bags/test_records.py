@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from zstandard import ZstdCompressor, ZstdDecompressor
 
 from intent_recognition.bags.mcap import records
-from intent_recognition.bags.mcap.chunk import McapBlock, read_messages
+from intent_recognition.bags.mcap.chunk import McapBlock, _decompress, read_messages
 
 HEAD, LEAST = records.RECORD_HEADER.size, records.LEAST_MESSAGE
 SEARCHES = [records._positions, *filter(None, [records._compiled])]
@@ -56,3 +57,12 @@ def test_blocks_that_are_read_together_end_with_their_records():
     assert read_messages(whole * 2, *blocks).starts.size == 2
     with pytest.raises(ValueError, match="inside of a record"):
         read_messages(long + whole, *blocks)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+def test_all_of_a_chunk_that_is_cut_off_is_read(share, rng):
+    content = rng.bytes(200_000)  # such as images: blocks of zstd are larger than one read
+    packed = ZstdCompressor().compress(content)[: int(share * len(content))]
+    read = _decompress("zstd", packed, len(content), ZstdDecompressor(), is_cut=True)
+    assert read == ZstdDecompressor().decompressobj().decompress(packed)
+    assert len(read) > len(packed) - 100

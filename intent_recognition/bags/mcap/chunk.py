@@ -190,22 +190,10 @@ def _decompress(
         if said not in (-1, size):  # zstd allocates it
             raise ValueError(f"a frame of {said} bytes in a chunk that states {size}")
         if is_cut:
-            return _cut_zstd(data, size, zstd)
+            return zstd.stream_reader(data).read(size)
         return zstd.decompress(data, max_output_size=size)
     if compression == "lz4":
         return lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size)
     if compression == "":
         return data
     raise ValueError(f"unknown compression {compression!r}")
-
-
-def _cut_zstd(data: bytes, size: int, zstd: zstandard.ZstdDecompressor) -> bytes:
-    """Decompress a truncated frame piece by piece, as far as possible."""
-    found = bytearray()
-    with zstd.stream_reader(data) as reader:
-        while len(found) < size:
-            piece = reader.read(min(size - len(found), 2**16))
-            if not piece:
-                break
-            found += piece
-    return bytes(found)
