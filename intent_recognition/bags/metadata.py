@@ -38,8 +38,6 @@ class BagMetadata:
     topics: tuple[TopicInfo, ...] = ()
     # texts that the recorder stored, by key
     custom_data: Mapping[str, str] = field(default_factory=dict)
-    storage: str = "mcap"  # identifier of the storage plugin
-    compression: str = ""  # format of compressed files or messages, "" for none
 
     @property
     def message_count(self) -> int:
@@ -110,7 +108,7 @@ def _to_dict(metadata: BagMetadata) -> dict[str, object]:
     count = {"message_count": metadata.message_count}
     return {
         "version": 9,  # as Jazzy's rosbag2 writes it
-        "storage_identifier": metadata.storage,
+        "storage_identifier": "mcap",
         "duration": duration,
         "starting_time": start,
         **count,
@@ -147,8 +145,6 @@ def _from_dict(info: Mapping) -> BagMetadata:
         duration_ns=_whole(info["duration"]["nanoseconds"]),
         topics=tuple(_topic_from_dict(t) for t in info["topics_with_message_count"] or ()),
         custom_data=_custom_data(info),
-        storage=str(info["storage_identifier"]),
-        compression=str(info.get("compression_format") or ""),
     )
 
 
