@@ -217,8 +217,9 @@ def levels(rows: Rows) -> Header | None:
 
 
 def _clock(rows: Rows, names: Sequence[str], rate: str) -> dict[str, object]:
-    """Where times are: in the second column or, if that is blank, in frames at the rate."""
-    if rate.strip() and not any(row[1].strip() for row in rows if row[1:]):
+    """Where times are: in the second column or, if blank or repeated, in frames at the rate."""
+    times = [row[1].strip() for row in rows if row[1:] and row[0].strip()]
+    if rate.strip() and ("" in times or len({*times}) < len(times)):
         return {"column": names[0], "unit": "samples", "rate": float(with_point(rate))}
     return {"column": names[1]}
 
