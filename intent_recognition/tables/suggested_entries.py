@@ -207,8 +207,9 @@ def _places_on(reader: BagReader, topic: str) -> list[str]:
         return []
     seen: dict[str, set[tuple[float, ...]]] = {}
     counts = set()  # of elements without names
+    count = min(reader.topics[topic].message_count, FIRST_MESSAGES)
     with suppress(BagError):  # a damaged file, or a definition that cannot be used
-        for message in islice(reader.messages([topic]), FIRST_MESSAGES):
+        for message in islice(reader.messages([topic]), count):
             places = dict(_places(message.message, is_named=message.type.endswith("/Point")))
             counts.add(sum(NUMBERED.search(path) is not None for path in places))
             for path, place in places.items():
