@@ -242,41 +242,38 @@ def sparse(signal: Signal) -> list[str]:
 
 
 def zeros(signal: Signal) -> list[str]:
-    """Report jumps to zero in all DOFs, which many programs write for unmeasured samples."""
-    zero = np.all(signal.values == 0.0, axis=1)
-    if len(signal.names) < 2 or not zero.any():
+    """Report `hidden_rows`, and positions that are zero in every sample."""
+    if len(signal.names) < 2 or not signal.values.size:
         return []
-    if zero.all():  # joints of a simulation may stay at zero
+    if not signal.values.any():  # joints of a simulation may stay at zero
         said = f"{in_words(signal)} is at exactly zero in every sample. Likely it was never seen."
         return [said] if signal.unit == "m" else []
-    if not _jumps_to(signal.values, zero):
-        return []
+    hidden = hidden_rows(signal.values)
     return [
-        f"{in_words(signal)} is at exactly zero in {zero.sum()} of {len(zero)} samples, and jumps"
-        " there. Likely nothing was measured then: leave these samples out."
+        f"{in_words(signal)} is at exactly {f'{number:.6g}' if number else 'zero'} in"
+        f" {hidden.sum()} of {hidden.size} samples, and jumps there. Likely nothing was measured"
+        " then: leave these samples out."
+        for number in signal.values[hidden, 0][:1]
+        if number == 0.0 or signal.unit == "m"
     ]
 
 
 def hidden_rows(places: Floats, never_zero: bool = False) -> Flags:
-    """Rows (T,) of positions (T, d) at which the body was hidden, as many programs write it.
+    """Rows (T,) of values (T, d) at which nothing was measured, as many programs write it.
 
-    They have one number in every column, such as zero or -9999, and the body jumps there for less
-    than half of the time; with `never_zero`, zeros always mean occlusion, unless all are zero.
+    They have one number in every column, such as zero or -9999, to which the others jump; with
+    `never_zero`, all zeros are such rows, unless there are no others.
     """
     known = np.isfinite(places).all(axis=1)
     same = known & np.all(places == places[:, :1], axis=1)
     numbers, counts = np.unique(places[same, 0], return_counts=True)
     hidden = same & np.isin(places[:, 0], numbers[counts == counts.max(initial=0)][:1])
     if not (never_zero and np.all(places[hidden] == 0.0)):
-        hidden &= hidden.sum() < 0.5 * known.sum() and _jumps_to(places[known], hidden[known])
+        steps = np.linalg.norm(np.diff(places[known], axis=0), axis=1)
+        edge = np.diff(hidden[known])
+        usual = steps[~edge].max(initial=0.0)  # of a movement, also to zero
+        hidden &= hidden.sum() + 2 < known.sum() and np.all(steps[edge] > 3.0 * usual)
     return hidden & (not np.array_equal(hidden, known))
-
-
-def _jumps_to(values: Floats, rows: Flags) -> bool:
-    """Whether values (T, d) jump to some rows, a mask (T,), and back rather than move there."""
-    steps = np.linalg.norm(np.diff(values, axis=0), axis=1)
-    edge = rows[1:] != rows[:-1]
-    return bool(edge.any() and steps[edge].min() > 3.0 * steps[~edge].max(initial=0.0))
 
 
 def _found_late(recorded: _Recorded) -> Iterator[str]:

@@ -233,7 +233,7 @@ def _rows(
     if source.entry.orientation and values.shape[1] == 3:  # as `intent export` writes it
         values = from_tangent(values, reference_of(source.entry))
     said = ""
-    if source.entry.unit == "m" and values.shape[1] > 1:
+    if source.entry.unit == "m" and len(source.entry.fields) == 3:
         hidden = hidden_rows(values, table.must_say)
         if hidden.any():
             marker = source.columns[0].rpartition(".")[0] or source.entry.topic

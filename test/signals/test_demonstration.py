@@ -184,10 +184,11 @@ def test_arrays_of_other_libraries_are_taken_or_refused_with_their_words():
 @pytest.mark.filterwarnings("ignore:the observed movement")
 def test_zeros_for_nothing_and_samples_far_away_are_named():
     place = np.hstack([reach(), 0.3 + reach(), 0.8 - reach()])
-    lost = place.copy()
-    lost[60:65] = 0.0
-    with pytest.warns(UserWarning, match="human_0, ... is at exactly zero in 5 of 101 samples"):
-        Demonstration.from_arrays(LONG_S, lost, reach())
+    for number, word in ((0.0, "zero"), (0.05, "0.05")):
+        lost = place.copy()
+        lost[60:65] = number
+        with pytest.warns(UserWarning, match=f"is at exactly {word} in 5 of 101 samples"):
+            Demonstration.from_arrays(LONG_S, lost, reach())
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         Demonstration.from_arrays(LONG_S, place - place[0], reach())  # a rest at the origin
