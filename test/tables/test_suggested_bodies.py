@@ -60,13 +60,8 @@ def test_bodies_in_any_message_that_holds_their_places_are_suggested(kind, tmp_p
         body: dict = {"x": 1.0, "y": 2.0, "z": float(n)}
         for part in reversed(path.split(".") if path else ()):
             body = {part: body}
-        names = {
-            "child_frame_id": name,
-            "rigid_body_name": name,
-            "id": int(name),
-            "marker_id": int(name),
-        }
-        bodies.append(body | ({key: names[key]} if key else {}))
+        said = int(name) if key in ("id", "marker_id") else name
+        bodies.append(body | ({key: said} if key else {}))
     with BagWriter(tmp_path / "bags/give_00", flush_period_s=None) as writer:
         for k in range(5):
             states = {"header": {"stamp": START_NS + k}, "name": ["q"], "position": [k / 10]}
