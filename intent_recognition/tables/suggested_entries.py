@@ -201,25 +201,22 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
 
 
 def _places_on(reader: BagReader, topic: str) -> list[str]:
-    """Paths of the positions in the first messages of a topic, those that move first."""
+    """Paths of the positions in the first messages of a topic, those that move first.
+
+    Elements without names are left out unless they move, such as the poses of a path that grows.
+    """
     definition = reader.definition_of(topic)
     if definition is None or not HAS_PLACES.search(definition.text):
         return []
     seen: dict[str, set[tuple[float, ...]]] = {}
-    counts = set()  # of elements without names
     count = min(reader.topics[topic].message_count, FIRST_MESSAGES)
     with suppress(BagError):  # a damaged file, or a definition that cannot be used
         for message in islice(reader.messages([topic]), count):
-            places = dict(_places(message.message, is_named=message.type.endswith("/Point")))
-            counts.add(sum(NUMBERED.search(path) is not None for path in places))
-            for path, place in places.items():
-                seen.setdefault(path, set()).add(place)
+            for path, at in _places(message.message, is_named=message.type.endswith("/Point")):
+                seen.setdefault(path, set()).add(at)
     still = {path for path, places in seen.items() if len(places) < 2}
-    if len(counts - {0}) > 1:  # such as a path that grows
-        seen = {
-            path: of for path, of in seen.items() if not (path in still and NUMBERED.search(path))
-        }
-    return sorted(seen, key=still.__contains__)[:MOST_BODIES]
+    found = [path for path in seen if path not in still or not NUMBERED.search(path)]
+    return sorted(found, key=still.__contains__)[:MOST_BODIES]
 
 
 def _places(

@@ -55,29 +55,28 @@ def _lab_msgs(tmp_path, monkeypatch):
 @pytest.mark.parametrize("kind", [*ARRAYS, *ONE])
 def test_bodies_in_any_message_that_holds_their_places_are_suggested(kind, tmp_path):
     array, path, key = ARRAYS.get(kind) or ("", ONE[kind], "")
-    bodies = []
-    for n, name in enumerate(("7", "9") if array else ("7",)):
-        body: dict = {"x": 1.0, "y": 2.0, "z": float(n)}
+
+    def body(n, k):
+        found: dict = {"x": float(k), "y": 2.0, "z": float(n)}
         for part in reversed(path.split(".") if path else ()):
-            body = {part: body}
-        said = int(name) if key in ("id", "marker_id") else name
-        bodies.append(body | ({key: said} if key else {}))
+            found = {part: found}
+        return found | ({key: n if key in ("id", "marker_id") else str(n)} if key else {})
+
+    count = 2 if array else 1
     with BagWriter(tmp_path / "bags/give_00", flush_period_s=None) as writer:
         for k in range(5):
             states = {"header": {"stamp": START_NS + k}, "name": ["q"], "position": [k / 10]}
             writer.write_message("/q", JOINTS, states, START_NS + k)
-            there = bodies[:: -1 if k % 2 and key else 1]  # in any order
-            writer.write_message(
-                "/bodies", kind, {array: there} if array else there[0], START_NS + k
-            )
-            if k:  # grows
-                writer.write_message("/path", PATH, {"poses": [{}] * k}, START_NS + k)
+            there = [body(n, k) for n in range(count)][:: -1 if k % 2 and key else 1]
+            content = {array: there} if array else there[0]  # in any order
+            writer.write_message("/bodies", kind, content, START_NS + k)
+            writer.write_message("/path", PATH, {"poses": [{}] * k}, START_NS + k)
     mapping = ImportMap.from_dict(yaml.safe_load(suggest_map(tmp_path / "bags")))
     *places, arm = (*mapping.dofs.observed, *mapping.dofs.controlled)
     assert arm.joints == ("q",) and {place.type for place in places} == {kind}
-    for one in BagReader(tmp_path / "bags/give_00").messages(["/bodies"]):
+    for k, one in enumerate(BagReader(tmp_path / "bags/give_00").messages(["/bodies"])):
         found = [extract(place, one.message).tolist() for place in places]
-        assert found == [[1.0, 2.0, float(n)] for n in range(len(bodies))]
+        assert found == [[k, 2.0, n] for n in range(count)]
 
 
 def test_of_many_bodies_those_that_move_are_suggested_first(tmp_path):
