@@ -65,10 +65,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
     signals = _Signals()
     try:
         _check_domain(os.environ.get("ROS_DOMAIN_ID", ""))
-        rclpy.init(
-            args=None if args is None else list(args),
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
+        _init(args)
         node = make_node()
         check_given(node, sys.argv if args is None else args)
         settle()
@@ -212,7 +209,7 @@ def spinning(
 
     The node is built after `rclpy.init`, which installs no signal handlers.
     """
-    rclpy.init(args=list(args), signal_handler_options=SignalHandlerOptions.NO)
+    _init(args)
     executor = node = None
     try:
         executor = make_executor()
@@ -239,6 +236,15 @@ def end(node: Node | None, executor: Executor | None = None) -> None:
             node.destroy_node()
     finally:
         faulthandler.cancel_dump_traceback_later()
+
+
+def _init(args: Sequence[str] | None) -> None:
+    words = None if args is None else list(args)
+    try:
+        rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
+    except rclpy_implementation.UnknownROSArgsError as error:
+        expected, cure = "-p, -r, --params-file and the like", "See --help."
+        raise ArgumentError.about("--ros-args", expected, error, cure) from error
 
 
 def _check_domain(domain: str) -> None:
