@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
@@ -11,7 +12,7 @@ from intent_recognition.errors import ArgumentError, nearest
 from intent_recognition.nodes.graph import NODES, NodeCall
 from intent_recognition.nodes.parameters import holds_for, sections
 from intent_recognition.parameter_table import PARTS, parameters_of
-from intent_recognition.share import PACKAGE
+from intent_recognition.share import PACKAGE, share_path
 from intent_recognition.untrusted import load_yaml, read_text
 
 NEEDS = {"sim_bridge": "pybullet", "intent_recognition.dashboard": "viser"}
@@ -25,9 +26,14 @@ FILES = ("model", "bag", "dofs", "sequences", "plan", "task_list", "scene")
 def check_arguments(file: str, known: Sequence[str], command: Sequence[str]) -> None:
     """Refuse arguments of `ros2 launch` that the launch file does not have.
 
-    `file` is named without `.launch.py`; a command that does not name it is not checked.
+    `file` is named without `.launch.py`. A command that names another launch file, which may
+    include this one and have its name, is not checked.
     """
-    if not any(Path(word).name == f"{file}.launch.py" for word in command):
+    ours = share_path(f"launch/{file}.launch.py")
+    if not any(
+        (before, word) == (PACKAGE, ours.name) or Path(word).resolve() == ours.resolve()
+        for before, word in pairwise(command)
+    ):
         return
     for word in command:
         name, assigned, _ = word.partition(":=")

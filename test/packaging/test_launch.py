@@ -15,6 +15,7 @@ from intent_recognition.nodes import launch_checks
 from intent_recognition.nodes.processes import PROFILES, RANGE
 from intent_recognition.promp import USUAL_END_STD
 from intent_recognition.registry import NODES as REGISTERED
+from intent_recognition.share import share_path
 from sim_bridge.arm import find_robot
 from sim_bridge.handover import with_fingers
 
@@ -291,12 +292,14 @@ def no_package(name):
 
 def test_an_argument_that_nobody_takes_is_refused(describe, monkeypatch):
     entities = describe("demo")
-    command = ["ros2", "launch", "intent_recognition", "demo.launch.py", "modle:=m.npz"]
-    monkeypatch.setattr(sys, "argv", command)
-    with pytest.raises(ArgumentError, match="Did you mean model"):
-        start(entities)
-    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "mine.launch.py", "other:=1"])
-    assert start(entities)
+    ours = ["intent_recognition", "demo.launch.py"], [str(share_path("launch/demo.launch.py"))]
+    for words in ours:
+        monkeypatch.setattr(sys, "argv", ["ros2", "launch", *words, "modle:=m.npz"])
+        with pytest.raises(ArgumentError, match="Did you mean model"):
+            start(entities)
+    for words in (["mine.launch.py"], ["my_cell", "demo.launch.py"]):  # they include ours
+        monkeypatch.setattr(sys, "argv", ["ros2", "launch", *words, "other:=1"])
+        assert start(entities)
 
 
 @pytest.mark.parametrize(
