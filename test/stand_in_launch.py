@@ -20,6 +20,8 @@ class Call:
 class Context(dict):
     """The values of launch arguments."""
 
+    launch_configurations = property(lambda self: self)
+
 
 class Configuration(Call):
     def perform(self, context):
@@ -51,7 +53,7 @@ def declared(entities):
 
 def start(entities, **given):
     """The nodes, by name, as launch would start them with these arguments."""
-    context = Context()
+    context = Context(ros_namespace="")
     for name, options in declared(entities).items():
         context[name] = options["default_value"] if "default_value" in options else NEEDED[name]
     (action,) = [e for e in entities if e.kind == "OpaqueFunction"]

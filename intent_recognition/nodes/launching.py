@@ -60,6 +60,8 @@ def _start(
     names = [argument.name for argument in GRAPHS[graph].arguments()]
     check_arguments(graph, names, sys.argv)
     given = {name: LaunchConfiguration(name).perform(context) for name in names}
+    outer = context.launch_configurations.get("ros_namespace", "")  # that of PushRosNamespace
+    given["namespace"] = "/".join(filter(None, (outer.strip("/"), given["namespace"].strip("/"))))
     values = arguments_of(graph, given)
     users, arm = values.get("params_file"), str(values.get("arm", ""))
     files = [str(share_path(GRAPHS[graph].params)), *([_params_file(str(users))] if users else [])]
@@ -86,7 +88,7 @@ def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]
         package=call.package,
         executable=call.executable,
         name=call.name,
-        namespace=call.namespace,
+        namespace=f"/{call.namespace}",
         parameters=[*own, *files, typed],
         remappings=list(call.remappings),
         arguments=arguments,

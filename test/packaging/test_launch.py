@@ -75,7 +75,7 @@ def test_every_node_takes_the_namespace_and_the_clock_and_starts_again_unless_it
     for node, options in nodes.items():
         ends = node in ("bag_player", "bag_recorder", "rviz2")
         assert options["respawn"] is not ends and options["respawn_delay"] > 0.0, node
-        assert options["namespace"] == "cell1"
+        assert options["namespace"] == "/cell1"
         publishes = values(options).get("publish_clock") or values(options).get("clock")
         publishers += bool(publishes)
         assert bool(publishes) != (values(options).get("use_sim_time") is True), node
@@ -328,6 +328,14 @@ def test_a_section_that_no_node_takes_or_a_parameter_that_it_has_not_is_refused(
         return
     with pytest.raises(ArgumentError, match=said):
         start(describe("intent"), **given)
+
+
+def test_a_namespace_around_the_launch_file_counts(describe, tmp_path):
+    (own := tmp_path / "mine.yaml").write_text("/cell1/arm/*:\n  ros__parameters: {a: 1}\n")
+    given = {"ros_namespace": "/cell1", "namespace": "arm", "params_file": str(own)}
+    node = start(describe("intent"), **given)["mocap_ingest"]
+    assert node["namespace"] == "/cell1/arm"
+    assert node["ros_arguments"] == ["--enclave", "/cell1/arm/mocap_ingest"]
 
 
 KINDS = [
