@@ -33,6 +33,5 @@ def share_path(relative: str) -> Path:
     for folder in folders:
         if (folder / relative).exists():
             return folder / relative
-    raise IntentError(
-        describe(relative, "a file shipped with the package", "none", "Install the package again.")
-    )
+    cure = "Correct its name, or install the package again."
+    raise IntentError(describe(relative, "a file shipped with the package", "none", cure))

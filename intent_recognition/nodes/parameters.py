@@ -73,7 +73,8 @@ def declare_one(node: Node, name: str, spec: ParameterSpec) -> Any:
     try:
         any_type = ParameterDescriptor(dynamic_typing=True)
         given = plain(node.declare_parameter(name, spec.default, any_type).value)
-        value = _converted(given, kind)
+        off = given is False and "off" in spec.one_of  # so YAML reads the word off
+        value = "off" if off else _converted(given, kind)
         if not kind.check(value):
             listed = kind.name.endswith("ARRAY") and not isinstance(given, list)
             cure = f"Give {name}:=[{given}]." if listed else spec.description
@@ -84,7 +85,7 @@ def declare_one(node: Node, name: str, spec: ParameterSpec) -> Any:
         raise
     except (ParameterException, TypeError, ValueError) as error:
         raise ArgumentError(f"parameter {name}: {one_line(error)}. {spec.description}") from error
-    if spec.one_of and given not in spec.one_of:
+    if spec.one_of and value not in spec.one_of:
         expected = f"one of {', '.join(spec.one_of)}"
         raise ArgumentError.about(f"parameter {name}", expected, given, "Choose one of them.")
     return plain(node.get_parameter(name).value)

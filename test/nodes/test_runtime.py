@@ -230,8 +230,9 @@ def test_parameter_refuses(harness, value):
 
 
 def test_what_can_be_chosen_is_and_nothing_else(harness):
-    node = node_with(harness, good="b", bad="c")
+    node = node_with(harness, good="b", bad="c", use=False)
     assert declared(node, "good", "a", one_of=("a", "b")) == "b"
+    assert declared(node, "use", "on", one_of=("on", "off")) == "off"  # as YAML has it
     with pytest.raises(ArgumentError, match="parameter bad: expected one of a, b, got c"):
         declared(node, "bad", "a", one_of=("a", "b"))
 
