@@ -145,7 +145,7 @@ class MocapIngest(Node):
         if waiting or (self._hears and frame_name(measured.frame_id) not in self._settings.frames):
             if len(waiting) >= 1000:
                 waiting.popleft()
-                self._diagnostics.count("no_transform")
+                self._diagnostics.reject("after_transforms", f"{body}: 1000 poses wait")
             waiting.append((elapsed_s(self), measured))
             self._look()
         else:
