@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from activation_graph import GOALS, HOME, LABELS, Graph, predicted, reference
 from joint_trajectories import build_joint_trajectory
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -27,6 +28,7 @@ from intent_recognition.nodes.conversions import (
     trajectory_arrays,
 )
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+from sim_bridge.arm import find_robot
 
 
 @pytest.fixture
@@ -192,6 +194,17 @@ def test_joints_of_another_arm_need_limits(harness):
     graph.begin()
     graph.send_prediction(predicted("plate", graph.onset_ns, names=names))
     assert graph.rejected("wrong_joint_names") == 1 and graph.node.activation is None
+
+
+def test_limits_of_another_arm_are_those_of_its_description(harness):
+    panda = find_robot("panda")
+    names = list(panda.joint_names)
+    node = harness.node(PrimitiveActivation, autostart=False, joint_names=names)
+    assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
+    harness.hear(node, "robot_description", String(data=panda.description))
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    np.testing.assert_array_equal(node._limits.upper, panda.limits.upper)
+    assert "of robot_description" in node._settings.limits_in_force(tuple(names), {})
 
 
 def test_a_prediction_that_is_rejected_does_not_fix_the_joints(harness):
