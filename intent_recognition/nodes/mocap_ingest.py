@@ -69,6 +69,7 @@ class MocapIngest(Node):
         self._diagnostics = Diagnostics(self)
         self._states: dict[str, IngestState] = {}
         self._waiting: dict[str, deque[tuple[float, PoseNumbers]]] = {}
+        self._ahead_s: dict[str, deque[float]] = {}
         self._wait_s: float = values["tf_wait"]
         self._tree = TransformTree()
         self._hears = self._wait_s > 0.0 and hear_frames(self, self._tree, self._look)
@@ -106,7 +107,7 @@ class MocapIngest(Node):
         when_clock_goes_back(self, self._start_over)
 
     def _hear(self, body: str) -> None:
-        self._waiting[body] = deque()
+        self._waiting[body], self._ahead_s[body] = deque(), deque(maxlen=2)
         topic, take = f"mocap/{body}/pose", partial(self._on_pose, body)
         needed = self._identity is None  # people come and go
         self._diagnostics.subscribe(PoseStamped, topic, take, qos.SENSOR, needed=needed, raw=True)
@@ -120,8 +121,8 @@ class MocapIngest(Node):
             self._identity.forget()
         self._left_overs.start_over()
         self._states = dict.fromkeys(self._states, IngestState())
-        for waiting in self._waiting.values():
-            waiting.clear()
+        for kept in (*self._waiting.values(), *self._ahead_s.values()):
+            kept.clear()
 
     def _changed(self, changes: Changes) -> IngestSettings:
         fields: dict[str, Any] = {LIVE[name]: value for name, value in changes.items()}
@@ -139,6 +140,8 @@ class MocapIngest(Node):
         if self._left_overs.include(body, measured.stamp_ns):
             self._diagnostics.count("left_over")
             return
+        if self._identity is None and self._leaps(body, measured.stamp_ns):
+            return
         newest = self._left_overs.last_ns
         newest[body] = max(measured.stamp_ns, newest.get(body, 0))
         waiting = self._waiting[body]
@@ -150,6 +153,19 @@ class MocapIngest(Node):
             self._look()
         else:
             self._identified(body, measured)
+
+    def _leaps(self, body: str, stamp_ns: int) -> bool:
+        """Reject a stamp 1 s farther ahead of its arrival than the last two, which may be alone.
+
+        The clock of the tracker was set, if the next one is as far ahead.
+        """
+        ahead_s, last = stamp_ns * 1e-9 - elapsed_s(self), self._ahead_s[body]
+        leap_s = ahead_s - max(last, default=np.inf)
+        if stamp_ns > 0:
+            last.append(ahead_s)
+        if leap_s > 1.0:
+            self._diagnostics.reject("stamp_jumped", f"{body}: by {leap_s:.1f} s")
+        return leap_s > 1.0
 
     def _look(self) -> None:
         """Use waiting poses in order, as their transforms come; reject those that wait too long."""

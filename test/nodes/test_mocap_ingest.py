@@ -73,6 +73,16 @@ def test_when_the_clock_goes_back_the_first_pose_counts(harness):
     assert [stamp_ns(message) for message in received] == expected
 
 
+def test_a_single_stamp_ahead_costs_one_pose_and_a_clock_may_be_set(harness):
+    node = harness.node(MocapIngest)
+    jumps = {50: 500, **dict.fromkeys(range(100, 150), 1000)}  # in steps: alone, and for good
+    stamps = [k + jumps.get(k, 0) for k in range(150)]
+    received = exchange(harness, [pose(k, (0.001 * k, 0.5, 1.0)) for k in stamps])
+    used = [(stamp_ns(message) - T0) // STEP for message in received]
+    assert used == [k for k in stamps if k not in (stamps[50], stamps[100])]
+    assert node._diagnostics.rejected("stamp_jumped") == 2
+
+
 def test_what_is_left_over_is_known_by_the_trackers_label(harness):
     node = harness.node(MocapIngest, use_sim_time=True, persons=["*"])
     for label in "ab":
