@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from rclpy.duration import Duration
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message, serialize_message
@@ -102,16 +103,17 @@ class BagPlayer(Node):
     def _add_publisher(self, info: TopicInfo) -> None:
         if info.message_count == 0 or not self._is_wanted(info.name):
             return
-        try:
-            kind: Any = message_class(info.type)
-        except BagError as error:
-            self._diagnostics.reject("unknown_type", f"{info.name} is not played: {error}")
-            return
         topic = info.name.lstrip("/")
         name = info.name if topic in ("clock", "diagnostics") else topic
         if topic == "clock" and self._values["clock"]:
             return
-        self._outputs[info.name] = self.create_publisher(kind, name, recorded_profile(info))
+        try:
+            kind: Any = message_class(info.type)
+            self._outputs[info.name] = self.create_publisher(kind, name, recorded_profile(info))
+        except (BagError, NameValidationException) as error:
+            reason = "unknown_type" if isinstance(error, BagError) else "unwritable"
+            self._diagnostics.reject(reason, f"{info.name} is not played: {one_line(error)}")
+            return
         fields = list(kind.get_fields_and_field_types().items())
         if info.type in STAMPED_ELEMENTS:
             self._arrays[info.name] = kind, fields[0][0]

@@ -210,6 +210,17 @@ def test_what_has_no_stamp_that_can_be_moved_is_counted_and_the_rest_is_played(
     assert node.exit_code == 0
 
 
+def test_a_topic_whose_name_ros_2_does_not_take_is_counted_and_the_rest_is_played(
+    harness, tmp_path
+):
+    with BagWriter(tmp_path / "bag") as writer:
+        for topic in ("vrpn/1/note", "vrpn/note"):  # ROS 1 has both
+            writer.write_message(topic, "std_msgs/msg/String", {"data": "seen"}, START_NS)
+    node = harness.add(player(tmp_path / "bag", rate=0.0, wait_for_subscribers=0.0))
+    harness.spin_until(lambda: node.done)
+    assert (node.published, node._diagnostics.rejected("unwritable")) == (1, 1)
+
+
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 @pytest.mark.parametrize("error", [BagError("the disk is gone"), OSError("the disk is gone")])
 def test_it_ends_whatever_fails(harness, bag, monkeypatch, error):
