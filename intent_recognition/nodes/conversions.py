@@ -126,17 +126,17 @@ def joint_values(message: JointState, joints: Sequence[str], field: str = "posit
     """Values (d,) of `joints`, found by name, in the order of `joints`.
 
     Raises:
-        MessageError: a joint is missing, or the field is shorter than the names.
+        MessageError: a joint is missing or named twice, or the field is shorter than the names.
     """
     values = getattr(message, field)
     if len(values) != len(message.name):
         expected = f"{len(message.name)} values, one a name"
         raise MessageError.about(field, expected, len(values), "Fill it.")
     index = {name: i for i, name in enumerate(message.name)}
-    missing = [joint for joint in joints if joint not in index]
+    missing = [joint for joint in joints if message.name.count(joint) != 1]
     if missing:
-        cure = "Check the joint names."
-        raise MessageError.about("joint_states", f"joints {missing}", list(message.name), cure)
+        expected, cure = f"joints {missing} once", "Check the joint names."
+        raise MessageError.about("joint_states", expected, list(message.name), cure)
     return np.array([values[index[joint]] for joint in joints], dtype=np.float64)
 
 

@@ -77,6 +77,8 @@ def test_joint_state_is_found_by_name():
         joint_values(state, ["a"], "velocity")
     with pytest.raises(MessageError):
         joint_values(JointState(name=["a"], position=[]), ["a"])
+    with pytest.raises(MessageError, match=r"\['b'\] once"):
+        joint_values(JointState(name=["b", "a", "b"], position=[1.0, 2.0, 3.0]), ["a", "b"])
 
 
 def test_nan_for_all_joints_that_count_was_not_measured_but_for_one_it_is_a_fault():
