@@ -16,6 +16,7 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, JointLimits, check_position
 from intent_recognition.motion import Spread, is_hand, scaled_limits
 from intent_recognition.nodes.diagnostics import RejectionError
+from intent_recognition.nodes.hand_input import HandInput
 from intent_recognition.nodes.parameters import DEFAULT, Changes, declare
 from intent_recognition.promp import Risk, TaskLibrary, Trajectory, end_std_limits, least_end_std
 from intent_recognition.recognition import (
@@ -75,8 +76,8 @@ class ActivationParameters:
         entries: DOF entries of the model's controlled agent.
     """
 
-    def __init__(self, node: Node):
-        self._values = declare(node, "activation")
+    def __init__(self, node: Node, hand: HandInput):
+        self._values, self._hand = declare(node, "activation"), hand
         self.rate_hz: float = self._values["command_rate"]
         self.command_action: str = self._values["command_action"]
         self.described: Arm | None = None
@@ -235,6 +236,9 @@ class ActivationParameters:
                 lwr.lower[at], lwr.upper[at], lwr.velocity[at], acceleration, lwr.torque[at]
             )
             limits = replace(known, **given)
+        elif (arm := self._hand.arm) is not None and names == arm.joint_names:
+            self.described = arm
+            limits = replace(arm.limits, **given, acceleration=acceleration)
         else:
             text = f"{', '.join(names)}: set lower, upper and velocity for joints not of the LWR"
             raise RejectionError("wrong_joint_names", text)

@@ -12,12 +12,7 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.activation import (
-    Activation,
-    ActivationSettings,
-    Mode,
-    PredictedInteraction,
-)
+from intent_recognition.activation import Activation, Mode, PredictedInteraction
 from intent_recognition.array_types import Floats
 from intent_recognition.demonstrations import numbers_of
 from intent_recognition.errors import ArgumentError, IntentError, MessageError
@@ -75,8 +70,8 @@ class PrimitiveActivation(ManagedNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("primitive_activation", **kwargs)
         self.diagnostics = Diagnostics(self)
-        self._settings = ActivationParameters(self)
         self._hand = HandInput(self, self.diagnostics)
+        self._settings = ActivationParameters(self, self._hand)
         self._things = ClearanceInput(self, self.diagnostics)
         self._person = PersonInput(self, self._hand, self.diagnostics)
         detector = declare(self, "correction")["correction"]
@@ -194,7 +189,7 @@ class PrimitiveActivation(ManagedNode):
                 raise RejectionError("wrong_joint_names", f"{named} for {wanted}")
             read = read_prediction(message)
             if self.activation is None:
-                self._limits = self._settings_of(joints).limits
+                self._limits = self._settings.settings(joints, self._starts).limits
             path = self._path(read.of_hand, read.times_s, read.positions, read.velocities)
             self._keep_clear(joints)
             if self.activation is None:
@@ -368,21 +363,10 @@ class PrimitiveActivation(ManagedNode):
         bound = "not known" if risk is None else f"{risk.bound:.3f}"
         self.diagnostics.value("wrong actions at most", bound)
 
-    def _settings_of(self, names: tuple[str, ...]) -> ActivationSettings:
-        """Settings of these joints, whose limits may be known from `robot_description` alone."""
-        try:
-            return self._settings.settings(names, self._starts)
-        except RejectionError:
-            arm = self._hand.arm
-            if arm is None or arm.joint_names != names:
-                raise
-            self._settings.describe(arm)
-            return self._settings.settings(names, self._starts)
-
     def _apply_settings(self, names: tuple[str, ...]) -> None:
         """Set the joints; if they are the same as before, the command in force is kept."""
         settings = replace(
-            self._settings_of(names),
+            self._settings.settings(names, self._starts),
             clearance=self._things.clearance,
             separation=self._person.separation,
             slow_places=self._person.slow_places,
