@@ -121,8 +121,9 @@ class MocapIngest(Node):
             self._identity.forget()
         self._left_overs.start_over()
         self._states = dict.fromkeys(self._states, IngestState())
-        for kept in (*self._waiting.values(), *self._ahead_s.values()):
-            kept.clear()
+        for body, waiting in self._waiting.items():
+            waiting.clear()
+            self._ahead_s[body].clear()
 
     def _changed(self, changes: Changes) -> IngestSettings:
         fields: dict[str, Any] = {LIVE[name]: value for name, value in changes.items()}
@@ -155,17 +156,14 @@ class MocapIngest(Node):
             self._identified(body, measured)
 
     def _leaps(self, body: str, stamp_ns: int) -> bool:
-        """Reject a stamp 1 s farther ahead of its arrival than the last two, which may be alone.
-
-        The clock of the tracker was set, if the next one is as far ahead.
-        """
+        """Reject a stamp 1 s farther ahead of its arrival than the last two, but not the next."""
         ahead_s, last = stamp_ns * 1e-9 - elapsed_s(self), self._ahead_s[body]
-        leap_s = ahead_s - max(last, default=np.inf)
+        leaps = bool(ahead_s - max(last, default=np.inf) > 1.0)
         if stamp_ns > 0:
             last.append(ahead_s)
-        if leap_s > 1.0:
-            self._diagnostics.reject("stamp_jumped", f"{body}: by {leap_s:.1f} s")
-        return leap_s > 1.0
+        if leaps:
+            self._diagnostics.reject("stamp_jumped", f"{body}: stamp {stamp_ns} ns came too early")
+        return leaps
 
     def _look(self) -> None:
         """Use waiting poses in order, as their transforms come; reject those that wait too long."""
