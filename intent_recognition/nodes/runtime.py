@@ -64,7 +64,6 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
     node = None
     signals = _Signals()
     try:
-        _check_domain(os.environ.get("ROS_DOMAIN_ID", ""))
         _init(args)
         node = make_node()
         check_given(node, sys.argv if args is None else args)
@@ -239,19 +238,15 @@ def end(node: Node | None, executor: Executor | None = None) -> None:
 
 
 def _init(args: Sequence[str] | None) -> None:
-    words = None if args is None else list(args)
+    domain, words = os.environ.get("ROS_DOMAIN_ID", ""), None if args is None else list(args)
+    # the ports of larger domains do not fit into 16 bits (DDSI-RTPS 2.5, 9.6.2.3)
+    if domain and not (domain.isdecimal() and int(domain) <= 232):
+        raise ArgumentError.about("ROS_DOMAIN_ID", "0 to 232", repr(domain), "Use 0 to 101.")
     try:
         rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
     except rclpy_implementation.UnknownROSArgsError as error:
-        expected, cure = "-p, -r, --params-file and the like", "See --help."
-        raise ArgumentError.about("--ros-args", expected, error, cure) from error
-
-
-def _check_domain(domain: str) -> None:
-    # the ports of larger domains do not fit into 16 bits (DDSI-RTPS 2.5, 9.6.2.3)
-    if domain and not (domain.isdecimal() and int(domain) <= 232):
-        cure = "Use 0 to 101."
-        raise ArgumentError.about("ROS_DOMAIN_ID", "0 to 232", repr(domain), cure)
+        expected = "-p, -r, --params-file and the like"
+        raise ArgumentError.about("--ros-args", expected, error, "See --help.") from error
 
 
 class _Signals:
