@@ -69,11 +69,13 @@ class ArmTracking:
 
     def take_joint_state(
         self, now_ns: int, stamp_ns: int, position: Floats, velocity: Floats | None
-    ) -> None:
+    ) -> bool:
         """Take measured joint positions and velocities, (n,) each [rad, rad/s].
 
         Rejects a stamp farther than `LARGEST_SKEW_NS` from its arrival, and one that is not later
         than the last stamp, unless the last stamp was ahead of the clock.
+
+        Returns whether they are used.
         """
         last = self._measured
         if last is not None and stamp_ns <= last.stamp_ns <= now_ns:
@@ -92,6 +94,7 @@ class ArmTracking:
             self._measured = measured = Measured(stamp_ns, time_ns, position, velocity)
             self._remember(measured)
             self._look_for_lateness(measured)
+        return self._measured is not last
 
     def _look_for_lateness(self, measured: Measured) -> None:
         time_ns = measured.time_ns

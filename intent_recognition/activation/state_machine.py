@@ -203,15 +203,16 @@ class Activation:
         velocity: Floats | None = None,
         *,
         now_ns: int | None = None,
-    ) -> None:
+    ) -> bool:
         """Take measured joint positions and velocities, (n,) each [rad, rad/s].
 
         They arrived at `now_ns`, by default at their stamp. Without velocities, a motion begins
-        only once the positions have stood still for 0.1 s.
+        only once the positions have stood still for 0.1 s. Returns whether they are used.
         """
         arrival_ns = stamp_ns if now_ns is None else now_ns
-        self.arm.take_joint_state(arrival_ns, stamp_ns, position, velocity)
+        used = self.arm.take_joint_state(arrival_ns, stamp_ns, position, velocity)
         self._correcting.observe()
+        return used
 
     def reset(self, now_ns: int) -> Command | None:
         """Forget the interaction; an arm under way goes home."""

@@ -55,7 +55,7 @@ from intent_recognition.promp import Trajectory
 TASKS, PREDICTION = "intent/tasks", "intent/robot_trajectory"
 """Streams whose messages are counted together for all people."""
 OF_ARM = "joint_states of the arm"
-"""Stream of the messages on `joint_states` that name joints of the arm, not only a gripper's."""
+"""Stream of the messages on `joint_states` that are used: of the arm, not of a gripper alone."""
 SENDERS = {TASKS: "estimator or tracker", OF_ARM: "arm driver"}
 """Streams that never pause in normal operation, and who has failed if one does."""
 
@@ -243,27 +243,31 @@ class PrimitiveActivation(ManagedNode):
     def _on_joint_states(self, message: JointState) -> None:
         if of_other_joints(message, self.joint_names or message.name):
             return
-        self.diagnostics.tick(OF_ARM)
-        if not self.active:
-            return
         with self.diagnostics.rejecting("joint_states_incomplete"):
-            if self.activation is None and self._settings.of_hand and self._hand.arm is not None:
-                self._apply_settings(self._meet_arm().joint_names)
-            if self.activation is None:
-                return
-            position = joint_values(message, self.joint_names)
-            velocity = measured_values(message, self.joint_names, "velocity")
-            measured = position if velocity is None else np.stack([position, velocity])
-            if not np.all(np.isfinite(measured)):
-                text = "joint_states holds NaN or infinity"
-                raise RejectionError("joint_states_not_finite", text)
-            if stamp_ns(message) == 0:
-                text = "joint_states without a stamp"
-                raise RejectionError("joint_states_zero_stamp", text)
-            now = now_ns(self)
-            self.activation.take_joint_state(stamp_ns(message), position, velocity, now_ns=now)
-        if self.diagnostics.answers and self.activation is not None:
+            if not self.active or self._uses(message):
+                self.diagnostics.tick(OF_ARM)
+        if self.active and self.diagnostics.answers and self.activation is not None:
             self._step(self.activation)  # simulated time waits for it, and for no timer
+
+    def _uses(self, message: JointState) -> bool:
+        """Use a measured state of the arm, if its joints are known; returns False if it is late.
+
+        Raises:
+            IntentError: it cannot be used.
+        """
+        if self.activation is None and self._settings.of_hand and self._hand.arm is not None:
+            self._apply_settings(self._meet_arm().joint_names)
+        if self.activation is None:
+            return True
+        position = joint_values(message, self.joint_names)
+        velocity = measured_values(message, self.joint_names, "velocity")
+        measured = position if velocity is None else np.stack([position, velocity])
+        if not np.all(np.isfinite(measured)):
+            raise RejectionError("joint_states_not_finite", "joint_states holds NaN or infinity")
+        if stamp_ns(message) == 0:
+            raise RejectionError("joint_states_zero_stamp", "joint_states without a stamp")
+        now = now_ns(self)
+        return self.activation.take_joint_state(stamp_ns(message), position, velocity, now_ns=now)
 
     def _on_next_task(self, message: JointState) -> None:
         if not self.active or self.activation is None:

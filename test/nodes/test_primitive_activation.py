@@ -27,6 +27,7 @@ from intent_recognition.nodes.conversions import (
     to_stamp,
     trajectory_arrays,
 )
+from intent_recognition.nodes.diagnostics import Level
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from sim_bridge.arm import find_robot
 
@@ -322,6 +323,7 @@ def test_a_sender_that_died_is_named_within_a_second(graph, dead, monkeypatch):
     reports = graph.harness.said(graph.node, "/diagnostics")
 
     def speak(*streams):
+        graph.tick()
         fingers = to_joint_state(["finger"], [0.0], time_ns=graph.now_ns)
         graph.hear("joint_states", fingers)  # of a driver that lives
         for stream in streams:
@@ -337,3 +339,19 @@ def test_a_sender_that_died_is_named_within_a_second(graph, dead, monkeypatch):
     assert f"silent: {dead}" in silent and other not in silent
     assert "silent" not in speak(*both)[1]
     assert not graph.rejected("joint_states_incomplete")
+
+
+@pytest.mark.parametrize("wrong", [{"time_ns": 0}, {"late_s": 5.0}, {"q": np.full(7, np.nan)}])
+def test_joint_states_that_cannot_be_used_count_as_silence(graph, wrong, monkeypatch):
+    now_s = [time.monotonic()]
+    monkeypatch.setattr(graph.node.diagnostics, "_clock", lambda: now_s[0])
+    graph.begin()
+    graph.step()
+    now_s[0] += 0.9
+    at_ns = wrong.get("time_ns", graph.now_ns - round(wrong.get("late_s", 0.0) * 1e9))
+    graph.hear("joint_states", to_joint_state(JOINT_NAMES, wrong.get("q", HOME), time_ns=at_ns))
+    graph.send_tasks()
+    graph.node._look_for_silence()
+    status, _ = graph.report()
+    assert status.level == bytes([Level.WARN])
+    assert "silent: joint_states of the arm" in status.message
