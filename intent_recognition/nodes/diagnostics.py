@@ -281,7 +281,9 @@ class Diagnostics:
             silent_s = min(self.silent_s(stream), now_s - self._stood_s)
             if stream in self._needed and silent_s > PATIENCE_S:
                 n = subscription.get_publisher_count()
-                found.append(f"nothing on {stream} for {silent_s:.0f} s (publishers: {n})")
+                found.append(
+                    f"nothing on {subscription.topic_name} for {silent_s:.0f} s (publishers: {n})"
+                )
         return "; ".join(found)
 
     def publish(self) -> None:

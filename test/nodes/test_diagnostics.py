@@ -93,9 +93,9 @@ def test_a_status_warns_of_a_stream_that_is_needed_and_silent_until_it_is_heard(
     clock.now_s += 2.9
     assert diagnostics.report().level == OK
     clock.now_s += 4.1
-    assert hear(diagnostics, clock, "tasks")[1] == "nothing on pose for 8 s (publishers: 0)"
+    assert hear(diagnostics, clock, "tasks")[1] == "nothing on /pose for 8 s (publishers: 0)"
     diagnostics.status(Level.WARN, "hand lost")
-    assert diagnostics.report().message.startswith("hand lost; nothing on pose")
+    assert diagnostics.report().message.startswith("hand lost; nothing on /pose")
     diagnostics.status(Level.OK, "idle")
     assert hear(diagnostics, clock, "pose") == (OK, "idle")
 

@@ -174,7 +174,7 @@ def test_a_stream_too_slow_for_an_onset_is_said_with_topic_and_rates_while_it_co
     monkeypatch.setattr(person_belief, "elapsed_s", lambda _: time.monotonic() + 10.0)
     monkeypatch.setattr(graph.node._diagnostics, "_clock", lambda: time.monotonic() + 10.0)
     graph.node.people[""].look()
-    assert graph.status().message.startswith("nothing on human/wrist for 1")
+    assert graph.status().message.startswith("nothing on /human/wrist for 1")
     monkeypatch.undo()
     assert graph.call("reset").success
     assert graph.status().level == DiagnosticStatus.OK

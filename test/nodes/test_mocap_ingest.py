@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node mocap_ingest on its topics; frames on /tf, in which poses come and that nodes tell."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from estimator_graph import DOFS, Folder, Graph
@@ -118,11 +120,13 @@ def test_a_body_in_millimetres_is_named_once_and_sent_on(harness):
 
 
 def test_it_warns_of_each_body_that_is_not_tracked(harness, monkeypatch):
-    diagnostics = harness.node(MocapIngest, bodies=["wrist", "cup"])._diagnostics
+    remap = ["--ros-args", "-r", "mocap/cup/pose:=/vrpn/cup"]
+    make = partial(MocapIngest, cli_args=remap)
+    diagnostics = harness.node(make, bodies=["wrist", "cup"])._diagnostics
     now_s = diagnostics._clock() + 4.0
     monkeypatch.setattr(diagnostics, "_clock", lambda: now_s)
     diagnostics.tick("mocap/wrist/pose")
-    assert diagnostics.report().message == "nothing on mocap/cup/pose for 4 s (publishers: 0)"
+    assert diagnostics.report().message == "nothing on /vrpn/cup for 4 s (publishers: 0)"
 
 
 QUARTER = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))
