@@ -18,7 +18,7 @@ from intent_recognition.tables.by_body import by_body, flat
 from intent_recognition.tables.cells import OF_IMAGE, are_of_image, pixels_of, text_of
 from intent_recognition.tables.hdf5_reading import RATES, UNIT
 from intent_recognition.tables.table import MOST_COLUMNS, MOST_TEXT, Table, table_of, unusable
-from intent_recognition.tables.times import usual_unit
+from intent_recognition.tables.times import TIME_NAME, usual_unit
 from intent_recognition.untrusted import UntrustedError, check_regular
 
 FRAMES = "_keypoints.json"
@@ -145,7 +145,8 @@ def open_landmarks(path: Path) -> Table:
     frames = content.get("frames", content.get("results")) if isinstance(content, dict) else content
     if frames is None and isinstance(content, dict):  # rows under another key
         lists = [v for v in content.values() if isinstance(v, list) and v]
-        of_rows = [v for v in lists if isinstance(v[0], dict)]
+        firsts = [v[0][0] if isinstance(v[0], list) and v[0] else v[0] for v in lists]
+        of_rows = [v for v, first in zip(lists, firsts, strict=True) if isinstance(first, dict)]
         of_numbers = [v for v in lists if not isinstance(v[0], dict | str)]
         longer = [len(v) for v in of_numbers if of_rows and len(v) > len(of_rows[0])]
         are_columns = len(longer) > len(set(longer))  # beside a list of events
@@ -162,6 +163,10 @@ def open_landmarks(path: Path) -> Table:
         return table_of(path, _read(path, _of_lists, content), **_about(path, content))
     if not isinstance(frames, list) or not frames:
         raise unusable(path, "a list of frames with landmarks", "none", "Check the file.")
+    about = _about(path, content)
+    if trials := _read(path, _of_trials, frames):
+        about["defaults"] |= {"segments": {"column": "demonstration"}}
+        return table_of(path, trials, **about)
     number = next((k for k in NUMBERS if all(isinstance(f, dict) and k in f for f in frames)), "")
     rows = _rows([frame[number] for frame in frames] if number else keys or range(len(frames)))
     listed = [frame.get("people") for frame in frames if isinstance(frame, dict)]
@@ -174,7 +179,7 @@ def open_landmarks(path: Path) -> Table:
     key = next((k for k in (*WORLD, *IMAGE) if _has(frames, k)), "")
     people = [_read(path, partial(_people, key), frame) for frame in frames]
     if not any(people):
-        return by_body(table_of(path, _read(path, _of_records, frames), **_about(path, content)))
+        return by_body(table_of(path, _read(path, _of_records, frames), **about))
     points = [_read(path, _points, one[0]) if one else {} for one in people]
     notes = []
     if key in IMAGE or (not key and _is_of_image(points)):
@@ -186,7 +191,6 @@ def open_landmarks(path: Path) -> Table:
         )
     stamp = next((k for k in ("timestamp_ms", "timestamp", "time") if _has(frames, k)), None)
     columns = _columns(points, rows if stamp is None else np.arange(len(frames)))
-    about = _about(path, content)
     if stamp is not None:
         stamps = [frame.get(stamp) if isinstance(frame, dict) else None for frame in frames]
         columns["time"] = _read(path, lambda all: np.array(all, np.float64), stamps)
@@ -276,6 +280,28 @@ def _of_lists(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     if not any(column.dtype.kind == "f" for column in columns.values()):
         raise ValueError("no lists of numbers")
     return columns
+
+
+def _of_trials(listed: Sequence[Any]) -> dict[str, NDArray[Any]]:
+    """Columns of successive demonstrations with times, each an object of lists or a list of rows;
+    no columns if the list holds anything else.
+    """
+    parts: list[dict[str, NDArray[Any]]] = []
+    for number, one in enumerate(listed):
+        if isinstance(one, list) and one and all(isinstance(row, dict) for row in one):
+            found = {name: column.tolist() for name, column in _of_records(one).items()}
+        else:
+            found = dict(_lists(one)) if isinstance(one, dict) else {}
+        times = [name for name in found if TIME_NAME.search(name)]
+        if not any(len(found[n]) >= MIN_SAMPLES and np.isreal(found[n][0]) for n in times):
+            return {}
+        columns = _of_lists(found)
+        size = len(next(iter(columns.values())))
+        said = {"demonstration": number, **(one if isinstance(one, dict) else {})}
+        texts = {n: np.full(size, v, object) for n, v in said.items() if isinstance(v, str | int)}
+        parts.append(texts | columns)
+    names = [name for name in parts[0] if all(name in part for part in parts)] if parts else []
+    return {name: np.concatenate([part[name] for part in parts]) for name in names}
 
 
 def _lists(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, list[Any]]]:

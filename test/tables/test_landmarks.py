@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from tables.imports import check_wrist, imported
+from tables.imports import check_wrist, imported, suggested
 from tables.odd_files import PLACE, ROWS, TIMES_S, in_turns, of_bodies
 
 from intent_recognition.tables.files import open_table
@@ -228,6 +228,26 @@ def test_json_of_a_wrist_however_it_is_written(kind, tmp_path):
         options["task"] = {"column": "what"}
     found = imported(tmp_path, "a.json", json.dumps(content), columns[:3], **options)
     check_wrist(found, atol=0.0, times_atol=1)
+
+
+LISTS = {"label": "reach", "time": AT, "wrist": PLACES}
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        [LISTS, LISTS],
+        {"trials": [LISTS, LISTS]},
+        {"trial_1": LISTS, "trial_2": LISTS},
+        {"demos": [timed("wrist", ROWS_OF)] * 2},
+    ],
+)
+def test_demonstrations_in_json_are_cut(content, tmp_path):
+    (tmp_path / "a.json").write_text(json.dumps(content))
+    _, text, found = suggested(tmp_path / "a.json")
+    assert len(found) == 2 and "segments: {column: demonstration}" in text
+    for one in found:
+        check_wrist((one.samples[0], ""), times_atol=1)
 
 
 def test_few_numbered_frames_of_many_numbers_are_no_columns(tmp_path):
