@@ -29,8 +29,8 @@ MOST_BODIES = 8
 """Most bodies in a suggestion, of which a person is asked to delete those not needed."""
 JOINT = re.compile(r"(?:.*?[./])?(?P<joint>[^./]*[^./\d][^./]*)(?:[./](?:position|pos|q))?$")
 """Names of columns that contain their joint, as in `/joint_states/panda_joint1/position`."""
-UNIT_END = re.compile(r"(?i)(?<=[^\W_])[\W_]+(?:deg(?:ree)?s?|rad(?:ian)?s?)[\W_]*$")
-"""A unit at the end of the name of a joint."""
+ANGLE_END = re.compile(r"(?i)(?<=[^\W_])[\W_]+(?:deg(?:ree)?s?|rad(?:ian)?s?)[\W_]*$")
+"""A unit of angles at the end of a name."""
 NO_NAME = {"observation", "observations", "obs", "state", "human", "field", "mocap", "pose"}
 NO_NAME |= {"position", "pos", "poses", "xyz", "translation", "t"}
 """Words in names of columns that do not name a body."""
@@ -86,7 +86,7 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
     ]
     if len(set(called)) < len(called) or {*called} & {*"xyzXYZ"}:  # axes of a body
         called = [joint.name for joint in joints]
-    bare = [UNIT_END.sub("", name) for name in called]  # the entry has another unit
+    bare = [ANGLE_END.sub("", name) for name in called]  # the entry has another unit
     called = bare if len(set(bare)) == len(bare) else called
     names = [re.sub(r"\W+", "_", name).strip("_") for name in called]
     farthest = max(joint.farthest for joint in joints)

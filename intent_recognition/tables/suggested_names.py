@@ -10,23 +10,24 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.signals import FIRST_CLOCK_S, spelled
 from intent_recognition.tables.cells import LENGTHS
-from intent_recognition.tables.suggested_entries import SeenColumn
+from intent_recognition.tables.suggested_entries import ANGLE_END, SeenColumn
 from intent_recognition.tables.times import TIME_NAME
 
 COUNT_NAME = re.compile(r"(?i)(frame|index|idx|row|sample|count(?:er)?)#?$")
 COMMANDED = re.compile(r"(?i)(?:^|[./_])actions?(?:[._/]|$)")
 """Names of columns that were commanded, not measured."""
 COMMANDS = {"target", "desired", "des", "commanded", "command", "cmd", "setpoint", "planned", "ref",
-            "d", "next", "w"}  # fmt: skip
+            "d", "next", "w", "ipo"}  # fmt: skip
 MEASURED = {"actual", "measured", "msr", "state", "obs", "observation", "observations", "q"}
 """Words by which names of commanded, or later, columns differ from those of measured ones."""
 WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 NO_JOINT = re.compile(
     r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag)|gyr|secs?\b"
     r"|header|vel|speed|dot[\W_\d]*$|(?:^|[\W_])(?:d+q|qd+|tau|ctrl|control)(?:[\W_\d]|$)"
-    r"|eff(?:ort|_)|torque|current|temp|force|quality|error|gripper|\bjaw"
+    r"|eff(?:ort|_)|torque|trq|f_ext|current|temp|force|quality|error|gripper|\bjaw|rate$"
     r"|likelihood|conf(?!ig)|strength|visib|score|covariance|twist(?!$|_joint)|residual"
-    r"|\bRot\[|quat|orient|axis_?angle|cube_pos|^states\.\d|^env_states"
+    r"|\bRot\[|quat|orient|(?:^|[\W_])ori(?:[\W_]|$)|axis_?angle|cube_pos|^states\.\d"
+    r"|(?:^|[\W_])(?:env(?:ironment)?|low_dim|ee)_states?(?:[\W_]|$)|robot_states\.\d"
     r"|(?:^|[\W_])(?:cos|sin)(?:[\W_]|$)|wrench|gravity|rgb|colou?r|voltage|pressure|reward|bits"
     rf"|register|scaling|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
 )
@@ -118,6 +119,8 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
         last = PLACES.match(bare)
         if last and not last["between"] and NO_PLACE_BEFORE_AXIS.search(last["body"]):
             continue
+        if last and last["axis"] == "W" and {last["body"] + a for a in "PR"} <= {*columns}:
+            continue  # an angle of FANUC
         for match in filter(None, (last, AXIS_FIRST.fullmatch(bare))):
             if not NO_PLACE.search(match["body"]):
                 found.setdefault(match["body"], {})[match["axis"].lower()] = name
@@ -225,7 +228,8 @@ def orientations_of(
     owners = {*bodies, *(PLACE_WORD.sub("", body) for body in bodies)}
     groups: dict[tuple[str, int], dict[str, str]] = {}  # by the body, and how many are whole
     for name in columns:
-        turn, axis = TURN.fullmatch(bare := UNIT_END.sub("", name)), PLACES.match(bare)
+        bare = UNIT_END.sub("", ANGLE_END.sub("", name))
+        turn, axis = TURN.fullmatch(bare), PLACES.match(bare)
         if turn and turn["body"] in owners:  # three angles, not a lone wrist_roll
             groups.setdefault((turn["body"], 3), {})[name] = name
         if axis:  # x, y, z, w, of whatever length

@@ -58,6 +58,8 @@ NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
 MOSTLY, REPEATED = 0.9, 0.3
 """Least share of times later than the time before, if some go back and if some only repeat. A file
 holds few demonstrations in succession; a clock may be three times slower than the rows."""
+INDEX = ("0", "__index_level_0__")
+"""Names of a first column without a name, and of pandas' index in Parquet."""
 LEAST_MS = 5.0
 """Shortest even step from 0 on that may be unnamed milliseconds rather than every n-th row: robots
 that log above 200 Hz name the unit."""
@@ -164,9 +166,9 @@ def _part(
     cut = _cut(table, columns, labels)
     bodies = {b: names for b, names in bodies_of(columns).items() if is_length(table, names[0])}
     places = {column for body in bodies.values() for column in body}
-    time, time_note = _time(table, columns, labels, cut, places)
-    used = {str(time.get("column", "")), str(time.get("nanoseconds", "")), cut, *places}
-    used |= (turning := orientations_of(columns, bodies))
+    turning = orientations_of(columns, bodies)
+    time, time_note = _time(table, columns, labels, cut, places | turning)
+    used = {str(time.get("column", "")), str(time.get("nanoseconds", "")), cut, *places, *turning}
     joints = [c for c in columns.values() if c.moves and c.name not in used and not counts_rows(c)]
     matrices = of_matrices(columns)
     others = [
@@ -285,7 +287,7 @@ def _time(
     columns: Mapping[str, SeenColumn],
     labels: Mapping[str, Sequence[str]],
     cut: str,
-    places: Collection[str],
+    taken: Collection[str],
 ) -> tuple[dict[str, object], str]:
     """The `time` entry and its comment: from the file, names of columns, dates, a first column."""
     said = table.defaults.get("time")
@@ -295,17 +297,17 @@ def _time(
     of = np.array(labels.get(cut) or (columns[cut].values if cut in columns else []))
     inside = of[1:] == of[:-1] if of.size else slice(None)  # each may begin at time 0
     dates = next((name for name, cells in labels.items() if _are_later(table, name, cells)), "")
-    named = [c for c in columns.values() if c.name == "0" or TIME_NAME.search(c.name)]
+    named = [c for c in columns.values() if c.name in INDEX or TIME_NAME.search(c.name)]
     first = [] if dates or any(map(TIME_NAME.search, labels)) else [*columns.values()][:1]
-    even = [c for c in first if c.name not in places and _is_even(c, np.diff(c.values)[inside])]
-    for column in [*named, *even]:
+    even = [c for c in first if _is_even(c, np.diff(c.values)[inside])]
+    for column in [c for c in (*named, *even) if c.name not in taken]:
         steps = np.diff(column.values)[inside]
         if not steps.size:
             continue
         if np.all(steps < 0.0):
             return {"column": column.name}, "it decreases: reverse the rows of the file"
         said_unit = table.time_unit_of(column.name)
-        is_named = column.name != "0" and TIME_NAME.search(column.name)
+        is_named = column.name not in INDEX and TIME_NAME.search(column.name)
         by_few = steps[0] < LEAST_MS and column.values[0] <= steps[0]
         if not said_unit and are_counts(column, steps) and (by_few or not is_named):
             continue

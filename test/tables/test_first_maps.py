@@ -235,7 +235,10 @@ def test_matrices_of_poses_are_known_however_they_lie(shape, is_transposed, tmp_
     matrices[:, :3, :3], matrices[:, :3, 3] = TURNS.as_matrix(), WRIST
     matrices = (np.swapaxes(matrices, 1, 2) if is_transposed else matrices).reshape(ROWS, -1)
     array = matrices[:, : np.prod(shape)].reshape(-1, *shape)
-    np.savez(tmp_path / "a.npz", t=TIMES_S, O_T_EE=array, q=np.cos(TIMES_S)[:, None] * np.ones(7))
+    columns = {"O_T_EE": array, "q": np.cos(TIMES_S)[:, None] * np.ones(7)}
+    np.savez(tmp_path / "a.npz", t=np.arange(ROWS), **columns)
+    assert "# time: {rate: 100}" in suggest_map(tmp_path / "a.npz")  # a matrix T is no time t
+    np.savez(tmp_path / "a.npz", t=TIMES_S, **columns)
     content, text, (found,) = suggested(tmp_path / "a.npz")
     np.testing.assert_array_equal(found.samples[0].values, WRIST)
     assert "positions: O_T_EE" not in text and len(content["controlled"][0]["joints"]) == 7

@@ -5,7 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
-from tables.imports import check_wrist, imported
+from tables.imports import check_wrist, imported, suggested
 from tables.odd_files import PLACE, ROWS, TIMES_S, of_bodies, parquet_file
 
 from intent_recognition.errors import BagError
@@ -46,6 +46,13 @@ def test_columns_of_parquet_in_any_layout(kind, tmp_path):
     names = [name.format(axis) for axis in ("012" if "at" in name else "xyz")]
     found = imported(tmp_path, "a.parquet", None, names, time={"column": "t"})
     check_wrist(found, atol=0.0, times_atol=1)
+
+
+def test_an_index_of_pandas_may_be_the_time(tmp_path):
+    columns = {**dict(zip("xyz", PLACE.T / 1000, strict=True)), "__index_level_0__": TIMES_S}
+    parquet_file(tmp_path / "a.parquet", columns)
+    content, *_ = suggested(tmp_path / "a.parquet")
+    assert content["time"] == {"column": "__index_level_0__", "unit": "s"}
 
 
 def test_a_list_that_is_missing_was_not_measured_and_no_body_is_taken_for_another(tmp_path):

@@ -121,6 +121,20 @@ def test_angles_of_bodies_are_named_with_their_bodies(tmp_path):
     assert "# Orientations: cup.Roll, cup.Pitch, cup.Yaw, cup.Rot[0]" in text
 
 
+@pytest.mark.parametrize(
+    "names", [["x_cm", "y_cm", "z_cm", "roll_deg", "pitch_deg", "yaw_deg"], [*"XYZWPR"]]
+)
+def test_three_angles_beside_a_place_are_of_its_body(names, tmp_path):
+    """Also FANUC's W, which makes no quaternion of its place."""
+
+    def row(k):
+        return [f"{TIMES_S[k]}", *cells(k), *[f"{10 + SHARE[k, 0] * n}" for n in (1, 2, 3)]]
+
+    content, text, _ = suggested_csv(tmp_path, table(",".join(("t", *names)), row))
+    assert [entry["columns"] for entry in content["observed"]] == [names[:3]]
+    assert "controlled" not in content and f"# Orientations: {', '.join(names[3:])}" in text
+
+
 def test_places_are_known_by_their_units_and_as_parts_of_a_pose(tmp_path):
     """Of a robot's pose only its place; of a length that is no place nothing."""
     names = ["t_s", "x_m", "y_m", "z_m", *(f"tcp_pose_{k}" for k in range(6)), "gripper [mm]"]
