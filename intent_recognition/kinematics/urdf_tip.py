@@ -23,6 +23,10 @@ _JAW_LINK = re.compile("finger|jaw|thumb|knuckle|claw", re.IGNORECASE)
 """Names of links that a gripper moves; not "gripper", since `gripper_link` may be a palm."""
 _TOOL = re.compile("tool|tcp|flange|hand|grip|grasp|end_?effector|(^|_)ee(_|$)", re.IGNORECASE)
 """Names of frames at the end of an arm that are its hand, not a sensor's."""
+_SENSOR = re.compile(
+    "camera|optical|realsense|lidar|laser|imu|sensor|(^|_)(cam|lens)(_|$)", re.IGNORECASE
+)
+"""Names of frames of sensors, which are no hand where nothing beyond is named like one."""
 _STANDARD = re.compile("(^|_)tool0$")
 """Name of ROS-Industrial's tool frame, which is preferred to frames beside it."""
 
@@ -103,7 +107,8 @@ def _walk(
             cure = "Name one (--tip)."
             raise ArgumentError.about("tip", f"{tips}, as there are several arms", "none", cure)
         if not most:
-            ways = _at_the_end(parts)
+            sensors = [_SENSOR.search(link_of(joint, "child")) is not None for joint in joints]
+            ways = _at_the_end(parts, sensors)
             named = [k for k in ways if _STANDARD.search(link_of(joints[k], "child"))]
             ways = named if len(named) == 1 else ways
             held = [joints[k].get("type") not in MOVING for k in ways]
@@ -117,14 +122,11 @@ def _walk(
     return link
 
 
-def _at_the_end(parts: Sequence[_Below]) -> list[int]:
+def _at_the_end(parts: Sequence[_Below], sensors: Sequence[bool]) -> list[int]:
     """Branches beyond the last joint of an arm that may lead to its hand, not to a sensor."""
-    ways = (
-        [k for k, part in enumerate(parts) if part.moving]
-        or [k for k, part in enumerate(parts) if part.tool]
-        or list(range(len(parts)))
-    )
-    if any(parts[k].moving for k in ways):
+    if ways := [k for k, part in enumerate(parts) if part.moving]:
         return ways
-    most = max(parts[k].links for k in ways)
+    ways = [k for k, part in enumerate(parts) if part.tool]
+    ways = ways or [k for k, is_sensor in enumerate(sensors) if not is_sensor]
+    most = max((parts[k].links for k in ways), default=0)
     return [k for k in ways if parts[k].links == most]

@@ -222,6 +222,8 @@ def _check_numbers(part: ET.Element, element: ET.Element, attribute: str, count:
     expected += f" up to {LARGEST:g}"
     if values.shape != (count,) or not np.all(np.abs(values) <= LARGEST):
         _refuse(part.get("name", ""), expected, text)
+    if element.tag == "mass" and values[0] < 0.0:
+        _refuse(part.get("name", ""), f"{expected}, not below 0", text)
     turns = element.tag == "axis" and part.get("type") != "fixed"
     if turns and np.abs(values).max() < 1e-6:
         _refuse(part.get("name", ""), f"{expected}, not all 0", text)

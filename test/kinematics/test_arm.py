@@ -256,6 +256,9 @@ def test_a_continuous_joint_turns_on():
     np.testing.assert_allclose(path.positions[:, 0], angles, atol=1e-6)
 
 
+LIGHT = '<inertial><mass value="-1"/></inertial>'
+
+
 @pytest.mark.parametrize(
     ("source", "options", "message"),
     [
@@ -275,6 +278,7 @@ def test_a_continuous_joint_turns_on():
         ),
         (robot(joint("j", "floating", "a", "b"), links="ab"), {}, "j: expected revolute"),
         (robot(TURN, links="abc"), {}, "base: expected one root link"),
+        (robot(TURN, links="ab").replace("'b'/>", f"'b'>{LIGHT}</link>", 1), {}, "b: .*below 0"),
         (
             robot(joint("j", "revolute", "a", "b", LIMIT + '<mimic joint="k"/>'), links="ab"),
             {},

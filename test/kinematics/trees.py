@@ -163,5 +163,15 @@ TREES = {
         asked="r_palm",
     ),
     "one_name": tree(row("base", "", 6, after=" f:hand hand"), tip="hand"),
+    "camera": tree(
+        row("base", "", 6, after=" f flange f camera_mount f camera_link"),
+        "flange f nail",
+        tip="nail",
+    ),
+    "camera_alone": tree(
+        row("base", "", 6, after=" f tool0 f camera_mount f camera_link"),
+        tip="tool0",
+    ),
+    "behind_a_sensor": tree(row("base", "", 6, after=" f ft_sensor f tcp"), tip="tcp"),
     "scara": tree("base r:a l1 r:b l2 r:c l3 p:d quill", tip="quill", joints="a b c d"),
 }
