@@ -3,6 +3,8 @@
 
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -136,6 +138,8 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
     Raises:
         BagError: no file can be read.
     """
+    if of_recordings := _of_recordings(source, paths):
+        return of_recordings
     folders: dict[tuple[Path, str, bool], list[Path]] = {}
     for path in paths:
         is_numbered = NUMBERED.fullmatch(path.stem) is not None
@@ -167,6 +171,37 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
         return found
     (_, names), _ = max(kinds.items(), key=lambda item: (len(item[1]), len(item[0][1])))
     return [kind for kind in found if kind.table.names == names]
+
+
+def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
+    """Kinds with mostly other columns of which a folder, or a number, has one file each, such as
+    `give_1/human.csv` beside `give_1/robot.csv`, or `human_1.csv` beside `robot_1.csv`.
+    """
+    by_folder: dict[str, dict[str, Path]] = {}
+    by_number: dict[str, dict[str, Path]] = {}
+    for path in () if paths == [source] else paths:
+        by_folder.setdefault(path.name, {})[str(path.parent)] = path
+        if path.parent == source and (match := re.fullmatch(r"(\D+)(\d+)", path.stem)):
+            by_number.setdefault(f"{match[1]}{{number}}{path.suffix}", {})[match[2]] = path
+    for streams in (by_folder, by_number):
+        most = max(map(len, streams.values()), default=0)
+        found: list[FileKind] = []
+        for name, files in streams.items():
+            folders = [path.parent for path in files.values()]
+            are_flat = all(folder.parent == source for folder in folders)
+            folder = name_pattern(source, folders) or ("{number}" if are_flat else "")
+            pattern = name if streams is by_number else f"{folder}/{name}" if folder else ""
+            if pattern and 2 * len(files) > most:
+                short = re.sub(r"\W+", "_", Path(name.replace("{number}", "")).stem).strip("_")
+                first = next(iter(files.values()))
+                with suppress(BagError):  # notes
+                    table = open_table(first)
+                    found.append(FileKind(short, name_below(source, first), table, pattern))
+        columns = [{*kind.table.names} for kind in found]
+        shared = [(len(a & b), min(len(a), len(b))) for a, b in combinations(columns, 2)]
+        if shared and all(2 * both < least for both, least in shared):
+            return found
+    return []
 
 
 def _streams(files: Sequence[Path]) -> dict[str, list[Path]]:

@@ -79,7 +79,9 @@ def suggest_map(source: Path) -> str:
         return suggest_of_bags(source, bags)
     kinds = file_kinds(source, find_tables(source))
     several = len(kinds) > 1
-    parts = [part for kind in kinds for part in _suggest(kind, kind.name if several else "")]
+    of_kinds = [(kind, _suggest(kind, kind.name if several else "")) for kind in kinds]
+    parts = [part for _, of_kind in of_kinds for part in of_kind]
+    taken = [kind for kind, of in of_kinds if any(part.bodies + part.others for part in of)]
     parts.sort(key=lambda part: not part.bodies)  # the person first
     entries = distinct([entry for part in parts for entry in (*part.bodies, *part.others)])
     if not entries:
@@ -97,7 +99,7 @@ def suggest_map(source: Path) -> str:
         *(f"# Suggested from {part.source}" for part in parts),
         "# Delete what you do not need, name the topics, move the robot's to `controlled`.",
         *(f"# Note: {note}" for part in parts for note in part.notes),
-        *_files(kinds),
+        *_files(taken, several),
         "observed:",
         *entries[0],
         *(["controlled:"] if others else []),
@@ -233,9 +235,9 @@ def _part(
     )
 
 
-def _files(kinds: Sequence[FileKind]) -> Iterator[str]:
+def _files(kinds: Sequence[FileKind], several: bool) -> Iterator[str]:
     """Patterns of file names, if they contain the task or the files of one recording."""
-    if len(kinds) > 1:
+    if several:
         yield "files:  # of one recording"
         for kind in kinds:
             yield f"  {kind.name}: {flow(kind.pattern)}"

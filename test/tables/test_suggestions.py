@@ -341,6 +341,33 @@ def test_files_with_one_number_are_of_one_recording(rows, head, end, tmp_path):
     assert all(len(one.samples) == 2 for one in found)
 
 
+@pytest.mark.parametrize(
+    ("human", "robot"),
+    [
+        ("trial_{}/human.csv", "trial_{}/robot.csv"),
+        ("reach_{}/human.csv", "reach_{}/robot.csv"),
+        ("reach/{}/human.csv", "reach/{}/robot.csv"),
+        ("human_{}.csv", "robot_{}.csv"),
+    ],
+)
+def test_files_of_person_and_robot_are_of_one_recording(human, robot, tmp_path):
+    """Unless most of their columns are the same, as those of two tasks are."""
+    arm = table("t,q1,q2", lambda k: [f"{TIMES_S[k]}", *[f"{SHARE[k, 0]}"] * 2])
+    two = {"tasks/pour_{}.csv": plain(), "tasks/reach_{}.csv": plain().replace("x,y,z", "x,y,z,no")}
+    one = {human: plain(), robot: arm, "{}/notes.json": '{"age": 3}'}
+    contents = {**two, **{f"one/{name}": content for name, content in one.items()}}
+    for path, content in [(tmp_path / n.format(k), c) for n, c in contents.items() for k in "12"]:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(content)
+    content, _, found = suggested(tmp_path / "one")
+    assert [*content["files"]] == ["human", "robot"] and len(found) == 2
+    assert content["observed"][0]["columns"] == ["x", "y", "z"]
+    assert content["controlled"][0]["joints"] == ["q1", "q2"]
+    task = "reach" if "reach_" in human else "give_it_a_name"
+    assert {one.custom_data["task"] for one in found} == {task}
+    assert "files: '{task}_{number}.csv'" in suggest_map(tmp_path / "tasks")
+
+
 @pytest.mark.parametrize("count", [1, 4])
 def test_notes_and_other_files_beside_the_recordings_are_none(count, tmp_path):
     for k in range(count):
