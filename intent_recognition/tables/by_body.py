@@ -16,10 +16,12 @@ from intent_recognition.tables.table import Table, check_columns
 
 OF_BODY = re.compile(
     r"(?i)(?:rigid[_ ]?body|body(?:[_ ]?part)?|marker|joint|segment|landmark|key[_ ]?point|sensor"
-    r"|tracker|tracking|track|tag|device|child(?:_frame)?|topic|port|tool|handle|station)"
-    r"(?:[_ ]?(?:name|type|id))?"
+    r"|tracker|tracking|track|tag|device|child(?:_frame)?|topic|port|tool|handle|station"
+    r"|variable|field)(?:[_ ]?(?:name|type|id))?"
 )
-"""Names of the column that identifies the body of a row."""
+"""Names of the column that identifies the body, or the quantity, of a row."""
+OF_AXIS = re.compile(r"(?i)axis|coord(?:inate)?|component|dim(?:ension)?")
+"""Names of the column that identifies the axis of a row beside its body."""
 OF_ANY = re.compile(r"(?i)name|id|object|hand|side|person|subject|agent")
 """Further such names, if rows are in order of time; otherwise they may identify a recording."""
 OF_MOMENT = re.compile(r"(?i)t|%?(?:time|stamp|frame|sec|nsec|nanosec|seq|date).*|header\..*")
@@ -39,10 +41,12 @@ def by_body(table: Table) -> Table:
     names, bare = table.names, [name.strip() for name in table.names]
     named = [k for of in (OF_BODY, OF_ANY) for k, n in enumerate(bare) if of.fullmatch(n)]
     named.sort(key=lambda k: bare[k].lower().endswith("type"))  # many bodies may have one type
+    axis = [k for k, n in enumerate(bare) if OF_AXIS.fullmatch(n)][:1]
     for which in named if len(names) > 2 else ():
         said = [k for k, n in enumerate(bare) if k < which or OF_MOMENT.fullmatch(n)]
+        said = [k for k in said if k not in axis]
         texts, *columns = table.read([which, *said])
-        bodies, body = _distinct(texts)
+        bodies, body = _distinct(_joined([texts, *table.read(axis)], ".") if axis else texts)
         if said and 1 < len(bodies) <= MOST_BODIES:
             break
     else:
@@ -62,7 +66,7 @@ def by_body(table: Table) -> Table:
         k for k, of in zip(said, columns, strict=True) if np.array_equal(of, of[first][moment])
     ]
     places: list[tuple[int, int | None]] = [(k, None) for k in shared]
-    own = [k for k in range(len(names)) if k not in (which, *shared)]
+    own = [k for k in range(len(names)) if k not in (which, *axis, *shared)]
     places += [(k, number) for number in range(len(bodies)) for k in own]
 
     def read(wanted: Sequence[int]) -> list[Values]:
@@ -73,7 +77,10 @@ def by_body(table: Table) -> Table:
             for k, number in found
         ]
 
-    wide = tuple(names[k] if b is None else f"{bodies[b]}.{names[k]}" for k, b in places)
+    wide = tuple(
+        names[k] if b is None else re.sub(r"(?i)\.value$", "", f"{bodies[b]}.{names[k]}")
+        for k, b in places
+    )
     units = {n: table.units[k] for n, (k, _) in enumerate(places) if k in table.units}
     check_columns(table.source, len(wide))
     return replace(table, names=wide, read=read, counts=None, units=units, aliases={})
@@ -97,9 +104,9 @@ def _distinct(values: Values) -> tuple[list[str], Integers]:
     return list(numbers), np.array(rows, dtype=np.int64)
 
 
-def _joined(columns: Sequence[Values]) -> Values:
+def _joined(columns: Sequence[Values], between: str = " ") -> Values:
     """Each row of several columns, joined to one text (T,)."""
-    return np.array([" ".join(map(str, row)) for row in zip(*columns, strict=True)])
+    return np.array([between.join(map(str, row)) for row in zip(*columns, strict=True)])
 
 
 def _ranks(moments: Sequence[str]) -> Integers:

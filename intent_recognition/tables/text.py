@@ -57,7 +57,7 @@ COMMENTS = ("#", "% ")
 """Beginnings of comment lines."""
 NO_PLACES = ("Devices", "Events", "Analog", "Force Plates")
 """Titles of Nexus tables without positions, which are never read."""
-TEXTS = (".csv", ".tsv", ".txt", ".trc", ".mot", ".sto")
+TEXTS = (".csv", ".tsv", ".txt", ".dat", ".trc", ".mot", ".sto")
 
 
 def open_text(path: Path, skip_rows: int) -> Table:
@@ -263,6 +263,7 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
     ):
         first = first[1:]  # a separate comment mark before names separated by blanks
     names = tuple(name.strip().lstrip("#").removeprefix("% ").strip() for name in first)
+    names = _with_parts(names, head[1:])
     if len(names) >= LEAST_CELLS and names == tuple(map(str, range(len(names)))):
         return Header(names, 1)  # pandas' header of columns without names
     if all(map(is_number, names)) or _is_row(names, head[1:3]):
@@ -273,6 +274,22 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
     are_units = 2 * sum(map(is_unit, said.values())) >= len(said)
     units = {k: unit for k, unit in said.items() if are_units or is_unit(unit)}
     return Header(names, 1 + second, {"units": units})
+
+
+def _with_parts(names: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Prefix names that repeat by the name of the empty column before them, and those beside them:
+    rosbag_to_csv writes `position,x,y,z,orientation,x,y,z,w`, with empty columns for the parts.
+    """
+    parts: list[list[str]] = [[]]
+    for column, name in enumerate(names):
+        if not any(cell.strip() for row in rows for cell in row[column : column + 1]):
+            parts.append([])
+        parts[-1].append(name)
+    found = [*parts[0]]
+    for part, *inside in parts[1:]:
+        repeats = any(names.count(name) > 1 for name in inside)
+        found += [part, *(f"{part}.{name}" if repeats else name for name in inside)]
+    return tuple(found)
 
 
 def _elements(cell: str) -> list[str]:

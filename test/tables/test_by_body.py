@@ -93,6 +93,23 @@ def test_a_csv_of_bodies_is_read_with_its_units(tmp_path):
     assert table.columns(["b.x [mm]"])["b.x [mm]"].tolist() == ["10", "11", "12", "13", "14"]
 
 
+@pytest.mark.parametrize("columns", [["variable"], ["measurement", "field"], ["marker", "axis"]])
+def test_a_row_for_each_number_becomes_a_column(columns, tmp_path):
+    """As pandas' melt, InfluxDB and tidy tables have it."""
+    names = {"variable": "m_{}", "field": "tracker,m_{}", "axis": "m,{}"}[columns[-1]]
+    lines = [
+        f"{t / 100},{names.format(axis)},{t + k / 10}"
+        for k, axis in enumerate(AXES)
+        for t in range(9)
+    ]
+    (tmp_path / "a.csv").write_text("\n".join([f"t,{','.join(columns)},value", *lines]))
+    wide = open_table(tmp_path / "a.csv").columns(
+        [f"m{'._'['axis' not in columns]}{a}" for a in AXES]
+    )
+    expected = np.arange(9.0) + np.arange(3)[:, None] / 10
+    np.testing.assert_allclose(np.array([*wide.values()], float), expected)
+
+
 @pytest.mark.parametrize("dtype", [np.int64, bool, "U2", "datetime64[s]"])
 def test_columns_of_any_type_are_told_apart_and_nothing_is_called_by_an_old_name(dtype):
     values = np.array([1, 0, 1, 1, 0]).astype("int64").astype(dtype)

@@ -344,3 +344,11 @@ def test_names_in_several_lines(kind, tmp_path):
     assert "the unit" in imported_csv(tmp_path, content, **options)[1]
     assert open_table(tmp_path / "a.csv").names[0] not in ("s", "")
     check_wrist(imported_csv(tmp_path, content, unit="mm", **options), atol=1e-9)
+
+
+def test_empty_columns_of_rosbag_to_csv_tell_repeated_names_apart(tmp_path):
+    names = "t,stamp,secs,pose,position,x,y,z,orientation,x,y,z,w"
+    content = table(names, lambda k: [f"{TIMES_S[k]}", "", "7", "", "", *cells(k), "", *"0001"])
+    columns = ["position.x", "position.y", "position.z"]
+    check_wrist(imported_csv(tmp_path, content, columns, unit="mm"), times_atol=1)
+    assert {"secs", "orientation.w"} < {*open_table(tmp_path / "a.csv").names}
