@@ -70,12 +70,14 @@ def table_of_arrays(path: Path, arrays: Mapping[str, Values], rate: float = 0.0)
     texts = [columns[key] for key in columns if key.lower() in UNIT]
     said = "".join(str(text[0]) for text in texts if text.dtype.kind == "U" and text.size == 1)
     notes = (*transposed(arrays), *[OF_IMAGE][: len(images)])
-    about = {"defaults": defaults, "notes": notes, "unit": said}
+    narrow = {key for key, array in arrays.items() if array.shape[1:] == (1,)}
+    aliases = {f"{key}.0": k for k, key in enumerate(columns) if key in narrow}
+    about = {"defaults": defaults, "notes": notes, "unit": said, "aliases": aliases}
     return table_of(path, columns, **about)
 
 
 def flat_columns(source: Path, arrays: Mapping[str, Values]) -> dict[str, Values]:
-    """Columns of arrays (T,) by their names, of arrays (T, d) as `NAME.0`, `NAME.1`, ...
+    """Columns of arrays (T,) and (T, 1) by their names, of arrays (T, d) as `NAME.0`, ...
 
     Arrays (T, n, 3) are `NAME.0.0`, ..., `NAME.n.2`; images and what has more dimensions are left
     out.
@@ -88,12 +90,12 @@ def flat_columns(source: Path, arrays: Mapping[str, Values]) -> dict[str, Values
             array = array[:, 0]
         elif array.ndim == 3 and array.shape[2] > MOST_OF_POSE:
             array = np.swapaxes(array, 1, 2)  # MATLAB's (T, 3, n)
-        shape = array.shape[1:]
+        shape = array.shape[1:] if not name or array.shape[1:] != (1,) else ()
+        array = array.reshape(-1, *shape)
         check_columns(source, len(columns) + int(np.prod(shape)))
         for index in np.ndindex(shape):
             place: tuple[Any, ...] = (slice(None), *index)
-            column = np.atleast_1d(array)[place]
-            columns[".".join(filter(None, (name, *map(str, index))))] = column
+            columns[".".join(filter(None, (name, *map(str, index))))] = array[place]
     if arrays and not columns:
         shapes = ", ".join(f"{name} of shape {array.shape}" for name, array in arrays.items())
         cure = "Put one demonstration after the other, with a column that counts them."

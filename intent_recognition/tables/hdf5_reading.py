@@ -31,6 +31,8 @@ DEMONSTRATION = re.compile(
     r"(?i)(.*[\W_])?(demo(nstration)?|traj(ectory)?|episode|trial|take|recording)s?"
 )
 """Names of arrays that hold one demonstration each."""
+LONGEST = 200
+"""Length of the longest attribute of a demonstration that may label it; robomimic's has a model."""
 RATES = ("fps", "rate", "rate_hz", "hz", "frequency", "control_freq", "sampling_rate",
          "sample_rate", "sampling_frequency", "frame_rate", "framerate", "capture_rate", "fs",
          "mocap_framerate", "mocap_frame_rate")  # fmt: skip
@@ -81,6 +83,7 @@ def read(path: str) -> dict[str, NDArray[Any]]:
         with suppress(KeyError, ValueError, TypeError):  # others note something else there
             rate = float(json.loads(top.attrs["env_args"])["env_kwargs"]["control_freq"])
         units = _units(top, names)
+        said = [{k: v for k, v in top[n].attrs.items() if isinstance(v, str)} for n in names]
     shared = [key for key in groups[0] if all(key in group for group in groups)]
     lengths = [max((len(group[key]) for key in shared), default=0) for group in groups]
     whole = [
@@ -89,8 +92,10 @@ def read(path: str) -> dict[str, NDArray[Any]]:
         if all(len(group[key]) == n for group, n in zip(groups, lengths, strict=True))
     ]
     left_out = sorted({key for group in groups for key in group} - set(whole))
+    labels = {key: [one.get(key, "") for one in said] for key in said[0]}
     return {
-        "demonstration": np.repeat(np.array(names), lengths),
+        "demonstration": np.repeat([name.replace("/", "_") for name in names], lengths),
+        **{k: np.repeat(v, lengths) for k, v in labels.items() if len(max(v, key=len)) <= LONGEST},
         **{key: np.concatenate([group[key] for group in groups]) for key in whole},
         "#rate": np.array(rate),
         "#units": units,
@@ -294,9 +299,16 @@ def _of_structs(content: dict[str, Any], before: str) -> Iterator[tuple[str, NDA
             yield before + key, array
 
 
-def _demonstrations(h5py: Any, top: Any) -> list[str]:
-    """Sorted names of groups `demo_0`, `traj_0`, ...; only `demo_` may have other groups beside."""
+def _demonstrations(h5py: Any, top: Any, are_below: bool = False) -> list[str]:
+    """Sorted names of groups `demo_0`, `traj_0`, ..., or paths `ann/trial_0`, ...; only `demo_` may
+    have other groups beside.
+    """
     groups = [name for name in top if isinstance(top[name], h5py.Group)]
+    inside = {n: _demonstrations(h5py, top[n], True) for n in groups if not are_below}
+    of_each = [NUMBERED.fullmatch(one) for names in inside.values() for one in names]
+    are_inside = all(len(names) == len(top[name]) > 0 for name, names in inside.items())
+    if inside and are_inside and all(one and DEMONSTRATION.fullmatch(one[1]) for one in of_each):
+        return [f"{name}/{one}" for name, names in inside.items() for one in names]
     matches = [NUMBERED.fullmatch(name) for name in groups]
     alone = len({match[1] for match in matches if match}) == 1 and all(matches)
     demos = [name for name in groups if name.startswith("demo_")]  # robomimic has masks beside
@@ -312,11 +324,12 @@ def _numbered(arrays: dict[str, NDArray[Any]], lengths: NDArray[Any]) -> dict[st
 def _units(top: Any, names: Collection[str]) -> NDArray[Any]:
     """Pairs (n, 2) of an array or array element and its units, stated by it or its groups."""
     found: dict[str, set[str]] = {}
+    depth = max((name.count("/") + 1 for name in names), default=1)
 
     def visit(path: str, item: Any) -> None:
         if hasattr(item, "ndim"):
-            demonstration, _, inside = path.partition("/")
-            name = inside if demonstration in names else path
+            of = "/".join(path.split("/")[:depth])
+            name = path[len(of) + 1 :] if of in names else path
             numbered = NUMBERED.fullmatch(name)  # perhaps put on end by `on_end`
             also = [numbered[1]] if numbered and numbered[1] not in top else []
             units = _unit_of(item)

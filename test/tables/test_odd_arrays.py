@@ -376,6 +376,23 @@ def test_numbered_groups_of_hdf5_are_demonstrations(tmp_path):
         np.testing.assert_allclose(one.samples[0].values, (PLACE + k) / 1000)
 
 
+def test_demonstrations_below_groups_have_the_labels_of_their_attributes(tmp_path):
+    with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
+        for k, name in enumerate(("ann/trial_0", "ann/trial_1", "bob/trial_0")):
+            group = file.create_group(name)
+            group["time"], group["wrist/x"] = TIMES_S[:, None], PLACE[:, :1] / 1000 + k
+            group["wrist/y"], group["wrist/z"] = PLACE[:, 1:2] / 1000, PLACE[:, 2:] / 1000
+            group.attrs.update({"task": "give" if k else "take", "model": "x" * 999})
+    content, _, found = suggested(tmp_path / "a.h5")
+    assert content["observed"][0]["columns"] == ["wrist.x", "wrist.y", "wrist.z"]
+    table = open_table(tmp_path / "a.h5")
+    assert table.find("wrist.x.0") == table.find("wrist.x") and "model" not in table.names
+    assert [one.name for one in found] == ["ann_trial_0", "ann_trial_1", "bob_trial_0"]
+    assert [one.custom_data["task"] for one in found] == ["take", "give", "give"]
+    for k, one in enumerate(found):
+        check_wrist((one.samples[0], ""), PLACE / 1000 + [k, 0, 0], times_atol=1)
+
+
 def test_a_number_that_stands_for_none_was_not_measured(tmp_path):
     lost = np.arange(ROWS) % 9 == 4
     with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
