@@ -33,6 +33,11 @@ DEMONSTRATION = re.compile(
 """Names of arrays that hold one demonstration each."""
 LONGEST = 200
 """Length of the longest attribute of a demonstration that may label it; robomimic's has a model."""
+INSIDE = re.compile(rf"(?P<before>{DEMONSTRATION.pattern.replace('(?i)', '')})[_-]?(?P<number>\d+)"
+                    r"(?P<after>[\W_].*)", re.IGNORECASE)  # fmt: skip
+"""Names such as `trial_3_wrist`, of an array of one demonstration."""
+PERIODS = ("dt", "ts", "sample_time", "sampling_time", "sampling_period")
+"""Attributes of a file, or numbers in it, that state the time between samples [s]."""
 RATES = ("fps", "rate", "rate_hz", "hz", "frequency", "control_freq", "sampling_rate",
          "sample_rate", "sampling_frequency", "frame_rate", "framerate", "capture_rate", "fs",
          "mocap_framerate", "mocap_frame_rate")  # fmt: skip
@@ -115,7 +120,9 @@ def _of_matlab(content: dict[str, Any]) -> dict[str, NDArray[Any]]:
     said: dict[str, set[str]] = {}
     for key in [key for key in arrays if ".#unit" in key]:
         said.setdefault(key.partition(".#unit")[0], set()).add(str(arrays.pop(key)))
-    return {**arrays, "#rate": np.array(stated_rate(content)), "#units": _pairs(said)}
+    structs = [content, *(one for one in content.values() if isinstance(one, dict))]
+    rate = max(map(stated_rate, structs))
+    return {**arrays, "#rate": np.array(rate), "#units": _pairs(said)}
 
 
 def _are_turns(array: NDArray[Any]) -> bool:
@@ -166,10 +173,14 @@ def is_of_places(array: Any) -> bool:
 
 
 def stated_rate(attributes: dict[str, Any]) -> float:
-    """The rate [Hz] that the attributes of a file state, 0 for none."""
+    """The rate [Hz] that the attributes of a file state, also by a period, 0 for none."""
     for key, value in attributes.items():
-        if key.lower() in RATES and np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu":
-            return float(np.ravel(value)[0])
+        if np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu":
+            number = float(np.ravel(value)[0])
+            if key.lower() in RATES:
+                return number
+            if key.lower() in PERIODS and 0.0 < number < 1.0:
+                return 1.0 / number
     return 0.0
 
 
@@ -206,21 +217,28 @@ def _by_numbers(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     found: dict[int, dict[str, NDArray[Any]]] = {}
     rest = {}
     for key, array in arrays.items():
-        match = NUMBERED.fullmatch(key)
-        if match is None or not array.ndim:
+        if not array.ndim:
             rest[key] = array
-        else:
+        elif inside := INSIDE.fullmatch(key):
+            name = inside["before"] + inside["after"]
+            found.setdefault(int(inside["number"]), {})[name] = array
+        elif match := NUMBERED.fullmatch(key):
             found.setdefault(int(match[2]), {})[match[1]] = array
+        else:
+            rest[key] = array
     groups = [samples_first(found[number]) for number in sorted(found)]
     shapes = [{key: array.shape[1:] for key, array in group.items()} for group in groups]
     lengths = [{len(array) for array in group.values()} for group in groups]
     if len(groups) < 2 or any(one != shapes[0] for one in shapes) or max(map(len, lengths)) > 1:
         return arrays
     sizes = [size for one in lengths for size in one]
-    is_said = any(DEMONSTRATION.fullmatch(part) for key in shapes[0] for part in key.split("."))
+    words = [word for key in shapes[0] for word in (*key.split("."), *key.split("_"))]
+    is_said = any(map(DEMONSTRATION.fullmatch, words))
     if not is_said and (len(groups) < 3 or len(set(sizes)) == 1):  # two may be agents
         return arrays
     of_each = {k: np.repeat(a, sizes) for k, a in rest.items() if a.shape == (len(groups),)}
+    if len(set(sizes)) == 1:  # times of all
+        of_each |= {k: np.tile(a, len(groups)) for k, a in rest.items() if a.shape == (sizes[0],)}
     joined = {key: np.concatenate([group[key] for group in groups]) for key in shapes[0]}
     return {"demonstration": np.repeat(sorted(found), sizes), **joined, **rest, **of_each}
 

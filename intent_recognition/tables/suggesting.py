@@ -266,6 +266,8 @@ def _columns(table: Table) -> tuple[dict[str, SeenColumn], dict[str, list[str]],
                 why = why or [str(error)]
                 continue
             seen = values[np.isfinite(values)]
+            if TASK_NAME.fullmatch(name) and 1 < np.unique(seen).size <= MOST_LISTED:
+                labels[name] = texts(cells)
             if seen.size:
                 farthest = float(np.abs(seen).max())
                 moves = bool(np.ptp(seen) > 1e-9 * max(1.0, farthest))  # not by rounding

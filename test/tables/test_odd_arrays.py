@@ -187,6 +187,13 @@ def test_a_number_that_is_called_a_rate_is_that_of_the_file(kind, key, tmp_path)
     assert set(np.diff(found[0].stamps_ns)) == {20_000_000}
 
 
+def test_a_rate_may_be_stated_by_a_period_or_beside_the_arrays(tmp_path):
+    np.savez(tmp_path / "a.npz", w=PLACE / 1000, dt=0.02)
+    mat(tmp_path / "b.mat", {"take": {"fs": 50.0, "w": PLACE / 1000}}, 5)
+    for name in ("a.npz", "b.mat"):
+        assert open_table(tmp_path / name).defaults == {"time": {"rate": 50.0}}
+
+
 def test_samples_along_another_axis_are_named_where_nothing_says_so(rng, tmp_path):
     np.savez(tmp_path / "a.npz", w=rng.normal(size=(3, ROWS)))
     _, said = imported(tmp_path, "a.npz", None, ["w.0", "w.1", "w.2"], time={"rate": 100})
@@ -290,6 +297,11 @@ def test_samples_along_the_last_of_three_axes_are_named(tmp_path):
 ON_END = {
     "one array each": ("w", {f"w_{k}": PLACE[k:] / 1000 for k in range(3)}, 3),
     "two of one name": ("demo", {f"demo_{k}": PLACE / 1000 for k in range(2)}, 2),
+    "numbers inside, times of all": (
+        "trial_w",
+        {"t": TIMES_S} | {f"trial_{k}_w": PLACE / 1000 for k in range(2)},
+        2,
+    ),
     "several each": (
         "w",
         {f"t{k}": TIMES_S[k:] for k in range(3)} | {f"w{k}": PLACE[k:] / 1000 for k in range(3)},
@@ -306,7 +318,8 @@ def test_arrays_with_numbers_are_demonstrations_where_names_or_lengths_say_so(ki
     name, arrays, count = ON_END[kind]
     np.savez(tmp_path / "a.npz", label=["give", "take", "give"][:count], **arrays)
     task = {"column": "label"} if count > 1 else "give"
-    found = demonstrations(tmp_path / "a.npz", [f"{name}.{k}" for k in range(3)], task)
+    columns, rate = [f"{name}.{k}" for k in range(3)], 100 * ("t" not in arrays)
+    found = demonstrations(tmp_path / "a.npz", columns, task, rate)
     assert [one.custom_data["task"] for one in found] == ["give", "take", "give"][:count]
     for k, one in enumerate(found):
         shorter = k if kind in ("one array each", "several each") else 0
