@@ -20,7 +20,7 @@ OF_BODY = re.compile(
     r"|variable|field)(?:[_ ]?(?:name|type|id))?"
 )
 """Names of the column that identifies the body, or the quantity, of a row."""
-OF_AXIS = re.compile(r"(?i)axis|coord(?:inate)?|component|dim(?:ension)?")
+OF_AXIS = re.compile(r"(?i)axis|coord|coordinate|component|dim(?:ension)?")
 """Names of the column that identifies the axis of a row beside its body."""
 OF_ANY = re.compile(r"(?i)name|id|object|hand|side|person|subject|agent")
 """Further such names, if rows are in order of time; otherwise they may identify a recording."""
