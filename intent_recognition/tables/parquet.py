@@ -251,9 +251,12 @@ def open_lerobot(folder: Path) -> Table:
     if table.find("timestamp") is None:
         defaults["time"] = {"rate": info.get("fps")}
     missing = "column task_index" if tasks_at is None else "meta/tasks.jsonl or .parquet"
-    if tasks_at is None or not has_tasks:
-        table = replace(table, notes=(f"there is no {missing}: give the tasks in the map",))
-    table = replace(table, defaults=defaults)
+    notes = [f"there is no {missing}: give the tasks in the map"]
+    notes = notes if tasks_at is None or not has_tasks else []
+    there = sum(_with_file(file, lambda one: one.metadata.num_rows) for file in files)
+    if isinstance(total := info.get("total_frames"), int) and there < total:
+        notes.append(f"there are {there} of {total} frames: download the rest of the folder data")
+    table = replace(table, defaults=defaults, notes=tuple(notes))
     if tasks_at is None or not (has_tasks or len(set(table.read([tasks_at])[0].tolist())) > 1):
         return table
     defaults["task"] = {"column": "task"}

@@ -10,6 +10,7 @@ from tables.exported_files import lerobot_set
 from tables.test_import import ARM, MAP, WRIST, imported
 
 from intent_recognition.tables import import_demonstrations
+from intent_recognition.tables.files import open_table
 from intent_recognition.tables.import_map import ImportMap
 from intent_recognition.tables.times import SINCE_NS
 
@@ -132,6 +133,14 @@ def test_lerobot_without_tasks_or_times(missing, lerobot):
     ] * (missing == "task_index")
     assert np.array_equal(first.samples[0].values, states[0][:, :3])
     assert np.ptp(first.samples[0].stamps_ns) == pytest.approx(0.7e9, abs=100)
+
+
+def test_frames_of_lerobot_that_were_not_downloaded_are_counted(lerobot):
+    folder, states = lerobot
+    info, there = json.loads((folder / "meta/info.json").read_text()), sum(map(len, states))
+    for total, notes in ((there, ()), (there + 9, (f"there are {there} of {there + 9} frames",))):
+        (folder / "meta/info.json").write_text(json.dumps(info | {"total_frames": total}))
+        assert tuple(n.partition(":")[0] for n in open_table(folder).notes) == notes
 
 
 def test_lerobot_of_another_version_or_place(lerobot):
