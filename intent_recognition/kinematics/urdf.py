@@ -223,6 +223,10 @@ def _limits(joints: list[ET.Element], acceleration_rad_s2: float) -> JointLimits
                 got = f"{value:g}"
                 raise ArgumentError.about(_names([joint])[0], f"{name} in radians", got, cure)
             values[name].append(value)
+        if values["lower"][-1] >= values["upper"][-1]:
+            cure = "Write its range into the URDF, or make it fixed."
+            expected = f"an upper limit above the lower one, {values['lower'][-1]:g}"
+            raise ArgumentError.about(_names([joint])[0], expected, values["upper"][-1], cure)
         for name in ("velocity", "effort"):
             values[name].append(_number(joint, limit, name))
     lower, upper, velocity, effort = (np.array(column) for column in values.values())

@@ -75,7 +75,8 @@ def _expanded(path: Path) -> str:
     """Expand a xacro file with its default arguments."""
     optional("xacro")
     command = [sys.executable, "-c", "import xacro; xacro.main()", "-q", str(path.resolve())]
-    with as_installed(packages_around(path.resolve().parent)) as prefixes:
+    packages = packages_around(path.resolve().parent)
+    with as_installed(packages) as prefixes:
         environment = {**os.environ, "AMENT_PREFIX_PATH": prefixes}
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     if done.returncode:
@@ -85,7 +86,10 @@ def _expanded(path: Path) -> str:
             cure = "Source the workspace that has it, or put its source beside the file's package."
             got = f"one that finds the package {missing[1]}, which is nowhere"
         raise ArgumentError.about("robot", "a xacro file", got, cure)
-    return done.stdout
+    text, links = done.stdout, Path(prefixes.rpartition(os.pathsep)[2], "share")
+    for name, folder in packages.items():  # where `file://$(find NAME)` leads
+        text = text.replace(f"{links / name}/", f"{folder.resolve()}/")
+    return text
 
 
 def parse_xml(text: str) -> ET.Element:

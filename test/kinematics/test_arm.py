@@ -256,6 +256,7 @@ def test_a_continuous_joint_turns_on():
     np.testing.assert_allclose(path.positions[:, 0], angles, atol=1e-6)
 
 
+STUCK = '<limit lower="0" upper="0" velocity="1" effort="9"/>'
 LIGHT = '<inertial><mass value="-1"/></inertial>'
 
 
@@ -277,6 +278,7 @@ LIGHT = '<inertial><mass value="-1"/></inertial>'
             "j: expected a finite effort, got x",
         ),
         (robot(joint("j", "floating", "a", "b"), links="ab"), {}, "j: expected revolute"),
+        (robot(joint("j", "prismatic", "a", "b", STUCK), links="ab"), {}, "j: .* one, 0, got 0"),
         (robot(TURN, links="abc"), {}, "base: expected one root link"),
         (robot(TURN, links="ab").replace("'b'/>", f"'b'>{LIGHT}</link>", 1), {}, "b: .*below 0"),
         (

@@ -147,6 +147,10 @@ def test_packages_that_a_description_speaks_of_may_stand_beside_it_as_source(tmp
         odd = f"<package><name>{name}</name></package>"
         (tmp_path / "Arms" / "odd" / "package.xml").write_text(odd)
         assert Arm.from_urdf(path).n_joints == 6
+    mesh = '<link name="base"><visual><geometry><mesh filename="file://$(find parts)/a.stl"/>'
+    (parts / "a.stl").touch()
+    path.write_text(head + inside.replace('<link name="base">', f"{mesh}</geometry></visual>", 1))
+    assert str(parts.resolve() / "a.stl") in find_robot(str(path)).urdf
     path.write_text(head + include.format("others"))
     with pytest.raises(ArgumentError, match="finds the package others, which is nowhere"):
         Arm.from_urdf(path)
