@@ -3,8 +3,6 @@
 
 import re
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -194,12 +192,16 @@ def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
             if pattern and 2 * len(files) > most:
                 short = re.sub(r"\W+", "_", Path(name.replace("{number}", "")).stem).strip("_")
                 first = next(iter(files.values()))
-                with suppress(BagError):  # notes
+                try:
                     table = open_table(first)
-                    found.append(FileKind(short, name_below(source, first), table, pattern))
-        columns = [{*kind.table.names} for kind in found]
-        shared = [(len(a & b), min(len(a), len(b))) for a, b in combinations(columns, 2)]
-        if shared and all(2 * both < least for both, least in shared):
+                except BagError:  # notes
+                    continue
+                pairs = [({*kind.table.names}, {*table.names}) for kind in found]
+                if any(2 * len(a & b) >= min(len(a), len(b)) for a, b in pairs):
+                    found = []
+                    break
+                found.append(FileKind(short, name_below(source, first), table, pattern))
+        if len(found) > 1:
             return found
     return []
 
