@@ -292,8 +292,8 @@ def _of_trials(listed: Sequence[Any]) -> dict[str, NDArray[Any]]:
             found = {name: column.tolist() for name, column in _of_records(one).items()}
         else:
             found = dict(_lists(one)) if isinstance(one, dict) else {}
-        times = [name for name in found if TIME_NAME.search(name)]
-        if not any(len(found[n]) >= MIN_SAMPLES and np.isreal(found[n][0]) for n in times):
+        times = [len(values) for name, values in found.items() if TIME_NAME.search(name)]
+        if max(times, default=0) < max([MIN_SAMPLES, *map(len, found.values())]):
             return {}
         columns = _of_lists(found)
         size = len(next(iter(columns.values())))

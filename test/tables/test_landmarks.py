@@ -168,6 +168,13 @@ def timed(key, values):
 
 OF_WRIST = {
     "lists with texts": (COLUMNS, [*"xyz"]),
+    "rows with lists": (
+        [
+            {"t": at, **row, "q": [0.0] * 7, "times": [1, 2, 3, 4]}
+            for at, row in zip(AT, ROWS_OF, strict=True)
+        ],
+        [*"xyz"],
+    ),
     "lists beside events": ({**COLUMNS, "events": [{"t": 0.5, "what": "grasp"}]}, [*"xyz"]),
     "lists beside settings": ({**COLUMNS, "set": {"lut": [0] * 999, "of": [{"a": 1}]}}, [*"xyz"]),
     "lists in a mapping": (
