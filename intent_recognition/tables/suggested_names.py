@@ -28,6 +28,7 @@ NO_JOINT = re.compile(
     r"|likelihood|conf(?!ig)|strength|visib|score|covariance|twist(?!$|_joint)|residual"
     r"|\bRot\[|quat|orient|(?:^|[\W_])ori(?:[\W_]|$)|axis_?angle|cube_pos|^states\.\d"
     r"|(?:^|[\W_])(?:env(?:ironment)?|low_dim|ee)_states?(?:[\W_]|$)|robot_states\.\d|^lengths?$"
+    r"|^(?:poses|pose_\w+|body_pose)\.\d"
     r"|(?:^|[\W_])(?:cos|sin)(?:[\W_]|$)|wrench|gravity|rgb|colou?r|voltage|pressure|reward|bits"
     rf"|register|scaling|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
 )

@@ -19,12 +19,12 @@ def test_a_suggestion_knows_joints_from_clocks(tmp_path):
     others = [
         "header.stamp", "/js/panda_joint1/velocity", "gripper.pos", "nose_visibility",
         "obs.joint_pos_cos.0", "states.0", "cube_positions.0", "eef_quat.0", "id", "success_rate",
-        "O_F_ext_hat_K0", "ExtTrq1", "ee_ori.0", "ee_states.3", "robot_states.0",
+        "O_F_ext_hat_K0", "ExtTrq1", "ee_ori.0", "ee_states.3", "robot_states.0", "poses.9",
     ]  # fmt: skip
     head = ",".join(["__time", "/js/panda_joint1/position", *others])
 
     def row(k):
-        moving = [f"{k}.5", f"{k % 7}.2", f"{k / 2}", *[f"{SHARE[k, 0] / 2}"] * 12]
+        moving = [f"{k}.5", f"{k % 7}.2", f"{k / 2}", *[f"{SHARE[k, 0] / 2}"] * 13]
         return [f"{TIMES_S[k] + 1.7e9:.3f}", f"{SHARE[k, 0]}", *moving]
 
     content = table(head, row)
@@ -32,7 +32,7 @@ def test_a_suggestion_knows_joints_from_clocks(tmp_path):
     text = suggest_map(tmp_path / "a.csv")
     (entry,) = yaml.safe_load(text)["observed"]
     assert entry["joints"] == ["panda_joint1"] and "columns_unit" not in entry
-    assert f"# They move, and are no positions: {', '.join(others[:12])}, and 3 more" in text
+    assert f"# They move, and are no positions: {', '.join(others[:12])}, and 4 more" in text
 
 
 @pytest.mark.parametrize(
