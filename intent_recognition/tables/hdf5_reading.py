@@ -88,7 +88,9 @@ def read(path: str) -> dict[str, NDArray[Any]]:
         with suppress(KeyError, ValueError, TypeError):  # others note something else there
             rate = float(json.loads(top.attrs["env_args"])["env_kwargs"]["control_freq"])
         units = _units(top, names)
-        said = [{k: v for k, v in top[n].attrs.items() if isinstance(v, str)} for n in names]
+        said: list[dict[str, str]] = [{} for _ in names]
+        with suppress(TypeError, OSError):  # of a type that numpy has not
+            said = [{k: v for k, v in top[n].attrs.items() if isinstance(v, str)} for n in names]
     shared = [key for key in groups[0] if all(key in group for group in groups)]
     lengths = [max((len(group[key]) for key in shared), default=0) for group in groups]
     whole = [

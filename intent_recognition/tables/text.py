@@ -287,7 +287,7 @@ def _with_parts(names: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[st
         parts[-1].append(name)
     found = [*parts[0]]
     for part, *inside in parts[1:]:
-        repeats = any(names.count(name) > 1 for name in inside)
+        repeats = part and any(names.count(name) > 1 for name in inside)
         found += [part, *(f"{part}.{name}" if repeats else name for name in inside)]
     return tuple(found)
 
