@@ -33,8 +33,8 @@ time; tasks farther away have negligible evidence."""
 MAX_VALIDATED = 60
 """Most demonstrations left out, evenly drawn from all tasks; bounds computing time."""
 N_SCALES = 5
-"""Durations per task when margins are learned. Bounds computing time; with 15, the margin of a
-change of mind is about the same."""
+"""Durations per task when margins are learned. Bounds computing time; with the filter's 15, the
+margin of a change of mind is about the same (docs/decisions/unknown_movements.md)."""
 T = TypeVar("T")
 
 
