@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Run the filter along held-out demonstrations in batches, as it runs online."""
+"""Run the filter along held-out demonstrations in batches, at 60 evenly spaced samples."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import inf

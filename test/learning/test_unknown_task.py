@@ -121,7 +121,7 @@ def test_a_gap_is_shared_in_halves_by_tasks_of_five_demonstrations():
     assert calibrating_tasks([2]).tolist() == [0]
 
 
-def test_factors_are_those_of_the_filter_that_runs_online(report):
+def test_factors_are_those_of_a_filter_with_as_many_durations(report):
     tasks = statistics_of(report.trained.tasks, report.chosen.aligned)
     library = replace(report.library, correlation_time_s=2.4 / SAMPLES_PER_MOVEMENT)
     recorded = examples_of(report)[3]._replace(duration_s=2.4)
