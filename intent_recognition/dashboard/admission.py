@@ -86,7 +86,7 @@ class Admission:
         """
         host = headers.get("host", [])
         if len(host) != 1 or not self._is_own(host[0]):
-            return "This server has another name. Open the address that the dashboard has logged."
+            return "This server has another name: use that of the address it logs, or set `names`."
         own = {f"{scheme}://{host[0]}".lower() for scheme in ("http", "https")}  # also behind TLS
         if any(origin.lower() not in own for origin in headers.get("origin", [])):
             return "Another page may not use this one."

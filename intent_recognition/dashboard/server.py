@@ -37,7 +37,7 @@ from intent_recognition.dashboard.browser_messages import (
     can_become,
     read_message,
 )
-from intent_recognition.dashboard.welcome import AUTO, LIGHT, NEVER, PLAIN, TOLD, welcome
+from intent_recognition.dashboard.welcome import AUTO, NEVER, TOLD, welcome
 from intent_recognition.errors import ResourceBusyError, one_line
 
 MOST_CLIENTS, MOST_SOCKETS = 8, 64
@@ -142,9 +142,8 @@ class _Guard:
             _guard = guard
 
         def guarded(*arguments: Any, **options: Any) -> Any:
-            pages = options["process_request"]
             options |= {
-                "process_request": lambda c, request: guard.refuse(c, request) or pages(c, request),
+                "process_request": guard.answer,
                 "process_response": guard.protect,
                 "create_connection": Connection,
                 "logger": _LOGGER,
@@ -160,8 +159,8 @@ class _Guard:
         finally:
             websockets_server.serve = serve  # type: ignore[misc]
 
-    def refuse(self, connection: ServerConnection, request: Request) -> Response | None:
-        """The response to a request that is refused or brings the token; None to go on."""
+    def answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """The response to a request; None to let a browser connect."""
         upgrade = "upgrade" in request.headers
         headers: dict[str, list[str]] = {}
         for name, value in request.headers.raw_items():
@@ -173,16 +172,18 @@ class _Guard:
             if len(self.clients) >= MOST_CLIENTS:
                 return connection.respond(503, f"{MOST_CLIENTS} browsers have the page open.\n")
             return None
-        if self.admission.has_token(request.path):
-            response = connection.respond(200, self._entrance)
-            del response.headers["Content-Type"]
-            response.headers["Content-Type"] = "text/html; charset=utf-8"
-            response.headers["Set-Cookie"] = self.admission.cookie
-            return response
-        slow = {PLAIN: False, LIGHT: True, **TOLD}.get(request.path)
-        if slow is not None and self._opened is not None:
-            self._opened(slow)
-        return connection.respond(204, "") if request.path in TOLD else None
+        slow = TOLD.get(request.path)
+        if slow is not None:
+            if self._opened is not None:
+                self._opened(slow)
+            return connection.respond(204, "")
+        if request.path.partition("?")[0] != "/":
+            return connection.respond(404, "The page is one file, at /.\n")
+        response = connection.respond(200, self._entrance)
+        del response.headers["Content-Type"]
+        response.headers["Content-Type"] = "text/html; charset=utf-8"
+        response.headers["Set-Cookie"] = self.admission.cookie
+        return response
 
     def protect(
         self, connection: ServerConnection, request: Request, response: Response
