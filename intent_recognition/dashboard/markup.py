@@ -29,7 +29,11 @@ FORCE_COLOURS = dict(zip((*FORCES, SENSOR), PALETTE, strict=False))
 GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", NONE_COLOUR
 LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
 STYLE = f"""<style>
-@media (max-width: 36em) {{[style*='width: 20em'] {{width: 100vw !important}}}}
+[role=tab] {{padding-inline: .65em !important}}
+@media (max-width: 36em) {{
+[style*='width: 20em'] {{width: 100vw !important}}
+body:not(:has([inert] .i-now)) div:has(> div > div > canvas) {{height: 42vh !important}}
+}}
 .i-block {{font: .92em/1.4 Inter, system-ui, sans-serif; font-variant-numeric: tabular-nums;
            color: {INK}; padding: .15em 1.1em .15em .75em}}
 .i-soft {{color: {SOFT}}}
@@ -38,6 +42,7 @@ STYLE = f"""<style>
 .i-bars {{grid-template-columns: minmax(0, 12em) minmax(1.5em, 1fr) 3.2em 2.6em; gap: .5em;
           align-items: center}}
 .i-bars > :nth-child(n+3) {{text-align: right}}
+.i-bars > .i-small {{overflow: hidden; text-overflow: ellipsis}}
 .i-task {{display: flex; white-space: pre}}
 .i-task > :first-child {{overflow: hidden; text-overflow: ellipsis}}
 .i-bar {{background: {RULE}; border-radius: 3px; height: .95em}}
@@ -60,7 +65,8 @@ STYLE = f"""<style>
 .i-item {{grid-template-columns: 1.5em 1fr}}
 .i-item > :first-child {{font-weight: 600}}
 </style>"""
-"""Style sheet of all pieces; in narrow windows it widens viser's panel to the window."""
+"""Style sheet of all pieces; in narrow windows viser's panel has the width of the window, and the
+scene, while the panel is open, the height that it leaves."""
 STEP_LOOKS = {
     "done": ("&#10003;", GOOD, "400"),
     "forgotten": ("!", BAD, "600"),

@@ -44,8 +44,8 @@ NO_TEACHER = (
 OTHERS = ("With the demo: wait until the coworker is done.", "With a tracker: stop it.")
 NO_ARM = "No arm that can be moved from here publishes its joint states."
 ARMS = (
-    "It must take `joint_trajectory`: the demo has one.",
-    "Other arms than the LWR need a URDF on `robot_description` and pinocchio (`pip install pin`).",
+    "The demo has one; yours must take the topic `joint_trajectory`",
+    "Other arms than the LWR need a URDF on robot_description, and pinocchio: `pip install pin`",
 )
 
 
