@@ -112,7 +112,7 @@ class CompareTab:
             for name, (times, columns, _) in zip("AB", found, strict=True):
                 data, series = (times, *columns.values()), series_of(tuple(columns), colours)
                 title = f"probability, model {name}"
-                plot = time_plot(self._gui, data, series, 1.0, 0.0, last_s, title)
+                plot = time_plot(self._gui, data, series, times_s=(0.0, last_s), title=title)
                 self._plots.append(plot)
         self._place.visible = True
 

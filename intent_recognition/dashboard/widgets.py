@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shared parts of the tabs: a plot over time, and helpers for viser's controls."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, TypeVar
 
@@ -62,18 +63,14 @@ def slider_value(handle: viser.GuiSliderHandle) -> float:
 class TimePlot:
     """Curves over the last seconds, in a folder that is shown while there is data.
 
-    The title names the quantity and its unit. `top` is the largest expected value; None: fit to the
-    data. Without an order the folder comes last.
+    The title names the quantity and its unit. The height fits the data, in whole steps. Without an
+    order the folder comes last.
     """
 
     def __init__(
-        self,
-        server: viser.ViserServer,
-        title: str,
-        top: float | None = None,
-        order: float | None = None,
+        self, server: viser.ViserServer, title: str, step: float = 5.0, order: float | None = None
     ):
-        self._server, self._top = server, top
+        self._server, self._step = server, step
         self._folder = server.gui.add_folder(title, visible=False, order=order)
         self._plot: viser.GuiUplotHandle | None = None
         self._drawn_at_s, self._pulse = -np.inf, False
@@ -97,41 +94,47 @@ class TimePlot:
         if len(columns[0]) < 2:
             return
         look = (*series_of(names, colours), PULSE)
+        step = self._step  # uPlot itself finds no range where there is NaN: nothing was received
+        low = step * math.floor(np.nanmin(columns[1:], initial=0.0) / step)
+        top = step * math.ceil(np.nanmax(columns[1:], initial=step) / step)
         self._pulse = not self._pulse
         columns = (*columns, np.full(len(columns[0]), float(self._pulse)))
         if self._plot is None:
             with self._folder:
-                self._plot = time_plot(self._server.gui, columns, look, self._top)
+                self._plot = time_plot(self._server.gui, columns, look, (low, top))
             self._folder.visible = True
             return
-        if look == self._plot.series:
+        scales = {**(self._plot.scales or {}), "y": _height(low, top)}
+        with self._server.atomic():
+            if (look, scales) != (self._plot.series, self._plot.scales):
+                self._plot.series, self._plot.scales = look, scales
             self._plot.data = columns
-        else:
-            with self._server.atomic():
-                self._plot.series, self._plot.data = look, columns
 
 
 def time_plot(
     gui: viser.GuiApi,
     columns: tuple[Floats, ...],
     series: tuple[uplot.Series, ...],
-    top: float | None = 1.0,
-    first_s: float = -PLOTTED_S,
-    last_s: float = 0.0,
+    height: tuple[float, float] = (0.0, 1.0),
+    times_s: tuple[float, float] = (-PLOTTED_S, 0.0),
     title: str | None = None,
 ) -> viser.GuiUplotHandle:
     """Curves over time [s]; axes have no room for labels, so the surroundings name the quantity."""
-    height = uplot.Scale() if top is None else uplot.Scale(auto=False, range=(-0.02, 1.06 * top))
     return gui.add_uplot(
         data=columns,
         series=series,
         title=title,
-        scales={"x": uplot.Scale(time=False, auto=False, range=(first_s, last_s)), "y": height},
+        scales={"x": uplot.Scale(time=False, auto=False, range=times_s), "y": _height(*height)},
         axes=(_axis("time [s]", 34), _axis("", 46)),
         legend=uplot.Legend(show=False),
         height=165,
         padding=(8, 20, 0, 0),  # leaves room for the uppermost number
     )
+
+
+def _height(low: float, top: float) -> uplot.Scale:
+    """A range in which thick curves at its smallest and largest value are seen whole."""
+    return uplot.Scale(auto=False, range=(low - 0.02 * (top - low), top + 0.06 * (top - low)))
 
 
 def _axis(label: str, size: int) -> uplot.Axis:

@@ -111,6 +111,14 @@ def test_the_folder_of_a_plot_comes_with_it(server):
     assert not plot.due(False, 9.0) and not plot._folder.visible
 
 
+def test_a_plot_has_a_range_whatever_was_not_received(server):
+    plot, times = TimePlot(server, "Forces"), np.linspace(-20.0, 0.0, 3)
+    for load, low, top in ((np.nan, 0.0, 5.0), (4.0, 0.0, 5.0), (12.0, 0.0, 15.0), (-1, -5.0, 5.0)):
+        plot.draw((times, np.array([np.nan, load, 0.0])), ("load",), {})
+        below, above = plot._plot.scales["y"]["range"]
+        assert below < low <= top < above and above - below < 1.1 * (top - low)
+
+
 @pytest.mark.slow
 def test_the_numbers_of_the_time_follow_the_width(server):
     plot = TimePlot(server, "Probability", 1.0)
