@@ -73,15 +73,16 @@ class DashboardPage:
         self._of_model: dict[str, str] = {}
         self._seen: tuple[str, ...] = ()
         self._taught = ""
-        admission = Admission(host, port, new_token(), names)
+        admission, operator = Admission(host, port, new_token(), names), Operator(read_only)
+        refuse = lambda: self.show_message(False, operator.refusal)  # noqa: E731  # asked for once
         self.address = admission.address
         self._server = serve_page(
             host,
             port,
             TITLE,
             admission,
-            Operator(read_only),
-            lambda why: self._ask(lambda: self.show_message(False, why)),
+            operator,
+            lambda why: self._ask(refuse),
             light,
             lambda slow: self._ask(self._lighten if slow else self._shade),
         )

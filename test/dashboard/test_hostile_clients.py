@@ -165,6 +165,23 @@ def test_a_flood_of_clicks_is_one_action(visit, button):
     visit.run(story)
 
 
+def test_an_onlookers_flood_does_not_displace_the_operators_action(visit):
+    visit, graph = visit()
+    thumbs = graph.page._skills._thumbs
+
+    async def story(operator, onlooker):
+        await visit.say(operator, update(graph.page._via._phase, 0.25))
+        await visit.until(lambda: not graph.page._asked)
+        await send(operator, update(thumbs, "Good"))
+        await eventually(lambda: graph.page._asked)  # and the graph's thread does other things
+        await send(onlooker, *[update(thumbs, "Bad")] * CLICKS)
+        visit.sent += 1 + CLICKS
+        await eventually(lambda: visit.judged >= visit.sent)
+        await visit.until(lambda: graph.heard)
+
+    visit.run(story, browsers=2)
+
+
 def test_who_was_followed_in_the_middle_of_a_drag_drops_nothing(visit, monkeypatch):
     visit, graph = visit()
     via = graph.page._via
