@@ -108,7 +108,9 @@ def bars(
 def now_line(state: CellState, colours: Mapping[str, str], people: Mapping[str, str]) -> str:
     """What the robot does or did not finish, for whom and why, and the simulated task."""
     task_chip = lambda task: chip(readable(task), colours.get(task, STALE))  # noqa: E731
-    parts = [f"robot: {task_chip(state.active) if state.active else 'waits'}"]
+    reports = [n for name, n in state.nodes.items() if name.endswith("primitive_activation")]
+    rests = next((escape(report.message) for report in reports if report.level), "waits")
+    parts = [f"robot: {task_chip(state.active) if state.active else rests}"]
     if state.helped:
         parts.append(f"for&nbsp;{chip(state.helped, people.get(state.helped, STALE))}")
     if state.unfinished and not state.active:
@@ -155,14 +157,9 @@ def transfer(state: TransferState, fresh: bool) -> str:
         for name, colour in FORCE_COLOURS.items()
         if (value := state.newest(name)) is not None
     ]
-    rows = [_in_a_row(parts) for parts in (remarks, forces) if parts]
-    return _block("".join(rows)) if rows else ""
-
-
-def _in_a_row(parts: Iterable[str]) -> str:
-    """Pieces of HTML side by side, as far as there is room."""
-    spans = "".join(f"<span>{part}</span>" for part in parts)
-    return f'<div class="i-row">{spans}</div>'
+    rows = ("".join(f"<span>{part}</span>" for part in parts) for parts in (remarks, forces))
+    shown = "".join(f'<div class="i-row">{row}</div>' for row in rows if row)
+    return _block(shown) if shown else ""
 
 
 def nodes_table(nodes: Mapping[str, NodeHealth], now_s: float) -> str:
@@ -172,11 +169,12 @@ def nodes_table(nodes: Mapping[str, NodeHealth], now_s: float) -> str:
     return _block("".join(_node(name, nodes[name], now_s) for name in sorted(nodes)))
 
 
-def silent_nodes(nodes: Mapping[str, NodeHealth], now_s: float) -> list[str]:
-    """Names of nodes that have reported but are silent now."""
-    return sorted(
-        name for name, health in nodes.items() if health.silent_s(now_s) > 0.0 and not may_end(name)
-    )
+def alarms(nodes: Mapping[str, NodeHealth], now_s: float) -> list[str]:
+    """The nodes that have reported but are silent now, and the first three that report an error."""
+    late = (name for name in sorted(nodes) if nodes[name].silent_s(now_s) and not may_end(name))
+    silent = ", ".join(late)
+    wrong = [f"{name}: {nodes[name].message}" for name in sorted(nodes) if nodes[name].level == 2]
+    return [f"silent: {silent}"] * bool(silent) + wrong[:3]
 
 
 def may_end(name: str) -> bool:

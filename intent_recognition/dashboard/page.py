@@ -195,9 +195,7 @@ class DashboardPage:
         self._nodes.content = markup.nodes_table(self._state.nodes, now_s)
         if now_s < self._message_until_s:
             return
-        silent = markup.silent_nodes(self._state.nodes, now_s)
-        wrong = [f"silent: {', '.join(silent)}"] if silent else []
-        wrong += [problem] if problem else []
+        wrong = [*markup.alarms(self._state.nodes, now_s), *filter(None, [problem])]
         self._banner.visible = bool(wrong)
         if wrong:
             self._banner.content = markup.notice("; ".join(wrong))

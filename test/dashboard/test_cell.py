@@ -182,6 +182,8 @@ def test_the_rows_of_now_stay_when_a_task_begins():
     state = CellState(truth="")
     (robot, coworker) = markup.now_line(state, {}, {}).split("<br>")
     assert "waits" in robot and "coworker: -" in coworker
+    state.nodes["cell/primitive_activation"] = NodeHealth(1, "stopped: limits", {}, 0.0)
+    assert "robot: stopped: limits" in markup.now_line(state, {}, {})
     state.truth = state.active = "a_task"
     assert ["a task" in row for row in markup.now_line(state, {}, {}).split("<br>")] == [True] * 2
 
@@ -206,7 +208,8 @@ def test_labels_and_messages_are_escaped():
 def test_a_silent_node_stands_out_unless_its_work_is_done():
     nodes = {name: NodeHealth(0, "running", {}, 0.0) for name in ("arm", "cell/bag_player")}
     nodes["ear"] = NodeHealth(0, "running", {}, 9.0)
-    assert markup.silent_nodes(nodes, 10.0) == ["arm"]
+    nodes["eye"] = NodeHealth(2, "sees nothing", {}, 9.0)
+    assert markup.alarms(nodes, 10.0) == ["silent: arm", "eye: sees nothing"]
     assert "silent for 10 s" in markup.nodes_table(nodes, 10.0)
     assert markup.BAD not in markup.nodes_table({"bag_player": nodes["cell/bag_player"]}, 10.0)
     nodes = {"coworker_sim": NodeHealth(0, "session over", {}, 0.0, ended=True)}
