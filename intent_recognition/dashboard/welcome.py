@@ -3,12 +3,13 @@
 
 Software rendering takes seconds for a frame with shadows. The script times the drawing of a small
 picture, unless the renderer's name says that it is software. If drawing is slow, the page gets a
-quarter of the pixels (viser's `fixedDpr`), and the server removes shadows and environment light.
+third of the pixels (viser's `fixedDpr`), edges are not smoothed, and the server removes shadows and
+environment light.
 """
 
 AUTO, ALWAYS, NEVER = "auto", "always", "never"
 """When the scene is light; auto: if a browser draws slowly. YAML reads on and off as booleans."""
-PLAIN, LIGHT = "/", "/?fixedDpr=0.5"
+PLAIN, LIGHT = "/", "/?fixedDpr=0.6"
 TOLD = {"/plain": False, "/light": True}
 """Path with which a browser reports how it draws, and whether that means slowly."""
 SLOW_MS = 12.0
@@ -51,6 +52,10 @@ if (gl && !/swiftshader|llvmpipe|software/i.test(renderer)) {
 GO_ON = f"""
 history.replaceState(null, "", slow ? "{LIGHT}" : "{PLAIN}");
 fetch(slow ? "/light" : "/plain");
+const canvas = HTMLCanvasElement.prototype, context = canvas.getContext;
+if (slow) canvas.getContext = function (kind, given) {{  // each smoothed pixel is drawn four times
+  return context.call(this, kind, {{...given, antialias: false}});
+}};
 """
 
 
