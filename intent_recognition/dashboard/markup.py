@@ -30,10 +30,8 @@ GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", NONE_COLOUR
 LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
 STYLE = f"""<style>
 [role=tab] {{padding-inline: .65em !important}}
-@media (max-width: 36em) {{
-[style*='width: 20em'] {{width: 100vw !important}}
-body:not(:has([inert] .i-now)) div:has(> div > div > canvas) {{height: 42vh !important}}
-}}
+@media (max-width: 36em) {{[style*='width: 20em'] {{width: 100vw !important}}
+  body:not(:has([inert] .i-now)) div:has(> div > div > canvas) {{height: 42vh !important}}}}
 .i-block {{font: .92em/1.4 Inter, system-ui, sans-serif; font-variant-numeric: tabular-nums;
            color: {INK}; padding: .15em 1.1em .15em .75em}}
 .i-soft {{color: {SOFT}}}

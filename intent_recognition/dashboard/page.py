@@ -75,6 +75,7 @@ class DashboardPage:
         self._taught = ""
         admission, operator = Admission(host, port, new_token(), names), Operator(read_only)
         refuse = lambda: self.show_message(False, operator.refusal)  # noqa: E731  # asked for once
+        looks = lambda: self._scene.shade(), lambda: self._scene.lighten()  # there is no scene yet
         self.address = admission.address
         self._server = serve_page(
             host,
@@ -84,9 +85,10 @@ class DashboardPage:
             operator,
             lambda why: self._ask(refuse),
             light,
-            lambda slow: self._ask(self._lighten if slow else self._shade),
+            lambda slow: self._ask(looks[slow]),
         )
-        self._scene = PageScene(self._server, scene or CellScene(), hand_link, light == ALWAYS)
+        cell = scene or CellScene()
+        self._scene: PageScene = PageScene(self._server, cell, hand_link, light == ALWAYS)
         if light == NEVER:
             self._scene.shade()
         gui = self._server.gui
@@ -169,12 +171,6 @@ class DashboardPage:
             if len(self._asked) > 200:  # about a second of drags
                 del self._asked[next(iter(self._asked))]
 
-    def _lighten(self) -> None:
-        self._scene.lighten()  # browsers may come before there is a scene
-
-    def _shade(self) -> None:
-        self._scene.shade()
-
     def _choose_colours(self) -> None:
         """One colour per task, as in the reports; a task of the model keeps its colour."""
         people = self._state.people.values()
@@ -197,5 +193,4 @@ class DashboardPage:
             return
         wrong = [*markup.alarms(self._state.nodes, now_s), *filter(None, [problem])]
         self._banner.visible = bool(wrong)
-        if wrong:
-            self._banner.content = markup.notice("; ".join(wrong))
+        self._banner.content = markup.notice("; ".join(wrong))

@@ -87,7 +87,8 @@ def serve_page(
     """
     _check_free(host, port)
     page = welcome(light, CLIENT.read_text(encoding="utf-8"))
-    guard = _Guard(admission, operator, refused, page, opened if light == AUTO else None)
+    opened = opened if light == AUTO else lambda slow: None
+    guard = _Guard(admission, operator, refused, page, opened)
     with guard.installed(), redirect_stdout(StringIO()):
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     if not guard.in_place:
@@ -122,7 +123,7 @@ class _Guard:
         operator: Operator,
         refused: Callable[[str], None],
         entrance: str,
-        opened: Callable[[bool], None] | None,
+        opened: Callable[[bool], None],
     ) -> None:
         self.admission, self.operator, self.refused = admission, operator, refused
         self._entrance, self._opened = entrance, opened
@@ -172,10 +173,8 @@ class _Guard:
             if len(self.clients) >= MOST_CLIENTS:
                 return connection.respond(503, f"{MOST_CLIENTS} browsers have the page open.\n")
             return None
-        slow = TOLD.get(request.path)
-        if slow is not None:
-            if self._opened is not None:
-                self._opened(slow)
+        if request.path in TOLD:
+            self._opened(TOLD[request.path])
             return connection.respond(204, "")
         if request.path.partition("?")[0] != "/":
             return connection.respond(404, "The page is one file, at /.\n")

@@ -158,8 +158,7 @@ class TeachTab:
             set_value(field, (x, y, z))
 
         self._handles.on_moved(GOALS, body, dragged)
-        place = lambda: self._handles.place(GOALS, body, np.array(field.value))  # noqa: E731
-        self._page.on_change(field, place)
+        self._page.on_change(field, lambda: self._handles.place(GOALS, body, np.array(field.value)))
 
     def _take_or_release(self) -> None:
         if self._take.value:

@@ -205,14 +205,6 @@ def _figure(block: Figure) -> str:
     return f'<figure><img alt="{alt}" src="data:image/{kind};base64,{data}">{caption}</figure>'
 
 
-def _row(block: Row) -> str:
-    return f'<div class="row">{"".join(_figure(figure) for figure in block.figures)}</div>'
-
-
-def _key_numbers(block: KeyNumbers) -> str:
-    return f'<div class="numbers">{"".join(_key_number(n) for n in block.numbers)}</div>'
-
-
 def _key_number(number: KeyNumber) -> str:
     verdict = {True: " good", False: " bad", None: ""}[number.good]
     parts: Sequence[tuple[str, str]] = (
@@ -230,6 +222,6 @@ _RENDERERS: dict[type, Callable[..., str]] = {
     Paragraph: _text,
     TableBlock: _table,
     Figure: _figure,
-    Row: _row,
-    KeyNumbers: _key_numbers,
+    Row: lambda row: f'<div class="row">{"".join(map(_figure, row.figures))}</div>',
+    KeyNumbers: lambda row: f'<div class="numbers">{"".join(map(_key_number, row.numbers))}</div>',
 }
