@@ -183,7 +183,7 @@ def test_the_rows_of_now_stay_when_a_task_begins():
     (robot, coworker) = markup.now_line(state, {}, {}).split("<br>")
     assert "waits" in robot and "coworker: -" in coworker
     state.nodes["cell/primitive_activation"] = NodeHealth(1, "stopped: limits", {}, 0.0)
-    assert "robot: stopped: limits" in markup.now_line(state, {}, {})
+    assert "stopped: limits" in markup.now_line(state, {}, {})
     state.truth = state.active = "a_task"
     assert ["a task" in row for row in markup.now_line(state, {}, {}).split("<br>")] == [True] * 2
 
