@@ -64,6 +64,8 @@ class IntentOutput:
         self._shown = next(((g, c) for g, c in enumerate(columns) if c is not None), None)
         self._last_robot: tuple[Prediction, bytes] | None = None
         self._model = model
+        # newest value of each observed DOF and its standard deviation
+        self._newest, self._rested_ns = np.full((2, model.library.n_observed), np.nan), 0
 
     def swap(self, model: Model) -> None:
         """Replace the model by one of the same DOFs."""
@@ -105,6 +107,22 @@ class IntentOutput:
     def human_wanted(self) -> bool:
         """Whether anybody subscribes to the human's predicted trajectory."""
         return bool(self.human_trajectory.get_subscription_count())
+
+    def publish_place(self, observation: Observation, rests: bool) -> None:
+        """While the human rests, publish where as a trajectory of one point, 25 times a second."""
+        if observation.derivative or not self.human_wanted:
+            return
+        values, covariance = observation.values, observation.covariance
+        dofs = self._model.library.observed_dofs(observation.group, observation.dofs)
+        std = np.zeros(len(values)) if covariance is None else np.sqrt(np.diagonal(covariance))
+        self._newest[:, dofs] = values, std
+        due = abs(observation.stamp_ns - self._rested_ns) >= 39_000_000
+        if rests and due and np.all(np.isfinite(self._newest)):
+            self._rested_ns, (place, std) = observation.stamp_ns, self._newest[:, None]
+            still = np.zeros_like(place)
+            self.human_trajectory.publish(
+                self._human_builder.build(observation.stamp_ns, [0.0], place, still, std)
+            )
 
     def publish_human(self, estimate: Estimate, human: Prediction, frame: str) -> None:
         """Publish a prediction of the human on the topics that have subscribers."""

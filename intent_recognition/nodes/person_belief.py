@@ -145,6 +145,7 @@ class PersonBelief:
         """Publish the prediction before the tasks: a decision also depends on its end."""
         if estimate.moving:
             self._publish_prediction(estimate, observation)
+        self.output.publish_place(observation, rests=not estimate.moving)
         self.output.publish_tasks(estimate)
         if estimate.moving != self._moving or self._silent:
             self._moving, self._silent = estimate.moving, False

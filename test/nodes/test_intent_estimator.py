@@ -260,6 +260,14 @@ def test_the_predicted_path_of_the_body_among_three_topics_its_tube_and_its_mark
     assert np.all(np.diff(times_s) > 0.0) and np.all(rest["effort"] > 0.0)
     assert message.header.frame_id == mixed.model.labels[0]
     np.testing.assert_allclose(positions[-1, -3:], end, atol=4.0 * rest["effort"][-1].max())
+    resting = [message for message in told if len(message.points) == 1]
+    told_ns = np.array([stamp_ns(message) for message in resting])
+    still = [stamp_ns(tasks) for tasks in graph.tasks if tasks.position[-1] == 1.0]
+    assert told_ns[0] < still[5] and np.all(np.diff(told_ns) >= 39_000_000)
+    for message, now_ns in zip(resting, told_ns, strict=True):
+        seen = [o.values for o in observations if o.stamp_ns <= now_ns]
+        off = np.abs(np.array(seen[-2:]) - message.points[0].positions[-3:]).max(axis=1)
+        assert off.min() < 1e-9  # other topics have the same stamps
 
 
 def test_markers_keep_the_colour_of_a_task_when_another_is_learned():
