@@ -194,12 +194,14 @@ class ArmTracking:
         """Whether the command in force has not ended yet."""
         return self.current is not None and now_ns < self.current.end_ns
 
-    def switch_ns(self, now_ns: int) -> int:
-        """When a command planned now takes over; never before the newest command does.
+    @property
+    def lead_ns(self) -> int:
+        """Time from planning a command to its start; grows with the delay of commands."""
+        return round(self._common.settings.lead_s * 1e9 + 1.5 * self.late_ns)
 
-        The lead grows with the delay of commands, so that later commands arrive in time.
-        """
-        ahead = now_ns + round(self._common.settings.lead_s * 1e9 + 1.5 * self.late_ns)
+    def switch_ns(self, now_ns: int) -> int:
+        """When a command planned now takes over; never before the newest command does."""
+        ahead = now_ns + self.lead_ns
         return ahead if self.current is None else max(ahead, self.current.start_ns)
 
     def phase(self, now_ns: int) -> float:

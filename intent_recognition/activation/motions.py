@@ -23,6 +23,7 @@ from intent_recognition.motion import (
     Obstruction,
     PhaseState,
     PredictedPerson,
+    Separation,
     Via,
     brake_along,
     make_path,
@@ -139,6 +140,16 @@ class Motions:
 
         return plan
 
+    @property
+    def _separation(self) -> Separation | None:
+        """The separation; its reaction time includes an update and the present lead of commands."""
+        settings = self._common.settings
+        separation, least_s = settings.separation, settings.command_period_s
+        least_s += self._arm.lead_ns * 1e-9
+        if separation is None or least_s <= separation.settings.reaction_s:
+            return separation
+        return Separation(separation.arm, replace(separation.settings, reaction_s=least_s))
+
     def _slowed(
         self, plan: JointPlan | None, path: JointPath, start_ns: int, again: _Planner
     ) -> JointPlan | None:
@@ -148,8 +159,8 @@ class Motions:
         arm is at each time, hence its distance from people: each round lowers the ceiling of the
         rate by the distances along the plan before.
         """
-        settings, people = self._common.settings, self.people
-        separation, places = settings.separation, settings.slow_places
+        separation, people = self._separation, self.people
+        places = self._common.settings.slow_places
         ceiling = kept = None
         met, least, stretched = False, np.inf, 1.0
         for stretch in (*_STRETCHES, None):
@@ -291,7 +302,7 @@ class Motions:
         if not (paced or moved or brakes) or (not brakes and start_ns >= current.end_ns):
             return None
         self._paced_by, self._clear_of = setters, self._common.settings.clearance
-        separation, begun_ns = self._common.settings.separation, current.start_ns
+        separation, begun_ns = self._separation, current.start_ns
         too_fast = (
             paced
             and separation is not None

@@ -6,7 +6,7 @@ from activation_world import World
 from clearance_world import ARM, FAR_M, PATH, person
 
 from intent_recognition.activation import Mode, PretriggerSettings
-from intent_recognition.motion import Separation
+from intent_recognition.motion import Separation, SeparationSettings
 
 SEPARATION = Separation(ARM)
 
@@ -57,3 +57,15 @@ def test_going_ahead_slows_near_the_person():
     world.run(6.0)
     np.testing.assert_allclose(ahead.plan.end, start, atol=1e-9)
     world.check_continuous()
+
+
+def test_the_reaction_time_includes_the_lead_of_commands():
+    """Somebody is known from the start, not so near that the least speed counts."""
+    beside = person(HALFWAY + [0.0, 0.0, 0.6])
+    world = World(separation=SEPARATION, lead_s=0.3)
+    world.activation.take_people((beside,))
+    world.begin("plate", already_s=0.3)
+    world.run(2.0)
+    slow = Separation(ARM, SeparationSettings(reaction_s=0.34))
+    assert world.activation.counts["slowed by person"] > 0
+    assert max(slow.excess(c.plan, c.start_ns, beside) for c in world.commands) <= 1.0 + 1e-6
