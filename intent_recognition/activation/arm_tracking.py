@@ -19,6 +19,11 @@ degrees, more than an arm sags."""
 _SLIVER_NS = 1_000_000
 """Least time between a sample and a switch [ns]. Numerical safeguard: differences of positions are
 divided by its square."""
+_FOLLOWS_NS = 100_000_000
+"""Time for which an arm must follow an earlier command, with one lag, to show that the later ones
+were lost [ns]: much longer than a push that happens to move it so."""
+_MOST_LOST = 10
+"""Most commands in a row whose loss is noticed: 0.4 s of updates."""
 _SETTLING_NS = 500_000_000
 """Time that an arm may take to settle after the end of a command [ns]."""
 _REST_WINDOW_NS = 100_000_000
@@ -60,6 +65,7 @@ class ArmTracking:
         self._reported: tuple | None = None
         self._left: Floats | None = None  # where a lost command left the arm
         self._lateness = Lateness()
+        self._follows: tuple[Command, int, int] | None = None  # command, lag, since when [ns]
 
     def forget_joints(self) -> None:
         """Forget all joint states."""
@@ -94,6 +100,7 @@ class ArmTracking:
             self._measured = measured = Measured(stamp_ns, time_ns, position, velocity)
             self._remember(measured)
             self._look_for_lateness(measured)
+            self._look_for_loss(measured)
         return self._measured is not last
 
     def _look_for_lateness(self, measured: Measured) -> None:
@@ -106,6 +113,42 @@ class ArmTracking:
             self.late_ns = late_ns
             text = "a command came after its start: the next ones lead by more"
             self._report_once("commands_late", None, text)
+
+    def _look_for_loss(self, measured: Measured) -> None:
+        """Forget the newest commands if the arm goes on along an earlier one, with one lag.
+
+        They may come as late as `LATENESSES_NS`; an arm at rest may be held by somebody.
+        """
+        time_ns, before = measured.time_ns, self._follows
+        self._follows = None
+        too_new = self.current is None or time_ns - self.current.start_ns < LATENESSES_NS[-1]
+        if too_new or self._error(measured) <= HELD_WITHIN_RAD or self._stands():
+            return
+        n = len(self._history)
+        least = self._off(measured, n).min()
+        for kept in range(n - 1, max(n - _MOST_LOST, 1) - 1, -1):
+            command, off = self._history[kept - 1], self._off(measured, kept)
+            if least <= HELD_WITHIN_RAD or command.end_ns < time_ns:
+                return
+            if off.min() < 0.25 * least:
+                self._follows = command, int(np.argmin(off)), time_ns
+                break
+        if before is None or self._follows is None or before[0] is not self._follows[0]:
+            return
+        if abs(before[1] - self._follows[1]) <= 1:
+            self._follows = before
+            if time_ns - before[2] >= _FOLLOWS_NS:
+                while self._history[-1] is not before[0]:
+                    self._history.pop()
+                self.current, self._lateness = before[0], Lateness()
+                text = "the arm goes on along an earlier command: later ones never reached it"
+                self._report_once("command_lost", self.last_command_ns, text)
+
+    def _off(self, measured: Measured, n: int) -> Floats:
+        """Largest distance of a joint from the first n commands, for each lag (n_lags,) [rad]."""
+        times_ns = (measured.time_ns - LATENESSES_NS).tolist()
+        asked = [self._by(time_ns, n).at(time_ns).position for time_ns in times_ns]
+        return np.asarray(np.abs(np.array(asked) - measured.position).max(axis=1))
 
     def lost(self, now_ns: int) -> bool | None:
         """Whether the command that has ended never reached the arm; None while that is unknown.
@@ -148,12 +191,16 @@ class ArmTracking:
             recent.popleft()
 
     def at_rest(self, measured: Measured) -> bool:
-        """Whether the arm is at rest, judged by its velocity or else by its recent positions.
-
-        False if the positions cover too short a time or have a gap of `max_joint_state_age_s`.
-        """
+        """Whether the arm is at rest, judged by its velocity or else by its recent positions."""
         if measured.velocity is not None:
             return bool(np.abs(measured.velocity).max() <= _REST_RAD_S)
+        return self._stands()
+
+    def _stands(self) -> bool:
+        """Whether the recent positions are those of an arm at rest.
+
+        False if they cover too short a time or have a gap of `max_joint_state_age_s`.
+        """
         times_ns, positions = zip(*self._recent_positions, strict=True)
         span_ns = times_ns[-1] - times_ns[0]
         gap_ns = max(np.diff(times_ns), default=span_ns)
@@ -281,10 +328,11 @@ class ArmTracking:
     def _reference(self, time_ns: int) -> JointReference | None:
         return self._by(time_ns).at(time_ns) if self._history else None
 
-    def _by(self, time_ns: int) -> Command:
-        """The command in force at a time, at the earliest the oldest one kept."""
-        due = (command for command in reversed(self._history) if command.start_ns <= time_ns)
-        return next(due, self._history[0])
+    def _by(self, time_ns: int, n: int | None = None) -> Command:
+        """The command of the first n in force at a time, at the earliest the oldest one kept."""
+        commands = list(self._history)[:n]
+        due = (command for command in reversed(commands) if command.start_ns <= time_ns)
+        return next(due, commands[0])
 
     def _asked(self, time_ns: int) -> Floats | None:
         """Reference position at a time, (n,) [rad]; None without a command."""

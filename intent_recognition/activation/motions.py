@@ -59,8 +59,7 @@ class Motions:
         self._common, self._arm = common, arm
         self._reject, self._counts = common.reject, common.counts
         self._followed: ClearPath | None = None  # of the interaction under way
-        self._way: PlannedWay | None = None
-        self._paced_by: tuple[object, object] = ((), None)
+        self._paced_by: tuple[object, ...] = ((), None, None)
         self._tried_ns = 0
         self._clear_of: Clearance | None = None
         self.people: tuple[PredictedPerson, ...] = ()
@@ -272,25 +271,25 @@ class Motions:
         if way.kind != "interaction":
             standing = np.zeros_like(plan.phase)
             plan = replace(plan, kind=way.kind, phase=standing, phase_rate=standing)
-        command = self._arm.put_in_force(now_ns, Command(start_ns, plan))
-        self._way, self._paced_by = way._replace(command=command), self._pace_setters
-        self._clear_of = self._common.settings.clearance
+        command = self._arm.put_in_force(now_ns, Command(start_ns, plan, way=way))
+        self._paced_by, self._clear_of = self._pace_setters, self._common.settings.clearance
         return command
 
     @property
-    def _pace_setters(self) -> tuple[object, object]:
-        return self.people, self._common.settings.separation
+    def _pace_setters(self) -> tuple[object, ...]:
+        return self.people, self._common.settings.separation, self._arm.current
 
     def keep_pace(self, now_ns: int) -> Command | None:
         """Change the speed of the motion under way, or brake along its path; None to leave it.
 
         Checks the motion when the prediction of people, the things or the described arm have
-        changed since it was planned. If no plan keeps the permitted speeds and is clear, the arm
+        changed since it was planned, or later commands were lost. If no plan keeps the permitted speeds and is clear, the arm
         brakes, and looks for a way on every `SEARCH_EVERY_NS`.
         """
-        way, current, start_ns = self._way, self._arm.current, self._arm.switch_ns(now_ns)
-        if way is None or current is None or way.command is not current:
+        current, start_ns = self._arm.current, self._arm.switch_ns(now_ns)
+        if current is None or current.way is None:
             return None
+        way = current.way
         brakes = way.plan.kind == "stop"
         waits = brakes and 0 <= now_ns - self._tried_ns < SEARCH_EVERY_NS
         if waits or not self._arm.is_update_due(now_ns):
@@ -298,7 +297,7 @@ class Motions:
         setters, before = self._pace_setters, self._paced_by
         news = any(now is not was for now, was in zip(setters, before, strict=True))
         paced = bool(self.people) and (brakes or news)
-        moved = self._common.settings.clearance is not self._clear_of
+        moved = self._common.settings.clearance is not self._clear_of or before[-1] is not current
         if not (paced or moved or brakes) or (not brakes and start_ns >= current.end_ns):
             return None
         self._paced_by, self._clear_of = setters, self._common.settings.clearance
@@ -329,19 +328,17 @@ class Motions:
             return None
         self._counts["braked for person" if too_fast else "braked for things"] += 1
         brake = brake_along(way.plan, since_s, self._common.settings.limits)
-        command = self._arm.put_in_force(now_ns, Command(start_ns, brake))
-        self._way = way._replace(
-            plan=brake, slowed=True, command=command, blocked=touches and not too_fast
-        )
+        way = way._replace(plan=brake, slowed=True, blocked=touches and not too_fast)
+        command = self._arm.put_in_force(now_ns, Command(start_ns, brake, way=way))
+        self._paced_by = self._pace_setters
         return command
 
     def waited_in_vain(self, now_ns: int) -> bool:
         """Whether the arm has rested for `wait_s` since things came in the way."""
-        way, clearance = self._way, self._common.settings.clearance
-        if way is None or way.command is None or clearance is None or not way.blocked:
+        current, clearance = self._arm.current, self._common.settings.clearance
+        if clearance is None or current is None or current.way is None or not current.way.blocked:
             return False
-        rests_s = (now_ns - way.command.end_ns) * 1e-9
-        return way.command is self._arm.current and rests_s > clearance.wait_s
+        return (now_ns - current.end_ns) * 1e-9 > clearance.wait_s
 
     def _send_clear(
         self, now_ns: int, start_ns: int, start: JointReference, way: PlannedWay, what: str

@@ -35,11 +35,13 @@ class Command(NamedTuple):
     """A plan that takes over at start_ns.
 
     `before` is the motion from the sending to the start; None for an arm at rest or a near start.
+    `way` is what the plan follows, at a pace that may change; None for a stop, and under a lead.
     """
 
     start_ns: int
     plan: JointPlan
     before: MotionPoints | None = None
+    way: "PlannedWay | None" = None
 
     def to_send(self) -> MotionPoints:
         """The points of a message; those before the start come first.
@@ -76,7 +78,6 @@ class PlannedWay(NamedTuple):
     path: JointPath  # the same at any speed
     onset_ns: int | None = None  # when the motion is to begin; None: as soon as it may
     slowed: bool = False  # whether it is slower than it would be without people
-    command: Command | None = None  # sent last: the plan, or a brake along the path
     blocked: bool = False  # whether it brakes because of things
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """From one state of the activation to the next as time advances."""
 
+from dataclasses import replace
+
 from intent_recognition.activation.correcting import Correcting
 from intent_recognition.activation.interacting import Interacting
 from intent_recognition.activation.parts import Parts
@@ -100,6 +102,9 @@ class Transitions:
         return self.interacting.follow(state, now_ns)
 
     def _from_stopped(self, state: Stopped, now_ns: int) -> Transition:
+        if self._arm.under_way(now_ns) and self._arm.is_update_due(now_ns):
+            brake = self._motions.stop(now_ns)  # the one before was lost, or left the limits
+            return Transition(replace(state, rest_ns=brake.end_ns) if brake else state, brake)
         if self._arm.under_way(now_ns) or now_ns < self.exchanging_until_ns:
             return Transition(state)
         interaction, decision = state.interaction, self._parts.inbox.decision

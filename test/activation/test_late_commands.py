@@ -39,8 +39,11 @@ class Arm:
     def sample(self, t):
         return self.follower.sample(t)
 
+    def loses(self, command):
+        return self._rng.random() < self._loss
+
     def send(self, command, now_s):
-        if self._rng.random() >= self._loss:
+        if not self.loses(command):
             low, high = self._latency_s
             self._last_s = max(self._last_s, now_s + self._rng.uniform(low, high))
             self._coming.append((self._last_s, command))
@@ -86,30 +89,30 @@ class ForgetfulArm(Arm):
         self.curve = CubicHermiteSpline(times_ns * 1e-9, q, v)
 
 
+def run(world, arm, steps):
+    for _ in range(steps):
+        arm.go_to(world.now_ns * 1e-9, (world.now_ns + STEP_NS) * 1e-9)
+        n = len(world.commands)
+        world.step()
+        for command in world.commands[n:]:
+            arm.send(command, world.now_ns * 1e-9)
+
+
 def session(seed, latency_s, loss, kind=Arm, n=2, **options):
     """Interactions with an arm behind such a channel, until it is at home again."""
     world, rng = World(), np.random.default_rng(seed)
     arm = kind(world, rng, latency_s, loss, **options)
     world.arm = lambda: arm.at
-
-    def run(steps):
-        for _ in range(steps):
-            arm.go_to(world.now_ns * 1e-9, (world.now_ns + STEP_NS) * 1e-9)
-            n = len(world.commands)
-            world.step()
-            for command in world.commands[n:]:
-                arm.send(command, world.now_ns * 1e-9)
-
-    run(30)
+    run(world, arm, 30)
     for k in range(n):
         world.begin("screw" if k % 2 else "plate", already_s=rng.uniform(0.0, 0.6))
-        run(int(rng.integers(150, 350)))
+        run(world, arm, int(rng.integers(150, 350)))
         world.task = "idle"
         for _ in range(40):
-            run(100)
+            run(world, arm, 100)
             if world.activation.mode is Mode.IDLE:
                 break
-    run(100)  # a command that was late may still be executed
+    run(world, arm, 100)  # a command that was late may still be executed
     return world, arm
 
 
@@ -155,6 +158,27 @@ def test_an_arm_whose_speed_is_limited_tells_late_commands_too(top_rad_s):
 def test_commands_to_an_arm_that_lags_may_be_late_besides(kind, lag_s):
     world, _ = session(1, (0.2, 0.2), 0.0, kind, lag_s=lag_s)
     assert "commands_late" in world.rejected and world.activation.mode is Mode.IDLE
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.1])
+@pytest.mark.parametrize("latency_s", [0.0, 0.3])
+def test_a_brake_that_is_lost_is_noticed_and_sent_again(lag_s, latency_s):
+    world, rng = World(), np.random.default_rng(1)
+    arm = Arm(world, rng, (latency_s, latency_s), 0.0, lag_s=lag_s)
+    world.arm, world.duration_s = lambda: arm.at, 4.0
+    world.begin("plate", already_s=0.0)
+    run(world, arm, 140)
+    world.speaks = False
+    arm.loses = lambda command: command.plan.kind == "stop"
+    run(world, arm, 60)
+    assert world.activation.stop_reason == "stream_stopped" and "command_lost" not in world.rejected
+    arm.loses = lambda command: False
+    moves = arm.follower.sample(world.now_ns * 1e-9).velocity
+    run(world, arm, 160)
+    assert "command_lost" in world.rejected and world.activation.mode is Mode.STOPPED
+    assert np.abs(moves).max() > 0.1
+    assert np.abs(arm.follower.sample(world.now_ns * 1e-9).velocity).max() < 1e-3
+    assert np.all(arm.use() <= 1.0 + RATE_TOLERANCE)
 
 
 def test_an_arm_that_is_held_on_its_way_is_not_taken_for_one_that_gets_late_commands():
