@@ -191,21 +191,25 @@ class ArmTracking:
             recent.popleft()
 
     def at_rest(self, measured: Measured) -> bool:
-        """Whether the arm is at rest, judged by its velocity or else by its recent positions."""
-        if measured.velocity is not None:
-            return bool(np.abs(measured.velocity).max() <= _REST_RAD_S)
-        return self._stands()
+        """Whether the arm is at rest, judged by its recent positions and its velocity, if measured.
 
-    def _stands(self) -> bool:
+        Some drivers send velocities of zero that they do not measure.
+        """
+        stands, velocity = self._stands(), measured.velocity
+        if velocity is None:
+            return bool(stands)
+        return stands is not False and bool(np.abs(velocity).max() <= _REST_RAD_S)
+
+    def _stands(self) -> bool | None:
         """Whether the recent positions are those of an arm at rest.
 
-        False if they cover too short a time or have a gap of `max_joint_state_age_s`.
+        None if they cover too short a time or have a gap of `max_joint_state_age_s`.
         """
         times_ns, positions = zip(*self._recent_positions, strict=True)
         span_ns = times_ns[-1] - times_ns[0]
         gap_ns = max(np.diff(times_ns), default=span_ns)
         if span_ns < _REST_WINDOW_NS or gap_ns > self._common.settings.max_joint_state_age_s * 1e9:
-            return False
+            return None
         return bool(np.ptp(np.array(positions), axis=0).max() <= _REST_RAD_S * span_ns * 1e-9)
 
     def put_in_force(self, now_ns: int, command: Command) -> Command:

@@ -261,6 +261,8 @@ class PrimitiveActivation(ManagedNode):
             return True
         position = joint_values(message, self.joint_names)
         velocity = measured_values(message, self.joint_names, "velocity")
+        if velocity is not None and np.isnan(velocity).any():
+            velocity = None  # at rest is then judged by positions
         measured = position if velocity is None else np.stack([position, velocity])
         if not np.all(np.isfinite(measured)):
             raise RejectionError("joint_states_not_finite", "joint_states holds NaN or infinity")

@@ -209,22 +209,24 @@ def test_what_comes_after_a_halt_goes_on_from_the_braking_arm(after_s):
     world.go_home()
 
 
-def drift(world, speed_rad_s, seconds, position=HOME):
+def drift(world, speed_rad_s, seconds, position=HOME, velocity=None):
     """An arm without measured velocities that others move."""
     world.measures = False
     for k in range(round(seconds * 1e9 / STEP_NS)):
         q = position + speed_rad_s * k * STEP_NS * 1e-9
-        world.activation.take_joint_state(world.now_ns + STEP_NS, q)
+        world.activation.take_joint_state(world.now_ns + STEP_NS, q, velocity)
         world.step()
     return position + speed_rad_s * seconds
 
 
-def test_without_velocities_an_arm_must_be_seen_at_rest():
+@pytest.mark.parametrize("velocity", [None, np.zeros(7)])
+def test_without_velocities_an_arm_must_be_seen_at_rest(velocity):
     world = World()
+    drift(world, 0.5, 0.2, HOME - 0.1, velocity)
     world.begin("plate", already_s=0.2)
-    q = drift(world, 0.5, 0.5)
+    q = drift(world, 0.5, 0.5, velocity=velocity)
     assert world.commands == [] and "arm_moving" in world.rejected
-    drift(world, 0.0, 0.2, q)
+    drift(world, 0.0, 0.2, q, velocity)
     assert world.activation.mode is Mode.EXECUTING
     np.testing.assert_allclose(world.commands[0].plan.positions[0], q, atol=1e-9)
     world = World()

@@ -261,11 +261,12 @@ def test_wrong_parameters_are_errors_at_start(harness, wrong):
         harness.node(PrimitiveActivation, **wrong)
 
 
-def test_velocities_that_the_hardware_has_not_are_none(graph):
+@pytest.mark.parametrize("n", [1, 7])
+def test_velocities_that_the_hardware_has_not_are_none(graph, n):
     """ros2_control's joint_state_broadcaster fills them with NaN."""
 
     def send():
-        nothing = np.full(7, np.nan)
+        nothing = np.where(np.arange(7) < n, np.nan, 0.0)
         message = to_joint_state(JOINT_NAMES, graph.arm(), nothing, time_ns=graph.now_ns)
         graph.hear("joint_states", message)
 
