@@ -27,8 +27,7 @@ _MOST_LOST = 10
 _SETTLING_NS = 500_000_000
 """Time that an arm may take to settle after the end of a command [ns]."""
 _REST_WINDOW_NS = 100_000_000
-"""Time for which positions must stay still to show an arm at rest, without measured velocities
-[ns]: ten joint states at 100 Hz."""
+"""Time over which positions show an arm at rest [ns]: ten joint states at 100 Hz."""
 _REST_RAD_S = 0.05
 """Largest joint speed of an arm at rest [rad/s]: several times the noise of a measured velocity. A
 plan that begins there may be off by `lead_s` times this speed."""
@@ -122,7 +121,7 @@ class ArmTracking:
         time_ns, before = measured.time_ns, self._follows
         self._follows = None
         too_new = self.current is None or time_ns - self.current.start_ns < LATENESSES_NS[-1]
-        if too_new or self._error(measured) <= HELD_WITHIN_RAD or self._stands():
+        if too_new or self._error(measured) <= HELD_WITHIN_RAD or (self._speed() or 0.0) <= _REST_RAD_S:
             return
         n = len(self._history)
         least = self._off(measured, n).min()
@@ -195,22 +194,25 @@ class ArmTracking:
 
         Some drivers send velocities of zero that they do not measure.
         """
-        stands, velocity = self._stands(), measured.velocity
+        speed, velocity = self._speed(), measured.velocity
         if velocity is None:
-            return bool(stands)
-        return stands is not False and bool(np.abs(velocity).max() <= _REST_RAD_S)
+            return speed is not None and speed <= _REST_RAD_S
+        fast = speed is not None and speed > 2.0 * _REST_RAD_S
+        return not fast and bool(np.abs(velocity).max() <= _REST_RAD_S)
 
-    def _stands(self) -> bool | None:
-        """Whether the recent positions are those of an arm at rest.
+    def _speed(self) -> float | None:
+        """Largest mean speed of a joint between both halves of the recent positions [rad/s].
 
         None if they cover too short a time or have a gap of `max_joint_state_age_s`.
         """
-        times_ns, positions = zip(*self._recent_positions, strict=True)
-        span_ns = times_ns[-1] - times_ns[0]
-        gap_ns = max(np.diff(times_ns), default=span_ns)
-        if span_ns < _REST_WINDOW_NS or gap_ns > self._common.settings.max_joint_state_age_s * 1e9:
+        stamps_ns, positions = zip(*self._recent_positions, strict=True)
+        times_s = (np.array(stamps_ns) - stamps_ns[0]) * 1e-9
+        gap_s = max(np.diff(times_s), default=0.0)
+        if times_s[-1] * 1e9 < _REST_WINDOW_NS or gap_s > self._common.settings.max_joint_state_age_s:
             return None
-        return bool(np.ptp(np.array(positions), axis=0).max() <= _REST_RAD_S * span_ns * 1e-9)
+        table, half = np.column_stack([times_s, positions]), len(times_s) // 2
+        way = table[half:].mean(axis=0) - table[:half].mean(axis=0)
+        return float(np.abs(way[1:]).max() / way[0])
 
     def put_in_force(self, now_ns: int, command: Command) -> Command:
         """Record a command that takes over at its start; return it as it is to be sent."""

@@ -135,7 +135,10 @@ class Lateness:
         in_time, *late = references.swapaxes(0, 1)
         tells = ~at_top_speed(times_ns, positions)
         error = unexplained(positions, in_time, tells)
-        if error <= 5e-4:  # several times the noise of encoders
+        # third differences of a motion are far smaller than those of noise, which have 20 times its
+        # variance; 0.5 mrad are several times the noise of most encoders
+        noise = np.sqrt(np.mean(np.diff(positions, 3, axis=0) ** 2) / 20.0)
+        if error <= max(5e-4, 2.0 * noise):
             return 0
         errors = [error, *(unexplained(positions, one, tells) for one in late)]
         if min(errors) > 0.6 * error:  # measured: `test_late_commands.py`

@@ -98,11 +98,11 @@ def run(world, arm, steps):
             arm.send(command, world.now_ns * 1e-9)
 
 
-def session(seed, latency_s, loss, kind=Arm, n=2, **options):
+def session(seed, latency_s, loss, kind=Arm, n=2, noise_rad=0.0, **options):
     """Interactions with an arm behind such a channel, until it is at home again."""
-    world, rng = World(), np.random.default_rng(seed)
+    world, rng, encoders = World(), np.random.default_rng(seed), np.random.default_rng(seed)
     arm = kind(world, rng, latency_s, loss, **options)
-    world.arm = lambda: arm.at
+    world.arm = lambda: arm.at + encoders.normal(0.0, noise_rad, 7)
     run(world, arm, 30)
     for k in range(n):
         world.begin("screw" if k % 2 else "plate", already_s=rng.uniform(0.0, 0.6))
@@ -135,9 +135,13 @@ def test_what_is_executed_keeps_the_limits_and_ends_at_home(latency_s, loss):
         assert ("commands_late" in world.rejected) == (late > 0.0)
 
 
-@pytest.mark.parametrize("lag_s", [0.05, 0.08, 0.12, 0.2])
-def test_an_arm_that_lags_is_not_taken_for_one_that_gets_late_commands(lag_s):
-    world, _ = session(1, (0.0, 0.0), 0.0, lag_s=lag_s)
+@pytest.mark.parametrize(
+    ("lag_s", "noise_rad"),
+    [(0.05, 0.0), (0.08, 0.0), (0.12, 0.0), (0.2, 0.0), (0.0, 0.001), (0.0, 0.002), (0.1, 0.002)],
+)
+def test_an_arm_that_lags_is_not_taken_for_one_that_gets_late_commands(lag_s, noise_rad):
+    """Nor is one with coarse encoders."""
+    world, _ = session(1, (0.0, 0.0), 0.0, lag_s=lag_s, noise_rad=noise_rad)
     assert world.rejected == [] and world.activation.arm.clocks["commands late [s]"] == "0.000"
     assert world.activation.mode is Mode.IDLE
 
