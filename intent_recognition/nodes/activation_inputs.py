@@ -32,11 +32,13 @@ from intent_recognition.nodes.hand_input import HandInput, no_description
 from intent_recognition.nodes.object_transfer import FRESH_S, TRANSFER
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.planning_scene import BOTH, READ, PlanningSceneLink
+from intent_recognition.promp import TaskLibrary
 from intent_recognition.share import share_path
 from intent_recognition.transfer import EXCHANGES
 from intent_recognition.untrusted import load_yaml, read_text
 
 TOPIC = "intent/human_trajectory"
+_METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _FRESH_NS = round(FRESH_S * 1e9)
 _STATES = {state.value for state in EXCHANGES}
 
@@ -130,12 +132,26 @@ class PersonInput:
             cure = "Name x, y and z: `intent inspect MODEL` lists them."
             raise ArgumentError.about("person_dofs", "3 names, or none", got, cure)
         self._places = parse_places(values["slow_at"])
-        self._node = node
+        self._node, self._metres = node, 1.0
         self._people: dict[str, PredictedPerson] = {}
         self.people: tuple[PredictedPerson, ...] = ()
         self.separation: Separation | None = None
         self.slow_places: SlowPlaces | None = None
         self._arm: Arm | None = None
+
+    def know(self, library: TaskLibrary) -> None:
+        """Take the unit of `person_dofs` from a model.
+
+        Raises:
+            ArgumentError: they are no DOFs of the model, or no lengths.
+        """
+        units = dict(zip(library.observed_names, library.observed_units, strict=True))
+        of_person = {units.get(name, "no such DOF") for name in self._dofs}
+        if len(of_person) > 1 or not of_person <= _METRES.keys():
+            cure = "`intent inspect MODEL` lists them."
+            got = f"{', '.join(self._dofs)} ({', '.join(sorted(of_person))})"
+            raise ArgumentError.about("person_dofs", "positions that the model observes", got, cure)
+        self._metres = _METRES[of_person.pop()] if of_person else 1.0
 
     def hear(self, person: str, topic: str = TOPIC) -> None:
         """Subscribe to the predicted trajectory of one more person, if `person_dofs` is set."""
@@ -189,7 +205,9 @@ class PersonInput:
             times_ns = stamp_ns(message) + np.rint(times_s * 1e9).astype(np.int64)
             # The root of the trace bounds the standard deviation in every direction.
             self._people[who] = PredictedPerson(
-                times_ns, mean + np.array(self._offset), np.linalg.norm(std, axis=1)
+                times_ns,
+                mean * self._metres + np.array(self._offset),
+                np.linalg.norm(std, axis=1) * self._metres,
             )
             self.people = tuple(self._people.values())
 

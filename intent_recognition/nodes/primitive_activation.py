@@ -115,7 +115,10 @@ class PrimitiveActivation(ManagedNode):
     def configure(self) -> None:
         """Read the model, if one is named, and set the joints if they are known."""
         names, self._taught_starts = self._settings.read_model()
-        self._sequences.configure(self._settings.taught.library)
+        library = self._settings.taught.library
+        self._sequences.configure(library)
+        if library is not None:
+            self._person.know(library)
         self._hand.taught = self._settings.taught_link
         # Starts of a hand become postures once the arm is known, even if it was known before.
         self._starts = {} if self._settings.of_hand else self._taught_starts

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Boxes as parameters of the activation node: nothing moves into one, and both bodies are named."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from activation_graph import GOALS, HOME, START_NS
@@ -147,6 +149,19 @@ def test_the_arm_slows_where_the_person_is_predicted_to_be(harness, near):
     times_s, q, _ = trajectory_arrays(graph.commands[0])
     np.testing.assert_allclose(q[-1], GOAL, atol=1e-6)
     assert (times_s[-1] > 3.0) == near
+
+
+def test_a_person_may_be_observed_in_millimetres_but_not_in_other_units(harness):
+    graph = Graph(harness, person_dofs=PERSON, person_offset=[0.0, 0.0, 1.0])
+    library = SimpleNamespace(observed_names=PERSON, observed_units=("mm",) * 3)
+    graph.node._person.know(library)
+    tell_person(graph, np.array([100.0, 200.0, 300.0]))
+    (person,) = graph.node._person.people
+    np.testing.assert_allclose(person.positions, np.tile([0.1, 0.2, 1.3], (2, 1)))
+    np.testing.assert_allclose(person.std, 2e-5 * np.sqrt(3.0))
+    for wrong in ({"observed_units": ("m", "m", "rad")}, {"observed_names": ["a", "b", "c"]}):
+        with pytest.raises(ArgumentError, match="person_dofs: expected positions that the model"):
+            graph.node._person.know(SimpleNamespace(**vars(library) | wrong))
 
 
 @pytest.mark.parametrize("names, where", [(["a", "b", "c"], 0.0), (PERSON, np.nan)])

@@ -40,7 +40,7 @@ LABELS = ("plate_handover", "screw_handover", "hold_screwdriver", "none")
 WRIST = DofEntry(
     "mocap/wrist/pose", "geometry_msgs/msg/PoseStamped", fields=("pose.position.x",), unit="m"
 )
-PERSON = ("wrist.x", "wrist.y", "wrist.z")
+PERSON = tuple(f"mocap/wrist/pose.pose.position.{axis}" for axis in "xyz")
 SEQUENCE = """
 box:
 - {task: plate_handover}
