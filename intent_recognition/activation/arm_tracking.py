@@ -62,7 +62,6 @@ class ArmTracking:
         self._history: deque[Command] = deque()
         self.last_command_ns = self.late_ns = 0
         self._reported: tuple | None = None
-        self._left: Floats | None = None  # where a lost command left the arm
         self._lateness = Lateness()
         self._follows: tuple[Command, int, int] | None = None  # command, lag, since when [ns]
 
@@ -114,36 +113,39 @@ class ArmTracking:
             self._report_once("commands_late", None, text)
 
     def _look_for_loss(self, measured: Measured) -> None:
-        """Forget the newest commands if the arm goes on along an earlier one, with one lag.
+        """Return to an earlier command if the arm goes on along that one, with the same lag.
 
-        They may come as late as `LATENESSES_NS`; an arm at rest may be held by somebody.
+        Commands may come as late as `LATENESSES_NS`; an arm at rest may be held by somebody.
         """
-        time_ns, before = measured.time_ns, self._follows
-        self._follows = None
+        time_ns, before, self._follows = measured.time_ns, self._follows, None
         too_new = self.current is None or time_ns - self.current.start_ns < LATENESSES_NS[-1]
-        if too_new or self._error(measured) <= HELD_WITHIN_RAD or (self._speed() or 0.0) <= _REST_RAD_S:
+        if too_new or self._error(measured) <= HELD_WITHIN_RAD:
             return
-        n = len(self._history)
-        least = self._off(measured, n).min()
+        n, least = len(self._history), self._off(measured).min()
+        if least <= HELD_WITHIN_RAD or (self._speed() or 0.0) <= _REST_RAD_S:
+            return
         for kept in range(n - 1, max(n - _MOST_LOST, 1) - 1, -1):
             command, off = self._history[kept - 1], self._off(measured, kept)
-            if least <= HELD_WITHIN_RAD or command.end_ns < time_ns:
+            if command.end_ns < time_ns:
                 return
             if off.min() < 0.25 * least:
-                self._follows = command, int(np.argmin(off)), time_ns
-                break
-        if before is None or self._follows is None or before[0] is not self._follows[0]:
-            return
-        if abs(before[1] - self._follows[1]) <= 1:
-            self._follows = before
-            if time_ns - before[2] >= _FOLLOWS_NS:
-                while self._history[-1] is not before[0]:
-                    self._history.pop()
-                self.current, self._lateness = before[0], Lateness()
-                text = "the arm goes on along an earlier command: later ones never reached it"
-                self._report_once("command_lost", self.last_command_ns, text)
+                lag, since_ns = int(np.argmin(off)), time_ns
+                if before and before[0] is command and abs(before[1] - lag) <= 1:
+                    lag, since_ns = before[1:]
+                self._follows = command, lag, since_ns
+                if time_ns - since_ns >= _FOLLOWS_NS:
+                    self._return_to(command, "goes on along")
+                return
 
-    def _off(self, measured: Measured, n: int) -> Floats:
+    def _return_to(self, command: Command, does: str) -> None:
+        """Forget the commands after this one, which never reached the arm."""
+        while self._history[-1] is not command:
+            self._history.pop()
+        self.current, self._lateness, self._follows = command, Lateness(), None
+        text = f"the arm {does} an earlier command: the last one never reached it"
+        self._report_once("command_lost", self.last_command_ns, text)
+
+    def _off(self, measured: Measured, n: int | None = None) -> Floats:
         """Largest distance of a joint from the first n commands, for each lag (n_lags,) [rad]."""
         times_ns = (measured.time_ns - LATENESSES_NS).tolist()
         asked = [self._by(time_ns, n).at(time_ns).position for time_ns in times_ns]
@@ -152,25 +154,19 @@ class ArmTracking:
     def lost(self, now_ns: int) -> bool | None:
         """Whether the command that has ended never reached the arm; None while that is unknown.
 
-        If so, the arm rests at the end of the command before, or where an earlier loss left it.
+        If so, the arm rests at the end of the command before, which is in force again.
         """
         measured = self._recent(now_ns)
-        if measured is None or self.current is None:
+        if measured is None or len(self._history) < 2 or self._error(measured) <= HELD_WITHIN_RAD:
             return False
-        before = list(self._history)[-2:-1]
-        rests_at = [command.at(measured.time_ns).position for command in before]
-        rests_at += [] if self._left is None else [self._left]
-        if rests_at and self._error(measured) > HELD_WITHIN_RAD:
-            if measured.time_ns <= self.current.end_ns + _SETTLING_NS:
-                return None
-            off = np.abs(measured.position - np.array(rests_at)).max(axis=1)
-            if off.min() <= HELD_WITHIN_RAD and self.at_rest(measured):
-                self._left = measured.position
-                text = "the arm rests where the command before the last one led it"
-                self._report_once("command_lost", self.last_command_ns, text)
-                return True
-        self._left = None
-        return False
+        before, ended = list(self._history)[-2:]
+        if measured.time_ns <= ended.end_ns + _SETTLING_NS:
+            return None
+        off_rad = np.abs(measured.position - before.at(measured.time_ns).position).max()
+        lost = off_rad <= HELD_WITHIN_RAD and self.at_rest(measured)
+        if lost:
+            self._return_to(before, "rests at the end of")
+        return bool(lost)
 
     @property
     def clocks(self) -> dict[str, str]:
@@ -205,12 +201,12 @@ class ArmTracking:
 
         None if they cover too short a time or have a gap of `max_joint_state_age_s`.
         """
-        stamps_ns, positions = zip(*self._recent_positions, strict=True)
-        times_s = (np.array(stamps_ns) - stamps_ns[0]) * 1e-9
-        gap_s = max(np.diff(times_s), default=0.0)
-        if times_s[-1] * 1e9 < _REST_WINDOW_NS or gap_s > self._common.settings.max_joint_state_age_s:
+        times_ns, positions = zip(*self._recent_positions, strict=True)
+        table = np.column_stack([(np.array(times_ns) - times_ns[0]) * 1e-9, positions])
+        gap_s, half = max(np.diff(table[:, 0]), default=0.0), len(table) // 2
+        short = times_ns[-1] - times_ns[0] < _REST_WINDOW_NS
+        if short or gap_s > self._common.settings.max_joint_state_age_s:
             return None
-        table, half = np.column_stack([times_s, positions]), len(times_s) // 2
         way = table[half:].mean(axis=0) - table[:half].mean(axis=0)
         return float(np.abs(way[1:]).max() / way[0])
 

@@ -283,8 +283,8 @@ class Motions:
         """Change the speed of the motion under way, or brake along its path; None to leave it.
 
         Checks the motion when the prediction of people, the things or the described arm have
-        changed since it was planned, or later commands were lost. If no plan keeps the permitted speeds and is clear, the arm
-        brakes, and looks for a way on every `SEARCH_EVERY_NS`.
+        changed since it was planned, or later commands were lost. If no plan keeps the permitted
+        speeds and is clear, the arm brakes, and looks for a way on every `SEARCH_EVERY_NS`.
         """
         current, start_ns = self._arm.current, self._arm.switch_ns(now_ns)
         if current is None or current.way is None:
