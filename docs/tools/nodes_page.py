@@ -86,7 +86,7 @@ def _overrides(folder: Path) -> dict[str, dict]:
         port = probe.getsockname()[1]
     return {
         "intent_estimator": {"model": str(model)},
-        "primitive_activation": {"model": str(model), "person_dofs": ["x", "y", "z"]},
+        "primitive_activation": {"model": str(model), "person_dofs": [*library.observed_names]},
         "task_teacher": {"library": str(folder / "tasks")},
         "dashboard": {"port": port, "models": str(folder)},
         "bag_player": {"bag": str(share_path(BAG)), "start_paused": True},
