@@ -186,15 +186,11 @@ class ArmTracking:
             recent.popleft()
 
     def at_rest(self, measured: Measured) -> bool:
-        """Whether the arm is at rest, judged by its recent positions and its velocity, if measured.
-
-        Some drivers send velocities of zero that they do not measure.
-        """
-        speed, velocity = self._speed(), measured.velocity
-        if velocity is None:
+        """Whether the arm is at rest, judged by its velocity or else by its recent positions."""
+        if measured.velocity is None:
+            speed = self._speed()
             return speed is not None and speed <= _REST_RAD_S
-        fast = speed is not None and speed > 2.0 * _REST_RAD_S
-        return not fast and bool(np.abs(velocity).max() <= _REST_RAD_S)
+        return bool(np.abs(measured.velocity).max() <= _REST_RAD_S)
 
     def _speed(self) -> float | None:
         """Largest mean speed of a joint between both halves of the recent positions [rad/s].
@@ -309,7 +305,8 @@ class ArmTracking:
         if self.under_way(now_ns):
             self._report_once("arm_off_reference", self.last_command_ns, "arm is off its path")
             return None
-        if not self.at_rest(measured):
+        # some drivers send velocities of zero that they do not measure
+        if not self.at_rest(measured) or (self._speed() or 0.0) > 2.0 * _REST_RAD_S:
             self._report_once("arm_moving", measured.stamp_ns, "arm is moved by others")
             return None
         self.current = None
