@@ -10,7 +10,8 @@ import math
 import re
 import stat
 import zipfile
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
+from itertools import cycle
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn, TypeVar
 from xml.etree import ElementTree as ET
@@ -251,16 +252,24 @@ def read_arrays(path: Path, wanted: Collection[str] | None = None) -> dict[str, 
 
 
 def _check_events(text: str) -> None:
-    """Check depth, nodes and numbers before anything is built: the loaders recurse."""
+    """Check depth, nodes, numbers and keys before anything is built: the loaders recurse."""
     sizes: dict[str, int] = {}  # number of nodes below each anchor
     open_: list[tuple[str | None, int]] = []  # anchor, and number of nodes before it
+    keys: list[tuple[set[str], Iterator[bool]]] = []  # of each open mapping, and where one is next
     nodes = 0
     for event in yaml.parse(text, Loader=LOADER):
         anchor = getattr(event, "anchor", None)
+        is_key = isinstance(event, yaml.NodeEvent) and keys and next(keys[-1][1])
+        if is_key and isinstance(event, yaml.ScalarEvent) and event.value != "<<":
+            if event.value in keys[-1][0]:
+                raise UntrustedError(f"the key {event.value} twice")
+            keys[-1][0].add(event.value)
         if isinstance(event, yaml.AliasEvent):
             nodes += sizes.get(event.anchor or "", 0)
         elif isinstance(event, yaml.CollectionStartEvent):
             open_.append((anchor, nodes))
+            is_mapping = isinstance(event, yaml.MappingStartEvent)
+            keys.append((set(), cycle([is_mapping, False])))
             nodes += 1
         elif isinstance(event, yaml.ScalarEvent):
             nodes += 1
@@ -270,6 +279,7 @@ def _check_events(text: str) -> None:
                 raise UntrustedError(f"a number of {len(event.value)} characters")
         elif isinstance(event, yaml.CollectionEndEvent):
             anchor, before = open_.pop()
+            keys.pop()
             if anchor is not None:
                 sizes[anchor] = nodes - before
         if len(open_) > DEEPEST:

@@ -137,19 +137,18 @@ def begun_with(assemblies: Sequence[Assembly], task: str) -> tuple[Assembly, ...
 
 
 def _done(place: str, content: Any) -> DoneTask:
-    if isinstance(content, str) and content:
-        return DoneTask(content)
-    if not isinstance(content, Mapping) or not isinstance(content.get("task"), str):
-        CHECKS.refuse(place, "a task", content)
+    if not isinstance(content, Mapping):
+        content = {"task": content}
     CHECKS.keys(place, content, ("task", "who", "start", "end", "objects"))
     start, end = (CHECKS.number(place, content.get(key, 0.0)) for key in ("start", "end"))
-    if "end" in content and end < start:
+    timed = {"start", "end"} <= set(content)
+    if timed and end < start:
         CHECKS.refuse(place, "an end after the start", f"{start:g} to {end:g}")
     return DoneTask(
-        content["task"],
-        str(content.get("who", "")),
+        _text(place, "a task", content.get("task") or None),
+        _text(place, "one person as who", content.get("who", "")),
         _numbers(f"{place}, objects", content.get("objects")),
-        max(end - start, 0.0),
+        end - start if timed else 0.0,
     )
 
 
@@ -157,19 +156,22 @@ def _step(place: str, content: Any) -> WorkStep:
     if not isinstance(content, Mapping) or not {"step", "task"} & set(content):
         CHECKS.refuse(place, "a step and its task", content)
     CHECKS.keys(place, content, STEP_KEYS)
-    name = content.get("step", content.get("task"))
-    task = content.get("task", name)
-    if not {type(name), type(task)} <= {str, int}:
-        CHECKS.refuse(place, "texts as step and task", content)
+    name = _text(place, "a text as step", content.get("step", content.get("task")))
     return WorkStep(
-        _named(place, str(name)),
-        str(task),
+        _named(place, name),
+        _text(place, "a text as task", content.get("task", name)),
         CHECKS.number(f"{place}, share", content.get("share", 1.0), 0.0),
         _numbers(f"{place}, who", content.get("who")),
         _numbers(f"{place}, objects", content.get("objects")),
         CHECKS.number(f"{place}, duration", content.get("duration", 0.0), 0.0),
         _numbers(f"{place}, after", content.get("after")),
     )
+
+
+def _text(place: str, expected: str, content: Any) -> str:
+    if type(content) not in (str, int):
+        CHECKS.refuse(place, expected, content)
+    return str(content)
 
 
 def _named(place: str, name: str) -> str:
@@ -182,8 +184,8 @@ def _relations(place: str, content: Any) -> dict[Pair, float]:
     found: dict[Pair, float] = {}
     for key, p in _numbers(place, content).items():
         first, sign, then = (part.strip() for part in key.partition(BEFORE.strip()))
-        if not (first and sign and then) or BEFORE.strip() in then:
-            CHECKS.refuse(place, "FIRST < THEN: probability", key)
+        if not (first and sign and then) or BEFORE.strip() in then or (first, then) in found:
+            CHECKS.refuse(place, "FIRST < THEN: probability, once for each pair", key)
         found[first, then] = p
     return found
 

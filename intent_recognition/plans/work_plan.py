@@ -118,7 +118,7 @@ class WorkPlan:
         for j, step in enumerate(self.steps):
             for i in range(j):  # repetitions come in order
                 if self.steps[i].task == step.task:
-                    found[i, j], found[j, i] = 1.0, 0.0
+                    found[i, j] = 1.0
         found = closure(found)
         for (first, then), p in self.by_hand.items():
             found[place[first], place[then]] = p

@@ -55,6 +55,7 @@ def test_a_covering_implies_what_was_left_out(rng):
         (STEPS, {("a", "b"): 1.5}, "1.5"),
         (STEPS, {("a", "b"): 0.9, ("b", "a"): 0.9}, "a, b"),
         ((*STEPS, STEPS[0]), {}, "different names"),
+        ((*STEPS, WorkStep("a 2", "a")), {("a 2", "a"): 1.0}, "circle"),
     ],
 )
 def test_what_is_no_plan_is_refused(steps, order, said):
@@ -75,8 +76,9 @@ def test_what_could_not_be_read_is_not_written(name):
         write_plan(WorkPlan((WorkStep(name, "a"),)))
 
 
-def test_a_plan_by_hand_needs_only_steps():
-    plan = read_plan("steps: [{step: base}, {task: lid}]\nby_hand: {base < lid: 1}")
+def test_a_plan_by_hand_needs_only_steps_and_may_merge_others():
+    steps = "[&x {step: base}, {<<: *x, <<: *x, step: lid}]"
+    plan = read_plan(f"steps: {steps}\nby_hand: {{base < lid: 1}}")
     assert plan.names == ("base", "lid") and plan.before[0, 1] > 0.99
 
 
@@ -95,6 +97,8 @@ def test_a_plan_by_hand_needs_only_steps():
         "steps: [{step: a}, {step: b}]\norder: {a: 1}",
         "steps: [{step: a}, {step: b}]\norder: {a < b < a: 1}",
         "steps: [{step: a}]\nother: 1",
+        "steps: [{step: a}]\nsteps: [{step: b}]",
+        "steps: [{step: a}, {step: b}]\norder: {a < b: 1, a<b: 0.2}",
     ],
 )
 def test_other_texts_are_no_plans(text):
@@ -103,15 +107,19 @@ def test_other_texts_are_no_plans(text):
 
 
 def test_sessions_are_read_as_one_or_several_assemblies():
-    (one,) = read_assemblies("[a, {task: b, who: anna, start: 2, end: 3.5, objects: {screw: 2}}]")
-    assert [done.task for done in one] == ["a", "b"]
+    done = "[a, {task: b, who: anna, start: 2, end: 3.5, objects: {screw: 2}}, {task: 7, end: 9}]"
+    (one,) = read_assemblies(done)
+    assert [(each.task, each.duration_s) for each in one] == [("a", 0.0), ("b", 1.5), ("7", 0.0)]
     assert (one[1].who, one[1].duration_s, one[1].objects) == ("anna", 1.5, {"screw": 2.0})
     assert len(read_assemblies("[[a, b], [b]]")) == 2
 
 
 @pytest.mark.parametrize(
     "text",
-    ["", "a", "[[a], b]", "[{who: anna}]", "[{task: a, when: 1}]", "[{task: a, start: 2, end: 1}]"],
+    [
+        *("", "a", "[[a], b]", "[{who: anna}]", "[{task: a, when: 1}]", "[{task: ''}]"),
+        *("[{task: a, start: 2, end: 1}]", "[{task: a, who: [anna, ben]}]", "[{task: b, task: c}]"),
+    ],
 )
 def test_other_texts_are_no_sessions(text):
     with pytest.raises(ArgumentError):
