@@ -27,8 +27,9 @@ class PlanFollower:
     service `save_plan` writes the plan in force to the file that the parameter named last.
 
     `intent/plan` is a diagnostic_msgs/DiagnosticStatus: `message` names the steps that were
-    forgotten and those that may come, and `values` hold for each step "done", "may come",
-    "forgotten" or "later" with its probability of being done, and the plan itself as `yaml`.
+    forgotten, may come, or have a task that the model lacks, and `values` hold for each other step
+    "done", "may come", "forgotten" or "later" with its probability of being done, and the plan
+    itself as `yaml`.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
@@ -82,10 +83,13 @@ class PlanFollower:
         message = DiagnosticStatus(name=PLAN, message="no plan")
         if progress is not None and self._plan is not None:
             steps = progress.steps()
+            states = [(str(step), step.name) for step in steps]
+            unknown = [one for one in self._plan.steps if one.task not in ("", *progress.labels)]
+            states += [("not learned", f"{one.name} ({one.task})") for one in unknown]
             parts = [
                 f"{what}: {', '.join(names)}"
-                for what in ("forgotten", "may come")
-                if (names := [step.name for step in steps if str(step) == what])
+                for what in ("forgotten", "may come", "not learned")
+                if (names := [name for state, name in states if state == what])
             ]
             message.message = "; ".join(parts) or "done"
             if any(str(step) == "forgotten" for step in steps):

@@ -158,9 +158,11 @@ def test_a_plan_is_told_expected_and_changed(harness, tmp_path):
     assert read_plan(rows["yaml"]) == read_plan(TEXT)
     harness.spin_until(lambda: expected and expected[-1].position[0] > 0.7, what="its prior")
     turned = TEXT.replace("forgotten_0 < task_1", "task_1 < forgotten_0")
-    (result,) = node.set_parameters([Parameter("plan", value=turned)])
+    more = turned.replace("{step: task_1}]", "{step: task_1}, {step: lid}, {step: rest, task: ''}]")
+    (result,) = node.set_parameters([Parameter("plan", value=more)])
     assert result.successful, result.reason
-    harness.spin_until(lambda: told[-1].message == "may come: task_1", what="the other plan")
+    message = "may come: task_1; not learned: lid (lid)"
+    harness.spin_until(lambda: told[-1].message == message, what="the other plan")
     (result,) = node.set_parameters([Parameter("plan", value="steps: [{step: other}]\n")])
     assert not result.successful and "other" in result.reason
     node.set_parameters([Parameter("plan", value="")])
