@@ -22,7 +22,6 @@ from rich.console import Console
 from intent_recognition.bags import BagReader
 from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, progress_bar, say
-from intent_recognition.errors import BagError
 from intent_recognition.evaluation import explain, replay
 from intent_recognition.model import load_model
 from intent_recognition.promp import NONE, TaskLibrary
@@ -44,21 +43,13 @@ def run(args: argparse.Namespace) -> int:
         total = sum(counts.get(topic, 0) for topic in observed)
         steps = replay(reader, model, rejected, held_back=held_back)
         rows = list(bar.track(steps, total=total, description="replaying"))
-    dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(rejected.items()))
-    if not rows:
-        raise BagError.about(
-            str(args.bag),
-            f"observations on {', '.join(entry.topic for entry in model.dofs.observed)}",
-            f"only {dropped}" if dropped else f"topics {', '.join(reader.topics) or 'none'}",
-            "Replay a recording with the topics of the model's DOF file, in the frame that"
-            " `intent inspect` shows for the model.",
-        )
     output.write_json(args.json, rows, indent=None)
     print_rows(output.table_console(args), model.library, rows)
     active = {row["active_task"] for row in rows}
     for reason in (reason for task, reason in held_back.items() if task not in active):
         say(console, f"not activated: {reason}", "yellow")
-    if dropped:
+    if rejected:
+        dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(rejected.items()))
         console.print(f"messages dropped: {dropped}", style="yellow")
     if args.report:
         found, title = explain(reader, model), f"Decisions in {args.bag.name}"

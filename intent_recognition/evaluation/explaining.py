@@ -15,7 +15,13 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.bags import BagReader
 from intent_recognition.demonstrations import Sample, Source
-from intent_recognition.evaluation.replaying import Decided, decisions, follow, samples_of
+from intent_recognition.evaluation.replaying import (
+    Decided,
+    decisions,
+    follow,
+    no_observation,
+    samples_of,
+)
 from intent_recognition.model import Model
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import (
@@ -72,11 +78,16 @@ def explain(
         reader: recording to explain.
         model: trained model.
         rejected: filled with the number of dropped observations, by reason.
+
+    Raises:
+        BagError: nothing that the model observes was recorded.
     """
     rejected = Counter() if rejected is None else rejected
     settings = decision_settings(model.library)
     samples = list(samples_of(reader, model, rejected))
     run = list(_run(model, settings, samples, rejected))
+    if not run:
+        raise no_observation(reader, model, rejected)
     instead = {
         name: list(_run(model, settings, _drop(samples, model.library, dofs)))
         for name, dofs in missing(model).items()

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from intent_recognition.bags import BagReader
 from intent_recognition.demonstrations import Sample, Source, is_raw_pose, iter_samples
+from intent_recognition.errors import BagError
 from intent_recognition.evaluation.unknown_movements import decide_when_ready
 from intent_recognition.model import Model, frames_of
 from intent_recognition.promp import NONE
@@ -38,6 +39,18 @@ def samples_of(reader: BagReader, model: Model, rejected: Counter[str]) -> Itera
     if model.dofs.extrinsics is None and len(frames) == 1:
         settings = IngestSettings(world_frame=frames.pop())
     return iter_samples(reader, model.dofs, settings, rejected)
+
+
+def no_observation(reader: BagReader, model: Model, rejected: Mapping[str, int]) -> BagError:
+    """Error for a recording in which nothing can be followed."""
+    dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(rejected.items()))
+    return BagError.about(
+        str(reader.path),
+        f"observations on {', '.join(entry.topic for entry in model.dofs.observed)}",
+        f"only {dropped}" if dropped else f"topics {', '.join(reader.topics) or 'none'}",
+        "Give a recording with the topics of the model's DOF file, in the frame that"
+        " `intent inspect` shows for the model.",
+    )
 
 
 def follow(
@@ -88,6 +101,9 @@ def replay(
         model: trained model, whose DOF file defines what is read.
         rejected: filled with the number of dropped observations, by reason.
         held_back: filled with the last reason that held back each recognised task.
+
+    Raises:
+        BagError: nothing that the model observes was recorded.
     """
     rejected = Counter() if rejected is None else rejected
     settings = decision_settings(model.library)
@@ -95,6 +111,7 @@ def replay(
     estimator = IntentEstimator(model.library)
     labels = (*model.library.labels, NONE)
     followed = follow(estimator, samples_of(reader, model, rejected), rejected)
+    estimate = None
     for estimate, state, end_std in decisions(estimator, settings, followed):
         reason = uncertain_end(settings, state, end_std)
         if reason:
@@ -105,3 +122,5 @@ def replay(
             "phase": dict(zip(labels, estimate.phase.tolist(), strict=True)),
             "active_task": state.active,
         }
+    if estimate is None:
+        raise no_observation(reader, model, rejected)

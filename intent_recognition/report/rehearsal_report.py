@@ -37,13 +37,16 @@ def rehearsal_tables(
 ) -> Tables:
     """Results of a rehearsal, as tables of texts."""
     n, (low, high) = len(rehearsal.runs), rehearsal.wrong_interval()
-    decided_s = [run.decided_s for run in rehearsal.runs if not run.missed] or [np.nan]
+    decided_s = [run.decided_s for run in rehearsal.runs if not run.missed]
     computed_ms = 1e3 * np.concatenate([run.computed_s for run in rehearsal.runs])
-    late_s, late_ms = np.percentile(decided_s, [50, 90]), np.percentile(computed_ms, [50, 99])
+    late_ms, decided = np.percentile(computed_ms, [50, 99]), "never"
+    if decided_s:
+        late_s = np.percentile(decided_s, [50, 90])
+        decided = f"after {late_s[0]:.2f} s (median), {late_s[1]:.2f} s (90 %)"
     result = [
         ("acted on wrongly", f"{rehearsal.n_wrong} of {n} (95 %: {low:.1%} to {high:.1%})"),
         ("missed", f"{rehearsal.n_missed} of {n}"),
-        ("decision", f"after {late_s[0]:.2f} s (median), {late_s[1]:.2f} s (90 %)"),
+        ("decision", decided),
         ("computation", f"{late_ms[0]:.2f} ms (median), {late_ms[1]:.1f} ms (99 %)"),
     ]
     moments = [

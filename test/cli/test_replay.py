@@ -97,17 +97,20 @@ def test_what_is_dropped_is_said(replay, tmp_path):
     assert f"messages dropped: {lost[20]} unknown_frame, {lost[10]} zero_stamp" in text
 
 
-def test_a_recording_without_observations_is_refused_with_what_it_has(replay, tmp_path):
+@pytest.mark.parametrize("command", ["replay", "explain"])
+def test_a_recording_without_observations_is_refused_with_what_it_has(
+    run_command, model, tmp_path, command
+):
     with BagWriter(tmp_path / "talk") as writer:
         writer.write_message("chatter", TEXT, {"data": "hello"}, START_NS)
     with pytest.raises(BagError, match=r"mocap/wrist/pose.*chatter"):
-        replay(tmp_path / "talk")
+        run_command(command, tmp_path / "talk", "--model", model)
     with BagWriter(tmp_path / "lost") as writer:
         entry = DOFS.observed[0]
         message = {"header": {"stamp": START_NS, "frame_id": "elsewhere"}}
         writer.write_message(entry.topic, entry.type, message, START_NS)
     with pytest.raises(BagError, match="1 unknown_frame"):
-        replay(tmp_path / "lost")
+        run_command(command, tmp_path / "lost", "--model", model)
 
 
 def test_a_truncated_recording_is_refused(replay, bag):

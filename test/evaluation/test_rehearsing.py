@@ -15,6 +15,7 @@ from intent_recognition.evaluation.online import OnlineOutcome, summarise_online
 from intent_recognition.evaluation.rehearsing import suggest
 from intent_recognition.recognition import DecisionState, IntentEstimator, decide, decision_settings
 from intent_recognition.recognition.decision import DecisionSettings
+from intent_recognition.report import rehearsal_tables
 from intent_recognition.signals import merge
 
 DOFS = make_dofs()
@@ -53,6 +54,7 @@ def test_a_decision_that_is_never_sure_misses_everything(library):
     found = rehearse(library, [recorded], never)
     assert (found.n_missed, found.n_wrong) == (1, 0)
     assert np.isnan(found.runs[0].decided_s)
+    assert ("decision", "never") in rehearsal_tables(found, [], found.worst(1))["rehearsal"]
     assert rehearse(library, [recorded], decision_settings(library)).n_missed == 0
     outcome = run_online(library, recorded)
     assert outcome.activated == (recorded.task,) and 0.0 < outcome.decided_share < 1.0
