@@ -31,6 +31,9 @@ After two assemblies, with all relations set by hand, 21 of 23 forgotten steps a
 learned shares, and none with shares of 1 (`benchmarks/plans.py`, seeds 0 to 14). Learned shares
 exceed the limit only after more than eighteen assemblies."""
 
+OPTIONAL = 2.0 / 3.0
+"""Share of assemblies below which a step is optional: left out of every third, not forgotten."""
+
 
 class StepState(NamedTuple):
     """Belief about one step."""
@@ -137,7 +140,7 @@ class WorkProgress:
         columns = (
             self._weight @ self._done,
             self._weight @ (step + anew),
-            self._weight @ self._left_out(self._done),
+            self._weight @ self._left_out(self._done) * (self._share >= OPTIONAL),
         )
         return tuple(
             StepState(one.name, one.task, *map(float, row))

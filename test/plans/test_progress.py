@@ -73,6 +73,14 @@ def test_a_step_that_was_left_out_is_forgotten_until_it_is_done(share, of):
     assert state(progress) == {"a": "done", "b": "done", "c": "done", "d": "may come"}
 
 
+def test_an_optional_step_is_never_forgotten():
+    steps = tuple(WorkStep(name, name, 0.6 if name == "b" else 0.97) for name in "abcd")
+    progress = WorkProgress(WorkPlan(steps, CHAIN.order), LABELS)
+    for label in "ac":
+        progress.take(sure(label))
+    assert progress.steps()[1].forgotten == 0.0 and state(progress)["b"] == "may come"
+
+
 def test_a_misrecognised_step_is_set_right_by_those_after_it():
     progress = WorkProgress(CHAIN, LABELS)
     progress.take(sure("a"))
