@@ -136,6 +136,7 @@ class TransferMachine:
         self._patience_s = patience_s
         self.holding, self.weight_n = Holding.EMPTY, 0.0
         self._share, self._factor, self._waited_in_vain = 0.0, 1.0, False
+        self._bias_n = np.zeros(3)
         self._opened_s, self._closed_in_vain = 0.0, False
         self._loads: deque[tuple[float, Floats]] = deque(maxlen=REMEMBERED)
         self._since: dict[str, float] = {}
@@ -145,12 +146,12 @@ class TransferMachine:
     def carry(self, weight_n: float = 0.0) -> None:
         """Start with an object between the fingers; an unknown weight (0) is measured."""
         self._enter(Holding.CARRYING, self._time_s)
-        self.weight_n, self._factor = weight_n, 1.0
+        self.weight_n, self._factor, self._bias_n = weight_n, 1.0, np.zeros(3)
 
     def drop(self) -> None:
         """Start with empty fingers."""
         self._enter(Holding.EMPTY, self._time_s)
-        self.weight_n, self._factor = 0.0, 1.0
+        self.weight_n, self._factor, self._bias_n = 0.0, 1.0, np.zeros(3)
 
     def step(self, request: Request, now: Situation) -> TransferOutput:
         """Update with measurements; return the state and the grip force.
@@ -268,14 +269,14 @@ class TransferMachine:
         """Share of an offer that the person has taken over; a long pull to any side counts, too."""
         if self.holding is not Holding.OFFERING or now.near is False:
             return 0.0
-        toward = now.toward
+        force_n, toward = now.force_n - self._bias_n, now.toward
         if toward is not None:
-            level_n = np.hypot(*now.force_n[:2])
+            level_n = np.hypot(*force_n[:2])
             # not a push: the force is within 120 degrees of the direction to the person
-            pulls = level_n > LIGHTEST_N and now.force_n @ toward > -0.5 * level_n
+            pulls = level_n > LIGHTEST_N and force_n @ toward > -0.5 * level_n
             if self._lasts("pull", bool(pulls), now.time_s, INSISTS_S):
                 toward = None
-        return load_share(now.force_n, self.weight_n, toward)
+        return load_share(force_n, self.weight_n, toward)
 
     def _slips(self, now: Situation, step_s: float) -> bool:
         """Detect that less than the weight is carried while nobody takes it; then grip harder."""
@@ -295,12 +296,17 @@ class TransferMachine:
         return slips
 
     def _weigh(self, now: Situation) -> None:
-        """Estimate the weight as the median of the loads since the lift, which ignores bumps."""
-        if self.holding is not Holding.CARRYING or -now.force_n[2] < 0.25 * LIGHTEST_N:
+        """Estimate weight and bias as the median of the loads since the lift, which ignores bumps.
+
+        The bias is that of a sensor, or of torques: a horizontal load, or one upward.
+        """
+        if self.holding is not Holding.CARRYING or abs(now.force_n[2]) < 0.25 * LIGHTEST_N:
             return
         self._remember(now._replace(force_n=now.force_n / now.heaviness), np.inf)
         if len(self._loads) >= WEIGHED:
-            self.weight_n = -float(np.median([force[2] for _, force in self._loads]))
+            usual_n = np.median([force for _, force in self._loads], axis=0)
+            self.weight_n = max(-float(usual_n[2]), 0.0)
+            self._bias_n = usual_n + [0.0, 0.0, self.weight_n]
 
     def _remember(self, now: Situation, span_s: float) -> None:
         self._loads.append((now.time_s, np.array(now.force_n)))

@@ -161,6 +161,20 @@ def test_who_pulls_to_the_side_for_long_gets_the_object_and_who_pushes_does_not(
     assert (Holding.RELEASING in states(course.run(0.6, Request.GIVE, pull))) is given
 
 
+@pytest.mark.parametrize("bias", [[2.0, 0.0], [-2.0, 0.0], [0.0, 5.0], [5.0, 0.0]])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_biased_sensor_gives_nothing_by_itself_and_everything_to_a_person(bias, sign):
+    """With the wrong sign of a sensor nobody gets the object, nor does it fall."""
+    course, by_itself = Course(0.1), np.array([*bias, -sign * WEIGHT_N])
+    course.machine.carry()
+    course.run(1.0, Request.GIVE, by_itself, moving=True)
+    rests = course.run(PATIENCE_S - 1.0, Request.GIVE, by_itself)
+    assert {*states(rests)[100:]} == {Holding.OFFERING}
+    lifted = np.array([0.0, 0.0, sign * WEIGHT_N])
+    taken = course.run(1.5, Request.GIVE, lambda t: by_itself + lifted * min(t, 1.0))
+    assert (Holding.RELEASING in states(taken)) == (sign > 0.0)
+
+
 def test_what_nobody_takes_is_brought_back_and_put_down():
     course = Course().offer()
     assert course.run(PATIENCE_S + 0.1, Request.GIVE)[-1].holding is Holding.RETURNING
