@@ -209,10 +209,9 @@ def _plus_plus(distance: Floats, n_components: int, rng: np.random.Generator) ->
     nearest = distance[centers[0]].copy()
     for _ in range(n_components - 1):
         total = nearest.sum()
-        if total > 0:
-            centers.append(int(rng.choice(len(distance), p=nearest / total)))
-        else:  # fewer different points than components
-            centers.append(int(rng.integers(len(distance))))
+        if not total > 0:  # fewer different points than components
+            break
+        centers.append(int(rng.choice(len(distance), p=nearest / total)))
         nearest = np.minimum(nearest, distance[centers[-1]])
     return centers
 

@@ -99,6 +99,9 @@ def test_a_fit_is_a_fixed_point_of_the_textbook_step():
 def test_unusable_points_are_refused(points, n_components, error):
     with pytest.raises(error):
         fit_gaussian_mixture(points, n_components, np.random.default_rng(1))
+    for floor in (0.0, np.inf):
+        with pytest.raises(ArgumentError, match="variance_floor"):
+            fit_gaussian_mixture(np.eye(2), 1, np.random.default_rng(1), variance_floor=floor)
 
 
 def test_weights_must_be_probabilities():

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from intent_recognition.gaussian import mixture
-from intent_recognition.gaussian.gaussian_mixture import kmeans_starts
+from intent_recognition.gaussian.gaussian_mixture import _lloyd, kmeans_starts
 from intent_recognition.gaussian.linalg import affine_span
 from intent_recognition.gaussian.mixture import (
     CovariancePrior,
@@ -131,9 +131,9 @@ def test_an_empty_component_is_dropped(rng):
 
 
 def test_points_that_are_all_equal_make_one_component():
-    points = affine_span(np.ones((5, 3))).coordinates
-    assert points.shape == (5, 0)
-    start = one_hot(np.array([[0, 0, 1, 1, 1]]), 2)
+    points = affine_span(np.full((3, 3), 0.1)).coordinates  # whose mean is not quite 0.1
+    assert points.shape == (3, 0)
+    start = one_hot(np.array([[0, 1, 1]]), 2)
     fit = fit_mixture(points, start, CovariancePrior(0.1))
     assert np.isfinite(fit.log_likelihood[0])
     np.testing.assert_array_equal(fit.labels[0], 1)
@@ -157,6 +157,14 @@ def test_starts_leave_no_component_empty_if_there_are_points_enough(seed, n, n_c
     assert labels.shape == (4, n)
     for row in labels:
         assert len(np.unique(row)) == min(n, n_components)
+
+
+def test_each_empty_cluster_takes_the_point_farthest_from_its_centre():
+    """Another one each; a cluster keeps its last point, and equal points stay together."""
+    distance = np.subtract.outer(*2 * (np.array([0.0, 2.0, 2.1, 2.2, 9.0]),)) ** 2
+    assert _lloyd(distance, np.zeros(5, dtype=int), 3).tolist() == [2, 0, 0, 0, 1]
+    assert _lloyd(distance[:2, :2], np.zeros(2, dtype=int), 3).tolist() == [1, 0]
+    assert _lloyd(np.zeros((3, 3)), np.zeros(3, dtype=int), 2).tolist() == [0, 0, 0]
 
 
 def test_starts_find_clusters_that_are_far_apart(rng):

@@ -11,13 +11,16 @@ from scipy.stats import multivariate_normal, multivariate_t
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian.linalg import (
     cholesky,
+    covariance_root,
     half_log_det,
+    log_sum,
     solve_lower,
     student_log_density,
 )
 from intent_recognition.gaussian.normal import (
     Gaussian,
     condition,
+    expected_distance,
     log_density,
     marginal,
     product,
@@ -106,6 +109,16 @@ def test_the_product_of_densities_is_the_density_of_the_product(rng):
     assert product(factors, [0.0, 1.0, 0.0]) is factors[1]
 
 
+def test_a_root_and_an_expected_square_are_those_of_the_covariance(rng):
+    """Of a singular one, too, and of one with a negative eigenvalue from rounding."""
+    root, mean, weight = rng.normal(size=(4, 2)), rng.normal(size=4), rng.normal(size=(4, 4))
+    covariance = root @ root.T - 1e-14 * np.eye(4)
+    found = covariance_root(covariance)
+    np.testing.assert_allclose(found @ found.T, covariance, atol=1e-12)
+    square = np.trace(weight @ (covariance + np.outer(mean, mean)))
+    assert expected_distance(weight, mean, covariance) == pytest.approx(square, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("H", "y", "R"),
     [
@@ -150,6 +163,11 @@ def test_solve_lower_reads_only_the_lower_triangle(rng):
     right = rng.normal(size=(4, 2))
     spoiled = factor + np.triu(np.full((4, 4), np.nan), 1)
     assert np.array_equal(solve_lower(spoiled, right), solve_lower(factor, right))
+
+
+def test_the_log_of_a_sum_is_that_of_numpy_where_terms_vanish_or_are_large():
+    terms = np.array([[-1e4, -1e4 - 1.0], [-np.inf, 0.5], [-np.inf, -np.inf], [800.0, 1.0]])
+    np.testing.assert_allclose(log_sum(terms), np.logaddexp.reduce(terms, axis=-1), rtol=1e-12)
 
 
 @pytest.mark.slow

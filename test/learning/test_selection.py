@@ -11,7 +11,14 @@ from scipy.interpolate import make_interp_spline
 from simulation import demonstration_of, minimum_jerk
 
 from intent_recognition.gaussian.normal import Gaussian, condition
-from intent_recognition.learning import PACES, Accumulated, accumulate, held_out, held_out_examples
+from intent_recognition.learning import (
+    PACES,
+    Accumulated,
+    accumulate,
+    held_out,
+    held_out_examples,
+    selection,
+)
 from intent_recognition.learning.evidence_exponents import POWERS
 from intent_recognition.learning.examples import TrainingExample, sample_phases, scored_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
@@ -19,6 +26,7 @@ from intent_recognition.learning.held_out_examples import leave_out
 from intent_recognition.learning.hyperparameters import (
     INDEPENDENT,
     REGRESSION_STRENGTHS,
+    RIDGES,
     STRENGTH,
     Hyperparameters,
 )
@@ -335,6 +343,29 @@ def test_a_robot_that_copies_the_hand_later_is_learned_with_its_lag(lag):
     if lag:
         without = min(one.error for one in tried if not one.lag)
         assert chosen.error < 0.5 * without
+
+
+@pytest.mark.parametrize(("errors", "n_tried"), [(-0.5, 1), (0.9, 2), (1.1, 3)])
+def test_a_ridge_must_gain_more_than_the_standard_error(monkeypatch, errors, n_tried):
+    """The first gains as many of them, the others none, at which the search may end."""
+    data, left_out = accumulated(6, counts=(4,)), {}
+    library = library_from_statistics(data.tasks, data.preprocessing, Hyperparameters())
+    gains = np.array([1.0, -1.0, 1.0, -1.0]) + errors / np.sqrt(4)
+
+    def leaving_out(*given):
+        found = leave_out(*given)
+        left_out[id(found)] = given[-1].ridge, found
+        return found
+
+    def validated(_library, found, _tasks):
+        losses = -gains * (left_out[id(found)][0] == RIDGES[0])
+        return np.tile(losses, (len(POWERS), 1)), np.ones((len(FRACTIONS), 4))
+
+    monkeypatch.setattr(selection, "leave_out", leaving_out)
+    monkeypatch.setattr(selection, "validate", validated)
+    chosen, _, tried = choose({"own": (library, data.tasks)}, data.tasks)
+    assert chosen.ridge == (RIDGES[0] if errors > 1.0 else 0.0)
+    assert {one.ridge for one in tried} == {0.0, *RIDGES[:n_tried]}
 
 
 @pytest.mark.slow

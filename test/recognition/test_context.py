@@ -11,6 +11,7 @@ from intent_recognition.errors import ArgumentError, DofError, ShapeError
 from intent_recognition.learning import add_demonstration
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.recognition.context import CONTEXT_PERIOD_S, CONTEXT_SHARE
+from intent_recognition.recognition.observed import context_misfit
 from intent_recognition.signals import CLOCK_RESET_AFTER, Observation, merge, recording_doubts
 
 BOX = np.array([0.2, -0.15])
@@ -64,6 +65,16 @@ def test_a_context_in_another_unit_is_refused_with_the_factor(factor, library):
     estimator.observe_context(10.0 * BOX)  # far away, in metres
     in_part = np.array([factor * BOX[0], np.nan])
     assert estimator.update_context(Observation(2 * 10**9, 0, in_part)) == "unit"
+
+
+@pytest.mark.parametrize("std", [0.25, 1e-3])
+def test_contexts_are_expected_within_three_deviations_or_half_their_size(library, std):
+    mean, covariance = np.array([[1.0, 1.0], [1.2, 1.0]]), std**2 * np.tile(np.eye(2), (2, 1, 1))
+    model = replace(library.context, mean=mean, covariance=covariance)
+    around = max(3.0 * std, 0.5 * 1.2)
+    found = context_misfit(model, np.array([1100.0, 1000.0]))
+    assert f"between {1.0 - around:.3g} and {1.2 + around:.3g} m" in found.reason
+    assert context_misfit(model, np.array([1.2 + around, np.nan])) is None
 
 
 def test_a_context_in_millimetres_is_named_in_a_recording(recorded):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.transfer import (
+    LIGHTEST_N,
     PATIENCE_S,
     Holding,
     Request,
@@ -153,12 +154,18 @@ def test_a_hand_that_carries_a_part_and_one_that_is_not_there_get_nothing(share)
     assert Holding.RELEASING not in states(outputs)
 
 
-@pytest.mark.parametrize(("angle_deg", "given"), [(100.0, True), (140.0, False)])
-def test_who_pulls_to_the_side_for_long_gets_the_object_and_who_pushes_does_not(angle_deg, given):
+@pytest.mark.parametrize(
+    ("pull_n", "angle_deg", "given"),
+    [(8.0, 100.0, True), (8.0, 140.0, False), (0.9 * LIGHTEST_N, 100.0, False)],
+    ids=["pull", "push", "too weak to be felt"],
+)
+def test_only_who_pulls_to_the_side_for_long_gets_the_object(pull_n, angle_deg, given):
     course, angle = Course().offer(), np.radians(angle_deg)
-    pull = [8.0 * np.cos(angle), 8.0 * np.sin(angle), -WEIGHT_N]
+    pull = [pull_n * np.cos(angle), pull_n * np.sin(angle), -WEIGHT_N]
     assert {*states(course.run(1.0, Request.GIVE, pull))} == {Holding.OFFERING}
-    assert (Holding.RELEASING in states(course.run(0.6, Request.GIVE, pull))) is given
+    outputs = course.run(0.6, Request.GIVE, pull)
+    assert (Holding.RELEASING in states(outputs)) is given
+    assert (max(one.share for one in outputs) > 0.0) is given
 
 
 @pytest.mark.parametrize("bias", [[2.0, 0.0], [-2.0, 0.0], [0.0, 5.0], [5.0, 0.0]])

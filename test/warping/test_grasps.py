@@ -17,6 +17,7 @@ from intent_recognition.warping import (
     warp_grasp,
     warp_object,
 )
+from intent_recognition.warping.grasp_warp import contact_rows
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
 
 TURN = Rotation.from_rotvec([0.3, -1.0, 2.0]).as_matrix()
@@ -103,6 +104,19 @@ def test_a_grasp_across_the_body_widens_with_it(across):
         wide = 2.0 * np.interp(found.centre[2], sections.heights_m, radii)
         assert found.width_m == pytest.approx(wide, rel=0.04)
         assert np.linalg.norm(found.centre[:2]) < 0.003
+
+
+@pytest.mark.parametrize("share", [0.5, 0.95])
+def test_a_thinner_wall_narrows_the_grasp_down_to_a_fifth(mug, share):
+    """The fifth is of the width that the target's size alone would give."""
+    own, good = mug.annotated, mug.annotated.grasp
+    sides = [own.points[rows].mean(axis=0) for rows in contact_rows(own, good)]
+    thickness = (sides[0] - sides[1]) @ good.closing
+    thin = ObjectCloud(own.points - 0.5 * share * thickness * own.normals, own.normals)
+    warped = warp_object(mug, thin, "point")
+    wide = warped.frame.radius_m / mug.frame.radius_m
+    least = max(1.0 - share, 0.2 * wide)
+    assert warp_grasp(mug, warped).width_m == pytest.approx(least * good.width_m, rel=0.02)
 
 
 def test_what_cannot_be_grasped_is_said(mug):
