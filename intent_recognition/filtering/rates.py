@@ -62,7 +62,7 @@ def birth_shares(
     known, n_tasks = total[:-1], len(total) - 1
     everything = np.logaddexp.reduce(known)
     with np.errstate(divide="ignore"):
-        others = everything + np.log(-np.expm1(np.minimum(known - everything, 0.0)))
+        others = everything + np.log(-np.expm1(known - everything))
         turning = others + log_prior + np.log(SWITCH_RATE * n_tasks / max(n_tasks - 1, 1))
         own = np.logaddexp(known + np.log(DETOUR_RATE), turning - switch_margin)
         afresh = turning - switch_margin + np.log(REACH_RATE / SWITCH_RATE)

@@ -124,6 +124,20 @@ def test_who_turns_to_the_unknown_is_kept_by_the_margin_that_was_paid_at_birth(l
     assert table.log_joint[unknown].min() < total - births.NEGLIGIBLE
 
 
+def test_born_hypotheses_divide_their_task_by_their_joint_densities(library, rng):
+    times_s = np.arange(0.0, 1.2, 0.05)
+    run = filtered(library, times_s, course(library, draw_weights(library, 0, rng), times_s))
+    table = run.births.table
+    for task in range(library.n_tasks):
+        index, share = run.births.of_task(task)
+        expected = np.exp(table.log_joint - table.log_joint.max()) * (table.rows["task"] == task)
+        expected /= expected.sum()
+        assert len(index) > 1 and np.ptp(share) > 0.01
+        np.testing.assert_allclose(share, expected[index] / expected[index].sum(), rtol=1e-9)
+        left_out = np.delete(expected, index)
+        assert left_out.max(initial=0.0) <= births.NEGLIGIBLE_SHARE * expected.max()
+
+
 def evidence_of(run, task):
     """Of the born hypotheses of a task that are not negligible."""
     table = run.births.table
