@@ -10,7 +10,7 @@ from simulation import make_library
 
 from intent_recognition.filtering import task_posterior
 from intent_recognition.filtering.grid import STUDENT_FREEDOM, PriorGrid, make_prior_grid
-from intent_recognition.filtering.posterior import beyond_margin, counted_none
+from intent_recognition.filtering.posterior import answered, beyond_margin, counted_none
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -47,6 +47,17 @@ def test_an_impossible_task_stays_impossible_and_nothing_turns_into_nan():
     assert np.all(np.isfinite(posterior.phase))
     weights = hypotheses.duration_weights(np.array([5.0, 6.0, -1e5, -2e5]))[0]
     assert weights[1] == pytest.approx(1.0 / (1.0 + np.exp(-1.0)))
+
+
+def test_an_answer_is_right_in_99_of_100_cases(rng):
+    hypotheses = PriorGrid(1, np.ones(4), np.log([0.4, 0.3, 0.2, 0.1]))
+    before = task_posterior(rng.normal(size=4), hypotheses, 0.5)
+    after = answered(before, 2)
+    likelihood = np.array([0.01, 0.01, 2.97, 0.01]) / 3.0
+    joint = before.probabilities * likelihood
+    np.testing.assert_allclose(after.probabilities, joint / joint.sum())
+    gained = after.log_evidence - before.log_evidence
+    np.testing.assert_allclose(gained, np.log(likelihood))
 
 
 def test_the_evidence_of_the_duration_can_be_taken_to_a_power(rng):

@@ -337,6 +337,10 @@ def test_of_many_tasks_the_probable_ones_are_born_in_a_bounded_number(library, r
     run = filtered(library, times_s, changed(library, rng, (3, 3), 5.0, times_s))
     born = np.isfinite(run.births.log_joint[:-1])
     assert born[3] and born.sum() < 5
+    rows, of_onset = run.births.table.rows, run.births.onset_log_joint(run.log_evidence)
+    newest = rows["task"][rows["birth_s"] == rows["birth_s"].max()]
+    joint = np.logaddexp(run.births.log_joint, of_onset)[:-1]
+    assert {*newest} - {library.n_tasks} == {*np.argsort(joint)[-2:]}
 
 
 def test_delays_are_of_the_course_that_is_followed_and_shares_are_whole(library, rng):

@@ -226,7 +226,7 @@ def test_asking_late_equals_asking_all_the_time(rng):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
     assert late.prediction(0) is late.prediction(0)
     times, share = np.linspace(0.1, 0.9, 4), np.zeros(len(library.labels))
-    share[:2] = 0.3, 0.7
+    share[:2] = 0.15, 0.35  # the rest is that of none
     of_first, of_second = (np.array(late.prediction(k).mixture_at(times)) for k in range(2))
     own_mean, own_square = 0.3 * of_first + 0.7 * of_second
     mean, std = late.mixture_at(times, share)

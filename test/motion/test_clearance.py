@@ -20,8 +20,9 @@ from scipy.spatial.transform import Rotation
 from intent_recognition.gaussian import Gaussian, condition
 from intent_recognition.kinematics import Box, hand_position
 from intent_recognition.motion import make_path
-from intent_recognition.motion.bending import Spread, least_change
+from intent_recognition.motion.bending import Spread, _position_rows, least_change
 from intent_recognition.motion.clearance import ClearPath, Obstruction
+from intent_recognition.motion.plan import POSITION_MARGIN_RAD
 from intent_recognition.promp import via_point
 from intent_recognition.signals import to_tangent
 
@@ -48,6 +49,17 @@ def test_rows_that_hold_change_nothing_and_needs_that_contradict_one_another_hav
     row = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 0.0]])
     assert least_change(row[:2], np.array([1.0, 1.0])) is None
     assert least_change(row[2:], np.array([1.0])) is None
+
+
+def test_rows_lead_each_joint_that_is_outside_equally_far_inside():
+    rng, q = np.random.default_rng(2), np.zeros((3, 7))
+    q[0, 1], q[2, 4] = LIMITS.upper[1] + 0.1, LIMITS.lower[4] - 0.2
+    z, moves = rng.normal(size=9), rng.normal(size=(3, 7, 9))
+    rows, needs = _position_rows(q, moves, z, LIMITS)
+    after = q + moves @ (np.linalg.lstsq(rows, needs, rcond=None)[0] - z)
+    inside = POSITION_MARGIN_RAD + 0.005
+    expected = [LIMITS.upper[1] - inside, LIMITS.lower[4] + inside]
+    np.testing.assert_allclose([after[0, 1], after[2, 4]], expected)
 
 
 def test_a_spread_keeps_both_ends_and_is_that_of_via_points():
@@ -77,8 +89,11 @@ def test_a_clear_path_is_the_path_itself_and_what_is_past_does_not_count():
 @pytest.mark.parametrize("depth_m", [0.0, 0.02, 0.04])
 def test_a_path_that_touches_is_bent_between_its_ends(depth_m):
     guard = clearance(box_beside(depth_m))
-    before = guard.obstruction(plan_along(PATH))
+    plan = plan_along(PATH)
+    before = guard.obstruction(plan)
     assert before is not None and before.bodies[1] == "crate"
+    assert guard.obstruction(plan, -1.0) == before
+    assert guard.obstruction(plan, plan.duration_s + 1.0) is None
     found = guard.clear(PATH, "plate", 0.0, LIMITS)
     assert found.how == "bent" and guard.obstruction(plan_along(found.path)) is None
     np.testing.assert_allclose(found.path.spline([0.0, 1.0]), PATH.spline([0.0, 1.0]), atol=1e-9)
