@@ -94,6 +94,22 @@ def test_a_sender_that_is_stuck_is_silent_and_a_malformed_one_changes_nothing():
     assert world.rejected == []
 
 
+def test_what_the_controller_refuses_is_given_up_and_the_next_movement_starts_where_it_is():
+    world = executing()
+    world.run(0.3)
+    world.activation.give_up(world.now_ns, "refused")
+    assert (world.activation.mode, world.activation.active_task) == (Mode.IDLE, "")
+    assert world.activation.counts["stopped: refused"] == 1
+    assert not world.activation.moves(world.now_ns)
+    world.push, world.commands = world.arm() - HOME, []
+    world.run(0.5)
+    assert world.commands == []
+    world.task = "idle"
+    world.run(0.1)
+    world.serve("screw")
+    np.testing.assert_allclose(world.commands[0].plan.positions[0], HOME + world.push)
+
+
 @pytest.mark.parametrize("times", [1, 2])
 def test_reset_sends_the_arm_home_and_does_not_start_the_same_movement_again(times):
     world = executing()

@@ -95,6 +95,12 @@ def test_what_is_out_of_reach_also_as_the_hand_is_turned_is_refused_with_where_a
         joints_along(made._arm, TIMES_S, np.zeros((50, 7)), made.home)
 
 
+def test_a_path_that_jumps_is_refused():
+    made, ends = toolbox_arm("lwr"), np.array([[0.4, -0.4, 0.5], [0.4, 0.4, 0.5]])
+    with pytest.raises(TrajectoryError, match=r"a joint jumps by \d\.\d\d rad"):
+        joints_along(made._arm, TIMES_S, np.repeat(ends, 25, axis=0), made.home)
+
+
 def test_joints_beyond_the_link_stay_and_are_commanded():
     made = toolbox_arm("lwr")
     arm = Arm.from_urdf(made.robot.description, base="world", tip="lwr_a6_link", beyond=True)

@@ -90,6 +90,20 @@ def test_where_the_end_touches_there_is_no_way_and_nothing_is_drawn():
     assert isinstance(found, Obstruction) and found.bodies[1] == "cup"
 
 
+def touching():
+    """The path among a box, and the detours that may bend it."""
+    bodies, phases = bodies_among(box_beside(0.03)), np.linspace(0.0, 1.0, 61)
+    q, moves = PATH.spline(phases), bending.detours(phases, 7, 0.0)
+    return bending.TouchingPath(bodies, q, moves, bodies.contacts(q), LIMITS)
+
+
+def test_a_detour_that_is_clear_is_drawn_in_to_the_least_bend():
+    path = touching()
+    least = np.linalg.norm(bending.bend(path))
+    found = bending.bend(path, start=1.5 * bending.bend(path))
+    assert np.linalg.norm(found) == pytest.approx(least, rel=0.1)
+
+
 @pytest.mark.parametrize("n_in_time, tries", [(0, 0), (2, 0), (9, 1), (9, None)])
 def test_descents_are_counted_and_end_with_the_budget(monkeypatch, n_in_time, tries):
     """Other detours in the next search, the same in the same one; none where there is no time."""
@@ -99,14 +113,11 @@ def test_descents_are_counted_and_end_with_the_budget(monkeypatch, n_in_time, tr
         starts.append(start)
 
     monkeypatch.setattr(bending, "bend", finds_nothing)
-    bodies, phases = bodies_among(box_beside(0.03)), np.linspace(0.0, 1.0, 61)
-    q, moves = PATH.spline(phases), bending.detours(phases, 7, 0.0)
-    path = bending.TouchingPath(bodies, q, moves, bodies.contacts(q), LIMITS)
-    nearest = {}
+    path, nearest = touching(), {}
     for one in path.contacts:
         nearest[one.pair] = min(one.distance_m, nearest.get(one.pair, np.inf))
-    depth = sum(bodies.clearance_m - distance_m for distance_m in nearest.values())
-    assert bending._depth(path, np.zeros(moves.shape[2])) == pytest.approx(depth, abs=1e-5)
+    depth = sum(path.bodies.clearance_m - distance_m for distance_m in nearest.values())
+    assert bending._depth(path, np.zeros(path.moves.shape[2])) == pytest.approx(depth, abs=1e-5)
     drawn = []
     for search in (tries, tries, 5):
         starts.clear()
