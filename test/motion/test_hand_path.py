@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics.arm import Arm
 from intent_recognition.kinematics.limits import within_position_limits
-from intent_recognition.motion.hand_path import N_POSES, is_hand, joints_along
+from intent_recognition.motion.hand_path import N_POSES, hand_targets, is_hand, joints_along
 from intent_recognition.signals import POSE_FIELDS
 from sim_bridge.arm.robots import NAMES, find_robot
 from sim_bridge.scenarios.toolbox.other_arms import ToolboxArm
@@ -56,6 +56,9 @@ def test_a_whole_pose_is_followed_with_its_orientation(name):
     turns = begin * Rotation.from_rotvec(share * [0.1, -0.2, 0.45])
     place = HOME_HAND_M + share * [0.03, 0.1, -0.1]
     quaternions = 2.0 * turns.as_quat()  # of any norm
+    one = hand_targets(np.append(place[9], quaternions[9]))
+    np.testing.assert_allclose(one[:3, :3], turns[9].as_matrix())
+    assert np.array_equal(one[:3, 3], place[9]) and np.array_equal(hand_targets(place[9]), place[9])
     times_s, joints = joints_along(made._arm, TIMES_S, np.hstack([place, quaternions]), made.home)
     assert np.all(within_position_limits(joints, made.robot.limits))
     hand = made._arm.forward_kinematics(CubicSpline(times_s, joints)(TIMES_S))

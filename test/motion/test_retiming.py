@@ -216,7 +216,7 @@ def test_a_brake_keeps_to_the_way_of_a_plan_that_is_joining_a_path(seed, duratio
 
 
 @few
-@given(seeds, st.floats(0.0, 0.5), st.floats(0.0, 0.5))
+@given(seeds, st.floats(0.0, 0.5), st.floats(0.0, 0.9))
 def test_an_offset_decays_within_its_bounds(seed, size, speed):
     rng = np.random.default_rng(seed)
     position, velocity = rng.uniform(-size, size, 7), rng.uniform(-speed, speed, 7)
@@ -230,6 +230,7 @@ def test_an_offset_decays_within_its_bounds(seed, size, speed):
         max_acceleration=bound_a,
         shortest_s=0.2,
     )
+    assert offset.duration_s < 8.0  # not the longest, which is tried whether it fits or not
     t = np.linspace(0.0, offset.duration_s, 2001)
     q, v = offset.sample(t)
     np.testing.assert_allclose(q[0], position, atol=1e-12)

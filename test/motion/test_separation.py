@@ -6,7 +6,7 @@ import pytest
 from clearance_world import ARM, FAR_M, PATH, person, plan_along
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.motion import Separation
+from intent_recognition.motion import JointPlan, Separation
 from intent_recognition.motion.retiming import N_GRID
 from intent_recognition.motion.separation import (
     PredictedPerson,
@@ -127,3 +127,14 @@ def test_the_bound_holds_between_samples_and_is_tight():
         assert bound > 1.0 or bound >= true
         decided.add(bound > 1.0)
     assert decided == {False, True}
+
+
+def test_the_bound_holds_between_two_samples_that_are_far_apart():
+    """The arm accelerates and slows between them, and is at rest at both."""
+    ends, rest = np.array([0.0, 1.0]), np.zeros((2, 7))
+    plan = JointPlan(ends, PATH.spline(ends), rest, 0.0 * ends, 0.0 * ends, "stop")
+    who, times_s = person(ARM.forward_kinematics(plan.end)[:3, 3]), np.linspace(0.0, 0.999, 999)
+    points, speed = ARM.moving_skeleton(*plan.sampled(times_s)[:2])
+    distance = SEPARATION.distance_m(points, times_s * 1e9, who)
+    _, (bound,) = SEPARATION._ratios(plan, 0, who, ends[:1], ends[1:])
+    assert bound >= (speed / permitted_speed(distance, SETTINGS)).max()
