@@ -287,7 +287,8 @@ def test_coupled_residuals_are_added_and_take_their_share_of_the_variance(rng):
     path = library.basis.design_matrix(at / 2.0) @ alone.weights.mean[0].reshape(3, -1).T
     residuals = np.zeros_like(path)
     for o in observations:
-        row, dofs = np.searchsorted(at, (o.stamp_ns - START_NS) * 1e-9), library.observed_dofs(o.group)
+        row = np.searchsorted(at, (o.stamp_ns - START_NS) * 1e-9)
+        dofs = library.observed_dofs(o.group)
         residuals[row, dofs] = o.values - path[row, dofs]
     weights, known = residual_weights(at, times, 0.2)
     shift = weights @ residuals @ gain[0].T

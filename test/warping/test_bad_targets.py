@@ -17,7 +17,7 @@ from intent_recognition.warping.object_model import (
 )
 from intent_recognition.warping.object_warp import ObjectModel, warp_object
 from intent_recognition.warping.parameters import pouring_parameters
-from intent_recognition.warping.wall_checks import check_wall
+from intent_recognition.warping.wall_checks import _holes, check_wall
 from sim_bridge.containers.generate import make_container
 from sim_bridge.containers.scanning import scan
 
@@ -182,3 +182,13 @@ def test_annotations_are_checked(mug):
         AnnotatedObject(own.points, own.normals, own.labels[:-1])
     with pytest.raises(TrainingError, match="RIM"):
         ObjectModel.learn(AnnotatedObject(own.points, own.normals, np.zeros(len(own.points))))
+
+
+@pytest.mark.parametrize("pair", [[(2, 5), (2, 6)], [(3, 0), (3, 47)], [(1, 9), (2, 9)]])
+def test_a_hole_is_two_empty_cells_beside_or_above_each_other_where_others_are_full(pair):
+    cells = np.full((6, 48), 20)
+    cells[tuple(np.transpose(pair))] = 0
+    assert [*map(tuple, np.argwhere(_holes(cells)))] == pair
+    assert not _holes(cells // 2).any()
+    cells[pair[0]] = 20
+    assert not _holes(cells).any()

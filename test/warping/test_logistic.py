@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Logistic regression by reweighted least squares."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +11,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from intent_recognition.errors import TrainingError
-from intent_recognition.warping.part_labels import fit_logistic
+from intent_recognition.warping.part_labels import _seen, fit_logistic
 
 
 def samples(seed: int, n: int = 200) -> tuple[np.ndarray, np.ndarray]:
@@ -51,3 +53,12 @@ def test_constant_feature_changes_nothing():
 def test_one_label_alone_is_refused():
     with pytest.raises(TrainingError, match="both 0 and 1"):
         fit_logistic(np.zeros((3, 1)), np.ones(3))
+
+
+def test_only_what_a_camera_above_may_see_is_drawn(rng):
+    """Whichever axis of the coordinates points up."""
+    sides = np.vstack([np.eye(3), -np.eye(3)])
+    cube = SimpleNamespace(points=sides, normals=sides)
+    for up in sides:
+        drawn = sides[_seen(cube, up, 3, rng)]
+        assert len(drawn) and np.all(drawn @ up > -0.5)

@@ -60,18 +60,26 @@ def test_samples_spread_as_the_primitive_says():
     np.testing.assert_allclose(drawn.std(axis=0), std, rtol=0.1, atol=1e-6)
 
 
-@pytest.mark.parametrize("free", [True, False])
-def test_where_a_pour_begins_and_ends_is_free_but_above_the_opening(free):
+@pytest.mark.parametrize(
+    ("nearest", "free", "stds"),
+    [
+        (0.5, 4.0, [3.0, 2.0, 1.0, 0.0, 0.0]),
+        (0.5, 0.0, [0.0] * 5),
+        (1.1, 4.0, 3.0 - 6.0 / 19.0 * np.arange(5.0)),
+    ],
+    ids=["above it on the way", "always above it", "never above it"],
+)
+def test_where_a_pour_begins_and_ends_is_free_but_above_the_opening(nearest, free, stds):
     """Smoothly, as far as three radii; what begins and ends above it is as it was shown."""
-    away = free * 4.0 * (PHASE - 0.5) ** 2
-    shown = [np.column_stack([0.5 + away, 0.0 * PHASE, path[:, 2:]]) for path in paths()]
+    away = nearest + free * (PHASE - 0.5) ** 2
+    shown = [np.column_stack([away, 0.0 * PHASE, path[:, 2:]]) for path in paths()]
     primitive = WarpedPrimitive.learn(shown, np.ones(10))
     scale = np.repeat([0.06, 0.06, 0.1, 0.8], n := len(at := primitive.basis.centers))
     covariance = primitive.given(CUP, SECOND).weights.covariance / np.outer(scale, scale)
     own = covariance - primitive.spread @ primitive.spread.T
     np.testing.assert_allclose(own, np.kron(np.eye(4), own[:n, :n]), atol=1e-9)
     std = np.sqrt(np.diag(own)[:n])
-    np.testing.assert_allclose(std[:5], free * np.array([3.0, 2.0, 1.0, 0.0, 0.0]), atol=1e-6)
+    np.testing.assert_allclose(std[:5], stds, atol=1e-6)
     np.testing.assert_allclose(std, std[::-1], atol=1e-6)
     assert own[0, 1] == pytest.approx(std[0] * std[1] * np.exp(-0.5 * (at[1] / 0.15) ** 2))
 
