@@ -172,6 +172,7 @@ def test_on_the_way_home_an_arm_that_is_not_seen_is_stopped_until_it_is():
     world.run(5.0)
     assert world.activation.mode is Mode.HOMING
     assert [c.plan.kind for c in world.commands[-2:]] == ["home", "stop"]
+    assert world.activation.counts["stopped: stale_joint_states"] == 1
     assert np.abs(world.arm() - HOME).max() > 1e-3
     world.measures = True
     world.go_home()

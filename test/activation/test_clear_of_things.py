@@ -10,7 +10,7 @@ from activation_world import GOALS, HOME, World
 from clearance_world import ARM, bodies_among, box_beside, clearance, primitive
 
 from intent_recognition.activation.states import Mode
-from intent_recognition.activation.things import Things
+from intent_recognition.activation.things import SEARCH_EVERY_NS, Things
 from intent_recognition.kinematics import Box, hand_position
 from intent_recognition.motion import Obstruction, Spread
 
@@ -163,9 +163,13 @@ def test_it_waits_until_the_thing_is_gone(rests_first):
 
 
 def test_what_waited_in_vain_is_refused_once():
-    world = before_blocked_end(1.0)
+    world, asked_ns = before_blocked_end(1.0), []
+    guard = world.activation._parts.settings.clearance
+    search = guard.clear
+    guard.clear = lambda *way: asked_ns.append(world.now_ns) or search(*way)
     world.task = "idle"
     world.run(4.0)
+    assert len(asked_ns) > 3 and np.diff(asked_ns).min() >= SEARCH_EVERY_NS
     counts = world.activation.counts
     assert (counts["waited"], counts["refused"]) == (1, 1) and not world.activation.waits_for
     change(world, clearance=clearance())
