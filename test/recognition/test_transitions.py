@@ -181,3 +181,17 @@ def test_a_plan_says_what_is_expected_and_outlasts_silence(rng):
     assert np.argmax(expectation.prior) == 1
     expectation.follow(None)
     np.testing.assert_allclose(expectation.prior, library.task_prior)
+
+
+def test_an_expected_step_is_trusted_as_a_habit_and_one_that_was_not_learned_is_not(rng):
+    library = make_library(rng)
+    expectation, plain = Expectation(library), library.task_prior
+    trusted = HABIT_TRUST * np.eye(3)[2] + (1.0 - HABIT_TRUST) * plain
+    for label, at_once, prior in (
+        (library.labels[2], False, plain),
+        (library.labels[2], True, trusted),
+        ("other", False, trusted),
+        ("other", True, plain),
+    ):
+        expectation.expect(label, at_once=at_once)
+        np.testing.assert_allclose(expectation.prior, prior)
