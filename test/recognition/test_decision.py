@@ -7,11 +7,18 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from simulation import make_library
 
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.promp import LeftOutOdds, risk_of
 from intent_recognition.recognition import DecisionSettings, DecisionState, decide
-from intent_recognition.recognition.decision import is_evident, possible_tasks, uncertain_end
+from intent_recognition.recognition.decision import (
+    decision_settings,
+    is_evident,
+    learned_risk,
+    possible_tasks,
+    uncertain_end,
+)
 
 LABELS = ("plate", "screw", "none")
 SURE = {"plate": (0.95, 0.04, 0.01), "screw": (0.02, 0.97, 0.01), "none": (0.03, 0.02, 0.95)}
@@ -223,5 +230,10 @@ def test_a_smaller_share_of_wrong_actions_asks_for_more_and_leaves_one_task_or_s
         acted = settings.is_sure(LABELS, p, 0)
         assert possible == (("plate",) if acted else ("plate", "screw"))
     odds = LeftOutOdds(tuple(np.linspace(-1.0, 2.0, 99)), ("",) * 99)
-    thresholds = [risk_of(odds, share).threshold for share in (0.2, 0.1, 0.05, 0.01)]
+    plain = make_library(np.random.default_rng(0))
+    library = replace(plain, left_out_odds=odds)
+    risks = [learned_risk(library, share) for share in (0.2, 0.1, 0.05, 0.01)]
+    thresholds = [risk.threshold for risk in risks]
     assert thresholds == sorted(thresholds)
+    assert risks[0] == risk_of(odds, 0.2) == decision_settings(library, 0.2).risk
+    assert learned_risk(plain) is None
