@@ -234,7 +234,7 @@ class Births:
         tasks = np.arange(n_tasks)
         if n_tasks > MAX_TASKS:
             joint = np.logaddexp(self.log_joint, left)[:-1]
-            tasks = np.sort(np.argpartition(joint, -MAX_TASKS)[-MAX_TASKS:])
+            tasks = np.sort(np.argsort(joint)[-MAX_TASKS:])
         fading, ending = self._newborn(tasks)
         self._add(TURN, np.append(tasks, n_tasks), fading, birth_s, log_evidence)
         if birth_s <= REACH_UNTIL * self.usual_s:
