@@ -94,7 +94,7 @@ CIRCLE = "steps: [{step: a}, {step: b}]\norder: {a < b: 1, b < a: 1}"
         (["show", "one.yaml"], "steps: [", r"plan: expected YAML, got none \(.* at line 2"),
         (["show", "one.yaml"], CIRCLE, "order and by_hand: expected no circle, got one of a, b"),
         (["learn", "one.yaml", "-o", "p.yaml"], None, "expected a file of YAML"),
-        (["learn", "one.yaml", "-o", "p.yaml"], "[{tsk: a}]", "assembly 1, task 1: expected a"),
+        (["learn", "one.yaml", "-o", "p.yaml"], "[{tsk: a}]", "assembly 1, task 1: expected keys"),
         (["learn", "two.yaml", "-o", "one.yaml"], "steps: [{stp: a}]", "plan, step 1: expected a"),
     ],
 )

@@ -58,7 +58,8 @@ def test_nodes_are_executables_with_parameters(describe, repository, name):
 @pytest.mark.parametrize("section", ["object_warper", "/cell1/object_warper", "/**/object_warper"])
 def test_both_warpers_take_the_section_of_their_executable(describe, tmp_path, section):
     own = tmp_path / "mine.yaml"
-    own.write_text(f"/**/object_warper:\n{section}:\n  ros__parameters: {{source: bowl}}\n")
+    everywhere = "" if section.startswith("/**") else "/**/object_warper:\n"
+    own.write_text(f"{everywhere}{section}:\n  ros__parameters: {{source: bowl}}\n")
     namespace = "" if section == "object_warper" else "cell1"
     nodes = start(describe("pouring"), params_file=str(own), namespace=namespace)
     for node in WARPERS:
