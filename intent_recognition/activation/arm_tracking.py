@@ -97,14 +97,13 @@ class ArmTracking:
             time_ns = self.clock.measured_ns(now_ns, stamp_ns, age_ns)
             self._measured = measured = Measured(stamp_ns, time_ns, position, velocity)
             self._remember(measured)
-            self._look_for_lateness(measured)
-            self._look_for_loss(measured)
+            if self._history and self._lateness.is_due(time_ns):
+                self._look_for_lateness(measured)
+                self._look_for_loss(measured)
         return self._measured is not last
 
     def _look_for_lateness(self, measured: Measured) -> None:
         time_ns = measured.time_ns
-        if not self._history or not self._lateness.is_due(time_ns):
-            return
         asked = [self._by(time_ns - late).at(time_ns).position for late in LATENESSES_NS.tolist()]
         late_ns = self._lateness.shown_ns(time_ns, measured.position, np.array(asked))
         if late_ns > self.late_ns:
@@ -119,10 +118,10 @@ class ArmTracking:
         """
         time_ns, before, self._follows = measured.time_ns, self._follows, None
         too_new = self.current is None or time_ns - self.current.start_ns < LATENESSES_NS[-1]
-        if too_new or self._error(measured) <= HELD_WITHIN_RAD:
+        if too_new or (self._speed() or 0.0) <= _REST_RAD_S:
             return
         n, least = len(self._history), self._off(measured).min()
-        if least <= HELD_WITHIN_RAD or (self._speed() or 0.0) <= _REST_RAD_S:
+        if least <= HELD_WITHIN_RAD:
             return
         for kept in range(n - 1, max(n - _MOST_LOST, 1) - 1, -1):
             command, off = self._history[kept - 1], self._off(measured, kept)
