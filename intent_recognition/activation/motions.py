@@ -14,7 +14,6 @@ from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import position_violation
 from intent_recognition.motion import (
     BEGINNING,
-    Clearance,
     ClearPath,
     JointPath,
     JointPlan,
@@ -59,9 +58,8 @@ class Motions:
         self._common, self._arm = common, arm
         self._reject, self._counts = common.reject, common.counts
         self._followed: ClearPath | None = None  # of the interaction under way
-        self._paced_by: tuple[object, ...] = ((), None, None)
+        self._planned_under: tuple[object, ...] = ((), None, None, None)
         self._tried_ns = 0
-        self._clear_of: Clearance | None = None
         self.people: tuple[PredictedPerson, ...] = ()
         self.corrected: PredictedInteraction | None = None
         self.things = Things(common, arm)
@@ -272,12 +270,14 @@ class Motions:
             standing = np.zeros_like(plan.phase)
             plan = replace(plan, kind=way.kind, phase=standing, phase_rate=standing)
         command = self._arm.put_in_force(now_ns, Command(start_ns, plan, way=way))
-        self._paced_by, self._clear_of = self._pace_setters, self._common.settings.clearance
+        self._planned_under = self._conditions
         return command
 
     @property
-    def _pace_setters(self) -> tuple[object, ...]:
-        return self.people, self._common.settings.separation, self._arm.current
+    def _conditions(self) -> tuple[object, ...]:
+        """What plans depend on: their speed on the first three, clearance on the last two."""
+        settings = self._common.settings
+        return self.people, settings.separation, self._arm.current, settings.clearance
 
     def keep_pace(self, now_ns: int) -> Command | None:
         """Change the speed of the motion under way, or brake along its path; None to leave it.
@@ -294,13 +294,11 @@ class Motions:
         waits = brakes and 0 <= now_ns - self._tried_ns < SEARCH_EVERY_NS
         if waits or not self._arm.is_update_due(now_ns):
             return None
-        setters, before = self._pace_setters, self._paced_by
-        news = any(now is not was for now, was in zip(setters, before, strict=True))
-        paced = bool(self.people) and (brakes or news)
-        moved = self._common.settings.clearance is not self._clear_of or before[-1] is not current
+        before, self._planned_under = self._planned_under, self._conditions
+        new = [now is not was for now, was in zip(self._planned_under, before, strict=True)]
+        paced, moved = bool(self.people) and (brakes or any(new[:3])), any(new[2:])
         if not (paced or moved or brakes) or (not brakes and start_ns >= current.end_ns):
             return None
-        self._paced_by, self._clear_of = setters, self._common.settings.clearance
         separation, begun_ns = self._separation, current.start_ns
         too_fast = (
             paced
@@ -330,7 +328,7 @@ class Motions:
         brake = brake_along(way.plan, since_s, self._common.settings.limits)
         way = way._replace(plan=brake, slowed=True, blocked=touches and not too_fast)
         command = self._arm.put_in_force(now_ns, Command(start_ns, brake, way=way))
-        self._paced_by = self._pace_setters
+        self._planned_under = self._conditions
         return command
 
     def waited_in_vain(self, now_ns: int) -> bool:

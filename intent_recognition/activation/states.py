@@ -31,17 +31,28 @@ class MotionPoints(NamedTuple):
     velocities: Floats
 
 
+class PlannedWay(NamedTuple):
+    """A motion along a path, which can be planned again at another speed."""
+
+    kind: str  # kind of the plan that is sent
+    plan: JointPlan  # its phases are those of the path
+    path: JointPath  # the same at any speed
+    onset_ns: int | None = None  # when the motion is to begin; None: as soon as it may
+    slowed: bool = False  # whether it is slower than it would be without people
+    blocked: bool = False  # whether it brakes because of things
+
+
 class Command(NamedTuple):
     """A plan that takes over at start_ns.
 
     `before` is the motion from the sending to the start; None for an arm at rest or a near start.
-    `way` is what the plan follows, at a pace that may change; None for a stop, and under a lead.
+    `way` is what the plan follows at a pace that may change; None if it does not go on by itself.
     """
 
     start_ns: int
     plan: JointPlan
     before: MotionPoints | None = None
-    way: "PlannedWay | None" = None
+    way: PlannedWay | None = None
 
     def to_send(self) -> MotionPoints:
         """The points of a message; those before the start come first.
@@ -68,17 +79,6 @@ class Command(NamedTuple):
     def phase_at(self, time_ns: int) -> PhaseState:
         """Phase of the interaction at a time."""
         return self.plan.phase_at((time_ns - self.start_ns) * 1e-9)
-
-
-class PlannedWay(NamedTuple):
-    """A motion along a path, which can be planned again at another speed."""
-
-    kind: str  # kind of the plan that is sent
-    plan: JointPlan  # its phases are those of the path
-    path: JointPath  # the same at any speed
-    onset_ns: int | None = None  # when the motion is to begin; None: as soon as it may
-    slowed: bool = False  # whether it is slower than it would be without people
-    blocked: bool = False  # whether it brakes because of things
 
 
 class PredictedInteraction(NamedTuple):

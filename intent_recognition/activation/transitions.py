@@ -102,10 +102,11 @@ class Transitions:
         return self.interacting.follow(state, now_ns)
 
     def _from_stopped(self, state: Stopped, now_ns: int) -> Transition:
-        if self._arm.under_way(now_ns) and self._arm.is_update_due(now_ns):
-            brake = self._motions.stop(now_ns)  # the one before was lost, or left the limits
+        if self._arm.under_way(now_ns):
+            due = self._arm.is_update_due(now_ns)  # the last brake was lost, or left the limits
+            brake = self._motions.stop(now_ns) if due else None
             return Transition(replace(state, rest_ns=brake.end_ns) if brake else state, brake)
-        if self._arm.under_way(now_ns) or now_ns < self.exchanging_until_ns:
+        if now_ns < self.exchanging_until_ns:
             return Transition(state)
         interaction, decision = state.interaction, self._parts.inbox.decision
         silent = self._parts.inbox.silent(now_ns)
