@@ -73,8 +73,9 @@ class IntentOutput:
         self._marker_builder.set_labels(model.labels)
 
     def forget(self) -> None:
-        """Clear the observed path."""
+        """Clear the observed path, and where the human is."""
         self._marker_builder.forget()
+        self._newest[:], self._rested_ns = np.nan, 0
 
     def observe(self, observation: Observation) -> None:
         """Add an observation to the path that the markers show."""
@@ -109,7 +110,7 @@ class IntentOutput:
         return bool(self.human_trajectory.get_subscription_count())
 
     def publish_place(self, observation: Observation, rests: bool) -> None:
-        """While the human rests, publish where as a trajectory of one point, 25 times a second."""
+        """Note where the human is; at rest, publish it as a trajectory of one point at 25 Hz."""
         if observation.derivative or not self.human_wanted:
             return
         values, covariance = observation.values, observation.covariance

@@ -156,7 +156,7 @@ class MocapIngest(Node):
             self._identified(body, measured)
 
     def _leaps(self, body: str, stamp_ns: int) -> bool:
-        """Reject a stamp 1 s farther ahead of its arrival than the last two, but not the next."""
+        """Reject the first stamp that is 1 s farther ahead of its arrival than the last two."""
         ahead_s, last = stamp_ns * 1e-9 - elapsed_s(self), self._ahead_s[body]
         leaps = bool(ahead_s - max(last, default=np.inf) > 1.0)
         if stamp_ns > 0:
