@@ -217,28 +217,32 @@ class ActivationParameters:
             raise ArgumentError.about("pretrigger_threshold", "0 without a model", value, cure)
 
     def _limits_of(self, names: tuple[str, ...]) -> JointLimits:
-        """Limits by the parameters, else by `robot_description`, else those of the LWR by name."""
+        """Limits by the parameters, else those of the LWR by name, else by `robot_description`.
+
+        The LWR whose hand is predicted has those of `robot_description`, too.
+        """
         given = {
             name: np.array(self._values[name], dtype=np.float64)
             for name in ARM_LIMITS
             if self._values[name]
         }
         acceleration = np.full(len(names), self._values["acceleration_limit"])
-        if len(given) == len(ARM_LIMITS):
+        of_lwr = set(names) <= set(JOINT_NAMES) and len(set(names)) == len(names) > 0
+        all_given = len(given) == len(ARM_LIMITS)
+        if not (all_given or of_lwr or self.of_hand):  # an arm of a hand comes with `describe`
+            self.described = self._hand.arm
+        if all_given:
             no_limit = np.full(len(names), 1e9)  # plans do not use torques
             limits = JointLimits(**given, acceleration=acceleration, torque=no_limit)
         elif self.described is not None and names == self.described.joint_names:
             limits = replace(self.described.limits, **given, acceleration=acceleration)
-        elif set(names) <= set(JOINT_NAMES) and len(set(names)) == len(names) > 0:
+        elif of_lwr:
             at = [JOINT_NAMES.index(name) for name in names]
             lwr = LWR_LIMITS
             known = JointLimits(
                 lwr.lower[at], lwr.upper[at], lwr.velocity[at], acceleration, lwr.torque[at]
             )
             limits = replace(known, **given)
-        elif (arm := self._hand.arm) is not None and names == arm.joint_names:
-            self.described = arm
-            limits = replace(arm.limits, **given, acceleration=acceleration)
         else:
             text = f"{', '.join(names)}: set lower, upper and velocity for joints not of the LWR"
             raise RejectionError("wrong_joint_names", text)

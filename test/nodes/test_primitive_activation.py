@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The activation node on its topics, on simulated time, with a fake estimator and arm."""
 
+import re
 import time
 from collections import Counter
 from itertools import pairwise
@@ -206,6 +207,9 @@ def test_limits_of_another_arm_are_those_of_its_description(harness):
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     np.testing.assert_array_equal(node._limits.upper, panda.limits.upper)
     assert "of robot_description" in node._settings.limits_in_force(tuple(names), {})
+    lower = re.sub(r'upper="[^"]*"', 'upper="0.5"', panda.description)
+    harness.hear(node, "robot_description", String(data=lower))
+    assert node._settings.settings(tuple(names), {}).limits.upper.max() == 0.5
 
 
 def test_a_prediction_that_is_rejected_does_not_fix_the_joints(harness):
