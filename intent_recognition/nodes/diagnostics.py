@@ -201,9 +201,8 @@ class Diagnostics:
     def watch(self, subscription: Subscription, stream: str, *, needed: bool = False) -> None:
         """Report how many publishers a subscription has, as `publishers <stream>`.
 
-        The status warns while a `needed` stream, which is to be named after its topic, is silent.
-        Publishers of another message type, whose messages never arrive, are rejected once each as
-        `wrong_type`.
+        The status warns while a `needed` stream is silent. Publishers of another message type,
+        whose messages never arrive, are rejected once each as `wrong_type`.
 
         Publishers are counted at each report: the EventsExecutor of rclpy 7.1 loses a message of a
         subscription whose `matched` event is listened to. The stream is listed with a total of 0
