@@ -116,8 +116,9 @@ class WorkPlan:
         for (first, then), p in {**self.order, **self.by_hand}.items():
             found[place[first], place[then]] = p
         for j, step in enumerate(self.steps):
-            for i in range(j):  # repetitions come in order
-                if self.steps[i].task == step.task:
+            for i in range(j):  # repetitions come in order, unless set by hand
+                pair = self.steps[i].name, step.name
+                if self.steps[i].task == step.task and pair not in self.by_hand:
                     found[i, j] = 1.0
         found = closure(found)
         for (first, then), p in self.by_hand.items():
@@ -197,12 +198,12 @@ def moved(plan: WorkPlan, step: str, places: int) -> WorkPlan:
     passed = range(k - 1, to - 1, -1) if to < k else range(k + 1, to + 1)
     steps = [one for one in plan.steps if one.name != step]
     steps.insert(to, plan.steps[k])
-    out = replace(plan, steps=tuple(steps))
+    out = plan
     for other in passed:
         first, then = (step, plan.names[other]) if to < k else (plan.names[other], step)
         if plan.before[_place(plan, then), _place(plan, first)] > LIKELY_BEFORE:
             out = ordered(out, first, then, True)
-    return out
+    return replace(out, steps=tuple(steps))
 
 
 def required(plan: WorkPlan, step: str) -> WorkPlan:

@@ -62,6 +62,14 @@ def test_what_a_step_passes_waits_for_it_where_it_waited():
     assert moved(free, "a", 99).names == ("b", "c", "d", "a")
 
 
+def test_a_step_passes_another_of_its_task_and_all_else_waits_as_before():
+    steps = tuple(WorkStep(name, name[0], 0.9) for name in ("a", "b", "c", "b 2"))
+    plan = WorkPlan(steps, {("a", "b"): 0.9, ("b", "c"): 0.9, ("c", "b 2"): 0.9})
+    assert waits(moved(plan, "b 2", -2)) == {"ab", "ac", "ab 2", "bc", "b 2b", "b 2c"}
+    twice = WorkPlan((steps[1], steps[3]), {("b", "b 2"): 0.9})
+    assert waits(ordered(twice, "b 2", "b", True)) == {"b 2b"}
+
+
 def test_a_step_is_required_or_left_out_and_the_file_says_so():
     plan = required(CHAIN, "c")
     assert [step.share for step in plan.steps] == [0.9, 0.9, 1.0, 0.9]
