@@ -126,8 +126,6 @@ def posterior_over(
         IntentError: bag or model cannot be used, or they do not fit each other.
     """
     rows = list(replay(BagReader(bag, tolerant=True), load_model(model)))
-    if not rows:
-        raise IntentError(f"{bag.name} has none of the topics of {model.name}")
     stamps = np.array([row["stamp"] for row in rows])
     times = (stamps - stamps[0]) * 1e-9
     labels = tuple(rows[0]["probabilities"])
