@@ -254,22 +254,22 @@ def read_arrays(path: Path, wanted: Collection[str] | None = None) -> dict[str, 
 def _check_events(text: str) -> None:
     """Check depth, nodes, numbers and keys before anything is built: the loaders recurse."""
     sizes: dict[str, int] = {}  # number of nodes below each anchor
-    open_: list[tuple[str | None, int]] = []  # anchor, and number of nodes before it
-    keys: list[tuple[set[str], Iterator[bool]]] = []  # of each open mapping, and where one is next
+    # anchor, number of nodes before it, keys so far, and which of the next nodes are keys
+    open_: list[tuple[str | None, int, set[str], Iterator[bool]]] = []
     nodes = 0
     for event in yaml.parse(text, Loader=LOADER):
         anchor = getattr(event, "anchor", None)
-        is_key = isinstance(event, yaml.NodeEvent) and keys and next(keys[-1][1])
+        is_key = open_ and isinstance(event, yaml.NodeEvent) and next(open_[-1][3])
         if is_key and isinstance(event, yaml.ScalarEvent) and event.value != "<<":
-            if event.value in keys[-1][0]:
+            keys = open_[-1][2]
+            if event.value in keys:
                 raise UntrustedError(f"the key {event.value} twice")
-            keys[-1][0].add(event.value)
+            keys.add(event.value)
         if isinstance(event, yaml.AliasEvent):
             nodes += sizes.get(event.anchor or "", 0)
         elif isinstance(event, yaml.CollectionStartEvent):
-            open_.append((anchor, nodes))
             is_mapping = isinstance(event, yaml.MappingStartEvent)
-            keys.append((set(), cycle([is_mapping, False])))
+            open_.append((anchor, nodes, set(), cycle([is_mapping, False])))
             nodes += 1
         elif isinstance(event, yaml.ScalarEvent):
             nodes += 1
@@ -278,8 +278,7 @@ def _check_events(text: str) -> None:
             if len(event.value) > 100 and _is_number(event):
                 raise UntrustedError(f"a number of {len(event.value)} characters")
         elif isinstance(event, yaml.CollectionEndEvent):
-            anchor, before = open_.pop()
-            keys.pop()
+            anchor, before, *_ = open_.pop()
             if anchor is not None:
                 sizes[anchor] = nodes - before
         if len(open_) > DEEPEST:
