@@ -13,7 +13,7 @@ from intent_recognition.nodes.graph import NODES, NodeCall
 from intent_recognition.nodes.parameters import holds_for, sections
 from intent_recognition.parameter_table import PARTS, parameters_of
 from intent_recognition.share import PACKAGE, share_path
-from intent_recognition.untrusted import load_yaml, read_text
+from intent_recognition.untrusted import load_yaml, read_named
 
 NEEDS = {"sim_bridge": "pybullet", "intent_recognition.dashboard": "viser"}
 """For each package with nodes, a module that these need in addition."""
@@ -75,7 +75,8 @@ def check_sections(path: str, calls: Sequence[NodeCall]) -> None:
     ROS itself ignores misspelt names. A section of a node that only other graphs start is allowed.
     """
     executables = {name: spec.executable or name for name, spec in NODES.items()}
-    for section, values in sections(load_yaml(read_text(Path(path))), ""):
+    content = read_named(Path(path), "params_file", "Correct the file.", load_yaml)
+    for section, values in sections(content, ""):
         last = section.rsplit("/", 1)[-1]
         executable = executables.get(last, last)
         if executable in PARTS:

@@ -58,8 +58,7 @@ def test_nodes_are_executables_with_parameters(describe, repository, name):
 @pytest.mark.parametrize("section", ["object_warper", "/cell1/object_warper", "/**/object_warper"])
 def test_both_warpers_take_the_section_of_their_executable(describe, tmp_path, section):
     own = tmp_path / "mine.yaml"
-    everywhere = "" if section.startswith("/**") else "/**/object_warper:\n"
-    own.write_text(f"{everywhere}{section}:\n  ros__parameters: {{source: bowl}}\n")
+    own.write_text(f"/**:\n{section}:\n  ros__parameters: {{source: bowl}}\n")
     namespace = "" if section == "object_warper" else "cell1"
     nodes = start(describe("pouring"), params_file=str(own), namespace=namespace)
     for node in WARPERS:
@@ -329,6 +328,13 @@ def test_a_section_that_no_node_takes_or_a_parameter_that_it_has_not_is_refused(
         return
     with pytest.raises(ArgumentError, match=said):
         start(describe("intent"), **given)
+
+
+def test_a_section_that_is_written_twice_is_refused_with_the_file(describe, tmp_path):
+    section = "/**/mocap_ingest:\n  ros__parameters: {use_sim_time: true}\n"
+    (own := tmp_path / "mine.yaml").write_text(2 * section)
+    with pytest.raises(ArgumentError, match=r"mine\.yaml: .*/\*\*/mocap_ingest twice"):
+        start(describe("intent"), params_file=str(own))
 
 
 def test_a_namespace_around_the_launch_file_counts(describe, tmp_path):
