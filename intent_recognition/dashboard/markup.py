@@ -107,9 +107,12 @@ def now_line(state: CellState, colours: Mapping[str, str], people: Mapping[str, 
     """What the robot does or did not finish, for whom and why, and the simulated task."""
     task_chip = lambda task: chip(readable(task), colours.get(task, STALE))  # noqa: E731
     reports = [n for name, n in state.nodes.items() if name.endswith("primitive_activation")]
-    trouble = next((n.message for n in reports if n.level), "").removeprefix("idle; ")
-    rests = f'waits <span class="i-small">{escape(trouble)}</span>'
-    parts = [f"robot: {task_chip(state.active) if state.active else rests}"]
+    trouble = next((n.message for n in reports if n.level), "")
+    reason = trouble.removeprefix("idle; ").removeprefix("waits: ")
+    if state.active and not reason.startswith("stopped"):
+        reason = ""
+    does = task_chip(state.active) if state.active else "waits"
+    parts = [f'robot: {does} <span class="i-small">{escape(reason)}</span>']
     if state.helped:
         parts.append(f"for&nbsp;{chip(state.helped, people.get(state.helped, STALE))}")
     if state.unfinished and not state.active:

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the page remembers, and the pieces of text that it makes of it."""
 
+import re
+
 import numpy as np
+import pytest
 
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import (
@@ -182,10 +185,23 @@ def test_the_rows_of_now_stay_when_a_task_begins():
     state = CellState(truth="")
     (robot, coworker) = markup.now_line(state, {}, {}).split("<br>")
     assert "waits" in robot and "coworker: -" in coworker
-    state.nodes["cell/primitive_activation"] = NodeHealth(1, "stopped: limits", {}, 0.0)
-    assert "stopped: limits" in markup.now_line(state, {}, {})
     state.truth = state.active = "a_task"
     assert ["a task" in row for row in markup.now_line(state, {}, {}).split("<br>")] == [True] * 2
+
+
+@pytest.mark.parametrize(
+    ("message", "waiting", "under_way"),
+    [
+        ("stopped: limits", "waits stopped: limits", "a task stopped: limits"),
+        ("idle; silent: joint_states", "waits silent: joint_states", "a task"),
+        ("waits: a_task: the box", "waits a_task: the box", "a task"),
+    ],
+)
+def test_the_reason_why_the_robot_rests_is_beside_it(message, waiting, under_way):
+    state = CellState(nodes={"cell/primitive_activation": NodeHealth(1, message, {}, 0.0)})
+    for state.active, said in (("", waiting), ("a_task", under_way)):
+        shown = re.sub("<[^>]*>", "", markup.now_line(state, {}, {}))
+        assert shown.strip() == f"robot: {said}"
 
 
 def test_labels_and_messages_are_escaped():
