@@ -32,7 +32,7 @@ learned shares, and none with shares of 1 (`benchmarks/plans.py`, seeds 0 to 14)
 exceed the limit only after more than eighteen assemblies."""
 
 OPTIONAL = 2.0 / 3.0
-"""Share of assemblies below which a step is optional: left out of every third, not forgotten."""
+"""Share of assemblies below which a step never counts as forgotten: it is left out too often."""
 
 
 class StepState(NamedTuple):
@@ -42,7 +42,8 @@ class StepState(NamedTuple):
     task: str
     done: float  # probability that it is done
     next: float  # probability that the next movement does it
-    forgotten: float  # probability that it was omitted although a step that needs it is done
+    # probability that it was omitted although a step that needs it is done; 0 if it is optional
+    forgotten: float
 
     def __str__(self) -> str:
         if self.done >= 0.5:
