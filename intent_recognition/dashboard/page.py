@@ -74,8 +74,9 @@ class DashboardPage:
         self._seen: tuple[str, ...] = ()
         self._taught = ""
         admission, operator = Admission(host, port, new_token(), names), Operator(read_only)
-        refuse = lambda: self.show_message(False, operator.refusal)  # noqa: E731  # asked for once
-        looks = lambda: self._scene.shade(), lambda: self._scene.lighten()  # there is no scene yet
+        # one object each, so that `_ask` counts repeated requests once; there is no scene yet
+        refuse = lambda: self.show_message(False, operator.refusal)  # noqa: E731
+        looks = lambda: self._scene.shade(), lambda: self._scene.lighten()
         self.address = admission.address
         self._server = serve_page(
             host,
