@@ -107,8 +107,8 @@ def test_other_texts_are_no_plans(text):
 
 
 def test_sessions_are_read_as_one_or_several_assemblies():
-    done = "[a, {task: b, who: anna, start: 2, end: 3.5, objects: {screw: 2}}, {task: 0, who: , end: 9}]"
-    (one,) = read_assemblies(done)
+    done = "{task: b, who: anna, start: 2, end: 3.5, objects: {screw: 2}}, {task: 0, who: , end: 9}"
+    (one,) = read_assemblies(f"[a, {done}]")
     assert [(each.task, each.duration_s) for each in one] == [("a", 0.0), ("b", 1.5), ("0", 0.0)]
     assert (one[1].who, one[1].duration_s, one[1].objects) == ("anna", 1.5, {"screw": 2.0})
     assert len(read_assemblies("[[a, b], [b]]")) == 2
