@@ -141,15 +141,15 @@ def _done(place: str, content: Any) -> DoneTask:
         content = {"task": content}
     CHECKS.keys(place, content, ("task", "who", "start", "end", "objects"))
     task, who = content.get("task"), content.get("who")
-    start, end = (CHECKS.number(place, content.get(key, 0.0)) for key in ("start", "end"))
-    timed = {"start", "end"} <= set(content)
-    if timed and end < start:
+    start = CHECKS.number(place, content.get("start", content.get("end", 0.0)))
+    end = CHECKS.number(place, content.get("end", start))
+    if end < start:
         CHECKS.refuse(place, "an end after the start", f"{start:g} to {end:g}")
     return DoneTask(
         _text(place, "a task", None if task == "" else task),
         "" if who in (None, "") else _text(place, "one person as who", who),
         _numbers(f"{place}, objects", content.get("objects")),
-        end - start if timed else 0.0,
+        end - start,
     )
 
 
