@@ -298,13 +298,16 @@ class TransferMachine:
     def _weigh(self, now: Situation) -> None:
         """Estimate weight and bias as the median of the loads since the lift, which ignores bumps.
 
-        The bias is that of a sensor, or of torques: a horizontal load, or one upward.
+        The bias is that of a sensor, or of torques: a horizontal load, or, if none is downward, one
+        upward.
         """
         if self.holding is not Holding.CARRYING or abs(now.force_n[2]) < 0.25 * LIGHTEST_N:
             return
         self._remember(now._replace(force_n=now.force_n / now.heaviness), np.inf)
         if len(self._loads) >= WEIGHED:
-            usual_n = np.median([force for _, force in self._loads], axis=0)
+            loads = [force for _, force in self._loads]
+            hanging = [force for force in loads if force[2] < 0.0]  # not on a support
+            usual_n = np.median(hanging if len(hanging) >= WEIGHED else loads, axis=0)
             self.weight_n = max(-float(usual_n[2]), 0.0)
             self._bias_n = usual_n + [0.0, 0.0, self.weight_n]
 

@@ -182,6 +182,15 @@ def test_a_biased_sensor_gives_nothing_by_itself_and_everything_to_a_person(bias
     assert (Holding.RELEASING in states(taken)) == (sign > 0.0)
 
 
+def test_what_was_pressed_onto_a_table_before_the_lift_weighs_the_same_and_is_given():
+    course = Course(0.1)
+    course.machine.carry()
+    course.run(1.5, Request.NOTHING, [0.0, 0.0, 3.0])
+    course.run(0.7, Request.GIVE, moving=True)
+    assert course.run(0.3, Request.GIVE)[-1].weight_n == pytest.approx(WEIGHT_N, abs=0.3)
+    assert Holding.RELEASING in states(course.run(1.0, Request.GIVE, taking))
+
+
 def test_what_nobody_takes_is_brought_back_and_put_down():
     course = Course().offer()
     assert course.run(PATIENCE_S + 0.1, Request.GIVE)[-1].holding is Holding.RETURNING
