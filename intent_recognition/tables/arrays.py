@@ -90,8 +90,8 @@ def flat_columns(source: Path, arrays: Mapping[str, Values]) -> dict[str, Values
             array = array[:, 0]
         elif array.ndim == 3 and array.shape[2] > MOST_OF_POSE:
             array = np.swapaxes(array, 1, 2)  # MATLAB's (T, 3, n)
-        shape = array.shape[1:] if not name or array.shape[1:] != (1,) else ()
-        array = array.reshape(-1, *shape)
+        array = array[:, 0] if name and array.shape[1:] == (1,) else np.atleast_1d(array)
+        shape = array.shape[1:]
         check_columns(source, len(columns) + int(np.prod(shape)))
         for index in np.ndindex(shape):
             place: tuple[Any, ...] = (slice(None), *index)
