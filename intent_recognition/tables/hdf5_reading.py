@@ -100,8 +100,8 @@ def read(path: str) -> dict[str, NDArray[Any]]:
     ]
     left_out = sorted({key for group in groups for key in group} - set(whole))
     labels = {key: [one.get(key, "") for one in said] for key in said[0]}
+    labels["demonstration"] = [name.replace("/", "_") for name in names]
     return {
-        "demonstration": np.repeat([name.replace("/", "_") for name in names], lengths),
         **{k: np.repeat(v, lengths) for k, v in labels.items() if len(max(v, key=len)) <= LONGEST},
         **{key: np.concatenate([group[key] for group in groups]) for key in whole},
         "#rate": np.array(rate),
@@ -238,9 +238,10 @@ def _by_numbers(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     is_said = any(map(DEMONSTRATION.fullmatch, words))
     if not is_said and (len(groups) < 3 or len(set(sizes)) == 1):  # two may be agents
         return arrays
-    of_each = {k: np.repeat(a, sizes) for k, a in rest.items() if a.shape == (len(groups),)}
+    of_each = {}
     if len(set(sizes)) == 1:  # times of all
-        of_each |= {k: np.tile(a, len(groups)) for k, a in rest.items() if a.shape == (sizes[0],)}
+        of_each = {k: np.tile(a, len(groups)) for k, a in rest.items() if a.shape == (sizes[0],)}
+    of_each |= {k: np.repeat(a, sizes) for k, a in rest.items() if a.shape == (len(groups),)}
     joined = {key: np.concatenate([group[key] for group in groups]) for key in shapes[0]}
     return {"demonstration": np.repeat(sorted(found), sizes), **joined, **rest, **of_each}
 

@@ -188,7 +188,7 @@ def test_a_number_that_is_called_a_rate_is_that_of_the_file(kind, key, tmp_path)
 
 
 def test_a_rate_may_be_stated_by_a_period_or_beside_the_arrays(tmp_path):
-    np.savez(tmp_path / "a.npz", w=PLACE / 1000, dt=0.02)
+    np.savez(tmp_path / "a.npz", w=PLACE / 1000, dt=0.02, none=np.empty((ROWS, 0)))
     mat(tmp_path / "b.mat", {"take": {"fs": 50.0, "w": PLACE / 1000}}, 5)
     for name in ("a.npz", "b.mat"):
         assert open_table(tmp_path / name).defaults == {"time": {"rate": 50.0}}
@@ -309,6 +309,7 @@ ON_END = {
     ),
     "another length, of two agents": ("w_0", {"w_0": PLACE / 1000, "w_1": PLACE[1:] / 1000}, 1),
     "markers": ("w1", {f"w{k}": PLACE / 1000 for k in range(5)}, 1),
+    "as many as samples": ("demo", {f"demo_{k}": PLACE[:3] / 1000 for k in range(3)}, 3),
 }  # fmt: skip
 """Name of the place, arrays, and how many demonstrations they are."""
 
@@ -323,7 +324,8 @@ def test_arrays_with_numbers_are_demonstrations_where_names_or_lengths_say_so(ki
     assert [one.custom_data["task"] for one in found] == ["give", "take", "give"][:count]
     for k, one in enumerate(found):
         shorter = k if kind in ("one array each", "several each") else 0
-        np.testing.assert_array_equal(one.samples[0].values, PLACE[shorter:] / 1000)
+        wanted = arrays["demo_0"] if "demo_0" in arrays else PLACE[shorter:] / 1000
+        np.testing.assert_array_equal(one.samples[0].values, wanted)
 
 
 def test_an_npy_has_columns_by_number(tmp_path):
@@ -396,6 +398,7 @@ def test_demonstrations_below_groups_have_the_labels_of_their_attributes(tmp_pat
             group["time"], group["wrist/x"] = TIMES_S[:, None], PLACE[:, :1] / 1000 + k
             group["wrist/y"], group["wrist/z"] = PLACE[:, 1:2] / 1000, PLACE[:, 2:] / 1000
             group.attrs.update({"task": "give" if k else "take", "model": "x" * 999})
+            group.attrs["demonstration"] = "of a task"
     content, _, found = suggested(tmp_path / "a.h5")
     assert content["observed"][0]["columns"] == ["wrist.x", "wrist.y", "wrist.z"]
     table = open_table(tmp_path / "a.h5")
