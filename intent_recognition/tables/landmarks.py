@@ -297,7 +297,7 @@ def _of_trials(listed: Sequence[Any]) -> dict[str, NDArray[Any]]:
             return {}
         columns = _of_lists(found)
         size = len(next(iter(columns.values())))
-        said = {"demonstration": number, **(one if isinstance(one, dict) else {})}
+        said = {**(one if isinstance(one, dict) else {}), "demonstration": number}
         texts = {n: np.full(size, v, object) for n, v in said.items() if isinstance(v, str | int)}
         parts.append(texts | columns)
     names = [name for name in parts[0] if all(name in part for part in parts)] if parts else []

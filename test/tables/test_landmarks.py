@@ -237,7 +237,7 @@ def test_json_of_a_wrist_however_it_is_written(kind, tmp_path):
     check_wrist(found, atol=0.0, times_atol=1)
 
 
-LISTS = {"label": "reach", "time": AT, "wrist": PLACES}
+LISTS = {"label": "reach", "demonstration": "good", "time": AT, "wrist": PLACES}
 
 
 @pytest.mark.parametrize(
