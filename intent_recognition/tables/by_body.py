@@ -41,12 +41,14 @@ def by_body(table: Table) -> Table:
     names, bare = table.names, [name.strip() for name in table.names]
     named = [k for of in (OF_BODY, OF_ANY) for k, n in enumerate(bare) if of.fullmatch(n)]
     named.sort(key=lambda k: bare[k].lower().endswith("type"))  # many bodies may have one type
-    axis = [k for k, n in enumerate(bare) if OF_AXIS.fullmatch(n)][:1]
+    axis = [k for k, n in enumerate(bare) if named and OF_AXIS.fullmatch(n)][:1]
+    axes = [a for a in table.read(axis) if len(_distinct(a)[0]) > 1] if axis else []
+    axis = axis[: len(axes)]
     for which in named if len(names) > 2 else ():
         said = [k for k, n in enumerate(bare) if k < which or OF_MOMENT.fullmatch(n)]
         said = [k for k in said if k not in axis]
         texts, *columns = table.read([which, *said])
-        bodies, body = _distinct(_joined([texts, *table.read(axis)], ".") if axis else texts)
+        bodies, body = _distinct(_joined([texts, *axes], ".") if axes else texts)
         if said and 1 < len(bodies) <= MOST_BODIES:
             break
     else:

@@ -84,11 +84,11 @@ def test_names_tell_bodies_apart_before_what_they_may_share(first, said, name):
 
 
 def test_a_csv_of_bodies_is_read_with_its_units(tmp_path):
-    lines = [f"{k / 100},{b},{k + 10 * n},1,2" for k in range(5) for n, b in enumerate("ab")]
+    lines = [f"{k / 100},{b},{k + 10 * n},1,2,3" for k in range(5) for n, b in enumerate("ab")]
     path = tmp_path / "tracked.csv"
-    path.write_text("\n".join(["time,rigid body,x [mm],y [mm],z [mm]", *lines]), encoding="utf-8")
+    path.write_text("\n".join(["time,rigid body,x [mm],y [mm],z [mm],dim", *lines]))
     table = open_table(path)
-    assert table.names[:4] == ("time", "a.x [mm]", "a.y [mm]", "a.z [mm]")
+    assert table.names[:5] == ("time", "a.x [mm]", "a.y [mm]", "a.z [mm]", "a.dim")
     assert table.unit_of("b.x [mm]", "m") == "mm"
     assert table.columns(["b.x [mm]"])["b.x [mm]"].tolist() == ["10", "11", "12", "13", "14"]
 
