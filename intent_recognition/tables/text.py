@@ -7,6 +7,7 @@ names.
 
 import csv
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -277,9 +278,10 @@ def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
 
 
 def _with_parts(names: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    """Prefix names that repeat by the name of the empty column before them, and those beside them:
-    rosbag_to_csv writes `position,x,y,z,orientation,x,y,z,w`, with empty columns for the parts.
+    """Prefix all names up to the next empty column by that of the empty column before them, if one
+    of them repeats beyond: rosbag_to_csv writes `position,x,y,z,orientation,x,y,z,w`.
     """
+    counts = Counter(names)
     parts: list[list[str]] = [[]]
     for column, name in enumerate(names):
         if not any(cell.strip() for row in rows for cell in row[column : column + 1]):
@@ -287,7 +289,7 @@ def _with_parts(names: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[st
         parts[-1].append(name)
     found = [*parts[0]]
     for part, *inside in parts[1:]:
-        repeats = part and any(names.count(name) > 1 for name in inside)
+        repeats = part and any(counts[name] > own for name, own in Counter(inside).items())
         found += [part, *(f"{part}.{name}" if repeats else name for name in inside)]
     return tuple(found)
 

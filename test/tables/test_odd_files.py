@@ -352,3 +352,5 @@ def test_empty_columns_of_rosbag_to_csv_tell_repeated_names_apart(tmp_path):
     columns = ["position.x", "position.y", "position.z"]
     check_wrist(imported_csv(tmp_path, content, columns, unit="mm"), times_atol=1)
     assert {"secs", "orientation.w"} < {*open_table(tmp_path / "a.csv").names}
+    content = table("t,note,x,y,z,p,p", lambda k: [f"{TIMES_S[k]}", "", *cells(k), "1", "1"])
+    check_wrist(imported_csv(tmp_path, content, [*"xyz"], unit="mm"), times_atol=1)
