@@ -2,7 +2,9 @@
 """Find and open the tables in files of every supported kind, by suffix."""
 
 import re
+from collections import Counter
 from collections.abc import Callable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -172,7 +174,7 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
 
 
 def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
-    """Kinds with mostly other columns of which a folder, or a number, has one file each, such as
+    """Kinds of files of one recording, which have one folder or number, and mostly other columns:
     `give_1/human.csv` beside `give_1/robot.csv`, or `human_1.csv` beside `robot_1.csv`.
     """
     by_folder: dict[str, dict[str, Path]] = {}
@@ -182,6 +184,8 @@ def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
         if path.parent == source and (match := re.fullmatch(r"(\D+)(\d+)", path.stem)):
             by_number.setdefault(f"{match[1]}{{number}}{path.suffix}", {})[match[2]] = path
     for streams in (by_folder, by_number):
+        counts = Counter(chain.from_iterable(streams.values()))
+        shared = {key for key, count in counts.items() if count > 1}
         most = max(map(len, streams.values()), default=0)
         found: list[FileKind] = []
         for name, files in streams.items():
@@ -189,7 +193,7 @@ def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
             are_flat = all(folder.parent == source for folder in folders)
             folder = name_pattern(source, folders) or ("{number}" if are_flat else "")
             pattern = name if streams is by_number else f"{folder}/{name}" if folder else ""
-            if pattern and 2 * len(files) > most:
+            if pattern and 2 * len(files.keys() & shared) > most:
                 short = re.sub(r"\W+", "_", Path(name.replace("{number}", "")).stem).strip("_")
                 first = next(iter(files.values()))
                 try:
@@ -201,7 +205,7 @@ def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
                     found = []
                     break
                 found.append(FileKind(short, name_below(source, first), table, pattern))
-        if len(found) > 1:
+        if len({kind.name for kind in found}) == len(found) > 1:
             return found
     return []
 

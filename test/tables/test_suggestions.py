@@ -354,7 +354,9 @@ def test_files_with_one_number_are_of_one_recording(rows, head, end, tmp_path):
 def test_files_of_person_and_robot_are_of_one_recording(human, robot, tmp_path):
     """Unless most of their columns are the same, as those of two tasks are."""
     arm = table("t,q1,q2", lambda k: [f"{TIMES_S[k]}", *[f"{SHARE[k, 0]}"] * 2])
-    two = {"tasks/pour_{}.csv": plain(), "tasks/reach_{}.csv": plain().replace("x,y,z", "x,y,z,no")}
+    two = {"tasks/pour_{}.csv": plain(), "tasks/reach_{}.csv": plain().replace("x,y,z", "x,y,z,no"),
+           "apart/human_{}.csv": plain(), "apart/robot_{}0.csv": arm,
+           "same/{}/human.csv": plain(), "same/{}/human.txt": arm}  # fmt: skip
     one = {human: plain(), robot: arm, "{}/notes.json": '{"age": 3}'}
     contents = {**two, **{f"one/{name}": content for name, content in one.items()}}
     for path, content in [(tmp_path / n.format(k), c) for n, c in contents.items() for k in "12"]:
@@ -366,7 +368,9 @@ def test_files_of_person_and_robot_are_of_one_recording(human, robot, tmp_path):
     assert content["controlled"][0]["joints"] == ["q1", "q2"]
     task = "reach" if "reach_" in human else "give_it_a_name"
     assert {one.custom_data["task"] for one in found} == {task}
-    assert "files: '{task}_{number}.csv'" in suggest_map(tmp_path / "tasks")
+    for name in ("tasks", "apart"):
+        assert "files: '{task}_{number}.csv'" in suggest_map(tmp_path / name)
+    assert ImportMap.from_dict(yaml.safe_load(suggest_map(tmp_path / "same")))
 
 
 @pytest.mark.parametrize("count", [1, 4])
