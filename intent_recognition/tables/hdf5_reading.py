@@ -272,7 +272,7 @@ def goes_on_along_rows(array: NDArray[Any]) -> bool:
 
 def _roughness(array: NDArray[Any], axis: int) -> float:
     """Mean square step along an axis over twice the variance (von Neumann 1941): 1 for noise."""
-    if array.dtype.kind not in "fiub":
+    if array.dtype.kind not in "fiub" or not array.size:
         return np.inf
     values = np.asarray(array[:1000, :1000], np.float64)  # a part of a large array suffices
     finite = np.isfinite(values).all(axis=axis, keepdims=True)
