@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from intent_recognition.array_types import Floats
-from intent_recognition.bags import JOINT_STATE, POSE, BagReader
+from intent_recognition.bags import JOINT_STATE, POSE, BagReader, decode
 from intent_recognition.demonstrations import FIRST_MESSAGES, is_deleted, is_path
 from intent_recognition.errors import BagError
 from intent_recognition.signals import POSITION_FIELDS, spelled
@@ -161,6 +161,8 @@ PLACES = ("position", "translation", "point")
 """Last names of paths to positions [m]."""
 HAS_PLACES = re.compile(r"(?m)^float(?:32|64) x\b")
 """A definition of a type that may contain positions."""
+MOST_DECODED = 4_000_000
+"""Bytes of messages of a topic in which positions are looked for: a second for a growing path."""
 NUMBERED = re.compile(r"\[\d+\]")
 """A number of an element in a path."""
 
@@ -209,11 +211,15 @@ def _places_on(reader: BagReader, topic: str) -> list[str]:
     if definition is None or not HAS_PLACES.search(definition.text):
         return []
     seen: dict[str, set[tuple[float, ...]]] = {}
-    count = min(reader.topics[topic].message_count, FIRST_MESSAGES)
+    count, size = min(reader.topics[topic].message_count, FIRST_MESSAGES), 0
     with suppress(BagError):  # a damaged file, or a definition that cannot be used
-        for message in islice(reader.messages([topic]), count):
-            for path, at in _places(message.message, is_named=message.type.endswith("/Point")):
+        decoder = reader.decoder(topic, reader.topics[topic].type)
+        for raw in islice(reader.raw_messages([topic]), count):
+            message, size = decode(raw, decoder).message, size + len(raw.data)
+            for path, at in _places(message, is_named=raw.type.endswith("/Point")):
                 seen.setdefault(path, set()).add(at)
+            if size > MOST_DECODED:
+                break
     still = {path for path, places in seen.items() if len(places) < 2}
     found = [path for path in seen if path not in still or not NUMBERED.search(path)]
     return sorted(found, key=still.__contains__)[:MOST_BODIES]
