@@ -24,9 +24,9 @@ _JAW_LINK = re.compile("finger|jaw|thumb|knuckle|claw", re.IGNORECASE)
 _TOOL = re.compile("tool|tcp|flange|hand|grip|grasp|end_?effector|(^|_)ee(_|$)", re.IGNORECASE)
 """Names of frames at the end of an arm that are its hand, not a sensor's."""
 _SENSOR = re.compile(
-    "camera|optical|realsense|lidar|laser|imu|sensor|(^|_)(cam|lens)(_|$)", re.IGNORECASE
+    "camera|optical|realsense|lidar|laser|sensor|(^|_)(cam|imu|lens)(_|$)", re.IGNORECASE
 )
-"""Names of frames of sensors, which are no hand where nothing beyond is named like one."""
+"""Names of frames of sensors, which are no hand unless a frame beyond them has a hand's name."""
 _STANDARD = re.compile("(^|_)tool0$")
 """Name of ROS-Industrial's tool frame, which is preferred to frames beside it."""
 

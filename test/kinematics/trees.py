@@ -165,8 +165,8 @@ TREES = {
     "one_name": tree(row("base", "", 6, after=" f:hand hand"), tip="hand"),
     "camera": tree(
         row("base", "", 6, after=" f flange f camera_mount f camera_link"),
-        "flange f nail",
-        tip="nail",
+        "flange f simulated_nail",
+        tip="simulated_nail",
     ),
     "camera_alone": tree(
         row("base", "", 6, after=" f tool0 f camera_mount f camera_link"),
