@@ -242,27 +242,28 @@ def sparse(signal: Signal) -> list[str]:
 
 
 def zeros(signal: Signal) -> list[str]:
-    """Report `hidden_rows`, and positions that are zero in every sample."""
+    """Report samples in `hidden_rows`, and positions that are zero in every sample."""
     if len(signal.names) < 2 or not signal.values.size:
         return []
     if not signal.values.any():  # joints of a simulation may stay at zero
         said = f"{in_words(signal)} is at exactly zero in every sample. Likely it was never seen."
         return [said] if signal.unit == "m" else []
     hidden = hidden_rows(signal.values)
+    number = signal.values[hidden.argmax(), 0]
+    if not hidden.any() or (number != 0.0 and signal.unit != "m"):
+        return []
     return [
         f"{in_words(signal)} is at exactly {f'{number:.6g}' if number else 'zero'} in"
         f" {hidden.sum()} of {hidden.size} samples, and jumps there. Likely nothing was measured"
         " then: leave these samples out."
-        for number in signal.values[hidden, 0][:1]
-        if number == 0.0 or signal.unit == "m"
     ]
 
 
 def hidden_rows(places: Floats, never_zero: bool = False) -> Flags:
-    """Rows (T,) of values (T, d) at which nothing was measured, as many programs write it.
+    """Which rows (T,) of values (T, d) hold a number that stands for nothing measured.
 
-    They have one number in every column, such as zero or -9999, to which the others jump; with
-    `never_zero`, all zeros are such rows, unless there are no others.
+    Such a number, as zero or -9999, is in every column, and the values jump to it and from it. With
+    `never_zero`, rows of zeros need not be jumped to, if there are other rows.
     """
     known = np.isfinite(places).all(axis=1)
     same = known & np.all(places == places[:, :1], axis=1)

@@ -32,7 +32,7 @@ DEMONSTRATION = re.compile(
 )
 """Names of arrays that hold one demonstration each."""
 LONGEST = 200
-"""Length of the longest attribute of a demonstration that may label it; robomimic's has a model."""
+"""Most characters of a label among the attributes of a demonstration; robomimic stores a model."""
 INSIDE = re.compile(rf"(?P<before>{DEMONSTRATION.pattern.replace('(?i)', '')})[_-]?(?P<number>\d+)"
                     r"(?P<after>[\W_].*)", re.IGNORECASE)  # fmt: skip
 """Names such as `trial_3_wrist`, of an array of one demonstration."""
@@ -321,8 +321,8 @@ def _of_structs(content: dict[str, Any], before: str) -> Iterator[tuple[str, NDA
 
 
 def _demonstrations(h5py: Any, top: Any, are_below: bool = False) -> list[str]:
-    """Sorted names of groups `demo_0`, `traj_0`, ..., or paths `ann/trial_0`, ...; only `demo_` may
-    have other groups beside.
+    """Sorted names of groups `demo_0`, `traj_0`, ..., or paths `ann/trial_0`, ...; other groups may
+    stand beside `demo_0`, ... only.
     """
     groups = [name for name in top if isinstance(top[name], h5py.Group)]
     inside = {n: _demonstrations(h5py, top[n], True) for n in groups if not are_below}

@@ -283,8 +283,8 @@ def _of_lists(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
 
 
 def _of_trials(listed: Sequence[Any]) -> dict[str, NDArray[Any]]:
-    """Columns of successive demonstrations with times, each an object of lists or a list of rows;
-    no columns if the list holds anything else.
+    """Columns of listed demonstrations with times, each an object of lists or a list of rows; empty
+    if the list holds anything else.
     """
     parts: list[dict[str, NDArray[Any]]] = []
     for number, one in enumerate(listed):

@@ -155,7 +155,7 @@ def _check_sample(
 def _follow(
     settings: IngestSettings, state: IngestState, sample: Sample, is_zero: bool
 ) -> tuple[IngestState, Rejected | None, bool]:
-    """Extend the track by a sample, or reject it if `is_zero`, as trackers write for hidden bodies.
+    """Extend the track by a sample; a step to one that `is_zero`, as of hidden bodies, is rejected.
 
     Returns:
         The state, the rejection and whether a new track began.
