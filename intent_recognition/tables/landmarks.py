@@ -163,8 +163,8 @@ def open_landmarks(path: Path) -> Table:
         return table_of(path, _read(path, _of_lists, content), **_about(path, content))
     if not isinstance(frames, list) or not frames:
         raise unusable(path, "a list of frames with landmarks", "none", "Check the file.")
-    about = _about(path, content)
     if trials := _read(path, _of_trials, frames):
+        about = _about(path, content)
         about["defaults"] |= {"segments": {"column": "demonstration"}}
         return table_of(path, trials, **about)
     number = next((k for k in NUMBERS if all(isinstance(f, dict) and k in f for f in frames)), "")
@@ -179,7 +179,7 @@ def open_landmarks(path: Path) -> Table:
     key = next((k for k in (*WORLD, *IMAGE) if _has(frames, k)), "")
     people = [_read(path, partial(_people, key), frame) for frame in frames]
     if not any(people):
-        return by_body(table_of(path, _read(path, _of_records, frames), **about))
+        return by_body(table_of(path, _read(path, _of_records, frames), **_about(path, content)))
     points = [_read(path, _points, one[0]) if one else {} for one in people]
     notes = []
     if key in IMAGE or (not key and _is_of_image(points)):
@@ -191,6 +191,7 @@ def open_landmarks(path: Path) -> Table:
         )
     stamp = next((k for k in ("timestamp_ms", "timestamp", "time") if _has(frames, k)), None)
     columns = _columns(points, rows if stamp is None else np.arange(len(frames)))
+    about = _about(path, content)
     if stamp is not None:
         stamps = [frame.get(stamp) if isinstance(frame, dict) else None for frame in frames]
         columns["time"] = _read(path, lambda all: np.array(all, np.float64), stamps)
@@ -292,7 +293,8 @@ def _of_trials(listed: Sequence[Any]) -> dict[str, NDArray[Any]]:
             found = {name: column.tolist() for name, column in _of_records(one).items()}
         else:
             found = dict(_lists(one)) if isinstance(one, dict) else {}
-        times = [len(values) for name, values in found.items() if TIME_NAME.search(name)]
+        clocks = [values for name, values in found.items() if TIME_NAME.search(name)]
+        times = [len(clock) for clock in clocks if clock[:1] != clock[-1:]]  # not bodies of a frame
         if max(times, default=0) < max([MIN_SAMPLES, *map(len, found.values())]):
             return {}
         columns = _of_lists(found)

@@ -116,12 +116,12 @@ NUMBERED = {
         lambda k, place: {"image_id": f"{k:04d}.jpg", "keypoints": [*place[:2], 0.9] * 17}
     ),
     "of MediaPipe": numbered(lambda k, _: {"frame": 7 + k, "worldLandmarks": [landmarks(k)]}),
-    "of OpenPose": numbered(
+    "of OpenPose": {"fps": "100/1", "frames": numbered(
         lambda k, place: {"frame_id": k, "people": [{"pose_keypoints_3d": [*place, 0.9] * 25}]}
-    ),
+    )},
     "by their names": dict(numbered(lambda k, _: (f"frame_{k}", landmarks(k)))),
     "empty ones": [[] if 60 <= k < 80 else landmarks(k) for k in range(ROWS)],
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", NUMBERED)
@@ -137,6 +137,13 @@ def test_frames_that_are_left_out_take_their_time(kind, tmp_path):
     np.testing.assert_allclose(samples.values[seen, : len(axes)], expected[:, : len(axes)])
     stamps = samples.stamps_ns[seen]
     np.testing.assert_array_equal(stamps - stamps[0], np.array(SEEN) * 10**7)
+
+
+def test_landmarks_of_frames_with_times_are_no_demonstrations(tmp_path):
+    frames = [[one | {"time": k / 100} for one in landmarks(k)] for k in range(ROWS)]
+    (tmp_path / "a.json").write_text(json.dumps(frames))
+    table = open_table(tmp_path / "a.json")
+    assert "right_wrist.x" in table.names and "segments" not in table.defaults
 
 
 @pytest.mark.parametrize(
