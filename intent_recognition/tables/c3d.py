@@ -17,7 +17,7 @@ SLOWEST_HZ, FASTEST_HZ = 0.1, 1e5
 def open_c3d(path: Path) -> Table:
     """Read markers as columns `LABEL.x`, `LABEL.y`, `LABEL.z`, NaN where a marker was not seen.
 
-    Rate and unit come from the file. Of poses (Theia) only the origins are read, and no analog channels.
+    Rate and unit come from the file. Analog channels are not read, nor rotations of poses (Theia).
     """
     try:
         optional("ezc3d")
