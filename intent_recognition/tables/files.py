@@ -88,7 +88,7 @@ def _tables(source: Path) -> list[Path]:
         return [source] if is_lerobot(source) or is_table(source) else []
     files = [path for path in source.rglob("*") if path.is_file() and is_table(path)]
     frames = {path.parent for path in files if path.name.endswith(FRAMES)}
-    sets = {path.parent.parent for path in files if path.match(LEROBOT)}
+    sets = {path.parent.parent for path in files if path.relative_to(source).match(LEROBOT)}
     alone = [
         path
         for path in files

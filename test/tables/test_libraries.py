@@ -10,7 +10,7 @@ from tables.exported_files import lerobot_set
 from tables.test_import import ARM, MAP, WRIST, imported
 
 from intent_recognition.tables import import_demonstrations
-from intent_recognition.tables.files import open_table
+from intent_recognition.tables.files import find_tables, open_table
 from intent_recognition.tables.import_map import ImportMap
 from intent_recognition.tables.times import SINCE_NS
 
@@ -145,6 +145,7 @@ def test_frames_of_lerobot_that_were_not_downloaded_are_counted(lerobot):
 
 def test_lerobot_of_another_version_or_place(lerobot):
     folder, _ = lerobot
+    assert folder not in find_tables(folder / "meta")
     info = json.loads((folder / "meta/info.json").read_text())
     for change, said in (
         ({"codebase_version": "v1.6"}, "version 2 or 3"),
