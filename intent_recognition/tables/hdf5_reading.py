@@ -99,8 +99,8 @@ def read(path: str) -> dict[str, NDArray[Any]]:
         if all(len(group[key]) == n for group, n in zip(groups, lengths, strict=True))
     ]
     left_out = sorted({key for group in groups for key in group} - set(whole))
-    labels = {key: [one.get(key, "") for one in said] for key in said[0]}
-    labels["demonstration"] = [name.replace("/", "_") for name in names]
+    labels = {"demonstration": [name.replace("/", "_") for name in names]}
+    labels |= {key: [one.get(key, "") for one in said] for key in said[0] if key not in labels}
     return {
         **{k: np.repeat(v, lengths) for k, v in labels.items() if len(max(v, key=len)) <= LONGEST},
         **{key: np.concatenate([group[key] for group in groups]) for key in whole},
