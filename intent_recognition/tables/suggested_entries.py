@@ -173,8 +173,11 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
     filled = {t.name: t.type for t in reader.topics.values() if t.message_count}
     states = [name for name, kind in filled.items() if kind == JOINT_STATE]
     places = {topic: _places_on(reader, topic) for topic in filled if topic not in states}
-    alone = [name for name, of in places.items() if len(of) == 1 and "[" not in of[0]]
-    poses = alone or [name for name, of in places.items() if of and "static" not in name]
+    moving = {name for name, of in places.items() if any(of.values())}
+    poses = [name for name, of in places.items() if len(of) == 1 and "[" not in "".join(of)]
+    if not moving & {*poses}:  # perhaps only a goal
+        poses = [name for name, of in places.items() if of and "static" not in name]
+    poses.sort(key=lambda name: name not in moving)
     entries = [
         _entry(topic, filled[topic], "fields", [f"{at}.{axis}".lstrip(".") for axis in "xyz"], "m")
         for topic in poses
@@ -202,14 +205,14 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _places_on(reader: BagReader, topic: str) -> list[str]:
-    """Paths of the positions in the first messages of a topic, those that move first.
+def _places_on(reader: BagReader, topic: str) -> dict[str, bool]:
+    """Paths of the positions in the first messages of a topic, and whether they move; these first.
 
     Elements without names are left out unless they move, such as the poses of a path that grows.
     """
     definition = reader.definition_of(topic)
     if definition is None or not HAS_PLACES.search(definition.text):
-        return []
+        return {}
     seen: dict[str, set[tuple[float, ...]]] = {}
     count, size = min(reader.topics[topic].message_count, FIRST_MESSAGES), 0
     with suppress(BagError):  # a damaged file, or a definition that cannot be used
@@ -220,9 +223,9 @@ def _places_on(reader: BagReader, topic: str) -> list[str]:
                 seen.setdefault(path, set()).add(at)
             if size > MOST_DECODED:
                 break
-    still = {path for path, places in seen.items() if len(places) < 2}
-    found = [path for path in seen if path not in still or not NUMBERED.search(path)]
-    return sorted(found, key=still.__contains__)[:MOST_BODIES]
+    found = {path: len(places) > 1 for path, places in seen.items()}
+    found = {path: moves for path, moves in found.items() if moves or not NUMBERED.search(path)}
+    return dict(sorted(found.items(), key=lambda one: not one[1])[:MOST_BODIES])
 
 
 def _places(
@@ -231,7 +234,7 @@ def _places(
     """Positions in a message and their paths; `is_named` for a point, or an element with a name."""
     names = getattr(value, "__slots__", ())
     if {*"xyz"} <= {*names}:
-        if path.endswith(PLACES) or is_named:
+        if (path.endswith(PLACES) and "origin" not in path) or is_named:  # a map's
             yield path, (value.x, value.y, value.z)
         return
     for name in names:

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 import yaml
-from bag_builder import JOINTS, START_NS
+from bag_builder import JOINTS, POSE, START_NS
 from tables.imports import suggested, suggested_csv
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, plain, table
 
@@ -89,11 +89,13 @@ def test_of_many_bodies_those_that_move_are_suggested_first(tmp_path):
             frame = {"child_frame_id": "a [1]", "transform": {"translation": {"x": k / 10}}}
             writer.write_message("/tf", TF, {"transforms": [frame]}, START_NS + k)
             writer.write("/path", PATH, b"no CDR", START_NS + k)
+            writer.write_message("/goal", POSE, {}, START_NS + k)
+            writer.write_message("/map", "nav_msgs/msg/OccupancyGrid", {}, START_NS + k)
     content = yaml.safe_load(suggest_map(tmp_path))
     fields = [one["fields"][0] for one in content["observed"] + content["controlled"]]
-    assert fields[0] == "markers[id=99].pose.position.x" and len(fields) == 9
+    assert fields[0] == "markers[id=99].pose.position.x" and len(fields) == 10
     assert "markers[id=98].pose.position.x" not in fields
-    assert fields[-1] == "transforms[0].transform.translation.x"
+    assert fields[-2:] == ["transforms[0].transform.translation.x", "pose.position.x"]
 
 
 def test_bodies_of_one_name_have_topics_of_their_own(tmp_path):
