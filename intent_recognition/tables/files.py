@@ -102,8 +102,13 @@ def name_below(source: Path, path: Path) -> str:
     return path.name if path == source else path.relative_to(source).as_posix()
 
 
-NUMBERED = re.compile(r"(?P<task>.+?)(?P<date>(?:[_\- ]\d{6,})?)(?P<between>[_\- ])\d+")
-"""Names such as `give_bracket_07` and `give_20240131_100000`."""
+NUMBERED = re.compile(
+    r"(?P<task>.+?)(?P<date>(?:[_\- ](?:\d{6,}|\d{4}-\d\d-\d\d))?)"
+    r"(?P<between>[_\- ])\d+(?:[-.]\d\d[-.]\d\d)?"
+)
+"""Names such as `give_bracket_07`, `give_20240131_100000` and `give_2024-01-31-10-00-00`."""
+DATED = re.compile(r"\d{4}[_.-]\d\d[_.-]\d\d")
+"""Dates in a name that is no task, such as rosbag2's `rosbag2_2024_01_31-10_00_00`."""
 STREAM = re.compile(r"(?P<recording>.+[_\- ]\d+)(?P<end>[_\- ]\D+)")
 """Names such as `give_07_wrist`, beside `give_07_cup`."""
 CONDITION = re.compile(
@@ -244,7 +249,8 @@ def name_pattern(source: Path, files: Sequence[Path], end: str = "") -> str:
     before = "" if folder == "." else f"{folder}/"
     matches = [NUMBERED.fullmatch(path.stem.removesuffix(end)) for path in inside]
     ends = {(match["date"][:1], match["between"]) for match in matches if match}
-    are_tasks = any(not NO_TASK.fullmatch(match["task"]) for match in matches if match)
+    tasks = {match["task"] for match in matches if match}
+    are_tasks = not any(map(DATED.search, tasks)) and not all(map(NO_TASK.fullmatch, tasks))
     if all(matches) and are_tasks and len(ends) == 1:
         date, between = ends.pop()
         return f"{before}{{task}}{date}{'{date}' * bool(date)}{between}{{number}}{end}{suffix}"
