@@ -34,6 +34,10 @@ ANGLE_END = re.compile(r"(?i)(?<=[^\W_])[\W_]+(?:deg(?:ree)?s?|rad(?:ian)?s?)[\W
 NO_NAME = {"observation", "observations", "obs", "state", "human", "field", "mocap", "pose"}
 NO_NAME |= {"position", "pos", "poses", "xyz", "translation", "t"}
 """Words in names of columns that do not name a body."""
+OF_ROBOT = re.compile(
+    rf"(?i){JOINT_STATE}|(?<![^\W_])(?:robot|gripper|tcp|eef?|flange|tool0|end_?effector)[\d_/]"
+)
+"""Types and names of topics that hold the robot's movement."""
 
 
 class SeenColumn(NamedTuple):
@@ -119,6 +123,11 @@ def distinct(entries: Sequence[list[str]]) -> list[list[str]]:
     return list(entries)
 
 
+def person_first(entries: Sequence[list[str]]) -> list[list[str]]:
+    """Put entries of the robot last: the first entry is suggested as observed."""
+    return sorted(entries, key=lambda entry: bool(OF_ROBOT.search(" ".join(entry[:3]))))
+
+
 def is_angle(table: Table, name: str) -> bool:
     """Whether a column may be an angle, by its unit in the file."""
     return _said(table, name) in ("", *ANGLES)
@@ -189,13 +198,15 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
         cure = "Write the DOF file by hand (docs/bags.md)."
         expected = f"messages with positions, or {JOINT_STATE}"
         raise BagError.about(str(bags[0]), expected, got, cure)
+    entries = person_first(entries)
     pattern = name_pattern(source, bags)
+    named = f"files: {flow(pattern)}" if "{task}" in pattern else "task: give_it_a_name"
     others = [t.name for t in reader.topics.values() if t.name not in (*poses, *states)]
     lines = [
         f"# Suggested from {bags[0].name}: bags of ROS, whose messages stay as they are.",
         "# Delete what is not needed, move what the robot does to `controlled`. Bags that are",
         "# labelled, or shall have no label, need no import: intent train takes them.",
-        f"files: {flow(pattern)}" if "{task}" in pattern else "task: give_it_a_name",
+        *([] if reader.custom_data.get("task") else [named]),
         "observed:",
         *entries[0],
         *(["controlled:"] if entries[1:] else []),

@@ -26,6 +26,7 @@ from intent_recognition.tables.suggested_entries import (
     is_angle,
     is_length,
     joints_entry,
+    person_first,
     suggest_of_bags,
 )
 from intent_recognition.tables.suggested_names import (
@@ -82,8 +83,8 @@ def suggest_map(source: Path) -> str:
     of_kinds = [(kind, _suggest(kind, kind.name if several else "")) for kind in kinds]
     parts = [part for _, of_kind in of_kinds for part in of_kind]
     taken = [kind for kind, of in of_kinds if any(part.bodies + part.others for part in of)]
-    parts.sort(key=lambda part: not part.bodies)  # the person first
-    entries = distinct([entry for part in parts for entry in (*part.bodies, *part.others)])
+    found = [entry for part in parts for entry in (*part.bodies, *part.others)]
+    entries = distinct(person_first(found))
     if not entries:
         table = kinds[0].table
         twice = _twice(table)

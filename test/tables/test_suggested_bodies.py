@@ -8,7 +8,7 @@ from bag_builder import JOINTS, POSE, START_NS
 from tables.imports import suggested, suggested_csv
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, plain, table
 
-from intent_recognition.bags import BagReader, BagWriter
+from intent_recognition.bags import POSE, BagReader, BagWriter
 from intent_recognition.demonstrations import extract
 from intent_recognition.tables import suggest_map
 from intent_recognition.tables.import_map import ImportMap
@@ -96,6 +96,25 @@ def test_of_many_bodies_those_that_move_are_suggested_first(tmp_path):
     assert fields[0] == "markers[id=99].pose.position.x" and len(fields) == 10
     assert "markers[id=98].pose.position.x" not in fields
     assert fields[-2:] == ["transforms[0].transform.translation.x", "pose.position.x"]
+
+
+def test_the_person_is_observed_though_the_robot_comes_first(tmp_path):
+    with BagWriter(tmp_path / "x_00", {"task": "give"}, flush_period_s=None) as writer:
+        for k in range(5):
+            states = {"header": {"stamp": START_NS + k}, "name": ["q"], "position": [k / 10]}
+            writer.write_message("/joint_states", JOINTS, states, START_NS + k)
+            pose = {"pose": {"position": {"x": k / 10}}}
+            for topic in ("/mocap/gripper/pose", "/mocap/wrist/pose"):
+                writer.write_message(topic, POSE, pose, START_NS + k)
+    of_bag = yaml.safe_load(suggest_map(tmp_path / "x_00"))
+    assert "task" not in of_bag and "files" not in of_bag  # it has its label
+    content = plain(head="t,tcp_x,tcp_y,tcp_z").replace("\n", ",wrist_x,wrist_y,wrist_z\n", 1)
+    head, *rows = content.splitlines()
+    rows = [",".join([row, *row.split(",")[1:4]]) for row in rows]
+    of_table, *_ = suggested_csv(tmp_path, "\n".join([head, *rows]) + "\n")
+    for content in (of_bag, of_table):
+        assert [one["topic"] for one in content["observed"]] == ["/mocap/wrist/pose"]
+        assert len(content["controlled"]) == (2 if content is of_bag else 1)
 
 
 def test_bodies_of_one_name_have_topics_of_their_own(tmp_path):
