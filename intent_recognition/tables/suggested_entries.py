@@ -32,7 +32,7 @@ JOINT = re.compile(r"(?:.*?[./])?(?P<joint>[^./]*[^./\d][^./]*)(?:[./](?:positio
 ANGLE_END = re.compile(r"(?i)(?<=[^\W_])[\W_]+(?:deg(?:ree)?s?|rad(?:ian)?s?)[\W_]*$")
 """A unit of angles at the end of a name."""
 NO_NAME = {"observation", "observations", "obs", "state", "human", "field", "mocap", "pose"}
-NO_NAME |= {"position", "pos", "poses", "xyz", "translation", "t"}
+NO_NAME |= {"position", "pos", "poses", "xyz", "translation", "t", "p"}
 """Words in names of columns that do not name a body."""
 OF_ROBOT = re.compile(
     rf"(?i){JOINT_STATE}|(?<![^\W_])(?:robot|gripper|tcp|eef?|flange|tool0|end_?effector)[\d_/]"

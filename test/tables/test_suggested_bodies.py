@@ -211,8 +211,8 @@ def test_a_place_is_told_from_a_rotation_a_speed_and_a_command(head, place, tmp_
 
     content, *_ = suggested_csv(tmp_path, table(head, row))
     entries = content["observed"] + content.get("controlled", [])
-    (first,) = [entry["columns"][0] for entry in entries if "PoseStamped" in entry["type"]]
-    assert first.startswith(place)
+    (body,) = [entry for entry in entries if "PoseStamped" in entry["type"]]
+    assert body["columns"][0].startswith(place) and "_p/" not in body["topic"]
 
 
 def test_landmarks_of_an_array_alone_are_places(tmp_path):
