@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 import yaml
-from bag_builder import JOINTS, POSE, START_NS
+from bag_builder import JOINTS, START_NS
 from tables.imports import suggested, suggested_csv
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, plain, table
 
