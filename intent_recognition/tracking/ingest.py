@@ -99,7 +99,7 @@ def ingest_pose(
     jumps, each within the gate of the previous jump, the track must be wrong: the last jump is
     accepted and begins a new track. A first sample that is an outlier thus costs only a few
     samples. Likewise, a clock that was set back is accepted after `clock_reset_after` late samples.
-    A step to exactly zero in the tracker's frame is always a jump.
+    A step of more than `margin_m` to exactly zero in the tracker's frame is always a jump.
 
     Position (3,) [m] and orientation (4,) xyzw are in the frame `frame_id`, whose leading slash is
     ignored. The orientation need not be normalised; all zeros mean that it was not measured.
@@ -172,7 +172,7 @@ def _follow(
         detail = f"stamp {stamp_ns} ns, last accepted {last_ns} ns"
         state = replace(state, late_ns=stamp_ns, late=late)
         return state, Rejected(STAMP_NOT_INCREASING, detail), False
-    if is_zero and np.any(sample[1] != state.recent[-1][1]):
+    if is_zero and math.dist(sample[1], state.recent[-1][1]) > settings.margin_m:
         return state, Rejected(JUMP, "to exactly zero, likely hidden from the tracker"), False
     gap_s = (stamp_ns - last_ns) * 1e-9
     if gap_s > settings.max_gap_s:

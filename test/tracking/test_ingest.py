@@ -77,6 +77,13 @@ def test_zeros_of_a_hidden_body_never_begin_a_track(count):
     assert reasons(results)[:count] == [None] * count and results[-1].position[0] > 0.5
 
 
+def test_a_body_may_come_back_to_zero():
+    share = np.clip(np.arange(120) / 100, 0.0, 1.0)
+    x = 0.4 * (1.0 - share**3 * (10 - 15 * share + 6 * share**2))
+    results, _ = feed([(k, [x[k], 0.0, 0.0]) for k in range(120)])
+    assert reasons(results) == [None] * 120
+
+
 @pytest.mark.parametrize("rate_hz", [25, 100, 333, 1000])
 def test_velocity_at_any_rate(rate_hz):
     step = 100 / rate_hz
