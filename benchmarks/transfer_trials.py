@@ -60,7 +60,7 @@ BESIDE_M = np.array([0.08, 0.0, 0.0])
 
 
 class ClockMachine(TransferMachine):
-    """For comparison: a clock replaces the measured load, except while the object is carried.
+    """For comparison: a clock replaces the measured load while the object is given or taken.
 
     A fixed time after the begin of an offer the load is taken for gone, so that the hand opens
     0.2 s later, whoever holds the object; what was received counts as the robot's as soon as the
@@ -75,7 +75,7 @@ class ClockMachine(TransferMachine):
         """As `TransferMachine.step`, with the force by the clock."""
         if self.holding is not Holding.OFFERING:
             self._offered_s = now.time_s
-        if self.holding is not Holding.CARRYING:
+        if self.holding in (Holding.OFFERING, Holding.TAKING):
             is_time = now.time_s - self._offered_s >= self._clock_s
             up_n = LIGHTEST_N if is_time else -max(self.weight_n, LIGHTEST_N)
             now = now._replace(force_n=np.array([0.0, 0.0, up_n]), near=True)
