@@ -74,9 +74,12 @@ class DashboardPage:
         self._seen: tuple[str, ...] = ()
         self._taught = ""
         admission, operator = Admission(host, port, new_token(), names), Operator(read_only)
+
+        def refuse() -> None:
+            self.show_message(False, operator.refusal)
+
         # one object each, so that `_ask` counts repeated requests once; there is no scene yet
-        refuse = lambda: self.show_message(False, operator.refusal)  # noqa: E731
-        looks = lambda: self._scene.shade(), lambda: self._scene.lighten()
+        looks = (lambda: self._scene.shade(), lambda: self._scene.lighten())
         self.address = admission.address
         self._server = serve_page(
             host,

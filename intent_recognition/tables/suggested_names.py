@@ -71,8 +71,8 @@ AXIS_FIRST = re.compile(
 )
 """Names such as `x1`, `Px1`, `xWrist` and `x_wrist`."""
 NO_PLACE = re.compile(
-    r"(?i)rotation|orientation|twist|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)|(?-i:[a-z]Acc)"
-    r"|(?:rot|vel|dot|std|omega|ang|angle|force|moment|power|torque)s?[\W_]?$"
+    r"(?i)rotation|orientation|twist|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)"
+    r"|(?-i:[a-z]Acc)|(?:rot|vel|dot|std|omega|ang|angle|force|moment|power|torque)s?[\W_]?$"
 )
 TURN = re.compile(
     r"(?i)(?P<body>.*?)[\W_]*(?:(?:[xyz]?rot(?:ation)?|orientation|euler|rpy|axis_?angle)"
