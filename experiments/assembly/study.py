@@ -199,9 +199,9 @@ def execute(library: TaskLibrary, recording: Demonstration, cut: Demonstration) 
 
 
 def arrival_s(times_s: Floats, path_m: Floats) -> float:
-    """From when on a path (T, 3) stays near where it ends."""
+    """From when on a path (T, 3) stays near where it ends, at the latest its last sample."""
     away = np.flatnonzero(np.linalg.norm(path_m - _end(path_m), axis=1) > ARRIVED_M)
-    return float(times_s[away[-1] + 1] if away.size else times_s[0])
+    return float(times_s[min(away[-1] + 1, len(times_s) - 1)] if away.size else times_s[0])
 
 
 def _end(path_m: Floats) -> Floats:
