@@ -3,7 +3,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
@@ -179,8 +179,9 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
 
 
 def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
-    """Kinds of files of one recording, which have one folder or number, and mostly other columns:
-    `give_1/human.csv` beside `give_1/robot.csv`, or `human_1.csv` beside `robot_1.csv`.
+    """Kinds of files of which each recording has one, in a folder or with a number of its own.
+
+    Such are `give_1/human.csv` beside `give_1/robot.csv`, or `human_1.csv` beside `robot_1.csv`.
     """
     by_folder: dict[str, dict[str, Path]] = {}
     by_number: dict[str, dict[str, Path]] = {}
@@ -188,31 +189,42 @@ def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
         by_folder.setdefault(path.name, {})[str(path.parent)] = path
         if path.parent == source and (match := re.fullmatch(r"(\D+)(\d+)", path.stem)):
             by_number.setdefault(f"{match[1]}{{number}}{path.suffix}", {})[match[2]] = path
-    for streams in (by_folder, by_number):
-        counts = Counter(chain.from_iterable(streams.values()))
-        shared = {key for key, count in counts.items() if count > 1}
-        most = max(map(len, streams.values()), default=0)
-        found: list[FileKind] = []
-        for name, files in streams.items():
-            folders = [path.parent for path in files.values()]
-            are_flat = all(folder.parent == source for folder in folders)
-            folder = name_pattern(source, folders) or ("{number}" if are_flat else "")
-            pattern = name if streams is by_number else f"{folder}/{name}" if folder else ""
-            if pattern and 2 * len(files.keys() & shared) > most:
-                short = re.sub(r"\W+", "_", Path(name.replace("{number}", "")).stem).strip("_")
-                first = next(iter(files.values()))
-                try:
-                    table = open_table(first)
-                except BagError:  # notes
-                    continue
-                pairs = [({*kind.table.names}, {*table.names}) for kind in found]
-                if any(2 * len(a & b) >= min(len(a), len(b)) for a, b in pairs):
-                    found = []
-                    break
-                found.append(FileKind(short, name_below(source, first), table, pattern))
-        if len({kind.name for kind in found}) == len(found) > 1:
-            return found
-    return []
+    return _kinds_of_parts(source, by_folder) or _kinds_of_parts(source, by_number)
+
+
+def _kinds_of_parts(source: Path, parts: Mapping[str, Mapping[str, Path]]) -> list[FileKind]:
+    """Kinds of the files that most recordings have, by file name or pattern, then by recording.
+
+    Empty unless there are several, with names of their own and mostly other columns.
+    """
+    counts = Counter(chain.from_iterable(parts.values()))
+    shared = {recording for recording, count in counts.items() if count > 1}
+    most = max(map(len, parts.values()), default=0)
+    found: list[FileKind] = []
+    for name, files in parts.items():
+        pattern = name if "{number}" in name else _pattern_of_folders(source, name, files)
+        if not pattern or 2 * len(files.keys() & shared) <= most:
+            continue
+        first = next(iter(files.values()))
+        try:
+            table = open_table(first)
+        except BagError:  # notes
+            continue
+        columns = {*table.names}
+        for kind in found:
+            if 2 * len(columns & {*kind.table.names}) >= min(len(columns), len(kind.table.names)):
+                return []
+        short = re.sub(r"\W+", "_", Path(name.replace("{number}", "")).stem).strip("_")
+        found.append(FileKind(short, name_below(source, first), table, pattern))
+    return found if len({kind.name for kind in found}) == len(found) > 1 else []
+
+
+def _pattern_of_folders(source: Path, name: str, files: Mapping[str, Path]) -> str:
+    """Pattern of files of one name in a folder for each recording; empty if none fits."""
+    folders = [path.parent for path in files.values()]
+    are_flat = all(folder.parent == source for folder in folders)
+    folder = name_pattern(source, folders) or "{number}" * are_flat
+    return f"{folder}/{name}" if folder else ""
 
 
 def _streams(files: Sequence[Path]) -> dict[str, list[Path]]:
