@@ -27,14 +27,12 @@ SMOOTH = 0.1
 """Roughness below which numbers are smooth: that of a sine with 14 samples per period."""
 NUMBERED = re.compile(r"(.*?)[_-]?(\d+)")
 """Name of a group or array that may belong to one of several demonstrations."""
-DEMONSTRATION = re.compile(
-    r"(?i)(.*[\W_])?(demo(nstration)?|traj(ectory)?|episode|trial|take|recording)s?"
-)
+_WORD = r"(?:.*[\W_])?(?:demo(?:nstration)?|traj(?:ectory)?|episode|trial|take|recording)s?"
+DEMONSTRATION = re.compile(_WORD, re.IGNORECASE)
 """Names of arrays that hold one demonstration each."""
 LONGEST = 200
 """Most characters of a label among the attributes of a demonstration; robomimic stores a model."""
-INSIDE = re.compile(rf"(?P<before>{DEMONSTRATION.pattern.replace('(?i)', '')})[_-]?(?P<number>\d+)"
-                    r"(?P<after>[\W_].*)", re.IGNORECASE)  # fmt: skip
+INSIDE = re.compile(rf"(?P<before>{_WORD})[_-]?(?P<number>\d+)(?P<after>[\W_].*)", re.IGNORECASE)
 """Names such as `trial_3_wrist`, of an array of one demonstration."""
 PERIODS = ("dt", "ts", "sample_time", "sampling_time", "sampling_period")
 """Attributes of a file, or numbers in it, that state the time between samples [s]."""
