@@ -27,7 +27,9 @@ PERSON_COLOURS = ("#2b5163", "#8c3b57", "#4d6a1f", "#5b4a9c", "#7d4b1e", "#1f6e6
 """Colours of people, in order; darker than the colours of tasks."""
 FORCE_COLOURS = dict(zip((*FORCES, SENSOR), PALETTE, strict=False))
 GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", NONE_COLOUR
-LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
+ERROR = 2
+"""Level of a node in error, as in diagnostic_msgs/DiagnosticStatus."""
+LEVELS = {0: GOOD, 1: WARNING, ERROR: BAD, 3: STALE}
 STYLE = f"""<style>
 [role=tab] {{padding-inline: .65em !important}}
 @media (max-width: 36em) {{[style*='width: 20em'] {{width: 100vw !important}}
@@ -173,10 +175,11 @@ def nodes_table(nodes: Mapping[str, NodeHealth], now_s: float) -> str:
 
 def alarms(nodes: Mapping[str, NodeHealth], now_s: float) -> list[str]:
     """The nodes that have reported but are silent now, and the first three that report an error."""
-    late = (name for name in sorted(nodes) if nodes[name].silent_s(now_s) and not may_end(name))
-    silent = ", ".join(late)
-    wrong = [f"{name}: {nodes[name].message}" for name in sorted(nodes) if nodes[name].level == 2]
-    return [f"silent: {silent}"] * bool(silent) + wrong[:3]
+    shown = sorted(nodes.items())
+    late = [name for name, health in shown if health.silent_s(now_s) and not may_end(name)]
+    silent = [f"silent: {', '.join(late)}"] if late else []
+    wrong = [f"{name}: {health.message}" for name, health in shown if health.level == ERROR]
+    return silent + wrong[:3]
 
 
 def may_end(name: str) -> bool:

@@ -36,6 +36,9 @@ from intent_recognition.recognition import Estimate, Prediction
 from intent_recognition.report import INK, NONE_COLOUR, readable, task_colours
 from intent_recognition.signals import Observation, from_tangent
 
+RESTED_NS = 39_000_000
+"""Least time between places of a person who rests [ns]: 25 Hz, with jitter of the stamps."""
+
 
 class IntentOutput:
     """Publishes estimates and predictions of one person; a single person has no name."""
@@ -117,7 +120,7 @@ class IntentOutput:
         dofs = self._model.library.observed_dofs(observation.group, observation.dofs)
         std = np.zeros(len(values)) if covariance is None else np.sqrt(np.diagonal(covariance))
         self._newest[:, dofs] = values, std
-        due = abs(observation.stamp_ns - self._rested_ns) >= 39_000_000
+        due = abs(observation.stamp_ns - self._rested_ns) >= RESTED_NS
         if rests and due and np.all(np.isfinite(self._newest)):
             self._rested_ns, (place, std) = observation.stamp_ns, self._newest[:, None]
             still = np.zeros_like(place)
