@@ -58,6 +58,7 @@ class TaskPosterior(NamedTuple):
         duration_s: expected duration given each task, (K + 1,).
         scale_weights: p(duration | task, observations), (K + 1, S); rows sum to one.
         timing: timing of all hypotheses, which gives the phase at other times.
+        log_odds: log p(observations, some task) - log p(observations, none), without the margin.
     """
 
     probabilities: Floats
@@ -66,6 +67,7 @@ class TaskPosterior(NamedTuple):
     duration_s: Floats
     scale_weights: Floats
     timing: CourseTimes | None = None
+    log_odds: float = 0.0
 
     def at(self, elapsed_s: float) -> TaskPosterior:
         """The posterior at another time after onset, without new observations."""
@@ -115,7 +117,8 @@ def task_posterior(
     probabilities /= probabilities.sum()
     expected_s = timing.expected(timing.begin_s + timing.course_s)
     phase = timing.phase(elapsed_s)
-    return TaskPosterior(probabilities, counted, phase, expected_s, scale_weights, timing)
+    log_odds = log_known - float(total[-1])
+    return TaskPosterior(probabilities, counted, phase, expected_s, scale_weights, timing, log_odds)
 
 
 def answered(posterior: TaskPosterior, task: int) -> TaskPosterior:

@@ -8,6 +8,7 @@ import pytest
 from online_stream import movement
 from simulation import minimum_jerk
 
+from intent_recognition.filtering import TaskPosterior
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.recognition.decision import USUAL_THRESHOLD
 from intent_recognition.recognition.movement import is_done
@@ -48,6 +49,29 @@ def test_a_reach_from_a_stop_takes_over_once_the_filters_of_its_onsets_recognise
     assert estimate.task == "task_1"
     began_s = stamps[len(first) + len(back)]
     assert 0.05 < began_s - estimate.onset_ns * 1e-9 < 0.2
+
+
+@pytest.mark.parametrize(
+    ("goes_on", "another", "taken"),
+    [(7.0, 9.0, False), (7.0, 9.4, True), (-30.0, 0.0, True), (None, -5.0, True)],
+)
+def test_another_movement_explains_what_follows_the_stop_better(library, goes_on, another, taken):
+    """By 9 to 1, even if no movement is unknown; `None`: the one under way is overdue."""
+    movements = IntentEstimator(library)._movements
+    sure, at_rest = np.array([0.0, 1.0 - 1e-9, 0.0, 1e-9]), np.zeros(4)
+    posterior = TaskPosterior(sure, at_rest, np.ones(4), np.ones(4), at_rest[:, None])
+    later = posterior._replace(log_odds=another)
+    movements._after_stop = [
+        SimpleNamespace(restart=lambda *_: None, posterior=lambda _: later, onset_ns=0)
+    ] * 3
+    end = None if goes_on is None else 5.0 + goes_on
+    samples = [(10, 1.0, None), (20, 5.0, None), (30, 6.0, None), (40, end, 25)]
+    for stamp_ns, log_odds, stop_ns in samples:
+        detector = SimpleNamespace(stopped_ns=lambda stop=stop_ns: stop, since=lambda _: [])
+        own = None if log_odds is None else posterior._replace(log_odds=log_odds)
+        observation = SimpleNamespace(stamp_ns=stamp_ns)
+        following = movements.following(detector, observation, None, own)
+    assert (following is not None) is taken
 
 
 @pytest.mark.parametrize(
