@@ -34,17 +34,13 @@ if KERNEL not in ("", "c", "numpy"):
     raise ArgumentError.about("INTENT_KERNEL", "c or numpy", KERNEL, "Unset it.")
 if KERNEL != "numpy":
     try:
-        _compiled = import_module("intent_recognition.gaussian._kernel").condition
+        _compiled, KERNEL = import_module("intent_recognition.gaussian._kernel").condition, "c"
     except ImportError as error:
         if KERNEL == "c":
-            got, cure = (
-                f"none ({error})",
-                "Install a C compiler and the package again, or unset it.",
-            )
-            raise ArgumentError.about("INTENT_KERNEL", "a compiled update", got, cure) from error
+            cure = "Install a C compiler and the package again, or unset it."
+            found = "INTENT_KERNEL", "a compiled update", f"none ({error})", cure
+            raise ArgumentError.about(*found) from error
         KERNEL = "numpy"
-    else:
-        KERNEL = "c"
 
 
 class LinearMeasurement(NamedTuple):
@@ -102,21 +98,15 @@ class GaussianBatch:
             n_basis: weights per DOF of a copy, M.
             variance: variances of the new weights of mean zero, (R, P, M - N); None for R = 1.
         """
-        n_dofs, old = self._shape
-        if n_basis == old:
-            return GaussianBatch(self.state[index].copy(), n_dofs, old)
-        kept = min(old, n_basis)
-        mean, covariance = self.moments(index)
-        n, size = len(mean), n_dofs * n_basis
-        means = np.zeros((n, 1 if variance is None else len(variance), n_dofs, n_basis))
-        whole = np.zeros((*means.shape, n_dofs, n_basis))
-        means[..., :kept] = mean.reshape(n, 1, n_dofs, old)[..., :kept]
-        blocks = covariance.reshape(n, 1, n_dofs, old, n_dofs, old)
-        whole[..., :kept, :, :kept] = blocks[..., :kept, :, :kept]
+        (n_dofs, old), rows = self._shape, self.state[index]
+        zero_first = np.concatenate([np.zeros((len(rows), 1)), rows], axis=1)
+        state = np.take(zero_first, _resizing(n_dofs, old, n_basis), axis=1)
         if variance is not None:
-            dof, own = np.arange(n_dofs)[:, None], np.arange(old, n_basis)
-            whole[:, :, dof, own, dof, own] = variance
-        return GaussianBatch.of(means.reshape(-1, size), whole.reshape(-1, size, size), n_basis)
+            diagonal = np.diagonal(_layout(n_dofs * n_basis)[1]).reshape(n_dofs, n_basis)
+            state = np.repeat(state, len(variance), axis=0)
+            of_each = state.reshape(-1, len(variance), state.shape[1])
+            of_each[..., diagonal[:, old:]] = variance
+        return GaussianBatch(state, n_dofs, n_basis)
 
     def condition(
         self,
@@ -177,6 +167,18 @@ def _packed(covariance: NDArray) -> NDArray:
     n, size, _ = covariance.shape
     whole = np.pad(covariance, ((0, 0), (0, 0), (0, -size % 4)))
     return np.take(whole.reshape(n, -1), _layout(size)[0], axis=1)
+
+
+@cache
+def _resizing(n_dofs: int, old: int, new: int) -> Integers:
+    """Place, counted from 1, of each element of a state of M weights per DOF in one of N.
+
+    Elements of new weights have place 0.
+    """
+    kept = np.zeros((n_dofs, new), dtype=np.int64)
+    kept[:, :old] = 1 + np.arange(n_dofs * old).reshape(n_dofs, old)[:, :new]
+    places = np.pad(1 + _layout(n_dofs * old)[1], ((1, 0), (1, 0)))
+    return np.append(kept, _packed(places[np.ix_(kept.ravel(), kept.ravel())][None]))
 
 
 @cache
