@@ -165,7 +165,7 @@ class TaskPrediction:
         covariance = np.tensordot(share, covariance, axes=1)
         covariance += np.einsum("k,kqn,kqm->qnm", share, means - mean, means - mean)
         design = basis.design_matrix(phase)
-        variance = np.einsum("tn,qnm,tm->tq", design, covariance, design, optimize=True)
+        variance = np.einsum("qtn,tn->tq", design @ covariance, design)
         variance += library.control_noise_variance()
         return design @ mean.T, basis.derivative_matrix(phase) @ mean.T, variance
 
