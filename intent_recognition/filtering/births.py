@@ -29,11 +29,13 @@ After a delay a person continues the same movement. Such a hypothesis is a copy 
 one, with its weights as filtered so far and its clock set back; a small offset absorbs the step.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.array_types import Flags, Floats, Integers
-from intent_recognition.filtering.grid import PriorGrid, duration_offsets, log_durations, log_pace
+from intent_recognition.filtering.grid import PriorGrid, duration_offsets, log_durations
 from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.prediction import NEGLIGIBLE_SHARE
 from intent_recognition.filtering.rates import (
@@ -46,7 +48,7 @@ from intent_recognition.filtering.rates import (
     moving_parts,
 )
 from intent_recognition.filtering.table import OFFSET_BASIS, HypothesisTable
-from intent_recognition.gaussian import GaussianBatch, LinearMeasurement
+from intent_recognition.gaussian import GaussianBatch, LinearMeasurement, log_sum
 from intent_recognition.promp import TaskLibrary
 
 REACH_PART = 0.87
@@ -134,7 +136,8 @@ class Births:
         # Finite, because the difference of two infinite ones would be NaN.
         self._log_weight = np.append(np.maximum(known, -700.0), 0.0)
         self._first: list[tuple[NDArray, NDArray, NDArray]] = []  # DOFs, values and noise
-        self._states: tuple[Integers, Floats, Floats] | None = None
+        self._tasks: Integers | None = None  # those of `_newborn`; None if they have to be made
+        self._newborn: list[tuple[Floats, Floats, dict[str, Any]]] = []
         self._n_used, self._last_s, self._last_birth_s, self._between_s = 0, 0.0, 0.0, 0.0
 
     @property
@@ -229,86 +232,88 @@ class Births:
         return hopeless
 
     def _give_birth(self, birth_s: float, log_evidence: Floats, left: Floats) -> None:
-        """Add turns to the most probable tasks and to none, and new reaches of these tasks."""
-        n_tasks = self._library.n_tasks
+        """Add turns to the most probable tasks and to none, and new reaches of these tasks.
+
+        New reaches and unknown movements begin at their birth.
+        """
+        n_tasks, grid = self._library.n_tasks, self._grid
         tasks = np.arange(n_tasks)
         if n_tasks > MAX_TASKS:
             joint = np.logaddexp(self.log_joint, left)[:-1]
             tasks = np.sort(np.argsort(joint)[-MAX_TASKS:])
-        fading, ending = self._newborn(tasks)
-        self._add(TURN, np.append(tasks, n_tasks), fading, birth_s, log_evidence)
-        if birth_s <= REACH_UNTIL * self.usual_s:
-            self._add(AFRESH, tasks, ending, birth_s, log_evidence)
+        if self._tasks is None or not np.array_equal(tasks, self._tasks):
+            self._tasks, self._newborn = tasks, self._make_newborn(tasks)
+        at, log_prior = duration_offsets(grid.n_scales)
+        of_tasks = log_prior + grid.duration_evidence * log_evidence.reshape(-1, len(at))[:-1]
+        so_far = log_sum((of_tasks + (left[:-1] - log_sum(of_tasks))[:, None]).T)
+        for state, offset, columns in self._newborn:
+            is_none, afresh = columns["task"] == n_tasks, columns["kind"] == AFRESH
+            if afresh and birth_s > REACH_UNTIL * self.usual_s:
+                break
+            pace = [np.interp(offset, at, log_p) for log_p in (log_prior, so_far)]
+            share = np.where(is_none, *pace).reshape(len(state), -1)
+            share -= log_sum(share)[:, None] + (0.0 if afresh else np.log(len(FADINGS)))
+            self.table.add(
+                state,
+                share.shape[1],
+                **columns,
+                onset_s=np.where(is_none | afresh, birth_s, 0.0),
+                birth_s=birth_s,
+                log_share=share.ravel(),
+            )
 
-    def _add(
-        self, kind: int, tasks: Integers, state: Floats, birth_s: float, log_evidence: Floats
-    ) -> None:
-        """Add newborn hypotheses of one kind for k tasks, from states for R rates each, (k R, ...).
+    def _make_newborn(self, tasks: Integers) -> list[tuple[Floats, Floats, dict[str, Any]]]:
+        """Newborn turns to some tasks and to none, and newborn reaches of the tasks.
 
-        New reaches and unknown movements begin at their birth.
-        """
-        afresh = kind == AFRESH
-        offsets = REACH_OFFSETS if afresh else self._offsets
-        n_rates = len(state) // len(tasks)
-        which, rate, at = _combined(len(tasks), n_rates, len(offsets))
-        task = tasks[which]
-        is_none = task == self._library.n_tasks
-        duration_s = np.exp(self._log_mean[task] + self._log_std[task] * offsets[at])
-        duration_s *= REACH_PART if afresh else 1.0
-        pace = log_pace(self._grid, log_evidence, offsets) - np.log(n_rates)
-        self.table.add(
-            state,
-            len(offsets),
-            kind=kind,
-            task=task,
-            onset_s=np.where(is_none | afresh, birth_s, 0.0),
-            duration_s=duration_s,
-            birth_s=birth_s,
-            rate=1.0 / (self._moving[task] * duration_s) if afresh else self._rates[rate],
-            log_share=pace[is_none.astype(np.int64), at],
-        )
-
-    def _newborn(self, tasks: Integers) -> tuple[Floats, Floats]:
-        """States of newborn turns to some tasks and to none, and of newborn reaches of the tasks.
-
-        Courses of known tasks are conditioned on where the movement began. The states stay the same
+        Courses of known tasks are conditioned on where the movement began. All this stays the same
         from birth to birth until another DOF is measured for the first time.
+
+        Returns:
+            For each kind, the states, the durations in standard deviations of log duration, and
+            the columns of `HypothesisTable` that do not depend on the time of birth.
         """
-        if self._states is None or not np.array_equal(tasks, self._states[0]):
-            basis, known = self._library.basis, np.arange(len(tasks))
-            courses = self._prior.resized(np.append(tasks, self._library.n_tasks), basis.n_basis)
-            start = basis.design_matrix(np.zeros((len(known), 1)))
-            for dofs, values, noise in self._first:
-                courses.condition(LinearMeasurement(dofs, start, values, noise), index=known)
-            fading = courses.resized(slice(None), self._width, self._fading).state
-            ending = courses.resized(known, self._width, self._ending).state
-            self._states = tasks, fading, ending
-        return self._states[1:]
+        basis, known, found = self._library.basis, np.arange(len(tasks)), []
+        tasks = np.append(tasks, self._library.n_tasks)
+        courses = self._prior.resized(tasks, basis.n_basis)
+        start = basis.design_matrix(np.zeros((len(known), 1)))
+        for dofs, values, noise in self._first:
+            courses.condition(LinearMeasurement(dofs, start, values, noise), index=known)
+        for kind, n, variance, offsets in (
+            (TURN, len(tasks), self._fading, self._offsets),
+            (AFRESH, len(known), self._ending, REACH_OFFSETS),
+        ):
+            which, rate, at = np.indices((n, len(variance), len(offsets))).reshape(3, -1)
+            task, offset = tasks[which], offsets[at]
+            duration_s = np.exp(self._log_mean[task] + self._log_std[task] * offset)
+            rates = self._rates[rate]
+            if kind == AFRESH:
+                duration_s *= REACH_PART
+                rates = 1.0 / (self._moving[task] * duration_s)
+            columns = {"kind": kind, "task": task, "duration_s": duration_s, "rate": rates}
+            state = courses.resized(np.arange(n), self._width, variance).state
+            found.append((state, offset, columns))
+        return found
 
     def _give_birth_to_delays(
         self, birth_s: float, log_evidence: Floats, onset: HypothesisTable
     ) -> None:
         """Add delayed copies of the most probable hypothesis of the known tasks."""
-        n_tasks, table = self._library.n_tasks, self.table
-        joint = self._grid.log_prior + log_evidence + self.log_stay
-        joint, of_born = (
-            np.where(those.rows["task"] < n_tasks, one, -np.inf)
-            for those, one in ((onset, joint), (table, table.log_joint))
-        )
-        parents, known = (table, of_born) if of_born.max() > joint.max() else (onset, joint)
-        best = int(np.argmax(known))
+        n_tasks, table, grid = self._library.n_tasks, self.table, self._grid
+        of_onset = (grid.log_prior + log_evidence)[: -grid.n_scales] + self.log_stay
+        of_born = np.where(table.rows["task"] < n_tasks, table.log_joint, -np.inf)
+        later = of_born.max() > of_onset.max()
+        parents, best = (table, of_born.argmax()) if later else (onset, of_onset.argmax())
         row, course = parents.rows[best].copy(), parents.courses(np.array([best]))
-        rate, delay = _combined(len(FADINGS), len(DELAYS))
         table.add(
             course.resized(slice(None), self._width, self._fading).state,
             len(DELAYS),
             kind=DELAY,
             task=row["task"],
-            onset_s=row["onset_s"] + np.array(DELAYS)[delay] * self.usual_s,
+            onset_s=row["onset_s"] + np.tile(DELAYS, len(FADINGS)) * self.usual_s,
             duration_s=row["duration_s"],
             birth_s=birth_s,
-            rate=self._rates[rate],
-            log_share=-np.log(len(delay)),
+            rate=np.repeat(self._rates, len(DELAYS)),
+            log_share=-np.log(len(FADINGS) * len(DELAYS)),
         )
 
     def _remember_start(self, measurement: Measurement) -> None:
@@ -318,9 +323,4 @@ class Births:
         if new.any() and not measurement.derivative:
             dofs, values, noise = measurement[2:5]
             self._first.append((dofs[new], values[new], noise[new][:, new]))
-            self._states = None
-
-
-def _combined(*sizes: int) -> list[Integers]:
-    """Indices of all combinations of ranges of these sizes; the last index changes fastest."""
-    return [index.ravel() for index in np.indices(sizes)]
+            self._tasks = None

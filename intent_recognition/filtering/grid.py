@@ -101,20 +101,3 @@ def duration_offsets(n_scales: int) -> tuple[Floats, Floats]:
     offsets = np.linspace(-2.5, 2.5, n_scales) if n_scales > 1 else np.zeros(1)
     log_weight = -0.5 * (STUDENT_FREEDOM + 1.0) * np.log1p(offsets**2 / STUDENT_FREEDOM)
     return offsets, log_weight - np.logaddexp.reduce(log_weight)
-
-
-def log_pace(grid: PriorGrid, log_evidence: Floats, offsets: Floats) -> Floats:
-    """Log probabilities of the durations of a task's newborn hypotheses, and of none's, (2, S').
-
-    Args:
-        grid: prior grid of the hypotheses of the onset.
-        log_evidence: log density of all observations under each of them, (B,).
-        offsets: durations of the newborn, in standard deviations of log duration, (S',).
-    """
-    at, log_prior = duration_offsets(grid.n_scales)
-    own = grid.log_task_joint(log_evidence)[:-1]
-    tempered = log_prior + grid.duration_evidence * log_evidence.reshape(-1, len(at))[:-1]
-    tempered += (own - log_sum(own) - log_sum(tempered))[:, None]
-    so_far = log_sum(tempered.T)
-    table = np.array([np.interp(offsets, at, row) for row in (so_far, log_prior)])
-    return table - log_sum(table)[:, None]
