@@ -264,8 +264,6 @@ class MovementFilter:
 
 def _peak(measurement: Measurement) -> float:
     """Highest log density of a measurement under any hypothesis."""
-    factor = cholesky(measurement.noise_covariance, name="noise covariance")
-    at_peak = student_log_density(
-        np.zeros(()), half_log_det(factor), len(factor), measurement.freedom
-    )
-    return float(at_peak)
+    log_scale = half_log_det(cholesky(measurement.noise_covariance, name="noise covariance"))
+    m, freedom = len(measurement.dofs), measurement.freedom
+    return float(student_log_density(np.zeros(()), log_scale, m, freedom))
