@@ -122,19 +122,17 @@ class Births:
         self._moving = moving_parts(library, std[:, 0])
         known = grid.log_task_prior[:-1]
         self._log_prior = known - np.logaddexp.reduce(known)
-        self.clear()
 
-    def clear(self, log_weight: Floats | None = None) -> None:
-        """Remove all born hypotheses: another movement begins.
+    def clear(self, log_weight: Floats) -> None:
+        """Remove all born hypotheses: another movement begins. Call it before `observe`.
 
         Args:
             log_weight: log of the factors by which the posterior of the known tasks will be
                 multiplied, (K,). A hypothesis that turns keeps the factor of its first task.
         """
         self.table.clear()
-        known = np.zeros(self._library.n_tasks) if log_weight is None else log_weight
         # Finite, because the difference of two infinite ones would be NaN.
-        self._log_weight = np.append(np.maximum(known, -700.0), 0.0)
+        self._log_weight = np.append(np.maximum(log_weight, -700.0), 0.0)
         self._first: list[tuple[NDArray, NDArray, NDArray]] = []  # DOFs, values and noise
         self._tasks: Integers | None = None  # those of `_newborn`; None if they have to be made
         self._newborn: list[tuple[Floats, Floats, dict[str, Any]]] = []

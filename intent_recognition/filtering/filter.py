@@ -54,8 +54,6 @@ class MovementFilter:
         grid: prior grid of tasks and durations.
         onset_ns: stamp at which the movement began; phases count from it.
         prune: let tasks of negligible posterior lag if there are `PRUNE_FROM` hypotheses or more.
-        task_weight: factors by which the posterior of the known tasks may be multiplied (another
-            p(s)), (K,). A task lags only if it is negligible both with and without them.
         switching: follow a person who turns to another task on the way (`births`).
 
     Attributes:
@@ -71,7 +69,6 @@ class MovementFilter:
         onset_ns: int,
         *,
         prune: bool = False,
-        task_weight: Floats | None = None,
         switching: bool = False,
     ):
         self.library, self.grid, n = library, grid, len(grid.duration_s)
@@ -83,14 +80,18 @@ class MovementFilter:
         prior = library.observed_mean, library.observed_covariance
         self._prior = GaussianBatch.of(*prior, library.basis.n_basis)
         self.births = Births(library, grid, self._prior) if switching else None
-        self.restart(onset_ns, task_weight)
+        self.restart(onset_ns)
 
     def restart(
         self, onset_ns: int, task_weight: Floats | None = None, past: Iterable[Observation] = ()
     ) -> None:
         """Begin another movement in the same memory.
 
-        `past` holds its observations so far; the other arguments are those of the class.
+        Args:
+            onset_ns: stamp at which it began.
+            task_weight: factors by which the posterior of the known tasks may be multiplied
+                (another p(s)), (K,). A task lags only if it is negligible with and without them.
+            past: its observations so far.
         """
         grid, n_tasks = self.grid, len(self._prior.state)
         self.onset_ns, self.task_weight = onset_ns, task_weight

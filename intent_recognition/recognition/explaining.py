@@ -99,14 +99,9 @@ def _evidence_over_time(like: MovementFilter, n_dofs: int, task: int, rival: int
     """Log evidence for a task against a rival after each observation, from `n_dofs` DOFs, (n,)."""
     library, found = like.library, []
     dropped = frozenset(range(n_dofs, library.n_observed))
-    run = MovementFilter(
-        library,
-        like.grid,
-        like.onset_ns,
-        prune=True,
-        task_weight=like.task_weight,
-        switching=like.births is not None,
-    )
+    switching = like.births is not None
+    run = MovementFilter(library, like.grid, like.onset_ns, prune=True, switching=switching)
+    run.restart(like.onset_ns, like.task_weight)
     for observation in like.observations:
         seen = without_dofs(observation, library, dropped)
         if seen is not None:

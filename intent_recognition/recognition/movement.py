@@ -63,7 +63,7 @@ class Movements:
         """Filter of a movement that began at the last stop, if it takes over now; else None.
 
         `posterior` is that of the movement so far, after the newest observation; None if this was
-        overdue. `task_weight` is that of `MovementFilter`.
+        overdue. `task_weight` is as in `begin`.
         """
         if not self._switching:
             return None

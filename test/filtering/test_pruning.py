@@ -152,7 +152,8 @@ def test_a_posterior_that_is_weighed_anew_is_exact_too(unlikely):
     joint = task_joint(whole.log_evidence, hypotheses)[:-1]
     ratio = np.where(joint > joint.max() - 100.0, unlikely, 1.0)
     whole = MovementFilter(library, hypotheses, START_NS)
-    pruned = MovementFilter(library, hypotheses, START_NS, prune=True, task_weight=ratio)
+    pruned = MovementFilter(library, hypotheses, START_NS, prune=True)
+    pruned.restart(START_NS, ratio)
     for observation in observations:
         observe((pruned, whole), [observation])
         ours, theirs = (
