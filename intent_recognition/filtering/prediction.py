@@ -99,7 +99,7 @@ class TaskPrediction:
         mean, covariance = self._controlled_weights(start)
         design = library.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
         position = np.matmul(design, mean.swapaxes(1, 2))  # (S, G, Q)
-        square = np.einsum("gk,sqkl,gl->sgq", design, covariance, design, optimize=True)
+        square = np.einsum("sqgk,gk->sgq", design @ covariance, design)
         square += library.control_noise_variance() + position**2
         (shift, unexplained), phases = self._coupled(times_s), self.phases_at(times_s)[likely]
         expected = np.matmul(phases, position)

@@ -69,4 +69,4 @@ def dof_variance(design: Floats, covariance: Floats) -> Floats:
     n_dofs = len(covariance) // n_basis
     blocks = covariance.reshape(n_dofs, n_basis, n_dofs, n_basis)
     own = np.einsum("dkdl->dkl", blocks)
-    return np.einsum("tk,dkl,tl->td", design, own, design, optimize=True)
+    return np.einsum("dtk,tk->td", design @ own, design)
