@@ -127,7 +127,7 @@ class TaskPrediction:
         matrix, offset, rest = library.regressions[self.task]
         q, n = library.n_controlled, library.basis.n_basis
         by_dof, rest = matrix.reshape(q, n, -1), rest.reshape(q, n, q, n)
-        cross = np.matmul(by_dof[None], spread[:, None])  # (k, Q, N, P N)
+        cross = (matrix @ spread).reshape(-1, *by_dof.shape)  # (k, Q, N, P N)
         scale = library.regressions.uncertainty(self.task, observed, spread)[:, None, None, None]
         own = np.matmul(cross, by_dof.swapaxes(1, 2)) + scale * np.einsum("qnqm->qnm", rest)
         mean = (observed @ matrix.T + offset).reshape(-1, q, n)
