@@ -17,7 +17,8 @@ SLOWEST_HZ, FASTEST_HZ = 0.1, 1e5
 def open_c3d(path: Path) -> Table:
     """Read markers as columns `LABEL.x`, `LABEL.y`, `LABEL.z`, NaN where a marker was not seen.
 
-    Rate and unit come from the file. Analog channels are not read, nor rotations of poses (Theia).
+    Rate and units come from the file, also of angles and forces that models of Vicon add as points.
+    Analog channels are not read, nor rotations of poses (Theia).
     """
     try:
         optional("ezc3d")
@@ -53,6 +54,7 @@ def open_c3d(path: Path) -> Table:
         lambda wanted: [values[:, k] for k in wanted],
         aliases=without_subjects(names),
         unit=str(found["unit"]).strip(),
+        units={k: unit for k, unit in enumerate(np.repeat(found["units"], 3).tolist()) if unit},
         must_say=True,
         defaults=time,
         notes=tuple(notes),

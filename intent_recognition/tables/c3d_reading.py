@@ -4,7 +4,7 @@
 import importlib
 import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,12 +17,16 @@ NAMED = re.compile(r"LABELS\d*")
 INTEL, SGI = b"\x54", b"\x56"
 """Processors by the fourth byte of the parameters; any other is VAX, which swaps the two words of a
 float, while the bytes of words are as in Intel's."""
+OUTPUTS = {"ANGLE": "deg", "FORCE": "N", "MOMENT": "Nmm", "POWER": "W"}
+"""What Vicon's models write as points: listed in ANGLES, ... with the unit in ANGLE_UNITS, ... or,
+without one, that of Nexus."""
 Arrays = dict[str, NDArray[Any]]
 
 
 def read(path: str) -> Arrays:
-    """Read `points` (T, N, 3), NaN where a marker was not seen, `labels`, `unit`, `rate`, the
-    header's `header_rate`, the stated number of frames `said`, and `room`, the number that fits.
+    """Read `points` (T, N, 3), NaN where a marker was not seen, `labels`, `unit`, the `units` of
+    outputs of models, `rate`, the header's `header_rate`, the stated number of frames `said`, and
+    `room`, the number that fits.
     """
     return _first(path, {"ezc3d": _by_ezc3d, "c3d": _by_c3d})
 
@@ -58,7 +62,8 @@ def _by_ezc3d(library: Any, path: str) -> Arrays:
     scale = point["SCALE"]["value"][0] if "SCALE" in point else -1.0
     _check_frame(path, count := points.shape[1], values, scale)
     points = np.where((residuals < 0.0)[:, :, None], np.nan, points)
-    labels = _all_labels({key: point[key].get("value", ()) for key in point}, count)
+    texts = {key: point[key].get("value", ()) for key in point}
+    labels = _all_labels(texts, count)
     poses = file["data"].get("rotations", np.empty(0))  # (4, 4, n, T), as Theia writes bodies
     if poses.ndim == 4 and poses.size and poses.shape[3] == len(points):
         labels = [*labels, *[""] * count][:count]
@@ -66,8 +71,7 @@ def _by_ezc3d(library: Any, path: str) -> Arrays:
         points = np.concatenate([points, poses[:3, 3].transpose(2, 1, 0)], axis=1)
     return {
         "points": points,
-        "labels": np.array(labels),
-        "unit": np.array("".join(point["UNITS"]["value"][:1]) if "UNITS" in point else ""),
+        **_described(texts, labels),
         "rate": np.array(float(file["header"]["points"]["frame_rate"])),
         **_stated(path),
     }
@@ -80,18 +84,29 @@ def _by_c3d(library: Any, path: str) -> Arrays:
         reader = library.Reader(stream)
         values = reader.analog_used * reader.analog_per_frame
         _check_frame(path, reader.point_used, values, reader.point_scale)
-        units = reader.get("POINT:UNITS")
-        named = [key for key in ("LABELS", "LABELS2", "LABELS3") if reader.get(f"POINT:{key}")]
-        labels = {key: reader.get(f"POINT:{key}").string_array.ravel() for key in named}
+        keys = ["LABELS", "LABELS2", "LABELS3", "UNITS"]
+        keys += [f"{kind}{end}" for kind in OUTPUTS for end in ("S", "_UNITS")]
+        named = [key for key in keys if reader.get(f"POINT:{key}")]
+        texts = {key: reader.get(f"POINT:{key}").string_array.ravel() for key in named}
         frames = [points for _, points, _ in reader.read_frames()]
         points = np.array(frames, np.float64).reshape(len(frames), -1, 5)
         return {
             "points": np.where((points[:, :, 3] < 0.0)[:, :, None], np.nan, points[:, :, :3]),
-            "labels": np.array(_all_labels(labels, points.shape[1])),
-            "unit": np.array("".join(units.string_array.ravel()[:1]) if units is not None else ""),
+            **_described(texts, _all_labels(texts, points.shape[1])),
             "rate": np.array(float(reader.point_rate)),
             **_stated(path),
         }
+
+
+def _described(texts: Mapping[str, Any], labels: Sequence[str]) -> Arrays:
+    """The `labels` of points, their `unit`, and the `units` of outputs of models, else ""."""
+    unit_of: dict[str, str] = {}
+    for kind, usual in OUTPUTS.items():
+        unit = "".join(texts.get(f"{kind}_UNITS", ())[:1]).strip() or usual
+        unit_of |= dict.fromkeys((name.strip() for name in texts.get(f"{kind}S", ())), unit)
+    units = [unit_of.get(label.strip(), "") for label in labels]
+    unit = "".join(texts.get("UNITS", ())[:1])
+    return {"labels": np.array(labels), "unit": np.array(unit), "units": np.array(units)}
 
 
 def _all_labels(parts: Mapping[str, Any], count: int) -> list[str]:

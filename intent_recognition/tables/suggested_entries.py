@@ -19,7 +19,7 @@ from intent_recognition.demonstrations import FIRST_MESSAGES, is_deleted, is_pat
 from intent_recognition.errors import BagError
 from intent_recognition.signals import POSITION_FIELDS, spelled
 from intent_recognition.tables.by_body import naming_key
-from intent_recognition.tables.cells import ANGLES, scale_between
+from intent_recognition.tables.cells import ANGLES, LENGTHS, scale_between
 from intent_recognition.tables.files import name_pattern
 from intent_recognition.tables.table import Table
 
@@ -135,8 +135,7 @@ def is_angle(table: Table, name: str) -> bool:
 
 def is_length(table: Table, name: str) -> bool:
     """Whether a column may be a length, by its unit in the file."""
-    unit = _said(table, name)
-    return unit not in ANGLES and "/" not in unit
+    return _said(table, name) in ("", *LENGTHS)
 
 
 def _said(table: Table, name: str) -> str:

@@ -103,6 +103,16 @@ def test_an_unknown_unit_of_c3d_is_asked_for(unit, tmp_path):
     assert np.allclose(found.samples[0].values, PLACE / 1000)
 
 
+def test_angles_and_forces_of_models_in_c3d_are_no_lengths(tmp_path):
+    labels = ["W", "LElbowAngles", "LElbowForce"]
+    more = {"ANGLES": labels[1:2], "ANGLE_UNITS": ["rad"], "FORCES": labels[2:]}
+    points = np.repeat(PLACE[:, None], 3, axis=1)
+    table = open_table(c3d_of(tmp_path, points, labels=labels, more=more))
+    assert [table.said_of(f"{label}.z") for label in labels] == ["mm", "rad", "N"]
+    by_other = c3d_reading.read_again(str(tmp_path / "a.c3d"))
+    assert by_other["units"].tolist() == ["", "rad", "N"] and str(by_other["unit"]) == "mm"
+
+
 def test_labels_that_occur_twice_are_refused_by_name_and_taken_by_number(tmp_path):
     points = np.stack([PLACE, PLACE + 100.0], axis=1)
     (left_out,) = imported(c3d_of(tmp_path, points, labels=["W", "W"]), three("W"))
