@@ -115,12 +115,15 @@ def trc(rows: Rows) -> Header | None:
         labels = labels[::3]
     else:
         labels = [label for label in labels if label]
-    axes = [cell for cell in rows[at + 1] if cell.strip()]
-    names += _places_of(labels[::3] if len(labels) == len(axes) > 1 else labels)
-    numbered = {cell.strip(): k for k, cell in enumerate(rows[at + 1])}  # X1, Y1, Z1, X2, ...
-    skip = at + 2
-    while skip < len(rows) and not any(cell.strip() for cell in rows[skip]):
-        skip += 1
+    below = [k for k, row in enumerate(rows) if k > at and any(map(str.strip, row))]
+    first, skip = [*below, len(rows)][:2]
+    axes = [cell.strip() for cell in rows[first]]
+    numbered = {axis: k for k, axis in enumerate(axes)}  # X1, Y1, Z1, X2, ...
+    if all(map(is_number, axes)):  # no line of axes: the names may hold them
+        numbered, skip = {}, first
+        names += labels if 2 * len(labels) > len(axes) - 2 else _places_of(labels)
+    else:
+        names += _places_of(labels[::3] if len(labels) == sum(map(bool, axes)) > 1 else labels)
     units = dict.fromkeys(range(2, len(names)), said.get("Units", "").strip())
     time = _clock(rows[skip:], names, said.get("DataRate", ""))
     return _of_markers(names, skip, units, time, numbered)

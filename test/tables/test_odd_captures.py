@@ -121,6 +121,16 @@ def test_a_header_that_is_known_needs_no_skip_rows(tmp_path):
         assert words in said and (samples is None) == bool(words)
 
 
+@pytest.mark.parametrize("names", ["R_x\tR_y\tR_z\tL_x\tL_y\tL_z", "R\t\t\tL\t\t"])
+def test_a_trc_without_a_line_of_axes_loses_no_row_and_no_name(names, tmp_path):
+    head = "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tUnits\n100\tmm\nFrame#\tTime\t"
+    body = [f"{k + 1}\t{k / 100:.2f}\t{k}\t20\t30\t{k + 7}\t50\t60\n" for k in range(30)]
+    end = "_" if "_x" in names else "."
+    wanted = [f"L{end}{axis}" for axis in "xyz"]
+    samples, _ = imported(tmp_path, "a.trc", f"{head}{names}\n{''.join(body)}", wanted)
+    assert np.allclose(samples.values[:, 0] * 1000.0, np.arange(30) + 7.0)
+
+
 @pytest.mark.parametrize("kept", [r"\1", r"\1\2"])  # no times, or those with one decimal
 @pytest.mark.parametrize("kind", [motive, trc])
 def test_where_times_are_blank_frames_count_at_the_rate_of_the_file(kind, kept, tmp_path):
