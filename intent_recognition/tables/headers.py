@@ -144,6 +144,8 @@ def qtm(rows: Rows) -> Header | None:
     skip = next(k for k, row in enumerate(rows) if row and not QTM_KEY.fullmatch(row[0].strip()))
     if "BODY_NAMES" in said:
         names, skip = _qtm_bodies(rows[skip]), skip + 1
+    elif "DATA_TYPES" in said:  # velocities, angles, ... that were computed
+        names = ["Frame", "Time", *filter(None, map(str.strip, said["DATA_TYPES"][1:]))]
     else:
         names = _places_of([label.strip() for label in said["MARKER_NAMES"][1:]])
         first = [cell.strip() for cell in rows[skip]]

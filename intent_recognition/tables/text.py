@@ -235,7 +235,8 @@ def _before_places(path: Path, skip_rows: int, encoding: str) -> tuple[int, Sequ
     """Number of rows before the table to read in Vicon's export, and titles of its other tables."""
     rows = _rows(path, skip_rows, encoding)
     titles = (*OF_VICON, *NO_PLACES)
-    if "".join(next(rows, [])).strip().title() not in titles:
+    first = next((row for row in rows if any(map(str.strip, row))), [])
+    if "".join(first).strip().title() not in titles:
         return 0, ()
     starts: dict[str, int] = {}
     for k, row in enumerate(_rows(path, skip_rows, encoding)):
@@ -247,7 +248,10 @@ def _before_places(path: Path, skip_rows: int, encoding: str) -> tuple[int, Sequ
 
 def _plain_header(path: Path, head: Sequence[Sequence[str]]) -> Header:
     """Header from the lines of names and units below titles; columns without names are numbered."""
+    keys = [k for k, row in enumerate(head) if "".join(row[:1]).strip().endswith(":")]
     counts = [sum(bool(cell.strip()) for cell in row) for row in head]
+    for key in keys if len(keys) > 1 else ():  # titles, such as `Rate (Hz):` and its values
+        counts[key] = 0
     if not any(counts):
         raise unusable(path, "a line of column names", "an empty file", "Check the path.")
     if max(counts) >= LEAST_CELLS > counts[0]:
@@ -371,6 +375,9 @@ def _delimiter(path: Path, head: Sequence[str]) -> str:
     if path.suffix.lower() in (".trc", ".mot", ".sto", ".tsv") and any("\t" in n for n in head):
         return "\t"
     counts = [head[0].count(delimiter) for delimiter in DELIMITERS]
+    alike = [n * (head[1].count(d) == n) for n, d in zip(counts, DELIMITERS, strict=True)]
+    if any(alike[:4]):  # others may be in names
+        counts = alike
     if (counts[0] and counts[1]) or not any(counts[:4]):  # decimal commas, or a title
         counts = [sum(line.count(delimiter) for line in head) for delimiter in DELIMITERS]
         if counts[1] >= len([line for line in head if line.strip()]) // 2 > 0:

@@ -55,6 +55,8 @@ VICON = {
         "Ann:RWRA.{}", [], "",
     ),
 }  # fmt: skip
+ANGLES = VICON["Nexus with angles before"]
+VICON["Nexus below blank lines"] = ("\n\n" + ANGLES[0], *ANGLES[1:])
 
 
 @pytest.mark.parametrize("kind", VICON)
