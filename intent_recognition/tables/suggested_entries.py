@@ -19,9 +19,9 @@ from intent_recognition.demonstrations import FIRST_MESSAGES, is_deleted, is_pat
 from intent_recognition.errors import BagError
 from intent_recognition.signals import POSITION_FIELDS, spelled
 from intent_recognition.tables.by_body import naming_key
-from intent_recognition.tables.cells import ANGLES, LENGTHS, scale_between
+from intent_recognition.tables.cells import ANGLES, scale_between
 from intent_recognition.tables.files import name_pattern
-from intent_recognition.tables.table import Table
+from intent_recognition.tables.table import NO_MOTION, Table
 
 FARTHEST = {"m": 20.0, "rad": 4.0 * np.pi}
 """Largest number in the basic unit; larger ones mean another unit [m, rad]: a lab, two turns."""
@@ -135,7 +135,8 @@ def is_angle(table: Table, name: str) -> bool:
 
 def is_length(table: Table, name: str) -> bool:
     """Whether a column may be a length, by its unit in the file."""
-    return _said(table, name) in ("", *LENGTHS)
+    unit = _said(table, name)
+    return unit not in ANGLES and "/" not in unit and not re.fullmatch(NO_MOTION, unit)
 
 
 def _said(table: Table, name: str) -> str:

@@ -13,7 +13,7 @@ from intent_recognition.tables.cells import LENGTHS
 from intent_recognition.tables.suggested_entries import ANGLE_END, SeenColumn
 from intent_recognition.tables.times import TIME_NAME
 
-COUNT_NAME = re.compile(r"(?i)(frame|index|idx|row|sample|count(?:er)?)#?$")
+COUNT_NAME = re.compile(r"(?i)(frame|index|idx|row|sample|count(?:er)?|number)#?$")
 COMMANDED = re.compile(r"(?i)(?:^|[./_])actions?(?:[._/]|$)")
 """Names of columns that were commanded, not measured."""
 COMMANDS = {"target", "desired", "des", "commanded", "command", "cmd", "setpoint", "planned", "ref",
@@ -22,10 +22,10 @@ MEASURED = {"actual", "measured", "msr", "state", "obs", "observation", "observa
 """Words by which names of commanded, or later, columns differ from those of measured ones."""
 WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 NO_JOINT = re.compile(
-    r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag)|gyr|secs?\b"
+    r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag|cop)|gyr|secs?\b"
     r"|header|vel|speed|dot[\W_\d]*$|(?:^|[\W_])(?:d+q|qd+|tau|ctrl|control)(?:[\W_\d]|$)"
-    r"|eff(?:ort|_)|torque|trq|f_ext|current|temp|force|quality|error|gripper|\bjaw|rate$"
-    r"|likelihood|conf(?!ig)|strength|visib|score|covariance|twist(?!$|_joint)|residual"
+    r"|eff(?:ort|_)|torque|moment|trq|f_ext|current|temp|force|quality|error|gripper|\bjaw|rate$"
+    r"|compass|likelihood|conf(?!ig)|strength|visib|score|covariance|twist(?!$|_joint)|residual"
     r"|\bRot\[|quat|orient|(?:^|[\W_])ori(?:[\W_]|$)|axis_?angle|cube_pos|^states\.\d"
     r"|(?:^|[\W_])(?:env(?:ironment)?|low_dim|ee)_states?(?:[\W_]|$)|robot_states\.\d|^lengths?$"
     r"|^(?:poses|pose_\w+|body_pose)\.\d"
@@ -67,12 +67,12 @@ UNIT_END = re.compile(
 """A unit at the end of a name."""
 PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[wxyzWXYZ])$")
 AXIS_FIRST = re.compile(
-    r"(?:[pP](?:os)?_?)?(?P<axis>[xyzXYZ])[._ ]?(?P<body>\d+|[A-Z].*|(?<=[._ ])\D.*)"
+    r"(?:[pP](?:os)?_?)?(?P<axis>[wxyzWXYZ])[._ ]?(?P<body>\d+|[A-Z].*|(?<=[._ ])\D.*)"
 )
 """Names such as `x1`, `Px1`, `xWrist` and `x_wrist`."""
 NO_PLACE = re.compile(
     r"(?i)rotation|orientation|twist|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)"
-    r"|(?-i:[a-z]Acc)|(?:rot|vel|dot|std|omega|ang|angle|force|moment|power|torque)s?[\W_]?$"
+    r"|(?-i:[a-z]Acc)|(?:rot|vel|dot|std|omega|ang|angle|force|moment|power|torque|cop)s?[\W_]?$"
 )
 TURN = re.compile(
     r"(?i)(?P<body>.*?)[\W_]*(?:(?:[xyz]?rot(?:ation)?|orientation|euler|rpy|axis_?angle)"

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The first map of a file: what moves, when, and what its name tells."""
 
+import re
+
 import numpy as np
 import pytest
 import yaml
@@ -60,6 +62,48 @@ def test_a_table_of_ros2_topic_echo_has_its_time(tmp_path):
     content = table("", lambda k: ["1700000000", f"{k * 10**6}", "world", *cells(k, scale=1e-3)])
     _, _, (found,) = suggested_csv(tmp_path, content.lstrip())
     assert found.samples[0].stamps_ns[3] == 1_700_000_000_003_000_000
+
+
+NO_PLACES = {
+    "BioWare\nDevice:,A,A,A\nRate (Hz):,100,100,100\nabs time,Fx,Fx12,Mx\ns,N,N,N": "Fx, Fx12, Mx",
+    "t,Moment_X,Moment_Y,Moment_Z": "Moment_X, Moment_Y, Moment_Z",
+    "t,COP_X,COP_Y,COP_Z": "COP_X, COP_Y, COP_Z",
+    "Packet number,Bar (hPa),Power (dBm),X Axis (g)": "Bar (hPa), Power (dBm), X Axis (g)",
+    "t,A.x [N],A.y [N],A.z [N]": "A.x [N], A.y [N], A.z [N]",
+    "t,A.x,A.y,A.z\ns,N,N,N": "A.x, A.y, A.z",
+}
+
+
+@pytest.mark.parametrize("head", NO_PLACES)
+def test_forces_and_sensors_are_neither_places_nor_joints(head, tmp_path):
+    (tmp_path / "a.csv").write_text(table(head, lambda k: [f"{TIMES_S[k]}", *cells(k)]))
+    with pytest.raises(BagError, match=re.escape(f"are no positions: {NO_PLACES[head]}.")):
+        suggest_map(tmp_path / "a.csv")
+
+
+def test_what_qtm_computed_is_named(tmp_path):
+    head = "NO_OF_FRAMES\t9\nFREQUENCY\t100\nDATA_INCLUDED\tVelocity\nDATA_TYPES\thand_vel\n\n"
+    rows = [f"{k + 1}\t{k / 100}\t{k * k}" for k in range(9)]
+    (tmp_path / "a.tsv").write_text("\n".join([head, *rows]))
+    with pytest.raises(BagError, match="no positions: Time, hand_vel"):
+        suggest_map(tmp_path / "a.tsv")
+
+
+def test_a_quaternion_with_its_axes_first_is_no_place(tmp_path):
+    def row(k):
+        half = SHARE[k, 0]
+        return [f"{TIMES_S[k]}", f"{np.cos(half)}", f"{np.sin(half)}", f"{0.0}", f"{0.0}"]
+
+    (tmp_path / "a.csv").write_text(table("t,W Part,X Part,Y Part,Z Part", row))
+    with pytest.raises(BagError, match="Orientations: W Part, X Part"):
+        suggest_map(tmp_path / "a.csv")
+
+
+def test_delimiters_in_names_separate_no_cells(tmp_path):
+    head = "t,Roll | Phi | X (deg),Pitch | Theta | Y (deg)"
+    text = table(head, lambda k: [f"{TIMES_S[k]}", f"{SHARE[k, 0]}", f"{SHARE[k, 0]}"])
+    content, *_ = suggested_csv(tmp_path, text)
+    assert content["observed"][0]["joints"] == ["Roll_Phi_X", "Pitch_Theta_Y"]
 
 
 UR = ["base", "shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3"]
