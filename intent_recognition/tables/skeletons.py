@@ -55,12 +55,17 @@ def open_bvh(path: Path) -> Table:
     channels = [f"{joint.name}.{channel}" for joint in joints for channel in joint.channels]
     places = [f"{joint.name}.{axis}" for joint in joints for axis in "xyz"]
     columns = np.hstack([values, *places_of])
+    reach: list[float] = []  # along the bones from the root
+    for joint in joints:
+        bone = float(np.linalg.norm(joint.offset))
+        reach.append(reach[joint.parent] + bone if joint.parent >= 0 else 0.0)
     degrees = {k: "deg" for k, name in enumerate(channels) if name.endswith("rotation")}
     return Table(
         path,
         (*channels, *places),
         lambda wanted: [columns[:, k] for k in wanted],
         units=degrees,
+        reach=max(reach),
         must_say=True,
         defaults={"time": {"rate": rate}} if rate else {},
         notes=(f"{len(values)} of {count} frames: the file ends after them",) if is_cut else (),

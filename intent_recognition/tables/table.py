@@ -45,6 +45,7 @@ class Table:
     unit: str = ""  # unit of all columns, "" if the file states none
     # units of single columns, by index; other columns may have a unit at the end of their name
     units: Mapping[int, str] = field(default_factory=dict)
+    reach: float = 0.0  # length of a skeleton's longest chain of bones, in an unknown unit
     must_say: bool = False  # whether the map must give the unit if the file does not
     # settings found in the file, under the keys of a map: time, segments, task
     defaults: Mapping[str, object] = field(default_factory=dict)

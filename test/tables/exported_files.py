@@ -119,19 +119,19 @@ ROOT Hips
   CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
   JOINT Right Wrist
   {{
-    OFFSET 0 10 0
+    OFFSET 0 500 0
     CHANNELS 3 Zrotation Xrotation Yrotation
     End Site
     {{
-      OFFSET 0 1 0
+      OFFSET 0 80 0
     }}
   }}
 }}
 MOTION
 Frames: {ROWS}
 Frame Time: 0.01
-"""  # the hips turn by 90 degrees about z: the wrist is 10 to their left
-    body = "".join(f"{x + 10} {y} {z} 90 0 0 0 0 0\n" for x, y, z in PLACE)
+"""  # the hips turn by 90 degrees about z: the wrist is 500 to their left
+    body = "".join(f"{x + 500} {y} {z} 90 0 0 0 0 0\n" for x, y, z in PLACE)
     return kept(folder / "a.bvh", text + body)
 
 

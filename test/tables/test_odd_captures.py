@@ -188,6 +188,13 @@ def test_places_of_forces_of_opensim_are_metres_and_frames_of_bvh_have_decimal_c
     check_wrist(imported(tmp_path, "b.bvh", content, columns, unit="mm"), EXPORTED / 1000)
 
 
+@pytest.mark.parametrize(("bone", "unit"), [(0.5, "m"), (50.0, "cm"), (500.0, "mm")])
+def test_the_unit_of_a_skeleton_is_guessed_by_its_size_not_by_where_it_walks(bone, unit, tmp_path):
+    text = bvh(tmp_path).read_text().replace("OFFSET 0 500 0", f"OFFSET 0 {bone} 0")
+    (tmp_path / "a.bvh").write_text(text)  # its hips are 900 of its units away
+    assert f"columns_unit: {unit}  # guessed: {bone:g} m" in suggest_map(tmp_path / "a.bvh")
+
+
 def test_states_of_opensim_by_their_paths(tmp_path):
     names = [f"/jointset/ground/wrist_t{axis}/value" for axis in "xyz"]
     head = "inDegrees=no\nendheader\n" + "\t".join(["time", *names])
