@@ -398,15 +398,26 @@ def test_demonstrations_below_groups_have_the_labels_of_their_attributes(tmp_pat
             group["time"], group["wrist/x"] = TIMES_S[:, None], PLACE[:, :1] / 1000 + k
             group["wrist/y"], group["wrist/z"] = PLACE[:, 1:2] / 1000, PLACE[:, 2:] / 1000
             group.attrs.update({"task": "give" if k else "take", "model": "x" * 999})
-            group.attrs["demonstration"] = "of a task"
+            group.attrs.update({"by": "ann", "demonstration": "of a task"})
     content, _, found = suggested(tmp_path / "a.h5")
     assert content["observed"][0]["columns"] == ["wrist.x", "wrist.y", "wrist.z"]
     table = open_table(tmp_path / "a.h5")
     assert table.find("wrist.x.0") == table.find("wrist.x") and "model" not in table.names
+    assert table.names[0] == "demonstration"
     assert [one.name for one in found] == ["ann_trial_0", "ann_trial_1", "bob_trial_0"]
     assert [one.custom_data["task"] for one in found] == ["take", "give", "give"]
     for k, one in enumerate(found):
         check_wrist((one.samples[0], ""), PLACE / 1000 + [k, 0, 0], times_atol=1)
+
+
+@pytest.mark.parametrize("shape", [(0,), (0, 1), (0, 7), (7, 0)])
+def test_an_empty_array_beside_others_has_no_columns(shape, tmp_path):
+    arrays = {"t": TIMES_S, "wrist": PLACE / 1000, "none": np.empty(shape)}
+    h5(tmp_path / "a.h5", arrays)
+    np.savez(tmp_path / "a.npz", **arrays)
+    for name in ("a.h5", "a.npz"):
+        _, _, found = suggested(tmp_path / name)
+        check_wrist((found[-1].samples[0], ""), PLACE / 1000)
 
 
 def test_a_number_that_stands_for_none_was_not_measured(tmp_path):

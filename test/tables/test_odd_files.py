@@ -354,3 +354,7 @@ def test_empty_columns_of_rosbag_to_csv_tell_repeated_names_apart(tmp_path):
     assert {"secs", "orientation.w"} < {*open_table(tmp_path / "a.csv").names}
     content = table("t,note,x,y,z,p,p", lambda k: [f"{TIMES_S[k]}", "", *cells(k), "1", "1"])
     check_wrist(imported_csv(tmp_path, content, [*"xyz"], unit="mm"), times_atol=1)
+
+
+def test_a_dat_is_a_table_of_text(tmp_path):
+    check_wrist(imported(tmp_path, "a.dat", plain(), unit="mm", time={"column": "t"}))
