@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read demonstrations from recordings: DOF files, readers, sessions and inspection."""
 
-from intent_recognition.demonstrations.cleaning import is_raw_pose
 from intent_recognition.demonstrations.corrected import (
     CORRECTED,
     CORRECTION_TOPIC,
     CORRECTION_TYPE,
     write_corrected,
 )
-from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
+from intent_recognition.demonstrations.dofs import DofSpec, is_raw_pose, load_dofs
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import (
     dofs_of,

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Convert the messages of a bag to signals, without bad stamps and rejected tracker poses."""
 
-import re
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,7 +19,7 @@ from intent_recognition.bags import (
     JointColumns,
     PoseColumns,
 )
-from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
+from intent_recognition.demonstrations.dofs import DofSpec, is_raw_pose
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import (
     Content,
@@ -38,7 +37,6 @@ from intent_recognition.tracking import (
     ingest_poses,
 )
 
-RAW_POSE_TOPIC = re.compile(r"(.*/)?mocap/[^/]+/pose")
 MISSING_DOF = "missing_dof"
 """Reason for dropping a message that lacks a joint or field of an entry."""
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
@@ -56,11 +54,6 @@ class TopicSamples:
     # sorted names of the frames of the content: for raw poses the world frame or the frame used as
     # the world, for other messages the frames that their headers name
     frames: tuple[str, ...] = ()
-
-
-def is_raw_pose(topic: str, type_name: str) -> bool:
-    """Whether a topic carries unchecked tracker poses, `mocap/<body>/pose`."""
-    return type_name == POSE and RAW_POSE_TOPIC.fullmatch(relative_topic(topic)) is not None
 
 
 def clean_topic(

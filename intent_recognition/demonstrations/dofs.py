@@ -15,7 +15,13 @@ from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.paths import MOST_ELEMENTS, is_path
 from intent_recognition.errors import ArgumentError, DofError, as_path, number
 from intent_recognition.share import share_path
-from intent_recognition.signals import ORIENTATION_FIELDS, POSITION_FIELDS, spelled
+from intent_recognition.signals import (
+    ORIENTATION_FIELDS,
+    POSITION_FIELDS,
+    SPATIAL_UNITS,
+    UNITS,
+    spelled,
+)
 from intent_recognition.tracking import Extrinsics, parse_extrinsics
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
@@ -27,6 +33,7 @@ KEYS = (*VELOCITY_KEYS[:6], "orientation", "reference")
 QUATERNION = "quaternion"
 """The only supported representation of an orientation in an entry."""
 OBSERVED_KEYS = (*KEYS, "context")
+RAW_POSE_TOPIC = re.compile(r"(.*/)?mocap/[^/]+/pose")
 CONTROLLED_KEYS = (*KEYS, "link", "robot")
 SIDES = ("observed", "controlled", "velocities")
 EXTRINSICS = "extrinsics"
@@ -180,6 +187,11 @@ def relative_topic(topic: str) -> str:
     return topic.lstrip("/")
 
 
+def is_raw_pose(topic: str, type_name: str) -> bool:
+    """Whether a topic carries unchecked tracker poses, `mocap/<body>/pose`."""
+    return type_name == POSE and RAW_POSE_TOPIC.fullmatch(relative_topic(topic)) is not None
+
+
 def _entries(content: Mapping, side: str, source: str, minimum: int) -> tuple[DofEntry, ...]:
     listed = content.get(side)
     if listed is None and minimum == 0:
@@ -222,6 +234,9 @@ def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
         raise _error(place, "either fields or joints", "both" if "fields" in item else "neither")
     if "joints" in item and texts["type"] != JOINT_STATE:
         raise _error(f"{place}: joints", f"type {JOINT_STATE}", texts["type"])
+    if is_raw_pose(texts["topic"], texts["type"]) and unit in UNITS and unit not in SPATIAL_UNITS:
+        cure = "Publish metres; tables in another unit take columns_unit in a map."
+        raise _error(f"{place}: unit", "m, in which raw poses are checked", unit, cure)
     quantity = item.get("quantity", "position")
     if quantity not in QUANTITIES or (quantity != "position" and "joints" not in item):
         raise _error(f"{place}: quantity", f"{', '.join(QUANTITIES)}, with joints", quantity)

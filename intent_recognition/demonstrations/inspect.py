@@ -25,11 +25,10 @@ from intent_recognition.bags import (
 from intent_recognition.demonstrations.cleaning import (
     clean_columns,
     clean_topic,
-    is_raw_pose,
     publishers_in,
     publishers_of,
 )
-from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
+from intent_recognition.demonstrations.dofs import DofSpec, is_raw_pose, relative_topic
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.reading import iter_demonstrations
 from intent_recognition.demonstrations.sessions import (

@@ -17,8 +17,8 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.bags import POSE, BagReader
-from intent_recognition.demonstrations.cleaning import MISSING_DOF, is_raw_pose
-from intent_recognition.demonstrations.dofs import DofSpec
+from intent_recognition.demonstrations.cleaning import MISSING_DOF
+from intent_recognition.demonstrations.dofs import DofSpec, is_raw_pose
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import (
     dofs_of,

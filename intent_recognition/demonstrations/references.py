@@ -8,8 +8,7 @@ from typing import Any
 
 from intent_recognition.array_types import Floats
 from intent_recognition.bags import BagReader
-from intent_recognition.demonstrations.cleaning import is_raw_pose
-from intent_recognition.demonstrations.dofs import DofSpec
+from intent_recognition.demonstrations.dofs import DofSpec, is_raw_pose
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import extract_present, stamp_of
 from intent_recognition.demonstrations.folders import Paths, as_paths, find_bags

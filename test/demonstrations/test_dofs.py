@@ -161,6 +161,7 @@ def extrinsics(*listed) -> dict:
             r"controlled\[0\]: .*only the keys .*, got context",
         ),
         (controlled(PLACE | {"unit": "mm"}), r"controlled\[0\]: link: expected type .*unit m"),
+        (controlled(PLACE | {"topic": "/mocap/a/pose", "unit": "mm"}), ".* metres; .* in a map"),
         (controlled(PLACE | {"fields": ["pose.x"]}), r"controlled\[0\]: link: .*pose.position.z"),
         (controlled(PLACE | {"link": ""}), r"controlled\[0\]: link: expected a text"),
         *(
