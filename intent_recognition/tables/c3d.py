@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from intent_recognition.errors import MissingPackageError, optional
+from intent_recognition.errors import optional
 from intent_recognition.tables.isolated import read_isolated
 from intent_recognition.tables.table import Table, unusable, without_subjects
 
@@ -20,11 +20,8 @@ def open_c3d(path: Path) -> Table:
     Rate and units come from the file, also of angles and forces that models of Vicon add as points.
     Analog channels are not read, nor rotations of poses (Theia).
     """
-    try:
+    if find_spec("c3d") is None:
         optional("ezc3d")
-    except MissingPackageError:
-        if find_spec("c3d") is None:
-            raise
     found = read_isolated("c3d_reading.py", path, "a C3D file", ("read", "read_again"))
     points, read, said = found["points"], len(found["points"]), int(found["said"])
     if read > said > 0:  # frames up to the end of the last block, which is padded with zeros

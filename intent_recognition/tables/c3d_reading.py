@@ -6,7 +6,7 @@ import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,43 +127,29 @@ def _check_frame(path: str, points: int, values: float, scale: float) -> None:
 
     The parameters may be wrong; then all values after the first frame would be read wrongly.
     """
-    head = _header(path)
+    frames, said, size, _ = _header(path)
     frame = (4 * points + values) * (4 if scale < 0.0 else 2)
-    if head.frames and 0 <= head.size - head.frames * head.frame < 512 and frame != head.frame:
+    if frames and 0 <= size - frames * said < 512 and frame != said:
         got = f"{points} points, {values:g} analog values and a scale of {scale:g}"
-        raise ValueError(f"{got}, where the header has frames of {head.frame} bytes")
+        raise ValueError(f"{got}, where the header has frames of {said} bytes")
 
 
 def _stated(path: str) -> Arrays:
     """The header's rate, the number of frames for which the file without padding has `room`, and
     the stated number (`said`), which is `room` if the header cannot state so many.
     """
-    head = _header(path)
-    room = max(head.size - 511, 0) // head.frame if head.frame else 0
-    more = room if room > MOST_STATED else 0
-    found = {"said": max(head.frames, more), "room": room, "header_rate": head.rate}
-    return {name: np.array(number) for name, number in found.items()}
+    frames, frame, size, rate = _header(path)
+    room = max(size - 511, 0) // frame if frame else 0
+    found = {"said": max(frames, room if room > MOST_STATED else 0), "room": room}
+    return {name: np.array(number) for name, number in {**found, "header_rate": rate}.items()}
 
 
-class _Header(NamedTuple):
-    """Description of the data in the header.
+def _header(path: str) -> tuple[int, int, int, float]:
+    """Number of frames that the header states, 0 for none; size of a frame, and of the file from
+    the first frame on [bytes]; frames per second.
 
-    Attributes:
-        frames: stated number of frames, 0 for none.
-        frame: size of a frame [bytes].
-        size: size of the file from the first frame on [bytes].
-        rate: frames per second.
-    """
-
-    frames: int
-    frame: int
-    size: int
-    rate: float
-
-
-def _header(path: str) -> _Header:
-    """Read the header. Its words, from 1 on: 2 points, 3 analog values per frame, 4 first frame,
-    5 last frame, 7 and 8 scale, 9 first block of the data, 11 and 12 rate.
+    The words of the header, from 1 on: 2 points, 3 analog values per frame, 4 first frame, 5 last
+    frame, 7 and 8 scale, 9 first block of the data, 11 and 12 rate.
     """
     with Path(path).open("rb") as stream:
         head = stream.read(24)
@@ -179,4 +165,4 @@ def _header(path: str) -> _Header:
     is_vax = processor not in (INTEL, SGI)
     said = head[22:24] + head[20:22] if is_vax else head[20:24]
     rate = float(np.frombuffer(said, f"{order}f4")[0]) / (4.0 if is_vax else 1.0)
-    return _Header(frames, (4 * words[1] + words[2]) * width, size - (words[8] - 1) * 512, rate)
+    return frames, (4 * words[1] + words[2]) * width, size - (words[8] - 1) * 512, rate
