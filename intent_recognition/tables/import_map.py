@@ -128,6 +128,11 @@ class ImportMap:
             _count(items.get("skip_rows", 0), 0, f"{source}: skip_rows"),
         )
 
+    def label_of(self, cut: Cut | None, otherwise: str) -> str:
+        """The label of a demonstration, which has another unless its cut names one."""
+        label = (cut.task if cut is not None else "") or otherwise
+        return self.labels.get(label, label)
+
     def over(self, defaults: Mapping[str, object], source: str) -> "ImportMap":
         """This map, with a file's own `defaults` where the map has no value."""
         time, segments, task = (defaults.get(key) for key in ("time", "segments", "task"))

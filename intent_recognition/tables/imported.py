@@ -190,8 +190,9 @@ def bag_parts(
     own: list[Cut | None] = [cut for cut in cuts if cut.file in ("", name)]
     own = own if cuts else [None]
     fixed = {key: text.fixed for key, text in mapping.metadata.items() if text.fixed}
+    whole = mapping.task.fixed if mapping.task is not None else named.get("task", "")
     for k, cut in enumerate(own):
-        task = _label(cut, mapping, named, reader.custom_data)
+        task = mapping.label_of(cut, whole or reader.custom_data.get("task", ""))
         texts = {**reader.custom_data, **named, "imported_from": path.name, **fixed}
         texts.pop("task", None)
         first_ns, last_ns = start_ns, end_ns
@@ -205,11 +206,3 @@ def bag_parts(
             first_ns,
             last_ns,
         )
-
-
-def _label(
-    cut: Cut | None, mapping: ImportMap, named: Mapping[str, str], said: Mapping[str, str]
-) -> str:
-    whole = mapping.task.fixed if mapping.task is not None else named.get("task", "")
-    label = (cut.task if cut is not None else "") or whole or said.get("task", "")
-    return mapping.labels.get(label, label)

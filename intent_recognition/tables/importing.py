@@ -167,7 +167,9 @@ def _demonstrations(
         yield Doubt(recording.name, "", 0, said)
     parts_ = _parts(recording, mapping, rows, data, starts)
     for name, picks, first, cut in _cut_at_tasks(parts_, mapping, rows, data[main]):
-        task = _task(mapping, cut, data[main], first, recording.named.get("task", ""))
+        named = recording.named.get("task", "")
+        said = _text_at(mapping.task, data[main], first) if mapping.task is not None else named
+        task = mapping.label_of(cut, said)
         texts_ = {key: _text_at(t, data[main], first) for key, t in mapping.metadata.items()}
         origin = {"imported_from": ", ".join(p.name for p in recording.paths.values())}
         custom = {**labels, **origin, **{k: text for k, text in texts_.items() if text}}
@@ -366,14 +368,6 @@ def _why_few(rows: _Rows, pick: Integers, count: int) -> tuple[str, str]:
 def _count(samples: EntrySamples) -> int:
     """Number of samples in which something was measured."""
     return int(np.any(np.isfinite(samples.values), axis=1).sum())
-
-
-def _task(
-    mapping: ImportMap, cut: Cut | None, data: Mapping[str, Values], first: int, named: str
-) -> str:
-    task = _text_at(mapping.task, data, first) if mapping.task is not None else named
-    task = (cut.task if cut is not None else "") or task
-    return mapping.labels.get(task, task)
 
 
 def _text_at(text: Text, data: Mapping[str, Values], row: int) -> str:
