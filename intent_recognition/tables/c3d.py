@@ -22,7 +22,7 @@ def open_c3d(path: Path) -> Table:
     """
     if find_spec("c3d") is None:
         optional("ezc3d")
-    found = read_isolated("c3d_reading.py", path, "a C3D file", ("read", "read_again"))
+    found = read_isolated("c3d_reading.py", path, "a C3D file", ("ezc3d", "c3d"))
     points, read, said = found["points"], len(found["points"]), int(found["said"])
     if read > said > 0:  # frames up to the end of the last block, which is padded with zeros
         some = np.flatnonzero(np.any(points[said:] != 0.0, axis=(1, 2)))[-1:] + 1

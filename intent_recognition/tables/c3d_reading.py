@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read the points of a C3D file by ezc3d, or by c3d if ezc3d fails; run by `isolated`."""
+"""Read the points of a C3D file by either of two libraries; run by `isolated`."""
 
 import importlib
 import re
-import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,38 +22,12 @@ without one, that of Nexus."""
 Arrays = dict[str, NDArray[Any]]
 
 
-def read(path: str) -> Arrays:
+def ezc3d(path: str) -> Arrays:
     """Read `points` (T, N, 3), NaN where a marker was not seen, `labels`, `unit`, the `units` of
     outputs of models, `rate`, the header's `header_rate`, the stated number of frames `said`, and
     `room`, the number that fits.
     """
-    return _first(path, {"ezc3d": _by_ezc3d, "c3d": _by_c3d})
-
-
-def read_again(path: str) -> Arrays:
-    """Read a file that crashed `read`, as analog channels without scales crash ezc3d 1.7.2."""
-    return _first(path, {"c3d": _by_c3d})
-
-
-def _first(path: str, readers: Mapping[str, Callable[[Any, str], Arrays]]) -> Arrays:
-    """Read a file with the first library that can read it."""
-    reasons = []
-    for name, reader in readers.items():
-        try:
-            library = importlib.import_module(name)
-        except ImportError:
-            continue
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # warnings about missing analog channels
-                return reader(library, path)
-        except Exception as error:  # the libraries may raise anything
-            reasons.append(f"{name} says: {error}")
-    raise ValueError("; ".join(reasons) or "no library")
-
-
-def _by_ezc3d(library: Any, path: str) -> Arrays:
-    file = library.c3d(path)
+    file = importlib.import_module("ezc3d").c3d(path)
     point = file["parameters"]["POINT"]
     points = file["data"]["points"][:3].transpose(2, 1, 0)
     residuals = file["data"]["meta_points"]["residuals"][0].T
@@ -77,7 +50,9 @@ def _by_ezc3d(library: Any, path: str) -> Arrays:
     }
 
 
-def _by_c3d(library: Any, path: str) -> Arrays:
+def c3d(path: str) -> Arrays:
+    """Read the same; analog channels without scales crash ezc3d 1.7.2."""
+    library = importlib.import_module("c3d")
     # The check would refuse a rate of analog channels in a file without any.
     library.Reader._check_metadata = lambda _: None
     with Path(path).open("rb") as stream:

@@ -109,7 +109,7 @@ def test_angles_and_forces_of_models_in_c3d_are_no_lengths(tmp_path):
     points = np.repeat(PLACE[:, None], 3, axis=1)
     table = open_table(c3d_of(tmp_path, points, labels=labels, more=more))
     assert [table.said_of(f"{label}.z") for label in labels] == ["mm", "rad", "N"]
-    by_other = c3d_reading.read_again(str(tmp_path / "a.c3d"))
+    by_other = c3d_reading.c3d(str(tmp_path / "a.c3d"))
     assert by_other["units"].tolist() == ["", "rad", "N"] and str(by_other["unit"]) == "mm"
 
 
@@ -209,14 +209,14 @@ LABELS = {
 """What else the parameters of three points say, whose LABELS are two, and their names."""
 
 
-@pytest.mark.parametrize("library", ["_by_ezc3d", "_by_c3d"])
+@pytest.mark.parametrize("library", ["ezc3d", "c3d"])
 @pytest.mark.parametrize("kind", LABELS)
 def test_labels_that_repeat_others_are_of_no_further_marker(kind, library, tmp_path):
-    module = pytest.importorskip(library.removeprefix("_by_"))
+    pytest.importorskip(library)
     more, names = LABELS[kind]
     data = c3d_file(np.repeat(PLACE[:, None], 3, axis=1), labels=["W", "V"], more=more)
     (tmp_path / "a.c3d").write_bytes(data)
-    found = getattr(c3d_reading, library)(module, str(tmp_path / "a.c3d"))["labels"].tolist()
+    found = getattr(c3d_reading, library)(str(tmp_path / "a.c3d"))["labels"].tolist()
     assert found == [name for name in names if not name.startswith("unlabelled")]
     table = open_table(tmp_path / "a.c3d")
     assert table.names == tuple(f"{name}.{axis}" for name in names for axis in "xyz")
