@@ -70,7 +70,7 @@ SHORTEST_PERIOD_S, LONGEST_PERIOD_S = 2e-4, 4.0
 and a movement sampled every four seconds cannot be learned."""
 USUAL_PERIODS_S = 1e-3, 0.5
 """Range of the sampling periods of trackers and encoders [s]. The ratio of its ends is below 1000,
-so that at most one other unit explains a period."""
+so that at most one other unit explains a period, or minutes besides."""
 FAR_SHARE = 0.1
 """Distance outside the learned range above which a sample is in another unit, in learned extents
 and relative to the factor between the units: 100 extents for millimetres, 6 for degrees. A reach
@@ -194,12 +194,16 @@ def time_misfit(signal: Signal) -> Misfit | None:
         return None
     length_s = float(signal.stamps_ns[-1] - signal.stamps_ns[0]) * 1e-9
     reason = f"{in_words(signal)} has a sample every {period_s:.3g} s, over {length_s:.3g} s"
-    for name, factor in OFTEN_TIMES.items():
-        for scale, text in ((factor, f"{name} for seconds"), (1.0 / factor, f"seconds for {name}")):
-            if USUAL_PERIODS_S[0] <= period_s / scale <= USUAL_PERIODS_S[1]:
-                said = f"{reason}. Likely {text} (a factor of {scale:.4g}): correct the times."
-                return Misfit(said, scale, certain=True)
-    return Misfit(f"{reason}. Record it at 10 Hz or more.", np.nan, certain=False)
+    units = {f"{name} for seconds": factor for name, factor in OFTEN_TIMES.items()}
+    units |= {f"seconds for {name}": 1.0 / factor for name, factor in OFTEN_TIMES.items()}
+    units["minutes for seconds"] = 1.0 / 60.0
+    least_s, most_s = USUAL_PERIODS_S
+    likely = [text for text, factor in units.items() if least_s <= period_s / factor <= most_s]
+    if not likely:
+        return Misfit(f"{reason}. Record it at 10 Hz or more.", np.nan, certain=False)
+    text = min(likely, key=lambda text: abs(np.log(50.0 * period_s / units[text])))  # near 50 Hz
+    said = f"{reason}. Likely {text} (a factor of {units[text]:.4g}): correct the times."
+    return Misfit(said, units[text], certain=True)
 
 
 def learned_misfit(

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 from simulation import START_NS, minimum_jerk
 
-from intent_recognition.signals import Demonstration, Known, Signal, correlate_speeds, stream_doubts
+from intent_recognition.signals import (
+    Demonstration,
+    Known,
+    Signal,
+    correlate_speeds,
+    stream_doubts,
+    time_misfit,
+)
 from intent_recognition.signals.streams import common_span, stream_defect
 
 LENGTH_S = 10.0
@@ -253,3 +260,17 @@ def test_a_joint_may_rest_beside_others_and_two_labels_of_one_movement_are_named
     assert "that of b, and the labels differ: reach and wave" in found[0].reason
     unlabelled = [correlate_speeds(replace(second, task=None)), correlate_speeds(first)]
     assert stream_doubts(unlabelled) == []
+
+
+@pytest.mark.parametrize(
+    ("period_s", "likely"),
+    [
+        (10.0, "milliseconds for seconds (a factor of 1000)"),
+        (3e-5, "seconds for milliseconds (a factor of 0.001)"),
+        (0.01 / 60.0, "minutes for seconds (a factor of 0.01667)"),
+    ],
+)
+def test_the_unit_of_times_that_gives_a_usual_rate_is_named(period_s, likely):
+    stamps_ns = 10**18 + np.rint(1e9 * period_s * np.arange(50)).astype(np.int64)
+    found = time_misfit(Signal(("q",), stamps_ns, np.zeros((50, 1)), "rad"))
+    assert found is not None and f"Likely {likely}" in found.reason
