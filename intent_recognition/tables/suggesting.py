@@ -15,7 +15,7 @@ from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import find_bags
 from intent_recognition.errors import BagError, printable
 from intent_recognition.signals import LONGEST_LABEL, NONE, can_name_task, hidden_rows
-from intent_recognition.tables.cells import numbers, texts
+from intent_recognition.tables.cells import OF_IMAGE, numbers, texts
 from intent_recognition.tables.files import FileKind, file_kinds, find_tables, has_tables
 from intent_recognition.tables.suggested_entries import (
     MOST_BODIES,
@@ -197,6 +197,9 @@ def _part(
         values = np.column_stack([columns[n].values for n in bodies[body]])
         measured[body] = np.where(hidden_rows(values, True)[:, None], np.nan, values)
     farthest = max((float(np.nanmax(np.abs(of))) for of in measured.values()), default=0.0)
+    of_mediapipe = any("visib" in name.lower() for name in columns)
+    flat = [of[:, :2] for of in measured.values() if of_mediapipe]
+    in_image = flat and all(np.nanmin(of) >= 0.0 and np.nanmax(of) <= 1.0 for of in flat)
     found = [
         body_entry(table, measured[body], body, bodies[body], farthest, name) + own
         for body in moving[:MOST_BODIES]
@@ -227,7 +230,7 @@ def _part(
     ]
     return _Part(
         f"{kind.first}: {rows} rows, {len(table.names)} columns.",
-        table.notes if is_main else (),
+        (*table.notes, *[OF_IMAGE][: bool(in_image)]) if is_main else (),
         found,
         arm,
         [] if name or not is_main else [time_line],

@@ -99,6 +99,16 @@ def test_a_quaternion_with_its_axes_first_is_no_place(tmp_path):
         suggest_map(tmp_path / "a.csv")
 
 
+@pytest.mark.parametrize("shift", [0.0, -0.3])
+def test_landmarks_that_are_shares_of_an_image_are_named(shift, tmp_path):
+    def row(k):
+        return [f"{TIMES_S[k]}", f"{shift + SHARE[k, 0]}", "0.5", f"{-SHARE[k, 0]}", "0.9"]
+
+    text = table("t,wrist_x,wrist_y,wrist_z,wrist_visibility", row)
+    _, said, _ = suggested_csv(tmp_path, text)
+    assert ("places in the image" in said) == (shift == 0.0)
+
+
 def test_delimiters_in_names_separate_no_cells(tmp_path):
     head = "t,Roll | Phi | X (deg),Pitch | Theta | Y (deg)"
     text = table(head, lambda k: [f"{TIMES_S[k]}", f"{SHARE[k, 0]}", f"{SHARE[k, 0]}"])
