@@ -31,9 +31,8 @@ def open_c3d(path: Path) -> Table:
     if not count:
         cure = "Export the markers; forces and angles as CSV."
         raise unusable(path, "markers", "none: analog channels are not read", cure)
-    said_labels = [label.encode("utf-8", "surrogateescape") for label in found["labels"].tolist()]
-    labels = [_text(label) or f"unlabelled_{k}" for k, label in enumerate(said_labels)]
-    labels = [*labels, *(f"unlabelled_{k}" for k in range(len(labels), count))][:count]
+    own = [*found["labels"].tolist(), *[""] * count][:count]
+    labels = [_text(label) or f"unlabelled_{k}" for k, label in enumerate(own)]
     notes = []
     if 0 < read < said:
         ends = read >= int(found["room"])
@@ -58,8 +57,9 @@ def open_c3d(path: Path) -> Table:
     )
 
 
-def _text(label: bytes) -> str:
+def _text(label: str) -> str:
+    written = label.encode("utf-8", "surrogateescape")
     try:
-        return label.decode()
+        return written.decode()
     except UnicodeDecodeError:
-        return label.decode("latin-1")
+        return written.decode("latin-1")

@@ -23,10 +23,9 @@ from intent_recognition.tables.cells import ANGLES, scale_between
 from intent_recognition.tables.files import name_pattern
 from intent_recognition.tables.table import NO_MOTION, Table
 
-FARTHEST = {"m": 20.0, "rad": 4.0 * np.pi}
-"""Largest number in the basic unit; larger ones mean another unit [m, rad]: a lab, two turns."""
-PERSON_M = 3.0
-"""Larger than a person, also from one hand to the other foot [m]."""
+FARTHEST = {"m": 20.0, "rad": 4.0 * np.pi, "skeleton": 3.0}
+"""Largest number in the basic unit; larger ones mean another unit [m, rad]: a lab, two turns, and
+for a skeleton more than a person from a hand to the other foot."""
 MOST_BODIES = 8
 """Most bodies in a suggestion, of which a person is asked to delete those not needed."""
 JOINT = re.compile(r"(?:.*?[./])?(?P<joint>[^./]*[^./\d][^./]*)(?:[./](?:position|pos|q))?$")
@@ -156,10 +155,10 @@ def _unit_of(table: Table, names: Sequence[str], farthest: float, base: str) -> 
         return (said if is_known else ""), "from the file"
     is_skeleton = base == "m" and table.reach > 0.0
     farthest = table.reach if is_skeleton else farthest
-    if farthest <= (PERSON_M if is_skeleton else FARTHEST[base]):
+    if farthest <= FARTHEST["skeleton" if is_skeleton else base]:
         is_asked = table.must_say and base == "m"
         return ("m", f"guessed: {farthest:.3g} m is near") if is_asked else ("", "")
-    unit = "deg" if base == "rad" else "cm" if farthest <= 100.0 * PERSON_M else "mm"
+    unit = "deg" if base == "rad" else "cm" if farthest <= 100.0 * FARTHEST["skeleton"] else "mm"
     return unit, f"guessed: {farthest:.3g} {base} is too far"
 
 
