@@ -51,7 +51,7 @@ def test_a_prediction_is_drawn_in_bands_of_two_standard_deviations(moving, libra
     prediction = getattr(moving[0], f"predict_{agent}")()
     (panel,) = prediction.plot().axes
     names = getattr(library, f"{agent}_names")
-    assert [line.get_label() for line in panel.lines] == list(names)
+    assert [text.get_text() for text in panel.get_legend().get_texts()] == list(names)
     trajectory = prediction.trajectory
     for k, (line, band) in enumerate(zip(panel.lines, panel.collections, strict=True)):
         np.testing.assert_array_equal(line.get_ydata(), trajectory.positions[:, k])

@@ -218,10 +218,6 @@ def test_a_misspelt_label_is_a_warning(demonstrations):
         ),
         (lambda one: ir.save_model(None, one), "path: expected a path, got one of type NoneType"),
         (lambda _: ir.load_dofs(3), "path: expected a path, got one of type int"),
-        (
-            lambda one: ir.IntentEstimator(one).update(None),
-            "observation: expected an Observation, got one of type NoneType. Pass an array",
-        ),
         (lambda _: ir.BagReader(None), "path: expected a path, got one of type NoneType"),
         (lambda _: ir.load_object(None), "path: expected a path, got one of type NoneType"),
     ],

@@ -256,9 +256,11 @@ def test_without_velocities_an_arm_must_be_seen_at_rest(velocity):
     assert world.commands == [] and "arm_moving" in world.rejected
 
 
-@pytest.mark.parametrize("moved_rad", [0.06, 0.35, 0.5])
-def test_an_arm_at_rest_that_was_moved_starts_from_where_it_is(moved_rad):
-    world = World()
+@pytest.mark.parametrize(
+    ("moved_rad", "most_rad"), [(0.06, 0.4), (0.35, 0.4), (0.5, 0.4), (0.03, 0.02)]
+)
+def test_an_arm_at_rest_that_was_moved_starts_from_where_it_is(moved_rad, most_rad):
+    world = World(max_tracking_error_rad=most_rad)
     world.begin("plate")
     world.run_until(Mode.HOMING)
     world.task = "idle"

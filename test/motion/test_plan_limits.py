@@ -14,6 +14,7 @@ from intent_recognition.motion.plan import (
     BEGINNING,
     JointReference,
     position_range,
+    sample_times,
     scaled_limits,
     within,
 )
@@ -147,6 +148,7 @@ def test_a_home_at_the_limit_is_accepted_by_the_arm(beyond_rad):
 def test_times_are_whole_nanoseconds_and_brakes_that_leave_the_limits_say_so():
     plan = posture_plan(JointReference.at_rest(HOME), HOME + 0.31, LIMITS)
     np.testing.assert_array_equal(np.round(plan.times_s * 1e9) * 1e-9, plan.times_s)
+    np.testing.assert_allclose(sample_times(1.2, 0.35), 0.3 * np.arange(5))  # no more than it takes
     start = JointReference(
         np.where(np.arange(7) == 1, LIMITS.upper - 0.01, HOME), 0.5 * np.eye(7)[1], np.zeros(7)
     )

@@ -20,7 +20,7 @@ from intent_recognition.motion.plan import (
     within,
 )
 from intent_recognition.motion.planning import _Budget, brake_along, plan_interaction
-from intent_recognition.motion.retiming import N_GRID
+from intent_recognition.motion.retiming import N_GRID, run, speed_limits
 
 
 def samples(seed, duration_s, size=0.4, n_via=1, n=50):
@@ -78,6 +78,7 @@ def test_a_late_start_keeps_the_limits_and_ends_at_the_end(seed, duration_s, lat
     start = JointReference.at_rest(HOME + rng.uniform(-away, away, 7))
     plan = plan_interaction(path, NominalTiming(-late * duration_s, duration_s), start, LIMITS)
     assert plan is not None
+    assert plan.kind == "interaction"
     assert plan.times_s[0] == 0.0 and np.all(np.diff(plan.times_s) > 0.0)
     np.testing.assert_allclose(plan.positions[0], start.position, atol=1e-12)
     np.testing.assert_allclose(plan.velocities[0], 0.0, atol=1e-12)
@@ -86,6 +87,17 @@ def test_a_late_start_keeps_the_limits_and_ends_at_the_end(seed, duration_s, lat
     assert np.all(np.diff(plan.phase) >= 0.0) and plan.phase[-1] == 1.0
     assert within(plan.times_s, plan.positions, plan.velocities, LIMITS)
     check_by_differences(plan)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_long_step_that_speeds_up_ends_within_the_acceleration_that_is_allowed(seed):
+    """But for what the grid along the path adds."""
+    path, step_s = path_of(*samples(seed, 2.0, n_via=2)), 0.05
+    bounds = speed_limits(path, LIMITS.velocity, LIMITS.acceleration, np.ones(N_GRID), None)
+    _, s, v = run(bounds, 0.0, 0.0, NominalTiming(-3.0, 2.0), step_s=step_s)
+    rise, s, v = np.diff(v)[:, None] / step_s, s[1:], v[1:, None]
+    ends = path.derivative(s) * rise + path.derivative(s, 1) * v**2
+    assert np.abs(ends / LIMITS.acceleration)[rise[:, 0] > 0.0].max() < 1.1
 
 
 @pytest.mark.parametrize("factor", [180.0 / np.pi, 1.0])

@@ -166,8 +166,10 @@ def test_another_library_is_used_in_the_same_context(library, recorded):
 
 
 def test_one_stamp_in_the_future_is_forgotten_after_a_while(library):
-    estimator = IntentEstimator(library)
-    assert estimator.update_context(Observation(3_600_000_000_000, 0, BOX)) is None
-    late = (Observation(10**9 + k, 0, -BOX) for k in range(CLOCK_RESET_AFTER))
-    assert [estimator.update_context(one) is None for one in late].count(True) == 1
+    """If none that is not late comes between."""
+    estimator, ahead_ns, n = IntentEstimator(library), 3_600_000_000_000, CLOCK_RESET_AFTER
+    for number, (n_late, n_taken) in enumerate(((n - 1, 0), (n, 1))):
+        assert estimator.update_context(Observation(ahead_ns + number, 0, BOX)) is None
+        late = (Observation(10**9 + n * number + k, 0, -BOX) for k in range(n_late))
+        assert [estimator.update_context(one) is None for one in late].count(True) == n_taken
     np.testing.assert_array_equal(estimator._context.values, -BOX)

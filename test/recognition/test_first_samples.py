@@ -77,8 +77,14 @@ def test_degrees_are_refused_and_some_dofs_judged_by_what_was_learned_of_them(pl
     in_rad = replace(placed, observed_units=("rad",) * 3)
     with pytest.raises(ArgumentError, match="Likely degrees for radians"):
         IntentEstimator(in_rad).observe(0.0, np.degrees(AT_M))
-    with pytest.raises(ArgumentError, match="is at 300 m, and was learned between"):
-        IntentEstimator(placed).observe(0.0, [300.0], dofs=[2])
+    own = slice(placed.basis.n_basis)  # the weights of the first
+    design = placed.basis.design_matrix(np.linspace(0.0, 1.0, 21))
+    means, spread = placed.weight_mean[:, own], placed.weight_covariance[:, own, own]
+    variances = np.einsum("tp,kpq,tq->kt", design, spread, design) + placed.noise_variance[0]
+    off = means @ design.T + 3.0 * np.array([[[-1.0]], [[1.0]]]) * np.sqrt(variances)
+    learned = f"is at 800 m, and was learned between {off.min():.3g} and {off.max():.3g} m"
+    with pytest.raises(ArgumentError, match=learned):
+        IntentEstimator(placed).observe(0.0, [800.0], dofs=[0])
 
 
 def test_all_that_is_far_but_explained_by_no_unit_is_taken(placed, truth, rng):

@@ -54,6 +54,10 @@ def test_usual_windows_keep_the_usual_past_and_one_sample_is_not_sparse():
     assert detector.too_sparse() is None
     detector.add(Observation(START_NS, 0, np.zeros(3)))
     assert detector.too_sparse() is None
+    detector.waits_for_rest = True
+    detector.change_past(lambda one: one._replace(values=one.values + 1.0))
+    (changed,) = detector.since(START_NS)
+    assert detector.waits_for_rest and changed.values.tolist() == [1.0] * 3
 
 
 @pytest.mark.parametrize("trained_hz", [4.0, 100.0])

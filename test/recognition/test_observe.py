@@ -37,6 +37,8 @@ def test_some_dofs_and_a_covariance_or_nothing_may_be_measured(library):
     estimator.observe(0.0, [0.1], dofs=[1])
     with pytest.raises(ArgumentError, match="later than the last"):
         estimator.observe(0.0, [0.1], dofs=[0])
+    with pytest.raises(ArgumentError, match="an Observation, got one of type list"):
+        estimator.update([0.1])
     estimator = IntentEstimator(library)
     assert not estimator.observe(1.0, [np.nan] * 3).moving
     estimator.observe(0.5, np.zeros(3))

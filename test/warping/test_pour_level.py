@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Volumes below a plane, and pouring to a level, against shapes whose answer is known."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import trimesh
@@ -10,27 +12,21 @@ from hypothesis import strategies as st
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.clipping import half_volume_angle, shares_left, surface_volume
 from intent_recognition.warping.pour_level import (
-    LEFT_WHEN_EMPTY,
-    TILTS_RAD,
-    Emptying,
     Reached,
     amount_to_leave,
+    emptying,
     tilts_to_level,
 )
 
 UP, OUT = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
 BOX = trimesh.creation.box((2.0, 2.0, 2.0))
 LIP = np.array([1.0, 0.0, 1.0])
+WARPED = SimpleNamespace(rim=SimpleNamespace(up=UP, outward=lambda lip: OUT), cavity=BOX)
 
 
 def left_in_box(tilt, above=0.0):
     surface = (BOX.vertices, BOX.faces, LIP, UP, OUT)
     return shares_left(*surface, np.atleast_1d(tilt), above)
-
-
-def box():
-    shares = left_in_box(TILTS_RAD)
-    return Emptying(TILTS_RAD, shares, np.interp(-LEFT_WHEN_EMPTY, -shares, TILTS_RAD))
 
 
 def test_a_box_holds_a_wedge():
@@ -50,10 +46,12 @@ def test_what_stands_above_the_lip_stays_longer():
     floor = 2.0 + 0.5 / np.cos(tilt)  # where the raised plane would meet the lip's wall
     raised = 0.5 * legs * legs * np.tan(tilt) - 0.5 * (floor - 2.0) ** 2 / np.tan(tilt)
     assert left_in_box(tilt, 0.5)[0] == pytest.approx(raised / 4.0)
+    assert emptying(WARPED, LIP, 0.5).tilt_leaving(raised / 4.0) == pytest.approx(tilt)
+    assert left_in_box(emptying(WARPED, LIP, 0.5).empty_rad)[0] == pytest.approx(0.01, abs=1e-3)
 
 
 def test_the_tilt_that_leaves_a_share_leaves_it():
-    cup = box()
+    cup = emptying(WARPED, LIP)
     for share in (0.9, 0.5, 0.2, 0.05):
         assert left_in_box(cup.tilt_leaving(share))[0] == pytest.approx(share, abs=2e-3)
 
@@ -70,7 +68,7 @@ def test_what_is_asked_for_stays_out_of_the_cup():
 
 def test_a_pour_to_where_it_was_demonstrated_is_the_demonstrated_one():
     """The same container, half full and emptied: ratios times their reference."""
-    cup, reference = box(), np.deg2rad(45.0)
+    cup, reference = emptying(WARPED, LIP), np.deg2rad(45.0)
     ratios = np.concatenate([np.linspace(0.0, 2.6, 30), np.linspace(2.6, 0.1, 20)])
     far = Reached(1.0, 2.6, 2.6 * reference - cup.empty_rad)
     tilts = tilts_to_level(ratios, far, cup, 0.5, 0.0)
@@ -78,7 +76,7 @@ def test_a_pour_to_where_it_was_demonstrated_is_the_demonstrated_one():
 
 
 def test_a_pour_ends_where_what_is_left_is_level_with_the_lip():
-    cup, ratios = box(), np.linspace(0.0, 2.6, 400)
+    cup, ratios = emptying(WARPED, LIP), np.linspace(0.0, 2.6, 400)
     far = Reached(1.0, 2.6, 0.9)
     for left in (0.4, 0.1):
         tilts = tilts_to_level(ratios, far, cup, 0.5, left)
