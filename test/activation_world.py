@@ -105,12 +105,15 @@ class World:
         for _ in range(round(seconds * 1e9 / STEP_NS)):
             self.step()
 
-    def run_until(self, mode, longest_s=20.0):
+    def until(self, happened, longest_s=20.0):
         for _ in range(round(longest_s * 1e9 / STEP_NS)):
-            if self.activation.mode is mode:
+            if happened():
                 return
             self.step()
-        raise AssertionError(f"{mode} not within {longest_s} s but {self.modes}")
+        raise AssertionError(f"not within {longest_s} s: {self.modes}, {self.tasks_seen}")
+
+    def run_until(self, mode, longest_s=20.0):
+        self.until(lambda: self.activation.mode is mode, longest_s)
 
     def go_home(self):
         """Until it is idle at home; all commands on the way there were continuous."""

@@ -5,12 +5,14 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from activation_world import LABELS, START_NS, STEP_NS, World, prediction
+from activation_world import GOALS, HOME, LABELS, START_NS, STEP_NS, World, prediction
+from clearance_world import clearance
 from hypothesis import given
 from hypothesis import strategies as st
 
 from intent_recognition.activation.people import HelpRequest, first_to_help
 from intent_recognition.activation.states import Mode
+from intent_recognition.kinematics import Box, hand_position
 
 SECOND_NS = 1_000_000_000
 PEOPLE = ("anna", "ben")
@@ -99,13 +101,6 @@ class SharedWorld(World):
         for person in PEOPLE:
             self.ask(person, "idle")
 
-    def until(self, happened, longest_s=20.0):
-        for _ in range(round(longest_s * 1e9 / STEP_NS)):
-            if happened():
-                return
-            self.step()
-        raise AssertionError(f"not within {longest_s} s: {self.helped}")
-
     def helps(self, person):
         return self.activation.attended == person
 
@@ -174,6 +169,17 @@ def test_who_waits_is_helped_once_a_way_is_found(monkeypatch):
     assert not world.helps("ben")
     world.until(lambda: world.helps("ben"))
     world.check_continuous()
+
+
+def test_who_asks_for_what_another_one_waited_for_waits_anew():
+    end = Box("cup", tuple(hand_position(HOME + GOALS["plate"])), (0.06,) * 3)
+    world = SharedWorld(clearance=clearance(end))
+    for number, person in enumerate(PEOPLE, 1):
+        world.rest()
+        world.run(0.3)
+        world.ask(person, "plate")
+        world.run(1.0)
+        assert world.activation.counts["waited"] >= number and not world.commands
 
 
 def test_who_finds_no_way_lets_another_one_go_first(monkeypatch):

@@ -155,25 +155,14 @@ def wait_for(process, what, said):
         ("mocap_ingest", "imports rclpy"),
         ("primitive_activation", "joins the graph"),
         ("coworker_sim", "ready"),
+        ("intent demo", "imports numpy"),
     ],
 )
-def test_a_node_that_is_interrupted_ends_with_0(name, instant, tmp_path):
-    """Other nodes that are ready: `test/docs/test_run.py`."""
+def test_what_is_interrupted_ends_as_it_should(name, instant, tmp_path):
+    """Other nodes that are ready: `test/docs/test_run.py`; a demo that runs: `test_demo.py`."""
     command, expected = commands()[name]
     process, said = start(command, tmp_path)
     wait_for(process, instant, said)
-    os.killpg(process.pid, signal.SIGINT)
-    assert process.wait(LONGEST_S) == expected
-    assert "Traceback" not in said.read_text()
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="looks at /proc")
-def test_a_demo_that_is_interrupted_while_it_imports_ends_with_130(tmp_path):
-    """While it runs: `test_demo.py`."""
-    command, expected = commands()["intent demo"]
-    process, said = start(command, tmp_path)
-    wait_for(process, "imports numpy", said)
     os.killpg(process.pid, signal.SIGINT)
     assert process.wait(LONGEST_S) == expected
     assert "Traceback" not in said.read_text()

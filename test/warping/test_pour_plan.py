@@ -111,6 +111,9 @@ def test_the_hand_turns_about_the_lip_by_as_much_as_is_asked_for(skill):
     assert tilt == pytest.approx(HOLDS.tilt_leaving(0.3), abs=0.02)
     lip = plan.hand_poses @ lip_in_hand
     assert abs(lip[most, 2] - second.opening_m[2] - 0.3 * CUP.height_m) < 0.01
+    turns, reach = plan.hand_std[:, 3:, 3], plan.hand_poses[:, :3, 3] - lip[:, :3]
+    np.testing.assert_allclose(plan.hand_std[:, :3, 3], np.cross(turns, reach), atol=1e-9)
+    assert np.linalg.norm(turns[most]) > 0.01  # also of what it does not know
 
 
 def test_a_tilted_cup_is_refused(skill):
