@@ -24,7 +24,7 @@ def test_an_arm_that_is_not_seen_or_moved_by_others_starts_nothing():
     world.begin("plate")
     world.measures = False
     for _ in range(20):
-        world.activation.take_joint_state(world.now_ns + STEP_NS, HOME, np.full(7, 0.1))
+        world.activation.take_joint_state(world.now_ns + STEP_NS, HOME, np.full(7, -0.1))
         world.step()
     assert world.commands == [] and "arm_moving" in world.rejected
 

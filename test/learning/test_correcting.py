@@ -52,7 +52,7 @@ def test_each_kind_of_unit_counts_in_proportion_to_its_dofs(rng):
 @pytest.fixture(scope="module")
 def trained():
     recordings = [perform(TRUTH, task, 10 * task + k) for k in range(6) for task in (0, 1)]
-    settings = TrainingSettings(n_basis=10, n_aligned_basis=10)
+    settings = TrainingSettings(n_basis=10, n_aligned_basis=12)
     trained = gathered(recordings, settings)
     return replace(trained, library=replace(trained.library, none_margin=3.0))
 
