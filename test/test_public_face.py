@@ -173,7 +173,6 @@ def test_a_misspelt_label_is_a_warning(demonstrations):
         (lambda _: ir.read_demonstrations("bags", "dofs.yaml"), "dofs: expected a DofSpec, got"),
         (lambda _: ir.save_model("m.npz", "library"), "model: expected a Model, got one of type"),
         (lambda one: ir.IntentEstimator(one).observe(1.7e18, [0, 0, 0]), "divide them by 1e"),
-        (lambda one: ir.IntentEstimator(one).observe("now", [0, 0, 0]), "got 'now'"),
         (lambda _: ir.TrainingSettings(n_basis=-1), "n_basis, width: expected 3 basis"),
         (lambda _: ir.TrainingSettings(n_basis=12.5), "n_basis, width: .* got 12.5"),
         (lambda _: ir.learn([], {"n_basis": 20}), "settings: expected a TrainingSettings, got one"),

@@ -227,26 +227,22 @@ def test_what_somebody_asked_before_they_were_lost_counts_no_more():
     assert {person for person, _ in world.helped} == {"anna", ""}
 
 
-def test_the_arm_stops_when_the_one_it_helps_vanishes_and_goes_on_with_the_other():
-    world = both_ask(0.4, 0.2)
-    world.until(lambda: world.helps("anna"))
-    world.silent.add("anna")
-    world.until(lambda: world.activation.mode is Mode.STOPPED)
-    assert world.activation.stop_reason == "stream_stopped"
-    world.until(lambda: world.helps("ben"))
-    world.check_continuous()
-
-
-def stopped_for_want_of_anna():
+def stopped_for_want_of_anna(ben="idle"):
     """The arm helped anna, of whom nothing comes any more."""
-    world = SharedWorld()
-    world.run(0.5)
-    world.ask("anna", "plate", 0.4)
+    world = both_ask(0.4, 0.2)
+    world.ask("ben", ben, 0.2)
     world.until(lambda: world.helps("anna"))
     world.run(0.5)
     world.silent.add("anna")
     world.until(lambda: world.activation.mode is Mode.STOPPED)
     return world
+
+
+def test_the_arm_stops_when_the_one_it_helps_vanishes_and_goes_on_with_the_other():
+    world = stopped_for_want_of_anna("screw")
+    assert world.activation.stop_reason == "stream_stopped"
+    world.until(lambda: world.helps("ben"))
+    world.check_continuous()
 
 
 def test_the_same_movement_is_resumed_and_another_begins_an_interaction():

@@ -45,16 +45,22 @@ def run_command(parse, capsys):
 
 
 @pytest.fixture
-def refused(capsys):
-    """Let the parser refuse the words of a command; returns what it says."""
+def ended(capsys):
+    """Let the parser end the program with a code; returns what is on both streams."""
 
-    def run(*words: object) -> str:
-        with pytest.raises(SystemExit) as ended:
+    def run(code: int, *words: object):
+        with pytest.raises(SystemExit) as end:
             main([*map(str, words)])
-        assert ended.value.code == 2
-        return capsys.readouterr().err
+        assert end.value.code == code
+        return capsys.readouterr()
 
     return run
+
+
+@pytest.fixture
+def refused(ended):
+    """Let the parser refuse the words of a command; returns what it says."""
+    return lambda *words: ended(2, *words).err
 
 
 @pytest.fixture(scope="session")

@@ -19,23 +19,10 @@ from intent_recognition.errors import ModelError
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture
-def printed(capsys):
-    """What `intent` prints for an option after which it ends."""
-
-    def run(*words: str) -> str:
-        with pytest.raises(SystemExit) as ended:
-            cli.main(words)
-        assert ended.value.code == 0
-        return capsys.readouterr().out
-
-    return run
-
-
 @pytest.mark.parametrize("command", cli.COMMANDS)
-def test_every_command_explains_itself(command, printed, monkeypatch):
+def test_every_command_explains_itself(command, ended, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    text = printed(command, "--help")
+    text = ended(0, command, "--help").out
     assert text.startswith(f"usage: intent {command}") and len(text.splitlines()) > 5
     assert max(map(len, text.splitlines())) <= 80
 
@@ -54,11 +41,11 @@ def test_every_option_explains_itself():
             assert not re.search(r"\b([a-z]+) \1\b", action.help), (command, action.help)
 
 
-def test_commands_and_their_actions_are_listed(printed):
-    actions, commands = printed("plan", "--help"), printed("--help")
+def test_commands_and_their_actions_are_listed(ended):
+    actions, commands = ended(0, "plan", "--help").out, ended(0, "--help").out
     assert all(f"\n    {action} " in actions for action in ("learn", "show"))
     assert all(command in commands for command in cli.COMMANDS)
-    version, update = printed("--version").splitlines()
+    version, update = ended(0, "--version").out.splitlines()
     assert version == f"intent {__version__}"
     assert update.startswith(("update: compiled C", "update: numpy"))
 
