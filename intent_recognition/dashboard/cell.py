@@ -98,7 +98,10 @@ class Past:
 
     def take(self, names: Sequence[str], values: ArrayLike, now_s: float) -> None:
         """Store values, unless others were stored less than `PLOTTED_STEP_S` ago."""
-        if not self._rows or now_s - self._rows[-1][0] >= PLOTTED_STEP_S:
+        silent_s = now_s - self._rows[-1][0] if self._rows else PLOTTED_STEP_S
+        if silent_s > FRESH_S:
+            self._rows.append((now_s, {}))  # no curve over a time in which nothing was received
+        if silent_s >= PLOTTED_STEP_S:
             self._rows.append((now_s, dict(zip(names, np.asarray(values), strict=True))))
 
     def columns(self, names: Sequence[str], now_s: float) -> tuple[Floats, ...]:

@@ -77,9 +77,9 @@ def test_forces_are_named_while_there_are_any_in_the_plotted_time():
     transfer.take("offering", felt, 0.5)
     transfer.take("offering", felt, 5.0)  # the sensor is silent since
     times, load, sensor = transfer.forces.columns(("load", SENSOR), 5.0)
-    np.testing.assert_array_equal(times, [-5.0, -4.5, 0.0])
-    np.testing.assert_array_equal(load, [np.nan, 4.0, 4.0])
-    np.testing.assert_array_equal(sensor, [5.0, 5.0, np.nan])
+    np.testing.assert_array_equal(times, [-5.0, -4.5, 0.0, 0.0])
+    np.testing.assert_array_equal(load, [np.nan, 4.0, np.nan, 4.0])  # no curve through the silence
+    np.testing.assert_array_equal(sensor, [5.0, 5.0, np.nan, np.nan])
     assert transfer.names(5.0 + PLOTTED_S) == FORCES
     assert transfer.names(6.0 + PLOTTED_S) == ()
 
