@@ -61,10 +61,14 @@ def print_explanation(console: Console, one: Explanation) -> None:
     table = boxed_table(f"{heading(one)}: nats", "signal", *times, ">in all", "without it")
     table.columns[0].overflow = "fold"  # names differ at their ends
     by_name = dict(zip(found.names, sums.T, strict=True))
-    table.add_row("expected before", *[""] * PARTS, f"{found.expected:+.1f}", "")
+    table.add_row("expected before", *[""] * PARTS, _signed(found.expected), "")
     for name, total, instead in without_rows(one):
-        cells = [f"{value:+.1f}" for value in by_name.get(name, ())] or [""] * PARTS
-        table.add_row(name, *cells, "" if total is None else f"{total:+.1f}", instead)
-    totals = [f"{value:+.1f}" for value in sums.sum(axis=1)]
-    table.add_row("log odds", *totals, f"{found.log_odds:+.1f}", "")
+        cells = [_signed(value) for value in by_name.get(name, ())] or [""] * PARTS
+        table.add_row(name, *cells, "" if total is None else _signed(total), instead)
+    totals = map(_signed, sums.sum(axis=1))
+    table.add_row("log odds", *totals, _signed(found.log_odds), "")
     console.print(table)
+
+
+def _signed(value: float) -> str:
+    return f"{round(value, 1) + 0.0:+.1f}"  # not -0.0

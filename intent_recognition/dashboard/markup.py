@@ -19,13 +19,14 @@ from intent_recognition.dashboard.cell import (
 )
 from intent_recognition.plans import LIKELY_BEFORE, WorkPlan
 from intent_recognition.promp import NONE
-from intent_recognition.report import INK, NONE_COLOUR, PALETTE, SOFT, readable
+from intent_recognition.report import INK, NONE_COLOUR, PALETTE, PREDICTED_COLOUR, SOFT, readable
 from intent_recognition.transfer import Holding
 
 RULE = "#e3e8ee"
 PERSON_COLOURS = ("#2b5163", "#8c3b57", "#4d6a1f", "#5b4a9c", "#7d4b1e", "#1f6e66", INK, "#6a5f6d")
 """Colours of people, in order; darker than the colours of tasks."""
-FORCE_COLOURS = dict(zip((*FORCES, SENSOR), PALETTE, strict=False))
+FORCE_COLOURS = dict(zip((*FORCES, SENSOR), (PREDICTED_COLOUR, *PALETTE[5:3:-1], SOFT)))
+"""Colours of forces: not those of the first tasks; the load's is that of the demo's report."""
 GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", NONE_COLOUR
 ERROR = 2
 """Level of a node in error, as in diagnostic_msgs/DiagnosticStatus."""
@@ -33,7 +34,8 @@ LEVELS = {0: GOOD, 1: WARNING, ERROR: BAD, 3: STALE}
 STYLE = f"""<style>
 [role=tab] {{padding-inline: .65em !important}}
 @media (max-width: 36em) {{[style*='width: 20em'] {{width: 100vw !important}}
-  body:not(:has([inert] .i-now)) div:has(> div > div > canvas) {{height: 42vh !important}}}}
+  body:not(:has([inert] .i-now)) div:has(> div > div > canvas) {{height: 42vh !important}}
+  .i-notice {{bottom: calc(58vh + .6em) !important}}}}
 .i-block {{font: .92em/1.4 Inter, system-ui, sans-serif; font-variant-numeric: tabular-nums;
            color: {INK}; padding: .15em 1.1em .15em .75em}}
 .i-soft {{color: {SOFT}}}

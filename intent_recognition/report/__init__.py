@@ -11,6 +11,7 @@ from intent_recognition.report.drawing import (
     NONE_COLOUR,
     PALETTE,
     PAPER_COLOUR,
+    PREDICTED_COLOUR,
     SOFT,
     Drawing,
     fill_two_sigma,

@@ -69,7 +69,7 @@ def evidence_figure(one: Explanation) -> Drawing:
     figure = new_figure(8.6, 3.4)
     over_time, in_all = figure.subplots(1, 2, width_ratios=(2, 1))
     sums = np.cumsum(found.by_dof, axis=0)
-    colours = [PALETTE[k % len(PALETTE)] for k in range(len(found.names))]
+    colours = [PALETTE[(k + 3) % len(PALETTE)] for k in range(len(found.names))]  # not the tasks'
     short = [short_name(name, found.names) for name in found.names]
     for name, colour, column in zip(short, colours, sums.T, strict=True):
         over_time.plot(found.times_s, column, color=colour, label=name)

@@ -24,6 +24,8 @@ from intent_recognition.cli.explain import print_explanation
 from intent_recognition.demonstrations import Source, iter_samples
 from intent_recognition.evaluation import explain, replay
 from intent_recognition.recognition import DecisionState, IntentEstimator, decide, decision_settings
+from intent_recognition.report import task_colours
+from intent_recognition.report.explanation_report import evidence_figure
 
 
 @pytest.fixture(scope="module")
@@ -113,9 +115,13 @@ def test_tables_json_and_page_say_the_same(run_command, model, bag, tmp_path):
 @pytest.mark.slow
 def test_the_end_of_a_signal_s_name_is_not_cut(bag):
     (one,) = explain(BagReader(bag), learned_model(DOFS, TRUTH))
+    one.evidence.by_dof[0] = -0.01
     print_explanation(Console(width=80, file=(text := io.StringIO())), one)
     cells = [line.split("│")[1].strip() for line in text.getvalue().splitlines() if "│" in line]
     assert {name[-4:] for name in one.evidence.names} <= {cell[-4:] for cell in cells}
+    assert "-0.0" not in text.getvalue()
+    shown = {line.get_color() for line in evidence_figure(one).axes[0].lines}
+    assert not shown & set(task_colours(one.labels).values())  # those are on the same page
 
 
 @pytest.mark.slow
