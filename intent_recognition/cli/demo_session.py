@@ -173,7 +173,7 @@ def _run_graph(
             say(console, f"{unanswered} did not answer for 10 s; simulated time went on")
         return logs, {
             "simulated time per real time": round(pace, 2),
-            "did not answer for 10 s": unanswered or "none",
+            "nodes that did not answer for 10 s": unanswered or "none",
         }
 
 

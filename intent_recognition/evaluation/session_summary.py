@@ -81,7 +81,7 @@ class InteractionRecord:
     # whether the object changed hands without being dropped; None if objects are not handed over
     # by force
     handed_over: bool | None = None
-    transfer_s: float | None = None  # time of the change of hands after the human's end
+    transfer_s: float | None = None  # time of the change of hands after the movement
     largest_force_n: float | None = None  # largest force of the person on the object
     # most probable task at the end of the movement, whether or not the arm acted
     believed: str = ""
@@ -133,7 +133,7 @@ class DemoSummary:
     hand_error: HandError
     hand_error_by_task: Mapping[str, HandError]  # by task, including `tasks_apart`
     tasks_apart: tuple[str, ...]  # tasks left out of `hand_error`
-    # median_arrival_s, latest_arrival_s: after the human's end, over all arrivals
+    # median_arrival_s, latest_arrival_s: after the movement, over all arrivals
     median_arrival_s: float | None
     latest_arrival_s: float | None
     n_changed: int  # number of changed interactions

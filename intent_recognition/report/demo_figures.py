@@ -34,7 +34,8 @@ RELIABILITY = (
 )
 TRANSFER = (
     "The object changes hands: the person's true force on it, the load that the robot feels,"
-    " and the force of its fingers; below: the person's share of the load, as felt."
+    " and the force of its fingers; below, where the robot gives: the person's share of the load,"
+    " as felt."
 )
 
 
@@ -63,7 +64,7 @@ def figures_of_records(
         figure = figures_session.histogram_figure(percent, what, 100.0, "{:.0f} %", labels)
         drawn.append(svg_figure(figure, "How early: 100 % is the end of the human's movement."))
     if arrivals:
-        what = "robot's arrival after the human's end [s]"
+        what = "robot's arrival after the end of the human's movement [s]"
         figure = figures_session.histogram_figure(arrivals, what, 0.0, "{:+.2f} s", labels)
         drawn.append(svg_figure(figure, "Zero is the end of the human's movement."))
     return (Row(tuple(drawn)),) if drawn else ()
@@ -130,7 +131,7 @@ def _detail(record: InteractionRecord, trace: Trace) -> tuple[Block, ...]:
     blocks: list[Block] = [Paragraph(_sentence(record))]
     if _has_posterior(trace):
         figure = posterior_over_time_figure(trace, record.movement_s)
-        caption = "Task posterior; solid vertical line: decision; dotted: human's end."
+        caption = "Task posterior; solid vertical line: decision; dotted: end of the movement."
         blocks.append(svg_figure(figure, caption))
     if "transfer_s" in trace:
         blocks.append(svg_figure(transfer_figure(trace), TRANSFER))
@@ -146,11 +147,11 @@ def _sentence(record: InteractionRecord) -> str:
         parts.append(f"at {100 * record.decision_share:.0f} % of the movement")
     if record.hand_error_m is not None:
         parts.append(f"hand error {CM_PER_M * record.hand_error_m:.1f} cm")
-    if record.transfer_s is not None and record.largest_force_n is not None:
-        when = f"{record.transfer_s:+.2f} s after the human's end"
-        parts.append(f"handed over {when} with at most {record.largest_force_n:.1f} N")
     if record.arrival_s is not None:
-        parts.append(f"arrival {record.arrival_s:+.2f} s after the human's end")
+        parts.append(f"arrival {record.arrival_s:+.2f} s after the end of the movement")
+    if record.transfer_s is not None and record.largest_force_n is not None:
+        force = f"with at most {record.largest_force_n:.1f} N"
+        parts.append(f"handed over {record.transfer_s:+.2f} s after it {force}")
     text = ", ".join(parts)
     return f"{text[0].upper()}{text[1:]}. {record.note}".strip()
 

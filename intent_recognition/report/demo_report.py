@@ -84,7 +84,7 @@ def _key_numbers(summary: DemoSummary, of_paper: bool) -> html.KeyNumbers:
     paper_right = "{}/{}".format(*PAPER_RECOGNISED) if of_paper else ""
     numbers = [
         html.KeyNumber(f"tasks {helped}", right, paper_right, good),
-        _all_of(f"{known} the human's end", summary.decided_before_end, n),
+        _all_of(f"{known} the end of the movement", summary.decided_before_end, n),
     ]
     if not summary.people:
         text = _absent(share, lambda x: f"{100 * x:.0f} %")
@@ -101,10 +101,10 @@ def _key_numbers(summary: DemoSummary, of_paper: bool) -> html.KeyNumbers:
         numbers.append(html.KeyNumber(title, ours, theirs, _meets(error, paper), note))
     text = _absent(summary.median_arrival_s, lambda x: f"{x:+.2f} s")
     note = _absent(summary.latest_arrival_s, lambda x: f"median; latest {x:+.2f} s")
-    numbers.append(html.KeyNumber("robot's arrival after the human's end", text, note=note))
+    numbers.append(html.KeyNumber("robot's arrival after the movement", text, note=note))
     if summary.n_transfers:
         given = _all_of("objects handed over by force", summary.handed_over, summary.n_transfers)
-        force, note = summary.largest_force_n, f"at most {LARGEST_FORCE_N:g} N is required"
+        force, note = summary.largest_force_n, f"aim: at most {LARGEST_FORCE_N:g} N"
         text, good = _absent(force, lambda x: f"{x:.1f} N"), (force or 0.0) <= LARGEST_FORCE_N
         numbers += [given, html.KeyNumber("largest force of the person", text, "", good, note)]
     if summary.people:
@@ -153,8 +153,8 @@ def _table(records: Sequence[InteractionRecord], summary: DemoSummary) -> html.T
     missed = [row for row, record in enumerate(records) if not record.right]
     of_changed = summary.n_changed - summary.changes_followed
     caption = (
-        "decided: after onset. share: of the human's movement at the decision. arrival: after the"
-        f" human's end. {summary.missed + of_changed} missed."
+        "decided: after onset. share: of the human's movement at the decision. arrival, handed"
+        f" over: after its end. {summary.missed + of_changed} missed."
     )
     rows = [[field.cell(one) for field in fields] for one in records]
     return html.TableBlock(columns, rows, caption, missed)
@@ -206,7 +206,7 @@ OF_ARM: tuple[tuple[html.Column, Callable[[DemoSummary, list[float]], object]], 
 CAPTION = (
     "hand error: mean and two standard deviations over the tasks whose place depends on the human,"
     " as in the report of one arm; median and largest are of all interactions. arrival: after the"
-    " human's end."
+    " end of the movement."
 )
 
 

@@ -26,16 +26,21 @@ OBSERVED, PREDICTED, TUBE = INK, PREDICTED_COLOUR, "#f5dfe5"
 @styled
 def transfer_figure(trace: Mapping) -> Drawing:
     """Forces while an object changes hands; keys are those of `evaluation.Trace`."""
-    figure = new_figure(11.2, 4.2)
-    axes, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    share = 100.0 * np.asarray(trace["load_share"], dtype=float)
+    heights = (3, 1) if share.any() else (3,)  # a robot that takes an object measures no share
+    figure = new_figure(11.2, 1.05 * sum(heights))
+    grid = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)
+    axes, *lower = grid[:, 0]
     felt_s = np.asarray(trace["transfer_s"], dtype=float)
     load: Look = {"color": PREDICTED, "linewidth": 0.8, "alpha": 0.6}
     axes.plot(felt_s, trace["load_n"], **load, label="load that the robot feels")
     axes.plot(felt_s, trace["grip_n"], color=SOFT, label="each finger")
-    axes.plot(trace["person_s"], trace["person_n"], color=OBSERVED, label="person, in truth")
+    axes.plot(trace["person_s"], trace["person_n"], color=OBSERVED, label="person, true force")
     axes.set(ylabel="force [N]")
-    below.fill_between(felt_s, 100.0 * np.asarray(trace["load_share"], dtype=float), color=TUBE)
-    below.set(xlabel="time after onset [s]", ylabel="share [%]", ylim=(0, 100), yticks=(0, 50, 100))
+    for below in lower:
+        below.fill_between(felt_s, share, color=TUBE)
+        below.set(ylabel="share [%]", ylim=(0, 100), yticks=(0, 50, 100))
+    grid[-1, 0].set_xlabel("time after onset [s]")
     shared_legend(figure, [axes], 3)
     return figure
 

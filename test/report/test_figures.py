@@ -133,6 +133,7 @@ def test_the_bar_of_a_single_value_is_wide_enough_to_be_seen():
 def test_what_is_predicted_and_decided_has_the_colour_of_no_task(trace):
     lines = {line.get_color() for line in transfer_figure(trace).axes[0].lines}
     assert len(lines) > 1 and not lines & set(PALETTE)
+    assert len(transfer_figure(trace | {"load_share": np.zeros(900)}).axes) == 1  # none is offered
     posterior = posterior_over_time_figure(trace, 2.0).axes[0].lines
     assert [line.get_color() in PALETTE for line in posterior] == 3 * [True] + 3 * [False]
 

@@ -98,7 +98,7 @@ def test_the_report_of_several_people_counts_wrong_helps_and_does_not_judge_wait
     numbers = key_numbers(page)
     assert (numbers["wrong helps"].ours, numbers["wrong helps"].good) == (str(wrong), not wrong)
     known = sum(r.believed == r.task for r in records)
-    assert numbers["recognised at the human's end"].ours == f"{known}/{len(records)}"
+    assert numbers["recognised at the end of the movement"].ours == f"{known}/{len(records)}"
     assert "median decision" not in numbers
 
 

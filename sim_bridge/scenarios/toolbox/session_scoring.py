@@ -223,7 +223,7 @@ def _arrival(
     scoring: Scoring,
     transfer_ns: int | None,
 ) -> float | None:
-    """Time from the human's end until the arm first rests at its goal after the decision [s].
+    """Time from the movement's end until the arm first rests at its goal after the decision [s].
 
     The arm must have moved before. `transfer_ns` is the stamp at which an object changed hands: the
     hand's position at that time is the goal.

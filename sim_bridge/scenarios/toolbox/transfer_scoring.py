@@ -55,7 +55,7 @@ def _dropped(stamps: Integers, holders: tuple[str, ...]) -> bool:
 def transfer_trace(
     log: SessionLog, onset_ns: int, end_ns: int, until_ns: int, score: TransferScore
 ) -> Trace:
-    """Forces from the human's end until a second after the transfer, or until the end."""
+    """Forces from the end of the movement until a second after the transfer, or until the end."""
     stop_ns = until_ns if score.at_ns is None else score.at_ns + 1_000_000_000
     felt = slice(*np.searchsorted(log.transfers.stamps_ns, [end_ns, stop_ns]))
     true = slice(*np.searchsorted(log.contacts.stamps_ns, [end_ns, stop_ns]))
