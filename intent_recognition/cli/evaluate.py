@@ -186,9 +186,9 @@ def print_result(console: Console, result: dict) -> None:
         taken = (f"{m['recording']} ({m['true']}) for {m['recognised']}" for m in mistaken)
         say(console, f"taken for another task at the end: {first_of([*taken])}", "yellow")
     print_reactive(console, result["reactive"])
+    _print_none(console, result["none"])
     online = {phase.removesuffix("_phase"): row for phase, row in result["online"].items()}
     _print_scores(console, "online, as the nodes run", "phase", online, "{:.1%}")
-    _print_none(console, result["none"])
 
 
 def _print_scores(

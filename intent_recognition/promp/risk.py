@@ -70,8 +70,9 @@ class Risk(NamedTuple):
         who = "groups of demonstrations" if self.grouped else "demonstrations"
         whose = "with new people" if self.grouped else "like those recorded"
         text = (
-            f"acts from a probability of {self.threshold:.3f} among the tasks: of interactions"
-            f" {whose} at most {self.bound:.0%} are acted on wrongly, by {self.n_groups} {who}"
+            f"acts from a probability of {self.threshold:.3f} among the tasks: at most"
+            f" {self.bound:.0%} of interactions {whose} are acted on wrongly, judging by"
+            f" {self.n_groups} {who}"
         )
         if self.n_groups >= self.n_needed:
             return text

@@ -55,17 +55,20 @@ def rehearsal_tables(
             run.task,
             ", ".join(run.activated) or "-",
             f"{run.times_s[run.worst]:.2f}",
-            run.labels[int(np.argmax(run.probabilities[run.worst]))],
+            _most_probable(run),
         )
         for run in worst
     ]
+    prevented: dict[tuple[str, int], list[float]] = {}
+    for one in suggestions:  # several may be like one movement
+        prevented.setdefault((one.task, one.like), []).append(one.prevented)
     shown = [
-        (one.task, _movement(rehearsal.runs[one.like]), f"{one.prevented:.2f}")
-        for one in suggestions
+        (task, _movement(rehearsal.runs[like]), str(len(fewer)), f"{sum(fewer):.2f}")
+        for (task, like), fewer in prevented.items()
     ]
     return {
         "rehearsal": [("", ""), *result],
-        "what to demonstrate next": [("task", "like", ">failures fewer"), *shown],
+        "what to demonstrate next": [("task", "like", ">times", ">failures fewer"), *shown],
         "the worst moments": [("recording", "task", "acted on", ">at [s]", "taken for"), *moments],
     }
 
@@ -122,3 +125,10 @@ def _movement(run: Rehearsed) -> str:
     where = " to ".join(f"({', '.join(f'{x:.2f}' for x in point)})" for point in ends)
     group = run.recorded.metadata.get("group", "")
     return f"{run.recorded.name}{f' of {group}' if group else ''}: {where}"
+
+
+def _most_probable(run: Rehearsed) -> str:
+    """The task that was most probable at the worst moment, and its probability."""
+    probabilities = run.probabilities[run.worst]
+    best = int(np.argmax(probabilities))
+    return f"{run.labels[best]} ({probabilities[best]:.0%})"

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the nodes would do on recordings: scored online, and rehearsed before deployment."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -12,7 +13,7 @@ from scipy.stats import binom
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import Rehearsal, rehearse, run_online
 from intent_recognition.evaluation.online import OnlineOutcome, summarise_online
-from intent_recognition.evaluation.rehearsing import suggest
+from intent_recognition.evaluation.rehearsing import Suggestion, suggest
 from intent_recognition.recognition import DecisionState, IntentEstimator, decide, decision_settings
 from intent_recognition.recognition.decision import DecisionSettings
 from intent_recognition.report import rehearsal_tables
@@ -54,7 +55,11 @@ def test_a_decision_that_is_never_sure_misses_everything(library):
     found = rehearse(library, [recorded], never)
     assert (found.n_missed, found.n_wrong) == (1, 0)
     assert np.isnan(found.runs[0].decided_s)
-    assert ("decision", "never") in rehearsal_tables(found, [], found.worst(1))["rehearsal"]
+    twice = [Suggestion("task_1", 0, prevented) for prevented in (0.2, 0.1)]
+    result, wanted, worst = rehearsal_tables(found, twice, found.worst(1)).values()
+    assert ("decision", "never") in result
+    assert [(row[0], *row[2:]) for row in wanted[1:]] == [("task_1", "2", "0.30")]
+    assert re.fullmatch(r"\w+ \(\d+%\)", worst[1][-1])
     assert rehearse(library, [recorded], decision_settings(library)).n_missed == 0
     outcome = run_online(library, recorded)
     assert outcome.activated == (recorded.task,) and 0.0 < outcome.decided_share < 1.0
