@@ -30,9 +30,9 @@ class WatchTab:
         self._empty = gui.add_html(
             markup.ways("No tracker, arm or estimator publishes yet.", NEXT_STEPS)
         )
-        self._people, self._n_met = {"": PersonPanel(page.server, "")}, 0
         self._question = gui.add_folder("Which task is it?", visible=False)
         self._choices: dict[str, viser.GuiButtonHandle] = {}
+        self._people, self._n_met = {"": PersonPanel(page.server, "")}, 0
         self._plan = PlanPanel(page)
         self._transfer_line = gui.add_html("")
         self._forces = TimePlot(page.server, "Forces at the hand over time [N]")

@@ -33,18 +33,11 @@ class HandError:
     two_std_cm: float | None  # two sample standard deviations; None when n is below 2
 
     def __str__(self) -> str:
-        """Text such as `3.2 +- 2.6 cm`, with a dash for an unknown value."""
+        """Text such as `3.2 +- 2.6 cm`, `3.2 cm` for one interaction, `- cm` for none."""
         if self.mean_cm is None:
             return "- cm"
-        spread = "-" if self.two_std_cm is None else f"{self.two_std_cm:.1f}"
-        return f"{self.mean_cm:.1f} +- {spread} cm"
-
-    @property
-    def short(self) -> str:
-        """The same text without an unknown spread: `3.2 cm`."""
-        if self.mean_cm is None or self.two_std_cm is not None:
-            return str(self)
-        return f"{self.mean_cm:.1f} cm"
+        spread = "" if self.two_std_cm is None else f" +- {self.two_std_cm:.1f}"
+        return f"{self.mean_cm:.1f}{spread} cm"
 
 
 PAPER_RECOGNISED = (40, 40)
@@ -232,7 +225,7 @@ def summary_line(summary: DemoSummary) -> str:
             remarks.append(f"paper {PAPER_HAND_ERROR[task]}")
         if task in summary.tasks_apart:
             remarks.append(FIXED_PLACE)
-        parts.append(f"{task} {error.short}" + (f" ({'; '.join(remarks)})" if remarks else ""))
+        parts.append(f"{task} {error}" + (f" ({'; '.join(remarks)})" if remarks else ""))
     if summary.median_decision_share is not None:
         parts.append(f"median decision at {100 * summary.median_decision_share:.0f} %")
     if summary.median_arrival_s is not None:

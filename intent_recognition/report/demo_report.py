@@ -169,7 +169,7 @@ def _settings(settings: Mapping[str, object]) -> tuple[html.Block, ...]:
 
 def hand_error_text(error: HandError) -> str:
     """Text such as `3.2 +- 2.6 cm`, or a part of it if the rest is not known."""
-    return _absent(error.mean_cm, lambda _: error.short.replace("+-", "\N{PLUS-MINUS SIGN}"))
+    return _absent(error.mean_cm, lambda _: str(error).replace("+-", "\N{PLUS-MINUS SIGN}"))
 
 
 def _absent(value: float | None, form: Callable[[float], str]) -> str:

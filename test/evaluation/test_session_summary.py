@@ -94,7 +94,7 @@ def test_changes_of_mind_stand_apart():
     assert (summary.n_changed, summary.changes_followed) == (3, 2)
     assert summary.changed_hand_error == HandError(1, 5.0, None)
     assert summary_line(summary).startswith(summary_line(alone))
-    assert summary_line(summary).endswith("changes followed 2/3 with hand error 5.0 +- - cm")
+    assert summary_line(summary).endswith("changes followed 2/3 with hand error 5.0 cm")
     notes = [fields_of(changed)[-1].cell(record) for record in changed]
     assert notes[0] == "began as hold_screwdriver"
     assert notes[1].startswith("MISSED began as plate_handover")
