@@ -40,7 +40,7 @@ def numbers_json(runs: Mapping[str, ExperimentRun], seed: int, quick: bool) -> d
 def print_list(console: Console, entries: Iterable[Experiment]) -> None:
     """Print name, source and summary of each."""
     table = Table(box=None, header_style="bold")
-    for title in ("name", "stands beside", "what"):
+    for title in ("name", "compared with", "what"):
         table.add_column(title)
     for entry in entries:
         table.add_row(entry.name, entry.source, entry.summary)

@@ -81,7 +81,7 @@ def _overview(results: Mapping[str, ExperimentResult], failures: Mapping[str, st
     ]
     columns = (
         Column("experiment", align="left"),
-        Column("stands beside", align="left"),
+        Column("compared with", align="left"),
         Column("met"),
         Column("missed"),
         Column("not like for like"),
@@ -98,7 +98,7 @@ def _overview(results: Mapping[str, ExperimentResult], failures: Mapping[str, st
 def _section(result: ExperimentResult) -> Section:
     blocks: list[Block] = [
         Paragraph(result.question),
-        Paragraph(f"Stands beside: {result.source}.", small=True),
+        Paragraph(f"Compared with: {result.source}.", small=True),
         _findings_table(result),
         *result.blocks,
     ]
