@@ -47,7 +47,7 @@ EXPERIMENTS = tuple(
         ("context", "no paper", "handovers at a box that is moved, and where it stands is known"),
         ("clearance", "no paper", "boxes in the arm's way: bent, refused, never touched"),
         ("skills", "no paper", "skills that grow: corrected by hand, practised"),
-        ("constraints", f"{WP}, Fig. 3", "when a cup pours and where it spills, predicted from others"),
+        ("constraints", f"{WP}, Fig. 3", "when a cup pours and where it spills, from other cups"),
         ("grasps", "no paper", "the mug's grasp lifts other cups and bowls"),
         ("pouring", f"{WP}, Fig. 4-5", "the arm pours with containers never demonstrated"),
     )

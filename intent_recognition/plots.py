@@ -60,10 +60,10 @@ def draw_shares(axes: Axes, labels: Sequence[str], shares: Floats) -> None:
 
 
 def new_panels(n_rows: int = 1, n_columns: int = 1) -> tuple[Figure, NDArray[np.object_]]:
-    """A pyplot figure and its panels (n_rows, n_columns); pyplot shows and closes it."""
-    pyplot = optional("matplotlib.pyplot")
+    """A pyplot figure and its panels (n_rows, n_columns), each row with one scale."""
     size = (max(5.0, 3.2 * n_columns), 2.4 * n_rows + 0.6)
-    return pyplot.subplots(n_rows, n_columns, squeeze=False, figsize=size, layout="constrained")
+    figure = optional("matplotlib.pyplot").figure(figsize=size, layout="constrained")
+    return figure, figure.subplots(n_rows, n_columns, sharey="row", squeeze=False)
 
 
 def by_unit(units: Sequence[str]) -> list[tuple[str, list[int]]]:

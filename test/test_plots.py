@@ -69,6 +69,7 @@ def test_a_library_is_drawn_by_task_agent_and_unit(library):
         "controlled [rad]",
         "",
     ]
+    assert figure.axes[0].get_ylim() == figure.axes[1].get_ylim()  # tasks can be compared
     far = figure.axes[0].lines[0].get_ydata()
     assert abs(far[-1] - 0.7) < 0.1
     pyplot.close("all")

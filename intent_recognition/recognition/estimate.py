@@ -123,7 +123,7 @@ class Prediction(NamedTuple):
             shown = [names[k] for k in dofs]
             draw_bands(panel, self.trajectory.times_s, mean[:, dofs], std[:, dofs], shown)
             name_lines(panel)
-            panel.set_ylabel(f"[{unit}]" if unit else "")
+            panel.set_ylabel(f"predicted [{unit}]" if unit else "predicted")
         figure.suptitle(self.task, parse_math=False)
         return figure
 
