@@ -16,6 +16,7 @@ from intent_recognition.dashboard.widgets import series_of, time_plot
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.evaluation import explain, replay
 from intent_recognition.model import load_model
+from intent_recognition.promp import NONE
 from intent_recognition.report import heading, readable, short_name, task_colours, without_rows
 
 ABOUT = (
@@ -95,13 +96,14 @@ class CompareTab:
         found = [posterior_over(bag, model) for model in models]
         named = {m: " and ".join(n for n, o in zip("AB", models) if o == m) for m in models}
         reasons = "".join(why_over(bag, model, name) for model, name in named.items())
-        self._draw(found)
+        colours = self._draw(found)
+        names = markup.row(markup.swatch(readable(one), colour) for one, colour in colours.items())
         rows = [(n, *summary) for n, (_, _, summary) in zip("AB", found, strict=True)]
         table = markup.table(("model", "acts on", "after", "at the end"), rows)
-        self._result.content = table + reasons
+        self._result.content = table + reasons + names
 
-    def _draw(self, found: Sequence[tuple]) -> None:
-        """Draw one diagram per model, with the same colours and the same time axis."""
+    def _draw(self, found: Sequence[tuple]) -> dict[str, str]:
+        """Draw one diagram per model on the same time axis; return the colour of each label."""
         labels = {label for _, columns, _ in found for label in columns}
         taken = self._colours()
         colours = task_colours(labels | taken.keys(), taken)
@@ -115,6 +117,7 @@ class CompareTab:
                 plot = time_plot(self._gui, data, series, times_s=(0.0, last_s), title=title)
                 self._plots.append(plot)
         self._place.visible = True
+        return {label: colours[label] for label in sorted(labels)}
 
 
 def posterior_over(
@@ -134,7 +137,8 @@ def posterior_over(
         label: np.array([row["probabilities"][label] for row in rows[::every]]) for label in labels
     }
     acted = next((k for k, row in enumerate(rows) if row["active_task"]), None)
-    last = rows[-1]["probabilities"]
+    moving = [row for row in rows if row["probabilities"][NONE] < 1.0]
+    last = (moving or rows)[-1]["probabilities"]
     best = max(last, key=last.get)
     summary = (
         "nothing" if acted is None else readable(rows[acted]["active_task"]),

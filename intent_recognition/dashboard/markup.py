@@ -158,14 +158,22 @@ def transfer(state: TransferState, fresh: bool) -> str:
     remarks += [f"the person carries {state.felt[SHARE]:.0%}"] if offered else []
     remarks += [f'<b style="color:{BAD}">slips</b>'] if state.felt.get(SLIP) else []
     forces = [
-        f'<span style="color:{colour if fresh else STALE}">&#9632;</span>'
-        f" {readable(name)} {value:.1f} N"
+        swatch(f"{readable(name)} {value:.1f} N", colour if fresh else STALE)
         for name, colour in FORCE_COLOURS.items()
         if (value := state.newest(name)) is not None
     ]
-    rows = ("".join(f"<span>{part}</span>" for part in parts) for parts in (remarks, forces))
-    shown = "".join(f'<div class="i-row">{row}</div>' for row in rows if row)
-    return _block(shown) if shown else ""
+    return row(remarks) + row(forces)
+
+
+def row(parts: Iterable[str]) -> str:
+    """Pieces of HTML side by side; empty without any."""
+    spans = "".join(f"<span>{part}</span>" for part in parts)
+    return _block(f'<div class="i-row">{spans}</div>') if spans else ""
+
+
+def swatch(text: str, colour: str) -> str:
+    """A small square in a curve's colour, and its name."""
+    return f'<span style="color:{colour}">&#9632;</span> {escape(text)}'
 
 
 def nodes_table(nodes: Mapping[str, NodeHealth], now_s: float) -> str:
