@@ -70,11 +70,12 @@ def _overview(results: Mapping[str, ExperimentResult], failures: Mapping[str, st
     findings = [f for result in results.values() for f in result.findings]
     met = sum(f.holds is True for f in findings)
     missed = sum(f.holds is False for f in findings)
+    good = not missed if met + missed else None
     blocks: list[Block] = [
         KeyNumbers(
             (
                 KeyNumber("experiments", str(len(results))),
-                KeyNumber("figures met or beaten", f"{met} of {met + missed}", good=not missed),
+                KeyNumber("figures met or beaten", f"{met} of {met + missed}", good=good),
                 KeyNumber("not like for like", str(len(findings) - met - missed)),
             )
         )

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from experiments import catalogue, runs
+from experiments import catalogue, report, runs
 from experiments.catalogue import Experiment
 from experiments.runs import run_all
 from experiments.settings import Settings
@@ -105,3 +105,8 @@ def test_recordings_that_are_not_there_are_said_before_any_work(capsys, tmp_path
     assert main(["experiments", "--bags", str(missing), "--output", str(tmp_path / "new")]) == 1
     assert f"--bags: expected a folder of recordings, got {missing}" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
+
+
+def test_without_comparable_figures_none_is_called_good():
+    numbers, *_ = report._overview({}, {}).blocks
+    assert [number.good for number in numbers.numbers] == [None, None, None]
