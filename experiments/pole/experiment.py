@@ -39,8 +39,8 @@ _CONDITIONS = (
     "Nine spots were shown on both sides, five on the left only and five on the right only, the"
     " latter because the arm cannot get there the other way; the paper's counts are not given.",
     "The wand comes to the spot from the side where the arm is not, by 5 cm with a standard"
-    " deviation of 2 cm: the only thing that tells the side at spots reached both ways. What told"
-    " it in the paper is not said.",
+    " deviation of 2 cm: nothing else shows the side at spots reached both ways. The paper does not"
+    " say what showed it there.",
     "The paper reads the number of components off its curve; ours is the rule of"
     " `intent train --unlabelled`, the smallest within one standard error of the best left-out"
     " density.",

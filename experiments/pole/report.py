@@ -61,7 +61,7 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
         Finding(
             "motions of a single Gaussian that hit the pole",
             "several cross the middle",
-            f"{single} of {n}; told the wand's end only {single_end} of {n}",
+            f"{single} of {n}; given the wand's end only {single_end} of {n}",
             True if single else None,
             "" if single else "None of this subset did.",
         ),
@@ -69,7 +69,7 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
             Finding.wanted(name, "", f"{hits} of {n}", not hits, "They must not.")
             for name, hits in (
                 (f"motions of {study.chosen} components that hit the pole", mixture),
-                ("... told the wand's end only", end),
+                ("... given the wand's end only", end),
             )
         ),
         Finding.alone(
@@ -156,7 +156,7 @@ def _draws(study: PoleStudy) -> tuple[TableBlock, ...]:
     caption = (
         f"The {len(study.demonstrations)} recordings drawn again from other seeds, the shipped ones"
         " first: components taken, demonstrations in a component of their own side, error of the"
-        " path, and planned motions that run through the pole, told the whole path of the wand or"
+        " path, and planned motions that run through the pole, given the whole path of the wand or"
         " its end only; below median and range."
     )
     return draws_tables(study.draws, lambda name: "cm" if name.startswith("path") else "", caption)

@@ -51,6 +51,7 @@ STYLE: dict[str, Any] = {
     "font.size": 9.5,
     "text.color": INK,
     "text.parse_math": False,  # names may contain dollar signs
+    "figure.constrained_layout.wspace": 0.06,  # last and first numbers of neighbours do not touch
     "figure.facecolor": "white",
     "axes.facecolor": "white",
     "axes.edgecolor": "#b6c0cb",

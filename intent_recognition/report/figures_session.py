@@ -143,7 +143,7 @@ def posterior_figure(
         ticks = [100 * share for share in decided if share is not None]
         axes.plot(ticks, np.full(len(ticks), 1.06), "|", color=INK, markersize=7, alpha=0.6)
         axes.set_title(f"true task: {readable(true)} ({len(chosen)})")
-        axes.set(xlabel="share of the movement [%]", xlim=(-2, 102), ylim=(-0.02, 1.1))
+        axes.set(xlabel="share of the movement [%]", xlim=(0, 100), ylim=(-0.02, 1.1))
     grid[0].set_ylabel("probability")
     shared_legend(figure, grid, 6)
     return figure
