@@ -111,7 +111,8 @@ def run(args: argparse.Namespace) -> int:
     if args.report:
         from intent_recognition.report import warp_page
 
-        output.write_report(console, args.report, warp_page, source, warped, parameters, content)
+        names = f"{args.source} onto {args.target}"
+        output.write_report(console, args.report, warp_page, source, warped, parameters, names)
     return 0
 
 

@@ -19,6 +19,7 @@ from intent_recognition.report import figures_session
 from intent_recognition.report.drawing import readable, svg_figure
 from intent_recognition.report.figures_evaluation import confusion_shares_figure, reliability_figure
 from intent_recognition.report.figures_interaction import (
+    POSTERIOR,
     posterior_over_time_figure,
     transfer_figure,
 )
@@ -131,8 +132,7 @@ def _detail(record: InteractionRecord, trace: Trace) -> tuple[Block, ...]:
     blocks: list[Block] = [Paragraph(_sentence(record))]
     if _has_posterior(trace):
         figure = posterior_over_time_figure(trace, record.movement_s)
-        caption = "Task posterior; solid vertical line: decision; dotted: end of the movement."
-        blocks.append(svg_figure(figure, caption))
+        blocks.append(svg_figure(figure, POSTERIOR))
     if "transfer_s" in trace:
         blocks.append(svg_figure(transfer_figure(trace), TRANSFER))
     return tuple(blocks)

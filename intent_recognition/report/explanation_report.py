@@ -17,7 +17,7 @@ from intent_recognition.report.drawing import (
     styled,
     svg_figure,
 )
-from intent_recognition.report.figures_interaction import posterior_over_time_figure
+from intent_recognition.report.figures_interaction import POSTERIOR, posterior_over_time_figure
 
 EXPLANATION = (
     "Evidence is the logarithm of how much more probable an observation is under the task than"
@@ -28,7 +28,7 @@ EXPLANATION = (
 CAPTIONS = (
     "Left: evidence so far, in all and by DOF. Right: what each added until then, and what the odds"
     " were before.",
-    "Task posterior; solid vertical line: decision; dotted: end of the movement.",
+    POSTERIOR,
 )
 
 

@@ -20,6 +20,7 @@ from intent_recognition.report.drawing import (
     task_colours,
 )
 
+POSTERIOR = "Task posterior; solid vertical line: decision; dotted: end of the movement."
 OBSERVED, PREDICTED, TUBE = INK, PREDICTED_COLOUR, "#f5dfe5"
 
 

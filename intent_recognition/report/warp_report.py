@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report of one warp: its parameters, the points by part, and a section."""
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,12 +30,9 @@ MM = 1e3
 
 
 def warp_page(
-    source: ObjectModel,
-    warped: WarpedObject,
-    parameters: PouringParameters,
-    content: Mapping[str, object],
+    source: ObjectModel, warped: WarpedObject, parameters: PouringParameters, subtitle: str
 ) -> html.ReportPage:
-    """The report of a warp; `content` is its JSON."""
+    """The report of a warp."""
     own = source.annotated
     views = (
         (f"annotated: {own.name}", source.frame.to_local(own.points), own.labels),
@@ -52,23 +47,9 @@ def warp_page(
         html.KeyNumber("height", f"{1e3 * parameters.height_m:.1f} mm"),
         html.KeyNumber("tilt that leaves half", f"{degrees:.1f}\N{DEGREE SIGN}"),
     )
-    rows = tuple((name, _text(value)) for name, value in content.items())
-    table = html.TableBlock(html.text_columns("name", "value"), rows)
-    blocks: dict[str, html.Block] = {"Parameters": html.KeyNumbers(numbers), "Parts": parts}
-    blocks |= {"Cavity": cut, "As JSON": table}
-    sections = tuple(html.Section(name, (block,)) for name, block in blocks.items())
-    subtitle = f"{content['source']} onto {content['target']}"
+    measured = html.Section("Parameters", (html.KeyNumbers(numbers),))
+    sections = (measured, html.Section("Parts", (parts,)), html.Section("Cavity", (cut,)))
     return html.ReportPage("Warped object", subtitle, sections)
-
-
-def _text(value: object) -> str:
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, list):
-        return ", ".join(_text(one) for one in value)
-    if isinstance(value, dict):
-        return ", ".join(f"{key} {_text(one)}" for key, one in value.items())
-    return str(value)
 
 
 @styled
