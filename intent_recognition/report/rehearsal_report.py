@@ -55,9 +55,10 @@ def rehearsal_tables(
             run.task,
             ", ".join(run.activated) or "-",
             f"{run.times_s[run.worst]:.2f}",
-            _most_probable(run),
+            f"{run.labels[int(p.argmax())]} ({p.max():.0%})",
         )
         for run in worst
+        for p in [run.probabilities[run.worst]]
     ]
     prevented: dict[tuple[str, int], list[float]] = {}
     for one in suggestions:  # several may be like one movement
@@ -125,10 +126,3 @@ def _movement(run: Rehearsed) -> str:
     where = " to ".join(f"({', '.join(f'{x:.2f}' for x in point)})" for point in ends)
     group = run.recorded.metadata.get("group", "")
     return f"{run.recorded.name}{f' of {group}' if group else ''}: {where}"
-
-
-def _most_probable(run: Rehearsed) -> str:
-    """The task that was most probable at the worst moment, and its probability."""
-    probabilities = run.probabilities[run.worst]
-    best = int(np.argmax(probabilities))
-    return f"{run.labels[best]} ({probabilities[best]:.0%})"
