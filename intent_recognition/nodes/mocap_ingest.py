@@ -34,6 +34,7 @@ from intent_recognition.tracking import (
     IngestState,
     NoTransformError,
     Rejected,
+    StampWatch,
     TransformTree,
     frame_name,
     ingest_pose,
@@ -69,7 +70,7 @@ class MocapIngest(Node):
         self._diagnostics = Diagnostics(self)
         self._states: dict[str, IngestState] = {}
         self._waiting: dict[str, deque[tuple[float, PoseNumbers]]] = {}
-        self._ahead_s: dict[str, deque[float]] = {}
+        self._stamps: dict[str, StampWatch] = {}
         self._wait_s: float = values["tf_wait"]
         self._tree = TransformTree()
         self._hears = self._wait_s > 0.0 and hear_frames(self, self._tree, self._look)
@@ -107,7 +108,7 @@ class MocapIngest(Node):
         when_clock_goes_back(self, self._start_over)
 
     def _hear(self, body: str) -> None:
-        self._waiting[body], self._ahead_s[body] = deque(), deque(maxlen=2)
+        self._waiting[body], self._stamps[body] = deque(), StampWatch()
         topic, take = f"mocap/{body}/pose", partial(self._on_pose, body)
         needed = self._identity is None  # people come and go
         self._diagnostics.subscribe(PoseStamped, topic, take, qos.SENSOR, needed=needed, raw=True)
@@ -123,7 +124,7 @@ class MocapIngest(Node):
         self._states = dict.fromkeys(self._states, IngestState())
         for body, waiting in self._waiting.items():
             waiting.clear()
-            self._ahead_s[body].clear()
+            self._stamps[body] = StampWatch()
 
     def _changed(self, changes: Changes) -> IngestSettings:
         fields: dict[str, Any] = {LIVE[name]: value for name, value in changes.items()}
@@ -141,29 +142,21 @@ class MocapIngest(Node):
         if self._left_overs.include(body, measured.stamp_ns):
             self._diagnostics.count("left_over")
             return
-        if self._identity is None and self._leaps(body, measured.stamp_ns):
+        stamp_ns, arrival_s = measured.stamp_ns, elapsed_s(self)
+        if self._identity is None and self._stamps[body].leaps(stamp_ns, arrival_s):
+            self._diagnostics.reject("stamp_jumped", f"{body}: stamp {stamp_ns} ns came too early")
             return
         newest = self._left_overs.last_ns
-        newest[body] = max(measured.stamp_ns, newest.get(body, 0))
+        newest[body] = max(stamp_ns, newest.get(body, 0))
         waiting = self._waiting[body]
         if waiting or (self._hears and frame_name(measured.frame_id) not in self._settings.frames):
             if len(waiting) >= 1000:
                 waiting.popleft()
                 self._diagnostics.reject("after_transforms", f"{body}: 1000 poses wait")
-            waiting.append((elapsed_s(self), measured))
+            waiting.append((arrival_s, measured))
             self._look()
         else:
             self._identified(body, measured)
-
-    def _leaps(self, body: str, stamp_ns: int) -> bool:
-        """Reject the first stamp that is 1 s farther ahead of its arrival than the last two."""
-        ahead_s, last = stamp_ns * 1e-9 - elapsed_s(self), self._ahead_s[body]
-        leaps = bool(ahead_s - max(last, default=np.inf) > 1.0)
-        if stamp_ns > 0:
-            last.append(ahead_s)
-        if leaps:
-            self._diagnostics.reject("stamp_jumped", f"{body}: stamp {stamp_ns} ns came too early")
-        return leaps
 
     def _look(self) -> None:
         """Use waiting poses in order, as their transforms come; reject those that wait too long."""

@@ -9,6 +9,7 @@ from intent_recognition.tracking.ingest import (
     ZERO_STAMP,
     IngestState,
     Rejected,
+    StampWatch,
     TrackedPose,
     ingest_pose,
     ingest_poses,

@@ -6,7 +6,7 @@ learned from the same poses that are observed online. `ingest_poses` processes a
 """
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -76,6 +76,21 @@ class IngestState:
     # late_ns, late: stamp of the last of the current consecutive late samples, and their number
     late_ns: int | None = None
     late: int = 0
+
+
+class StampWatch:
+    """Finds single stamps of one body that leap ahead of the clock by which poses arrive."""
+
+    def __init__(self) -> None:
+        self._ahead_s: deque[float] = deque(maxlen=2)
+
+    def leaps(self, stamp_ns: int, arrival_s: float) -> bool:
+        """Whether a stamp is 1 s farther ahead of its arrival than the last two, as the first."""
+        ahead_s = stamp_ns * 1e-9 - arrival_s
+        leaps = bool(ahead_s - max(self._ahead_s, default=np.inf) > 1.0)
+        if stamp_ns > 0:
+            self._ahead_s.append(ahead_s)
+        return leaps
 
 
 def ingest_pose(
