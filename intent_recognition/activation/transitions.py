@@ -9,6 +9,7 @@ from intent_recognition.activation.parts import Parts
 from intent_recognition.activation.states import (
     ActiveInteraction,
     Arrived,
+    Command,
     Executing,
     Homing,
     Idle,
@@ -49,7 +50,7 @@ class Transitions:
         match state:
             case Idle():
                 begun = self.interacting.begin(now_ns) or self._waiting.go_ahead(now_ns)
-                return begun or Transition(state)
+                return begun or Transition(state, self._brake_again(now_ns))
             case Executing():
                 return self._from_executing(state, now_ns)
             case Arrived():
@@ -103,8 +104,7 @@ class Transitions:
 
     def _from_stopped(self, state: Stopped, now_ns: int) -> Transition:
         if self._arm.under_way(now_ns):
-            due = self._arm.is_update_due(now_ns)  # the last brake was lost, or left the limits
-            brake = self._motions.stop(now_ns) if due else None
+            brake = self._brake_again(now_ns)
             return Transition(replace(state, rest_ns=brake.end_ns) if brake else state, brake)
         if now_ns < self.exchanging_until_ns:
             return Transition(state)
@@ -159,6 +159,11 @@ class Transitions:
         self._counts[f"stopped: {reason}"] += 1
         command = self._motions.stop(now_ns)
         return Transition(Stopped(interaction, reason, self._arm.in_force().end_ns), command)
+
+    def _brake_again(self, now_ns: int) -> Command | None:
+        """Brake an arm under way whose last brake was lost, or would have left the limits."""
+        due = self._arm.under_way(now_ns) and self._arm.is_update_due(now_ns)
+        return self._motions.stop(now_ns) if due else None
 
     def _reason_to_halt(self, now_ns: int) -> str:
         silent = self._parts.inbox.silent(now_ns)

@@ -185,6 +185,20 @@ def test_a_brake_that_is_lost_is_noticed_and_sent_again(lag_s, latency_s):
     assert np.all(arm.use() <= 1.0 + RATE_TOLERANCE)
 
 
+def test_a_brake_that_is_lost_is_sent_again_to_an_arm_that_does_not_go_home():
+    """After a reset it is idle, and begins nothing else meanwhile."""
+    world, rng = World(return_home=False), np.random.default_rng(1)
+    arm = Arm(world, rng, (0.0, 0.0), 0.0)
+    world.arm, world.duration_s = lambda: arm.at, 4.0
+    world.begin("plate", already_s=0.0)
+    run(world, arm, 140)
+    world.task = "idle"
+    world.commands.append(world.activation.reset(world.now_ns))  # lost
+    run(world, arm, 140)
+    assert "command_lost" in world.rejected and world.activation.mode is Mode.IDLE
+    assert np.abs(arm.follower.sample(world.now_ns * 1e-9).velocity).max() < 1e-3
+
+
 def test_an_arm_that_is_held_on_its_way_is_not_taken_for_one_that_gets_late_commands():
     world = executing()
     world.run(0.5)
