@@ -41,6 +41,10 @@ _STRETCHES = (1.0, 2.0, 4.0, 4.0, 4.0, 4.0)
 faster than permitted near people; a larger one would leave some offset until the arm comes near
 somebody else."""
 
+_MOVED_M = 0.01
+"""Change of where people are predicted to be from which a slowed motion is planned again [m]: by
+the formula it permits some 0.02 m/s more, and a person's point moves as much at rest."""
+
 _Planner = Callable[[Floats | None, float], JointPlan | None]
 """Function of a ceiling of the phase rate (G,) [1/s] or None, and of a factor on the time in which
 the offset decays. Returns a plan, or None if there is none."""
@@ -60,6 +64,7 @@ class Motions:
         self._followed: ClearPath | None = None  # of the interaction under way
         self._planned_under: tuple[object, ...] = ((), None, None, None)
         self._tried_ns = 0
+        self._planned_near: tuple[PredictedPerson, ...] = ()
         self.people: tuple[PredictedPerson, ...] = ()
         self.corrected: PredictedInteraction | None = None
         self.things = Things(common, arm)
@@ -270,8 +275,16 @@ class Motions:
             standing = np.zeros_like(plan.phase)
             plan = replace(plan, kind=way.kind, phase=standing, phase_rate=standing)
         command = self._arm.put_in_force(now_ns, Command(start_ns, plan, way=way))
-        self._planned_under = self._conditions
+        self._planned_under, self._planned_near = self._conditions, self.people
         return command
+
+    def _moved(self, command: Command) -> bool:
+        """Whether people, as predicted for the time of a command, moved since it was planned."""
+        if len(self.people) != len(self._planned_near):
+            return True
+        times_ns = command.start_ns + 1e9 * command.plan.times_s
+        pairs = zip(self.people, self._planned_near, strict=True)
+        return any(now.moved_m(before, times_ns) > _MOVED_M for now, before in pairs)
 
     @property
     def _conditions(self) -> tuple[object, ...]:
@@ -307,7 +320,8 @@ class Motions:
         )
         since_s = (start_ns - current.start_ns) * 1e-9
         touches = moved and self._obstruction(current.plan, since_s) is not None
-        if not (too_fast or touches or brakes or (paced and way.slowed)):
+        quicker = paced and way.slowed and (new[1] or self._moved(current))
+        if not (too_fast or touches or brakes or quicker):
             return None
         self._tried_ns = now_ns
         progress, start = way.plan.phase_at(since_s), current.at(start_ns)

@@ -70,6 +70,12 @@ class PredictedPerson(NamedTuple):
         mean = np.column_stack([np.interp(since, own, column) for column in self.positions.T])
         return mean, np.interp(since, own, self.std)
 
+    def moved_m(self, before: "PredictedPerson", times_ns: NDArray) -> float:
+        """Largest change since an earlier prediction at some times (S,): mean and deviation [m]."""
+        (mean, std), (mean_then, std_then) = self.at(times_ns), before.at(times_ns)
+        way = np.linalg.norm(mean - mean_then, axis=1) + np.abs(std - std_then)
+        return float(way.max())
+
 
 def permitted_speed(distance_m: Floats, settings: SeparationSettings) -> Floats:
     """The arm's largest speed [m/s] at distances S - Z, any shape, from the person.

@@ -42,6 +42,22 @@ def test_a_person_who_comes_slows_the_way_that_is_under_way_and_who_leaves_quick
     world.go_home()
 
 
+def test_a_slowed_way_is_planned_again_when_people_have_moved_not_while_they_rest():
+    world, rng = on_the_way_home(), np.random.default_rng(1)
+
+    def sent(seconds, way):
+        n = len(world.commands)
+        for k in range(round(seconds * 100)):
+            world.activation.take_people((person(HALFWAY + k * way + rng.normal(0.0, 1e-3, 3)),))
+            world.step()
+        return len(world.commands) - n
+
+    still = np.zeros(3)
+    sent(0.5, still)
+    assert world.commands[-1].way.slowed
+    assert sent(1.0, still) == 0 and sent(0.2, np.array([0.0, 0.0, 0.02])) > 2
+
+
 def test_going_ahead_slows_near_the_person():
     start = PATH.spline(0.8)
     settings = PretriggerSettings(0.5, 3.0, {"screw": start})
