@@ -132,7 +132,7 @@ class PersonInput:
             cure = "Name x, y and z: `intent inspect MODEL` lists them."
             raise ArgumentError.about("person_dofs", "3 names, or none", got, cure)
         self._places = parse_places(values["slow_at"])
-        self._node, self._metres = node, 1.0
+        self._metres = 1.0
         self._people: dict[str, PredictedPerson] = {}
         self.people: tuple[PredictedPerson, ...] = ()
         self.separation: Separation | None = None
@@ -157,7 +157,7 @@ class PersonInput:
         """Subscribe to the predicted trajectory of one more person, if `person_dofs` is set."""
         if self._dofs:
             take = partial(self._take, person)
-            self._node.create_subscription(JointTrajectory, topic, take, qos.COMMAND)
+            self._diagnostics.subscribe(JointTrajectory, topic, take, qos.COMMAND, TOPIC)
 
     def update(self, names: tuple[str, ...]) -> bool:
         """Remake `separation` and `slow_places` for a new arm; returns whether the arm is new.
@@ -182,7 +182,6 @@ class PersonInput:
         return new
 
     def _take(self, who: str, message: JointTrajectory) -> None:
-        self._diagnostics.tick(TOPIC)
         # the person's last prediction stays in force
         with self._diagnostics.rejecting("bad_human_trajectory", TOPIC):
             times_s, positions, rest = trajectory_arrays(message)

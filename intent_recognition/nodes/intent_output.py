@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from geometry_msgs.msg import PoseStamped, Vector3
 from nav_msgs.msg import Path
+from numpy.typing import ArrayLike
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -124,16 +125,13 @@ class IntentOutput:
         if rests and due and np.all(np.isfinite(self._newest)):
             self._rested_ns, (place, std) = observation.stamp_ns, self._newest[:, None]
             still = np.zeros_like(place)
-            self.human_trajectory.publish(
-                self._human_builder.build(observation.stamp_ns, [0.0], place, still, std)
-            )
+            self._publish_human(observation.stamp_ns, "", [0.0], place, still, std)
 
     def publish_human(self, estimate: Estimate, human: Prediction, frame: str) -> None:
         """Publish a prediction of the human on the topics that have subscribers."""
         along = human.trajectory
         if self.human_wanted:
-            build = self._human_builder.build
-            self.human_trajectory.publish(build(human.onset_ns, *along, frame_id=human.task))
+            self._publish_human(human.onset_ns, human.task, *along)
         if self._shown is None or not self.human_shown:
             return
         group, of_signal = self._shown
@@ -146,6 +144,11 @@ class IntentOutput:
             best = float(np.max(estimate.probabilities))
             shown = human.task, best, positions, along.std[:, columns]
             self._markers.publish(self._marker_builder.build(estimate.stamp_ns, frame, *shown))
+
+    def _publish_human(self, onset_ns: int, task: str, *along: ArrayLike) -> None:
+        message = self._human_builder.build(onset_ns, *along, frame_id=task)
+        self.human_trajectory.publish(message)
+        self._diagnostics.tick("intent/human_trajectory")
 
     def _orientations(self, group: int, human: Prediction) -> Floats | None:
         """Predicted quaternions (T, 4) of the shown body; None if its orientation is not a DOF."""

@@ -27,6 +27,7 @@ EDGES = (
     Edge("human/wrist", "mocap_ingest", "intent_estimator"),
     Edge("intent/tasks", "intent_estimator", "primitive_activation"),
     Edge("intent/robot_trajectory", "intent_estimator", "primitive_activation"),
+    Edge("intent/human_trajectory", "intent_estimator", "primitive_activation"),
     Edge("joint_trajectory", "primitive_activation", ARM),
     Edge("intent/active_task", "primitive_activation", ARM),
     Edge("mocap/wrist/pose", "coworker_sim", ARM),
@@ -46,6 +47,8 @@ EDGES = (
     Edge("intent/active_task", "primitive_activation", "session_observer"),
 )
 """Edges from the clock to the person, the estimate, the command and the arm, and to observers."""
+AT_WILL = "intent/human_trajectory"
+"""Topic whose taker may not subscribe; one that does lists it among its counts."""
 ALWAYS = ("joint_trajectory",)
 """Topics that the arm receives in every scene."""
 ANSWERING = tuple(dict.fromkeys(edge.taker for edge in EDGES if edge.taker))
@@ -100,7 +103,7 @@ class LockStep:
     def _due(self, edge: Edge) -> bool:
         """Whether a message is missing on an edge whose ends have both answered."""
         sender, taker = self._counts.get(edge.sender), self._counts.get(edge.taker)
-        if sender is None or taker is None:
+        if sender is None or taker is None or (edge.topic == AT_WILL and AT_WILL not in taker):
             return False
         due = max(sender.get(edge.topic, 0) - taker.get(edge.topic, 0), 0)
         lost = self._lost[edge] = min(self._lost.get(edge, due), due)

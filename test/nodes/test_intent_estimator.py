@@ -261,6 +261,7 @@ def test_the_predicted_path_of_the_body_among_three_topics_its_tube_and_its_mark
     assert message.header.frame_id == mixed.model.labels[0]
     np.testing.assert_allclose(positions[-1, -3:], end, atol=4.0 * rest["effort"][-1].max())
     resting = [message for message in told if len(message.points) == 1]
+    assert graph.node._diagnostics._totals["intent/human_trajectory"] == len(told)
     told_ns = np.array([stamp_ns(message) for message in resting])
     still = [stamp_ns(tasks) for tasks in graph.tasks if tasks.position[-1] == 1.0]
     assert told_ns[0] < still[5] and np.all(np.diff(told_ns) >= 39_000_000)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.registry import NODES
-from sim_bridge.arm.lock_step import ANSWERING, ARM, EDGES, LockStep
+from sim_bridge.arm.lock_step import ANSWERING, ARM, AT_WILL, EDGES, LockStep
 
 CHAIN = EDGES[2:5]
 """From the person's pose to the estimate."""
@@ -25,7 +25,7 @@ def test_no_tick_before_all_of_the_one_before_was_processed(seed):
     under_way: dict[tuple, deque] = {}
     processed = Counter()
     for node in ANSWERING:
-        lock.hear(node, {"started": 1})
+        lock.hear(node, {"started": 1, AT_WILL: 0})
 
     def send(key, value):
         under_way.setdefault(key, deque()).append(value)
@@ -106,6 +106,18 @@ def test_a_node_that_is_gone_is_not_waited_for(how):
         lock.leave("primitive_activation")
     else:
         hear(lock, "primitive_activation", joint_states=0)
+    assert lock.missing() is None
+
+
+def test_the_persons_prediction_is_waited_for_where_the_activation_hears_it():
+    lock, topic = LockStep(["intent_estimator", "primitive_activation"]), "intent/human_trajectory"
+    for heard in ({}, {topic: 0}):
+        lock.hear("primitive_activation", {"started": 1, **heard})
+        lock.hear("intent_estimator", {"started": 1, topic: 1})
+        assert lock.missing() is None  # the first found nobody who listens
+    lock.hear("intent_estimator", {"started": 1, topic: 2})
+    assert lock.missing() == ("intent/human_trajectory", "intent_estimator", "primitive_activation")
+    lock.hear("primitive_activation", {"started": 1, topic: 1})
     assert lock.missing() is None
 
 
