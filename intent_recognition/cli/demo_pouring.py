@@ -103,7 +103,7 @@ def _pour(
     names = f"{cup} into {second}".replace("_", " ")
     with (
         busy(console, f"pouring from {names}"),
-        watched_graph(args, PouringObserver) as (observer, watch),
+        watched_graph(args, console, PouringObserver) as (observer, watch),
     ):
         for call in resolve("pouring", given, {"lwr_sim": waits_for_answers()}):
             watch.processes.start(call.name, call.module, call.parameters, call.remappings)

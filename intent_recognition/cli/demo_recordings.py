@@ -69,7 +69,7 @@ def run_recordings(args: argparse.Namespace, console: Console) -> int:
     arm, home = _arm(args, model)
     shown: list[Shown] = []
     make_observer = partial(RecordingObserver, model.dofs.observed[0], arm.robot.joint_names)
-    with watched_graph(args, make_observer, simulated_time=False) as (observer, watch):
+    with watched_graph(args, console, make_observer, simulated_time=False) as (observer, watch):
         refuse_busy_domain(observer, watch)
         if args.dashboard:
             begin_library(args.output / LIBRARY, args.model, console)

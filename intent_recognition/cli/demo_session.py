@@ -104,16 +104,20 @@ def begin_library(library: Path, model: Path, console: Console) -> None:
 
 @contextmanager
 def watched_graph(
-    args: argparse.Namespace, make_observer: Callable[..., Any], *, simulated_time: bool = True
+    args: argparse.Namespace,
+    console: Console,
+    make_observer: Callable[..., Any],
+    *,
+    simulated_time: bool = True,
 ) -> Iterator[tuple[Any, NodeWatch]]:
     """Context with an observer node in the session's ROS domain; ends the nodes started in it.
 
-    Meanwhile signals are only noted.
+    Meanwhile signals are only noted, and errors that nodes report are printed.
     """
     from diagnostic_msgs.msg import DiagnosticArray
     from rclpy.parameter import Parameter
 
-    from intent_recognition.nodes.diagnostics import UNANSWERED, values_of
+    from intent_recognition.nodes.diagnostics import UNANSWERED, Level, values_of
     from intent_recognition.nodes.processes import NodeProcesses, node_environment
     from intent_recognition.nodes.runtime import spinning
 
@@ -130,6 +134,8 @@ def watched_graph(
     def hear(message: DiagnosticArray) -> None:
         for status in message.status:
             heartbeats.hear(status.name, values_of(status).get(UNANSWERED, ""))
+            if heartbeats.begins_to_fail(status.name, status.level == bytes([Level.ERROR])):
+                say(console, f"{status.name}: {status.message}")
 
     with (
         noted_interrupts() as interrupts,
@@ -152,7 +158,7 @@ def _run_graph(
     people = [person for person in scene.plans if person]
     progress = ProgressLine(sum(len(p.interactions) for p in scene.plans.values()), console)
     make_observer = partial(SessionObserver, progress.on_task, progress.on_active, people=people)
-    with watched_graph(args, make_observer) as (observer, watch):
+    with watched_graph(args, console, make_observer) as (observer, watch):
         refuse_busy_domain(observer, watch)
         if args.dashboard:
             begin_library(args.output / LIBRARY, model, console)

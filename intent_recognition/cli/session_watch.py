@@ -38,6 +38,7 @@ class Heartbeats:
         self._looked_s = clock()
         self._silent_s: dict[str, float] = {}
         self.unanswered = ""
+        self._failing: set[str] = set()
 
     @property
     def names(self) -> Set[str]:
@@ -48,6 +49,12 @@ class Heartbeats:
         """Note a node's report; a node with a clock also reports whom it no longer waits for."""
         self._silent_s[name] = 0.0
         self.unanswered = unanswered or self.unanswered
+
+    def begins_to_fail(self, name: str, fails: bool) -> bool:
+        """Whether a node reports an error that it did not report before."""
+        new = fails and name not in self._failing
+        (self._failing.add if fails else self._failing.discard)(name)
+        return new
 
     def check(self, names: Iterable[str]) -> None:
         """Require that none of these nodes hangs."""

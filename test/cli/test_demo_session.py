@@ -2,18 +2,23 @@
 """What a demo minds before its session, its model and nodes that hang."""
 
 import io
+import os
+from functools import partial
 from types import SimpleNamespace
-from unittest.mock import Mock
+from unittest.mock import Mock, patch
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.node import Node
 from rich.console import Console
 
 from intent_recognition.cli import demo_model as demo
 from intent_recognition.cli import demo_session
 from intent_recognition.cli import train as training
-from intent_recognition.cli.demo_session import begin_library
+from intent_recognition.cli.demo_session import begin_library, watched_graph
 from intent_recognition.cli.session_watch import HUNG_S, Heartbeats, NodeWatch
 from intent_recognition.errors import IntentError, ResourceBusyError
+from intent_recognition.nodes.diagnostics import Level
 from sim_bridge.scenarios import toolbox
 
 
@@ -125,6 +130,20 @@ def test_who_was_not_waited_for_is_remembered():
     heartbeats.hear("lwr_sim", "intent_estimator")
     heartbeats.hear("mocap_ingest")
     assert heartbeats.unanswered == "intent_estimator"
+
+
+def test_an_error_that_a_node_reports_is_said_once_until_it_is_over(tmp_path):
+    console = Console(file=io.StringIO(), width=40)
+    args, make = SimpleNamespace(output=tmp_path), partial(Node, "observer")
+    with patch.dict(os.environ), watched_graph(args, console, make) as (observer, watch):
+        publisher = observer.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        watch.until(lambda: publisher.get_subscription_count() > 0, 60.0, "its own reports")
+        for k, level in enumerate((Level.WARN, Level.ERROR, Level.ERROR, Level.OK, Level.ERROR)):
+            name, level = str(k), bytes([level])
+            own = DiagnosticStatus(name="arm", level=level, message=f"{k} publishes, too")
+            publisher.publish(DiagnosticArray(status=[own, DiagnosticStatus(name=name)]))
+            watch.until(lambda name=name: name in watch.heartbeats.names, 60.0, "the report")
+    assert console.file.getvalue() == "arm: 1 publishes, too\narm: 4 publishes, too\n"
 
 
 def test_a_second_demo_of_the_same_recordings_does_not_train(tmp_path, monkeypatch):
