@@ -222,6 +222,7 @@ class Motions:
         start = self._arm.in_force().at(start_ns) if start is None else start
         way = self._way_to(start_ns, start, target)
         if way is None and not moves:
+            self._reject("infeasible", "no plan home keeps the limits and the permitted speeds")
             return None
         if way is None or (moves and self._obstruction(way.plan) is not None):
             return self._brake(now_ns)
@@ -241,7 +242,8 @@ class Motions:
         uniform = np.full_like(plan.times_s, rate)
         free: JointPlan | None = replace(plan, phase=plan.times_s * rate, phase_rate=uniform)
         always = self._always(path)
-        again = self._planner(path, timing, start, PhaseState(rate=rate), always)
+        progress = PhaseState(rate=rate) if start.velocity.any() else BEGINNING
+        again = self._planner(path, timing, start, progress, always)
         if always is not None and always.min() < rate:
             free = again(None, 1.0)
         slowed = self._slowed(free, path, start_ns, again)

@@ -42,6 +42,20 @@ def test_a_person_who_comes_slows_the_way_that_is_under_way_and_who_leaves_quick
     world.go_home()
 
 
+def test_an_arm_at_rest_beside_a_person_goes_home_however_slowly():
+    separation = Separation(ARM, SeparationSettings(least_speed_m_s=0.01))
+    world = World(separation=separation)
+    world.serve("plate")
+    world.run(2.0)
+    world.task = "idle"
+    world.activation.take_people((person(HALFWAY),))
+    world.run_until(Mode.HOMING)
+    world.run(1.0)  # it may brake before
+    home = world.commands[-1]
+    assert home.plan.kind == "home" and home.plan.duration_s > 30.0
+    assert separation.excess(home.plan, home.start_ns, person(HALFWAY)) <= 1.0
+
+
 def test_a_slowed_way_is_planned_again_when_people_have_moved_not_while_they_rest():
     world, rng = on_the_way_home(), np.random.default_rng(1)
 
