@@ -99,7 +99,8 @@ class PrimitiveActivation(ManagedNode):
         self._starts_near = np.empty(0)
         keep_live(self, live_parameters("activation"), self._changed, self._change)
         self._silent, self._refused = "", False
-        self._timer = self.create_timer(1.0 / self._settings.rate_hz, self._on_timer)
+        often_hz = max(self._settings.rate_hz, 25.0)  # silence is noticed between rare updates, too
+        self._timer = self.create_timer(1.0 / often_hz, self._on_timer)
         steady_timer(self, 0.1, self._look_for_silence)
         self.start()
 

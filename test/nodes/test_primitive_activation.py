@@ -56,6 +56,13 @@ def check_commands(commands):
         assert stamp_ns(after) >= stamp_ns(before)
 
 
+def test_silence_is_noticed_between_updates_however_rare_they_are(harness):
+    periods_ns = [
+        Graph(harness, command_rate=hz).node._timer.timer_period_ns for hz in (1.0, 200.0)
+    ]
+    assert periods_ns == [40_000_000, 5_000_000]
+
+
 @pytest.mark.slow
 def test_an_interaction_on_the_topics(graph):
     late = graph.harness.collect(String, "intent/active_task", qos.LATCHED)
