@@ -13,8 +13,9 @@ MESHES = {
     "rtree": "rtree; platform_machine != 'x86_64'",
 }
 MOTION = {"ruckig": "ruckig>=0.19"}
+BULLET = ("pybullet", "pybullet_data", "pybullet_utils")
 EXTRAS: Mapping[str, Mapping[str, str]] = {
-    "sim": {"pybullet": "pybullet>=3.2.5", **MESHES, **MOTION},
+    "sim": {**dict.fromkeys(BULLET, "pybullet>=3.2.5"), **MESHES, **MOTION},
     "ros": {
         "rclpy": "ros-rclpy[fastrtps]==7.1.6",
         "std_msgs": "ros-common-interfaces==5.3.6",

@@ -107,9 +107,6 @@ def test_readme_installs_on_a_jazzy_machine_what_rosdep_does_not(manifest):
 
 
 KEYS = {
-    "pybullet_data": "python3-pybullet-pip",
-    "pybullet_utils": "python3-pybullet-pip",
-    "pybullet": "python3-pybullet-pip",
     "rosbags": "python3-rosbags-pip",
     "yaml": "python3-yaml",
     "lazy_loader": "lazy-loader",
