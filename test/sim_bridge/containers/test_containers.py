@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.integrate import trapezoid
 
 from benchmarks.measured_mesh import measure_mesh
 from experiments.annotate import annotated, labels_of
@@ -42,8 +43,8 @@ def test_sections_are_the_wall(name):
     assert (np.linalg.norm(rings.inner, axis=2) <= np.linalg.norm(outer, axis=2) + 1e-12).all()
     handle = 0.0 if container.handle is None else container.handle.volume
     areas = [_area(o) - _area(i) for o, i in zip(outer, rings.inner, strict=True)]
-    walls = np.trapezoid(areas, rings.heights_m)
-    floor = np.trapezoid([_area(rings.base), _area(outer[0])], [0.0, rings.heights_m[0]])
+    walls = trapezoid(areas, rings.heights_m)
+    floor = trapezoid([_area(rings.base), _area(outer[0])], [0.0, rings.heights_m[0]])
     assert container.mesh.volume - handle == pytest.approx(walls + floor, rel=0.01)
 
 
