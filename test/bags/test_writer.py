@@ -91,7 +91,7 @@ def test_type_of_an_installed_package_outside_jazzy(tmp_path, monkeypatch):
     (share / "Grip.json").write_text(
         '{"type_hashes": [{"type_name": "my_msgs/msg/Grip", "hash_string": "RIHS01_x"}]}'
     )
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path), prepend=":")
     with BagWriter(tmp_path / "bag") as writer:
         message = {"header": {"stamp": 7}, "fingers": [{"force": 2.5, "name": "thumb"}]}
         writer.write_message("grip", "my_msgs/msg/Grip", message, 5)

@@ -28,10 +28,10 @@ def mat(path, content, version):
     """A MAT file of a version, of arrays, texts, dictionaries (structs) and lists (cells, or arrays
     of structs).
     """
+    h5py = pytest.importorskip("h5py")  # also reads which version it is
     if version == 5:
         savemat(path, content)
         return path
-    h5py = pytest.importorskip("h5py")
 
     def write(group, key, value, kind=None):
         if isinstance(value, dict):

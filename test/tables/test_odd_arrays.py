@@ -224,7 +224,7 @@ def test_times_beside_a_rate_are_asked_for_and_texts_are_labels(kind, tmp_path):
     if kind == "h5":
         h5(tmp_path / "made.h5", arrays, fps=30.0)  # of the camera
     else:
-        savemat(tmp_path / "made.mat", arrays | {"fps": 30.0})
+        mat(tmp_path / "made.mat", arrays | {"fps": 30.0}, 5)
     path = tmp_path / f"made.{kind}"
     content = {"observed": [entry(["w.0", "w.1", "w.2"])], "task": {"column": "label"}}
     (left_out,) = import_demonstrations(path, ImportMap.from_dict(content))

@@ -48,7 +48,7 @@ def _lab_msgs(tmp_path, monkeypatch):
     folder.mkdir(parents=True)
     for name, text in LAB.items():
         (folder / f"{name.rpartition('/')[2]}.msg").write_text(text)
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path), prepend=":")
 
 
 @pytest.mark.usefixtures("_lab_msgs")
