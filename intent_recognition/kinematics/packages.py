@@ -37,16 +37,20 @@ def package_shares() -> list[str]:
 
 
 def packages_around(folder: Path) -> dict[str, Path]:
-    """Packages by name in a folder, three parents and their direct subfolders, as in a clone."""
+    """Packages by name in a folder, three parents and their direct subfolders, as in a clone.
+
+    The folder and its parents also have their own names, as in the `share` of an installation.
+    """
+    places = (folder, *folder.parents[:3])  # `urdf`, its package, the repository
     found: dict[str, Path] = {}
-    for above in (folder, *folder.parents[:3]):  # `urdf`, its package, the repository
+    for above in places:
         with suppress(OSError):
             for place in (above, *sorted(above.iterdir())):
                 with suppress(OSError, UntrustedError):
                     name = load_xml(read_text(place / "package.xml")).findtext("name", "").strip()
                     if _NAME.fullmatch(name):
                         found.setdefault(name, place)
-    return found
+    return {place.name: place for place in places if _NAME.fullmatch(place.name)} | found
 
 
 @contextmanager

@@ -17,8 +17,10 @@ from intent_recognition.kinematics.urdf_tree import link_of
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints with one degree of freedom."""
-_JAW_JOINT = re.compile("gripper|finger|jaw|thumb|knuckle|claw", re.IGNORECASE)
-"""Names of the last joint of a branch that opens a gripper."""
+_JAW_JOINT = re.compile(
+    "gripper(?!.*(yaw|pitch|roll|rotat))|finger|jaw|thumb|knuckle|claw", re.IGNORECASE
+)
+"""Names of the last joint of a branch that opens a gripper, rather than turning it."""
 _JAW_LINK = re.compile("finger|jaw|thumb|knuckle|claw", re.IGNORECASE)
 """Names of links that a gripper moves; not "gripper", since `gripper_link` may be a palm."""
 _TOOL = re.compile("tool|tcp|flange|hand|grip|grasp|end_?effector|(^|_)ee(_|$)", re.IGNORECASE)
@@ -98,9 +100,9 @@ def _walk(
         parts = [_with(joint, below, masters) for joint in joints]
         most = below[link].arm
         ways = [k for k, part in enumerate(parts) if most and part.arm == most]
-        if most and len(ways) > 1:
-            if most <= len(passed):
-                return link  # fingers
+        if most <= len(passed) and (len(ways) > 1 or sum(bool(p.moving) for p in parts) > 2):
+            return link  # fingers
+        if len(ways) > 1:
             ends = [link_of(joints[k], "child") for k in ways]
             inside = passed | below[link].moving
             tips = " or ".join(_walk(end, at, below, masters, inside) for end in ends)

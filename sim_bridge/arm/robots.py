@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError, nearest
+from intent_recognition.errors import ArgumentError, first_of, nearest
 from intent_recognition.kinematics import (
     DEFAULT_ACCELERATION_RAD_S2,
     DEFAULT_EFFORT,
@@ -63,6 +63,7 @@ class Robot:
     # joints without a speed or effort limit in the URDF, which have the defaults
     assumed: tuple[str, ...] = ()
     weighed: tuple[str, ...] = ()  # links without mass or inertia in the URDF, with the defaults
+    unseen: tuple[str, ...] = ()  # meshes of the URDF that are not found, whose shapes are left out
 
     @property
     def n_joints(self) -> int:
@@ -71,7 +72,7 @@ class Robot:
 
     @property
     def note(self) -> str:
-        """Text that says which limits and inertias are assumed; "" if none are."""
+        """Text that says what is assumed or left out of the URDF; "" if nothing is."""
         notes = []
         if self.assumed:
             speed, effort = DEFAULT_SPEED["revolute"], DEFAULT_EFFORT["revolute"]
@@ -84,6 +85,11 @@ class Robot:
             notes.append(
                 f"{', '.join(self.weighed)}: the URDF has no mass or inertia;"
                 f" {DEFAULT_MASS_KG:g} kg and {DEFAULT_INERTIA:g} kg m^2 are assumed"
+            )
+        if self.unseen:
+            notes.append(
+                f"{first_of(self.unseen, 1)}: no such mesh; shapes without theirs are left out."
+                " Source the workspace that has its package, or put it beside the URDF"
             )
         return "\n".join(notes)
 
@@ -150,7 +156,7 @@ def find_robot(
         raise ArgumentError.about("base_position_m", "x, y, z", place, "In metres.")
     at = float(place[0]), float(place[1]), float(place[2])
     root = parse_urdf(path)
-    find_meshes(root, path.resolve().parent)
+    unseen = find_meshes(root, path.resolve().parent)
     tip = tip or usual.tip
     chain = read_chain(written(root), base or None, tip or None, DEFAULT_ACCELERATION_RAD_S2)
     hold_others(root, chain.names)
@@ -182,6 +188,7 @@ def find_robot(
         source,
         chain.assumed,
         weighed,
+        unseen,
     )
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.array_types import Floats
-from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import link_of, package_shares, packages_around
 
 WORLD = "world"
@@ -69,18 +68,26 @@ def hold_others(root: ET.Element, joint_names: Sequence[str]) -> None:
                 joint.remove(mimic)
 
 
-def find_meshes(root: ET.Element, folder: Path) -> None:
+def find_meshes(root: ET.Element, folder: Path) -> tuple[str, ...]:
     """Replace the mesh names of a URDF in this folder by absolute paths.
 
-    Raises:
-        ArgumentError: a mesh is not found.
+    Shapes whose mesh is not found are left out; returns the names of these meshes.
     """
     around = packages_around(folder)
-    for mesh in root.iter("mesh"):
-        mesh.set("filename", str(_find_mesh(mesh.get("filename", ""), folder, around)))
+    missing = []
+    for link in root.findall("link"):
+        for shape in list(link):
+            for mesh in shape.iter("mesh"):
+                name = mesh.get("filename", "")
+                if path := _find_mesh(name, folder, around):
+                    mesh.set("filename", str(path))
+                else:
+                    missing.append(name)
+                    link.remove(shape)
+    return tuple(dict.fromkeys(missing))
 
 
-def _find_mesh(name: str, folder: Path, around: Mapping[str, Path]) -> Path:
+def _find_mesh(name: str, folder: Path, around: Mapping[str, Path]) -> Path | None:
     """Find a mesh beside the URDF, in a folder above it, or in a ROS package."""
     _, scheme, rest = name.rpartition("://")
     package, _, inside = rest.partition("/")
@@ -92,8 +99,7 @@ def _find_mesh(name: str, folder: Path, around: Mapping[str, Path]) -> Path:
         with suppress(OSError):  # such as a name that is too long
             if path.is_file():
                 return path.resolve()
-    cure = "Source the workspace that has its package, or put it beside the URDF."
-    raise ArgumentError.about("robot", f"the mesh {name}", "no such file", cure)
+    return None
 
 
 def add_missing_inertials(root: ET.Element, joint_names: Sequence[str]) -> tuple[str, ...]:
@@ -165,7 +171,7 @@ def add_world(root: ET.Element, base_position_m: tuple[float, float, float]) -> 
             origin = ET.SubElement(joint, "origin") if origin is None else origin
             moved = _numbers(origin.get("xyz", "0 0 0")) + base_position_m
             origin.set("xyz", " ".join(map(repr, moved.tolist())))
-    for mesh in root.iter("mesh"):
+    for mesh in root.iterfind("link//mesh"):
         mesh.set("filename", Path(mesh.get("filename", "")).as_uri())
     if base_position_m[2] > 0.0:
         world = next(link for link in root.findall("link") if link.get("name") == WORLD)

@@ -88,6 +88,14 @@ TREES = {
         tip="palm",
         joints="torso " + names("", 7),
     ),
+    "thumb_of_two_joints": tree(
+        row("base", "", 6, after=" f hand_mount r th_0 r th_1 r:th_2=th_1_joint th_tip"),
+        *(f"hand_mount r {finger}_1 r:{finger}_2={finger}_1_joint {finger}_2" for finger in "abc"),
+        tip="hand_mount",
+    ),
+    "turned_gripper": tree(
+        row("base", "", 6, after=" r:GripperYaw hand"), tip="hand", joints=SIX + " GripperYaw"
+    ),
     "ur_robotiq": tree(
         row("base_link", "", 6, after=" f tool0 f coupler f robotiq_base"),
         "robotiq_base r:finger_joint left_knuckle f left_outer r:lin=finger_joint left_tip",

@@ -160,7 +160,6 @@ def test_rotors_turn_about_the_axis_of_their_joint():
     [
         ("pandas", "robot: expected one of lwr, panda, iiwa.* got pandas, .*Did you mean panda"),
         ("no\n", "robot: expected a URDF, got .*robot.urdf: another kind of file"),
-        (ONE.replace("<inertial>", MESH + "<inertial>"), "mesh package://x/y.stl, got no such"),
         (ONE.replace('"revolute">', '"revolute"><mimic joint="turn"/>'), "mimic"),
         (ONE[:80], "broken XML.*xacro"),
     ],
@@ -175,17 +174,28 @@ def test_what_cannot_be_used_is_named(robot, message, tmp_path):
 
 
 def test_meshes_of_installed_packages_and_of_a_clone_are_found(tmp_path, monkeypatch):
-    mesh = tmp_path / "install/share/arm_description/link.stl"
-    mesh.parent.mkdir(parents=True)
-    mesh.write_text("solid")
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{tmp_path / 'install'}")
-    root = ET.fromstring('<robot><mesh filename="package://arm_description/link.stl"/></robot>')
-    find_meshes(root, tmp_path / "elsewhere")
-    assert root[0].get("filename") == str(mesh)
-    mesh = tmp_path / "a_clone/meshes/link.stl"
-    mesh.parent.mkdir(parents=True)
-    mesh.write_text("solid")
+    (tmp_path / "a_clone").mkdir()
     (tmp_path / "a_clone/package.xml").write_text("<package><name>arm</name></package>")
-    root = ET.fromstring('<robot><mesh filename="package://arm/meshes/link.stl"/></robot>')
-    find_meshes(root, tmp_path / "a_clone/urdf")
-    assert root[0].get("filename") == str(mesh)
+    for name, place, folder in (
+        ("arm_description/link.stl", "install/share/arm_description", "elsewhere"),
+        ("arm/meshes/link.stl", "a_clone/meshes", "a_clone/urdf"),
+        ("a_clone/meshes/link.stl", "a_clone/meshes", "a_clone/robots/arm/urdf"),
+    ):
+        mesh = tmp_path / place / "link.stl"
+        mesh.parent.mkdir(parents=True, exist_ok=True)
+        mesh.write_text("solid")
+        shape = f'<visual><mesh filename="package://{name}"/></visual>'
+        root = ET.fromstring(f"<robot><link>{shape}</link></robot>")
+        assert find_meshes(root, tmp_path / folder) == ()
+        assert root.find(".//mesh").get("filename") == str(mesh)
+
+
+def test_shapes_whose_mesh_is_nowhere_are_left_out_and_named(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(ONE.replace("<inertial>", f"<visual>{MESH}</visual><inertial>"))
+    robot = find_robot(str(path))
+    assert "package://x/y.stl: no such mesh" in robot.note
+    assert "y.stl" not in robot.source + robot.description
+    with SimulatedArm(robot=robot) as arm:
+        arm.step(1)
