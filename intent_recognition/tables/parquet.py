@@ -37,12 +37,14 @@ def parquet_table(source: Path, files: Sequence[Path], names: Mapping[str, Seque
     own = [name for name, (_, element, alias) in places.items() if not alias]
     numbers = {places[name][:2]: k for k, name in enumerate(own)}
     aliases = {name: numbers[place[:2]] for name, place in places.items() if place[2]}
+    # pyarrow reads no fields of structs as dictionaries if there are several row groups
+    whole = set(_with_file(files[0], lambda file: file.schema_arrow.names))
 
     def read(wanted: Sequence[int]) -> list[Values]:
         chosen = [places[own[k]] for k in wanted]
         stored = list(dict.fromkeys(column for column, _, _ in chosen))
         _check_size(files, stored)
-        single = [column for column, element, _ in chosen if element is None]
+        single = [column for column, element, _ in chosen if element is None and column in whole]
         parts = [_read(file, stored, single) for file in files]
         columns = {name: np.concatenate([part[name] for part in parts]) for name in stored}
         return [

@@ -48,6 +48,16 @@ def test_columns_of_parquet_in_any_layout(kind, tmp_path):
     check_wrist(found, atol=0.0, times_atol=1)
 
 
+def test_images_are_no_hindrance_as_lerobot_stores_them(tmp_path):
+    pa = pytest.importorskip("pyarrow")
+    images = [{"bytes": b"", "path": f"{k}.png"} for k in range(ROWS)]
+    columns = {"t": TIMES_S, **dict(zip("xyz", PLACE.T / 1000, strict=True)), "image": images}
+    parquet = pytest.importorskip("pyarrow.parquet")
+    parquet.write_table(pa.table(columns), tmp_path / "a.parquet", row_group_size=20)
+    content, *_ = suggested(tmp_path / "a.parquet")
+    assert content["observed"][0]["columns"] == ["x", "y", "z"]
+
+
 def test_an_index_of_pandas_may_be_the_time(tmp_path):
     columns = {**dict(zip("xyz", PLACE.T / 1000, strict=True)), "__index_level_0__": TIMES_S}
     parquet_file(tmp_path / "a.parquet", columns)
