@@ -165,8 +165,18 @@ def _toolbox(args: argparse.Namespace) -> Scene:
         own,
         plans,
         {person: scoring._replace(places_m=own_m) for person, own_m in places.items()},
-        "" if arm is None else arm.robot.note,
+        "" if arm is None else _note(arm, reached_m),
     )
+
+
+def _note(arm: "ToolboxArm", places_m: Floats) -> str:
+    """What is assumed of the arm, and whether it is too short for places (n, 3) of its hand."""
+    reached = arm.n_reached(places_m)
+    short = (
+        f"{arm.robot.tip} reaches {reached} of {len(places_m)} places: the arm stays at rest where"
+        " it cannot reach. Name another --tip or --base, or a larger arm"
+    )
+    return "\n".join(filter(None, (arm.robot.note, short if reached < len(places_m) else "")))
 
 
 def _assembly(args: argparse.Namespace) -> Scene:

@@ -2,6 +2,7 @@
 """Several arms in the demo, sessions of a cell, and pours."""
 
 import json
+import re
 from itertools import product
 
 import numpy as np
@@ -79,20 +80,22 @@ def test_in_the_assembly_an_arm_is_in_a_persons_place(run, arm):
 
 
 @pytest.mark.parametrize(
-    ("tree", "length_m", "options", "tip", "where"),
+    ("tree", "length_m", "options", "tip", "where", "reached"),
     [
-        ("ur", 0.16, (), "tool0", [0.0, 0.0, 0.0]),
-        ("so100", 0.09, (), "Fixed_Jaw", [0.5, -0.1, 0.15]),
-        ("pr2_right", 0.16, ("--base", "torso", "--tip", "r_palm"), "r_palm", [0.0, 0.0, 0.0]),
+        ("ur", 0.16, (), "tool0", [0.0, 0.0, 0.0], ""),
+        ("so100", 0.09, (), "Fixed_Jaw", [0.5, -0.1, 0.15], ""),
+        ("so100", 0.07, (), "Fixed_Jaw", [0.5, -0.1, 0.15], "reaches 4 of 5 places: "),
+        ("pr2_right", 0.16, ("--base", "torso", "--tip", "r_palm"), "r_palm", [0.0, 0.0, 0.0], ""),
     ],
 )
 def test_an_arm_of_a_file_stands_where_it_reaches(
-    run, tmp_path, tree, length_m, options, tip, where
+    run, tmp_path, tree, length_m, options, tip, where, reached
 ):
     path = tmp_path / "robot.urdf"
     path.write_text(urdf(TREES[tree].branches, length_m=length_m))
     _, ((_, output, scene),) = run("--arm", str(path), *options)
     assert scene.own["arm_sim"]["base_position"] == where
+    assert re.search(reached, scene.note) and bool(reached) == ("reaches" in scene.note)
     assert scene.arguments["hand_link"] == scene.own["arm_sim"]["tip"] == tip
     assert scene.arguments["arm"] == str(output / "arm.urdf")
     assert 'name="head_pan_joint" type="fixed"' in (output / "arm.urdf").read_text() or not options
