@@ -29,6 +29,7 @@ from sim_bridge.arm.controllers import ControllerGains
 from sim_bridge.arm.urdf import (
     DEFAULT_INERTIA,
     DEFAULT_MASS_KG,
+    KINDS,
     add_missing_inertials,
     add_rotors,
     add_world,
@@ -63,7 +64,7 @@ class Robot:
     # joints without a speed or effort limit in the URDF, which have the defaults
     assumed: tuple[str, ...] = ()
     weighed: tuple[str, ...] = ()  # links without mass or inertia in the URDF, with the defaults
-    unseen: tuple[str, ...] = ()  # meshes of the URDF that are not found, whose shapes are left out
+    unseen: tuple[str, ...] = ()  # meshes that cannot be used, whose shapes are left out
 
     @property
     def n_joints(self) -> int:
@@ -88,8 +89,9 @@ class Robot:
             )
         if self.unseen:
             notes.append(
-                f"{first_of(self.unseen, 1)}: no such mesh; shapes without theirs are left out."
-                " Source the workspace that has its package, or put it beside the URDF"
+                f"{first_of(self.unseen, 1)}: no such mesh of {', '.join(KINDS)}; shapes without"
+                " theirs are left out. Source the workspace that has its package, or put it beside"
+                " the URDF"
             )
         return "\n".join(notes)
 

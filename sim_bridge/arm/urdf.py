@@ -15,6 +15,8 @@ from intent_recognition.kinematics import link_of, package_shares, packages_arou
 
 WORLD = "world"
 """Root link of a description."""
+KINDS = (".dae", ".obj", ".stl")
+"""Suffixes of meshes that PyBullet reads."""
 DEFAULT_MASS_KG, DEFAULT_INERTIA = 2.0, 0.01
 """Mass and moments of inertia [kg m^2] of a moving link without any in the URDF: those of a ball of
 11 cm radius, like the middle links of cobots."""
@@ -71,7 +73,8 @@ def hold_others(root: ET.Element, joint_names: Sequence[str]) -> None:
 def find_meshes(root: ET.Element, folder: Path) -> tuple[str, ...]:
     """Replace the mesh names of a URDF in this folder by absolute paths.
 
-    Shapes whose mesh is not found are left out; returns the names of these meshes.
+    Shapes whose mesh is not found, or of a kind that PyBullet cannot read, are left out; returns
+    the names of these meshes.
     """
     around = packages_around(folder)
     missing = []
@@ -97,7 +100,7 @@ def _find_mesh(name: str, folder: Path, around: Mapping[str, Path]) -> Path | No
         found.append(around[package] / inside)
     for path in found:
         with suppress(OSError):  # such as a name that is too long
-            if path.is_file():
+            if path.is_file() and path.suffix.lower() in KINDS:
                 return path.resolve()
     return None
 

@@ -191,11 +191,14 @@ def test_meshes_of_installed_packages_and_of_a_clone_are_found(tmp_path, monkeyp
         assert root.find(".//mesh").get("filename") == str(mesh)
 
 
-def test_shapes_whose_mesh_is_nowhere_are_left_out_and_named(tmp_path):
+@pytest.mark.parametrize("name", ["package://x/y.stl", "y.glb"])
+def test_shapes_whose_mesh_cannot_be_used_are_left_out_and_named(name, tmp_path):
     path = tmp_path / "robot.urdf"
-    path.write_text(ONE.replace("<inertial>", f"<visual>{MESH}</visual><inertial>"))
+    (tmp_path / "y.glb").write_text("glTF")
+    shape = f"<visual>{MESH.replace('package://x/y.stl', name)}</visual>"
+    path.write_text(ONE.replace("<inertial>", f"{shape}<inertial>"))
     robot = find_robot(str(path))
-    assert "package://x/y.stl: no such mesh" in robot.note
-    assert "y.stl" not in robot.source + robot.description
+    assert f"{name}: no such mesh of .dae, .obj, .stl" in robot.note
+    assert name not in robot.source + robot.description
     with SimulatedArm(robot=robot) as arm:
         arm.step(1)
