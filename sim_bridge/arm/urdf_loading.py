@@ -61,16 +61,26 @@ def link_name(client: BulletClient, body: int, link: int) -> str:
 def stop_at_fixtures(client: BulletClient, body: int, urdf: str) -> frozenset[int]:
     """Let a body collide with itself only at its fixtures; return the numbers of these links.
 
-    A link that overlaps a fixture in the present posture does not collide with it.
+    A fixture that overlaps a moving link in the present posture is a part of the robot, such as the
+    column of a lift or the legs beside an idle arm, and stops nothing.
     """
     names = fixtures_of(urdf)
     links = range(-1, client.getNumJoints(body)) if names else range(0)
-    fixtures = frozenset(link for link in links if link_name(client, body, link) in names)
+    moving: set[int] = set()
+    for link in links[1:]:  # parents come first
+        info = client.getJointInfo(body, link)
+        if info[2] != pybullet.JOINT_FIXED or info[16] in moving:
+            moving.add(link)
+    fixtures = frozenset(
+        link
+        for link in links
+        if link_name(client, body, link) in names
+        and not any(client.getClosestPoints(body, body, 0.0, link, other) for other in moving)
+    )
     for a in links:
         for b in links[a + 2 :]:
-            stops = (a in fixtures) != (b in fixtures)
-            overlaps = stops and client.getClosestPoints(body, body, 0.0, a, b)
-            client.setCollisionFilterPair(body, body, a, b, int(stops and not overlaps))
+            stops = not (fixtures.isdisjoint((a, b)) or moving.isdisjoint((a, b)))
+            client.setCollisionFilterPair(body, body, a, b, int(stops))
     return fixtures
 
 
@@ -111,10 +121,10 @@ def _try_meshes(urdf: str, path: Path, flags: int) -> None:
     check_meshes(meshes)
     command = [sys.executable, "-c", _TRY, str(path), str(flags)]
     try:
-        code = subprocess.run(command, capture_output=True, timeout=15.0).returncode
+        code = subprocess.run(command, capture_output=True, timeout=60.0).returncode
         got = f"some that end it by signal {-code}" if code < 0 else ""
     except subprocess.TimeoutExpired:
-        got = "some that it has not read within 15 s"
+        got = "some that it has not read within 60 s"
     if got:
         cure = "Export them again."
         raise ArgumentError.about("robot", "meshes that PyBullet can read", got, cure)

@@ -54,14 +54,20 @@ def test_a_crate_stops_the_arm_and_the_touch_counts_but_not_beside_it():
         assert surroundings.touches == 0 and surroundings.touching() is None
 
 
-def test_what_the_urdf_fixes_to_its_root_stops_the_arm_too(tmp_path):
-    place = " ".join(map(str, PLACE))
-    (tmp_path / "cell.urdf").write_text(lwr_urdf().replace("</robot>", TABLE.format(place)))
+@pytest.mark.parametrize("stops", [True, False])
+def test_what_the_urdf_fixes_to_its_root_stops_the_arm_unless_it_overlaps_it(stops, tmp_path):
+    table = TABLE.format(" ".join(map(str, PLACE)))
+    if not stops:
+        box = table[table.index("<collision>") : table.index("</link>")]
+        elbow = box.replace(" ".join(map(str, PLACE)), "0.17 0 0.67")
+        table = table.replace("<collision>", f"{elbow}<collision>", 1)
+    (tmp_path / "cell.urdf").write_text(lwr_urdf().replace("</robot>", table))
     robot = find_robot(str(tmp_path / "cell.urdf"), tip="lwr_hand")
     with SimulatedArm(READY, robot=robot) as arm:
         surroundings = Surroundings(arm, [])
-        assert side_of_crate(swing(arm)) < 0.0
-        assert surroundings.touches >= 1 and surroundings.last[1] == "table"
+        assert (side_of_crate(swing(arm)) < 0.0) == stops
+        assert (surroundings.touches >= 1) == stops
+        assert surroundings.last[1] == ("table" if stops else "")
 
 
 def test_fixtures_are_found_in_a_default_namespace_and_broken_xml_is_refused():
