@@ -29,7 +29,8 @@ def check_wall(warped: WarpedObject, surface: ObjectCloud) -> None:
     offsets = rim.to_local(surface.points) - pole
     facing = surface.normals @ rim.axes.T
     radius = np.hypot(offsets[:, 1], offsets[:, 2])
-    inside = ((offsets * facing).sum(1) < 0.0) & (radius < 1.3 * rim.radius_m)
+    widest_m = max(rim.radius_m, cavity.profile[:, 0].max())
+    inside = ((offsets * facing).sum(1) < 0.0) & (radius < 1.3 * widest_m)
     inside &= np.abs(offsets[:, 0]) < 0.5 * floor_m + 0.1 * rim.depth_m
     angle = np.arctan2(-offsets[:, 0], radius)
     start = np.arctan2(-0.5 * floor_m, rim.radius_m)

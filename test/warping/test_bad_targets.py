@@ -98,6 +98,20 @@ def test_a_hole_in_the_wall_is_found_at_its_height(mug, share):
     assert int(level_mm) == pytest.approx(1e3 * (1.0 - share) * top, abs=6.0)
 
 
+def test_the_belly_of_a_vase_is_no_hole(mug):
+    share = np.linspace(0.0, 1.0, 40)
+    belly = 0.045 * np.sqrt(np.maximum(1.0 - (0.9 * (share / 0.35 - 1.0)) ** 2, 0.05))
+    outside = np.column_stack([np.where(share < 0.7, belly, 0.03), 0.18 * share])
+    inside = outside - [0.003, 0.0]
+    inside[0, 1] = 0.004
+    cavity = [*inside[::-1], (0.0, 0.004)]
+    target = mesh_target(trimesh.creation.revolve([(0.0, 0.0), *outside, *cavity], sections=96))
+    warped = warp_object(mug, target.cloud)
+    check_wall(warped, target.surface)
+    held = trimesh.creation.revolve([(0.0, 0.18), *cavity], sections=96)
+    assert pouring_parameters(warped).volume_m3 == pytest.approx(abs(held.volume), rel=0.05)
+
+
 @pytest.mark.slow
 def test_meshes_that_hold_nothing(mug):
     """Closed, lidded, without a floor, in millimetres, empty, with NaN."""
