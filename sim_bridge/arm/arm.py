@@ -107,7 +107,14 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         self.acceleration_law: AccelerationLaw | None = None
         self.reset(initial_position)
         self.fixtures = stop_at_fixtures(self.client, self.body, self.robot.urdf)
-        mass = self.client.calculateMassMatrix(self.body, self._all_joints(self._q, measured=True))
+        try:
+            mass = self.client.calculateMassMatrix(
+                self.body, self._all_joints(self._q, measured=True)
+            )
+        except SystemError as error:  # rounded inertias differ by more than 5e-15 kg m^2
+            cure = "Take a smaller arm."
+            expected = "links whose inertias PyBullet takes"
+            raise ArgumentError.about("robot", expected, "too heavy ones", cure) from error
         inertia = np.diag(mass)[self._columns]  # inertia of each joint alone [kg m^2]
         gains = self.robot.gains or derived_gains(self.limits.torque, inertia)
         self.gains = gains.scaled(stiffness_scale)

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from kinematics.trees import INERTIAL, row, urdf
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
@@ -189,6 +190,16 @@ def test_meshes_of_installed_packages_and_of_a_clone_are_found(tmp_path, monkeyp
         root = ET.fromstring(f"<robot><link>{shape}</link></robot>")
         assert find_meshes(root, tmp_path / folder) == ()
         assert root.find(".//mesh").get("filename") == str(mesh)
+
+
+def test_links_too_heavy_for_physics_are_refused(tmp_path):
+    """As a robot of a ton has: PyBullet wants the inertias it turns symmetric to 5e-15."""
+    heavy = INERTIAL.replace("0.5", "710").replace('ixy="0" ixz="0"', 'ixy="-5e4" ixz="-2e5"')
+    heavy = heavy.replace("0.002", "5e5").replace(">", '><origin xyz="0.188 0.183 -0.043"/>', 1)
+    path = tmp_path / "robot.urdf"
+    path.write_text(urdf((row("base", "", 3),)).replace(INERTIAL, heavy))
+    with pytest.raises(ArgumentError, match="got too heavy ones"):
+        SimulatedArm(robot=find_robot(str(path)))
 
 
 @pytest.mark.parametrize("name", ["package://x/y.stl", "y.glb"])
