@@ -18,7 +18,7 @@ from intent_recognition.kinematics.urdf_tree import link_of
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints with one degree of freedom."""
 _JAW_JOINT = re.compile(
-    "gripper(?!.*(yaw|pitch|roll|rotat))|finger|jaw|thumb|knuckle|claw", re.IGNORECASE
+    "gripper(?!.*(yaw|pitch|roll|rotate|rotation))|finger|jaw|thumb|knuckle|claw", re.IGNORECASE
 )
 """Names of the last joint of a branch that opens a gripper, rather than turning it."""
 _JAW_LINK = re.compile("finger|jaw|thumb|knuckle|claw", re.IGNORECASE)

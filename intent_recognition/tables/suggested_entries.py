@@ -26,7 +26,7 @@ from intent_recognition.tables.table import NO_MOTION, Table
 FARTHEST = {"m": 20.0, "rad": 4.0 * np.pi, "skeleton": 3.0}
 """Largest number in the basic unit; larger ones mean another unit [m, rad]: a lab, two turns, and
 for a skeleton more than a person from a hand to the other foot."""
-MOST_BODIES = 8
+MOST_SUGGESTED = 8
 """Most bodies in a suggestion, of which a person is asked to delete those not needed."""
 JOINT = re.compile(r"(?:.*?[./])?(?P<joint>[^./]*[^./\d][^./]*)(?:[./](?:position|pos|q))?$")
 """Names of columns that contain their joint, as in `/joint_states/panda_joint1/position`."""
@@ -239,7 +239,7 @@ def _places_on(reader: BagReader, topic: str) -> dict[str, bool]:
                 break
     found = {path: len(places) > 1 for path, places in seen.items()}
     found = {path: moves for path, moves in found.items() if moves or not NUMBERED.search(path)}
-    return dict(sorted(found.items(), key=lambda one: not one[1])[:MOST_BODIES])
+    return dict(sorted(found.items(), key=lambda one: not one[1])[:MOST_SUGGESTED])
 
 
 def _places(

@@ -18,7 +18,7 @@ from intent_recognition.signals import LONGEST_LABEL, NONE, can_name_task, hidde
 from intent_recognition.tables.cells import OF_IMAGE, numbers, texts
 from intent_recognition.tables.files import FileKind, file_kinds, find_tables, has_tables
 from intent_recognition.tables.suggested_entries import (
-    MOST_BODIES,
+    MOST_SUGGESTED,
     SeenColumn,
     body_entry,
     distinct,
@@ -202,7 +202,7 @@ def _part(
     in_image = flat and all(np.nanmin(of) >= 0.0 and np.nanmax(of) <= 1.0 for of in flat)
     found = [
         body_entry(table, measured[body], body, bodies[body], farthest, name) + own
-        for body in moving[:MOST_BODIES]
+        for body in moving[:MOST_SUGGESTED]
     ]
     arm = [
         joints_entry(table, list(array)) + own
@@ -223,7 +223,7 @@ def _part(
             ("Seldom seen", seldom),
             ("The same, a step later, or as commanded", later),
             ("There twice: name them by number", _twice(table) if is_main else []),
-            ("More bodies that move", moving[MOST_BODIES:]),
+            ("More bodies that move", moving[MOST_SUGGESTED:]),
             ("More columns that move", [c.name for c in joints[MOST_JOINTS:]]),
         )
         for line in _line(title, names)

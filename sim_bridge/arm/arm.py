@@ -107,13 +107,11 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         self.acceleration_law: AccelerationLaw | None = None
         self.reset(initial_position)
         self.fixtures = stop_at_fixtures(self.client, self.body, self.robot.urdf)
+        every = self._all_joints(self._q, measured=True)
         try:
-            mass = self.client.calculateMassMatrix(
-                self.body, self._all_joints(self._q, measured=True)
-            )
-        except SystemError as error:  # rounded inertias differ by more than 5e-15 kg m^2
-            cure = "Take a smaller arm."
-            expected = "links whose inertias PyBullet takes"
+            mass = self.client.calculateMassMatrix(self.body, every)
+        except SystemError as error:  # inertias whose rounding errors are larger than 5e-15
+            expected, cure = "links whose inertias PyBullet takes", "Take a smaller arm."
             raise ArgumentError.about("robot", expected, "too heavy ones", cure) from error
         inertia = np.diag(mass)[self._columns]  # inertia of each joint alone [kg m^2]
         gains = self.robot.gains or derived_gains(self.limits.torque, inertia)

@@ -29,7 +29,7 @@ from sim_bridge.arm.controllers import ControllerGains
 from sim_bridge.arm.urdf import (
     DEFAULT_INERTIA,
     DEFAULT_MASS_KG,
-    KINDS,
+    MESH_KINDS,
     add_missing_inertials,
     add_rotors,
     add_world,
@@ -89,9 +89,8 @@ class Robot:
             )
         if self.unseen:
             notes.append(
-                f"{first_of(self.unseen, 1)}: no such mesh of {', '.join(KINDS)}; shapes without"
-                " theirs are left out. Source the workspace that has its package, or put it beside"
-                " the URDF"
+                f"{first_of(self.unseen, 1)}: no such mesh of {', '.join(MESH_KINDS)}; such shapes"
+                " are left out. Source the workspace with its package, or put it beside the URDF"
             )
         return "\n".join(notes)
 

@@ -15,7 +15,7 @@ from intent_recognition.kinematics import link_of, package_shares, packages_arou
 
 WORLD = "world"
 """Root link of a description."""
-KINDS = (".dae", ".obj", ".stl")
+MESH_KINDS = (".dae", ".obj", ".stl")
 """Suffixes of meshes that PyBullet reads."""
 DEFAULT_MASS_KG, DEFAULT_INERTIA = 2.0, 0.01
 """Mass and moments of inertia [kg m^2] of a moving link without any in the URDF: those of a ball of
@@ -87,6 +87,7 @@ def find_meshes(root: ET.Element, folder: Path) -> tuple[str, ...]:
                 else:
                     missing.append(name)
                     link.remove(shape)
+                    break
     return tuple(dict.fromkeys(missing))
 
 
@@ -100,7 +101,7 @@ def _find_mesh(name: str, folder: Path, around: Mapping[str, Path]) -> Path | No
         found.append(around[package] / inside)
     for path in found:
         with suppress(OSError):  # such as a name that is too long
-            if path.is_file() and path.suffix.lower() in KINDS:
+            if path.is_file() and path.suffix.lower() in MESH_KINDS:
                 return path.resolve()
     return None
 

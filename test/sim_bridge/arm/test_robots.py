@@ -206,7 +206,7 @@ def test_links_too_heavy_for_physics_are_refused(tmp_path):
 def test_shapes_whose_mesh_cannot_be_used_are_left_out_and_named(name, tmp_path):
     path = tmp_path / "robot.urdf"
     (tmp_path / "y.glb").write_text("glTF")
-    shape = f"<visual>{MESH.replace('package://x/y.stl', name)}</visual>"
+    shape = f"<visual>{2 * MESH.replace('package://x/y.stl', name)}</visual>"
     path.write_text(ONE.replace("<inertial>", f"{shape}<inertial>"))
     robot = find_robot(str(path))
     assert f"{name}: no such mesh of .dae, .obj, .stl" in robot.note
