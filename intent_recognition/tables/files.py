@@ -122,6 +122,10 @@ NO_TASK = re.compile(
 """Numbered or dated names that describe recordings or people rather than tasks."""
 
 
+OF_ROBOT = re.compile(r"(?i)(?<![^\W_])(?:robot|gripper|tcp|eef?|end_?effector)(?![^\W\d_])")
+"""Names of files of a robot's movement."""
+
+
 class FileKind(NamedTuple):
     """Files with the same columns: their folder's name or the common end of their names, the first
     file's path relative to the source, its table, and the pattern of their names, "" for none.
@@ -195,8 +199,10 @@ def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
 def _kinds_of_parts(source: Path, parts: Mapping[str, Mapping[str, Path]]) -> list[FileKind]:
     """Kinds of the files that most recordings have, by file name or pattern, then by recording.
 
-    Empty unless there are several, with names of their own and mostly other columns.
+    Empty unless there are several, with names of their own and, if none is of a robot, mostly other
+    columns: those with the same may be of several tasks.
     """
+    are_tasks = not any(map(OF_ROBOT.search, parts))
     counts = Counter(chain.from_iterable(parts.values()))
     shared = {recording for recording, count in counts.items() if count > 1}
     most = max(map(len, parts.values()), default=0)
@@ -211,7 +217,7 @@ def _kinds_of_parts(source: Path, parts: Mapping[str, Mapping[str, Path]]) -> li
         except BagError:  # notes
             continue
         columns = {*table.names}
-        for kind in found:
+        for kind in found if are_tasks else ():
             if 2 * len(columns & {*kind.table.names}) >= min(len(columns), len(kind.table.names)):
                 return []
         short = re.sub(r"\W+", "_", Path(name.replace("{number}", "")).stem).strip("_")

@@ -2,6 +2,7 @@
 """The first map of a file: what moves, when, and what its name tells."""
 
 import re
+from itertools import product
 
 import numpy as np
 import pytest
@@ -426,6 +427,17 @@ def test_files_of_person_and_robot_are_of_one_recording(human, robot, tmp_path):
     for name in ("tasks", "apart"):
         assert "files: '{task}_{number}.csv'" in suggest_map(tmp_path / name)
     assert ImportMap.from_dict(yaml.safe_load(suggest_map(tmp_path / "same")))
+
+
+@pytest.mark.parametrize("name", ["give_{}/{}.csv", "{}/{}.csv", "{1}_{0}.csv", "give_{}_{}.csv"])
+def test_the_robots_file_may_have_the_columns_of_the_persons(name, tmp_path):
+    for k, who in product((1, 2), ("human", "robot")):
+        path = tmp_path / name.format(k, who)
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(plain())
+    content, _, found = suggested(tmp_path)
+    assert [*content["files"]] == ["human", "robot"] and len(found) == 2
+    assert content["observed"][0]["file"] == "human" and content["controlled"][0]["file"] == "robot"
 
 
 @pytest.mark.parametrize("count", [1, 4])
