@@ -41,6 +41,8 @@ from sim_bridge.arm.urdf import (
 LARGEST_TORQUE_NM = 100.0
 """Torque limit above which stiffness and rotor inertia do not grow [Nm], because URDFs often
 exaggerate it; the limit of the LWR's middle joints."""
+SLOW = 0.08
+"""Speed limit of a joint [rad/s, m/s] below which a reach takes seconds, as of lifts."""
 READY_POSITION: tuple[float, ...] = (0.0, -0.45, 0.0, 1.55, 0.0, -1.1415926535897931, 0.0)
 """The LWR's joint angles [rad] with the elbow up and the hand in front of the base, fingers down,
 far from all limits."""
@@ -73,7 +75,7 @@ class Robot:
 
     @property
     def note(self) -> str:
-        """Text that says what is assumed or left out of the URDF; "" if nothing is."""
+        """Text that says what is assumed, left out or slow; "" if nothing is."""
         notes = []
         if self.assumed:
             speed, effort = DEFAULT_SPEED["revolute"], DEFAULT_EFFORT["revolute"]
@@ -87,6 +89,9 @@ class Robot:
                 f"{', '.join(self.weighed)}: the URDF has no mass or inertia;"
                 f" {DEFAULT_MASS_KG:g} kg and {DEFAULT_INERTIA:g} kg m^2 are assumed"
             )
+        if self.limits.velocity.min() < SLOW:
+            name = self.joint_names[int(self.limits.velocity.argmin())]
+            notes.append(f"{name} is slow and delays the arm: --base LINK holds joints before LINK")
         if self.unseen:
             notes.append(
                 f"{first_of(self.unseen, 1)}: no such mesh of {', '.join(MESH_KINDS)}; such shapes"

@@ -83,6 +83,17 @@ def test_missing_limits_of_speed_and_effort_take_the_stated_defaults(limits, tmp
     assert Bodies(text, robot.joint_names, clearance_m=0.02).pairs == ()
 
 
+def test_a_lift_that_delays_the_arm_is_named(tmp_path):
+    path, tree = tmp_path / "robot.urdf", TREES["tiago"]
+    slow = LIMITS | {"p": LIMITS["p"].replace("0.2", "0.07")}
+    for limits, base in ((slow, ""), (slow, "torso"), (LIMITS, "")):
+        path.write_text(urdf(tree.branches, limits))
+        note = find_robot(str(path), base=base).note
+        assert ("torso_lift is slow and delays the arm: --base" in note) == (
+            limits is slow and not base
+        )
+
+
 def test_descriptions_with_a_mark_a_namespace_in_degrees_or_none():
     limits = LIMITS | {"r": '<limit lower="-170" upper="170" velocity="2" effort="60"/>'}
     said = r"j1: expected lower in radians, got -170. Likely degrees for radians .*57.3"
