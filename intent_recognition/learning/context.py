@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.learning.hyperparameters import STRENGTH, Hyperparameters
+from intent_recognition.learning.hyperparameters import Hyperparameters
 from intent_recognition.learning.preprocessing import SignalNames
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import (
@@ -49,7 +49,8 @@ def fit_context(
     left = [_left(*parts) for parts in zip(statistics, scatter, gain)]
     pooled = Scatter(np.sum([own.matrix for own in left], axis=0), sum(o.freedom for o in left))
     size = n_observed * statistics[0].mean.shape[1]
-    observed = shared_covariance(observed_block(pooled, size), floor[:n_observed], STRENGTH)
+    of_observed_part = observed_block(pooled, size), floor[:n_observed], chosen.shared_strength
+    observed = shared_covariance(*of_observed_part)
     covariance, whole, of_observed = [], [], []
     assumed = chosen.target(n_observed)
     for task, s, g, own in zip(statistics, scatter, gain, left):

@@ -11,7 +11,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
 from intent_recognition.learning.context import fit_context
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT
-from intent_recognition.learning.hyperparameters import STRENGTH, Hyperparameters
+from intent_recognition.learning.hyperparameters import Hyperparameters
 from intent_recognition.learning.none_model import departures, none_primitive, none_timing
 from intent_recognition.learning.persons import (
     covariance_of_strangers,
@@ -92,7 +92,7 @@ def learned_from(
     means = np.array([task.mean[:n_observed] for task in over.values()])
     pooled = observed_block(pooled_moments(over.values()), means[0].size)
     examples = [task.examples for task in over.values()]
-    shared = covariance_of_strangers(examples, pooled, floor[:n_observed], STRENGTH)
+    shared = covariance_of_strangers(examples, pooled, floor[:n_observed], chosen.shared_strength)
     covariance = (1.0 + 1.0 / n)[:, None, None] * shared
     departed = departures(list(over.values()), preprocessing.units[:n_observed])
     none = none_primitive(means, covariance, departed)

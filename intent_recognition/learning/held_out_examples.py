@@ -14,7 +14,7 @@ from intent_recognition.learning.examples import (
     sample_phases,
     scored_phases,
 )
-from intent_recognition.learning.hyperparameters import STRENGTH, Hyperparameters
+from intent_recognition.learning.hyperparameters import Hyperparameters
 from intent_recognition.learning.persons import covariance_of_strangers, people, without_group
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.promp import (
@@ -102,7 +102,7 @@ def _of_others(
     n_observed = rest[0].examples[0].observed.shape[1]
     size, pooled = n_observed * rest[0].mean.shape[1], pooled_moments(rest)
     examples = [task.examples for task in rest]
-    of_observed = observed_block(pooled, size), floor[:n_observed], STRENGTH
+    of_observed = observed_block(pooled, size), floor[:n_observed], chosen.shared_strength
     shared = covariance_of_strangers(examples, *of_observed)
     found = []
     for task in rest:
@@ -133,7 +133,8 @@ def _without(
     else:  # two demonstrations in all: nothing would be left to estimate a target from
         rest = pooled
         covariance = structured_target(own, pooled, floor)
-    shared = shared_covariance(observed_block(rest, size), floor[:n_observed], STRENGTH)
+    of_observed = observed_block(rest, size), floor[:n_observed], chosen.shared_strength
+    shared = shared_covariance(*of_observed)
     mean = (task.mean - deviation / (task.n - 1)).ravel()
     log_s = float(np.log(as_recorded.duration_s))
     log_duration = task.log_duration_mean + (task.log_duration_mean - log_s) / (task.n - 1)

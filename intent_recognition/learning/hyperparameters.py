@@ -8,9 +8,9 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.promp import OTHERS_SAMPLE_SIZE, TargetSettings
 
-STRENGTH = 4.0
-"""Equivalent sample size of the target of the shared covariance, in demonstrations
-(docs/decisions/one_filter.md)."""
+STRENGTH, STRONG = 4.0, 30.0
+"""Equivalent sample sizes of the target of the shared covariance that are tried, in demonstrations,
+the default first (docs/decisions/covariance_target.md)."""
 REGRESSION_STRENGTHS = (30.0, 100.0, 10.0, 3.0, 1.0)
 """Equivalent sample sizes tried for the target of each task's own covariance, which gives the
 controlled agent's regression; the first is the default (docs/decisions/covariance_target.md)."""
@@ -45,6 +45,7 @@ class Hyperparameters(NamedTuple):
     independent: float = INDEPENDENT[0]
     lag: float = 0.0  # lag of the controlled agent in this target, in phase
     ridge: float = 0.0  # as in `TargetSettings`
+    shared_strength: float = STRENGTH  # equivalent sample size of the shared covariance's target
     regression_variance: float = 0.0  # relative variance of each task's regression coefficients
     task_evidence: float = 1.0  # exponent of the evidence that compares tasks
     log_loss: float = float("nan")  # log loss of the task, mean over the movement, in nats

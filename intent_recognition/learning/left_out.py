@@ -75,10 +75,18 @@ class LeftOut(NamedTuple):
 
 
 class LeavingOut:
-    """Leave demonstrations out of a library."""
+    """Leave demonstrations out of a library.
 
-    def __init__(self, library: TaskLibrary, tasks: Mapping[str, TaskStatistics]):
-        self.library, self.tasks = library, tasks
+    Args:
+        library: the learned tasks.
+        tasks: statistics that the library was built from.
+        strength: equivalent sample size of the shared covariance's target, in demonstrations.
+    """
+
+    def __init__(
+        self, library: TaskLibrary, tasks: Mapping[str, TaskStatistics], strength: float = STRENGTH
+    ):
+        self.library, self.tasks, self._strength = library, tasks, strength
         self.statistics = list(tasks.values())
         size = library.n_observed_weights
         self._pooled = observed_block(pooled_moments(self.statistics), size)
@@ -101,7 +109,7 @@ class LeavingOut:
         floor = variance_scales(kept, self.library.units)[0][:n_observed]
         rest = rest if rest.freedom else self._pooled
         examples = [task.examples for task in kept.values()]
-        covariance = covariance_of_strangers(examples, rest, floor, STRENGTH)
+        covariance = covariance_of_strangers(examples, rest, floor, self._strength)
         departed = departures(list(kept.values()), self.library.observed_units)
         return self._left_out(covariance, departed, without=number)
 
@@ -122,7 +130,7 @@ class LeavingOut:
         mean, n = self.library.observed_mean[:-1].copy(), self.library.n_demonstrations.copy()
         mean[number] -= deviation / (task.n - 1)
         n[number] -= 1
-        covariance = shared_covariance(rest, self._floor, STRENGTH)
+        covariance = shared_covariance(rest, self._floor, self._strength)
         return self._left_out(covariance, self._departed, mean, n)
 
     def _without_group(self, name: str) -> LeftOut | None:
@@ -134,7 +142,7 @@ class LeavingOut:
         pooled = observed_block(pooled_moments(kept), size)
         mean = np.array([task.mean.ravel()[:size] for task in kept])
         n, examples = np.array([task.n for task in kept]), [task.examples for task in kept]
-        covariance = covariance_of_strangers(examples, pooled, self._floor, STRENGTH)
+        covariance = covariance_of_strangers(examples, pooled, self._floor, self._strength)
         return self._left_out(covariance, self._departed, mean, n)
 
     def _left_out(
@@ -158,32 +166,26 @@ class LeavingOut:
 
 
 def learn_left_out_odds(
-    library: TaskLibrary,
-    tasks: Mapping[str, TaskStatistics],
-    recorded: Mapping[str, TaskStatistics],
+    leaving_out: LeavingOut, recorded: Mapping[str, TaskStatistics]
 ) -> LeftOutOdds:
     """Largest odds against its own task along each left-out demonstration.
 
-    Args:
-        library: the learned tasks, with all margins.
-        tasks: statistics that the library was built from.
-        recorded: statistics of the examples as they were recorded.
+    The library has all margins; `recorded` are statistics of the examples as they were recorded.
     """
-    odds, groups = _of_left_out(library, tasks, recorded, largest_odds_against)
+    odds, groups = _of_left_out(leaving_out, recorded, largest_odds_against)
     return LeftOutOdds(tuple(odds), tuple(groups)) if len(odds) > 1 else NO_ODDS
 
 
 def _of_left_out(
-    library: TaskLibrary,
-    tasks: Mapping[str, TaskStatistics],
+    leaving_out: LeavingOut,
     recorded: Mapping[str, TaskStatistics],
     largest: Callable[[TaskLibrary, int, TrainingExample], float],
 ) -> tuple[list[float], list[str]]:
     """`largest` of each left-out demonstration; the group left out with it, or "" if alone."""
     odds, groups = list[float](), list[str]()
-    leaving_out = LeavingOut(library, tasks)
-    for k, example, as_recorded in paired_examples(tasks, recorded, MAX_FOLLOWED):
-        without = leaving_out.unseen(k, example) if library.n_tasks > 1 else None
+    for k, example, as_recorded in paired_examples(leaving_out.tasks, recorded, MAX_FOLLOWED):
+        several = leaving_out.library.n_tasks > 1
+        without = leaving_out.unseen(k, example) if several else None
         if without is not None:
             odds.append(largest(without.as_library(), k, as_recorded))
             groups.append(example.group if leaving_out.group(example.group) else "")
@@ -199,16 +201,12 @@ def largest_odds_against(library: TaskLibrary, task: int, recorded: TrainingExam
     return float(np.max(others - total[:, task]))
 
 
-def learn_switch_margin(
-    library: TaskLibrary,
-    tasks: Mapping[str, TaskStatistics],
-    recorded: Mapping[str, TaskStatistics],
-) -> float:
+def learn_switch_margin(leaving_out: LeavingOut, recorded: Mapping[str, TaskStatistics]) -> float:
     """Learn the evidence that a change to another task must overcome, in nats, zero or more.
 
     The arguments are those of `learn_left_out_odds`; the library's own switch margin is not used.
     """
-    odds, _ = _of_left_out(library, tasks, recorded, largest_odds)
+    odds, _ = _of_left_out(leaving_out, recorded, largest_odds)
     # another task becomes more probable than the true one in one movement of twenty
     return max(conformal_bound(np.array(odds), 0.05), 0.0) if len(odds) > 1 else 0.0
 

@@ -5,6 +5,8 @@ Demonstrations are left out in turn. From samples of the observed agent, the fil
 task and predicts the controlled agent. Validation chooses the pace of both agents
 (`learning.timing`), the observation noise, and the covariance target behind a task's regression:
 its lag, its strength, how independent its weights are, and whether it borrows from other tasks.
+The strength of the target of the observed weights' covariance is larger where left-out movements
+are clearly more probable under it.
 The coupling of the residuals is learned for each candidate (`learning.coupling`). The score, in
 nats, is the log loss of the task plus Q / 2 log(mean squared error), the log loss of the controlled
 agent's Q DOFs under a normal error whose variance is fitted after each share seen. Slopes from the
@@ -40,6 +42,7 @@ from intent_recognition.learning.hyperparameters import (
     INDEPENDENT,
     REGRESSION_STRENGTHS,
     RIDGES,
+    STRONG,
     Hyperparameters,
     is_clear,
 )
@@ -130,7 +133,11 @@ def choose(
         elif not best.ridge and gained.mean() <= 0.0:  # other ridges will not be better either
             break
     library = replace(candidates[best.pace][0], noise_scale=best.noise_scale)
-    of_best, tasks = left_out(best), candidates[best.pace][1]
+    tasks, strong = candidates[best.pace][1], best._replace(shared_strength=STRONG)
+    gained = _evidence(library, left_out(strong), tasks) - _evidence(library, left_out(best), tasks)
+    if not of_people and is_clear(gained, errors=2.0):  # a strength of people is another one
+        best, tried[strong] = strong, scored(strong)
+    of_best = left_out(best)
     variance = _variance(library, of_best)
     exponent, coupling = choose_duration_evidence(library, of_best, FRACTIONS, variance)
     uncertain = choose_regression_variance(library, of_best, tasks, FRACTIONS)
@@ -190,3 +197,14 @@ def _follow(
             observed.append(seen - both[0][:, 0])
             controlled.append(truth - both[1][:, 0])
     return np.mean(losses, axis=0), np.array(observed), np.array(controlled)
+
+
+def _evidence(
+    library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
+) -> Floats:
+    """Log density of each demonstration's samples under its own task, (n,)."""
+    found = []
+    for some in batches_of(library, left_out):
+        *_, last = follow_known(library, some, tasks)
+        found.append(last.progress.log_evidence[last.own[:, 0]])
+    return np.concatenate(found)

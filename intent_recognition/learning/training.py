@@ -6,6 +6,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +21,11 @@ from intent_recognition.learning.fitting import (
     statistics_of,
 )
 from intent_recognition.learning.hyperparameters import Hyperparameters
-from intent_recognition.learning.left_out import learn_left_out_odds, learn_switch_margin
+from intent_recognition.learning.left_out import (
+    LeavingOut,
+    learn_left_out_odds,
+    learn_switch_margin,
+)
 from intent_recognition.learning.preprocessing import Preprocessing, example_of, other_units_of
 from intent_recognition.learning.selection import Choice, choose
 from intent_recognition.learning.settings import TrainingSettings
@@ -233,12 +238,13 @@ def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]
 def with_margins(trained: Trained) -> Trained:
     """Learn margins and the risk of acting from the demonstrations, in a copy."""
     tasks = statistics_of(trained.tasks, trained.chosen.aligned)
-    margin = learn_none_margin(trained.library, tasks, trained.tasks)
+    leave_out = partial(LeavingOut, tasks=tasks, strength=trained.chosen.shared_strength)
+    margin = learn_none_margin(leave_out(trained.library), trained.tasks)
     library = replace(trained.library, none_margin=margin)
     if trained.preprocessing.settings.switching:
-        margin = learn_switch_margin(library, tasks, trained.tasks)
+        margin = learn_switch_margin(leave_out(library), trained.tasks)
         library = replace(library, switch_margin=margin)
-        odds = learn_left_out_odds(library, tasks, trained.tasks)
+        odds = learn_left_out_odds(leave_out(library), trained.tasks)
         library = replace(library, left_out_odds=odds)
     return replace(trained, library=library)
 

@@ -37,17 +37,12 @@ N_SIMULATED = 40
 """Number of unknown movements simulated if there is only one task; also the generator's seed."""
 
 
-def learn_none_margin(
-    library: TaskLibrary,
-    tasks: Mapping[str, TaskStatistics],
-    recorded: Mapping[str, TaskStatistics],
-) -> float:
+def learn_none_margin(leaving_out: LeavingOut, recorded: Mapping[str, TaskStatistics]) -> float:
     """Evidence that a known task must have over none before it counts, in nats, zero or more.
 
-    `tasks` are the statistics that the library was built from, `recorded` those of the examples as
-    recorded. The library's own none model is not used.
+    `recorded` are statistics of the examples as recorded. The library's own none model is not used.
     """
-    leaving_out = LeavingOut(library, tasks)
+    library, tasks = leaving_out.library, leaving_out.tasks
     statistics = leaving_out.statistics
     calibrating = calibrating_tasks([task.n for task in statistics])
     followed = {label: task for k, (label, task) in enumerate(tasks.items()) if k in calibrating}

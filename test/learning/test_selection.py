@@ -28,6 +28,7 @@ from intent_recognition.learning.hyperparameters import (
     REGRESSION_STRENGTHS,
     RIDGES,
     STRENGTH,
+    STRONG,
     Hyperparameters,
 )
 from intent_recognition.learning.selection import FRACTIONS, NOISE_SCALES, choose, validate
@@ -343,6 +344,22 @@ def test_a_robot_that_copies_the_hand_later_is_learned_with_its_lag(lag):
     if lag:
         without = min(one.error for one in tried if not one.lag)
         assert chosen.error < 0.5 * without
+
+
+@pytest.mark.parametrize(("ways", "strength"), [(18, STRONG), (3, STRENGTH)])
+def test_movements_that_vary_in_more_ways_than_were_shown_need_a_stronger_target(ways, strength):
+    """Six places of three DOFs vary, each by itself or only in the way to one goal."""
+    rng, phase = np.random.default_rng(5), minimum_jerk(np.linspace(0.0, 1.0, 81))
+    share = np.ones(6) if ways == 18 else np.linspace(0.0, 1.0, 6)
+    usual, hands = rng.normal(size=(2, 6, 3)), []
+    for _, task in np.ndindex(5, 2):
+        apart = rng.normal(size=(6, 3) if ways == 18 else 3) * share[:, None]
+        course = make_interp_spline(np.linspace(0.0, 1.0, 6), usual[task] + 0.5 * apart, 3)
+        hands.append((task, course(phase)))
+    data = accumulate(recordings_of(rng, hands, [hand[:, :2] for _, hand in hands]), SETTINGS)
+    chosen, _, tried = choose_hyperparameters(data.tasks, data.preprocessing)
+    assert chosen.shared_strength == strength
+    assert chosen in tried
 
 
 @pytest.mark.parametrize(("errors", "n_tried"), [(-0.5, 1), (0.9, 2), (1.1, 3)])

@@ -92,10 +92,10 @@ def test_the_margin_is_what_left_out_movements_stay_below(trained, tasks, people
             assert (person is not None) == bool(people)
             without = person or leaving_out.demonstration(k, example)
             odds.append(largest_odds(without.as_library(), k, as_recorded))
-    margin = learn_switch_margin(trained.library, tasks, recorded)
+    margin = learn_switch_margin(LeavingOut(trained.library, tasks), recorded)
     assert margin == max(0.0, conformal_bound(np.array(odds), 0.05))
     wary = replace(trained.library, switch_margin=margin + 3.0)
-    assert learn_switch_margin(wary, tasks, recorded) == margin
+    assert learn_switch_margin(LeavingOut(wary, tasks), recorded) == margin
 
 
 def test_odds_against_a_task_are_those_of_the_posterior_and_none_of_the_only_task(trained, tasks):
@@ -113,7 +113,9 @@ def test_odds_against_a_task_are_those_of_the_posterior_and_none_of_the_only_tas
     assert expit(largest_odds_against(library, 1, example)) == pytest.approx(largest, abs=1e-9)
     only = {"task_0": tasks["task_0"]}
     library = library_from_statistics(only, trained.preprocessing, trained.chosen)
-    assert learn_switch_margin(library, only, {"task_0": trained.tasks["task_0"]}) == 0.0
+    assert (
+        learn_switch_margin(LeavingOut(library, only), {"task_0": trained.tasks["task_0"]}) == 0.0
+    )
 
 
 def test_people_are_left_out_together(trained, tasks):

@@ -145,7 +145,7 @@ def test_factors_do_not_depend_on_what_is_filtered_together(report, monkeypatch,
     watched = Watched()
     monkeypatch.setattr(unknown_task, "log_factors", watched)
     tasks = statistics_of(report.trained.tasks, report.chosen.aligned)
-    learn_none_margin(report.library, tasks, report.trained.tasks)
+    learn_none_margin(LeavingOut(report.library, tasks), report.trained.tasks)
     monkeypatch.undo()
     asked = zip(watched.asked[:6], watched.movements[:6], strict=True)
     comparisons = [Comparison(*one, recorded) for one, recorded in asked]
@@ -162,7 +162,7 @@ def asked_for_each(report, monkeypatch, label):
     trained = report.trained
     monkeypatch.setattr(unknown_task, "log_factors", watched := Watched())
     tasks = statistics_of(trained.tasks, trained.chosen.aligned)
-    margin = learn_none_margin(trained.library, tasks, trained.tasks)
+    margin = learn_none_margin(LeavingOut(trained.library, tasks), trained.tasks)
     turns = zip(watched.movements, watched.asked, strict=True)
     own = [(movement, *asked) for movement, asked in turns if movement.task == label]
     assert len(own) == 16
@@ -213,7 +213,7 @@ def test_the_margin_of_a_library_is_that_of_its_statistics(report):
     trained = report.trained
     tasks = statistics_of(trained.tasks, trained.chosen.aligned)
     other = replace(trained.library, none_margin=1e3, none_mean=0.0 * trained.library.none_mean)
-    assert learn_none_margin(other, tasks, trained.tasks) == trained.library.none_margin
+    assert learn_none_margin(LeavingOut(other, tasks), trained.tasks) == trained.library.none_margin
     assert with_margins(replace(trained, library=other)).library.none_margin == (
         trained.library.none_margin
     )
@@ -262,6 +262,6 @@ def test_a_new_task_of_few_demonstrations_does_not_make_the_others_wait(report, 
     tasks = {"few": summarize(few), **trained.tasks}
     library = library_from_statistics(tasks, trained.preprocessing, trained.chosen)
     monkeypatch.setattr(unknown_task, "log_factors", watched := Watched())
-    learn_none_margin(library, statistics_of(tasks, trained.chosen.aligned), tasks)
+    learn_none_margin(LeavingOut(library, statistics_of(tasks, trained.chosen.aligned)), tasks)
     assert {movement.task for movement in watched.movements} == {f"task_{k}" for k in range(4)}
     assert all(0 not in compared for _, compared, _ in watched.asked)  # "few" comes first
