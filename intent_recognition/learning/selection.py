@@ -124,6 +124,8 @@ def choose(
     if of_people:
         best = best_with(*(best._replace(ridge=one) for one in RIDGES[:2]))
     best = best_with(*(best._replace(strength=other) for other in REGRESSION_STRENGTHS[1:]))
+    if of_people:  # a ridge may predict best at another pace than the target's slopes
+        best = best_with(*(best._replace(pace=pace) for pace in candidates))
     for ridge in () if of_people else RIDGES:  # these slopes do not depend on the strength
         alone = best._replace(ridge=ridge, strength=REGRESSION_STRENGTHS[0])
         best_with(alone)
@@ -203,8 +205,6 @@ def _evidence(
     library: TaskLibrary, left_out: Sequence[LeftOutExample], tasks: Mapping[str, TaskStatistics]
 ) -> Floats:
     """Log density of each demonstration's samples under its own task, (n,)."""
-    found = []
-    for some in batches_of(library, left_out):
-        *_, last = follow_known(library, some, tasks)
-        found.append(last.progress.log_evidence[last.own[:, 0]])
-    return np.concatenate(found)
+    batches = batches_of(library, left_out)
+    followed = [[*follow_known(library, some, tasks)][-1] for some in batches]
+    return np.concatenate([one.progress.log_evidence[one.own[:, 0]] for one in followed])

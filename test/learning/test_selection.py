@@ -385,6 +385,30 @@ def test_a_ridge_must_gain_more_than_the_standard_error(monkeypatch, errors, n_t
     assert {one.ridge for one in tried} == {0.0, *RIDGES[:n_tried]}
 
 
+def test_people_whose_ridge_predicts_best_at_another_pace_are_learned_at_that_pace(monkeypatch):
+    """Until the ridge is chosen, `own` is the better pace."""
+    data, left_out = accumulated(6, counts=(4,)), {}
+    library = library_from_statistics(data.tasks, data.preprocessing, Hyperparameters())
+
+    def leaving_out(*given):
+        found = leave_out(*given)
+        left_out[id(found)] = given[-1], found
+        return found
+
+    def validated(_library, found, _tasks):
+        one, _ = left_out[id(found)]
+        gain = (3.0 if one.pace == "steady" else 1.0) * (one.ridge == RIDGES[0])
+        gain += 1.0 * (one.pace == "own")
+        return np.full((len(POWERS), 4), -gain), np.ones((len(FRACTIONS), 4))
+
+    monkeypatch.setattr(selection, "leave_out", leaving_out)
+    monkeypatch.setattr(selection, "validate", validated)
+    monkeypatch.setattr(selection, "compares_people", lambda _groups: True)
+    both = dict.fromkeys(("own", "steady"), (library, data.tasks))
+    chosen, *_ = choose(both, data.tasks)
+    assert (chosen.pace, chosen.ridge) == ("steady", RIDGES[0])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("timing", [0.5, 0.0])
 def test_people_of_varying_timing_are_predicted_from_aligned_primitives_others_not(timing):
