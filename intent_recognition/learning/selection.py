@@ -136,9 +136,10 @@ def choose(
             break
     library = replace(candidates[best.pace][0], noise_scale=best.noise_scale)
     tasks, strong = candidates[best.pace][1], best._replace(shared_strength=STRONG)
-    gained = _evidence(library, left_out(strong), tasks) - _evidence(library, left_out(best), tasks)
-    if not of_people and is_clear(gained, errors=2.0):  # a strength of people is another one
-        best, tried[strong] = strong, scored(strong)
+    if not of_people:  # a strength of people is another one
+        weak, other = (_evidence(library, left_out(one), tasks) for one in (best, strong))
+        if is_clear(other - weak, errors=2.0):
+            best, tried[strong] = strong, scored(strong)
     of_best = left_out(best)
     variance = _variance(library, of_best)
     exponent, coupling = choose_duration_evidence(library, of_best, FRACTIONS, variance)
