@@ -201,9 +201,10 @@ def time_misfit(signal: Signal) -> Misfit | None:
     likely = [text for text, factor in units.items() if least_s <= period_s / factor <= most_s]
     if not likely:
         return Misfit(f"{reason}. Record it at 10 Hz or more.", np.nan, certain=False)
-    text = min(likely, key=lambda text: abs(np.log(50.0 * period_s / units[text])))  # near 50 Hz
-    said = f"{reason}. Likely {text} (a factor of {units[text]:.4g}): correct the times."
-    return Misfit(said, units[text], certain=True)
+    likely.sort(key=lambda text: abs(np.log(50.0 * period_s / units[text])))  # near 50 Hz first
+    causes = " or ".join(f"{text} (a factor of {units[text]:.4g})" for text in likely)
+    said = f"{reason}. Likely {causes}: correct the times."
+    return Misfit(said, units[likely[0]], certain=True)
 
 
 def learned_misfit(

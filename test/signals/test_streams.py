@@ -267,7 +267,7 @@ def test_a_joint_may_rest_beside_others_and_two_labels_of_one_movement_are_named
     [
         (10.0, "milliseconds for seconds (a factor of 1000)"),
         (3e-5, "seconds for milliseconds (a factor of 0.001)"),
-        (0.01 / 60.0, "minutes for seconds (a factor of 0.01667)"),
+        (0.01 / 60.0, "minutes for seconds (a factor of 0.01667) or seconds for milliseconds"),
     ],
 )
 def test_the_unit_of_times_that_gives_a_usual_rate_is_named(period_s, likely):
