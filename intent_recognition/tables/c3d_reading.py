@@ -35,7 +35,7 @@ def ezc3d(path: str) -> Arrays:
     scale = point["SCALE"]["value"][0] if "SCALE" in point else -1.0
     _check_frame(path, count := points.shape[1], values, scale)
     points = np.where((residuals < 0.0)[:, :, None], np.nan, points)
-    texts = {key: point[key].get("value", ()) for key in point}
+    texts = {key: list(map(str, point[key].get("value", ()))) for key in point}
     labels = _all_labels(texts, count)
     poses = file["data"].get("rotations", np.empty(0))  # (4, 4, n, T), as Theia writes bodies
     if poses.ndim == 4 and poses.size and poses.shape[3] == len(points):

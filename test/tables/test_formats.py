@@ -109,8 +109,12 @@ def test_angles_and_forces_of_models_in_c3d_are_no_lengths(tmp_path):
     points = np.repeat(PLACE[:, None], 3, axis=1)
     table = open_table(c3d_of(tmp_path, points, labels=labels, more=more))
     assert [table.said_of(f"{label}.z") for label in labels] == ["mm", "rad", "N"]
-    by_other = c3d_reading.c3d(str(tmp_path / "a.c3d"))
-    assert by_other["units"].tolist() == ["", "rad", "N"] and str(by_other["unit"]) == "mm"
+    file = pytest.importorskip("ezc3d").c3d(str(tmp_path / "a.c3d"))
+    file.add_parameter("POINT", "POWERS", [1.5])  # of another program
+    file.write(str(tmp_path / "a.c3d"))
+    for read in (c3d_reading.ezc3d, c3d_reading.c3d):
+        found = read(str(tmp_path / "a.c3d"))
+        assert found["units"].tolist() == ["", "rad", "N"] and str(found["unit"]) == "mm"
 
 
 def test_labels_that_occur_twice_are_refused_by_name_and_taken_by_number(tmp_path):
