@@ -25,7 +25,7 @@ UNIT_IN_NAME = re.compile(
 """The unit at the end of a column's name: `x [mm]`, `x (mm)`, `x_mm`, `x.mm`, `X MM`."""
 NO_MOTION = r"(?:[mhk\u00b5]?(?:N|V|Pa)|N.?mm?|W|g|a\.u\.|dBm?|(?:deg|\u00b0)C)"
 """Units of forces, voltages, ... that sensors and models add to recordings of motion."""
-OTHER_UNIT = re.compile(rf"(?i)\s\[[^\[\]\d]+\]$|[(_ ./-](?:px|pixels?|%|km)\)?$|\({NO_MOTION}\)$")
+OTHER_UNIT = re.compile(rf"(?i:\s\[[^\[\]\d]+\]|[(_ ./-](?:px|pixels?|%|km)\)?)$|\({NO_MOTION}\)$")
 """An unsupported unit at the end of a name, as in `x [V]`, `x (px)`, `x (N)`; not `x (left)`."""
 ELEMENT = re.compile(r"(?:\.\d+)+$")
 """Indices at the end of the name of an array element."""

@@ -23,6 +23,12 @@ def test_a_unit_that_is_unknown_or_of_an_angle_is_no_length(name, tmp_path):
     assert samples is None and f"expected a unit of {name} that becomes m" in said
 
 
+def test_letters_of_axes_are_no_units(tmp_path):
+    names = ["a (n)", "a (v)", "a (w)"]
+    _, said = imported_csv(tmp_path, plain(head=",".join(["t", *names])), names)
+    assert "expected a unit" not in said
+
+
 @pytest.mark.parametrize("column", ["by name", "0"])
 @pytest.mark.parametrize(
     ("head", "per_s"),
