@@ -33,11 +33,11 @@ KEYS = (*VELOCITY_KEYS[:6], "orientation", "reference")
 QUATERNION = "quaternion"
 """The only supported representation of an orientation in an entry."""
 OBSERVED_KEYS = (*KEYS, "context")
-RAW_POSE_TOPIC = re.compile(r"(.*/)?mocap/[^/]+/pose")
 CONTROLLED_KEYS = (*KEYS, "link", "robot")
 SIDES = ("observed", "controlled", "velocities")
 EXTRINSICS = "extrinsics"
 """Top-level key for the poses of tracker frames in the world."""
+RAW_POSE_TOPIC = re.compile(r"(.*/)?mocap/[^/]+/pose")
 TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
 
 
