@@ -120,8 +120,6 @@ NO_TASK = re.compile(
     r"|p|s|sub|subj|subject|participant|person|user|day|ses|session)?[\W_\d]*"
 )
 """Numbered or dated names that describe recordings or people rather than tasks."""
-
-
 OF_ROBOT = re.compile(r"(?i)(?<![^\W_])(?:robot|gripper|tcp|eef?|end_?effector)(?![^\W\d_])")
 """Names of files of a robot's movement."""
 
@@ -199,10 +197,13 @@ def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
 def _kinds_of_parts(source: Path, parts: Mapping[str, Mapping[str, Path]]) -> list[FileKind]:
     """Kinds of the files that most recordings have, by file name or pattern, then by recording.
 
-    Empty unless there are several, with names of their own and, if none is of a robot, mostly other
-    columns: those with the same may be of several tasks.
+    Empty unless there are several, with names of their own and mostly other columns, as those with
+    the same may be of several tasks; the columns do not matter where the others are named like a
+    robot's file but for the robot, such as `give_human` beside `give_robot`.
     """
-    are_tasks = not any(map(OF_ROBOT.search, parts))
+    stems = [Path(name).stem for name in parts]
+    rests = [OF_ROBOT.split(stem) for stem in stems if OF_ROBOT.search(stem)]
+    are_tasks = not any(all(part in stem for stem in stems for part in rest) for rest in rests)
     counts = Counter(chain.from_iterable(parts.values()))
     shared = {recording for recording, count in counts.items() if count > 1}
     most = max(map(len, parts.values()), default=0)

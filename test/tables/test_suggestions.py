@@ -412,6 +412,9 @@ def test_files_of_person_and_robot_are_of_one_recording(human, robot, tmp_path):
     arm = table("t,q1,q2", lambda k: [f"{TIMES_S[k]}", *[f"{SHARE[k, 0]}"] * 2])
     two = {"tasks/pour_{}.csv": plain(), "tasks/reach_{}.csv": plain().replace("x,y,z", "x,y,z,no"),
            "apart/human_{}.csv": plain(), "apart/robot_{}0.csv": arm,
+           "robot/robot_gives_{}.csv": plain(), "robot/robot_takes_{}.csv": plain(),
+           "both/give_human_{}.csv": plain(), "both/give_robot_{}.csv": plain(),
+           "both/take_human_{}.csv": plain(), "both/take_robot_{}.csv": plain(),
            "same/{}/human.csv": plain(), "same/{}/human.txt": arm}  # fmt: skip
     one = {human: plain(), robot: arm, "{}/notes.json": '{"age": 3}'}
     contents = {**two, **{f"one/{name}": content for name, content in one.items()}}
@@ -424,7 +427,7 @@ def test_files_of_person_and_robot_are_of_one_recording(human, robot, tmp_path):
     assert content["controlled"][0]["joints"] == ["q1", "q2"]
     task = "reach" if "reach_" in human else "give_it_a_name"
     assert {one.custom_data["task"] for one in found} == {task}
-    for name in ("tasks", "apart"):
+    for name in ("tasks", "apart", "robot", "both"):
         assert "files: '{task}_{number}.csv'" in suggest_map(tmp_path / name)
     assert ImportMap.from_dict(yaml.safe_load(suggest_map(tmp_path / "same")))
 
