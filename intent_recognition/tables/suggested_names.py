@@ -143,10 +143,10 @@ def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:
         if are_elements and are_alike and LANDMARK.match(min(axes.values())):
             is_pose |= len(axes) == 2
             is_pose |= len(axes) == 4 and _are_seen(*(columns[axes[k]] for k in sorted(axes)))
-        in_image = set(axes) == set("xy") and body.rstrip("._ ")
+        in_image = set("xy") <= set(axes) <= set("wxy") and body.rstrip("._ ")  # w: of a box
         # with w it is a quaternion
         if (set(axes) == set("xyz") or is_pose or in_image) and not parts & {*axes.values()}:
-            bodies[body] = [axes[a] for a in sorted(axes)][:3]
+            bodies[body] = [axes[a] for a in sorted({*axes} - {"w"})][:3]
     return bodies
 
 

@@ -100,14 +100,22 @@ def test_a_quaternion_with_its_axes_first_is_no_place(tmp_path):
         suggest_map(tmp_path / "a.csv")
 
 
-@pytest.mark.parametrize("shift", [0.0, -0.3])
-def test_landmarks_that_are_shares_of_an_image_are_named(shift, tmp_path):
+@pytest.mark.parametrize(
+    ("shift", "last"), [(0.0, "wrist_visibility"), (-0.3, "wrist_visibility"), (0.0, "visible")]
+)
+def test_landmarks_that_are_shares_of_an_image_are_named(shift, last, tmp_path):
     def row(k):
         return [f"{TIMES_S[k]}", f"{shift + SHARE[k, 0]}", "0.5", f"{-SHARE[k, 0]}", "0.9"]
 
-    text = table("t,wrist_x,wrist_y,wrist_z,wrist_visibility", row)
+    text = table(f"t,wrist_x,wrist_y,wrist_z,{last}", row)
     _, said, _ = suggested_csv(tmp_path, text)
-    assert ("places in the image" in said) == (shift == 0.0)
+    assert ("places in the image" in said) == (shift == 0.0 and last != "visible")
+
+
+def test_a_box_in_an_image_is_a_place(tmp_path):
+    text = table("t,x1,y1,w1", lambda k: [f"{TIMES_S[k]}", *cells(k)])
+    content, *_ = suggested_csv(tmp_path, text)
+    assert content["observed"][0]["columns"] == ["x1", "y1"]
 
 
 def test_delimiters_in_names_separate_no_cells(tmp_path):
