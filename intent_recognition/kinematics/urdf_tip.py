@@ -17,9 +17,7 @@ from intent_recognition.kinematics.urdf_tree import link_of
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints with one degree of freedom."""
-_JAW_JOINT = re.compile(
-    "gripper(?!.*(yaw|pitch|roll|rotate|rotation))|finger|jaw|thumb|knuckle|claw", re.IGNORECASE
-)
+_JAW_JOINT = re.compile("(?i)gripper(?!.*(yaw|pitch|roll|rotat))|finger|jaw|thumb|knuckle|claw")
 """Names of the last joint of a branch that opens a gripper, rather than turning it."""
 _JAW_LINK = re.compile("finger|jaw|thumb|knuckle|claw", re.IGNORECASE)
 """Names of links that a gripper moves; not "gripper", since `gripper_link` may be a palm."""
@@ -100,7 +98,8 @@ def _walk(
         parts = [_with(joint, below, masters) for joint in joints]
         most = below[link].arm
         ways = [k for k, part in enumerate(parts) if most and part.arm == most]
-        if most <= len(passed) and (len(ways) > 1 or sum(bool(p.moving) for p in parts) > 2):
+        is_hand = 2 * most <= len(passed) and sum(bool(part.moving) for part in parts) > 2
+        if is_hand or (len(ways) > 1 and most <= len(passed)):
             return link  # fingers
         if len(ways) > 1:
             ends = [link_of(joints[k], "child") for k in ways]

@@ -93,6 +93,13 @@ TREES = {
         *(f"hand_mount r {finger}_1 r:{finger}_2={finger}_1_joint {finger}_2" for finger in "abc"),
         tip="hand_mount",
     ),
+    "short_arm_on_wheels": tree(
+        "odom p:x bx p:y by r:th cart p:lift torso r:a1 l1 r:a2 l2 r:a3 l3 r:a4 l4 f hand",
+        "torso r:pan neck r:tilt head",
+        "torso r:brush sweeper",
+        tip="hand",
+        joints="x y th lift a1 a2 a3 a4",
+    ),
     "turned_gripper": tree(
         row("base", "", 6, after=" r:GripperYaw hand"), tip="hand", joints=SIX + " GripperYaw"
     ),
