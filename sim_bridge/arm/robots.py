@@ -94,8 +94,8 @@ class Robot:
             notes.append(f"{name} is slow and delays the arm: --base LINK holds joints before LINK")
         if self.unseen:
             notes.append(
-                f"{first_of(self.unseen, 1)}: no such mesh of {', '.join(MESH_KINDS)}; such shapes"
-                " are left out. Source the workspace with its package, or put it beside the URDF"
+                f"{first_of(self.unseen, 1)}: left out, as no file of {', '.join(MESH_KINDS)} is"
+                " found. Source the workspace with its package, or put it beside the URDF"
             )
         return "\n".join(notes)
 

@@ -209,7 +209,7 @@ def test_shapes_whose_mesh_cannot_be_used_are_left_out_and_named(name, tmp_path)
     shape = f"<visual>{2 * MESH.replace('package://x/y.stl', name)}</visual>"
     path.write_text(ONE.replace("<inertial>", f"{shape}<inertial>"))
     robot = find_robot(str(path))
-    assert f"{name}: no such mesh of .dae, .obj, .stl" in robot.note
+    assert f"{name}: left out, as no file of .dae, .obj, .stl is found" in robot.note
     assert name not in robot.source + robot.description
     with SimulatedArm(robot=robot) as arm:
         arm.step(1)
