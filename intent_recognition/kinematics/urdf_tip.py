@@ -17,7 +17,7 @@ from intent_recognition.kinematics.urdf_tree import link_of
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints with one degree of freedom."""
-_JAW_JOINT = re.compile("(?i)gripper(?!.*(yaw|pitch|roll|rotat))|finger|jaw|thumb|knuckle|claw")
+_JAW_JOINT = re.compile("(?i)gripper(?!.*(yaw|pitch|roll|rota))|finger|jaw|thumb|knuckle|claw")
 """Names of the last joint of a branch that opens a gripper, rather than turning it."""
 _JAW_LINK = re.compile("finger|jaw|thumb|knuckle|claw", re.IGNORECASE)
 """Names of links that a gripper moves; not "gripper", since `gripper_link` may be a palm."""
