@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node: turns recognised tasks and predicted trajectories into the arm's `joint_trajectory`."""
 
+import math
 import sys
 import time
 from contextlib import suppress
@@ -99,8 +100,9 @@ class PrimitiveActivation(ManagedNode):
         self._starts_near = np.empty(0)
         keep_live(self, live_parameters("activation"), self._changed, self._change)
         self._silent, self._refused = "", False
-        often_hz = max(self._settings.rate_hz, 25.0)  # silence is noticed between rare updates, too
-        self._timer = self.create_timer(1.0 / often_hz, self._on_timer)
+        rate_hz = self._settings.rate_hz
+        looks = math.ceil(25.0 / rate_hz)  # silence is noticed between rare updates, too
+        self._timer = self.create_timer(1.0 / (rate_hz * looks), self._on_timer)
         steady_timer(self, 0.1, self._look_for_silence)
         self.start()
 
