@@ -322,7 +322,7 @@ class Motions:
         )
         since_s = (start_ns - current.start_ns) * 1e-9
         touches = moved and self._obstruction(current.plan, since_s) is not None
-        quicker = paced and way.slowed and (new[1] or self._moved(current))
+        quicker = paced and way.slowed and (any(new[1:3]) or self._moved(current))
         if not (too_fast or touches or brakes or quicker):
             return None
         self._tried_ns = now_ns

@@ -9,12 +9,13 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from activation_world import HOME, LIMITS, START_NS, STEP_NS, World, executing
+from activation_world import GOALS, HOME, LIMITS, START_NS, STEP_NS, World, executing
+from clearance_world import ARM, FAR_M, person
 from scipy.interpolate import CubicHermiteSpline
 
 from intent_recognition.activation.states import Mode
 from intent_recognition.kinematics import JOINT_NAMES, RATE_TOLERANCE
-from intent_recognition.motion import JointReference
+from intent_recognition.motion import JointReference, Separation
 from sim_bridge.arm import RejectedTrajectoryError, TrajectoryCommand, TrajectoryFollower
 
 FINE_S = 0.002
@@ -236,3 +237,25 @@ if __name__ == "__main__":
             rejected = Counter(reason for world, _ in got for reason in world.rejected)
             rejected.update(reason for _, arm in got for reason in arm.rejected)
             print(latency_s, loss, largest.round(4), f"{home} at home", dict(rejected), flush=True)
+
+
+def test_a_quicker_way_that_is_lost_is_planned_again():
+    """The arm goes on slowly; people have not moved since the quicker way was planned."""
+    world, rng = World(separation=Separation(ARM)), np.random.default_rng(1)
+    arm = Arm(world, rng, (0.0, 0.0), 0.0)
+    world.arm = lambda: arm.at
+    world.begin("plate", already_s=0.0)
+    run(world, arm, 300)
+    world.task = "idle"
+    near = ARM.forward_kinematics(HOME + 0.6 * GOALS["plate"])[:3, 3] + [0.0, 0.0, 0.05]
+    world.activation.take_people((person(near),))
+    run(world, arm, 100)
+    assert world.commands[-1].way.slowed
+    world.activation.take_people((person(FAR_M),))
+    arm.loses = lambda command: True
+    run(world, arm, 20)
+    arm.loses, (*_, slow, lost) = lambda command: False, world.commands
+    run(world, arm, 100)
+    newest = world.commands[-1]
+    assert "command_lost" in world.rejected
+    assert newest is not lost and newest.end_ns < slow.end_ns - 1_000_000_000
