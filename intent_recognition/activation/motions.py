@@ -64,7 +64,6 @@ class Motions:
         self._followed: ClearPath | None = None  # of the interaction under way
         self._planned_under: tuple[object, ...] = ((), None, None, None)
         self._tried_ns = 0
-        self._planned_near: tuple[PredictedPerson, ...] = ()
         self.people: tuple[PredictedPerson, ...] = ()
         self.corrected: PredictedInteraction | None = None
         self.things = Things(common, arm)
@@ -272,21 +271,21 @@ class Motions:
         return None if plan is None else PlannedWay(kind, plan, path, onset_ns, plan is not free)
 
     def _send_way(self, now_ns: int, start_ns: int, way: PlannedWay) -> Command:
-        plan = way.plan
+        plan, way = way.plan, way._replace(people=self.people)
         if way.kind != "interaction":
             standing = np.zeros_like(plan.phase)
             plan = replace(plan, kind=way.kind, phase=standing, phase_rate=standing)
         command = self._arm.put_in_force(now_ns, Command(start_ns, plan, way=way))
-        self._planned_under, self._planned_near = self._conditions, self.people
+        self._planned_under = self._conditions
         return command
 
-    def _moved(self, command: Command) -> bool:
-        """Whether people, as predicted for the time of a command, moved since it was planned."""
-        if len(self.people) != len(self._planned_near):
+    def _moved(self, command: Command, before: tuple[PredictedPerson, ...]) -> bool:
+        """Whether people, as predicted for the time of a command, are not where they were."""
+        if len(self.people) != len(before):
             return True
         times_ns = command.start_ns + 1e9 * command.plan.times_s
-        pairs = zip(self.people, self._planned_near, strict=True)
-        return any(now.moved_m(before, times_ns) > _MOVED_M for now, before in pairs)
+        pairs = zip(self.people, before, strict=True)
+        return any(now.moved_m(was, times_ns) > _MOVED_M for now, was in pairs)
 
     @property
     def _conditions(self) -> tuple[object, ...]:
@@ -322,7 +321,7 @@ class Motions:
         )
         since_s = (start_ns - current.start_ns) * 1e-9
         touches = moved and self._obstruction(current.plan, since_s) is not None
-        quicker = paced and way.slowed and (any(new[1:3]) or self._moved(current))
+        quicker = paced and way.slowed and (new[1] or self._moved(current, way.people))
         if not (too_fast or touches or brakes or quicker):
             return None
         self._tried_ns = now_ns

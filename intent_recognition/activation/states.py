@@ -9,7 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats, Integers
-from intent_recognition.motion import JointPath, JointPlan, JointReference, PhaseState, Via
+from intent_recognition.motion import (
+    JointPath,
+    JointPlan,
+    JointReference,
+    PhaseState,
+    PredictedPerson,
+    Via,
+)
 
 
 class Mode(Enum):
@@ -40,6 +47,7 @@ class PlannedWay(NamedTuple):
     onset_ns: int | None = None  # when the motion is to begin; None: as soon as it may
     slowed: bool = False  # whether it is slower than it would be without people
     blocked: bool = False  # whether it brakes because of things
+    people: tuple[PredictedPerson, ...] = ()  # people that it was planned for
 
 
 class Command(NamedTuple):
