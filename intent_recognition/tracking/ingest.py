@@ -79,13 +79,13 @@ class IngestState:
 
 
 class StampWatch:
-    """Finds single stamps of one body that leap ahead of the clock by which poses arrive."""
+    """Finds single stamps of one body that are far ahead of the arrival of their pose."""
 
     def __init__(self) -> None:
         self._ahead_s: deque[float] = deque(maxlen=2)
 
     def leaps(self, stamp_ns: int, arrival_s: float) -> bool:
-        """Whether a stamp is 1 s farther ahead of its arrival than the last two, as the first."""
+        """Whether a stamp, as the first, is over 1 s farther ahead of its arrival than before."""
         ahead_s = stamp_ns * 1e-9 - arrival_s
         leaps = bool(ahead_s - max(self._ahead_s, default=np.inf) > 1.0)
         if stamp_ns > 0:
