@@ -102,6 +102,17 @@ def test_where_the_straight_way_home_is_blocked_it_goes_around(under_way):
     world.check_continuous()
 
 
+def test_where_people_forbid_the_way_around_the_arm_stays_and_says_so(monkeypatch):
+    world = arrived()
+    home = HOME + np.array([1.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    box = Box("post", tuple(hand_position(0.5 * (world.arm() + home))), (0.04, 0.04, 0.04))
+    change(world, home=home, clearance=clearance(box))
+    world.task = "idle"
+    monkeypatch.setattr(world.activation.motions, "_way_along", lambda *_: None)
+    world.run_until(Mode.IDLE)
+    assert "infeasible" in world.rejected and not world.activation.counts["refused"]
+
+
 def test_where_no_way_home_is_clear_the_arm_stays_and_asks_once():
     world = arrived()
     at = world.arm()
