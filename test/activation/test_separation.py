@@ -2,6 +2,7 @@
 """Ways that are under way become slower as somebody comes, and quicker as they leave."""
 
 import numpy as np
+import pytest
 from activation_world import World
 from clearance_world import ARM, FAR_M, PATH, person
 
@@ -56,20 +57,31 @@ def test_an_arm_at_rest_beside_a_person_goes_home_however_slowly():
     assert separation.excess(home.plan, home.start_ns, person(HALFWAY)) <= 1.0
 
 
-def test_a_slowed_way_is_planned_again_when_people_have_moved_not_while_they_rest():
+@pytest.mark.parametrize(
+    ("people", "least"),
+    [
+        (lambda k: (person(HALFWAY + [0.0, 0.0, 0.002 * k], 0.02),), 2),
+        (lambda _: (person(HALFWAY),), 1),
+        (lambda _: (person(HALFWAY, 0.02), person(FAR_M)), 1),
+    ],
+    ids=["they move in small steps", "where they are is surer", "somebody else comes"],
+)
+def test_a_slowed_way_is_planned_again_when_people_change_not_while_they_rest(people, least):
     world, rng = on_the_way_home(), np.random.default_rng(1)
 
-    def sent(seconds, way):
+    def sent(seconds, people):
         n = len(world.commands)
         for k in range(round(seconds * 100)):
-            world.activation.take_people((person(HALFWAY + k * way + rng.normal(0.0, 1e-3, 3)),))
+            world.activation.take_people(people(k))
             world.step()
         return len(world.commands) - n
 
-    still = np.zeros(3)
-    sent(0.5, still)
+    def resting(_):
+        return (person(HALFWAY + rng.normal(0.0, 1e-3, 3), 0.02),)
+
+    sent(0.5, resting)
     assert world.commands[-1].way.slowed
-    assert sent(1.0, still) == 0 and sent(0.2, np.array([0.0, 0.0, 0.02])) > 2
+    assert sent(1.0, resting) == 0 and sent(0.2, people) >= least
 
 
 def test_going_ahead_slows_near_the_person():
