@@ -367,7 +367,7 @@ class Motions:
                 start_ns += round(1e9 * found.later_s)
                 around = self._way_along(way.kind, found.path, None, start_ns, start, BEGINNING)
                 if around is None:
-                    self._reject("infeasible", f"{what} around things breaks limits or speeds")
+                    self._reject("infeasible", f"no plan of {what} keeps limits and speeds")
                     return None
                 way, touched = around, self._obstruction(around.plan)
                 self._counts["replanned"] += touched is None
