@@ -16,7 +16,6 @@ from intent_recognition.dashboard.widgets import series_of, time_plot
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.evaluation import explain, replay
 from intent_recognition.model import load_model
-from intent_recognition.promp import NONE
 from intent_recognition.report import heading, readable, short_name, task_colours, without_rows
 
 ABOUT = (
@@ -137,7 +136,7 @@ def posterior_over(
         label: np.array([row["probabilities"][label] for row in rows[::every]]) for label in labels
     }
     acted = next((k for k, row in enumerate(rows) if row["active_task"]), None)
-    moving = [row for row in rows if row["probabilities"][NONE] < 1.0]
+    moving = [row for row in rows if any(row["phase"].values())]
     last = (moving or rows)[-1]["probabilities"]
     best = max(last, key=last.get)
     summary = (

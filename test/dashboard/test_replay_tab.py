@@ -102,6 +102,21 @@ def test_the_posterior_is_that_of_the_recording(recording, toolbox_model):
     assert at_the_end.rsplit(" ", 1)[0] == readable(task)  # of the movement, not of the rest
 
 
+def test_an_unknown_movement_is_unknown_at_its_end(recording, toolbox_model, monkeypatch):
+    seen = ((0.6, 0.1), (0.0, 0.9), (0.0, 0.0))  # probability of a task, and phase; the last rests
+    rows = [
+        {
+            "stamp": k,
+            "probabilities": {"task": p, NONE: 1.0 - p},
+            "phase": {"task": phase, NONE: 0.0},
+            "active_task": "",
+        }
+        for k, (p, phase) in enumerate(seen)
+    ]
+    monkeypatch.setattr("intent_recognition.dashboard.compare_tab.replay", lambda *_: rows)
+    assert posterior_over(recording, toolbox_model)[2] == ("nothing", "-", f"{NONE} 100%")
+
+
 def test_a_recording_without_the_topics_of_the_model_is_named(repository, toolbox_model):
     other = sorted((repository / "bags/pole").rglob("metadata.yaml"))[0].parent
     with pytest.raises(IntentError, match="expected observations on mocap/wrist/pose"):
