@@ -48,8 +48,9 @@ def heading(one: Explanation) -> str:
 
 
 def without_rows(one: Explanation) -> list[tuple[str, float | None, str]]:
-    """For each name, its evidence and the decision without it."""
-    by_dof = dict(zip(one.evidence.names, one.evidence.by_dof.sum(axis=0), strict=True))
+    """For each name, its evidence to a tenth of a nat, and the decision without it."""
+    in_all = np.round(one.evidence.by_dof.sum(axis=0), 1) + 0.0  # not -0.0
+    by_dof = dict(zip(one.evidence.names, in_all, strict=True))
     names = dict.fromkeys([*by_dof, *one.without])
     rows = []
     for name in names:

@@ -25,7 +25,7 @@ from intent_recognition.demonstrations import Source, iter_samples
 from intent_recognition.evaluation import explain, replay
 from intent_recognition.recognition import DecisionState, IntentEstimator, decide, decision_settings
 from intent_recognition.report import task_colours
-from intent_recognition.report.explanation_report import evidence_figure
+from intent_recognition.report.explanation_report import evidence_figure, without_rows
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +120,8 @@ def test_the_end_of_a_signal_s_name_is_not_cut(bag):
     cells = [line.split("│")[1].strip() for line in text.getvalue().splitlines() if "│" in line]
     assert {name[-4:] for name in one.evidence.names} <= {cell[-4:] for cell in cells}
     assert "-0.0" not in text.getvalue()
+    one.evidence.by_dof[:] = -1e-6
+    assert {str(total) for _, total, _ in without_rows(one) if total is not None} == {"0.0"}
     shown = {line.get_color() for line in evidence_figure(one).axes[0].lines}
     assert not shown & set(task_colours(one.labels).values())  # those are on the same page
 
