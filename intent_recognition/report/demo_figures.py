@@ -150,8 +150,8 @@ def _sentence(record: InteractionRecord) -> str:
     if record.arrival_s is not None:
         parts.append(f"arrival {record.arrival_s:+.2f} s after the end of the movement")
     if record.transfer_s is not None and record.largest_force_n is not None:
-        force = f"with at most {record.largest_force_n:.1f} N"
-        parts.append(f"handed over {record.transfer_s:+.2f} s after it {force}")
+        when = f"{record.transfer_s:+.2f} s after the movement"
+        parts.append(f"handed over {when} with at most {record.largest_force_n:.1f} N")
     text = ", ".join(parts)
     return f"{text[0].upper()}{text[1:]}. {record.note}".strip()
 
