@@ -38,7 +38,7 @@ class Heartbeats:
         self._looked_s = clock()
         self._silent_s: dict[str, float] = {}
         self.unanswered = ""
-        self._failing: set[str] = set()
+        self._failing: dict[str, bool] = {}
 
     @property
     def names(self) -> Set[str]:
@@ -52,9 +52,8 @@ class Heartbeats:
 
     def begins_to_fail(self, name: str, fails: bool) -> bool:
         """Whether a node reports an error that it did not report before."""
-        new = fails and name not in self._failing
-        (self._failing.add if fails else self._failing.discard)(name)
-        return new
+        failed, self._failing[name] = self._failing.get(name, False), fails
+        return fails and not failed
 
     def check(self, names: Iterable[str]) -> None:
         """Require that none of these nodes hangs."""

@@ -25,7 +25,7 @@ from intent_recognition.transfer import Holding
 RULE = "#e3e8ee"
 PERSON_COLOURS = ("#2b5163", "#8c3b57", "#4d6a1f", "#5b4a9c", "#7d4b1e", "#1f6e66", INK, "#6a5f6d")
 """Colours of people, in order; darker than the colours of tasks."""
-FORCE_COLOURS = dict(zip((*FORCES, SENSOR), (PREDICTED_COLOUR, *PALETTE[5:3:-1], SOFT)))
+FORCE_COLOURS = dict(zip((*FORCES, SENSOR), (PREDICTED_COLOUR, PALETTE[5], PALETTE[4], SOFT)))
 """Colours of forces: not those of the first tasks; the load's is that of the demo's report."""
 GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", NONE_COLOUR
 ERROR = 2

@@ -171,9 +171,9 @@ def _packed(covariance: NDArray) -> NDArray:
 
 @cache
 def _resizing(n_dofs: int, old: int, new: int) -> Integers:
-    """Place, counted from 1, of each element of a state of M weights per DOF in one of N.
+    """Places, counted from 1, of the elements of a resized state in the old one; 0 for new ones.
 
-    Elements of new weights have place 0.
+    `old` and `new` are the weights per DOF.
     """
     kept = np.zeros((n_dofs, new), dtype=np.int64)
     kept[:, :old] = 1 + np.arange(n_dofs * old).reshape(n_dofs, old)[:, :new]

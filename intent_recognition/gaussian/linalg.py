@@ -48,7 +48,7 @@ def solve_lower(factor: Floats, right: Floats) -> Floats:
 
     Batches take d steps of forward substitution, each vectorised over the batch.
     """
-    if factor.ndim == 2 and right.ndim <= 2:  # of batches, SciPy 1.11 solves none
+    if factor.ndim == 2 and right.ndim <= 2:  # SciPy 1.11 refuses batches
         return solve_triangular(factor, right, lower=True, check_finite=False)
     d = factor.shape[-1]
     solution = np.empty(np.broadcast_shapes(factor.shape[:-2], right.shape[:-2]) + right.shape[-2:])
