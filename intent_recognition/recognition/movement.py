@@ -39,8 +39,8 @@ class Movements:
         self._filter, self._switching = self._make(), switching
         self._after_stop: list[MovementFilter] = []  # made at the first stop
         self._stopped = False
-        self._log_odds = [(0, 0.0)]  # stamps and log odds of the movement under way so far
-        self._at_stop = 0.0
+        self._at_onset = self._at_stop = float(np.log(1.0 / library.none_prior - 1.0))
+        self._log_odds = [(0, self._at_onset)]  # stamps and log odds of the movement under way
         usual_s = float(np.exp(np.mean(library.log_duration_mean)))
         self._leads_ns = [round(lead * usual_s * 1e9) for lead in STOP_LEADS]
 
@@ -50,7 +50,7 @@ class Movements:
         """Filter of a movement from its onset; for the arguments, see `MovementFilter.restart`."""
         self._filter.restart(onset_ns, task_weight, past)
         self._stopped = False
-        self._log_odds = [(onset_ns, 0.0)]
+        self._log_odds = [(onset_ns, self._at_onset)]
         return self._filter
 
     def following(
@@ -72,8 +72,8 @@ class Movements:
             self._log_odds.append((observation.stamp_ns, posterior.log_odds))
         if stopped_ns is not None:
             self._stopped = done
-            before = (odds for ns, odds in reversed(self._log_odds) if ns <= stopped_ns)
-            self._at_stop = next(before, 0.0)
+            before = (odds for ns, odds in reversed(self._log_odds) if ns < stopped_ns)
+            self._at_stop = next(before, self._at_onset)
         if not self._stopped:
             return None
         after = self._after_stop = self._after_stop or [self._make() for _ in STOP_LEADS]
@@ -87,17 +87,15 @@ class Movements:
         p = np.array([posterior.probabilities for posterior in posteriors])
         odds = p[:, :-1] / np.maximum(p[:, -1:], np.finfo(np.float64).tiny)  # over none, (n, K)
         known = odds.sum(axis=1).mean()
-        if posterior is not None:  # else the movement under way cannot go on
-            another = np.logaddexp.reduce([each.log_odds for each in posteriors]) - np.log(len(p))
-            goes_on = posterior.log_odds - self._at_stop
-            known = min(known, np.exp(min(another - goes_on, 700.0)))
-        if not done or known < USUAL_THRESHOLD * (1.0 + known):  # as probable as for a decision
+        another = np.logaddexp.reduce([each.log_odds for each in posteriors]) - np.log(len(p))
+        better = posterior is None or another - self._at_onset > posterior.log_odds - self._at_stop
+        if not (done and better and known >= USUAL_THRESHOLD * (1.0 + known)):  # as for a decision
             elapsed_s = (stamp_ns - after[0].onset_ns) * 1e-9
             self._stopped = not is_overdue(elapsed_s, posteriors[0])
             return None
         best = int(np.argmax(odds.sum(axis=1)))
         self._filter, after[best] = after[best], self._filter
-        self._log_odds = [(self._filter.onset_ns, 0.0)]
+        self._log_odds = [(self._filter.onset_ns, self._at_onset)]
         self._stopped = detector.waits_for_rest = False
         return self._filter
 

@@ -53,19 +53,19 @@ def test_a_reach_from_a_stop_takes_over_once_the_filters_of_its_onsets_recognise
 
 @pytest.mark.parametrize(
     ("goes_on", "another", "taken"),
-    [(7.0, 9.0, False), (7.0, 9.4, True), (-30.0, 0.0, True), (None, -5.0, True)],
+    [(7.0, 6.9, False), (7.0, 7.1, True), (-30.0, -20.0, True), (None, -50.0, True)],
 )
 def test_another_movement_explains_what_follows_the_stop_better(library, goes_on, another, taken):
-    """By 9 to 1, even if no movement is unknown; `None`: the one under way is overdue."""
-    movements = IntentEstimator(library)._movements
+    """Whatever the prior of unknown movements; `None`: the one under way is overdue."""
+    movements, prior = IntentEstimator(library)._movements, library.none_prior
     sure, at_rest = np.array([0.0, 1.0 - 1e-9, 0.0, 1e-9]), np.zeros(4)
     posterior = TaskPosterior(sure, at_rest, np.ones(4), np.ones(4), at_rest[:, None])
-    later = posterior._replace(log_odds=another)
+    later = posterior._replace(log_odds=np.log((1.0 - prior) / prior) + another)
     movements._after_stop = [
         SimpleNamespace(restart=lambda *_: None, posterior=lambda _: later, onset_ns=0)
     ] * 3
     end = None if goes_on is None else 5.0 + goes_on
-    samples = [(10, 1.0, None), (20, 5.0, None), (30, 6.0, None), (40, end, 25)]
+    samples = [(10, 1.0, None), (20, 5.0, None), (30, 6.0, None), (40, end, 30)]
     for stamp_ns, log_odds, stop_ns in samples:
         detector = SimpleNamespace(stopped_ns=lambda stop=stop_ns: stop, since=lambda _: [])
         own = None if log_odds is None else posterior._replace(log_odds=log_odds)
