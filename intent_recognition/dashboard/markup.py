@@ -19,6 +19,7 @@ from intent_recognition.dashboard.cell import (
 )
 from intent_recognition.plans import LIKELY_BEFORE, WorkPlan
 from intent_recognition.promp import NONE
+from intent_recognition.registry import NODES
 from intent_recognition.report import INK, NONE_COLOUR, PALETTE, PREDICTED_COLOUR, SOFT, readable
 from intent_recognition.transfer import Holding
 
@@ -75,8 +76,8 @@ STEP_LOOKS = {
     "may come": ("&rarr;", INK, "600"),
 }
 """Mark, colour and font weight of a plan's step, by its state; `later` has none."""
-MAY_END = frozenset({"bag_player", "bag_recorder", "coworker_sim"})
-"""Nodes that end when their work is done, so that their silence is no alarm."""
+WATCHED = NODES.keys() - {"bag_player", "bag_recorder", "coworker_sim"}
+"""Nodes whose silence is an alarm: no foreign ones, and none that ends when its work is done."""
 
 
 def bars(
@@ -177,7 +178,7 @@ def swatch(text: str, colour: str) -> str:
 
 
 def nodes_table(nodes: Mapping[str, NodeHealth], now_s: float) -> str:
-    """Table of all nodes that have reported: state, message, rates, latency; silent ones in red."""
+    """Table of all nodes that have reported: state, message, rates, latency; alarms in red."""
     if not nodes:
         return remark("No node has reported yet.")
     return _block("".join(_node(name, nodes[name], now_s) for name in sorted(nodes)))
@@ -186,15 +187,15 @@ def nodes_table(nodes: Mapping[str, NodeHealth], now_s: float) -> str:
 def alarms(nodes: Mapping[str, NodeHealth], now_s: float) -> list[str]:
     """The nodes that have reported but are silent now, and the first three that report an error."""
     shown = sorted(nodes.items())
-    late = [name for name, health in shown if health.silent_s(now_s) and not may_end(name)]
+    late = [name for name, health in shown if health.silent_s(now_s) and is_watched(name)]
     silent = [f"silent: {', '.join(late)}"] if late else []
     wrong = [f"{name}: {health.message}" for name, health in shown if health.level == ERROR]
     return silent + wrong[:3]
 
 
-def may_end(name: str) -> bool:
-    """Whether a node may end by itself; `name` may include a namespace."""
-    return name.rsplit("/", 1)[-1] in MAY_END
+def is_watched(name: str) -> bool:
+    """Whether the silence of a node is an alarm; `name` may include a namespace."""
+    return name.rsplit("/", 1)[-1] in WATCHED
 
 
 def remark(text: str) -> str:
@@ -248,7 +249,7 @@ def table(head: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
 
 def _node(name: str, health: NodeHealth, now_s: float) -> str:
     silent = health.silent_s(now_s)
-    alarm = silent and not may_end(name)
+    alarm = silent and is_watched(name)
     colour = BAD if alarm else STALE if silent else LEVELS.get(health.level, STALE)
     silence = f"ended: {escape(health.message)}" if health.ended else f"silent for {silent:.0f} s"
     message = silence if silent else escape(health.message)

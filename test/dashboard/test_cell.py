@@ -221,13 +221,15 @@ def test_labels_and_messages_are_escaped():
         assert "<script" not in text
 
 
-def test_a_silent_node_stands_out_unless_its_work_is_done():
-    nodes = {name: NodeHealth(0, "running", {}, 0.0) for name in ("arm", "cell/bag_player")}
+def test_a_silent_node_stands_out_unless_it_is_foreign_or_its_work_is_done():
+    nodes = {name: NodeHealth(0, "running", {}, 0.0) for name in ("lwr_sim", "cell/bag_player")}
+    nodes["camera: driver"] = nodes["cell/bag_player"]
     nodes["ear"] = NodeHealth(0, "running", {}, 9.0)
     nodes["eye"] = NodeHealth(2, "sees nothing", {}, 9.0)
-    assert markup.alarms(nodes, 10.0) == ["silent: arm", "eye: sees nothing"]
+    assert markup.alarms(nodes, 10.0) == ["silent: lwr_sim", "eye: sees nothing"]
     assert "silent for 10 s" in markup.nodes_table(nodes, 10.0)
-    assert markup.BAD not in markup.nodes_table({"bag_player": nodes["cell/bag_player"]}, 10.0)
+    for name in ("cell/bag_player", "camera: driver"):
+        assert markup.BAD not in markup.nodes_table({name: nodes[name]}, 10.0)
     nodes = {"coworker_sim": NodeHealth(0, "session over", {}, 0.0, ended=True)}
     assert "ended: session over" in markup.nodes_table(nodes, 10.0)
     assert "silent" not in markup.nodes_table(nodes, 10.0)
