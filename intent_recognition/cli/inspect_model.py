@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from intent_recognition.cli.console import plain_table, print_facts
+from intent_recognition.cli.console import boxed_table, plain_table, print_facts
 from intent_recognition.errors import first_of
 from intent_recognition.model import FRAMES, Frames, Model, frames_of
 from intent_recognition.promp import TaskLibrary, least_end_std
@@ -76,6 +76,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
     named = origin.pop("bags", ())
     bags = [str(bag) for bag in (named if isinstance(named, (list, tuple)) else [named])]
     frames, _ = frames_of(library), origin.pop(FRAMES, None)
+    counts = origin.pop("transition_counts", None)
     facts = {
         "model": str(path),
         "basis": f"{library.basis.n_basis} functions per degree of freedom",
@@ -118,6 +119,18 @@ def print_model(console: Console, path: Path, model: Model) -> None:
     console.print(dofs)
     if bags:
         console.print(f"from {len(bags)} bags: {first_of(bags)}")
+    if counts is not None:
+        print_transitions(console, library, "learned from sessions")
+
+
+def print_transitions(console: Console, library: TaskLibrary, source: str) -> None:
+    """Print a table of the transition probabilities p(next | last)."""
+    table = boxed_table(
+        f"which task follows which, {source}", "after", *(f">{label}" for label in library.labels)
+    )
+    for label, row in zip((*library.labels, "no task"), library.transition_prior, strict=True):
+        table.add_row(label, *(f"{p:.2f}" for p in row))
+    console.print(table)
 
 
 def _brief(value: object, meanings: Mapping[str, str] = {}) -> str:

@@ -35,6 +35,7 @@ from rich.console import Console
 
 from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, busy, say
+from intent_recognition.cli.inspect_model import print_transitions
 from intent_recognition.cli.recordings import (
     accumulate_all,
     add_recording_options,
@@ -181,8 +182,8 @@ def print_library(console: Console, library: TaskLibrary, report: TrainingReport
         console.print(f"settings kept: {how}")
         return
     console.print(
-        f"best of {len(report.tried)} settings, by predicting demonstrations left out: {how}"
-        f" (log loss {chosen.log_loss:.3f}, squared error of the controlled agent"
+        f"chosen from {len(report.tried)} candidates by cross-validation: {how}"
+        f" (log loss {chosen.log_loss:.3f} nats, squared error of the controlled agent"
         f" {chosen.error:.3f} of its variance)"
     )
     if library.n_tasks > 1 and chosen.log_loss > np.log(library.n_tasks):
@@ -224,14 +225,5 @@ def with_sessions(model: Model, sessions: Sequence[Path], console: Console) -> M
     unknown = {t for sequence in sequences for t in sequence.tasks} - set(library.labels)
     for label in sorted(unknown):
         say(console, f"ignored in sessions: {label}, which is no task of the model", "yellow")
-    print_transitions(console, learned, int(counts.sum()))
+    print_transitions(console, learned, f"from {int(counts.sum())} tasks in sessions")
     return replace(model, library=learned)
-
-
-def print_transitions(console: Console, library: TaskLibrary, n_seen: int) -> None:
-    """Print a table of the transition probabilities p(next | last)."""
-    title = f"which task follows which, from {n_seen} tasks in sessions"
-    table = boxed_table(title, "after", *(f">{label}" for label in library.labels))
-    for label, row in zip((*library.labels, "no task"), library.transition_prior, strict=True):
-        table.add_row(label, *(f"{p:.2f}" for p in row))
-    console.print(table)

@@ -163,7 +163,8 @@ def model_file(tmp_path_factory):
     dofs = load_dofs()
     demonstrations, _ = read_demonstrations([folder], dofs)
     settings = TrainingSettings(n_basis=6, n_aligned_basis=9, segmentation="recording")
-    report = learn_with_report(demonstrations, settings, {"bags": ["bag0", "bag1"]})
+    provenance = {"bags": ["bag0", "bag1"], "transition_counts": [[0, 2], [1, 0], [1, 1]]}
+    report = learn_with_report(demonstrations, settings, provenance)
     save_model(folder / "m.npz", Model(report.library, dofs))
     return folder / "m.npz"
 
@@ -177,7 +178,7 @@ def test_a_model_shows_what_was_learned(run_command, model_file):
         assert cells[1:3] == ["2", f"{library.durations_s[k]:.2f}"]
     for name in (*library.observed_names, *library.controlled_names):
         assert name in output
-    assert "from 2 bags: bag0, bag1" in output
+    assert "from 2 bags: bag0, bag1" in output and "which task follows which" in output
     for words in (
         "evidence that a known task",
         "over staying",

@@ -35,7 +35,7 @@ def test_it_learns_writes_and_tells(train, recorded):
     assert provenance["package_version"] == __version__
     assert provenance["bags"] == [f"demo_{k:02d}" for k in range(8)]
     assert provenance["settings"]["n_basis"] == 8
-    for word in ("task_0", "task_1", "learned from 8 demonstrations", "left out", "wrote"):
+    for word in ("task_0", "task_1", "learned from 8 demonstrations", "cross-validation", "wrote"):
         assert word in text, text
     assert str(output) in text.replace("\n", "")
     assert "duration [s]" in text
@@ -50,7 +50,7 @@ def test_recognition_worse_than_guessing_is_a_warning(log_loss, warned):
     report = TrainingReport((), (), chosen, (chosen,), 8, 0, Trained(library, None, {}, chosen))
     print_library(Console(file=text, width=200), library, report)
     assert ("Guessing would recognise the tasks better" in text.getvalue()) == warned
-    assert "best of 1 settings" in text.getvalue()
+    assert "chosen from 1 candidates" in text.getvalue()
 
 
 @pytest.mark.slow
@@ -138,7 +138,7 @@ def test_added_bags_are_as_good_as_learned_anew(train_more, first, recorded):
     assert more.n_demonstrations.tolist() == [4, 4]
     assert more.provenance["bags"] == [f"demo_{k:02d}" for k in range(8)]
     assert load_model(first).library.n_demonstrations.sum() == 5
-    assert "already has" not in text and "best of" not in text and "log loss" not in text
+    assert "already has" not in text and "chosen from" not in text and "log loss" not in text
     assert "settings kept: " in text
 
 
@@ -154,7 +154,7 @@ def test_the_regularisation_may_be_chosen_again(train_more, first, recorded):
     kept = load_trained(first)[1].chosen
     again, text = train_more("again.npz", (5, 6, 7), "--add", first, "--choose-again")
     trained = load_trained(again)[1]
-    assert " settings, by predicting demonstrations left out" in text
+    assert " candidates by cross-validation" in text
     assert trained.chosen.score != kept.score
     assert trained.library.provenance["chosen"] == trained.chosen._asdict()
     assert trained.library.noise_scale == trained.chosen.noise_scale
