@@ -185,10 +185,14 @@ def print_result(console: Console, result: dict) -> None:
     if mistaken := result["mistaken"]:
         taken = (f"{m['recording']} ({m['true']}) for {m['recognised']}" for m in mistaken)
         say(console, f"taken for another task at the end: {first_of([*taken])}", "yellow")
-    print_reactive(console, result["reactive"])
+    print_reactive(console, result["reactive"], result["unit"])
     _print_none(console, result["none"])
-    online = {phase.removesuffix("_phase"): row for phase, row in result["online"].items()}
-    _print_scores(console, "online, as the nodes run", "phase", online, "{:.1%}")
+    online = {phase.removesuffix("_phase"): dict(row) for phase, row in result["online"].items()}
+    for row in online.values():
+        n = row.pop("n")
+        row |= {name: _of(row[name], n) for name in ("recognised", "acted_on", "wrongly_acted_on")}
+        row["median_share_at_decision"] = _cell(row["median_share_at_decision"], "{:.0%}")
+    _print_scores(console, "online, as the nodes run", "phase", online, "{}")
 
 
 def _print_scores(
@@ -202,14 +206,15 @@ def _print_scores(
     console.print(table)
 
 
-def print_reactive(console: Console, reactive: dict) -> None:
+def print_reactive(console: Console, reactive: dict, unit: str | list[str]) -> None:
     """Print a table of the errors of the controlled agent's pose a little ahead, by task."""
     names = list(next(iter(next(iter(reactive.values())).values())))
-    title = "reactive: pose at every moment, unknown task and phase"
-    table = boxed_table(title, "task", ">ahead", *(f">{name}" for name in names))
+    of = f" [{unit}²]" if isinstance(unit, str) else ""
+    title = f"reactive: squared error{of} of the pose at every moment, unknown task and phase"
+    table = boxed_table(title, "task", ">ahead", *(f">{name.replace('_', ' ')}" for name in names))
     for label, rows in reactive.items():
         for ahead, row in rows.items():
-            cells = [_cell(row[name], "{:.3g}") for name in names]
+            cells = [_cell(row[name], "{:.3g}", "²") for name in names]
             table.add_row(label, f"{float(ahead):g} s", *cells)
     console.print(table)
 
@@ -223,12 +228,11 @@ def _print_none(console: Console, none: dict) -> None:
         f" {none['area']:.3f}"
     )
     for kind in ("known", "unknown"):
-        console.print(
-            f"{kind} movements: {none['n_' + kind]}, above the threshold"
-            f" {none['above_threshold_' + kind]:.1%}, recognised {none['recognised_' + kind]:.1%},"
-            f" held back by an uncertain end {none['held_back_' + kind]:.1%}, activated"
-            f" {none['activated_' + kind]:.1%}"
-        )
+        n = none["n_" + kind]
+        words = {"above the threshold": "above_threshold", "recognised": "recognised"}
+        words |= {"held back by an uncertain end": "held_back", "activated": "activated"}
+        shares = (f"{said} {_of(none[f'{name}_{kind}'], n)}" for said, name in words.items())
+        console.print(f"{kind} movements: {n}, {', '.join(shares)}")
     if none["held_back_known"]:
         end_std = none["end_std_known"]
         console.print(
@@ -239,7 +243,11 @@ def _print_none(console: Console, none: dict) -> None:
         )
 
 
-def _cell(value: object, form: str) -> str:
+def _of(share: float, n: int) -> str:
+    return f"{round(share * n)} of {n}"
+
+
+def _cell(value: object, form: str, power: str = "") -> str:
     if isinstance(value, dict):
-        return ", ".join(f"{_cell(number, form)} {unit}" for unit, number in value.items())
+        return ", ".join(f"{_cell(number, form)} {unit}{power}" for unit, number in value.items())
     return "-" if value is None else form.format(value)

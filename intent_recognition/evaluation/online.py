@@ -151,7 +151,7 @@ def _phase_aware(library: TaskLibrary, recorded: Demonstration) -> IntentEstimat
 
 
 def summarise_online(outcomes: Sequence[OnlineOutcome]) -> dict[str, float | None]:
-    """Shares of the recordings, and the median share of the movement at the decision.
+    """Shares of the `n` recordings, and the median share of the movement at the decision.
 
     `recognised`: the first recognised task was the true one; `acted_on`: the true one became
     active; `wrongly_acted_on`: another task became active at any time.
@@ -159,6 +159,7 @@ def summarise_online(outcomes: Sequence[OnlineOutcome]) -> dict[str, float | Non
     shares = [o.decided_share for o in outcomes if not np.isnan(o.decided_share)]
     n = max(len(outcomes), 1)
     return {
+        "n": len(outcomes),
         "recognised": sum(o.recognised == o.task for o in outcomes) / n,
         "acted_on": sum(o.task in o.activated for o in outcomes) / n,
         "wrongly_acted_on": sum(bool({*o.activated} - {o.task}) for o in outcomes) / n,

@@ -168,12 +168,15 @@ def _online(online: Mapping) -> tuple[html.Block, ...]:
     phases = by_phase(online)
     if not phases:
         return ()
-    shares = (html.Column(text, "%", form=".1f") for text in ONLINE_COLUMNS.values())
+    *counts, share = ONLINE_COLUMNS
     rows = []
     for phase, scores in phases.items():
-        values = (100 * number(scores.get(name), "") for name in ONLINE_COLUMNS)
-        rows.append((PHASE_NAMES[phase], *values))
-    table = html.TableBlock((*html.text_columns(""), *shares), rows)
+        n = scores["n"]
+        values = (f"{round(n * scores[name])} of {n}" for name in counts)
+        rows.append((PHASE_NAMES[phase], *values, 100 * number(scores[share], "")))
+    columns = [html.Column(ONLINE_COLUMNS[name]) for name in counts]
+    last = html.Column(ONLINE_COLUMNS[share], "%", form=".0f")
+    table = html.TableBlock((*html.text_columns(""), *columns, last), rows)
     return table, html.Paragraph(ONLINE_EXPLANATION, small=True)
 
 

@@ -63,11 +63,12 @@ def test_folds_by_index(scored):
         assert title in text
     assert "online, as the nodes run" in text
     assert "…" not in text
+    assert "squared error [rad²]" in text and "8 of 8" in text
     assert "recording observed" in text
     assert "Shares observed are of the recording" in text and "--segment movement" in text
     assert "nothing to recognise" not in text
     for row in result["online"].values():
-        assert set(row) == {*ONLINE_COLUMNS}
+        assert set(row) == {"n", *ONLINE_COLUMNS}
         assert row["recognised"] >= 0.75 and row["wrongly_acted_on"] == 0.0
 
 
@@ -106,7 +107,7 @@ def test_tasks_are_left_out_in_turn(scored):
     assert (none["n_known"], none["n_unknown"]) == (8, 8)
     assert set(none["left_out"]) == {"task_0", "task_1"}
     assert 0.0 <= none["area"] <= 1.0
-    assert "tasks left out in turn: area" in text and "unknown movements: 8" in text
+    assert "tasks left out in turn: area" in text and "unknown movements: 8, above " in text
 
 
 @pytest.mark.slow

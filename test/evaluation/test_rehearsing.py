@@ -166,6 +166,7 @@ def test_the_table():
         OnlineOutcome("b", "", (), nan),
     ]
     assert summarise_online(outcomes) == {
+        "n": 4,
         "recognised": 0.5,
         "acted_on": 0.5,
         "wrongly_acted_on": 0.25,

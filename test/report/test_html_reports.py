@@ -180,7 +180,7 @@ def test_evaluation_tables_equal_the_json(rng, undrawn):
 
 
 def test_what_the_nodes_would_have_done_and_what_was_left_out_are_tables(rng):
-    row = {"recognised": 0.9, "acted_on": 0.55, "wrongly_acted_on": 0.0}
+    row = {"n": 20, "recognised": 0.9, "acted_on": 0.55, "wrongly_acted_on": 0.0}
     online = {
         "known_phase": row | {"median_share_at_decision": None},
         "unknown_phase": row | {"median_share_at_decision": 0.204},
@@ -192,8 +192,8 @@ def test_what_the_nodes_would_have_done_and_what_was_left_out_are_tables(rng):
     page = evaluation_page({"online": online, **faults}, "t")
     nodes, left_out = blocks_of(page, TableBlock)
     assert [r[1:] for r in nodes.rows] == [
-        ("90.0", "55.0", "0.0", None),
-        ("90.0", "55.0", "0.0", "20.4"),
+        ("18 of 20", "11 of 20", "0 of 20", None),
+        ("18 of 20", "11 of 20", "0 of 20", "20"),
     ]
     assert left_out.rows == (("demo_3", "left out", "two clocks"), ("demo_4", "doubtful", "a hint"))
 
