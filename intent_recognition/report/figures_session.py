@@ -107,6 +107,7 @@ def histogram_figure(
         axes.axvline(middle, color=INK, linewidth=1.3, linestyle=DASHED)
         axes.margins(y=0.12)
         places: Look = {"xycoords": axes.get_xaxis_transform(), "textcoords": "offset points"}
+        places["bbox"] = {"color": "white", "pad": 1}  # over the line of the end
         text = f"median {form.format(middle)}"
         axes.annotate(text, (middle, 1.0), (4, -2), va="top", fontsize=9, **places)
     axes.axvline(end, color=INK, linewidth=1.0)
