@@ -63,7 +63,10 @@ def figures_of_records(
         percent = {task: [100.0 * share for share in own] for task, own in shares.items()}
         what = "share of the human's movement passed at the decision [%]"
         figure = figures_session.histogram_figure(percent, what, 100.0, "{:.0f} %", labels)
-        drawn.append(svg_figure(figure, "How early: 100 % is the end of the human's movement."))
+        caption = "How early: 100 % is the end of the human's movement."
+        if summary.people:
+            caption += " One person may wait while the arm helps the other."
+        drawn.append(svg_figure(figure, caption))
     if arrivals:
         what = "robot's arrival after the end of the human's movement [s]"
         figure = figures_session.histogram_figure(arrivals, what, 0.0, "{:+.2f} s", labels)
@@ -140,7 +143,9 @@ def _detail(record: InteractionRecord, trace: Trace) -> tuple[Block, ...]:
 
 def _sentence(record: InteractionRecord) -> str:
     found = record.recognised not in ("", NONE)
-    parts = [f"recognised as {readable(record.recognised)}" if found else "not recognised"]
+    helps = ("helped with", "not helped"), ("recognised as", "not recognised")
+    known, missed = helps[not record.person]
+    parts = [f"{known} {readable(record.recognised)}" if found else missed]
     if record.observations is not None:
         parts.append(f"after {record.observations} observations")
     if record.decision_share is not None:

@@ -89,11 +89,13 @@ def test_the_demo_report_needs_nothing_from_outside(page):
     assert all(source.startswith("data:image/") for source in sources)
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("wrong", [0, 2])
 def test_the_report_of_several_people_counts_wrong_helps_and_does_not_judge_waiting(session, wrong):
     records = [replace(r, person=("anna", "ben")[r.index % 2]) for r in session[0]]
     records[1] = replace(records[1], wrong_helps=wrong)
-    page = demo_page(records, summarise(records), (), {})
+    page = demo_page(records, summarise(records), session[1], {})
+    assert "Helped with" in render(page) and "One person may wait" in render(page)
     assert page.title == "Toolbox assembly of anna and ben with one arm"
     numbers = key_numbers(page)
     assert (numbers["wrong helps"].ours, numbers["wrong helps"].good) == (str(wrong), not wrong)
