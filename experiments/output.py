@@ -52,7 +52,7 @@ def print_outcome(console: Console, name: str, outcome: ExperimentResult, second
     head = console.render_str(f"\n{outcome.title}", style="bold")
     console.print(head, f"({name}; {outcome.source}; {seconds:.0f} s)", highlight=True)
     table = Table(box=None, header_style="dim", pad_edge=False)
-    for title in ("", "paper", "ours", "met", ""):
+    for title in ("", "paper or wanted", "ours", "met", ""):
         table.add_column(title, overflow="fold")
     table.columns[-1].style = "dim"
     for f in outcome.findings:

@@ -53,7 +53,7 @@ def write_report(
 def _findings_table(result: ExperimentResult) -> TableBlock:
     columns = (
         Column("", align="left"),
-        Column("paper"),
+        Column("paper or wanted"),
         Column("ours"),
         Column("met", align="center"),
         Column("remark", align="left"),

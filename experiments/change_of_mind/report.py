@@ -140,6 +140,8 @@ def findings(study: ChangeStudy) -> tuple[Finding, ...]:
 
 
 def _at_least(quantity: str, least: float, share: float, of: int | None = None) -> Finding:
+    if np.isnan(share):
+        return Finding.alone(quantity, "-", "No reach of this run shows it.")
     return Finding.wanted(
         quantity, f"at least {least:.0%}", _share(share, of), share >= least, MISSED
     )

@@ -113,6 +113,11 @@ def test_tasks_without_a_pause_are_recognised_when_each_becomes_active_in_its_tu
     assert not between.in_order and between.recognised == (True, False, False)
 
 
+def test_a_share_of_no_reach_is_neither_met_nor_missed():
+    assert report._at_least("let go", 0.9, float("nan")).holds is None
+    assert [report._at_least("let go", 0.9, share).holds for share in (0.9, 0.8)] == [True, False]
+
+
 @pytest.mark.slow
 def test_the_experiment_takes_every_path_and_reports_it(monkeypatch):
     blends = (0.15, USUAL_BLEND, None)
