@@ -167,16 +167,22 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
 
 
 def _stray(signal: Signal) -> Misfit | None:
-    """Misfit due to a few samples [m] far from all others, if only these are odd; else None."""
+    """Misfit due to samples [m] far from all others, if only these are odd; else None.
+
+    They are few, or up to half of all, between the two longest steps: away, and back.
+    """
     values = signal.values
     away = np.linalg.norm(values - np.median(values, axis=0), axis=1)
-    far = away > 0.5 * away.max()
-    steps = np.linalg.norm(np.diff(values, axis=0), axis=1)[far[1:] != far[:-1]]
-    if far.mean() > 0.1 or not steps.size or steps.min() < 0.5 * away.max():
+    far, steps = away > 0.5 * away.max(), np.linalg.norm(np.diff(values, axis=0), axis=1)
+    if far.mean() > 0.1:
+        out, back = np.sort(np.argsort(steps)[-2:])
+        far = (np.arange(far.size) > out) & (np.arange(far.size) <= back)
+    ends = steps[far[1:] != far[:-1]]
+    if far.mean() > 0.5 or not ends.size or ends.min() < 0.5 * away.max():
         return None
     if misfit(Signal(signal.names, signal.stamps_ns[~far], values[~far], signal.unit)) is not None:
         return None
-    row = int(np.argmax(away))
+    row = int(np.argmax(np.where(far, away, -np.inf)))
     at_s = (signal.stamps_ns[row] - signal.stamps_ns[0]) * 1e-9
     reason = (
         f"{in_words(signal)} at {at_s:.3g} s is {away[row]:.3g} m from its median, in {far.sum()}"

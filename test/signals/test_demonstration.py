@@ -192,13 +192,16 @@ def test_zeros_for_nothing_and_samples_far_away_are_named():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         Demonstration.from_arrays(LONG_S, place - place[0], reach())  # a rest at the origin
+    for first, n, far in ((50, 1, 40.0), (40, 30, 0.8)):
+        human = np.hstack([reach(), reach()])
+        human[first : first + n] += far
+        with pytest.raises(ArgumentError, match=f"m from .* in {n} of 101 .* error") as told:
+            Demonstration.from_arrays(LONG_S, human, reach())
+        assert "metres for" not in str(told.value) and "for metres" not in str(told.value)
     human = np.hstack([reach(), reach()])
-    human[50] = 40.0
-    with pytest.raises(
-        ArgumentError, match=r"at 1 s is 56\.. m from .* in 1 of 101 .* error"
-    ) as told:
+    human[60:] += 0.8  # steps away and stays, as a set point may
+    with pytest.warns(UserWarning, match="Likely centimetres for metres"):
         Demonstration.from_arrays(LONG_S, human, reach())
-    assert "metres for" not in str(told.value) and "for metres" not in str(told.value)
 
 
 def test_dates_and_durations_are_times_in_utc_where_they_have_no_zone():
