@@ -34,7 +34,7 @@ class Harness:
     """
 
     def __enter__(self):
-        rclpy.init(args=[])
+        rclpy.init(args=["--ros-args", "--log-level", "info"])  # others may have left it at warn
         self.executor = make_executor()
         self.nodes: list[Node] = []
         self.probe = self.add(Node("probe"))
