@@ -54,7 +54,7 @@ def folder(tmp_path_factory) -> Path:
 def _evaluated(demonstrations, folds, *_, **__) -> dict:
     """What is printed of an evaluation, in place of seconds of scoring (test_evaluate)."""
     nothing = {"known_phase": {"1.0": {"accuracy": 1.0}}, "unknown_phase": {"1.0": {"rmse": None}}}
-    online = {"known_phase": dict.fromkeys(ONLINE_COLUMNS)}
+    online = {"known_phase": {"n": 1, **dict.fromkeys(ONLINE_COLUMNS, 0.0)}}
     return {
         "n_demonstrations": len(demonstrations),
         "tasks": [*{d.task: None for d in demonstrations}],
