@@ -21,8 +21,8 @@ KINDS = {MAGIC: ".mcap", b"SQLite format 3\0": ".db3", b"#ROSBAG V2.0": ".bag"}
 """File suffix by the first bytes of a recording: the two storages of ROS 2 and that of ROS 1."""
 GZ = ".gz"
 PACKED = (".zstd", ".zst", GZ)
-PATTERNS = [f"*{kind}{packed}" for kind in (".mcap", ".db3") for packed in ("", *PACKED)]
-"""Names of the storage files that make a folder a bag."""
+ENDINGS = tuple(kind + packed for kind in (".mcap", ".db3") for packed in ("", *PACKED))
+"""Ends of the names of the storage files that make a folder a bag."""
 
 
 def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, list[str]]:
@@ -144,7 +144,7 @@ def find_files(
 
 def storage_files(folder: Path) -> list[Path]:
     """All regular storage files (a FIFO would never end), sorted by name and number."""
-    found = {path for pattern in PATTERNS for path in folder.glob(pattern) if path.is_file()}
+    found = {path for path in folder.glob("*") if path.name.endswith(ENDINGS) and path.is_file()}
     twice = {path for path in found if path.suffix in PACKED and path.with_suffix("") in found}
     return sorted(found - twice, key=_name_and_number)
 
