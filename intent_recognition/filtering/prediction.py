@@ -51,8 +51,10 @@ class TaskPrediction:
         seen: Sequence[Measurement],
     ):
         self.library, self.task, self.duration_weights = library, task, duration_weights
-        self.weights, self._deviations = table.courses(index), table.deviations(index)
-        self.durations_s = table.rows["onset_s"][index] + table.rows["duration_s"][index]
+        self._table, self._rows, self._whole = table, table.rows[index], table.weights(index)
+        self.weights = self._whole.resized(slice(None), library.basis.n_basis)
+        self._deviations = table.deviations(index)
+        self.durations_s = self._rows["onset_s"] + self._rows["duration_s"]
         self.elapsed_s = max((one.elapsed_s for one in seen), default=0.0)
         coupling = library.coupling if task < library.n_tasks and not table.has_offsets else None
         coupled = coupling is not None and bool(np.any(coupling.gain[task]))
@@ -220,6 +222,8 @@ class TaskPrediction:
         library, duration_s = self.library, self.duration_s
         begin_s = min(self.elapsed_s, duration_s)
         times_s = np.linspace(duration_s, begin_s, n_points)[::-1]
+        if self._table.has_offsets:
+            return self._with_offsets(times_s)
         phase, phase_variance, rate = self._path(times_s)
         weights = self.observed_weights()
         per_dof = weights.mean.reshape(library.n_observed, -1).T
@@ -229,6 +233,27 @@ class TaskPrediction:
         variance += library.noise_variance[: library.n_observed]
         variance += slope**2 * phase_variance[:, None]
         return Trajectory(times_s, design @ per_dof, slope * rate[:, None], np.sqrt(variance))
+
+    def _with_offsets(self, times_s: Floats) -> Trajectory:
+        """The observed agent under hypotheses born on the way: the mixture of their movements.
+
+        Each has its own begin, course and offset. Overdue ones rest where they are now.
+        """
+        n_rows, n_dofs = len(self._rows), self.library.n_observed
+        at_s = np.tile(np.maximum(times_s, self.elapsed_s), n_rows)
+        design = self._table.design(at_s, np.repeat(self._rows, len(times_s)))
+        design = design.reshape(n_rows, len(times_s), -1)
+        mean, covariance = self._whole.moments()
+        of_each = design @ mean.reshape(n_rows, n_dofs, -1).swapaxes(1, 2)  # (S, T, P)
+        own = np.einsum("spmpn->spmn", covariance.reshape(n_rows, *2 * (n_dofs, design.shape[2])))
+        variance = np.einsum("sptm,stm->stp", design[:, None] @ own, design)
+        positions = np.tensordot(self.duration_weights, of_each, 1)
+        variance = np.tensordot(self.duration_weights, variance + (of_each - positions) ** 2, 1)
+        velocities = np.zeros_like(positions)
+        if times_s[-1] > times_s[0]:
+            velocities = np.gradient(positions, times_s, axis=0)
+        std = np.sqrt(variance + self.library.noise_variance[:n_dofs])
+        return Trajectory(times_s, positions, velocities, std)
 
     def _path(self, times_s: Floats, *, controlled: bool = False) -> tuple[Floats, Floats, Floats]:
         """Expected reference phase, its variance, and its rate [1/s], each (T,).

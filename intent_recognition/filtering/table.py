@@ -132,29 +132,35 @@ class HypothesisTable:
             step = measurement.elapsed_s, index, deviation[where].copy(), likelihood
             self._history.append(step)
 
-    def linear(self, measurement: Measurement, rows: NDArray[np.void]) -> LinearMeasurement:
-        """The linear measurement of the weights under the hypotheses of some rows, (n,)."""
+    def design(
+        self, elapsed_s: Floats | float, rows: NDArray[np.void], *, derivative: bool = False
+    ) -> Floats:
+        """Basis functions of the hypotheses of some rows at times after onset, (n,): (n, E, N)."""
         model, basis, duration_s = self._model, self._basis, rows["duration_s"]
-        into = (measurement.elapsed_s - rows["onset_s"]) / duration_s
+        into = (elapsed_s - rows["onset_s"]) / duration_s
         relative = duration_s / self._usual_s[rows["task"]]
         phase = reference_phase(model, into, relative)
-        if measurement.derivative:
+        if derivative:
             rate = steady_rate(model, into, relative) / duration_s
             course = basis.derivative_matrix(phase) * rate[:, None, None]
         else:
             course = basis.design_matrix(phase)
         if self.has_offsets:
-            since_s, rate = measurement.elapsed_s - rows["birth_s"], rows["rate"]
-            offset = fading(since_s, rate, derivative=measurement.derivative)
+            since_s, rate = elapsed_s - rows["birth_s"], rows["rate"]
+            offset = fading(since_s, rate, derivative=derivative)
             anew = rows["kind"] == AFRESH
-            offset[anew] = ending(since_s[anew], rate[anew], derivative=measurement.derivative)
+            offset[anew] = ending(since_s[anew], rate[anew], derivative=derivative)
             course = np.concatenate([course, offset[:, None]], axis=2)
-        transition = None
-        if phase.shape[1] > 1 and measurement.interval_s < inf:
-            transition = deviation_transition(model, measurement.interval_s / duration_s)
+        return course
+
+    def linear(self, measurement: Measurement, rows: NDArray[np.void]) -> LinearMeasurement:
+        """The linear measurement of the weights under the hypotheses of some rows, (n,)."""
+        model, transition = self._model, None
+        if len(model.grid) > 1 and measurement.interval_s < inf:
+            transition = deviation_transition(model, measurement.interval_s / rows["duration_s"])
         return LinearMeasurement(
             measurement.dofs,
-            course,
+            self.design(measurement.elapsed_s, rows, derivative=measurement.derivative),
             measurement.values,
             measurement.noise_covariance,
             transition,
@@ -169,13 +175,17 @@ class HypothesisTable:
         for array in (self._state, self.deviation, self._columns):
             array[free] = array[moved]
 
+    def weights(self, index: Integers) -> GaussianBatch:
+        """Copy of the weights of some rows, with those of their offsets."""
+        return GaussianBatch(self._state[index], *self._shape)
+
     def courses(self, index: Integers) -> GaussianBatch:
         """Copy of the weights of some rows, without the weights of their offsets.
 
         Only the observed block of the weights is filtered (Maeda et al. 2014, Eq. 6-8). The
         controlled block follows from it by regression (`promp.controlled_weights`).
         """
-        return GaussianBatch(self._state, *self._shape).resized(index, self._basis.n_basis)
+        return self.weights(index).resized(slice(None), self._basis.n_basis)
 
     def deviations(self, index: Integers) -> Deviations:
         """Filtered deviations of adjacent rows that were always conditioned together."""

@@ -248,6 +248,33 @@ def test_a_reach_afresh_equals_the_joint_gaussian(library, rng, monkeypatch, one
     assert np.isclose(density[1] - density[0], log_density_of_last(y, mean, joint, p))
     rows = run.births.table.rows
     np.testing.assert_allclose(rows["log_share"][rows["kind"] == AFRESH], 0.0, atol=1e-12)
+    of_it &= np.isclose(rows["birth_s"], times_s[born])
+    alone = TaskPrediction(library, 1, run.births.table, np.flatnonzero(of_it), np.ones(1), [])
+    goes_on = alone.observed(5)
+    since_s = goes_on.times_s - times_s[born]
+    ahead = library.basis.design_matrix(np.minimum(since_s / reach_s, 1.0))
+    left = ending(since_s, np.full(len(since_s), 1.0 / reach_s))
+    gain = covariance @ h.T @ np.linalg.inv(joint)
+    updated = np.r_[library.observed_mean[1], np.zeros(3 * p)] + gain @ (y - mean)
+    spread = covariance - gain @ h @ covariance
+    for dof in range(p):
+        row = np.zeros((5, len(updated)))
+        row[:, dof * n : (dof + 1) * n] = ahead
+        row[:, p * n + 3 * dof : p * n + 3 * dof + 3] = left
+        np.testing.assert_allclose(goes_on.positions[:, dof], row @ updated, atol=1e-8)
+        variance = np.sum((row @ spread) * row, axis=1) + noise
+        np.testing.assert_allclose(goes_on.std[:, dof] ** 2, variance, rtol=1e-6)
+
+
+def test_the_rest_of_a_turn_begins_where_the_hand_is(library, rng):
+    times_s = np.arange(0.0, 0.8, 0.05)
+    values = changed(library, rng, (0, 1), 0.5, times_s)
+    run = filtered(library, times_s, values)
+    assert run.births.outweighs(1, run.log_evidence)
+    found, noise = run.prediction(1).observed(30), np.sqrt(library.noise_variance[:3])
+    np.testing.assert_allclose(found.times_s[0], times_s[-1])
+    assert np.all(np.abs(found.positions[0] - values[-1]) < 3.0 * noise)
+    assert np.all(found.std[0] < 2.0 * noise)
 
 
 def test_who_is_delayed_goes_on_with_all_that_was_seen(library, rng, monkeypatch, one_each):
