@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shared numerics: factors of covariances, triangular solves, log densities, affine spans."""
 
-from math import inf, isfinite, lgamma, log, pi
+from math import inf, isfinite, log, pi
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.special import gammaln
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError
@@ -66,17 +67,17 @@ def half_log_det(factor: Floats) -> Floats:
 
 
 def student_log_density(
-    squares: Floats, log_scale: Floats, dimension: int, degrees_of_freedom: float = inf
+    squares: Floats, log_scale: Floats, dimension: int, degrees_of_freedom: Floats | float = inf
 ) -> Floats:
     """Log density (...) of a Student distribution over m values; normal if freedom is infinite.
 
     Takes squared Mahalanobis distances (...) and half the scale matrix's log determinant (...).
     """
     nu, m = degrees_of_freedom, dimension
-    if nu == inf:
+    if isinstance(nu, float) and nu == inf:
         return -0.5 * squares - log_scale - 0.5 * m * log(2.0 * pi)
-    constant = lgamma(0.5 * (nu + m)) - lgamma(0.5 * nu) - 0.5 * m * log(nu * pi)
-    return constant - log_scale - 0.5 * (nu + m) * np.log1p(squares / nu)
+    constant = gammaln(0.5 * (nu + m)) - gammaln(0.5 * nu) - 0.5 * m * np.log(nu * pi)
+    return np.asarray(constant - log_scale - 0.5 * (nu + m) * np.log1p(squares / nu))
 
 
 def log_sum(log_terms: Floats) -> Floats:

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln
 
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import check_whole
@@ -22,7 +21,9 @@ from intent_recognition.gaussian import (
     CovariancePrior,
     batches,
     cholesky,
+    half_log_det,
     solve_lower,
+    student_log_density,
 )
 from intent_recognition.learning.mixture import MIN_MEMBERS, Features, cluster
 
@@ -129,12 +130,11 @@ def predict_left_out(
     mean = means[:, :, 0] + np.einsum("nkm,nkms->nks", white[..., 0], white[..., 1:])
     variance = np.sum(white[..., 1:] ** 2, axis=2)
     variance += components.diagonal[..., split:] @ features.loadings**2
-    log_det = np.log(diagonal).sum(axis=2)
-    log_det += 2.0 * np.log(np.diagonal(factor, axis1=2, axis2=3)).sum(axis=2)
     freedom = prior.strength + count + 1.0
     scale = (count + prior.strength) * (1.0 + 1.0 / count) / freedom
-    evidence = components.log_weight + _log_student(squared / scale, freedom, split)
-    evidence -= 0.5 * (log_det + split * np.log(scale))
+    log_scale = half_log_det(factor) + 0.5 * np.log(diagonal * scale[..., None]).sum(axis=2)
+    density = student_log_density(squared / scale, log_scale, split, freedom)
+    evidence = components.log_weight + density
     inflation = scale * (freedom + squared / scale) / (freedom + split)
     return LeftOutPrediction(
         evidence - np.logaddexp.reduce(evidence, axis=1)[:, None],
@@ -150,21 +150,14 @@ def score(prediction: LeftOutPrediction, truth: Floats) -> tuple[Floats, Floats]
     `truth` holds the true controlled trajectories, (n, s).
     """
     squared = (truth[:, None] - prediction.mean) ** 2 / prediction.variance
-    density = _log_student(squared, prediction.freedom[..., None], 1)
-    density -= 0.5 * np.log(prediction.variance)
+    log_scale, freedom = 0.5 * np.log(prediction.variance), prediction.freedom[..., None]
+    density = student_log_density(squared, log_scale, 1, freedom)
     nll = -np.logaddexp.reduce(prediction.log_posterior + density.mean(axis=2), axis=1)
     mean = np.einsum("nk,nks->ns", np.exp(prediction.log_posterior), prediction.mean)
     n_samples = truth.shape[1]
     # Trajectories were divided by the root of their number of samples.
     rmse = np.sqrt(np.sum((mean - truth) ** 2, axis=1))
     return nll + 0.5 * np.log(n_samples), rmse
-
-
-def _log_student(squared: Floats, freedom: Floats, size: int) -> Floats:
-    """Log density of a Student t of `size` dimensions and unit scale at a squared distance."""
-    constant = gammaln(0.5 * (freedom + size)) - gammaln(0.5 * freedom)
-    constant = constant - 0.5 * size * np.log(np.pi * freedom)
-    return constant - 0.5 * (freedom + size) * np.log1p(squared / freedom)
 
 
 def smallest_within_one_error(scores: Floats) -> int:
