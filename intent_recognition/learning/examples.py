@@ -79,7 +79,7 @@ def make_example(
     """
     sampled = parts = _movement(recorded)
     if warp is not None:
-        parts = [part._replace(phase=np.clip(warp(part.phase), 0.0, 1.0)) for part in parts]
+        parts = [(np.clip(warp(phase), 0.0, 1.0), values) for phase, values in parts]
     fits = [fit_weights(basis, *part, ridge) for part in parts]
     sampled, n_observed = sampled if recorded_samples else parts, len(recorded.observed)
     return TrainingExample(
@@ -95,15 +95,8 @@ def make_example(
     )
 
 
-class _Part(NamedTuple):
-    """One signal during the movement: phases (T,) and values (T, d)."""
-
-    phase: Floats
-    values: Floats
-
-
-def _movement(recorded: Demonstration) -> list[_Part]:
-    """Each signal from start to end, observed ones first."""
+def _movement(recorded: Demonstration) -> list[tuple[Floats, Floats]]:
+    """Phases (T,) and values (T, d) of each signal from start to end, observed ones first."""
     start_ns, duration = recorded.start_ns, recorded.duration_s
     if duration < 0.2:
         cure = "Record it again, or leave it out."
@@ -118,7 +111,7 @@ def _movement(recorded: Demonstration) -> list[_Part]:
                 len(part.stamps_ns),
                 "Record it again, or leave it out.",
             )
-        parts.append(_Part(part.seconds(start_ns) / duration, part.values))
+        parts.append((part.seconds(start_ns) / duration, part.values))
     return parts
 
 

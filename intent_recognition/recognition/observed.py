@@ -3,10 +3,11 @@
 
 from collections import deque
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 
-from intent_recognition.array_types import Floats, Integers
+from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.promp import ContextModel, TaskLibrary, angle_starts, rollout
 from intent_recognition.signals import (
@@ -55,8 +56,8 @@ class FirstSamples:
 
     def __init__(self, library: TaskLibrary):
         self._library = library
-        self._judges: dict[int, _OfSignal] = {}
         self._left = dict.fromkeys(range(len(library.observed_groups)), N_JUDGED)
+        self._stamps_ns = [deque[int](maxlen=N_STEPS) for _ in self._left]
         self.misfit: Misfit | None = None
 
     def refuse(self, observation: Observation) -> bool:
@@ -64,69 +65,42 @@ class FirstSamples:
 
         Values must be finite. Velocities are not checked.
         """
-        group = observation.group
+        library, group, values = self._library, observation.group, observation.values
         if group not in self._left or observation.derivative:
             return False
-        if group not in self._judges:
-            self._judges[group] = _OfSignal(self._library, group)
-        self.misfit = self._judges[group].misfit(observation)
-        if self.misfit is None and not self._judges[group].may_be_another(observation):
+        dofs = library.observed_dofs(group, observation.dofs)
+        names, unit = [library.observed_names[k] for k in dofs], library.observed_units[dofs[0]]
+        learned = Known(self._learned.lower[dofs], self._learned.upper[dofs])
+        self.misfit = learned_misfit(names, unit, values, learned)
+        self.misfit = self.misfit or self._late(observation, names[0], unit)
+        if self.misfit is None and not other_units(unit, values, learned):
             self._left[group] -= 1
             if not self._left[group]:
-                del self._left[group], self._judges[group]
+                del self._left[group]
         return self.misfit is not None
 
-
-class _OfSignal:
-    """Check of one signal."""
-
-    def __init__(self, library: TaskLibrary, group: int):
-        dofs = library.observed_dofs(group)
-        self._names = np.array(library.observed_names)[dofs]
-        self._unit = library.observed_units[dofs[0]]
-        self._learned = _learned(library, dofs)
-        self._stamps_ns = deque[int](maxlen=N_STEPS)
-
-    def misfit(self, observation: Observation) -> Misfit | None:
-        """Misfit of an observation with the learned units; None if it fits."""
-        names, learned = self._of(observation)
-        found = learned_misfit(names, self._unit, observation.values, learned)
-        return found or self._late(observation.stamp_ns, names)
-
-    def may_be_another(self, observation: Observation) -> bool:
-        """Whether its values would fit the learned range in another unit, too."""
-        return bool(other_units(self._unit, observation.values, self._of(observation)[1]))
-
-    def _of(self, observation: Observation) -> tuple[tuple[str, ...], Known]:
-        """Names of the measured DOFs, and their learned ranges."""
-        rows = slice(None) if observation.dofs is None else list(observation.dofs)
-        learned = Known(self._learned.lower[rows], self._learned.upper[rows])
-        return tuple(self._names[rows].tolist()), learned
-
-    def _late(self, stamp_ns: int, names: tuple[str, ...]) -> Misfit | None:
-        """Misfit of the times of the last samples, if it is certain."""
-        stamps = self._stamps_ns
+    def _late(self, observation: Observation, name: str, unit: str) -> Misfit | None:
+        """Misfit of the times of a signal's last samples, if it is certain."""
+        stamps, stamp_ns = self._stamps_ns[observation.group], observation.stamp_ns
         if stamps and stamp_ns < stamps[-1]:
             stamps.clear()  # another clock, or DOFs with stamps of their own
         if not stamps or stamp_ns > stamps[-1]:
             stamps.append(stamp_ns)
         if len(stamps) < N_STEPS:
             return None
-        found = time_misfit(Signal(names[:1], np.array(stamps), np.zeros((N_STEPS, 1)), self._unit))
+        found = time_misfit(Signal((name,), np.array(stamps), np.zeros((N_STEPS, 1)), unit))
         return found if found is not None and found.certain else None
 
-
-def _learned(library: TaskLibrary, dofs: Integers) -> Known:
-    """Learned ranges of some observed DOFs."""
-    lower, upper, phases = [], [], np.linspace(0.0, 1.0, 21)
-    for mean, covariance in zip(library.weight_mean, library.weight_covariance, strict=True):
-        course = rollout(
-            library.basis, Gaussian(mean, covariance), phases, 1.0, library.noise_variance
-        )
-        positions, std = course.positions[:, dofs], course.std[:, dofs]
-        lower.append((positions - STD_LEARNED * std).min(axis=0))
-        upper.append((positions + STD_LEARNED * std).max(axis=0))
-    return Known(np.min(lower, axis=0), np.max(upper, axis=0))
+    @cached_property
+    def _learned(self) -> Known:
+        """Learned ranges of the observed DOFs."""
+        library, lower, upper = self._library, [], []
+        for mean, covariance in zip(library.weight_mean, library.weight_covariance, strict=True):
+            weights, phases = Gaussian(mean, covariance), np.linspace(0.0, 1.0, 21)
+            course = rollout(library.basis, weights, phases, 1.0, library.noise_variance)
+            lower.append((course.positions - STD_LEARNED * course.std).min(axis=0))
+            upper.append((course.positions + STD_LEARNED * course.std).max(axis=0))
+        return Known(np.min(lower, axis=0), np.max(upper, axis=0))
 
 
 class ObservedTurns:
