@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks of the arrays and the header of a model file."""
 
-from collections.abc import Mapping
+from collections.abc import Collection
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -40,6 +40,7 @@ PLAUSIBLE = {
     "log_duration_mean": 20.0,
     "none_log_duration": 20.0,
     "log_duration_std": 10.0,
+    "usual_log_duration": 20.0,
     "displacement_exponent": MAX_EXPONENT,
     "delay_s": 1e6,
 }
@@ -75,17 +76,29 @@ SHAPES = {
     "observed_weight_covariance": "koo",
     **dict.fromkeys(SCALARS, ""),
 }
-"""Axes of each array of a model: k tasks, l one more; d DOFs, of which the observed ones form g
-groups; w weights, of which o are observed."""
+"""Axes of each array of a model: k tasks, l one more; d DOFs, of which the p observed ones form g
+groups, and q are controlled; w weights, of which o are observed; m numbers of the context."""
+USUAL, COUPLING, CONTEXT = (
+    {"usual_log_duration": "l"},
+    dict(zip((f"coupling_{name}" for name in ResidualCoupling._fields), ("kqp", "kq", "k"))),
+    {"context_mean": "km", "context_covariance": "kmm", "context_gain": "kwm"},
+)
+"""Axes of the arrays of usual durations, residual coupling and context, which not every library
+has."""
 
 
-def shapes_of(n_tasks: int, dofs: DofSpec, n_basis: int) -> dict[str, tuple[int, ...]]:
-    """Shapes of the arrays of a model with `n_tasks` tasks."""
-    observed = len(dofs.observed_names)
-    n_dofs = observed + len(dofs.controlled_names)
-    size = {"k": n_tasks, "l": n_tasks + 1, "d": n_dofs, "g": len(dofs.observed), "2": 2}
-    size |= {"w": n_dofs * n_basis, "o": observed * n_basis}
-    return {name: tuple(size[axis] for axis in axes) for name, axes in SHAPES.items()}
+def shapes_of(
+    content: Collection[str], n_tasks: int, dofs: DofSpec, n_basis: int
+) -> dict[str, tuple[int, ...]]:
+    """Shapes of the arrays of a model with `n_tasks` tasks, and of those that it may have."""
+    observed, controlled = len(dofs.observed_names), len(dofs.controlled_names)
+    size = {"k": n_tasks, "l": n_tasks + 1, "p": observed, "q": controlled, "2": 2}
+    size |= {"d": observed + controlled, "g": len(dofs.observed), "m": len(dofs.context_names)}
+    size |= {"w": (observed + controlled) * n_basis, "o": observed * n_basis}
+    wanted = SHAPES | (CONTEXT if dofs.context else {})
+    for some in (USUAL, COUPLING):
+        wanted |= some if some.keys() & content else {}
+    return {name: tuple(size[axis] for axis in axes) for name, axes in wanted.items()}
 
 
 def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
@@ -101,11 +114,19 @@ def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
     none_prior = numbers["none_prior"]
     require(bool(0.0 < none_prior < 1.0), f"{path}: none_prior", "between 0 and 1", none_prior)
 
-    for name, largest in PLAUSIBLE.items():
-        within = bool(np.all(np.abs(numbers[name]) <= largest))
-        require(within, f"{path}: {name}", f"at most {largest:g}", numbers[name])
-    for name in ("weight_covariance", "none_covariance", "observed_weight_covariance"):
+    for name in PLAUSIBLE.keys() & numbers:
+        within = bool(np.all(np.abs(numbers[name]) <= PLAUSIBLE[name]))
+        require(within, f"{path}: {name}", f"at most {PLAUSIBLE[name]:g}", numbers[name])
+    for name in (one for one in numbers if one.endswith("covariance")):
         check_covariances(path, name, numbers[name])
+    if "context_covariance" in numbers:
+        least = np.linalg.eigvalsh(numbers["context_covariance"])
+        check_positive(path, {"context_covariance": least}, "context_covariance")
+    if "coupling_explained" in numbers:
+        check_positive(path, numbers, "coupling_decay_s")
+        explained = numbers["coupling_explained"]
+        share = bool(np.all((explained >= 0.0) & (explained < 1.0)))
+        require(share, f"{path}: coupling_explained", "at least 0 and below 1", explained)
 
 
 def check_groups(path: str | Path, groups: NDArray[Any], n_observed: int, n_onset: int) -> None:
@@ -170,48 +191,20 @@ def phase_deviation(
     return PhaseDeviation(std, correlation, evidence, follows, exponent)
 
 
-USUAL = "usual_log_duration"
-CONTEXT = ("context_mean", "context_covariance", "context_gain")
-COUPLING = tuple(f"coupling_{name}" for name in ResidualCoupling._fields)
-"""Names of the arrays of the residual coupling, which not every library has."""
-
-
 def optional_arrays(library: TaskLibrary) -> dict[str, Floats]:
     """Arrays of a library's context, coupling and usual durations, as far as it has them."""
-    context, coupling, usual = library.context, library.coupling, library.usual_log_duration
-    arrays = () if context is None else (context.mean, context.covariance, context.gain)
-    durations = {} if usual is None else {USUAL: usual}
-    return {**dict(zip(CONTEXT, arrays)), **dict(zip(COUPLING, coupling or ())), **durations}
+    context, usual = library.context, library.usual_log_duration
+    arrays = dict(zip(COUPLING, library.coupling or ()))
+    if context is not None:
+        arrays |= zip(CONTEXT, (context.mean, context.covariance, context.gain))
+    return arrays if usual is None else {**arrays, "usual_log_duration": usual}
 
 
-def read_usual(
-    path: str | Path, content: Mapping[str, NDArray[Any]], n_tasks: int
-) -> Floats | None:
-    """Usual log durations, checked; None: the means of the timing priors."""
-    if USUAL not in content:
-        return None
-    check_arrays(path, content, {USUAL: (n_tasks + 1,)})
-    found, largest = content[USUAL], PLAUSIBLE["log_duration_mean"]
-    within = bool(np.all(np.abs(found) <= largest))
-    require(within, f"{path}: {USUAL}", f"at most {largest:g}", found)
-    return found
-
-
-def read_context(
-    path: str | Path,
-    content: Mapping[str, NDArray[Any]],
-    dofs: DofSpec,
-    numbers: Mapping[str, NDArray[Any]],
-) -> ContextModel | None:
-    """Dependence of the weights on the context, checked; None without a context."""
+def context_of(dofs: DofSpec, numbers: dict[str, NDArray[Any]]) -> ContextModel | None:
+    """Dependence of the weights on the context, taken out of checked arrays; None without one."""
     if not dofs.context:
         return None
-    (n_tasks, n_weights), n = numbers["weight_mean"].shape, len(dofs.context_names)
-    shapes = ((n_tasks, n), (n_tasks, n, n), (n_tasks, n_weights, n))
-    check_arrays(path, content, dict(zip(CONTEXT, shapes, strict=True)))
-    mean, covariance, gain = (content[name] for name in CONTEXT)
-    check_covariances(path, CONTEXT[1], covariance)
-    check_positive(path, {CONTEXT[1]: np.linalg.eigvalsh(covariance)}, CONTEXT[1])
+    mean, covariance, gain = (numbers.pop(name) for name in CONTEXT)
     return ContextModel(
         dofs.context_names,
         tuple(entry.unit for entry in dofs.context for _ in entry.names),
@@ -223,20 +216,8 @@ def read_context(
     )
 
 
-def read_coupling(
-    path: str | Path,
-    content: Mapping[str, NDArray[Any]],
-    n_tasks: int,
-    n_controlled: int,
-    n_observed: int,
-) -> ResidualCoupling | None:
-    """Residual coupling, checked; None without one."""
-    if not any(name in content for name in COUPLING):
+def coupling_of(numbers: dict[str, NDArray[Any]]) -> ResidualCoupling | None:
+    """Residual coupling, taken out of checked arrays; None without one."""
+    if not COUPLING.keys() & numbers:
         return None
-    shapes = [part.shape for part in ResidualCoupling.none(n_tasks, n_controlled, n_observed)]
-    check_arrays(path, content, dict(zip(COUPLING, shapes, strict=True)))
-    found = ResidualCoupling(*(content[name] for name in COUPLING))
-    check_positive(path, content, COUPLING[2])
-    share = bool(np.all((found.explained >= 0.0) & (found.explained < 1.0)))
-    require(share, f"{path}: {COUPLING[1]}", "at least 0 and below 1", found.explained)
-    return found
+    return ResidualCoupling(*(numbers.pop(name) for name in COUPLING))

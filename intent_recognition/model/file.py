@@ -35,14 +35,13 @@ from intent_recognition.model.checks import (
     USUAL,
     check_groups,
     check_values,
+    context_of,
+    coupling_of,
     evidence_freedom,
     labels_of,
     left_out_odds,
     optional_arrays,
     phase_deviation,
-    read_context,
-    read_coupling,
-    read_usual,
     shapes_of,
 )
 from intent_recognition.model.statistics import ARRAYS, pack_statistics, unpack_statistics
@@ -163,15 +162,16 @@ def _model(path: Path, content: dict[str, NDArray[Any]], header: dict) -> Model:
         if isinstance(error, IntentError):
             raise ModelError(f"{path}: {error}") from error
         raise ModelError.about(f"{path}: header", "a complete one", error, RETRAIN) from error
-    check_arrays(path, content, shapes_of(len(labels), dofs, basis.n_basis), ("observed_groups",))
-    numbers: dict[str, Any] = {name: content[name] for name in SHAPES}
+    shapes = shapes_of(content, len(labels), dofs, basis.n_basis)
+    check_arrays(path, content, shapes, ("observed_groups",))
+    numbers: dict[str, Any] = {name: content[name] for name in shapes}
     check_values(path, numbers)
     deviation = phase_deviation(path, header, content)
-    n_dofs = len(dofs.controlled_names), len(dofs.observed_names)
     check_groups(path, numbers["observed_groups"], len(dofs.observed_names), len(onset))
     for name in SCALARS:
         numbers[name] = float(numbers[name])
     numbers["observed_groups"] = tuple(numbers["observed_groups"].tolist())
+    context, coupling = context_of(dofs, numbers), coupling_of(numbers)
     library = TaskLibrary(
         labels=labels,
         basis=basis,
@@ -184,9 +184,8 @@ def _model(path: Path, content: dict[str, NDArray[Any]], header: dict) -> Model:
         evidence_freedom=evidence_freedom(path, header),
         left_out_odds=left_out_odds(path, header),
         provenance=provenance,
-        context=read_context(path, content, dofs, numbers),
-        coupling=read_coupling(path, content, len(labels), *n_dofs),
-        usual_log_duration=read_usual(path, content, len(labels)),
+        context=context,
+        coupling=coupling,
         **numbers,
     )
     return Model(library, dofs)
@@ -247,7 +246,7 @@ def _with_references(
 
 def _read(path: Path, more: Sequence[str] = ()) -> dict[str, NDArray[Any]]:
     """Header, arrays of a model, and further arrays, as far as the file has them."""
-    wanted = ("header", *SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING, USUAL, *more)
+    wanted = ("header", *SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING, *USUAL, *more)
     try:
         return read_arrays(path, wanted)
     except FileNotFoundError as error:
