@@ -245,10 +245,9 @@ class TaskPrediction:
         design = design.reshape(n_rows, len(times_s), -1)
         mean, covariance = self._whole.moments()
         of_each = design @ mean.reshape(n_rows, n_dofs, -1).swapaxes(1, 2)  # (S, T, P)
-        own = np.einsum("spmpn->spmn", covariance.reshape(n_rows, *2 * (n_dofs, design.shape[2])))
-        variance = np.einsum("sptm,stm->stp", design[:, None] @ own, design)
         positions = np.tensordot(self.duration_weights, of_each, 1)
-        variance = np.tensordot(self.duration_weights, variance + (of_each - positions) ** 2, 1)
+        square = dof_variance(design, covariance) + (of_each - positions) ** 2
+        variance = np.tensordot(self.duration_weights, square, 1)
         velocities = np.zeros_like(positions)
         if times_s[-1] > times_s[0]:
             velocities = np.gradient(positions, times_s, axis=0)

@@ -64,9 +64,8 @@ def rollout(
 
 
 def dof_variance(design: Floats, covariance: Floats) -> Floats:
-    """Variance (T, d) of each DOF at each row of a design (T, N), from the weights' covariance."""
-    n_basis = design.shape[1]
-    n_dofs = len(covariance) // n_basis
-    blocks = covariance.reshape(n_dofs, n_basis, n_dofs, n_basis)
-    own = np.einsum("dkdl->dkl", blocks)
-    return np.einsum("dtk,tk->td", design @ own, design)
+    """Variance (..., T, d) of DOFs at a design (..., T, N) for a covariance (..., d N, d N)."""
+    n_dofs = covariance.shape[-1] // design.shape[-1]
+    blocks = covariance.reshape(*covariance.shape[:-2], *2 * (n_dofs, design.shape[-1]))
+    own = np.einsum("...dkdl->...dkl", blocks)
+    return np.einsum("...dtk,...tk->...td", design[..., None, :, :] @ own, design)
