@@ -60,6 +60,9 @@ REACH_SCALE = np.array([1.0, 2.0, 4.0])
 the usual duration T of the tasks: as in movements of least jerk."""
 DELAYS = (0.05, 0.12, 0.25)
 """Lengths of a delay, in usual durations of the tasks (docs/decisions/change_of_mind.md)."""
+START_UNTIL = 0.1
+"""Time after onset, in usual durations of the tasks, up to which a DOF's first position is taken
+for where the movement began: a reach of least jerk has passed 1 % of its way by then."""
 N_DURATIONS = 7
 """Durations per task at each birth; offsets make up for durations in between."""
 FADINGS = (12.0, 30.0)
@@ -264,7 +267,7 @@ class Births:
         """Newborn turns to some tasks and to none, and newborn reaches of the tasks.
 
         Courses of known tasks are conditioned on where the movement began. All this stays the same
-        from birth to birth until another DOF is measured for the first time.
+        from birth to birth once each DOF's start is known.
 
         Returns:
             For each kind, the states, the durations in standard deviations of log duration, and
@@ -315,10 +318,11 @@ class Births:
         )
 
     def _remember_start(self, measurement: Measurement) -> None:
-        """Keep the first position of each DOF: every task's course is taken to begin there."""
+        """Keep each DOF's position at the start, where every task's course is taken to begin."""
         known = [dof for dofs, _, _ in self._first for dof in dofs]
         new = np.array([dof not in known for dof in measurement.dofs])
-        if new.any() and not measurement.derivative:
+        early = measurement.elapsed_s <= START_UNTIL * self.usual_s
+        if early and new.any() and not measurement.derivative:
             dofs, values, noise = measurement[2:5]
             self._first.append((dofs[new], values[new], noise[new][:, new]))
             self._tasks = None

@@ -379,3 +379,16 @@ def test_delays_are_of_the_course_that_is_followed_and_shares_are_whole(library,
     for kind, task in ((DELAY, 1), (TURN, 0), (TURN, 3)):  # all that passes to them, once
         born = newest[(newest["kind"] == kind) & (newest["task"] == task)]
         assert np.exp(born["log_share"]).sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("seed", [13, 47, 57])
+def test_a_turn_is_followed_where_a_signal_is_first_seen_on_the_way(seed):
+    rng = np.random.default_rng(seed)
+    library = make_library(rng, n_basis=6, groups=(2, 1), correlation_time_s=0.05)
+    times_s = np.arange(0.0, 1.8, 0.05)
+    run = filtered(library, [], [])
+    for elapsed_s, row in zip(times_s, changed(library, rng, (0, 1), 0.8, times_s), strict=True):
+        observe(run, elapsed_s, row[:2])
+        if elapsed_s > 0.5:
+            run.observe(Observation(START_NS + round(elapsed_s * 1e9), 1, row[2:]))
+    assert posterior(run, times_s[-1]).probabilities[1] > 0.9
