@@ -15,7 +15,6 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import (
     Gaussian,
-    Regression,
     cholesky,
     condition,
     marginal,
@@ -24,6 +23,7 @@ from intent_recognition.gaussian import (
     symmetrize,
 )
 from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.ridge import with_slopes
 
 
 class ControlPoint(NamedTuple):
@@ -40,6 +40,11 @@ def condition_controlled(
 ) -> Gaussian:
     """Condition the controlled weights on a point; the observed weights keep their distribution.
 
+    For w_c | w_o = b + A w_o + e, with C the covariance of e, the gain K = C H^T (H C H^T + R)^-1
+    does not depend on w_o. Hence A becomes (1 - K H) A, b becomes b + K (y - H b), and C becomes
+    C - K H C (Paraschos et al. 2013, "modulation of via-points", given the person). The result is
+    the same whether the person is observed before or after.
+
     Args:
         joint: joint distribution of (w_o, w_c).
         n_observed: number of observed weights.
@@ -47,36 +52,13 @@ def condition_controlled(
         point: y, (m,).
         spread: R, (m, m).
     """
-    rule = condition_response(regression(joint, n_observed), matrix, point, spread)
-    observed = marginal(joint, np.arange(n_observed))
-    cross = rule.matrix @ observed.covariance
-    covariance = np.block(
-        [[observed.covariance, cross.T], [cross, cross @ rule.matrix.T + rule.covariance]]
-    )
-    mean = np.concatenate([observed.mean, rule.matrix @ observed.mean + rule.offset])
-    return Gaussian(mean, symmetrize(covariance))
-
-
-def condition_response(
-    rule: Regression, matrix: Floats, point: Floats, spread: Floats
-) -> Regression:
-    """Condition the robot's regression on the person, w_c | w_o = b + A w_o + e, on a point.
-
-    With C the covariance of e, the gain K = C H^T (H C H^T + R)^-1 does not depend on w_o. Hence A
-    becomes (1 - K H) A, b becomes b + K (y - H b), and C becomes C - K H C (Paraschos et al. 2013,
-    "modulation of via-points", given the person). The result is the same whether the person is
-    observed before or after.
-
-    Args:
-        rule: A, b and C, as in `TaskLibrary.regressions`.
-        matrix: H of the controlled weights, (m, n_c).
-        point: y, (m,).
-        spread: R, (m, m).
-    """
+    rule, observed = regression(joint, n_observed), marginal(joint, np.arange(n_observed))
     own, _ = condition(Gaussian(rule.offset, rule.covariance), matrix, point, spread)
     gained = matrix @ rule.covariance
     gain = np.linalg.solve(gained @ matrix.T + spread, gained).T
-    return Regression(rule.matrix - gain @ (matrix @ rule.matrix), own.mean, own.covariance)
+    slopes = rule.matrix - gain @ (matrix @ rule.matrix)
+    mean = np.concatenate([observed.mean, slopes @ observed.mean + own.mean])
+    return Gaussian(mean, with_slopes(observed.covariance, slopes, own.covariance))
 
 
 def controlled_at(library: TaskLibrary, task: int, phase: float) -> Gaussian:

@@ -24,7 +24,6 @@ from intent_recognition.errors import ArgumentError, IntentError, KinematicsErro
 from intent_recognition.gaussian import regression
 from intent_recognition.kinematics import Arm
 from intent_recognition.promp import controlled_at, via_point
-from intent_recognition.promp.control_points import condition_response
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.signals import merge
 
@@ -67,7 +66,10 @@ def test_it_is_the_via_point_of_the_primitive_and_leaves_the_person_to_the_bit(r
     np.testing.assert_array_equal(bent.weight_mean[1:], library.weight_mean[1:])
     control = control_point(library, 0, point)
     design = np.kron(control.matrix, library.basis.design_matrix(np.array([0.6])))
-    rule = condition_response(library.regressions[0], design, control.values, control.covariance)
+    slopes, offset, left = library.regressions[0]
+    gain = left @ design.T @ np.linalg.inv(design @ left @ design.T + control.covariance)
+    expected_offset = offset + gain @ (control.values - design @ offset)
+    rule = slopes - gain @ design @ slopes, expected_offset, left - gain @ design @ left
     for one, other in zip(rule, bent.regressions[0], strict=True):
         np.testing.assert_allclose(one, other, atol=1e-7)
     assert bend_all(library, []) is library
