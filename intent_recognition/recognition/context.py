@@ -32,7 +32,7 @@ class KnownContext:
         self.misfit: Misfit | None = None
 
     def use(self, library: TaskLibrary) -> None:
-        """Switch to another library of the same context; known values stay in use (`given`)."""
+        """Switch to another library of the same context; known values stay in use."""
         self.learned = library
         self._used, self._used_at_ns = self.values.copy(), 0
         self._newest_ns: dict[int, int] = {}
@@ -96,8 +96,4 @@ class KnownContext:
     def apply(self, stamp_ns: int = 0) -> TaskLibrary:
         """Take the known values into use from a stamp on; return the library in this context."""
         self._used, self._used_at_ns = self.values.copy(), stamp_ns
-        return self.given(self.learned)
-
-    def given(self, library: TaskLibrary) -> TaskLibrary:
-        """A library of the same context, conditioned on the known values."""
-        return library if library.context is None else library.given(self.values)
+        return self.learned.given(self.values)

@@ -381,7 +381,7 @@ class IntentEstimator:
                 followed is one of its tasks. On an error nothing changes.
         """
         check_same_dofs(self._context.learned, library)
-        self._use(self._context.given(library), self._bend, task_prior)
+        self._use(library.given(self._context.values), self._bend, task_prior)
         self._context.use(library)
 
     def _use_context(self, stamp_ns: int = 0) -> None:

@@ -133,10 +133,8 @@ def _checked(library: TaskLibrary, times_s: ArrayLike, human: ArrayLike) -> tupl
     times, values = as_numbers("times_s", times_s), as_numbers("human", human)
     expected = f"times_s (T,) and human (T, {library.n_observed})"
     if times.ndim != 1 or not times.size or values.shape != (times.size, library.n_observed):
-        got, cure = (
-            f"{times.shape} and {values.shape}",
-            "Pass one row per time, one column per DOF.",
-        )
+        got = f"{times.shape} and {values.shape}"
+        cure = "Pass one row per time, one column per DOF."
         raise ShapeError.about("times_s, human", expected, got, cure)
     check_times("times_s", times)
     if np.any(np.isinf(values)):
