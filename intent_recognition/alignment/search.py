@@ -79,13 +79,13 @@ def _best_paths(
 def _smoothed(problem: WarpProblem, paths: Floats) -> Floats:
     """Parameters of smooth warps with log rates nearest to those of paths (n, STEPS + 1)."""
     phase = midpoints(len(problem.basis) + 1)
-    middle = (np.arange(STEPS) + 0.5) / STEPS
+    middle = midpoints(STEPS + 1)
     design = np.stack([np.interp(middle, phase, column) for column in problem.basis.T], axis=1)
     precision = problem.prior_precision
     rates = np.diff(paths, axis=1) * STEPS
     ridge = precision * (np.trace(design.T @ design) / np.trace(precision))
     # Rates of single steps are quantised, so use their running mean over three steps.
-    mean = np.stack([np.interp(middle, middle, r) for r in rates])
+    mean = rates.copy()
     mean[:, 1:-1] = (rates[:, :-2] + rates[:, 1:-1] + rates[:, 2:]) / 3.0
     regression = np.linalg.solve(design.T @ design + 0.3 * ridge, design.T)
     weights = (regression @ np.log(mean)[..., None])[..., 0]

@@ -146,11 +146,11 @@ def _hypotheses(comparison: Comparison) -> tuple[Gaussian, Floats, Floats]:
     )
     log_mean = np.r_[library.log_duration_mean[compared], without.timing[0]]
     log_std = np.r_[library.log_duration_std[compared], without.timing[1]]
-    relative = np.exp(log_std[:, None] * offsets)
-    pace = recorded.duration_s / (np.exp(log_mean)[:, None] * relative)
-    n = len(offsets)
+    duration_s = np.exp(log_mean[:, None] + log_std[:, None] * offsets)
+    usual_s = np.r_[library.usual_s[compared], np.exp(without.timing[0])]
+    n, relative = len(offsets), duration_s / usual_s[:, None]
     weights = Gaussian(np.repeat(mean, n, axis=0), np.repeat(covariance, n, axis=0))
-    return weights, pace.ravel(), relative.ravel()
+    return weights, (recorded.duration_s / duration_s).ravel(), relative.ravel()
 
 
 def calibrating_tasks(counts: Sequence[int]) -> Integers:

@@ -121,9 +121,13 @@ def test_a_gap_is_shared_in_halves_by_tasks_of_five_demonstrations():
     assert calibrating_tasks([2]).tolist() == [0]
 
 
-def test_factors_are_those_of_a_filter_with_as_many_durations(report):
+@pytest.mark.parametrize("exponent", [0.0, 0.7])
+def test_factors_are_those_of_a_filter_with_as_many_durations(report, exponent):
     tasks = statistics_of(report.trained.tasks, report.chosen.aligned)
     library = replace(report.library, correlation_time_s=2.4 / SAMPLES_PER_MOVEMENT)
+    usual = np.r_[library.log_duration_mean + [0.3, 0.1, 0.0, 0.0], library.none_log_duration[0]]
+    bent = replace(library.phase_deviation, duration_exponent=exponent)
+    library = replace(library, usual_log_duration=usual, phase_deviation=bent)
     recorded = examples_of(report)[3]._replace(duration_s=2.4)
     whole = LeavingOut(library, tasks).nothing()
     asked = Comparison(whole, np.arange(library.n_tasks), library.n_tasks, recorded)
