@@ -185,37 +185,24 @@ class TransferState:
 
 @dataclass
 class CellState:
-    """The newest of everything received. One thread reads and writes it.
+    """The newest of everything received. One thread reads and writes it."""
 
-    Attributes:
-        joints: position by joint name [rad].
-        people: state of each person by name; the only person has an empty name.
-        helped: name of the person whom the arm helps; empty for nobody.
-        active: task being executed.
-        unfinished: task executed last and the reason why it was cut short; empty if it was not.
-        truth: actual movement of the simulated coworker; None if it is not published.
-        nodes: health by node name.
-        teaching: newest text of `teach/status`.
-        skills: changes of each task, oldest first.
-        plan: work plan of the assembly; None without one.
-        progress: state of each step: `done`, `forgotten`, `may come` or `later`.
-        transfer: what is felt at the robot's hand.
-    """
-
-    joints: dict[str, float] = field(default_factory=dict)
+    joints: dict[str, float] = field(default_factory=dict)  # position by joint name [rad]
+    # state of each person by name; the only person has an empty name
     people: dict[str, PersonState] = field(default_factory=lambda: {"": PersonState()})
-    helped: str = ""
-    active: str = ""
-    unfinished: tuple[str, str] | None = None
-    truth: str | None = None
+    helped: str = ""  # name of the person whom the arm helps; empty for nobody
+    active: str = ""  # task being executed
+    unfinished: tuple[str, str] | None = None  # last task, if cut short, and the reason
+    truth: str | None = None  # what the simulated coworker does; None if not published
     description: str = ""
-    teaching: str = ""
-    skills: dict[str, list[SkillRow]] = field(default_factory=dict)
+    teaching: str = ""  # newest text of `teach/status`
+    skills: dict[str, list[SkillRow]] = field(default_factory=dict)  # by task, oldest first
     via_points: tuple[ViaPoint, ...] = ()
-    plan: WorkPlan | None = None
+    plan: WorkPlan | None = None  # work plan of the assembly; None without one
+    # state of each step: `done`, `forgotten`, `may come` or `later`
     progress: dict[str, str] = field(default_factory=dict)
     transfer: TransferState = field(default_factory=TransferState)
-    nodes: dict[str, NodeHealth] = field(default_factory=dict)
+    nodes: dict[str, NodeHealth] = field(default_factory=dict)  # health by node name
     _question: tuple[str, ...] = ()
     _question_at_s: float = -np.inf
     _joints_at_s: dict[str, float] = field(default_factory=dict)

@@ -18,17 +18,13 @@ from intent_recognition.kinematics import (
 
 
 class MovedArm(NamedTuple):
-    """An arm's kinematics, as far as the page needs them.
+    """An arm's kinematics, as far as the page needs them."""
 
-    Attributes:
-        joint_names: names of the n joints.
-        hand: forward kinematics: position of the hand (3,) [m], world, at joint angles (n,) [rad].
-        posture_at: inverse kinematics: joint angles (n,), near given ones (n,), with the hand at a
-            position (3,); raises KinematicsError if there are none.
-    """
-
-    joint_names: tuple[str, ...]
+    joint_names: tuple[str, ...]  # names of the n joints
+    # forward kinematics: position of the hand (3,) [m], world, at joint angles (n,) [rad]
     hand: Callable[[Floats], Floats]
+    # inverse kinematics: joint angles (n,), near given ones (n,), with the hand at a position (3,);
+    # raises KinematicsError if there are none
     posture_at: Callable[[Floats, Floats], Floats]
     limits: JointLimits
 

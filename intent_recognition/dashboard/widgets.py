@@ -23,16 +23,11 @@ ControlValue = TypeVar("ControlValue")
 
 
 class PageAccess(NamedTuple):
-    """What the parts of the page need; a part adds its controls where it is constructed.
-
-    Attributes:
-        commands: service calls to other nodes, and notifications.
-        do: runs a function in the graph's thread, at the next update.
-    """
+    """What the parts of the page need; a part adds its controls where it is constructed."""
 
     server: viser.ViserServer
-    commands: Commands
-    do: Callable[[Callable[[], None]], None]
+    commands: Commands  # service calls to other nodes, and notifications
+    do: Callable[[Callable[[], None]], None]  # runs it in the graph's thread, at the next update
 
     def on_click(
         self, button: viser.GuiButtonHandle | viser.GuiButtonGroupHandle, action: Callable

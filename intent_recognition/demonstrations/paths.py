@@ -24,15 +24,11 @@ class ElementAbsentError(LookupError):
 
 
 class ElementName(NamedTuple):
-    """Selects the array element with a given name.
+    """Selects the array element with a given name."""
 
-    Attributes:
-        name: a frame, a name, or namespace/id of a marker; numbers as text.
-        key: attribute that holds the element's name, such as `rigid_body_name` or
-            `header.frame_id`; empty for the usual attribute of its type.
-    """
-
-    name: str
+    name: str  # a frame, a name, or namespace/id of a marker; numbers as text
+    # attribute that holds the element's name, such as `rigid_body_name` or `header.frame_id`; empty
+    # for the usual attribute of its type
     key: str = ""
 
 

@@ -42,15 +42,11 @@ GUARDS = (
 
 
 class Taught(NamedTuple):
-    """The tasks of a model (`library`; None without a model).
-
-    Attributes:
-        arm: the arm whose hand the tasks control; None if they control joints.
-        reference: quaternion (4,) that the hand's rotation vectors start from; empty without them.
-    """
+    """The tasks of a model (`library`; None without a model)."""
 
     library: TaskLibrary | None = None
-    arm: Arm | None = None
+    arm: Arm | None = None  # the arm whose hand the tasks control; None if they control joints
+    # quaternion (4,) that the hand's rotation vectors start from; empty without them
     reference: tuple[float, ...] = ()
 
     def spreads(self, make: Callable[..., Spread]) -> dict[str, Spread]:

@@ -241,16 +241,12 @@ def _floats(values: Iterable[float]) -> list[float]:
 
 
 class PoseNumbers(NamedTuple):
-    """The parts of a pose message that a node uses.
-
-    Attributes:
-        pose: position [m] and orientation xyzw, (7,).
-        covariance: covariance of position and rotation (6, 6); None if the message has none.
-    """
+    """The parts of a pose message that a node uses."""
 
     stamp_ns: int
     frame_id: str
-    pose: Floats
+    pose: Floats  # position [m] and orientation xyzw, (7,)
+    # covariance of position and rotation (6, 6); None if the message has none
     covariance: Floats | None = None
 
 

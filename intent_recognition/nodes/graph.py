@@ -24,31 +24,21 @@ COMMON = ("params_file", "namespace", "use_sim_time", "respawn")
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """A node of a graph.
+    """A node of a graph."""
 
-    Attributes:
-        parameters: parameter name to the argument that sets it.
-        fixed: parameters with a fixed value.
-        remappings: topic name to the argument that sets it.
-        topics: topic name to its name in this graph.
-        clock: parameter that makes the node publish /clock, which it then does not follow.
-        when: argument that must be set for the node to start; empty: always started.
-        unless: argument that must not be set.
-        respawns: whether a node that died is restarted; not if it ends with its bag or window.
-        waits: nodes that must be ready, if started, before this one begins to play or to move.
-    """
-
-    parameters: Mapping[str, str] = field(default_factory=dict)
-    fixed: Mapping[str, object] = field(default_factory=dict)
-    remappings: Mapping[str, str] = field(default_factory=dict)
-    topics: Mapping[str, str] = field(default_factory=dict)
+    parameters: Mapping[str, str] = field(default_factory=dict)  # parameter to its argument
+    fixed: Mapping[str, object] = field(default_factory=dict)  # parameters with a fixed value
+    remappings: Mapping[str, str] = field(default_factory=dict)  # topic to its argument
+    topics: Mapping[str, str] = field(default_factory=dict)  # topic name to its name in this graph
     executable: str = ""
     frames: bool = False
-    clock: str = ""
-    when: str = ""
-    unless: str = ""
+    clock: str = ""  # parameter that makes the node publish /clock, which it then does not follow
+    when: str = ""  # argument that must be set for the node to start; empty: always started
+    unless: str = ""  # argument that must not be set
     package: str = PACKAGE
+    # whether a node that died is restarted; not if it ends with its bag or window
     respawns: bool = True
+    # nodes that must be ready, if started, before this one begins to play or to move
     waits: tuple[str, ...] = ()
 
     def arguments(self) -> set[str]:

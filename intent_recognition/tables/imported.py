@@ -26,16 +26,12 @@ from intent_recognition.tables.import_map import Cut, ImportMap
 
 
 class EntrySamples(NamedTuple):
-    """Samples of one entry of the DOF file.
-
-    Attributes:
-        stamps_ns: int64 (T,), strictly increasing.
-        values: (T, d) in the unit of the entry, or quaternions (T, 4) for an orientation; NaN where
-            nothing was measured.
-    """
+    """Samples of one entry of the DOF file."""
 
     entry: DofEntry
-    stamps_ns: Integers
+    stamps_ns: Integers  # int64 (T,), strictly increasing
+    # (T, d) in the unit of the entry, or quaternions (T, 4) for an orientation; NaN where nothing
+    # was measured
     values: Floats
 
 

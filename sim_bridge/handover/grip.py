@@ -30,15 +30,11 @@ NOISE_SHARE, TREMOR_N, NOISE_RAD_S = 0.04, 0.1, 60.0
 
 @dataclass(frozen=True)
 class Strength:
-    """Stiffness and strength of a person's arm.
+    """Stiffness and strength of a person's arm."""
 
-    Attributes:
-        stiffness_n_m: stiffness at the hand (Mussa-Ivaldi, Hogan and Bizzi 1985: 100 to 400).
-        strongest_n: force at which the arm yields.
-    """
-
+    # stiffness at the hand (Mussa-Ivaldi, Hogan and Bizzi 1985: 100 to 400)
     stiffness_n_m: float = 200.0
-    strongest_n: float = 14.0
+    strongest_n: float = 14.0  # force at which the arm yields
 
     @classmethod
     def draw(cls, rng: np.random.Generator) -> "Strength":

@@ -22,16 +22,12 @@ UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 class TransferObject(NamedTuple):
-    """A box that is handed over.
-
-    Attributes:
-        half_edges_m: half edges: vertical, between the fingers, and from robot to person.
-        grasp_m: distance from the centre, toward the robot, at which the robot holds it.
-    """
+    """A box that is handed over."""
 
     mass_kg: float
+    # half edges: vertical, between the fingers, and from robot to person
     half_edges_m: tuple[float, float, float]
-    grasp_m: float
+    grasp_m: float  # distance from the centre, toward the robot, at which the robot holds it
 
 
 class HandedThing:

@@ -60,24 +60,18 @@ class Damage:
 
 @dataclass
 class FileScan:
-    """Content of a scanned file.
+    """Content of a scanned file."""
 
-    Attributes:
-        blocks: chunks and messages outside of chunks, in file order.
-        damage: damaged parts, in file order; empty for a whole file.
-        schemas: by id, from the verified summary or else from anywhere in the file.
-        channels: by id, from the same source.
-        is_finished: whether the recording was closed properly.
-        statistics: statistics of the summary, None without one.
-        metadata: key-value pairs of the metadata records by name; the last record of a name counts.
-    """
-
+    # chunks and messages outside of chunks, in file order
     blocks: list[McapBlock] = field(default_factory=list)
+    # damaged parts, in file order; empty for a whole file
     damage: list[Damage] = field(default_factory=list)
+    # by id, from the verified summary or else from anywhere in the file
     schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
-    is_finished: bool = False
-    statistics: Statistics | None = None
+    channels: dict[int, Channel] = field(default_factory=dict)  # by id, from the same source
+    is_finished: bool = False  # whether the recording was closed properly
+    statistics: Statistics | None = None  # statistics of the summary, None without one
+    # key-value pairs of the metadata records by name; the last record of a name counts
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def define(self, found: Schema | Channel, *, again: bool = True) -> None:
