@@ -6,8 +6,6 @@ they take. Pass it to the estimator as the parameter `plan` (docs/plans.md).
 intent plan learn bags/sessions --first plate_handover --output box.yaml
 # from written sessions
 intent plan learn sessions.yaml --output shelf.yaml
-# print it
-intent plan show shelf.yaml
 """
 
 import argparse
@@ -40,9 +38,8 @@ YAML = (".yaml", ".yml")
 
 
 def _add_actions(parser: argparse.ArgumentParser) -> None:
-    actions = add_actions(parser)
     add_command(
-        actions,
+        add_actions(parser),
         "learn",
         _learn,
         """
@@ -51,20 +48,12 @@ def _add_actions(parser: argparse.ArgumentParser) -> None:
         sessions SESSIONS...  session bags, folders of them, or YAML files (docs/plans.md)
         --first TASK          cut sessions before each time that it is done
         --pause S             a longer pause in a bag ends an assembly [s] (default: %(default)g)
-        --seed SEED           of the sampled orders
         """,
         first={"default": ""},
         pause={"type": number(float, 0.0), "default": FORGET_AFTER_S},
-        seed={"type": number(int, 0), "default": 0},
     ).add_argument(
         *("-o", "--output"), type=a_path, required=True, metavar="PLAN.yaml", help="plan to write"
     )
-    text = """
-        Print a plan.
-
-        plan PLAN.yaml  a file of `intent plan learn`
-        """
-    add_command(actions, "show", _show, text)
 
 
 MORE = (_add_actions,)
@@ -77,15 +66,10 @@ def _learn(args: argparse.Namespace) -> int:
     assemblies = _assemblies(args.sessions, args.pause, console)
     if args.first:
         assemblies = begun_with(assemblies, args.first)
-    plan = learn_plan(assemblies, np.random.default_rng(args.seed), by_hand)
+    plan = learn_plan(assemblies, np.random.default_rng(0), by_hand)
     write_text(args.output, write_plan(plan))
     print_plan(console, plan)
     say(console, f"wrote {args.output}")
-    return 0
-
-
-def _show(args: argparse.Namespace) -> int:
-    print_plan(make_console(), _read(args.plan, read_plan))
     return 0
 
 

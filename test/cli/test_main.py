@@ -43,7 +43,7 @@ def test_every_option_explains_itself():
 
 def test_commands_and_their_actions_are_listed(ended):
     actions, commands = ended(0, "plan", "--help").out, ended(0, "--help").out
-    assert all(f"\n    {action} " in actions for action in ("learn", "show"))
+    assert "\n    learn " in actions
     assert all(command in commands for command in cli.COMMANDS)
     version, update = ended(0, "--version").out.splitlines()
     assert version == f"intent {__version__}"
