@@ -4,7 +4,7 @@
 Each page has a file, and so have the figures on it.
 """
 
-from intent_recognition.report.demo_report import arms_page, demo_page
+from intent_recognition.report.demo_report import arms_page, demo_page, fields_of
 from intent_recognition.report.drawing import (
     DASHED,
     INK,
@@ -45,6 +45,5 @@ from intent_recognition.report.html import (
     TableBlock,
     write_page,
 )
-from intent_recognition.report.interaction_table import fields_of
 from intent_recognition.report.rehearsal_report import rehearsal_page, rehearsal_tables
 from intent_recognition.report.warp_report import warp_page

@@ -13,7 +13,7 @@ from rich.console import Console
 from intent_recognition.cli.demo import table_of
 from intent_recognition.evaluation import HandError, InteractionRecord
 from intent_recognition.evaluation.session_summary import hand_error, summarise, summary_line
-from intent_recognition.report.interaction_table import FIELDS, fields_of
+from intent_recognition.report.demo_report import FIELDS, fields_of
 
 RELAXED = settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 PLATE, HOLD, SCREW = "plate_handover", "hold_screwdriver", "screw_handover"

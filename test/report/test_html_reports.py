@@ -11,13 +11,12 @@ import pytest
 from intent_recognition.evaluation.scoring import PREDICTION_NAMES
 from intent_recognition.evaluation.session_summary import InteractionRecord, summarise
 from intent_recognition.report import drawing
-from intent_recognition.report.demo_report import demo_page
+from intent_recognition.report.demo_report import demo_page, fields_of
 from intent_recognition.report.evaluation_report import (
     evaluation_page,
     series,
 )
 from intent_recognition.report.html import Figure, KeyNumbers, Row, TableBlock, render
-from intent_recognition.report.interaction_table import fields_of
 
 pytestmark = pytest.mark.usefixtures("laid_out_roughly")
 LABELS = ["hold_screwdriver", "plate_handover", "screw_handover", "none"]
