@@ -12,7 +12,7 @@ from intent_recognition import __version__
 from intent_recognition.cli.console import progress_bar
 from intent_recognition.cli.options import add_options, number
 from intent_recognition.cli.rejections import nothing_of
-from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations, load_dofs
+from intent_recognition.demonstrations import DofSpec, find_bags, load_dofs, read_demonstrations
 from intent_recognition.errors import BagError
 from intent_recognition.learning import SEGMENTATIONS, Preprocessing, TrainingSettings
 from intent_recognition.model import FRAMES, Frames, FromBags, Run, accumulate_bags, list_bags
@@ -57,11 +57,9 @@ def read_all(
         task = bar.add_task("reading bags", total=len(bags))
         for bag in bags:
             bar.update(task, description=f"reading {bag.name}")
-            for found in iter_demonstrations(bag, dofs):
-                if isinstance(found, Demonstration):
-                    demonstrations.append(found)
-                else:
-                    rejections.append(found)
+            found, left_out = read_demonstrations(bag, dofs)
+            demonstrations += found
+            rejections += left_out
             bar.advance(task)
     if not demonstrations:
         raise nothing_read(paths, None if of_model else dofs, rejections)

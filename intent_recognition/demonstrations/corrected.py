@@ -3,11 +3,11 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from intent_recognition.bags import JOINT_STATE, BagReader, BagWriter, decode
+from intent_recognition.demonstrations.fields import to_ns
 from intent_recognition.errors import BagError
 
 CORRECTION_TOPIC, CORRECTION_TYPE = "/intent/correction", "trajectory_msgs/msg/JointTrajectory"
@@ -38,7 +38,7 @@ def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str
         raise BagError.about(
             f"{execution}: {CORRECTION_TOPIC}", expected, sorted(counts) or "none", cure
         )
-    stamps_ns = _ns(path.header.stamp) + np.array([_ns(p.time_from_start) for p in path.points])
+    stamps_ns = to_ns(path.header.stamp) + np.array([to_ns(p.time_from_start) for p in path.points])
     positions = np.array([point.positions for point in path.points])
     decoders = {}
     with BagWriter(target, custom_data, flush_period_s=None) as writer:
@@ -54,7 +54,7 @@ def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str
             if len(message.position) != len(message.name):
                 writer.write_raw(raw)
                 continue
-            stamp_ns = _ns(message.header.stamp)
+            stamp_ns = to_ns(message.header.stamp)
             if stamp_ns > stamps_ns[-1] + 500_000_000:  # keep half a second of rest
                 break
             joints = dict(zip(message.name, message.position, strict=True))
@@ -64,7 +64,3 @@ def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str
             header = {"stamp": stamp_ns, "frame_id": message.header.frame_id}
             fields = {"header": header, "name": [*joints], "position": [*joints.values()]}
             writer.write_message(raw.topic, raw.type, fields, raw.log_time_ns)
-
-
-def _ns(time: Any) -> int:
-    return int(time.sec) * 1_000_000_000 + int(time.nanosec)

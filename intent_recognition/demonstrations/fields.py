@@ -148,13 +148,14 @@ def stamp_of(entry: DofEntry, message: Any, received_ns: int) -> int | None:
     none of the entry's elements.
     """
     if entry.type in STAMPED_ELEMENTS:
-        stamps = [_ns(header.stamp) for header in element_headers(message, entry.fields)]
+        stamps = [to_ns(header.stamp) for header in element_headers(message, entry.fields)]
         return (max(stamps) or received_ns) if stamps else None
     stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return received_ns if stamp is None else _ns(stamp)
+    return received_ns if stamp is None else to_ns(stamp)
 
 
-def _ns(stamp: Any) -> int:
+def to_ns(stamp: Any) -> int:
+    """A message's time or duration [ns]."""
     return int(stamp.sec * NANOSECONDS + stamp.nanosec)
 
 
