@@ -7,20 +7,13 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
+from scipy.special import ndtri
 
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.promp import NONE
 
-QUANTILES = {
-    0.5: 0.67449,
-    0.6827: 1.0,
-    0.8: 1.28155,
-    0.9: 1.64485,
-    0.9545: 2.0,
-    0.99: 2.57583,
-}
-"""Half widths, in standard deviations, of the normal distribution's central intervals with these
-probabilities."""
+INTERVALS = (0.5, 0.6827, 0.8, 0.9, 0.9545, 0.99)
+"""Probabilities of the normal distribution's central intervals that are compared."""
 
 
 class RecognitionRecords:
@@ -104,12 +97,13 @@ class NormalisedErrors:
     def add(self, phase: str, normalised_error: Floats) -> None:
         """Add one prediction: errors divided by their standard deviations, any shape."""
         size = np.abs(normalised_error).ravel()
-        self._inside[phase].append(np.mean(size[:, None] < np.array([*QUANTILES.values()]), axis=0))
+        half_widths = ndtri(0.5 + 0.5 * np.array(INTERVALS))
+        self._inside[phase].append(np.mean(size[:, None] < half_widths, axis=0))
 
     def table(self) -> dict[str, dict[str, list[float]]]:
         """Per phase: nominal and actual coverage of each interval, averaged over predictions."""
         return {
-            phase: {"should": list(QUANTILES), "does": np.mean(rows, axis=0).tolist()}
+            phase: {"should": list(INTERVALS), "does": np.mean(rows, axis=0).tolist()}
             for phase, rows in self._inside.items()
         }
 

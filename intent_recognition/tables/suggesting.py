@@ -307,7 +307,8 @@ def _time(
     dates = next((name for name, cells in labels.items() if _are_later(table, name, cells)), "")
     named = [c for c in columns.values() if c.name in INDEX or TIME_NAME.search(c.name)]
     first = [] if dates or any(map(TIME_NAME.search, labels)) else [*columns.values()][:1]
-    even = [c for c in first if _is_even(c, np.diff(c.values)[inside])]
+    # times in any language grow by nearly equal steps that are no count
+    even = [c for c in first if is_even(by := np.diff(c.values)[inside]) and not are_counts(c, by)]
     for column in [c for c in (*named, *even) if c.name not in taken]:
         steps = np.diff(column.values)[inside]
         if not steps.size:
@@ -343,11 +344,6 @@ def _are_later(table: Table, name: str, cells: Sequence[str]) -> bool:
     except BagError:
         return False
     return ns.size > 1 and bool(np.all(np.diff(ns) > 0))
-
-
-def _is_even(column: SeenColumn, steps: Floats) -> bool:
-    """Whether numbers grow by nearly equal steps that are no count, as times in any language do."""
-    return is_even(steps) and not are_counts(column, steps)
 
 
 def _are_nanoseconds(values: Floats) -> bool:
