@@ -54,13 +54,10 @@ class SideGrasp:
     def cup_poses(self, path: PourPath, opening_m: Floats) -> Floats:
         """Poses of the container along a path (T, 4, 4), world; the opening's centre is (3,)."""
         c, s = np.cos(path.tilt_rad), np.sin(path.tilt_rad)
-        poses = np.tile(np.eye(4), (len(c), 1, 1))
-        tilted = poses[:, :3, :3].copy()
+        tilted = np.tile(np.eye(3), (len(c), 1, 1))
         tilted[:, 0, 0], tilted[:, 0, 2], tilted[:, 2, 0], tilted[:, 2, 2] = c, s, -s, c
-        poses[:, :3, :3] = _POUR_AXES @ tilted
-        lip = opening_m + path.offset_m @ _POUR_AXES.T
-        poses[:, :3, 3] = lip - poses[:, :3, :3] @ self.lip_m
-        return poses
+        turns, lip = _POUR_AXES @ tilted, opening_m + path.offset_m @ _POUR_AXES.T
+        return homogeneous(turns, lip - turns @ self.lip_m)
 
     def hand_poses(self, path: PourPath, opening_m: Floats) -> Floats:
         """Poses of the arm's hand along a path (T, 4, 4), world."""
