@@ -100,7 +100,7 @@ def write_json(path: Path | None, content: object, indent: int | None = 2) -> No
     """
     if path is None:
         return
-    text = json.dumps(content, indent=indent, default=_plain) + "\n"
+    text = json.dumps(content, indent=indent) + "\n"
     if path == PRINTED:
         sys.stdout.write(text)
         sys.stdout.flush()
@@ -108,10 +108,3 @@ def write_json(path: Path | None, content: object, indent: int | None = 2) -> No
     with writing(f"--json {path}"):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
-
-
-def _plain(value: object) -> str:
-    """Convert a path to text; other values must already be plain."""
-    if isinstance(value, Path):
-        return str(value)
-    raise TypeError(f"expected plain values for JSON, got {type(value).__name__}")
