@@ -16,7 +16,9 @@ OF_VICON = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
 """Titles of tables of Nexus and Tracker; the first of these that a file holds is read."""
 QTM_UNITS = {"x": "mm", "y": "mm", "z": "mm", "Roll": "deg", "Pitch": "deg", "Yaw": "deg"}
 """Units of Qualisys, by the ends of names."""
-QTM_KEY = re.compile(r"[A-Z]+(?:_[A-Z]+)+|DESCRIPTION|EVENT|FREQUENCY")
+QTM_KEY = re.compile(
+    r"[A-Z]+(?:_[A-Z]+)+|DESCRIPTION|EVENT|FREQUENCY|REFERENCE|SCALE|SOLVER"
+)
 """First cells of the lines of a header of Qualisys."""
 OF_ALL, OF_BODY = ("scorer",), ("bodyparts",)
 """First cells of DeepLabCut's lines that name the scorer and the body parts."""
@@ -138,11 +140,11 @@ def _places_of(labels: Sequence[str]) -> list[str]:
 
 def qtm(rows: Rows) -> Header | None:
     """TSV of Qualisys: `MARKER.x` or `BODY.x`, with lengths in millimetres, angles in degrees."""
-    if rows[0][0].strip() != "NO_OF_FRAMES":
+    if rows[0][0].strip() not in ("NO_OF_FRAMES", "FILE_VERSION"):
         return None
     said = {row[0].strip(): row for row in rows if row}
     skip = next(k for k, row in enumerate(rows) if row and not QTM_KEY.fullmatch(row[0].strip()))
-    if "BODY_NAMES" in said:
+    if "BODY_NAMES" in said or "SOLVER" in said:
         names, skip = _qtm_bodies(rows[skip]), skip + 1
     elif "DATA_TYPES" in said:  # velocities, angles, ... that were computed
         names = ["Frame", "Time", *filter(None, map(str.strip, said["DATA_TYPES"][1:]))]
@@ -155,16 +157,20 @@ def qtm(rows: Rows) -> Header | None:
         if len(rows[skip]) >= max(3 * stated, len(names)) + 2:
             names = ["Frame", "Time", *names]
     units = {k: QTM_UNITS.get(name.rpartition(".")[2], "") for k, name in enumerate(names)}
-    time = {"rate": float(with_point(said["FREQUENCY"][1]))}
+    rate = said["FREQUENCY"][1].strip()
+    time = {"column": "Time"} if rate == "EXT" else {"rate": float(with_point(rate))}
     return _of_markers(names, skip, {k: unit for k, unit in units.items() if unit}, time)
 
 
 def _qtm_bodies(cells: Sequence[str]) -> list[str]:
-    """Columns of bodies: `BODY.x`, ..., `BODY.Roll`, ..., `BODY.Residual`, `BODY.Rot[0]`, ..."""
-    body, names = "", []
+    """Columns of bodies: `BODY.x`, ..., `BODY.Roll`, ..., `BODY.Residual`, `BODY.Rot[0]`, ..., and
+    of segments of skeletons, whose names stand above empty columns: `SEGMENT.x`, `SEGMENT.QX`, ...
+    """
+    body, before, names = "", "", []
     for cell in (cell.strip() for cell in cells):
-        owner, blank, axis = cell.rpartition(" ")
-        body = owner if blank and axis == "X" else body
+        owner, _, axis = cell.rpartition(" ")
+        body = (owner or before) if axis == "X" else body
+        before = cell
         name = axis.lower() if axis in ("X", "Y", "Z") else cell
         names.append(f"{body}.{name}" if body and cell else cell)
     return names

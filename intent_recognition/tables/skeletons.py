@@ -40,7 +40,7 @@ def open_bvh(path: Path) -> Table:
         motion = motion.replace(",", ".")
         joints = _joints(hierarchy)
         count = int(re.search(r"Frames:\s*(\d+)", motion)[1])  # type: ignore[index]
-        period, rows = re.split(r"Frame Time:\s*", motion, maxsplit=1)[1].split("\n", 1)
+        period, rows = re.split(r"Frame [Tt]ime:\s*", motion, maxsplit=1)[1].split("\n", 1)
         width = sum(len(joint.channels) for joint in joints)
         flat = np.array(rows.split(), np.float64)
         values = flat[: flat.size // width * width].reshape(-1, width)

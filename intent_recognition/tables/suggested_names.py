@@ -22,7 +22,7 @@ MEASURED = {"actual", "measured", "msr", "state", "obs", "observation", "observa
 """Words by which names of commanded, or later, columns differ from those of measured ones."""
 WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 NO_JOINT = re.compile(
-    r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag|cop)|gyr|secs?\b"
+    r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag|cop)|gyr|secs?\b|(?-i:[a-z]Acc)"
     r"|header|vel|speed|dot[\W_\d]*$|(?:^|[\W_])(?:d+q|qd+|tau|ctrl|control)(?:[\W_\d]|$)"
     r"|eff(?:ort|_)|torque|moment|trq|f_ext|current|temp|force|quality|error|gripper|\bjaw|rate$"
     r"|compass|likelihood|conf(?!ig)|strength|visib|score|covariance|twist(?!$|_joint)|residual"
@@ -99,8 +99,8 @@ OF_MATRIX = [
 ]
 """Shapes of pose and rotation matrices, each with the indices that name its elements."""
 OF_ARM = re.compile(r"(?i)shoulder|elbow")
-NO_PLACE_BEFORE_AXIS = re.compile(r"(?i)(?:^|[\W_])[ravwfmgq]$")
-"""Letters right before an axis that mean an angle, a velocity, a force, ..., as in `rx`."""
+NO_PLACE_BEFORE_AXIS = re.compile(r"(?i)(?:^|[\W_])[ravwfmgq]$|-[avwq]-$")
+"""Letters before an axis that mean an angle, a velocity, a force, ..., as in `rx` and `hand-v-x`."""
 
 
 def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:

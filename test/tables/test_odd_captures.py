@@ -80,18 +80,22 @@ def test_the_table_of_nexus_1_has_neither_units_nor_sub_frames(tmp_path):
 
 QTM = f"NO_OF_FRAMES\t{ROWS}\nFREQUENCY\t100\nDATA_INCLUDED\t3D\n"
 BODY = "wrist X\tY\tZ\tRoll\tPitch\tYaw\tResidual\n"
+SKELETON = "REFERENCE\tGLOBAL\nSCALE\t1\nSOLVER\tstandard\nhips\twrist\tX\tY\tZ\tQX\n"
 
 
 @pytest.mark.parametrize(
     ("head", "after"),
     [
+        (f"FILE_VERSION\t2.0.0\n{QTM}EVENT\tgo\t1\t0.1\nMARKER_NAMES\twrist\n", []),
+        (QTM + SKELETON, ["1"]),
         (QTM + "MARKER_NAMES\twrist\nTRAJECTORY_TYPES\tMeasured\n", []),
         (QTM + f"BODY_NAMES\twrist\nBODY_FILTERS\tNone\n{BODY}", ["1", "2", "3", "0.1"]),
         (QTM + f"BODY_NAMES\twrist\n{BODY}", ["1", "2", "3", "0.1"]),
     ],
 )
 def test_markers_and_bodies_of_qtm(head, after, tmp_path):
-    body = "".join("\t".join([*cells(k), *after]) + "\n" for k in range(ROWS))
+    before = ["", ""] if "SOLVER" in head else []
+    body = "".join("\t".join([*before, *cells(k), *after]) + "\n" for k in range(ROWS))
     check_wrist(imported(tmp_path, "a.tsv", head + body, [f"wrist.{axis}" for axis in "xyz"]))
 
 
@@ -146,9 +150,12 @@ def test_where_times_are_blank_frames_count_at_the_rate_of_the_file(kind, kept, 
 @pytest.mark.parametrize(("rate", "period"), [("99,5", 1 / 99.5), ("0", None)])
 def test_rates_with_decimal_commas_and_none(rate, period, tmp_path):
     text = qtm(tmp_path).read_text().replace("FREQUENCY\t100", f"FREQUENCY\t{rate}")
-    samples, said = imported(tmp_path, "qtm.tsv", text, ["wrist.x", "wrist.y", "wrist.z"])
+    columns = ["wrist.x", "wrist.y", "wrist.z"]
+    samples, said = imported(tmp_path, "qtm.tsv", text, columns)
     if period is None:
         assert samples is None and "time: rate: expected samples a second" in said
+        head = text.replace("FREQUENCY\t0", "FREQUENCY\tEXT")  # an external clock
+        assert "columns, Time among them" in imported(tmp_path, "b.tsv", head, columns)[1]
     else:
         np.testing.assert_allclose(np.diff(samples.stamps_ns) * 1e-9, period, atol=2e-9)
 
@@ -184,7 +191,8 @@ def test_places_of_forces_of_opensim_are_metres_and_frames_of_bvh_have_decimal_c
     )  # fmt: skip
     check_wrist(imported(tmp_path, "a.mot", content, names.split("\t")), atol=1e-6)
     before, after = bvh(tmp_path).read_text().split("MOTION")
-    content, columns = f"{before}MOTION{after.replace('.', ',')}", three("Right Wrist")
+    after = after.replace(".", ",").replace("Time", "time")
+    content, columns = f"{before}MOTION{after}", three("Right Wrist")
     check_wrist(imported(tmp_path, "b.bvh", content, columns, unit="mm"), EXPORTED / 1000)
 
 

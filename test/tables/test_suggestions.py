@@ -72,6 +72,8 @@ NO_PLACES = {
     "Packet number,Bar (hPa),Power (dBm),X Axis (g)": "Bar (hPa), Power (dBm), X Axis (g)",
     "t,A.x [N],A.y [N],A.z [N]": "A.x [N], A.y [N], A.z [N]",
     "t,A.x,A.y,A.z\ns,N,N,N": "A.x, A.y, A.z",
+    "t,FreeAcc_X,FreeAcc_Y,FreeAcc_Z": "FreeAcc_X, FreeAcc_Y, FreeAcc_Z",
+    "t,Hand-V-x,Hand-V-y,Hand-V-z": "Hand-V-x, Hand-V-y, Hand-V-z",
 }
 
 
