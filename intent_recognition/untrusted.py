@@ -226,8 +226,12 @@ def check_archive(path: Path) -> None:
         raise UntrustedError(f"arrays of {total} bytes, more than {MOST_ARRAYS}")
 
 
-def read_arrays(path: Path, wanted: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
-    """Read arrays of an `.npz` without pickled objects: all of them, or the wanted ones it has.
+def read_arrays(
+    path: Path, wanted: Collection[str] | None = None, left_out: list[str] | None = None
+) -> dict[str, NDArray[Any]]:
+    """Read arrays of an `.npz`: all of them, or the wanted ones it has.
+
+    Pickled objects are an error, or are only named in the list `left_out`.
 
     Raises:
         OSError: the file does not exist or cannot be read.
@@ -239,7 +243,12 @@ def read_arrays(path: Path, wanted: Collection[str] | None = None) -> dict[str, 
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             names = archive.files if wanted is None else [n for n in wanted if n in archive.files]
             for at in names:
-                found[at] = archive[at]
+                try:
+                    found[at] = archive[at]
+                except ValueError as error:
+                    if left_out is None or "pickle" not in str(error):
+                        raise
+                    left_out.append(at)
     except (OSError, MemoryError):
         raise
     except Exception as error:  # numpy and zipfile raise many kinds for invalid archives

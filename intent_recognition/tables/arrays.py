@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from intent_recognition.errors import optional
+from intent_recognition.errors import first_of, optional
 from intent_recognition.tables.cells import OF_IMAGE, Values, are_of_image, pixels_of
 from intent_recognition.tables.hdf5_reading import (
     MOST_DOFS,
@@ -28,12 +28,18 @@ from intent_recognition.untrusted import UntrustedError, read_arrays
 
 def open_npz(path: Path) -> Table:
     """Arrays (T,) by name, those of arrays (T, d) as `NAME.0`, of (T, n, 3) as `NAME.0.0`, ..."""
+    left_out: list[str] = []
     try:
-        arrays = read_arrays(path)
+        arrays = read_arrays(path, left_out=left_out)
+        if left_out and not arrays:
+            raise UntrustedError(f"pickled objects {first_of(left_out, 6)}")
     except (UntrustedError, OSError) as error:
         cure = "Write it with numpy.savez, with arrays of numbers or texts."
         raise unusable(path, "an .npz of plain arrays", error, cure) from error
-    return table_of_arrays(path, samples_first(on_end(dict(_fields(arrays)))), stated_rate(arrays))
+    read = samples_first(on_end(dict(_fields(arrays))))
+    table = table_of_arrays(path, read, stated_rate(arrays))
+    said = f"pickled objects, left out: {first_of(left_out, 6)}"
+    return replace(table, notes=(*table.notes, *[said] * bool(left_out)))
 
 
 def open_npy(path: Path) -> Table:

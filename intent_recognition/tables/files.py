@@ -120,8 +120,11 @@ NO_TASK = re.compile(
     r"|p|s|sub|subj|subject|participant|person|user|day|ses|session)?[\W_\d]*"
 )
 """Numbered or dated names that describe recordings or people rather than tasks."""
-OF_ROBOT = re.compile(r"(?i)(?<![^\W_])(?:robot|gripper|tcp|eef?|end_?effector)(?![^\W\d_])")
-"""Names of files of a robot's movement."""
+OF_ROBOT = re.compile(
+    r"(?i)(?<![^\W_])(?:robot|gripper|tcp|eef?|end_?effector)(?:[_\- ]?(?:left|right|[lrab\d]))?"
+    r"(?![^\W\d_])"
+)
+"""Names of files of a robot's movement, or of one of its arms."""
 
 
 class FileKind(NamedTuple):
@@ -183,7 +186,8 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
 def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
     """Kinds of files of which each recording has one, in a folder or with a number of its own.
 
-    Such are `give_1/human.csv` beside `give_1/robot.csv`, or `human_1.csv` beside `robot_1.csv`.
+    Such are `give_1/human.csv` beside `give_1/robot.csv`, `human_1.csv` beside `robot_1.csv`, or a
+    lone `human.csv` beside `robot.csv`.
     """
     by_folder: dict[str, dict[str, Path]] = {}
     by_number: dict[str, dict[str, Path]] = {}
@@ -191,25 +195,28 @@ def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
         by_folder.setdefault(path.name, {})[str(path.parent)] = path
         if path.parent == source and (match := re.fullmatch(r"(\D+)(\d+)", path.stem)):
             by_number.setdefault(f"{match[1]}{{number}}{path.suffix}", {})[match[2]] = path
-    return _kinds_of_parts(source, by_folder) or _kinds_of_parts(source, by_number)
+    return _kinds_of_parts(source, by_number) or _kinds_of_parts(source, by_folder)
 
 
 def _kinds_of_parts(source: Path, parts: Mapping[str, Mapping[str, Path]]) -> list[FileKind]:
     """Kinds of the files that most recordings have, by file name or pattern, then by recording.
 
     Empty unless there are several, with names of their own and mostly other columns, as those with
-    the same may be of several tasks; the columns do not matter where the others are named like a
+    the same may be of several tasks; the columns do not matter where others are named like a
     robot's file but for the robot, such as `give_human` beside `give_robot`.
     """
     stems = [Path(name).stem for name in parts]
     rests = [OF_ROBOT.split(stem) for stem in stems if OF_ROBOT.search(stem)]
-    are_tasks = not any(all(part in stem for stem in stems for part in rest) for rest in rests)
+    are_pairs = any(all(part in stem for stem in stems for part in rest) for rest in rests)
+    are_pairs = are_pairs and len(rests) < len(stems)
     counts = Counter(chain.from_iterable(parts.values()))
     shared = {recording for recording, count in counts.items() if count > 1}
     most = max(map(len, parts.values()), default=0)
     found: list[FileKind] = []
     for name, files in parts.items():
-        pattern = name if "{number}" in name else _pattern_of_folders(source, name, files)
+        is_alone = are_pairs and all(path.parent == source for path in files.values())
+        is_whole = is_alone or "{number}" in name
+        pattern = name if is_whole else _pattern_of_folders(source, name, files)
         if not pattern or 2 * len(files.keys() & shared) <= most:
             continue
         first = next(iter(files.values()))
@@ -218,7 +225,7 @@ def _kinds_of_parts(source: Path, parts: Mapping[str, Mapping[str, Path]]) -> li
         except BagError:  # notes
             continue
         columns = {*table.names}
-        for kind in found if are_tasks else ():
+        for kind in () if are_pairs else found:
             if 2 * len(columns & {*kind.table.names}) >= min(len(columns), len(kind.table.names)):
                 return []
         short = re.sub(r"\W+", "_", Path(name.replace("{number}", "")).stem).strip("_")

@@ -16,9 +16,7 @@ OF_VICON = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
 """Titles of tables of Nexus and Tracker; the first of these that a file holds is read."""
 QTM_UNITS = {"x": "mm", "y": "mm", "z": "mm", "Roll": "deg", "Pitch": "deg", "Yaw": "deg"}
 """Units of Qualisys, by the ends of names."""
-QTM_KEY = re.compile(
-    r"[A-Z]+(?:_[A-Z]+)+|DESCRIPTION|EVENT|FREQUENCY|REFERENCE|SCALE|SOLVER"
-)
+QTM_KEY = re.compile(r"[A-Z]+(?:_[A-Z]+)+|DESCRIPTION|EVENT|FREQUENCY|REFERENCE|SCALE|SOLVER")
 """First cells of the lines of a header of Qualisys."""
 OF_ALL, OF_BODY = ("scorer",), ("bodyparts",)
 """First cells of DeepLabCut's lines that name the scorer and the body parts."""

@@ -211,7 +211,7 @@ def _entries(dofs: DofSpec, side: str) -> tuple[DofEntry, ...]:
 def _files(value: object, place: str) -> dict[str, str]:
     patterns = {"": value} if isinstance(value, str) else dict(_mapping(value, place))
     fields = {frozenset(PLACEHOLDER.findall(str(pattern))) for pattern in patterns.values()}
-    if len(fields) > 1 or frozenset() in fields:
+    if len(fields) > 1 or (len(patterns) == 1 and frozenset() in fields):
         expected = "patterns that all have the same placeholders, such as baton_{number}.csv"
         raise _error(place, expected, ", ".join(map(str, patterns.values())))
     return {str(name): str(pattern) for name, pattern in patterns.items()}

@@ -72,10 +72,10 @@ AXIS_FIRST = re.compile(
 """Names such as `x1`, `Px1`, `xWrist` and `x_wrist`."""
 NO_PLACE = re.compile(
     r"(?i)rotation|orientation|twist|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)"
-    r"|(?-i:[a-z]Acc)|(?:rot|vel|dot|std|omega|ang|angle|force|moment|power|torque|cop)s?[\W_]?$"
+    r"|(?-i:[a-z]Acc)|(?:rot|vel|dot|std|omega|ang|angle|theta|force|moment|power|torque|cop)s?[\W_]?$"
 )
 TURN = re.compile(
-    r"(?i)(?P<body>.*?)[\W_]*(?:(?:[xyz]?rot(?:ation)?|orientation|euler|rpy|axis_?angle)"
+    r"(?i)(?P<body>.*?)[\W_]*(?:(?:[xyz]?rot(?:ation)?|orientation|euler|theta|rpy|axis_?angle)"
     r"(?:[\W_]*(?:angle|vec(?:tor)?)s?)?[\W_]*(?:[wxyz\d]\]?)?|[orq][wxyz]"
     r"|(?:rot)?(?:roll|pitch|yaw)|(?-i:[ABCWPR])|az(?:imuth)?|el(?:evation)?|ro)"
 )
@@ -100,7 +100,7 @@ OF_MATRIX = [
 """Shapes of pose and rotation matrices, each with the indices that name its elements."""
 OF_ARM = re.compile(r"(?i)shoulder|elbow")
 NO_PLACE_BEFORE_AXIS = re.compile(r"(?i)(?:^|[\W_])[ravwfmgq]$|-[avwq]-$")
-"""Letters before an axis that mean an angle, a velocity, a force, ..., as in `rx` and `hand-v-x`."""
+"""Letters before an axis that mean an angle, a velocity, ..., as in `rx` and `hand-v-x`."""
 
 
 def bodies_of(columns: Mapping[str, SeenColumn]) -> dict[str, list[str]]:

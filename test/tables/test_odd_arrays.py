@@ -165,6 +165,16 @@ def test_jacobians_and_mass_matrices_are_no_joints(shape, rng, tmp_path):
     assert "They move, and are no positions: matrix.0.0" in text
 
 
+def test_pickled_objects_beside_arrays_are_left_out(tmp_path):
+    infos = np.array([{"reward": 1.0}] * ROWS)
+    columns, time = [f"w.{k}" for k in range(3)], {"column": "t"}
+    for arrays in ({"t": TIMES_S, "w": PLACE / 1000}, {}):
+        np.savez(tmp_path / "a.npz", **arrays, infos=infos)
+        samples, said = imported(tmp_path, "a.npz", None, columns, time=time)
+        assert ("pickled objects, left out: infos" in said) == bool(arrays)
+    assert samples is None and "plain arrays, got pickled objects infos" in said
+
+
 WHERE = [f"w.{n}.{axis}" for n in range(2) for axis in range(3)]
 SEEN = [np.ones(1 + k % 3) for k in range(1001)]
 """Cells of what was seen at each sample: no columns."""

@@ -155,7 +155,7 @@ def test_rates_with_decimal_commas_and_none(rate, period, tmp_path):
     if period is None:
         assert samples is None and "time: rate: expected samples a second" in said
         head = text.replace("FREQUENCY\t0", "FREQUENCY\tEXT")  # an external clock
-        assert "columns, Time among them" in imported(tmp_path, "b.tsv", head, columns)[1]
+        assert "map, Time among them" in imported(tmp_path, "b.tsv", head, columns)[1]
     else:
         np.testing.assert_allclose(np.diff(samples.stamps_ns) * 1e-9, period, atol=2e-9)
 

@@ -442,15 +442,23 @@ def test_files_of_person_and_robot_are_of_one_recording(human, robot, tmp_path):
     assert ImportMap.from_dict(yaml.safe_load(suggest_map(tmp_path / "same")))
 
 
-@pytest.mark.parametrize("name", ["give_{}/{}.csv", "{}/{}.csv", "{1}_{0}.csv", "give_{}_{}.csv"])
-def test_the_robots_file_may_have_the_columns_of_the_persons(name, tmp_path):
-    for k, who in product((1, 2), ("human", "robot")):
+@pytest.mark.parametrize(
+    "name",
+    ["give_{}/{}.csv", "{}/{}.csv", "{1}_{0}.csv", "give_{}_{}.csv", "{1}.csv", "give_{1}.csv"],
+)
+@pytest.mark.parametrize("robots", [["robot"], ["robot_left", "robot_right"]])
+def test_the_robots_files_may_have_the_columns_of_the_persons(name, robots, tmp_path):
+    for k, who in product((1, 2), ("human", *robots)):
         path = tmp_path / name.format(k, who)
         path.parent.mkdir(exist_ok=True)
         path.write_text(plain())
     content, _, found = suggested(tmp_path)
-    assert [*content["files"]] == ["human", "robot"] and len(found) == 2
-    assert content["observed"][0]["file"] == "human" and content["controlled"][0]["file"] == "robot"
+    assert [one.removeprefix("give_") for one in content["files"]] == ["human", *robots]
+    assert len(found) == (2 if "{}" in name or "{0}" in name else 1)
+    observed, *controlled = (*content["observed"], *content["controlled"])
+    assert [one["file"].removeprefix("give_") for one in (observed, *controlled)] == [
+        "human", *robots
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("count", [1, 4])
