@@ -22,7 +22,9 @@ OF_BODY = re.compile(
 """Names of the column that identifies the body, or the quantity, of a row."""
 OF_AXIS = re.compile(r"(?i)axis|coord|coordinate|component|dim(?:ension)?")
 """Names of the column that identifies the axis of a row beside its body."""
-OF_ANY = re.compile(r"(?i)name|id|object|hand|side|person|subject|agent")
+OF_ANY = re.compile(
+    r"(?i)name|id|object|hand|side|person|subject|agent|(?:marker|body|joint|landmark)[_ ]?index"
+)
 """Further such names, if rows are in order of time; otherwise they may identify a recording."""
 OF_MOMENT = re.compile(r"(?i)t|%?(?:time|stamp|frame|sec|nsec|nanosec|seq|date).*|header\..*")
 """Names of columns of a time rather than a body. Columns before that of the body may be, too, if

@@ -210,6 +210,7 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
         "# Delete what is not needed, move what the robot does to `controlled`. Bags that are",
         "# labelled, or shall have no label, need no import: intent train takes them.",
         *([] if reader.custom_data.get("task") else [named]),
+        *(["# Note: no places were found, only joints. The first are observed."][bool(poses) :]),
         "observed:",
         *entries[0],
         *(["controlled:"] if entries[1:] else []),
@@ -248,7 +249,8 @@ def _places(
     """Positions in a message and their paths; `is_named` for a point, or an element with a name."""
     names = getattr(value, "__slots__", ())
     if {*"xyz"} <= {*names}:
-        if (path.endswith(PLACES) and "origin" not in path) or is_named:  # a map's
+        is_point = type(value).__name__.endswith("Point") and not path.endswith("]")
+        if ((path.endswith(PLACES) or is_point) and "origin" not in path) or is_named:  # a map's
             yield path, (value.x, value.y, value.z)
         return
     for name in names:

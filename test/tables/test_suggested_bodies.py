@@ -24,6 +24,7 @@ ONE = {
     "geometry_msgs/msg/Pose": "position",
     "geometry_msgs/msg/Point": "",
     "visualization_msgs/msg/Marker": "pose.position",
+    "lab_msgs/msg/Hand": "palm_center",
 }
 ARRAYS = {
     "geometry_msgs/msg/PoseArray": ("poses", "position", ""),
@@ -31,6 +32,7 @@ ARRAYS = {
     "visualization_msgs/msg/MarkerArray": ("markers", "pose.position", "id"),
     "lab_msgs/msg/Bodies": ("bodies", "pose.position", "rigid_body_name"),
     "lab_msgs/msg/Marks": ("bodies", "", "marker_id"),
+    "lab_msgs/msg/Markers": ("markers", "translation", "marker_index"),
 }
 """By type: the array, the path to a position in each element, and what names the element."""
 LAB = {
@@ -38,6 +40,9 @@ LAB = {
     "lab_msgs/msg/Bodies": "std_msgs/Header header\nlab_msgs/Body[] bodies\n",
     "lab_msgs/msg/Mark": "int32 marker_id\nfloat64 x\nfloat64 y\nfloat64 z\n",
     "lab_msgs/msg/Marks": "std_msgs/Header header\nlab_msgs/Mark[] bodies\n",
+    "lab_msgs/msg/Marker": "string name\nint32 marker_index\ngeometry_msgs/Point translation\n",
+    "lab_msgs/msg/Markers": "std_msgs/Header header\nlab_msgs/Marker[] markers\n",
+    "lab_msgs/msg/Hand": "bool seen\ngeometry_msgs/Point palm_center\n",
 }
 
 
@@ -60,7 +65,11 @@ def test_bodies_in_any_message_that_holds_their_places_are_suggested(kind, tmp_p
         found: dict = {"x": float(k), "y": 2.0, "z": float(n)}
         for part in reversed(path.split(".") if path else ()):
             found = {part: found}
-        return found | ({key: n if key in ("id", "marker_id") else str(n)} if key else {})
+        return found | (
+            {key: n if key.endswith(("id", "index")) and "frame" not in key else str(n)}
+            if key
+            else {}
+        )
 
     count = 2 if array else 1
     with BagWriter(tmp_path / "bags/give_00", flush_period_s=None) as writer:
@@ -108,6 +117,9 @@ def test_the_person_is_observed_though_the_robot_comes_first(tmp_path):
                 writer.write_message(topic, POSE, pose, START_NS + k)
     of_bag = yaml.safe_load(suggest_map(tmp_path / "x_00"))
     assert "task" not in of_bag and "files" not in of_bag  # it has its label
+    with BagWriter(tmp_path / "q_00", flush_period_s=None) as writer:
+        writer.write_message("/joint_states", JOINTS, states, START_NS)
+    assert "# Note: no places were found, only joints." in suggest_map(tmp_path / "q_00")
     content = plain(head="t,tcp_x,tcp_y,tcp_z").replace("\n", ",wrist_x,wrist_y,wrist_z\n", 1)
     head, *rows = content.splitlines()
     rows = [",".join([row, *row.split(",")[1:4]]) for row in rows]
