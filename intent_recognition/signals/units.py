@@ -44,7 +44,7 @@ OFTEN_TAKEN = {
 """Units often recorded instead of the right one, with their number per right unit."""
 SELDOM_TAKEN = {"m": {"inches": 1.0 / 0.0254}}
 """Units like those of `OFTEN_TAKEN`, but so close to one of them that only learned positions can
-distinguish them."""
+distinguish them; both are named."""
 NAMES = {"m": "metres", "rad": "radians"}
 """Names of the units in words."""
 FASTEST = {"m": 20.0, "rad": 25.0}
@@ -56,6 +56,8 @@ turns."""
 USUAL = {"m": 0.5, "rad": 1.0}
 """Usual extent of a reach [m, rad]. If two units explain too large values, the one that gives the
 more usual extent is named."""
+NOT_UNUSUAL = 4.0
+"""Factor between a reach that is still usual and `USUAL`: 12 cm to 2 m."""
 FAST = 10.0
 """Speed above which a unit is doubted [m/s, rad/s]; the fastest joints of cobots reach 6 rad/s,
 a hand 3 m/s."""
@@ -158,12 +160,12 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
     reason += f" at up to {speed:.3g} {unit}/s" if speed > FAST else ""  # too low if sparse
     reason += f" and is at {farthest:.3g} {unit}" if turned else ""
     reason += f", and the arm cannot reach over {known.widest:.3g} {unit}" if too_wide else ""
-    name, factor = _nearest_usual(unit, extent)
+    named = _nearest_usual(unit, extent)
     certain = unit == "m" and never  # joints without limits may turn as far, a toy's as fast
-    likely = taken_for(unit, {name: factor})
+    likely = taken_for(unit, named)
     said = "cannot be" if certain else "is hardly"
     text = f"{reason}: the unit {said} {NAMES[unit]}. {likely}"
-    return Misfit(text, factor, certain, likely)
+    return Misfit(text, next(iter(named.values())), certain, likely)
 
 
 def _stray(signal: Signal) -> Misfit | None:
@@ -265,19 +267,24 @@ def length_misfit(length_m: float, said: str, do: str = "record") -> Misfit | No
     """
     if length_m <= WIDEST["m"]:
         return None
-    name, factor = _nearest_usual("m", length_m)
-    likely = {name: factor}
-    if length_m / max(OFTEN_TAKEN["m"].values()) < 0.3:  # [m]; any of the units is possible
-        likely = OFTEN_TAKEN["m"]
-    text = taken_for("m", likely, do)
-    return Misfit(f"{said}. {text}", factor, certain=False, likely=text)
+    named = _nearest_usual("m", length_m)
+    is_any = length_m / max(OFTEN_TAKEN["m"].values()) < 0.3  # [m]
+    text = taken_for("m", OFTEN_TAKEN["m"] if is_any else named, do)
+    return Misfit(f"{said}. {text}", next(iter(named.values())), certain=False, likely=text)
 
 
-def _nearest_usual(unit: str, length: float) -> tuple[str, float]:
-    """The other unit, with its factor, in which a length is closest to the usual one."""
-    return min(
-        OFTEN_TAKEN[unit].items(), key=lambda item: abs(np.log(length / item[1] / USUAL[unit]))
-    )
+def _nearest_usual(unit: str, length: float) -> dict[str, float]:
+    """The other unit, with its factor, in which a length is closest to the usual one, and further
+    units that are seldom taken but in which it is not unusual, either.
+    """
+
+    def away(factor: float) -> float:
+        return float(abs(np.log(length / factor / USUAL[unit])))
+
+    nearest = min(OFTEN_TAKEN[unit], key=lambda name: away(OFTEN_TAKEN[unit][name]))
+    seldom = SELDOM_TAKEN.get(unit, {}).items()
+    also = {name: factor for name, factor in seldom if away(factor) < np.log(NOT_UNUSUAL)}
+    return {nearest: OFTEN_TAKEN[unit][nearest]} | also
 
 
 def in_words(signal: Signal) -> str:

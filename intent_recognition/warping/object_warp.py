@@ -167,8 +167,8 @@ def _frame(cloud: ObjectCloud, classifier: LogisticModel) -> ObjectFrame:
         opening = find_opening(cloud.points[rows], cloud.normals[rows], on_rim)
         if opening is not None:
             return coarse_frame(cloud.points, cloud.normals, opening)
-    cure = "It may be closed on top, or no cup or bowl at all."
-    got = "no ring of rim points with a cavity below"
+    cure = "It may be closed on top, a third wider than its rim below, or no cup or bowl at all."
+    got = "no rim around a cavity"
     raise ArgumentError.about("points", "a container with an open rim", got, cure)
 
 

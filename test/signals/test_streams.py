@@ -217,7 +217,7 @@ def test_one_recording_of_four_in_another_unit_is_named(unit, factor, name, odd)
 def test_a_hand_that_goes_farther_than_its_arm_reaches_is_refused():
     hand = replace(recording(unit="m"), known=(Known(widest=2.4),))
     assert stream_defect(hand) == ""
-    assert "centimetres for metres (a factor of 100)" in stream_defect(
+    assert "centimetres or inches for metres (a factor of 100 or 39.37)" in stream_defect(
         scaled(scaled(hand, 0.05), 100.0)
     )
 

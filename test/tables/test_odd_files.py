@@ -283,7 +283,7 @@ ODD = {
     "a short reach in centimetres": (
         plain(scale=0.03),
         ROWS,
-        "is hardly metres. Likely centimetres for metres",
+        "is hardly metres. Likely centimetres or inches for metres",
     ),
     "nothing": (plain(scale=1e-3), ROWS, "^$"),
 }
