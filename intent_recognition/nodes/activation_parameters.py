@@ -240,8 +240,11 @@ class ActivationParameters:
             )
             limits = replace(known, **given)
         else:
-            text = f"{', '.join(names)}: set lower, upper and velocity for joints not of the LWR"
-            raise RejectionError("wrong_joint_names", text)
+            cure = "set lower, upper and velocity for joints not of the LWR"
+            if self.described is not None:
+                joints = ", ".join(self.described.joint_names)
+                cure = f"robot_description moves {joints}: take a model of this arm"
+            raise RejectionError("wrong_joint_names", f"{', '.join(names)}: {cure}")
         return scaled_limits(limits, self._values["velocity_scale"])
 
 

@@ -28,7 +28,7 @@ from intent_recognition.nodes.conversions import (
     to_stamp,
     trajectory_arrays,
 )
-from intent_recognition.nodes.diagnostics import Level
+from intent_recognition.nodes.diagnostics import Level, RejectionError
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from sim_bridge.arm import find_robot
 
@@ -217,6 +217,8 @@ def test_limits_of_another_arm_are_those_of_its_description(harness):
     lower = re.sub(r'upper="[^"]*"', 'upper="0.5"', panda.description)
     harness.hear(node, "robot_description", String(data=lower))
     assert node._settings.settings(tuple(names), {}).limits.upper.max() == 0.5
+    with pytest.raises(RejectionError, match="elbow: robot_description moves panda_joint1, .*model"):
+        node._settings.settings(("elbow",), {})
 
 
 def test_a_prediction_that_is_rejected_does_not_fix_the_joints(harness):
