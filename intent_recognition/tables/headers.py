@@ -149,11 +149,12 @@ def qtm(rows: Rows) -> Header | None:
     else:
         names = _places_of([label.strip() for label in said["MARKER_NAMES"][1:]])
         first = [cell.strip() for cell in rows[skip]]
-        if first[0] == "Frame" or first[-1].endswith((" X", " Y", " Z")):
-            skip += 1
+        before = next((k for k, cell in enumerate(first) if cell.endswith(" X")), -1)
+        skip += before >= 0 or first[0] == "Frame"
         stated = int(said.get("NO_OF_MARKERS", ("", "0"))[1])  # some may have no name
-        if len(rows[skip]) >= max(3 * stated, len(names)) + 2:
-            names = ["Frame", "Time", *names]
+        if before < 0 and len(rows[skip]) >= max(3 * stated, len(names)) + 2:
+            before, first = 2, ["Frame", "Time"]
+        names = [*first[: max(before, 0)], *names]
     units = {k: QTM_UNITS.get(name.rpartition(".")[2], "") for k, name in enumerate(names)}
     rate = said["FREQUENCY"][1].strip()
     time = {"column": "Time"} if rate == "EXT" else {"rate": float(with_point(rate))}

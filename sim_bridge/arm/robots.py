@@ -43,6 +43,8 @@ LARGEST_TORQUE_NM = 100.0
 exaggerate it; the limit of the LWR's middle joints."""
 SLOW = 0.08
 """Speed limit of a joint [rad/s, m/s] below which a reach takes seconds, as of lifts."""
+LEAST_JOINTS = 6
+"""Fewest joints of an arm that needs no slow lift: it reaches any pose without."""
 READY_POSITION: tuple[float, ...] = (0.0, -0.45, 0.0, 1.55, 0.0, -1.1415926535897931, 0.0)
 """The LWR's joint angles [rad] with the elbow up and the hand in front of the base, fingers down,
 far from all limits."""
@@ -67,6 +69,7 @@ class Robot:
     assumed: tuple[str, ...] = ()
     weighed: tuple[str, ...] = ()  # links without mass or inertia in the URDF, with the defaults
     unseen: tuple[str, ...] = ()  # meshes that cannot be used, whose shapes are left out
+    held: tuple[str, ...] = ()  # slow joints before the arm, such as a lift, held at zero
 
     @property
     def n_joints(self) -> int:
@@ -92,6 +95,9 @@ class Robot:
         if self.limits.velocity.min() < SLOW:
             name = self.joint_names[int(self.limits.velocity.argmin())]
             notes.append(f"{name} is slow and delays the arm: --base LINK holds joints before LINK")
+        if self.held:
+            cure = f"a speed limit of {SLOW:g} m/s or rad/s in the URDF lets it move"
+            notes.append(f"{', '.join(self.held)}: slow, and held at zero; {cure}")
         if self.unseen:
             notes.append(
                 f"{first_of(self.unseen, 1)}: left out, as no file of {', '.join(MESH_KINDS)} is"
@@ -142,7 +148,8 @@ def find_robot(
     """Find an arm by its name, or read it from the path of a URDF or xacro file.
 
     Joints that neither move the hand nor are carried by it, such as wheels, a head, another arm and
-    joints between the root and `base`, are held at zero.
+    joints between the root and `base`, are held at zero; so are those before an arm that are slower
+    than `SLOW`, such as a lift.
 
     `base` is the root by default. `tip`, the link that is the hand, and the position of the base in
     the world (3,) default to the preset's, for a file to the tip of `Arm.from_urdf` and the origin.
@@ -165,7 +172,11 @@ def find_robot(
     unseen = find_meshes(root, path.resolve().parent)
     tip = tip or usual.tip
     chain = read_chain(written(root), base or None, tip or None, DEFAULT_ACCELERATION_RAD_S2)
-    hold_others(root, chain.names)
+    n_slow = int(np.argmin(chain.limits.velocity < SLOW))
+    held = chain.names[:n_slow] if len(chain.names) - n_slow >= LEAST_JOINTS else ()
+    hold_others(root, chain.names[len(held) :])
+    if held:
+        chain = read_chain(written(root), base or None, chain.tip, DEFAULT_ACCELERATION_RAD_S2)
     weighed = add_missing_inertials(root, chain.names)
     source = written(root)
     copies = [mimic.joint for mimic in chain.mimics if mimic.master in chain.names]
@@ -195,6 +206,7 @@ def find_robot(
         chain.assumed,
         weighed,
         unseen,
+        held,
     )
 
 

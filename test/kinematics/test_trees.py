@@ -83,15 +83,21 @@ def test_missing_limits_of_speed_and_effort_take_the_stated_defaults(limits, tmp
     assert Bodies(text, robot.joint_names, clearance_m=0.02).pairs == ()
 
 
-def test_a_lift_that_delays_the_arm_is_named(tmp_path):
+def test_a_lift_that_delays_the_arm_is_held(tmp_path):
     path, tree = tmp_path / "robot.urdf", TREES["tiago"]
     slow = LIMITS | {"p": LIMITS["p"].replace("0.2", "0.07")}
     for limits, base in ((slow, ""), (slow, "torso"), (LIMITS, "")):
         path.write_text(urdf(tree.branches, limits))
-        note = find_robot(str(path), base=base).note
-        assert ("torso_lift is slow and delays the arm: --base" in note) == (
-            limits is slow and not base
-        )
+        robot = find_robot(str(path), base=base)
+        is_held = limits is slow and not base
+        assert robot.held == ("torso_lift",) * is_held
+        assert ("torso_lift: slow, and held at zero" in robot.note) == is_held
+        assert robot.joint_names == tuple(tree.joints.split())[limits is slow :]
+        path.write_text(robot.source)
+        assert find_robot(str(path)).joint_names == robot.joint_names
+    path.write_text(urdf((row("base p:lift torso", "", 5),), slow))  # an arm that needs its lift
+    robot = find_robot(str(path))
+    assert "lift is slow and delays the arm: --base" in robot.note and not robot.held
 
 
 def test_descriptions_with_a_mark_a_namespace_in_degrees_or_none():

@@ -217,7 +217,7 @@ def test_limits_of_another_arm_are_those_of_its_description(harness):
     lower = re.sub(r'upper="[^"]*"', 'upper="0.5"', panda.description)
     harness.hear(node, "robot_description", String(data=lower))
     assert node._settings.settings(tuple(names), {}).limits.upper.max() == 0.5
-    with pytest.raises(RejectionError, match="elbow: robot_description moves panda_joint1, .*model"):
+    with pytest.raises(RejectionError, match=r"elbow: robot_description moves panda_\w+, .*model"):
         node._settings.settings(("elbow",), {})
 
 

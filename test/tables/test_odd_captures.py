@@ -88,13 +88,14 @@ SKELETON = "REFERENCE\tGLOBAL\nSCALE\t1\nSOLVER\tstandard\nhips\twrist\tX\tY\tZ\
     [
         (f"FILE_VERSION\t2.0.0\n{QTM}EVENT\tgo\t1\t0.1\nMARKER_NAMES\twrist\n", []),
         (QTM + SKELETON, ["1"]),
+        (QTM + "MARKER_NAMES\twrist\nFrame\tSMPTE\twrist X\twrist Y\twrist Z\n", []),
         (QTM + "MARKER_NAMES\twrist\nTRAJECTORY_TYPES\tMeasured\n", []),
         (QTM + f"BODY_NAMES\twrist\nBODY_FILTERS\tNone\n{BODY}", ["1", "2", "3", "0.1"]),
         (QTM + f"BODY_NAMES\twrist\n{BODY}", ["1", "2", "3", "0.1"]),
     ],
 )
 def test_markers_and_bodies_of_qtm(head, after, tmp_path):
-    before = ["", ""] if "SOLVER" in head else []
+    before = ["", ""] * ("SOLVER" in head or "SMPTE" in head)
     body = "".join("\t".join([*before, *cells(k), *after]) + "\n" for k in range(ROWS))
     check_wrist(imported(tmp_path, "a.tsv", head + body, [f"wrist.{axis}" for axis in "xyz"]))
 
