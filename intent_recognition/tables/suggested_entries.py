@@ -61,7 +61,7 @@ def body_entry(
 ) -> list[str]:
     """Lines of the entry of a body with its columns `values`, named after the body or its file.
 
-    All bodies of a table have one unit: `farthest` is the largest number of any body.
+    All bodies whose unit is not stated have one: `farthest` is the largest number of any.
     """
     extent = float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0)))
     unit, note = _unit_of(table, names, farthest, "m")

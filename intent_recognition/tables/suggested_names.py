@@ -22,7 +22,7 @@ MEASURED = {"actual", "measured", "msr", "state", "obs", "observation", "observa
 """Words by which names of commanded, or later, columns differ from those of measured ones."""
 WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 NO_JOINT = re.compile(
-    r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag|cop)|gyr|secs?\b|(?-i:[a-z]Acc)"
+    r"(?i)stamp|time|elapsed|(?:^|[\W_])id$|\bobject|accel|(?:^|[\W_])(?:acc|mag|cop)|gyr|secs?\b"
     r"|header|vel|speed|dot[\W_\d]*$|(?:^|[\W_])(?:d+q|qd+|tau|ctrl|control)(?:[\W_\d]|$)"
     r"|eff(?:ort|_)|torque|moment|trq|f_ext|current|temp|force|quality|error|gripper|\bjaw|rate$"
     r"|compass|likelihood|conf(?!ig)|strength|visib|score|covariance|twist(?!$|_joint)|residual"
@@ -30,6 +30,7 @@ NO_JOINT = re.compile(
     r"|(?:^|[\W_])(?:env(?:ironment)?|low_dim|ee)_states?(?:[\W_]|$)|robot_states\.\d|^lengths?$"
     r"|^(?:poses|pose_\w+|body_pose)\.\d"
     r"|(?:^|[\W_])(?:cos|sin)(?:[\W_]|$)|wrench|gravity|rgb|colou?r|voltage|pressure|reward|bits"
+    r"|jerk|(?-i:[a-z]Acc)|(?:^|[\W_])(?:std|scale|dir(?:ection)?|normal)s?(?:[\W_]|$)"
     rf"|register|scaling|[XYZ]position$|compress|{COMMANDED.pattern.removeprefix('(?i)')}"
 )
 """Names of columns that move without being the position of an arm's joint."""
@@ -72,7 +73,8 @@ AXIS_FIRST = re.compile(
 """Names such as `x1`, `Px1`, `xWrist` and `x_wrist`."""
 NO_PLACE = re.compile(
     r"(?i)rotation|orientation|twist|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)"
-    r"|(?-i:[a-z]Acc)|(?:rot|vel|dot|std|omega|ang|angle|theta|force|moment|power|torque|cop)s?[\W_]?$"
+    r"|(?-i:[a-z]Acc)|(?:rot|vel|dot|std|omega|ang|angle|theta|force|moment|power|torque|cop|speed"
+    r"|jerk|scale|dir|direction|normal)s?[\W_]?$"
 )
 TURN = re.compile(
     r"(?i)(?P<body>.*?)[\W_]*(?:(?:[xyz]?rot(?:ation)?|orientation|euler|theta|rpy|axis_?angle)"

@@ -196,7 +196,8 @@ def _part(
     for body in moving:
         values = np.column_stack([columns[n].values for n in bodies[body]])
         measured[body] = np.where(hidden_rows(values, True)[:, None], np.nan, values)
-    farthest = max((float(np.nanmax(np.abs(of))) for of in measured.values()), default=0.0)
+    unsaid = (of for body, of in measured.items() if not table.said_of(bodies[body][0]))
+    farthest = max((float(np.nanmax(np.abs(of))) for of in unsaid), default=0.0)
     is_mediapipe = any("visibility" in name.lower() for name in columns)
     flat = [of[:, :2] for of in measured.values() if is_mediapipe]
     in_image = flat and all(np.nanmin(of) >= 0.0 and np.nanmax(of) <= 1.0 for of in flat)

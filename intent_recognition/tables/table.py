@@ -19,7 +19,7 @@ hour of MediaPipe at 30 Hz 0.3 GB."""
 MOST_COLUMNS = 10_000
 """Most columns of a table; a motion capture suit has several hundred."""
 UNIT_IN_NAME = re.compile(
-    r"(?i)(?:[\[(]|[_ .,/-](?=(?:[mcdk\u00b5]m|px|deg(?:ree)?s?|rad(?:ian)?s?"
+    r"(?i)(?:[\[(]|(?<=[xyz])_(?=m$)|[_ .,/-](?=(?:[mcdk\u00b5]m|px|deg(?:ree)?s?|rad(?:ian)?s?"
     r"|(?:milli|centi|deci)met(?:er|re)s?|inch(?:es)?)$))\s*([^\[\]()_\s]+)\s*[\])]?$"
 )
 """The unit at the end of a column's name: `x [mm]`, `x (mm)`, `x_mm`, `x.mm`, `X MM`."""

@@ -181,6 +181,19 @@ def test_places_are_known_by_their_units_and_as_parts_of_a_pose(tmp_path):
     assert "# They move, and are no positions: gripper [mm]" in text
 
 
+@pytest.mark.parametrize("unit", ["_m", ""])
+def test_metres_beside_a_body_in_millimetres_are_no_millimetres(unit, tmp_path):
+    names = [f"hand_{axis}_mm" for axis in "xyz"] + [f"tcp_{axis}{unit}" for axis in "xyz"]
+
+    def row(k):
+        return [f"{TIMES_S[k]}", *cells(k), *cells(k, scale=1e-3)]
+
+    rows = table(",".join(["t", *names]), row)
+    _, _, (found,) = suggested_csv(tmp_path, rows)
+    for samples in found.samples:
+        np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-6)
+
+
 def test_landmarks_of_an_image_are_places_of_two_axes_and_a_likelihood_is_no_joint(tmp_path):
     head = "bodyparts,Händ,Händ,Händ,2nd,2nd,2nd\ncoords,x,y,likelihood,x,y,likelihood"
     content = table(head, lambda k: [str(k), *(*cells(k)[:2], f"{0.9 + k / 1e4}") * 2])
@@ -203,6 +216,10 @@ def test_landmarks_of_an_image_are_places_of_two_axes_and_a_likelihood_is_no_joi
         ("elapsed,lin_acc_x,lin_acc_y,lin_acc_z,hand_x,hand_y,hand_z", "hand_x"),
         ("t,vel.x,vel.y,vel.z,hand.x,hand.y,hand.z", "hand"),
         ("t,FreeAcc_X,FreeAcc_Y,FreeAcc_Z,Hand_X,Hand_Y,Hand_Z", "Hand"),
+        ("t,gaze_dir_x,gaze_dir_y,gaze_dir_z,hand_x,hand_y,hand_z", "hand"),
+        ("t,palm_normal_x,palm_normal_y,palm_normal_z,palm_x,palm_y,palm_z", "palm_x"),
+        ("t,hand_x,hand_y,hand_z,hand_jerk_x,hand_jerk_y,hand_jerk_z", "hand_x"),
+        ("t,tool_theta_x,tool_theta_y,tool_theta_z,tool_x,tool_y,tool_z", "tool_x"),
         ("t,magnet_x,magnet_y,magnet_z,image_x,image_y,image_z", "image"),
         ("t,w.1.0,w.1.1,w.1.2,w.2.0,w.2.1,w.2.2,w.2.3", "w.1.0"),
         ("t,cartesian_position.0,cartesian_position.1,cartesian_position.2,a.3,a.4,a.5", "cart"),
