@@ -15,6 +15,7 @@ from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.fields import has_columns, stamp_of
 from intent_recognition.demonstrations.paths import (
     STAMPED_ELEMENTS,
+    body_of,
     element_headers,
     element_names,
 )
@@ -75,9 +76,9 @@ def collect(
                 f"no {', '.join(entry.fields)}: the topic has {', '.join(sorted(has)) or 'none'}"
             )
             damage = Rejection(str(reader.path), f"/{entry.topic}", 0, reason)
-        bodies = {getattr(message.message, "child_frame_id", "") for message in about} - {""}
+        bodies = {body_of(m.message) for m in about if not entry.joints} - {""}
         if len(bodies) > 1:
-            reason = f"several bodies on one topic: child_frame_id is {', '.join(sorted(bodies))}"
+            reason = f"several bodies on one topic: {', '.join(sorted(bodies))}"
             cure = "Publish each on a topic of its own, or read them from tf."
             damage = damage or Rejection(str(reader.path), f"/{entry.topic}", 0, reason, cure)
             about = []

@@ -26,6 +26,7 @@ from intent_recognition.demonstrations.paths import (
     ElementAbsentError,
     element_headers,
     follow,
+    is_deleted,
     parse_path,
 )
 from intent_recognition.errors import DofError, MessageError
@@ -145,8 +146,10 @@ def stamp_of(entry: DofEntry, message: Any, received_ns: int) -> int | None:
     """Time at which the entry's DOFs in a message (of rclpy or a bag) were measured [ns].
 
     Without a stamp in the message or its elements this is `received_ns`. None if the message has
-    none of the entry's elements.
+    none of the entry's elements, or says that its body was not seen.
     """
+    if is_deleted(message):
+        return None
     if entry.type in STAMPED_ELEMENTS:
         stamps = [to_ns(header.stamp) for header in element_headers(message, entry.fields)]
         return (max(stamps) or received_ns) if stamps else None

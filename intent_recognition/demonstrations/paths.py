@@ -123,6 +123,16 @@ def _name(element: Any, key: str) -> str:
     return f"{element.ns}/{element.id}"
 
 
+def body_of(message: Any) -> str:
+    """Name of the body that a message is of; "" if it has none."""
+    try:
+        return _name(message, "")
+    except AttributeError:
+        return ""
+
+
 def is_deleted(element: Any) -> bool:
-    """Whether an element is a marker that deletes markers and has no pose."""
+    """Whether an element is a marker that deletes markers, or says that it was not seen."""
+    if getattr(element, "occluded", False) or not getattr(element, "valid", True):
+        return True
     return getattr(element, "action", 0) in (2, 3) and hasattr(element, "ns")

@@ -261,6 +261,7 @@ def _places(
             key = naming_key([{own: getattr(one, own) for own in one.__slots__} for one in part])
             for k, one in enumerate(part):
                 own = f"{below}[{key}={getattr(one, key)}]" if key else ""
+                own = f"{below}[{one.ns}/{one.id}]" if not key and hasattr(one, "ns") else own
                 if not is_deleted(one):
                     own = own if is_path(own) else f"{below}[{k}]"
                     yield from _places(one, own, bool(key))
@@ -268,6 +269,7 @@ def _places(
 
 def _entry(topic: str, kind: str, key: str, names: Sequence[str], unit: str) -> list[str]:
     what = f"    {key}: {flow(list(names))}"
+    what += "  # by its order, which may change" * bool(NUMBERED.search(names[0]))
     return [f"  - topic: {topic}", f"    type: {kind}", what, f"    unit: {unit}"]
 
 

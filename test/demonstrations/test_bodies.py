@@ -199,6 +199,20 @@ def test_frames_of_others_are_not_counted_and_names_of_frames_are_told(tmp_path)
     assert "the topic has camera, wrist" in str(rejection)
 
 
+@pytest.mark.parametrize("hidden", [{"occluded": True}, {"valid": False}])
+def test_a_body_that_is_marked_as_hidden_is_not_measured(hidden):
+    """Drivers send the last place of a body, or zeros, while they do not see it."""
+    entry = DofEntry("w", "lab_msgs/msg/Body", fields=("x",), unit="m")
+    seen = {key: not value for key, value in hidden.items()}
+    for marks, at in ((seen, 9), (hidden, None)):
+        assert stamp_of(entry, SimpleNamespace(x=1.0, **marks), 9) == at
+    within = replace(entry, fields=("bodies[wrist].x",))
+    bodies = [SimpleNamespace(name="wrist", x=k, **m) for k, m in enumerate((hidden, seen))]
+    assert extract(within, SimpleNamespace(bodies=bodies)).tolist() == [1.0]
+    with pytest.raises(MessageError):
+        extract(within, SimpleNamespace(bodies=bodies[:1]))
+
+
 @pytest.mark.parametrize("first", ["head", ""])
 def test_bodies_that_share_a_topic_are_not_read_as_one(first, tmp_path):
     stamped = "geometry_msgs/msg/TransformStamped"
@@ -209,5 +223,14 @@ def test_bodies_that_share_a_topic_are_not_read_as_one(first, tmp_path):
             writer.write_message("vicon", stamped, message, at_ns)
     entry = DofEntry("vicon", stamped, fields=("transform.translation.x",), unit="m")
     _, rejected = read_demonstrations(tmp_path / "bag", DofSpec((entry,), ()))
-    said = "several bodies on one topic: child_frame_id is" in str(rejected)
-    assert said == ("head, wrist" in str(rejected)) == bool(first)  # one without a name is none
+    said = "several bodies on one topic: head, wrist" in str(rejected)
+    assert said == bool(first)  # one without a name is none
+    marker = "visualization_msgs/msg/Marker"
+    with BagWriter(tmp_path / "markers", {"task": "give"}) as writer:
+        for i in range(60):
+            at_ns = START_NS + i * STEP_NS
+            sent = {"header": {"stamp": at_ns}, "ns": "hand", "id": i % 2 if first else 1}
+            writer.write_message("m", marker, sent, at_ns)
+    entry = DofEntry("m", marker, fields=("pose.position.x",), unit="m")
+    _, rejected = read_demonstrations(tmp_path / "markers", DofSpec((entry,), ()))
+    assert ("several bodies on one topic: hand/0, hand/1" in str(rejected)) == bool(first)

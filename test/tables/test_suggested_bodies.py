@@ -105,6 +105,11 @@ def test_of_many_bodies_those_that_move_are_suggested_first(tmp_path):
     assert fields[0] == "markers[id=99].pose.position.x" and len(fields) == 10
     assert "markers[id=98].pose.position.x" not in fields
     assert fields[-2:] == ["transforms[0].transform.translation.x", "pose.position.x"]
+    with BagWriter(tmp_path / "a", flush_period_s=None) as writer:
+        for k in range(5):
+            hands = [{"ns": n, "pose": {"position": {"x": k / 10}}} for n in "lr"]
+            writer.write_message("/bodies", kind, {"markers": hands}, START_NS + k)
+    assert "markers[l/0].pose.position.x" in suggest_map(tmp_path / "a")
 
 
 def test_the_person_is_observed_though_the_robot_comes_first(tmp_path):
