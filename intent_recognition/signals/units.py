@@ -274,17 +274,14 @@ def length_misfit(length_m: float, said: str, do: str = "record") -> Misfit | No
 
 
 def _nearest_usual(unit: str, length: float) -> dict[str, float]:
-    """The other unit, with its factor, in which a length is closest to the usual one, and further
-    units that are seldom taken but in which it is not unusual, either.
+    """The other unit, with its factor, in which a length is closest to the usual one, then units
+    that are seldom taken in which it is not unusual, either.
     """
-
-    def away(factor: float) -> float:
-        return float(abs(np.log(length / factor / USUAL[unit])))
-
-    nearest = min(OFTEN_TAKEN[unit], key=lambda name: away(OFTEN_TAKEN[unit][name]))
-    seldom = SELDOM_TAKEN.get(unit, {}).items()
-    also = {name: factor for name, factor in seldom if away(factor) < np.log(NOT_UNUSUAL)}
-    return {nearest: OFTEN_TAKEN[unit][nearest]} | also
+    often, seldom = OFTEN_TAKEN[unit], SELDOM_TAKEN.get(unit, {})
+    away = {n: abs(np.log(length / f / USUAL[unit])) for n, f in (often | seldom).items()}
+    nearest = min(often, key=lambda name: float(away[name]))
+    also = {n: f for n, f in seldom.items() if away[n] < np.log(NOT_UNUSUAL)}
+    return {nearest: often[nearest]} | also
 
 
 def in_words(signal: Signal) -> str:

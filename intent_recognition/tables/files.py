@@ -121,7 +121,7 @@ NO_TASK = re.compile(
 )
 """Numbered or dated names that describe recordings or people rather than tasks."""
 OF_ROBOT = re.compile(
-    r"(?i)(?<![^\W_])(?:robot|gripper|tcp|eef?|end_?effector)(?:[_\- ]?(?:left|right|[lrab\d]))?"
+    r"(?i)(?<![^\W_])(?:robot|gripper|tcp|eef?|end_?effector)(?:[_\- ]?(?:left|right|[lrab]))?"
     r"(?![^\W\d_])"
 )
 """Names of files of a robot's movement, or of one of its arms."""
@@ -186,15 +186,18 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
 def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
     """Kinds of files of which each recording has one, in a folder or with a number of its own.
 
-    Such are `give_1/human.csv` beside `give_1/robot.csv`, `human_1.csv` beside `robot_1.csv`, or a
-    lone `human.csv` beside `robot.csv`.
+    Such are `give_1/human.csv` beside `give_1/robot.csv`, `human_1.csv` beside `robot_1.csv`, also
+    in a folder for each task or person, or a lone `human.csv` beside `robot.csv`.
     """
     by_folder: dict[str, dict[str, Path]] = {}
     by_number: dict[str, dict[str, Path]] = {}
     for path in () if paths == [source] else paths:
         by_folder.setdefault(path.name, {})[str(path.parent)] = path
-        if path.parent == source and (match := re.fullmatch(r"(\D+)(\d+)", path.stem)):
-            by_number.setdefault(f"{match[1]}{{number}}{path.suffix}", {})[match[2]] = path
+        if source in path.parents[:2] and (match := re.fullmatch(r"(\D+)(\d+)", path.stem)):
+            of = "group" if NO_TASK.fullmatch(path.parent.name) else "task"
+            above = "" if path.parent == source else f"{{{of}}}/"
+            key = f"{path.parent}/{match[2]}"
+            by_number.setdefault(f"{above}{match[1]}{{number}}{path.suffix}", {})[key] = path
     return _kinds_of_parts(source, by_number) or _kinds_of_parts(source, by_folder)
 
 
@@ -214,8 +217,8 @@ def _kinds_of_parts(source: Path, parts: Mapping[str, Mapping[str, Path]]) -> li
     most = max(map(len, parts.values()), default=0)
     found: list[FileKind] = []
     for name, files in parts.items():
-        is_alone = are_pairs and all(path.parent == source for path in files.values())
-        is_whole = is_alone or "{number}" in name
+        is_whole = 0 < len(rests) < len(stems) and all(p.parent == source for p in files.values())
+        is_whole = is_whole or "{number}" in name
         pattern = name if is_whole else _pattern_of_folders(source, name, files)
         if not pattern or 2 * len(files.keys() & shared) <= most:
             continue

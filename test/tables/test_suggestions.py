@@ -425,7 +425,8 @@ def test_files_of_person_and_robot_are_of_one_recording(human, robot, tmp_path):
            "robot/robot_gives_{}.csv": plain(), "robot/robot_takes_{}.csv": plain(),
            "both/give_human_{}.csv": plain(), "both/give_robot_{}.csv": plain(),
            "both/take_human_{}.csv": plain(), "both/take_robot_{}.csv": plain(),
-           "same/{}/human.csv": plain(), "same/{}/human.txt": arm}  # fmt: skip
+           "same/{}/human.csv": plain(), "same/{}/human.txt": arm,
+           "alone/wrist.csv": plain(), "alone/robot_joints.csv": arm}  # fmt: skip
     one = {human: plain(), robot: arm, "{}/notes.json": '{"age": 3}'}
     contents = {**two, **{f"one/{name}": content for name, content in one.items()}}
     for path, content in [(tmp_path / n.format(k), c) for n, c in contents.items() for k in "12"]:
@@ -440,12 +441,14 @@ def test_files_of_person_and_robot_are_of_one_recording(human, robot, tmp_path):
     for name in ("tasks", "apart", "robot", "both"):
         assert "files: '{task}_{number}.csv'" in suggest_map(tmp_path / name)
     assert ImportMap.from_dict(yaml.safe_load(suggest_map(tmp_path / "same")))
+    assert "files:  # of one recording" in suggest_map(tmp_path / "alone")
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["give_{}/{}.csv", "{}/{}.csv", "{1}_{0}.csv", "give_{}_{}.csv", "{1}.csv", "give_{1}.csv"],
-)
+NESTED = ("give_{}/{}.csv", "{}/{}.csv", "ann/{1}_{0}.csv", "p1/{1}_{0}.csv")
+FLAT = ("{1}_{0}.csv", "give_{}_{}.csv", "{1}.csv", "give_{1}.csv")
+
+
+@pytest.mark.parametrize("name", NESTED + FLAT)
 @pytest.mark.parametrize("robots", [["robot"], ["robot_left", "robot_right"]])
 def test_the_robots_files_may_have_the_columns_of_the_persons(name, robots, tmp_path):
     for k, who in product((1, 2), ("human", *robots)):
