@@ -73,14 +73,9 @@ def body_entry(
             break
     topic = unicodedata.normalize("NFKD", topic).encode("ascii", "ignore").decode()
     topic = f"body_{topic}" if topic[:1].isdigit() else topic
-    return [
-        f"  - topic: /mocap/{topic or 'wrist'}/pose  # moves over {extent:.3g} {unit or 'm'}",
-        f"    type: {POSE}",
-        f"    fields: {flow(list(POSITION_FIELDS[: len(names)]))}",
-        "    unit: m",
-        f"    columns: {flow(list(names))}",
-        *([f"    columns_unit: {unit}  # {note}"] if unit else []),
-    ]
+    topic = f"/mocap/{topic or 'wrist'}/pose  # moves over {extent:.3g} {unit or 'm'}"
+    entry = _entry(topic, POSE, "fields", POSITION_FIELDS[: len(names)], "m")
+    return entry + _columns(names, unit, note)
 
 
 def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
@@ -96,14 +91,14 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
     names = [re.sub(r"\W+", "_", name).strip("_") for name in called]
     farthest = max(joint.farthest for joint in joints)
     unit, note = _unit_of(table, [joint.name for joint in joints], farthest, "rad")
-    return [
-        "  - topic: /joint_states  # they move; taken for joints",
-        f"    type: {JOINT_STATE}",
-        f"    joints: {flow(names)}",
-        "    unit: rad",
-        f"    columns: {flow([joint.name for joint in joints])}",
-        *([f"    columns_unit: {unit}  # {note}"] if unit else []),
-    ]
+    topic = "/joint_states  # they move; taken for joints"
+    entry = _entry(topic, JOINT_STATE, "joints", names, "rad")
+    return entry + _columns([joint.name for joint in joints], unit, note)
+
+
+def _columns(names: Sequence[str], unit: str, note: str) -> list[str]:
+    line = f"    columns: {flow(list(names))}"
+    return [line, f"    columns_unit: {unit}  # {note}"][: 1 + bool(unit)]
 
 
 def distinct(entries: Sequence[list[str]]) -> list[list[str]]:

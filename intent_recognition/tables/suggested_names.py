@@ -63,7 +63,7 @@ POSE_SIZES = (3, 6, 7)
 """Numbers of elements of a pose: x, y, z alone, with a rotation vector or with a quaternion."""
 UNIT_END = re.compile(
     r"(?i)\s*(?:[\[(](?P<unit>[^\[\]()]*)[\])]"
-    r"|(?<=[xyz])[_ .,/-](?:[mcd]?m|(?:milli|centi|deci)?met(?:er|re)s?|inch(?:es)?))$"
+    r"|(?<=[xyz])[_ .,/-](?:[mcd]?m|(?:milli|centi|deci)?met(?:er|re)s?|inch(?:es)?|ft|feet))$"
 )
 """A unit at the end of a name."""
 PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[wxyzWXYZ])$")

@@ -20,7 +20,7 @@ MOST_COLUMNS = 10_000
 """Most columns of a table; a motion capture suit has several hundred."""
 UNIT_IN_NAME = re.compile(
     r"(?i)(?:[\[(]|(?<=[xyz])_(?=m$)|[_ .,/-](?=(?:[mcdk\u00b5]m|px|deg(?:ree)?s?|rad(?:ian)?s?"
-    r"|(?:milli|centi|deci)met(?:er|re)s?|inch(?:es)?)$))\s*([^\[\]()_\s]+)\s*[\])]?$"
+    r"|(?:milli|centi|deci)met(?:er|re)s?|inch(?:es)?|ft|feet)$))\s*([^\[\]()_\s]+)\s*[\])]?$"
 )
 """The unit at the end of a column's name: `x [mm]`, `x (mm)`, `x_mm`, `x.mm`, `X MM`."""
 NO_MOTION = r"(?:[mhk\u00b5]?(?:N|V|Pa)|N.?mm?|W|g|a\.u\.|dBm?|(?:deg|\u00b0)C)"

@@ -72,7 +72,8 @@ def test_joints_in_degrees_are_doubted_and_wrapped_ones_are_not(tmp_path):
 
 
 ENDS = {"_MM": 1.0, " mm": 1.0, " [mm]": 1.0, " (mm)": 1.0, ".cm": 0.1, "-cm": 0.1, "/cm": 0.1,
-        "_dm": 0.01, "_centimeters": 0.1, "_inches": 1 / 25.4, " [CM]": .1, ",cm": .1}  # fmt: skip
+        "_dm": 0.01, "_centimeters": 0.1, "_inches": 1 / 25.4, "_ft": 1 / 304.8, " [CM]": 0.1,
+        ",cm": 0.1}  # fmt: skip
 
 
 @pytest.mark.parametrize("end", ENDS)

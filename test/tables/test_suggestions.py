@@ -328,6 +328,7 @@ def test_arrays_have_units_of_their_own_and_bodies_one(tmp_path):
         ("t,x,y,z", lambda t: f"{70_000 + 100 * t:.0f}", {"column": "t", "unit": "ms"}),
         ("n,x,y,z", lambda t: f"{1.7e12 + 1000 * t:.0f}", {"column": "n", "unit": "ms"}),
         ("t_ms,x,y,z", lambda t: f"{100 * t:.0f}", {"column": "t_ms", "unit": "ms"}),
+        ("ms,x,y,z", lambda t: f"{1000 * t:.0f}", {"column": "ms", "unit": "ms"}),
         *(
             (f"{name},x,y,z", "{:.3f}".format, {"column": name, "unit": "s"})
             for name in ("temps", "czas (s)", "\N{CJK UNIFIED IDEOGRAPH-6642}")
