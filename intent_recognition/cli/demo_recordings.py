@@ -16,6 +16,7 @@ from rich.console import Console
 from intent_recognition.array_types import Floats
 from intent_recognition.bags import cure_of
 from intent_recognition.cli.console import boxed_table, say
+from intent_recognition.cli.demo_scene import arm_file
 from intent_recognition.cli.demo_session import (
     LIBRARY,
     begin_library,
@@ -145,7 +146,7 @@ def _calls(
     own |= dict.fromkeys(ARMS, arms)
     own["lwr_sim"] = {"initial_position": home.tolist()}
     given = shared_arguments(args, args.model) | {
-        "arm": "" if args.arm == "lwr" else _named(args),
+        "arm": "" if args.arm == "lwr" else arm_file(args, robot),
         "hand_link": robot.tip if hand else "",
         "bodies": list(dict.fromkeys(topic.split("/")[-2] for topic in tracked)),
         "use_sim_time": False,
@@ -157,11 +158,6 @@ def _calls(
     if args.dashboard:
         del calls["dashboard"].parameters["scene"]  # it shows the toolbox
     return calls
-
-
-def _named(args: argparse.Namespace) -> str:
-    path = Path(args.arm)
-    return str(path.resolve()) if path.is_file() else args.arm
 
 
 def _play(

@@ -127,7 +127,7 @@ def _toolbox(args: argparse.Namespace) -> Scene:
     named: dict[str, object] = {"arm": "", "hand_link": "", "transfers": by_force}
     of_arm: dict[str, object] = {"initial_position": home}
     if arm is not None:
-        named |= {"arm": _file(args, arm.robot), "hand_link": arm.robot.tip}
+        named |= {"arm": arm_file(args, arm.robot), "hand_link": arm.robot.tip}
         tip = find_robot(args.arm, base=args.base, tip=args.tip).tip
         of_arm |= {"tip": tip, "base_position": list(arm.robot.base_position_m)}
     own: dict[str, dict[str, object]] = defaultdict(dict)
@@ -191,7 +191,7 @@ def _assembly(args: argparse.Namespace) -> Scene:
     session = plan_live(args.seed, args.task_list, args.interactions or 0, SessionTiming())
     places_m = np.array([one.assistant[-1][1].goal_m for one in session.interactions])
     arm = _arm(args, REST_M, np.empty((0, 3)), fingers=False)
-    named = _file(args, arm.robot)
+    named = arm_file(args, arm.robot)
     return Scene(
         "bags/assembly",
         "config/dofs_two_humans.yaml",
@@ -234,7 +234,7 @@ def _arm(args: argparse.Namespace, home_m: Floats, places_m: Floats, fingers: bo
     return best
 
 
-def _file(args: argparse.Namespace, robot: "Robot") -> str:
+def arm_file(args: argparse.Namespace, robot: "Robot") -> str:
     """Description of the arm for the nodes: a name, or a URDF in which only this arm moves."""
     from sim_bridge.arm import NAMES
 

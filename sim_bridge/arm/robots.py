@@ -43,6 +43,8 @@ LARGEST_TORQUE_NM = 100.0
 exaggerate it; the limit of the LWR's middle joints."""
 SLOW = 0.08
 """Speed limit of a joint [rad/s, m/s] below which a reach takes seconds, as of lifts."""
+WITH_SLOW = "with_slow_joints"
+"""Attribute of a URDF whose base was named, so that no joint beyond it is held."""
 LEAST_JOINTS = 6
 """Fewest joints of an arm that needs no slow lift: it reaches any pose without."""
 READY_POSITION: tuple[float, ...] = (0.0, -0.45, 0.0, 1.55, 0.0, -1.1415926535897931, 0.0)
@@ -96,8 +98,9 @@ class Robot:
             name = self.joint_names[int(self.limits.velocity.argmin())]
             notes.append(f"{name} is slow and delays the arm: --base LINK holds joints before LINK")
         if self.held:
-            cure = f"a speed limit of {SLOW:g} m/s or rad/s in the URDF lets it move"
-            notes.append(f"{', '.join(self.held)}: slow, and held at zero; {cure}")
+            notes.append(
+                f"{', '.join(self.held)}: slow, and held at zero; --base ROOT moves it, too"
+            )
         if self.unseen:
             notes.append(
                 f"{first_of(self.unseen, 1)}: left out, as no file of {', '.join(MESH_KINDS)} is"
@@ -149,7 +152,7 @@ def find_robot(
 
     Joints that neither move the hand nor are carried by it, such as wheels, a head, another arm and
     joints between the root and `base`, are held at zero; so are those before an arm that are slower
-    than `SLOW`, such as a lift.
+    than `SLOW`, such as a lift, unless `base` is given.
 
     `base` is the root by default. `tip`, the link that is the hand, and the position of the base in
     the world (3,) default to the preset's, for a file to the tip of `Arm.from_urdf` and the origin.
@@ -172,11 +175,13 @@ def find_robot(
     unseen = find_meshes(root, path.resolve().parent)
     tip = tip or usual.tip
     chain = read_chain(written(root), base or None, tip or None, DEFAULT_ACCELERATION_RAD_S2)
-    n_slow = int(np.argmin(chain.limits.velocity < SLOW))
+    if base:
+        root.set(WITH_SLOW, "true")
+    n_slow = 0 if root.get(WITH_SLOW) else int(np.argmin(chain.limits.velocity < SLOW))
     held = chain.names[:n_slow] if len(chain.names) - n_slow >= LEAST_JOINTS else ()
     hold_others(root, chain.names[len(held) :])
     if held:
-        chain = read_chain(written(root), base or None, chain.tip, DEFAULT_ACCELERATION_RAD_S2)
+        chain = read_chain(written(root), None, chain.tip, DEFAULT_ACCELERATION_RAD_S2)
     weighed = add_missing_inertials(root, chain.names)
     source = written(root)
     copies = [mimic.joint for mimic in chain.mimics if mimic.master in chain.names]

@@ -86,13 +86,14 @@ def test_missing_limits_of_speed_and_effort_take_the_stated_defaults(limits, tmp
 def test_a_lift_that_delays_the_arm_is_held(tmp_path):
     path, tree = tmp_path / "robot.urdf", TREES["tiago"]
     slow = LIMITS | {"p": LIMITS["p"].replace("0.2", "0.07")}
-    for limits, base in ((slow, ""), (slow, "torso"), (LIMITS, "")):
+    for limits, base in ((slow, ""), (slow, "torso"), (slow, "footprint"), (LIMITS, "")):
         path.write_text(urdf(tree.branches, limits))
         robot = find_robot(str(path), base=base)
         is_held = limits is slow and not base
         assert robot.held == ("torso_lift",) * is_held
         assert ("torso_lift: slow, and held at zero" in robot.note) == is_held
-        assert robot.joint_names == tuple(tree.joints.split())[limits is slow :]
+        is_whole = limits is LIMITS or base == "footprint"
+        assert robot.joint_names == tuple(tree.joints.split())[not is_whole :]
         path.write_text(robot.source)
         assert find_robot(str(path)).joint_names == robot.joint_names
     path.write_text(urdf((row("base p:lift torso", "", 5),), slow))  # an arm that needs its lift
