@@ -163,11 +163,10 @@ class ProgressLine:
         self._show()
 
     def _show(self) -> None:
-        people = ", ".join(
-            f"{person or 'human'}: {truth or '-'}" for person, truth in self._truth.items()
-        )
+        agents = [*self._truth.items(), ("robot", self._active)]
+        doing = ", ".join(f"{name or 'human'}: {task or '-'}" for name, task in agents)
         right = f", {self._right} right so far" if "" in self._truth else ""
         what = "interaction" if right else "done"
         count = f"{what} {self._number}/{self.total}{right}"
-        self._text = f"{count}; {people}, robot: {self._active or '-'}"
+        self._text = f"{count}; {doing}"
         self._status.update(self._text)

@@ -54,6 +54,8 @@ def test_the_demo_counts_a_changed_interaction_once():
 
 def test_of_two_people_the_demo_shows_both_and_counts_what_they_have_done():
     line = ProgressLine(3, terminal())
+    line.on_active("")
+    assert line._text == "done 0/3; robot: -"
     line.on_task("plate", "anna")
     line.on_active("plate")
     line.on_task("screw", "ben")  # no change of mind: another person's
