@@ -47,9 +47,13 @@ def start(name: str, args: Sequence[str] | None = None) -> int:
     except ImportError as error:
         tell_missing(name, error)
         return 1
-    if {"-h", "--help"} & set((sys.argv if args is None else args)[1:]):
+    words = (sys.argv if args is None else args)[1:]
+    if {"-h", "--help"} & set(words):
         sys.stdout.write(HELP.format(name=name, does=NODES[name].does))
         return 0
+    if words[:1] not in ([], ["--ros-args"]):  # rclpy would ignore them
+        sys.stderr.write(f"{name}: expected --ros-args first, got {words[0]}. See --help.\n")
+        return 1
     return int(node.main(args))
 
 

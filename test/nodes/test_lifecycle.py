@@ -99,6 +99,12 @@ def test_help_says_what_it_does_and_where_its_parameters_are(name, capsys):
     assert "docs/reference/nodes.md" in "\n".join(rest)
 
 
+@pytest.mark.parametrize("words", [["-p", "model:=M.npz"], ["--model", "M.npz"], ["M.npz"]])
+def test_what_rclpy_would_ignore_is_refused(words, capsys):
+    assert start.start("intent_estimator", ["intent_estimator", *words]) == 1
+    assert f"expected --ros-args first, got {words[0]}. " in capsys.readouterr().err
+
+
 def test_an_import_that_fails_for_another_reason_is_shown_whole():
     with pytest.raises(ImportError, match="scipy"):
         tell_missing("node", ModuleNotFoundError("No module named 'scipy'", name="scipy"))
