@@ -77,6 +77,8 @@ def test_a_folder_gives_one_line_per_bag_and_counts_tasks(run_command, tmp_path)
     assert code == 0
     assert [line.split()[0] for line in output.splitlines()[1:5]] == ["a", "b", "c", "d"]
     assert "4 bags: (no label) 1, plate 2, screw 1" in output.splitlines()
+    write_bag(tmp_path / "folder" / "one", task="plate")
+    assert "1 bag: plate 1" in run_command("inspect", tmp_path / "folder")[1]
 
 
 def test_no_name_is_broken_in_80_columns(run_command, tmp_path, repository, monkeypatch):
