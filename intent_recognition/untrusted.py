@@ -74,6 +74,8 @@ def read_text(path: Path, most_bytes: int = MOST_TEXT) -> str:
     try:
         check_regular(path, most_bytes)
         return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise UntrustedError(f"byte {error.start} of it is not UTF-8") from error
     except ValueError as error:
         raise UntrustedError(str(error)) from error
 
