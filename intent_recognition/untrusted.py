@@ -75,7 +75,7 @@ def read_text(path: Path, most_bytes: int = MOST_TEXT) -> str:
         check_regular(path, most_bytes)
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
-        raise UntrustedError(f"byte {error.start} of it is not UTF-8") from error
+        raise UntrustedError(f"text that is not UTF-8 (byte {error.start})") from error
     except ValueError as error:
         raise UntrustedError(str(error)) from error
 
