@@ -17,19 +17,23 @@ from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import DofError
 from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import load_model, save_model
+from intent_recognition.motion import is_hand
 from intent_recognition.share import share_path
 
 
 def check_model(path: Path, scene: Scene) -> None:
-    """Require that a model observes only topics that the scenario publishes."""
+    """Require that a model observes and controls only what the scenario has."""
     shown = load_dofs(share_path(scene.dofs)) if scene.dofs else load_dofs()
-    observed, topics = (
-        {entry.topic for entry in dofs.observed} for dofs in (load_model(path).dofs, shown)
-    )
-    if not observed <= topics:
-        expected = f"a model that observes {', '.join(sorted(topics))}"
-        cure = "Use a model of this scenario, or leave --model out to train one."
-        raise DofError.about(str(path), expected, ", ".join(sorted(observed)), cure)
+    both = (load_model(path).dofs, shown)
+    topics = [{entry.topic for entry in dofs.observed} for dofs in both]
+    names = [set(dofs.controlled_message_names) for dofs in both]
+    by_hand = any(is_hand(dofs.controlled_message_names) for dofs in both)
+    compared = {"observes": topics} if by_hand else {"observes": topics, "controls": names}
+    for does, (got, expected) in compared.items():
+        if not got <= expected:
+            cure = "Use a model of this scenario, or leave --model out to train one."
+            what = f"a model that {does} {', '.join(sorted(expected))}"
+            raise DofError.about(str(path), what, ", ".join(sorted(got)), cure)
 
 
 def trained_model(path: Path, console: Console, scene: Scene) -> Path:

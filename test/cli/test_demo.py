@@ -112,12 +112,17 @@ def test_bad_options_are_one_line(run, toolbox_model, arguments, message, tmp_pa
 def test_a_model_of_another_scenario_is_refused(run, toolbox_model, tmp_path):
     model = load_model(toolbox_model)
     (wrist,) = model.dofs.observed
-    wand = replace(model.dofs, observed=(replace(wrist, topic="mocap/wand/pose"),))
+    (joints,) = model.dofs.controlled
     path = tmp_path / "other.npz"
-    save_model(path, Model(model.library, wand))
-    code, printed, errors = run("--interactions", "1", "--model", str(path))
-    assert code == 1 and not printed
-    assert "expected a model that observes mocap/wrist/pose, got mocap/wand/pose" in errors
+    wand, q = replace(wrist, topic="mocap/wand/pose"), tuple("q" + j for j in joints.joints)
+    for other, said in (
+        ({"observed": (wand,)}, "observes mocap/wrist/pose, got mocap/wand/pose"),
+        ({"controlled": (replace(joints, joints=q),)}, "controls lwr_a1_joint, lwr_a2_joint, "),
+    ):
+        save_model(path, Model(model.library, replace(model.dofs, **other)))
+        code, printed, errors = run("--interactions", "1", "--model", str(path))
+        assert code == 1 and not printed
+        assert f"expected a model that {said}" in errors
 
 
 def test_a_port_in_use_is_told_before_the_training(run):
