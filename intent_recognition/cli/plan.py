@@ -64,7 +64,7 @@ def _learn(args: argparse.Namespace) -> int:
     output.check_output("--output", args.output)
     by_hand = _read(args.output, read_plan).by_hand if args.output.exists() else {}
     assemblies = _assemblies(args.sessions, args.pause, console)
-    if args.first:
+    if args.first and assemblies:
         assemblies = begun_with(assemblies, args.first)
     plan = learn_plan(assemblies, np.random.default_rng(0), by_hand)
     write_text(args.output, write_plan(plan))

@@ -70,6 +70,8 @@ def test_the_order_of_shipped_sessions(tmp_path, repository, capsys):
     assert plan.before[0, 1] > 0.9 and plan.before[1, 2] > 0.9
     assert all(1.0 < step.duration_s < 10.0 for step in plan.steps)
     assert "from 31 assemblies" in capsys.readouterr().out
+    assert main(["plan", "learn", str(tmp_path), "--first", "base", "-o", str(out)]) == 1
+    assert "got none in 0 assemblies. Give whole assemblies" in capsys.readouterr().err
 
 
 def test_relations_by_hand_outlast_learning(tmp_path, capsys):
