@@ -55,14 +55,14 @@ def draw_trial(force: Any, grip: Any, title: str, trial: TransferTrial) -> None:
     grip.plot(times, [s.output.grip_n for s in samples], color=PALETTE[2], label="grip")
     offered = (s.output.share * (s.output.holding is Holding.OFFERING) for s in samples)
     share = np.fromiter(offered, float)
-    grip.fill_between(times, 0.0, 25.0 * share, color=SOFT, alpha=0.2, label="share, of 25")
+    grip.fill_between(times, 0.0, 25.0 * share, color=SOFT, alpha=0.2, label="share (25: all)")
     begun = None
     for time_s, sample in zip(times, samples, strict=True):
         if sample.output.holding is not begun and sample.output.holding in STATES:
             begun = sample.output.holding
             for axes in (force, grip):
                 axes.axvline(time_s, color=SOFT, linewidth=0.8)
-            at = (time_s, 0.98)
+            at = (time_s, 0.98 - 0.1 * (begun is Holding.TAKING))  # beside "closes"
             frame = force.get_xaxis_transform()
             force.text(*at, f" {STATES[begun]}", transform=frame, va="top", color=SOFT, size=8)
     grip.set_xlabel("time [s]")

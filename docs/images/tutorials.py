@@ -19,7 +19,7 @@ from intent_recognition.promp import rollout
 
 HERE = Path(__file__).resolve().parent
 TASK, HEIGHT = "plate_handover", 2
-DPI = 75
+DPI = 120
 
 
 def draw_path(library: ir.TaskLibrary, phase: float, offset_m: float) -> Figure:
