@@ -14,7 +14,7 @@ from intent_recognition.errors import BagError
 from intent_recognition.nodes.bag_player import BagPlayer
 
 RATES = {"0.25 x": 0.25, "0.5 x": 0.5, "1 x": 1.0, "2 x": 2.0, "4 x": 4.0}
-NO_BAGS = ("Start the page with `-p bags:=FOLDER`, or record one: `intent record --output BAG`.",)
+NO_BAGS = ("Name another: `-p bags:=FOLDER`", "Or record one: `intent record --output BAG`")
 SHOWN_ONLY = "No estimator runs: a recording is shown, but no task recognised."
 START_ESTIMATOR = ("Start one: `ros2 launch intent_recognition intent.launch.py model:=M.npz`",)
 
