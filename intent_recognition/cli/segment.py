@@ -60,5 +60,5 @@ def run(args: argparse.Namespace) -> int:
             at = [f"{(ns - segments[0].start_ns) * 1e-9:.2f}" for ns in segment[:2]]
             table.add_row(bag.name, *at, segment.task or "-")
         console.print(table)
-    say(console, f"{len(bags)} demonstrations in {args.output}")
+    say(console, f"{len(bags)} demonstration{'s' * (len(bags) != 1)} in {args.output}")
     return 0

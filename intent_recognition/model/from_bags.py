@@ -150,7 +150,7 @@ def accumulate_bags(
 
 
 def list_bags(paths: Iterable[Path]) -> tuple[list[Path], list[Rejection]]:
-    """All bags below `paths`, and the folders without any.
+    """All bags below `paths`, each once, and the folders without any.
 
     Raises:
         BagError: a path does not exist.
@@ -161,7 +161,7 @@ def list_bags(paths: Iterable[Path]) -> tuple[list[Path], list[Rejection]]:
         bags += [bag.absolute() for bag in found]
         if not found:
             empty.append(no_bag(Path(path)))
-    return bags, empty
+    return [*dict.fromkeys(bags)], empty
 
 
 def split_evenly(items: Sequence[T], n: int) -> tuple[list[T], list[T]]:

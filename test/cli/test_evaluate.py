@@ -35,7 +35,8 @@ def scored(tmp_path_factory, recorded) -> Run:
     numbers, page = folder / "scores.json", folder / "report" / "page.html"
     options = ["--dofs", recorded / "dofs.yaml", "--basis", 8, "--protocol", "kfold:3"]
     options += ["--json", numbers, "--report", page]
-    words = ["evaluate", recorded / "bags", *options]
+    bags = recorded / "bags"
+    words = ["evaluate", bags, bags / "demo_00", *options]  # read once
     with redirect_stdout(text):
         code = main([str(word) for word in words])
     return Run(code, text.getvalue(), json.loads(numbers.read_text()), page.read_text())
