@@ -25,10 +25,9 @@ def check_model(path: Path, scene: Scene) -> None:
     """Require that a model observes and controls only what the scenario has."""
     shown = load_dofs(share_path(scene.dofs)) if scene.dofs else load_dofs()
     both = (load_model(path).dofs, shown)
-    topics = [{entry.topic for entry in dofs.observed} for dofs in both]
-    names = [set(dofs.controlled_message_names) for dofs in both]
-    by_hand = any(is_hand(dofs.controlled_message_names) for dofs in both)
-    compared = {"observes": topics} if by_hand else {"observes": topics, "controls": names}
+    compared = {"observes": [{entry.topic for entry in dofs.observed} for dofs in both]}
+    if not any(is_hand(dofs.controlled_message_names) for dofs in both):
+        compared["controls"] = [set(dofs.controlled_message_names) for dofs in both]
     for does, (got, expected) in compared.items():
         if not got <= expected:
             cure = "Use a model of this scenario, or leave --model out to train one."

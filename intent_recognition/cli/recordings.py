@@ -57,8 +57,8 @@ def read_all(
         task = bar.add_task("reading bags", total=len(bags))
         for bag in bags:
             bar.update(task, description=f"reading {bag.name}")
-            found, left_out = read_demonstrations(bag, dofs)
-            demonstrations += found
+            usable, left_out = read_demonstrations(bag, dofs)
+            demonstrations += usable
             rejections += left_out
             bar.advance(task)
     if not demonstrations:

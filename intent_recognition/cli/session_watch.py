@@ -167,6 +167,5 @@ class ProgressLine:
         doing = ", ".join(f"{name or 'human'}: {task or '-'}" for name, task in agents)
         right = f", {self._right} right so far" if "" in self._truth else ""
         what = "interaction" if right else "done"
-        count = f"{what} {self._number}/{self.total}{right}"
-        self._text = f"{count}; {doing}"
+        self._text = f"{what} {self._number}/{self.total}{right}; {doing}"
         self._status.update(self._text)
