@@ -57,7 +57,7 @@ def run_pouring(args: argparse.Namespace, console: Console) -> int:
     mean = sum(one.balls["spilled"] for one in done) / len(done)
     spilled = f"{mean:.1f} of {done[0].n_balls} balls spilled on average"
     taken_s = time.monotonic() - started
-    say(console, f"poured with {len(done)} pairs never demonstrated: {spilled}, {taken_s:.0f} s")
+    say(console, f"pairs never demonstrated: {len(done)}; {spilled}, {taken_s:.0f} s")
     return 1 if mean > 2.0 else 0
 
 
