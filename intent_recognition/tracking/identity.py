@@ -29,6 +29,12 @@ NOBODY = ""
 
 NEW = -math.log(1e-3)
 """Negative log-likelihood of a new person in a frame, for about ten new people per minute."""
+RETURNING, RETURN_S = -math.log(0.02), 2.0
+"""The same while somebody was lost or became `NOBODY` in the last 2 s: whom a tracker hides is seen
+again after about a second (docs/several_people.md)."""
+UNSEEN_S, UNSEEN, MISSED = 0.1, -math.log(0.9), -math.log(0.05)
+"""Negative log-likelihood that a person is not seen in a frame: after 0.1 s without observations,
+and before. Whom a tracker hides stays hidden for a while."""
 ACCELERATION_STD_M_S2 = 2.0
 """Standard deviation of a tracked point's acceleration between observations [m/s^2]. Moving hands
 in the shipped toolbox demonstrations imply 0.65 over gaps of 0.1 s and 0.3 over 0.3 s. With 1.5,
@@ -58,12 +64,14 @@ class Identities(NamedTuple):
 
     Labels of indistinguishable people have no person until `unknown_until_ns`. So far, `n_undone`
     frames undid an exchange of the tracker, and in `n_unknown` people were indistinguishable.
+    Until `returning_until_ns`, a new body may be somebody who was lost or indistinguishable.
     """
 
     tracks: tuple[Track, ...] = ()
     unknown_until_ns: Mapping[str, int] = {}
     n_undone: int = 0
     n_unknown: int = 0
+    returning_until_ns: int = 0
 
 
 def identify(
@@ -85,8 +93,12 @@ def identify(
     seen = {label: at for label, at in positions.items() if label not in held}
     ahead = [_predicted(track, stamp_ns) for track in known]
     labels = list(seen)
-    costs, columns = _assignment(ahead, [seen[label] for label in labels])
-    unsure = _alike(costs, columns, math.log(1000.0))
+    later, returning = stamp_ns + round(RETURN_S * 1e9), people.returning_until_ns
+    returning = later if len(known) < len(people.tracks) else returning
+    new = RETURNING if stamp_ns < returning else NEW
+    missed = [UNSEEN if stamp_ns - t.stamp_ns > UNSEEN_S * 1e9 else MISSED for t in known]
+    costs, columns = _assignment(ahead, missed, [seen[label] for label in labels], new)
+    unsure = _alike(costs, columns, new, math.log(1000.0))
     tracks, found = [], dict.fromkeys(positions, NOBODY)
     for k, (track, at) in enumerate(zip(known, ahead, strict=True)):
         label = labels[columns[k]] if columns[k] < len(labels) else ""
@@ -106,17 +118,16 @@ def identify(
         # a label that jumps farther than people move is nobody's until its person is lost
         if found[label] or label in held or any(track.label == label for track in tracks):
             continue
-        found[label] = _name(label, tracks, positions)
+        found[label] = _name(label, {*held, *(track.person for track in tracks)}, positions)
         mean, covariance = np.stack([seen[label], np.zeros(3)]), np.diag([POSITION_STD_M**2, 1.0])
         tracks.append(Track(found[label], label, stamp_ns, mean, covariance))
     found |= dict.fromkeys(held.keys() & found.keys(), NOBODY)
     undone, unknown = people.n_undone + exchanged, people.n_unknown + bool(unsure)
-    return Identities(tuple(tracks), held, undone, unknown), found
+    return Identities(tuple(tracks), held, undone, unknown, later if unsure else returning), found
 
 
-def _name(label: str, tracks: list[Track], labels: Mapping[str, object]) -> str:
+def _name(label: str, taken: set[str], labels: Mapping[str, object]) -> str:
     """Name of a new person: the label, or else a label or numbered name that nobody has."""
-    taken = {track.person for track in tracks}
     numbered = (f"{label}_{k}" for k in count(2))
     return next(name for name in chain([label], sorted(labels), numbered) if name not in taken)
 
@@ -138,7 +149,9 @@ def _corrected(track: Track, label: str, position: Floats) -> Track:
     return track._replace(label=label, mean=mean, covariance=covariance)
 
 
-def _assignment(tracks: list[Track], positions: list[Floats]) -> tuple[Floats, list[int]]:
+def _assignment(
+    tracks: list[Track], missed: list[float], positions: list[Floats], new: float
+) -> tuple[Floats, list[int]]:
     """Negative log-likelihoods (n, m + n), and the best column for each of n tracks.
 
     The columns are the m positions, then "not seen" for each track. A position that is not assigned
@@ -147,8 +160,8 @@ def _assignment(tracks: list[Track], positions: list[Floats]) -> tuple[Floats, l
     n, m = len(tracks), len(positions)
     costs = np.full((n + m, m + n), np.inf)
     costs[n:, m:] = 0.0
-    np.fill_diagonal(costs[:n, m:], -math.log(0.05))  # probability of a missed detection
-    np.fill_diagonal(costs[n:, :m], NEW)
+    np.fill_diagonal(costs[:n, m:], missed)
+    np.fill_diagonal(costs[n:, :m], new)
     for i, track in enumerate(tracks):
         variance = track.covariance[0, 0] + POSITION_STD_M**2
         density = 1.5 * math.log(2.0 * math.pi * variance)
@@ -159,12 +172,12 @@ def _assignment(tracks: list[Track], positions: list[Floats]) -> tuple[Floats, l
     return costs[:n], columns[:n].tolist()
 
 
-def _alike(costs: Floats, columns: list[int], least: float) -> set[int]:
+def _alike(costs: Floats, columns: list[int], new: float, least: float) -> set[int]:
     """Tracks whose exchange with another track or a new person costs less than `least` more."""
     n = len(columns)
     m = costs.shape[1] - n
     alike = {
-        i for i, j in enumerate(columns) if j < m and NEW + costs[i, m + i] - costs[i, j] < least
+        i for i, j in enumerate(columns) if j < m and new + costs[i, m + i] - costs[i, j] < least
     }
     for i, k in combinations(range(n), 2):
         now = costs[i, columns[i]] + costs[k, columns[k]]

@@ -151,6 +151,34 @@ def test_who_comes_under_the_label_of_one_just_gone_is_not_that_person(off_m):
     assert found == [{"anna": NOBODY}]
 
 
+@pytest.mark.parametrize("others", [{}, {"ben": np.tile([0.0, 1.0, 0.0], (101, 1))}])
+def test_who_was_lost_may_be_whoever_comes_near_one_who_is_hidden(others):
+    """2.5 standard deviations from where Anna is expected after 0.3 s; without Ben it is Anna."""
+    paths = {"anna": np.zeros((101, 3)), **others}
+    hidden = {"anna": range(71, 101), "ben": range(20, 101)}
+    seen = list(
+        frames(
+            paths, np.random.default_rng(10), hidden=lambda k: [w for w in hidden if k in hidden[w]]
+        )
+    )
+    found, _ = follow([*seen[:-1], {"ben": np.array([0.0, 0.25, 0.0])}])
+    assert found[-1] == {"ben": NOBODY if others else "anna"}
+
+
+def test_a_name_of_one_who_is_unknown_is_given_to_nobody_else():
+    paths = {**crossing(0.05, 300), "cleo": np.tile([2.0, 2.0, 0.0], (300, 1))}
+    both = ("anna", "ben")
+    seen = frames(
+        paths,
+        np.random.default_rng(3),
+        lambda k: {"cleo": "dora"} if k > 100 else {},
+        lambda k: both if 140 <= k < 165 else (),
+    )
+    comes = np.array([5.0, 0.0, 0.0])
+    found, _ = follow(frame | ({"cleo": comes} if k > 170 else {}) for k, frame in enumerate(seen))
+    assert found[171] == {"anna": NOBODY, "ben": NOBODY, "dora": "cleo", "cleo": "dora"}
+
+
 @given(st.integers(0, 10**6), st.integers(1, 5))
 def test_no_person_has_two_bodies_and_labels_do_not_matter(seed, n):
     """Also where people come near, vanish and leap: renaming all labels renames nobody."""
