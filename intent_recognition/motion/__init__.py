@@ -7,7 +7,7 @@ from intent_recognition.motion.clearance import Clearance, ClearPath, Obstructio
 from intent_recognition.motion.correction import Correction, Via, phase_of, with_via
 from intent_recognition.motion.deviation import DeviationDetector, TrackedMotion, calibrate_detector
 from intent_recognition.motion.hand_path import hand_targets, is_hand, joints_along
-from intent_recognition.motion.path import JointPath, check_range, make_path
+from intent_recognition.motion.path import JointPath, check_range, make_path, way_of
 from intent_recognition.motion.plan import (
     BEGINNING,
     JointPlan,

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics import JointLimits, position_violation
-from intent_recognition.motion.plan import POSITION_MARGIN_RAD
+from intent_recognition.motion.plan import POSITION_MARGIN_RAD, JointPlan
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +71,21 @@ def make_path(
             slopes[:, list(clamped)] = 0.0
         spline = _spline(dense, bent, slopes)
     return JointPath(spline, spline.derivative(), duration_s, clamped)
+
+
+SLIVER_S = 0.002
+"""Least time between two knots of a way [s]. Numerical safeguard: the spline divides by it."""
+
+
+def way_of(plan: JointPlan, since_s: float = 0.0, until_s: float = np.inf) -> JointPath:
+    """The way of a plan from a time until a later sample, over the share of the time between."""
+    ahead = (plan.times_s > since_s + SLIVER_S) & (plan.times_s < until_s)
+    start, times_s = plan.at(since_s), np.append(since_s, plan.times_s[ahead])
+    duration_s = float(times_s[-1] - since_s)
+    positions = np.vstack([start.position, plan.positions[ahead]])
+    slopes = np.stack([start.velocity, plan.velocities[ahead][-1]]) * duration_s
+    spline = _spline((times_s - since_s) / duration_s, positions, slopes)
+    return JointPath(spline, spline.derivative(), duration_s, ())
 
 
 def check_range(positions: Floats, limits: JointLimits) -> None:

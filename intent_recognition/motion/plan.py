@@ -135,6 +135,14 @@ class JointPlan:
         done, rate = self._progress(times_s), self._progress(times_s, 1)
         return np.clip(done, 0.0, 1.0), np.maximum(rate, 0.0)
 
+    def with_phases_of(self, plan: "JointPlan", since_s: float, duration_s: float) -> "JointPlan":
+        """This motion along a part of another plan, with the phases of that plan.
+
+        So far, its phases are the shares of `duration_s` after `since_s` of that plan.
+        """
+        done, rate = plan.progress(since_s + self.phase * duration_s)
+        return replace(self, phase=done, phase_rate=rate * self.phase_rate * duration_s)
+
     def phase_at(self, time_s: float) -> PhaseState:
         """The phase state `time_s` after the start; at rest after the end."""
         if time_s >= self.duration_s:

@@ -19,7 +19,7 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion.blending import Offset, decay
-from intent_recognition.motion.path import JointPath, make_path
+from intent_recognition.motion.path import SLIVER_S, JointPath, way_of
 from intent_recognition.motion.plan import (
     BEGINNING,
     JointPlan,
@@ -100,19 +100,15 @@ def brake_along(plan: JointPlan, time_s: float, limits: JointLimits) -> JointPla
     predicted path while it joins that path or brakes.
     """
     start, phase = plan.at(time_s), plan.phase_at(time_s).phase
-    # from 2 ms on for numerical reasons, for twice as long as a brake takes at the speed limits
-    ahead = (plan.times_s > time_s + 0.002) & (plan.times_s < time_s + 1.0)
-    if not ahead.any():
+    if time_s + SLIVER_S >= plan.duration_s:
         return brake_plan(start, phase, limits)
-    times_s = np.append(time_s, plan.times_s[ahead])
-    positions = np.vstack([start.position, plan.positions[ahead]])
-    velocities = np.vstack([start.velocity, plan.velocities[ahead]])
-    way = make_path(times_s, positions, limits, velocities)
-    brake = stop_plan(way, start, limits, PhaseState(rate=1.0 / way.duration_s))
+    way = way_of(plan, time_s, time_s + 1.0)  # twice as long as a brake takes at the speed limits
+    rate = 1.0 / way.duration_s
+    on_way = start._replace(acceleration=way.derivative(0.0, 1) * rate**2)
+    brake = stop_plan(way, on_way, limits, PhaseState(rate=rate))
     if not brake.phase_rate.any():
         return replace(brake, phase=np.full_like(brake.phase, phase))
-    done, rate = plan.progress(time_s + brake.phase * way.duration_s)
-    return replace(brake, phase=done, phase_rate=rate * brake.phase_rate * way.duration_s)
+    return brake.with_phases_of(plan, time_s, way.duration_s)
 
 
 @dataclass(frozen=True, eq=False)
