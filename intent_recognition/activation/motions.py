@@ -30,6 +30,7 @@ from intent_recognition.motion import (
     plan_interaction,
     posture_plan,
     stop_plan,
+    way_of,
 )
 
 _HEADROOM = 0.93
@@ -113,25 +114,13 @@ class Motions:
             self._counts[how] += found.how == how
         return self._send_way(now_ns, start_ns, way)
 
-    def _always(self, path: JointPath) -> Floats | None:
-        """Ceiling of the phase rate at slow places (G,) [1/s]; None without slow places."""
-        places = self._common.settings.slow_places
-        return None if places is None else places.rate_ceiling(path)
-
-    def _planner(
-        self,
-        path: JointPath,
-        timing: NominalTiming,
-        start: JointReference,
-        progress: PhaseState,
-        always: Floats | None,
+    def _along(
+        self, path: JointPath, timing: NominalTiming, start: JointReference, progress: PhaseState
     ) -> _Planner:
         """A planner for a path under ceilings of the phase rate; a faster arm brakes along it."""
         limits = self._common.settings.limits
 
         def plan(rate_ceiling: Floats | None, stretch: float) -> JointPlan | None:
-            if always is not None:
-                rate_ceiling = always if rate_ceiling is None else np.minimum(always, rate_ceiling)
             if rate_ceiling is not None and progress.rate > 0.0:
                 brake = stop_plan(path, start, limits, progress)
                 begins = np.arange(len(rate_ceiling)) / len(rate_ceiling)
@@ -140,6 +129,44 @@ class Motions:
             return plan_interaction(path, timing, start, limits, progress, rate_ceiling, stretch)
 
         return plan
+
+    def _planner(
+        self, path: JointPath, timing: NominalTiming, start: JointReference, progress: PhaseState
+    ) -> _Planner:
+        """A planner as `_along` makes it, slow at slow places, too."""
+        again = self._along(path, timing, start, progress)
+        places = self._common.settings.slow_places
+        if places is None:
+            return again
+        always = places.rate_ceiling(path)
+
+        def plan(rate_ceiling: Floats | None, stretch: float) -> JointPlan | None:
+            ceiling = always if rate_ceiling is None else np.minimum(always, rate_ceiling)
+            for longer in (stretch, 4.0):  # a slower decay of the offset is slower at places, too
+                found = again(ceiling, longer)
+                slow = self._slow_at_places(found, start)
+                if slow is not None or found is None:
+                    return slow
+            return None
+
+        return plan
+
+    def _slow_at_places(self, plan: JointPlan | None, start: JointReference) -> JointPlan | None:
+        """A plan, or its own way slowed down at slow places; None if no plan keeps their speed."""
+        places = self._common.settings.slow_places
+        if plan is None or places is None or places.excess(plan) <= 1.0:
+            return plan
+        way = way_of(plan)
+        timing = NominalTiming(0.0, way.duration_s)
+        progress = PhaseState(rate=1.0 / way.duration_s) if start.velocity.any() else BEGINNING
+        start = start._replace(acceleration=way.derivative(0.0, 1) * progress.rate**2)
+        again, ceiling = self._along(way, timing, start, progress), places.rate_ceiling(way)
+        for share in (1.0, _HEADROOM, _HEADROOM**2):
+            slow = again(share * ceiling, 1.0)
+            if slow is not None and places.excess(slow) <= 1.0:
+                slow = replace(slow, clamped=plan.clamped, slowed=plan.slowed)
+                return slow.with_phases_of(plan, 0.0, way.duration_s)
+        return None
 
     @property
     def _separation(self) -> Separation | None:
@@ -156,40 +183,25 @@ class Motions:
     ) -> JointPlan | None:
         """A plan along a path that keeps the speeds permitted near people; None if there is none.
 
-        While the plan joins its path, it slows down at slow places, too. Slowing changes where the
-        arm is at each time, hence its distance from people: each round lowers the ceiling of the
-        rate by the distances along the plan before.
+        Slowing changes where the arm is at each time, hence its distance from people: each round
+        lowers the ceiling of the rate by the distances along the plan before.
         """
-        separation, people = self._separation, self.people
-        places = self._common.settings.slow_places
-        ceiling = kept = None
-        met, least, stretched = False, np.inf, 1.0
+        separation, people, ceiling = self._separation, self.people, None
         for stretch in (*_STRETCHES, None):
-            if plan is None:
-                break
-            near = separation is not None and separation.worst_excess(plan, start_ns, people) > 1.0
-            met, excess = met or near, 0.0 if places is None else places.excess(plan)
-            if not near and excess < least:  # a longer decay may be faster there
-                kept, least = plan, excess
-            # slow places are kept to 2 % on the path; the decaying offset comes on top
-            if not near and excess <= 1.05:
-                self._counts["slowed by person"] += met
+            if plan is None or separation is None:
+                return plan
+            if separation.worst_excess(plan, start_ns, people) <= 1.0:
+                self._counts["slowed by person"] += ceiling is not None
                 return plan
             if stretch is None:
                 break
-            if near and separation is not None:
-                times_ns = phase_times_ns(plan, start_ns)
-                there, _, _ = plan.sampled((times_ns - start_ns) * 1e-9)
-                ceilings = [separation.rate_ceiling(path, times_ns, who, there) for who in people]
-                newer = _HEADROOM * np.min(ceilings, axis=0)
-                ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
-            elif ceiling is not None:
-                ceiling = _HEADROOM * ceiling
-            elif stretch == stretched:
-                continue  # the plan would be the same
-            stretched = stretch
+            times_ns = phase_times_ns(plan, start_ns)
+            there, _, _ = plan.sampled((times_ns - start_ns) * 1e-9)
+            ceilings = [separation.rate_ceiling(path, times_ns, who, there) for who in people]
+            newer = _HEADROOM * np.min(ceilings, axis=0)
+            ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
             plan = again(ceiling, stretch)
-        return kept
+        return None
 
     def _obstruction(self, plan: JointPlan, since_s: float = 0.0) -> Obstruction | None:
         clearance = self._common.settings.clearance
@@ -236,15 +248,13 @@ class Motions:
         if plan is None:
             return None
         rate = 1.0 / plan.duration_s
-        path = make_path(plan.times_s, plan.positions, settings.limits, plan.velocities)
+        path = way_of(plan)
         timing = NominalTiming(0.0, plan.duration_s)
         uniform = np.full_like(plan.times_s, rate)
-        free: JointPlan | None = replace(plan, phase=plan.times_s * rate, phase_rate=uniform)
-        always = self._always(path)
+        timed = replace(plan, phase=plan.times_s * rate, phase_rate=uniform)
+        free = self._slow_at_places(timed, start)
         progress = PhaseState(rate=rate) if start.velocity.any() else BEGINNING
-        again = self._planner(path, timing, start, progress, always)
-        if always is not None and always.min() < rate:
-            free = again(None, 1.0)
+        again = self._planner(path, timing, start, progress)
         slowed = self._slowed(free, path, start_ns, again)
         if slowed is None:
             return None
@@ -265,7 +275,7 @@ class Motions:
         if onset_ns is not None:
             onset_s = (onset_ns - start_ns) * 1e-9
         timing = NominalTiming(onset_s, path.duration_s)
-        again = self._planner(path, timing, start, progress, self._always(path))
+        again = self._planner(path, timing, start, progress)
         free = again(None, 1.0)
         plan = self._slowed(free, path, start_ns, again)
         return None if plan is None else PlannedWay(kind, plan, path, onset_ns, plan is not free)

@@ -37,7 +37,7 @@ class ActivationSettings:
         max_lateness_s: time after its end from which a prediction is outdated [s].
         clearance: keeps plans clear of things; None to check the joint limits alone.
         separation: slows motions near the predicted person, but no brake; None to slow none.
-        slow_places: slows motions at these places, but no brake; None to slow none.
+        slow_places: bounds the tip's speed at these places; None to slow none.
         correction: lets the arm yield to a person who moves it, and follow the corrected path; None
             to treat a push as a tracking error.
     """

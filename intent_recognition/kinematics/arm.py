@@ -96,9 +96,9 @@ class Arm:
         return self.moving_skeleton(q, np.zeros(np.shape(q)))[0]
 
     def moving_skeleton(self, q: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
-        """`skeleton`, and the speed (T,) [m/s] of its fastest point at velocities (T, n).
+        """`skeleton`, and the speeds (T, k) [m/s] of its points at velocities (T, n).
 
-        No point on the lines between these points is faster.
+        No point on the lines between these points is faster than the fastest of them.
         """
         q, rates = (self._vector(a, "q").reshape(-1, self.n_joints) for a in (q, velocity))
         values = q @ self._reduced.drive.T + self._reduced.offset

@@ -64,7 +64,7 @@ class Links(NamedTuple):
         )
 
     def moving_points(self, q: Floats, rates: Floats) -> tuple[Floats, Floats]:
-        """Origins of the joints and of the tip, (T, nv + 1, 3) [m], and the largest speed (T,).
+        """Origins of the joints and of the tip, (T, nv + 1, 3) [m], and their speeds (T, nv + 1).
 
         Joint values and their rates are (T, nv) each.
         """
@@ -87,7 +87,7 @@ class Links(NamedTuple):
             frames.append((turn, place, spin, speed))
         points = np.stack([place for _, place, _, _ in frames[1:]], axis=1)
         speeds = [np.linalg.norm(speed, axis=1) for *_, speed in frames[1:]]
-        return points, np.max(speeds, axis=0)
+        return points, np.stack(speeds, axis=1)
 
 
 def _cross(a: Floats, b: Floats) -> Floats:

@@ -12,8 +12,9 @@ arm's speed v_r. S and Z are those of the predicted tube at the time at which th
 This is not a safety function: nothing here is monitored, and predictions can be wrong.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,7 @@ from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion.path import JointPath
-from intent_recognition.motion.plan import STEP_S, JointPlan, sample_times
+from intent_recognition.motion.plan import STEP_S, JointPlan
 from intent_recognition.motion.retiming import N_GRID
 
 
@@ -142,17 +143,7 @@ class Separation:
         knots_s = (person.times_ns - start_ns) * 1e-9
         edges = np.unique(np.clip(np.append(plan.times_s, knots_s), max(since_s, 0.0), None))
         edges = edges[edges <= plan.duration_s]
-        begin, end, worst = edges[:-1], edges[1:], 0.0
-        while begin.size:
-            found, bound = self._ratios(plan, start_ns, person, begin, end)
-            if found.max() > 1.0:
-                return float(found.max())
-            undecided = (bound > 1.0) & (end - begin > 1e-4)
-            worst = max(worst, bound[~undecided].max(initial=0.0))
-            begin, end = begin[undecided], end[undecided]
-            middle = 0.5 * (begin + end)
-            begin, end = np.append(begin, middle), np.append(middle, end)
-        return worst
+        return _worst_ratio(edges, partial(self._ratios, plan, start_ns, person))
 
     def worst_excess(
         self, plan: JointPlan, start_ns: int, people: Sequence[PredictedPerson], since_ns: int = 0
@@ -165,21 +156,49 @@ class Separation:
         self, plan: JointPlan, start_ns: int, person: PredictedPerson, begin: Floats, end: Floats
     ) -> tuple[Floats, Floats]:
         """Ratios in the middle of intervals (S,) [s] without knots inside, and bounds over them."""
-        middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
-        q, v, a = plan.sampled(middle)
-        jerk = (plan.sampled(begin)[2] - a) / -half[:, None]
-        fastest_a = np.abs(a) + np.abs(jerk) * half[:, None]
-        fastest_v = np.abs(v) + fastest_a * half[:, None]
-        speed, acceleration = self.arm.most_motion(fastest_v, fastest_a)
-        points, own = self.arm.moving_skeleton(q, v)
-        times = start_ns + np.stack([begin, middle, end]) * 1e9
+        points, speeds, most, gain = _motion(self.arm, plan, begin, end)
+        own, half = speeds.max(axis=1), 0.5 * (end - begin)
+        times = start_ns + np.stack([begin, begin + half, end]) * 1e9
         distance = self.distance_m(points, times[1], person)
         (mean, std), (later, later_std) = person.at(times[0]), person.at(times[2])
         near = np.linalg.norm(later - mean, axis=1)
         near += self.settings.deviations * np.abs(later_std - std)
-        least = permitted_speed(distance - speed * half - 0.5 * near, self.settings)
+        least = permitted_speed(distance - most * half - 0.5 * near, self.settings)
         found = own / permitted_speed(distance, self.settings)
-        return found, np.minimum(own + acceleration * half, speed) / least
+        return found, np.minimum(own + gain, most) / least
+
+
+_Ratios = Callable[[Floats, Floats], tuple[Floats, Floats]]
+"""Function of intervals, their begins and ends (S,) [s]. Returns the ratios of a speed to the
+permitted speed in their middle, and bounds over them."""
+
+
+def _worst_ratio(edges: Floats, ratios: _Ratios) -> float:
+    """A bound on a ratio over intervals, which are halved until it is clearly below or above 1."""
+    begin, end, worst = edges[:-1], edges[1:], 0.0
+    while begin.size:
+        found, bound = ratios(begin, end)
+        if found.max() > 1.0:
+            return float(found.max())
+        undecided = (bound > 1.0) & (end - begin > 1e-4)
+        worst = max(worst, bound[~undecided].max(initial=0.0))
+        begin, end = begin[undecided], end[undecided]
+        middle = 0.5 * (begin + end)
+        begin, end = np.append(begin, middle), np.append(middle, end)
+    return worst
+
+
+def _motion(arm: Arm, plan: JointPlan, begin: Floats, end: Floats) -> tuple[Floats, ...]:
+    """Points of an arm (S, k, 3) and their speeds (S, k) in the middle of intervals (S,) [s].
+
+    Also the most that any point's speed is within them (S,), and that it changes to their ends.
+    """
+    middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
+    q, v, a = plan.sampled(middle)
+    jerk = (plan.sampled(begin)[2] - a) / -half[:, None]
+    fastest_a = np.abs(a) + np.abs(jerk) * half[:, None]
+    most, acceleration = arm.most_motion(np.abs(v) + fastest_a * half[:, None], fastest_a)
+    return *arm.moving_skeleton(q, v), most, acceleration * half
 
 
 def phase_times_ns(plan: JointPlan, start_ns: int) -> Floats:
@@ -219,12 +238,22 @@ class SlowPlaces:
         return np.asarray(np.minimum(least, speed[_N_LOOKS::_N_LOOKS]))
 
     def excess(self, plan: JointPlan) -> float:
-        """Largest ratio of the tip's speed to the speed of its place, every 10 ms of a plan."""
-        times_s = sample_times(plan.duration_s, 0.01)
-        hand = self._arm.skeleton(plan.sampled(times_s)[0])[:, -1]
-        speed = np.linalg.norm(np.gradient(hand, times_s, axis=0), axis=1)[:, None]
-        there = np.linalg.norm(hand[:, None] - self._places[:, :3], axis=2) < self._places[:, 3]
-        return float(np.max(speed / self._places[:, 4], initial=0.0, where=there))
+        """A bound on the ratio of the tip's speed to the speed of its place, over a plan.
+
+        It holds at any instant of the plan's cubics, as that of `Separation.excess`.
+        """
+        return _worst_ratio(plan.times_s, partial(self._ratios, plan))
+
+    def _ratios(self, plan: JointPlan, begin: Floats, end: Floats) -> tuple[Floats, Floats]:
+        points, speeds, most, gain = _motion(self._arm, plan, begin, end)
+        away = np.linalg.norm(points[:, -1, None] - self._places[:, :3], axis=2)
+        nearest = away - 0.5 * (most * (end - begin))[:, None]
+        permitted, least = (
+            np.where(gap < self._places[:, 3], self._places[:, 4], np.inf).min(axis=1)
+            for gap in (away, nearest)
+        )
+        own = speeds[:, -1]
+        return own / permitted, np.minimum(own + gain, most) / least
 
 
 def parse_places(texts: Sequence[str]) -> Floats:

@@ -115,7 +115,7 @@ def test_points_and_their_speeds_are_within_what_any_posture_allows(source):
     now = arm.skeleton(q)
     np.testing.assert_allclose(now[:, -1], arm.forward_kinematics(q)[:, :3, 3], atol=1e-12)
     speed = np.linalg.norm(after - before, axis=2).max(axis=1) / (2.0 * h)
-    np.testing.assert_allclose(arm.moving_skeleton(q, v)[1], speed, rtol=1e-5)
+    np.testing.assert_allclose(arm.moving_skeleton(q, v)[1].max(axis=1), speed, rtol=1e-5)
     bent = np.linalg.norm(after - 2.0 * now + before, axis=2).max(axis=1) / h**2
     most_speed, most_acceleration = arm.most_motion(v, a)
     assert np.all(speed <= most_speed * (1 + 1e-6)) and np.all(bent <= most_acceleration)
