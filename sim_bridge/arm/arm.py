@@ -106,7 +106,9 @@ class SimulatedArm(AbstractContextManager["SimulatedArm"]):
         self.gravity_compensation = False
         self.acceleration_law: AccelerationLaw | None = None
         self.reset(initial_position)
-        self.fixtures = stop_at_fixtures(self.client, self.body, self.robot.urdf)
+        self.fixtures = stop_at_fixtures(
+            self.client, self.body, self.robot.urdf, self.joint_indices
+        )
         every = self._all_joints(self._q, measured=True)
         try:
             mass = self.client.calculateMassMatrix(self.body, every)

@@ -58,29 +58,27 @@ def link_name(client: BulletClient, body: int, link: int) -> str:
     return str(info.decode())
 
 
-def stop_at_fixtures(client: BulletClient, body: int, urdf: str) -> frozenset[int]:
+def stop_at_fixtures(
+    client: BulletClient, body: int, urdf: str, joints: Sequence[int]
+) -> frozenset[int]:
     """Let a body collide with itself only at its fixtures; return the numbers of these links.
 
-    A fixture that overlaps a moving link in the present posture is a part of the robot, such as the
-    column of a lift or the legs beside an idle arm, and stops nothing.
+    Each of these joints moves a rigid part of the robot. A fixture does not stop a part that it
+    overlaps in the present posture, such as a lift in its column, or an idle arm beside the legs.
     """
     names = fixtures_of(urdf)
     links = range(-1, client.getNumJoints(body)) if names else range(0)
-    moving: set[int] = set()
+    part = {-1: -1}  # the link whose joint moves it; -1 if it stands still
     for link in links[1:]:  # parents come first
-        info = client.getJointInfo(body, link)
-        if info[2] != pybullet.JOINT_FIXED or info[16] in moving:
-            moving.add(link)
-    fixtures = frozenset(
-        link
-        for link in links
-        if link_name(client, body, link) in names
-        and not any(client.getClosestPoints(body, body, 0.0, link, other) for other in moving)
-    )
+        part[link] = link if link in joints else part[client.getJointInfo(body, link)[16]]
+    fixtures = frozenset(link for link in links if link_name(client, body, link) in names)
+    pairs = [(a, b) for a in fixtures for b in links if part[b] >= 0]
+    overlap = {(a, part[b]) for a, b in pairs if client.getClosestPoints(body, body, 0.0, a, b)}
     for a in links:
         for b in links[a + 2 :]:
-            stops = not (fixtures.isdisjoint((a, b)) or moving.isdisjoint((a, b)))
-            client.setCollisionFilterPair(body, body, a, b, int(stops))
+            client.setCollisionFilterPair(body, body, a, b, 0)
+    for a, b in pairs:
+        client.setCollisionFilterPair(body, body, a, b, int((a, part[b]) not in overlap))
     return fixtures
 
 
