@@ -16,6 +16,10 @@ from intent_recognition.nodes.conversions import TrajectoryBuilder
 from intent_recognition.nodes.diagnostics import Diagnostics, Level, key_values
 from intent_recognition.nodes.people import named_people
 
+_UNNAMED, _LOOKS = "_NODE_NAME_UNKNOWN_", 20
+"""Node of a publisher that is not discovered yet, and looks after which it is one without a name:
+2 s, several times what the discovery of a node takes."""
+
 
 class ActivationOutput:
     """Publishes commands, and the other outputs whenever they have changed.
@@ -29,6 +33,7 @@ class ActivationOutput:
     ) -> None:
         self._logger, self._diagnostics, self._action = node.get_logger(), diagnostics, action
         self._node, self.shared = node, ""
+        self._unnamed: dict[tuple[int, ...], int] = {}
         self._command_topic = "joint_trajectory" if action is None else action.topic
         self._commands = action or node.create_publisher(
             JointTrajectory, "joint_trajectory", qos.COMMAND
@@ -65,7 +70,11 @@ class ActivationOutput:
         before, self.shared = self.shared, ""
         topic = self._node.resolve_topic_name(self._command_topic)
         there = self._node.get_publishers_info_by_topic(topic)
-        names = [(info.node_name, info.node_namespace) for info in there]
+        unnamed = [tuple(info.endpoint_gid) for info in there if info.node_name == _UNNAMED]
+        self._unnamed = {gid: self._unnamed.get(gid, 0) + 1 for gid in unnamed}
+        new = {gid for gid, n_looks in self._unnamed.items() if n_looks < _LOOKS}
+        known = [info for info in there if tuple(info.endpoint_gid) not in new]
+        names = [(info.node_name, info.node_namespace) for info in known]
         space = self._node.get_namespace()
         if (own := (self._node.get_name(), space)) in names:
             names.remove(own)

@@ -5,6 +5,7 @@ import re
 import time
 from collections import Counter
 from itertools import pairwise
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 import numpy as np
@@ -326,6 +327,23 @@ def test_two_who_command_are_an_error_and_refused(harness, allowed):
     other_page.destroy_publisher(other)
     harness.spin_until(lambda: not graph.node._output.shared, what="its end")
     until("executing")
+
+
+def test_a_publisher_whose_node_is_not_discovered_yet_is_no_other(harness, monkeypatch):
+    """Unless it never gets a name; it may be the page."""
+    graph = Graph(harness)
+    output, named = graph.node._output, "_NODE_NAME_UNKNOWN_"
+
+    def there(_topic):
+        return [SimpleNamespace(node_name=named, node_namespace="/", endpoint_gid=[1, 2])]
+
+    monkeypatch.setattr(graph.node, "get_publishers_info_by_topic", there)
+    assert not any(output.look_for_others() for _ in range(19))
+    named = "dashboard"
+    assert not output.look_for_others()
+    named = "_NODE_NAME_UNKNOWN_"
+    assert not any(output.look_for_others() for _ in range(19))
+    assert output.look_for_others() and named in output.shared
 
 
 @pytest.mark.slow
