@@ -4,6 +4,7 @@
 Each file holds one part of the machine: a decision, a plan or a comparison with the arm.
 """
 
+from intent_recognition.activation.lateness import ArmClock
 from intent_recognition.activation.pretrigger import PretriggerSettings
 from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.state_machine import Activation

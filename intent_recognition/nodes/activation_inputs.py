@@ -11,6 +11,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.activation import ArmClock
 from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.kinematics import Arm, Bodies, Box, parse_boxes
 from intent_recognition.motion import (
@@ -32,6 +33,7 @@ from intent_recognition.nodes.hand_input import HandInput, no_description
 from intent_recognition.nodes.object_transfer import FRESH_S, TRANSFER
 from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.planning_scene import BOTH, READ, PlanningSceneLink
+from intent_recognition.nodes.runtime import now_ns
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.share import share_path
 from intent_recognition.transfer import EXCHANGES
@@ -40,6 +42,8 @@ from intent_recognition.untrusted import load_yaml, read_text
 TOPIC = "intent/human_trajectory"
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _FRESH_NS = round(FRESH_S * 1e9)
+_AGREE_NS = 50_000_000
+"""Offset up to which two clocks agree [ns]: several steps of a simulation's."""
 _STATES = {state.value for state in EXCHANGES}
 
 
@@ -117,7 +121,7 @@ class PersonInput:
     """
 
     def __init__(self, node: Node, hand: HandInput, diagnostics: Diagnostics) -> None:
-        self._hand, self._diagnostics = hand, diagnostics
+        self._node, self._hand, self._diagnostics = node, hand, diagnostics
         values = declare(node, "person")
         dofs: list[str] = values["person_dofs"]
         self._dofs = [name for name in dofs if name]
@@ -134,6 +138,7 @@ class PersonInput:
         self._places = parse_places(values["slow_at"])
         self._metres = 1.0
         self._people: dict[str, PredictedPerson] = {}
+        self._clocks: dict[str, ArmClock] = {}
         self.people: tuple[PredictedPerson, ...] = ()
         self.separation: Separation | None = None
         self.slow_places: SlowPlaces | None = None
@@ -204,11 +209,22 @@ class PersonInput:
             times_ns = stamp_ns(message) + np.rint(times_s * 1e9).astype(np.int64)
             # The root of the trace bounds the standard deviation in every direction.
             self._people[who] = PredictedPerson(
-                times_ns,
+                times_ns + self._shift_ns(who, int(times_ns[0])),
                 mean * self._metres + np.array(self._offset),
                 np.linalg.norm(std, axis=1) * self._metres,
             )
             self.people = tuple(self._people.values())
+
+    def _shift_ns(self, who: str, begin_ns: int) -> int:
+        """How far the clock of a person's tracker is behind [ns], by where a prediction begins."""
+        clock, arrival_ns = self._clocks.setdefault(who, ArmClock()), now_ns(self._node)
+        clock.hear(arrival_ns, begin_ns)
+        behind_ns = max((clock.offset_ns for clock in self._clocks.values()), key=abs)
+        self._diagnostics.value("people behind", f"{behind_ns * 1e-9:.3f} s")
+        if abs(clock.offset_ns) <= _AGREE_NS:
+            return 0
+        age_ns = self._node.get_parameter("max_joint_state_age").value * 1e9
+        return clock.measured_ns(arrival_ns, begin_ns, age_ns) - begin_ns
 
 
 def make_correction(

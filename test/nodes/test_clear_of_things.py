@@ -164,6 +164,21 @@ def test_a_person_may_be_observed_in_millimetres_but_not_in_other_units(harness)
             graph.node._person.know(SimpleNamespace(**vars(library) | wrong))
 
 
+@pytest.mark.parametrize(("behind_s", "shift_s"), [(0.1, 0.0), (0.9, 0.9), (-0.5, -0.5)])
+def test_a_trackers_clock_that_is_off_does_not_shift_a_person(harness, behind_s, shift_s):
+    """A prediction begins where the person was measured; it may be late, but not by the age."""
+    graph = Graph(harness, person_dofs=PERSON)
+    graph.run(3)
+    begin_s = (graph.now_ns - START_NS) * 1e-9 - behind_s
+    tell_person(graph, np.zeros(3), times_s=(begin_s, begin_s + 2.0))
+    (person,) = graph.node._person.people
+    np.testing.assert_allclose(
+        (person.times_ns - START_NS) * 1e-9 - shift_s, [begin_s, begin_s + 2.0]
+    )
+    _, values = graph.report()
+    assert values["people behind"] == f"{behind_s:.3f} s"
+
+
 @pytest.mark.parametrize("names, where", [(["a", "b", "c"], 0.0), (PERSON, np.nan)])
 def test_a_broken_prediction_does_not_clear_the_way_of_a_person(harness, capfd, names, where):
     graph = Graph(harness, person_dofs=PERSON)
