@@ -49,9 +49,12 @@ class ArmTracking:
         current: the newest command, which takes over at its start; None before the first.
         late_ns: estimated delay of commands beyond their start [ns]; decays from motion to motion.
         clock: relates the stamps of joint states to this node's clock.
+        obeys: whether joint states are those of an arm that obeys, and of no recording. In one that
+            happens to follow the commands, they would seem late or lost.
     """
 
     def __init__(self, common: Common):
+        self.obeys = True
         self._common, self._reject = common, common.reject
         self.forget_joints()
         self.forget_commands()
@@ -97,7 +100,7 @@ class ArmTracking:
             time_ns = self.clock.measured_ns(now_ns, stamp_ns, age_ns)
             self._measured = measured = Measured(stamp_ns, time_ns, position, velocity)
             self._remember(measured)
-            if self._history and self._lateness.is_due(time_ns):
+            if self._history and self.obeys and self._lateness.is_due(time_ns):
                 self._look_for_lateness(measured)
                 self._look_for_loss(measured)
         return self._measured is not last
@@ -156,7 +159,9 @@ class ArmTracking:
         If so, the arm rests at the end of the command before, which is in force again.
         """
         measured = self._recent(now_ns)
-        if measured is None or len(self._history) < 2 or self._error(measured) <= HELD_WITHIN_RAD:
+        if measured is None or len(self._history) < 2 or not self.obeys:
+            return False
+        if self._error(measured) <= HELD_WITHIN_RAD:
             return False
         before, ended = list(self._history)[-2:]
         if measured.time_ns <= ended.end_ns + _SETTLING_NS:

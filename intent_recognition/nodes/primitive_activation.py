@@ -57,6 +57,8 @@ TASKS, PREDICTION = "intent/tasks", "intent/robot_trajectory"
 """Streams whose messages are counted together for all people."""
 OF_ARM = "joint_states of the arm"
 """Stream of the messages on `joint_states` that are used: of the arm, not of a gripper alone."""
+PLAYERS = "bag_player", "rosbag2_player"
+"""Nodes that play recordings: an arm whose joint states they send obeys nobody."""
 SENDERS = {TASKS: "estimator or tracker", OF_ARM: "arm driver"}
 """Streams that never pause in normal operation, and who has failed if one does."""
 
@@ -322,6 +324,10 @@ class PrimitiveActivation(ManagedNode):
         dead = [f"{name} ({who})" for name, who in senders if silent_s(name) > 0.6]
         silent = f"silent: {', '.join(dead)}" if dead else ""
         changed = self._output.look_for_others() or silent != self._silent
+        if self.activation is not None:
+            topic = self.resolve_topic_name("joint_states")
+            drivers = {info.node_name for info in self.get_publishers_info_by_topic(topic)}
+            self.activation.arm.obeys = drivers.isdisjoint(PLAYERS)
         refused = bool(self._output.shared) and not self._settings.allows_shared_arm
         if refused and not self._refused:
             self.diagnostics.reject("shared_arm", self._output.shared)

@@ -12,6 +12,7 @@ import pytest
 from activation_world import GOALS, HOME, LIMITS, START_NS, STEP_NS, World, executing
 from clearance_world import ARM, FAR_M, person
 from scipy.interpolate import CubicHermiteSpline
+from simulation import minimum_jerk
 
 from intent_recognition.activation.states import Mode
 from intent_recognition.kinematics import JOINT_NAMES, RATE_TOLERANCE
@@ -184,6 +185,23 @@ def test_a_brake_that_is_lost_is_noticed_and_sent_again(lag_s, latency_s):
     assert np.abs(moves).max() > 0.1
     assert np.abs(arm.follower.sample(world.now_ns * 1e-9).velocity).max() < 1e-3
     assert np.all(arm.use() <= 1.0 + RATE_TOLERANCE)
+
+
+@pytest.mark.parametrize("obeys", [True, False])
+def test_a_recording_that_happens_to_follow_seems_late_only_to_who_takes_it_for_an_arm(obeys):
+    world = World()
+    world.activation.arm.obeys = obeys
+
+    def recorded():
+        begun_s = (world.now_ns - START_NS) * 1e-9 - 1.1
+        there, back = minimum_jerk(begun_s / 2.0), minimum_jerk((begun_s - 3.5) / 1.5)
+        return HOME + there * (1.0 - back) * GOALS["plate"]
+
+    world.arm = recorded
+    world.run(0.7)
+    world.begin("plate", already_s=0.2)
+    world.run(2.0)
+    assert ("commands_late" in world.rejected) == obeys
 
 
 def test_a_brake_that_is_lost_is_sent_again_to_an_arm_that_does_not_go_home():

@@ -329,6 +329,22 @@ def test_two_who_command_are_an_error_and_refused(harness, allowed):
     until("executing")
 
 
+def test_a_recording_of_joint_states_obeys_nobody(harness):
+    graph = Graph(harness)
+    graph.begin()
+    graph.until(lambda: graph.mode == "executing")
+    for name, obeys in (("driver", True), ("rosbag2_player", False)):
+        harness.add(Node(name)).create_publisher(JointState, "joint_states", qos.STATE)
+
+        def is_there(name=name):
+            there = graph.node.get_publishers_info_by_topic("/joint_states")
+            return name in [info.node_name for info in there]
+
+        harness.spin_until(is_there, what=name)
+        graph.node._look_for_silence()
+        assert graph.node.activation.arm.obeys == obeys
+
+
 def test_a_publisher_whose_node_is_not_discovered_yet_is_no_other(harness, monkeypatch):
     """Unless it never gets a name; it may be the page."""
     graph = Graph(harness)
