@@ -237,14 +237,18 @@ def _with_mimics(
     limits: JointLimits, names: list[str], by_name: Mapping[str, ET.Element], mimics: list[Mimic]
 ) -> JointLimits:
     """Narrow the limits so that mimic joints stay inside theirs, too."""
-    lower, upper = limits.lower.copy(), limits.upper.copy()
+    lower, upper, velocity = limits.lower.copy(), limits.upper.copy(), limits.velocity.copy()
     for mimic in mimics:
         joint, k = by_name[mimic.joint], names.index(mimic.master)
+        limit = joint.find("limit")
+        fastest = _number(joint, limit, "velocity", 0.0)
+        if fastest > 0.0 and mimic.multiplier != 0.0:
+            velocity[k] = min(velocity[k], fastest / abs(mimic.multiplier))
         if joint.get("type") != "continuous" and mimic.multiplier != 0.0:
-            ends = [_number(joint, joint.find("limit"), end) for end in ("lower", "upper")]
+            ends = [_number(joint, limit, end) for end in ("lower", "upper")]
             ends = sorted((end - mimic.offset) / mimic.multiplier for end in ends)
             lower[k], upper[k] = max(lower[k], ends[0]), min(upper[k], ends[1])
-    return JointLimits(lower, upper, limits.velocity, limits.acceleration, limits.torque)
+    return JointLimits(lower, upper, velocity, limits.acceleration, limits.torque)
 
 
 def _bare(root: ET.Element) -> str:

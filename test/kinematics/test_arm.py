@@ -133,7 +133,7 @@ def test_base_and_tip_by_name_and_limits_of_what_copies():
     limits = Arm.from_urdf(MIXED, acceleration_rad_s2=7.0).limits
     np.testing.assert_allclose(limits.lower, [-1e6, -2.0, -0.25])  # -2 <= 0.5 - 2 bend <= 1
     np.testing.assert_allclose(limits.upper, [1e6, 1.0, 1.0])
-    np.testing.assert_allclose(limits.velocity, [3.0, 2.0, 2.0])
+    np.testing.assert_allclose(limits.velocity, [3.0, 2.0, 1.0])  # 2 bend as fast as 2 rad/s
     np.testing.assert_allclose(limits.torque, [5.0, 9.0, 9.0])
     np.testing.assert_allclose(limits.acceleration, 7.0)
 
