@@ -156,14 +156,24 @@ class Motions:
         places = self._common.settings.slow_places
         if plan is None or places is None or places.excess(plan) <= 1.0:
             return plan
+        return self._slow_on_its_way(plan, start, places.rate_ceiling, places.excess)
+
+    def _slow_on_its_way(
+        self,
+        plan: JointPlan,
+        start: JointReference,
+        ceiling_of: Callable[[JointPath], Floats],
+        excess_of: Callable[[JointPlan], float],
+    ) -> JointPlan | None:
+        """The way of a plan under a ceiling of its rate; None if that leaves an excess above 1."""
         way = way_of(plan)
-        timing = NominalTiming(0.0, way.duration_s)
+        timing, ceiling = NominalTiming(0.0, way.duration_s), ceiling_of(way)
         progress = PhaseState(rate=1.0 / way.duration_s) if start.velocity.any() else BEGINNING
         start = start._replace(acceleration=way.derivative(0.0, 1) * progress.rate**2)
-        again, ceiling = self._along(way, timing, start, progress), places.rate_ceiling(way)
+        again = self._along(way, timing, start, progress)
         for share in (1.0, _HEADROOM, _HEADROOM**2):
             slow = again(share * ceiling, 1.0)
-            if slow is not None and places.excess(slow) <= 1.0:
+            if slow is not None and excess_of(slow) <= 1.0:
                 slow = replace(slow, clamped=plan.clamped, slowed=plan.slowed)
                 return slow.with_phases_of(plan, 0.0, way.duration_s)
         return None
@@ -179,29 +189,56 @@ class Motions:
         return Separation(separation.arm, replace(separation.settings, reaction_s=least_s))
 
     def _slowed(
-        self, plan: JointPlan | None, path: JointPath, start_ns: int, again: _Planner
+        self,
+        plan: JointPlan | None,
+        path: JointPath,
+        start_ns: int,
+        start: JointReference,
+        again: _Planner,
     ) -> JointPlan | None:
         """A plan along a path that keeps the speeds permitted near people; None if there is none.
 
         Slowing changes where the arm is at each time, hence its distance from people: each round
-        lowers the ceiling of the rate by the distances along the plan before.
+        lowers the ceiling of the rate by the distances along the plan before. At last, from
+        rest, the plan's own way is slowed, since the decay of an offset may be too fast itself.
         """
         separation, people, ceiling = self._separation, self.people, None
-        for stretch in (*_STRETCHES, None):
-            if plan is None or separation is None:
-                return plan
-            if separation.worst_excess(plan, start_ns, people) <= 1.0:
-                self._counts["slowed by person"] += ceiling is not None
-                return plan
-            if stretch is None:
-                break
+        if plan is None or separation is None:
+            return plan
+
+        def ceiling_of(path: JointPath, plan: JointPlan) -> Floats:
             times_ns = phase_times_ns(plan, start_ns)
             there, _, _ = plan.sampled((times_ns - start_ns) * 1e-9)
             ceilings = [separation.rate_ceiling(path, times_ns, who, there) for who in people]
-            newer = _HEADROOM * np.min(ceilings, axis=0)
-            ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
-            plan = again(ceiling, stretch)
-        return None
+            return np.asarray(_HEADROOM * np.min(ceilings, axis=0))
+
+        slow: JointPlan | None = plan
+        for stretch in (*_STRETCHES, None):
+            if slow is None:
+                break
+            if separation.worst_excess(slow, start_ns, people) <= 1.0:
+                self._counts["slowed by person"] += ceiling is not None
+                return slow
+            plan = slow
+            if stretch is not None:
+                newer = ceiling_of(path, plan)
+                ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
+                slow = again(ceiling, stretch)
+        if start.velocity.any():
+            return None
+        own = replace(plan, phase=plan.times_s / plan.duration_s)
+        places = self._common.settings.slow_places
+        slow = self._slow_on_its_way(
+            plan,
+            start,
+            lambda way: ceiling_of(way, own),
+            lambda plan: max(
+                separation.worst_excess(plan, start_ns, people),
+                0.0 if places is None else places.excess(plan),
+            ),
+        )
+        self._counts["slowed by person"] += slow is not None
+        return slow
 
     def _obstruction(self, plan: JointPlan, since_s: float = 0.0) -> Obstruction | None:
         clearance = self._common.settings.clearance
@@ -255,7 +292,7 @@ class Motions:
         free = self._slow_at_places(timed, start)
         progress = PhaseState(rate=rate) if start.velocity.any() else BEGINNING
         again = self._planner(path, timing, start, progress)
-        slowed = self._slowed(free, path, start_ns, again)
+        slowed = self._slowed(free, path, start_ns, start, again)
         if slowed is None:
             return None
         plan = replace(slowed, clamped=plan.clamped)
@@ -277,7 +314,7 @@ class Motions:
         timing = NominalTiming(onset_s, path.duration_s)
         again = self._planner(path, timing, start, progress)
         free = again(None, 1.0)
-        plan = self._slowed(free, path, start_ns, again)
+        plan = self._slowed(free, path, start_ns, start, again)
         return None if plan is None else PlannedWay(kind, plan, path, onset_ns, plan is not free)
 
     def _send_way(self, now_ns: int, start_ns: int, way: PlannedWay) -> Command:

@@ -57,6 +57,20 @@ def test_an_arm_at_rest_beside_a_person_goes_home_however_slowly():
     assert separation.excess(home.plan, home.start_ns, person(HALFWAY)) <= 1.0
 
 
+def test_an_arm_beside_a_person_joins_a_path_it_is_off_however_slowly():
+    """Such as that of a task which begins near a position limit, where paths are bent inside."""
+    separation = Separation(ARM, SeparationSettings(least_speed_m_s=0.05))
+    world = World(separation=separation)
+    world.push = np.full(7, 0.1)
+    world.activation.take_people((person(HALFWAY),))
+    world.run(0.2)
+    world.begin("plate")
+    world.until(lambda: world.commands or world.rejected)
+    (begun,) = world.commands
+    assert not world.rejected and world.activation.counts["slowed by person"]
+    assert 0.5 < separation.excess(begun.plan, begun.start_ns, person(HALFWAY)) <= 1.0
+
+
 @pytest.mark.parametrize(
     ("people", "least"),
     [
