@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Browsers that mean harm, against a running node: what they may not do has no effect at all."""
 
+import numpy as np
 import pytest
 from dashboard.guarded import eventually, send, update
 from dashboard.hostile_graph import SAVE, TASK, Graph, Visit, drag, grab, leave
@@ -9,7 +10,7 @@ from intent_recognition.dashboard import admission
 from intent_recognition.dashboard.cell import SkillRow
 from intent_recognition.dashboard.teach_tab import BY_HAND
 from intent_recognition.kinematics import LWR_LIMITS
-from intent_recognition.nodes.conversions import trajectory_arrays
+from intent_recognition.nodes.conversions import position_array, trajectory_arrays
 from intent_recognition.plans import read_plan
 from sim_bridge.arm.trajectory_command import TrajectoryCommand
 
@@ -252,6 +253,10 @@ def test_the_arm_is_asked_for_nothing_that_it_cannot_do(visit):
     def asked():
         return [message for topic, message in graph.heard if topic == "joint_trajectory"]
 
+    def wrist():
+        poses = [message.pose for topic, message in graph.heard if topic == "mocap/wrist/pose"]
+        return position_array(poses[-1])
+
     async def story(operator):
         await visit.say(operator, update(teach._take, True), update(teach._how, BY_HAND))
         await visit.until(lambda: hand.visible)
@@ -260,6 +265,8 @@ def test_the_arm_is_asked_for_nothing_that_it_cannot_do(visit):
         await visit.until(asked, "a command")
         teach._teleoperation.send_arm(LWR_LIMITS.upper, 0.5)
         await visit.until(lambda: asked()[-1].points[-1].positions[0] > 2.9)
+        await visit.say(operator, grab(WRIST), drag(WRIST, (0.7, 0.1, 0.4)), leave(WRIST))
+        await visit.until(lambda: np.allclose(wrist(), (0.7, 0.1, 0.4), atol=1e-3), "the wrist")
         for message in asked():
             times, positions, rest = trajectory_arrays(message)
             TrajectoryCommand.validated(message.joint_names, times, positions, rest["velocities"])

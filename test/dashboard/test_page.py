@@ -5,8 +5,7 @@ import os
 
 import numpy as np
 import pytest
-from dashboard.browser import chromium, free_port, visitor
-from dashboard.test_drag_handles import drag
+from dashboard.browser import Visitor, chromium, free_port, visitor
 from model.test_kept import execute
 from ros_harness import NodeProcess
 
@@ -24,6 +23,8 @@ FOREARM = "/person/upper_body/upper_arm/forearm"
 TRIES, TRY_S = 4, 20.0
 NEAR_PIXELS = 25.0
 """So far the task's spread reaches: what is dragged farther is refused."""
+SHAFT_M = 0.08
+"""So far along an axis of the control its shaft is pressed."""
 SEEN_STD = 5.0
 """Of the colours of an image on which there is something; an empty scene is white all over."""
 NODES = {
@@ -198,3 +199,22 @@ def keep_a_correction(person, tasks, repository):
     person.wait_for(f"kept the correction of {bag.name}")
     person.press("Undo")
     person.wait_for(f"took {bag.name}_kept back")
+
+
+def drag(person: Visitor, node: str, far_pixels: float = 60.0) -> int:
+    """Drag a control along that of its axes which is seen longest; returns which."""
+    person.wait_until(lambda: steady(person, node), f"{node} is where it will be")
+    origin = person.pixel(node)
+    shafts = [person.pixel(node, SHAFT_M * axis) - origin for axis in np.eye(3)]
+    along = int(np.argmax([np.linalg.norm(shaft) for shaft in shafts]))
+    way = shafts[along] / np.linalg.norm(shafts[along])
+    pressed = origin + shafts[along]
+    person.drag(pressed, pressed + far_pixels * way)
+    return along
+
+
+def steady(person: Visitor, node: str) -> bool:
+    """Whether a control is seen twice at the same place."""
+    before = person.pixel(node)
+    person.page.wait_for_timeout(300)
+    return np.allclose(person.pixel(node), before, atol=0.5)

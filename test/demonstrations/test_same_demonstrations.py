@@ -81,15 +81,6 @@ def test_columns_are_what_training_reads(tmp_path, monkeypatch):
     assert len(found) == 1
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("real", ["nuisi", "hri_yumi", "baton"])
-def test_real_recordings(shared_data, monkeypatch, real):
-    dofs = load_dofs(shared_data / real / "dofs.yaml")
-    bags = sorted((shared_data / real).glob("demo_*"))[:3]
-    found, _ = check(bags, dofs, monkeypatch)
-    assert len(found) == 3
-
-
 FAULTS = st.sampled_from(["nan", "inf", "zero", "again", "jump", "frame", "tracker", "turned"])
 STATES = st.sampled_from(["nan", "gripper", "short", "again", "zero", "shuffled", "twice"])
 

@@ -6,10 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 from bag_builder import LWR, POSE, START_NS, STEP_NS, joints, pose, write_bag, write_pairs
-from geometry_msgs.msg import PoseStamped
 from model_builder import GLOVE, TOOL, WRIST, make_dofs, perform, true_library, write_recording
-from nav_msgs.msg import Odometry
-from rclpy.serialization import deserialize_message
 
 from intent_recognition.bags import BagReader, BagWriter
 from intent_recognition.demonstrations import (
@@ -19,9 +16,6 @@ from intent_recognition.demonstrations import (
     iter_samples,
     read_demonstrations,
 )
-from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import position_array, stamp_ns
-from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.signals.observation import merge
 from intent_recognition.tracking import IngestSettings
 
@@ -30,24 +24,6 @@ DOFS = make_dofs(WRIST)
 
 def stream(path, dofs=DOFS, settings=None, rejected=None):
     return list(iter_observations(BagReader(path), dofs, settings, rejected))
-
-
-def test_it_equals_what_the_ingest_node_publishes(harness, repository):
-    bag = repository / "bags/toolbox/test/screw_handover_03"
-    node = harness.add(MocapIngest())
-    received = harness.collect(Odometry, "human/wrist", qos.SENSOR)
-    publisher = harness.publisher(PoseStamped, "mocap/wrist/pose", qos.SENSOR)
-    harness.connect(publisher, *node._outputs.values())
-    for raw in BagReader(bag).raw_messages(["mocap/wrist/pose"]):
-        known = len(received)
-        publisher.publish(deserialize_message(raw.data, PoseStamped))
-        harness.spin_until(lambda known=known: len(received) > known, what="odometry")
-    observations = stream(bag)
-    assert [o.stamp_ns for o in observations] == [stamp_ns(m) for m in received]
-    for observation, message in zip(observations, received, strict=True):
-        np.testing.assert_array_equal(observation.values, position_array(message.pose.pose))
-        covariance = np.reshape(message.pose.covariance, (6, 6))[:3, :3]
-        np.testing.assert_array_equal(observation.covariance, covariance)
 
 
 @pytest.mark.parametrize("name", ["plate_handover_00", "hold_screwdriver_01"])

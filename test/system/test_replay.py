@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent replay` gives the numbers of the running nodes, stamp by stamp."""
+"""`intent replay` gives the numbers of the nodes, and recognises people not learned from."""
 
 from collections import Counter
 from functools import partial
@@ -10,12 +10,14 @@ import pytest
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from simulation import minimum_jerk
-from system.cell import PacedPlayer
 
 from intent_recognition.bags import BagReader, BagWriter
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.evaluation.replaying import replay
-from intent_recognition.model.file import load_model
+from intent_recognition.learning.training import TrainingSettings, learn
+from intent_recognition.model.file import Model, load_model
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.graph import resolve
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
@@ -39,6 +41,30 @@ def check_equal(messages, rows):
 def rejected(*nodes) -> Counter:
     """What the nodes have rejected, by reason."""
     return sum((node._diagnostics._counts for node in nodes), Counter())
+
+
+def n_taken(ingest, estimator):
+    """Poses that have reached the estimator, and what the ingest refused."""
+    totals = dict(estimator._diagnostics._totals)
+    arrived = sum(n for stream, n in totals.items() if stream.startswith("human/"))
+    return arrived + ingest._diagnostics._counts.total()
+
+
+class PacedPlayer(BagPlayer):
+    """Plays an observation when the one before has been taken: none is lost on the way."""
+
+    def __init__(self, topics, ingest, estimator, **kwargs):
+        self._observed, self._chain, self._n_sent = topics, (ingest, estimator), 0
+        super().__init__(**kwargs)
+
+    def _publish(self, message, *when):
+        super()._publish(message, *when)
+        if message.topic.lstrip("/") not in self._observed:
+            return
+        self._n_sent += 1
+        while n_taken(*self._chain) < self._n_sent:
+            if self._stopping.wait(0.001):
+                return
 
 
 KINDS = {"mocap_ingest": MocapIngest, "intent_estimator": IntentEstimatorNode}
@@ -115,3 +141,30 @@ def test_an_unknown_movement_is_none_of_the_tasks(repository, toolbox_model, tmp
     believed = [row["probabilities"] for row in rows]
     assert {max(one, key=one.get) for one in believed[150:350]} == {"none"}
     assert sum(one["none"] < 1.0 for one in believed) > 20  # it was seen as a movement
+
+
+LEFT_OUT = ("demo_0003", "demo_0014", "demo_0022", "demo_0035")
+
+
+@pytest.fixture(scope="module")
+def learned(shared_data):
+    """People with the YuMi arm: the folder, and a model of all but one recording of each task."""
+    folder = shared_data / "hri_yumi"
+    if not folder.is_dir():
+        pytest.skip(f"{folder} is not there")
+    dofs = load_dofs(folder / "dofs.yaml")
+    demonstrations, rejections = read_demonstrations(folder, dofs)
+    assert len(demonstrations) == 28 and not rejections
+    library = learn([d for d in demonstrations if d.name not in LEFT_OUT], TrainingSettings())
+    return folder, Model(library, dofs)
+
+
+@pytest.mark.parametrize("name", LEFT_OUT)
+def test_a_person_never_seen_in_training_is_recognised(learned, name):
+    """By `replay`, which gives the numbers of the nodes."""
+    folder, model = learned
+    reader = BagReader(folder / name)
+    moving = [row for row in replay(reader, model) if row["probabilities"]["none"] < 1.0]
+    late = [max(row["probabilities"], key=row["probabilities"].get) for row in moving]
+    late = late[len(late) // 2 :]
+    assert late and late.count(reader.custom_data["task"]) > 0.9 * len(late)
