@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from experiments.constraints import dataset
 from experiments.constraints.experiment import run
-from experiments.constraints.features import LABEL, STANDARD, ConstraintSamples
+from experiments.constraints.features import LABEL, STANDARD
 from experiments.constraints.roc import on_grid, roc_curve
 from experiments.constraints.spilling import (
     NO_REFERENCES,
@@ -19,11 +19,11 @@ from experiments.constraints.spilling import (
     PouringState,
     spill_risk,
 )
-from experiments.constraints.study import NOVEL, SAME, score
+from experiments.constraints.study import NOVEL
 from experiments.constraints.trials import COLUMNS, blocks
-from experiments.constraints.trials_file import read_trials, write_trials
+from experiments.constraints.trials_file import read_trials
 from experiments.settings import Settings
-from intent_recognition.errors import ModelError, TrainingError
+from intent_recognition.errors import TrainingError
 from intent_recognition.warping import References, fit_logistic
 
 CUP = References(0.04, 4e-4, 0.1, 0.8)
@@ -179,24 +179,6 @@ def test_goes_on_where_it_was_interrupted(tmp_path):
     assert trials.tables["filling"]["through_wall"][-1] == 0.0
 
 
-def test_refuses_what_is_no_table_of_trials(tmp_path):
-    path = tmp_path / "trials.npz"
-    with pytest.raises(ModelError, match="dataset"):
-        read_trials(path)
-    path.write_bytes(b"PK no archive")
-    with pytest.raises(ModelError):
-        read_trials(path)
-    write_trials(path, rows(), {"seed": 1, "format": 99})
-    with pytest.raises(ModelError, match="format"):
-        read_trials(path)
-    write_trials(path, rows() | {"filling": np.zeros((3, 2))}, {"seed": 1})
-    with pytest.raises(ModelError, match="filling"):
-        read_trials(path)
-    write_trials(path, rows() | {"pouring": np.full((3, 5), np.nan)}, {"seed": 1})
-    with pytest.raises(ModelError, match="finite"):
-        read_trials(path)
-
-
 @pytest.mark.slow
 def test_no_ball_went_through_a_wall_and_warped_features_carry_over():
     numbers = run(Settings(quick=True)).numbers
@@ -207,24 +189,6 @@ def test_no_ball_went_through_a_wall_and_warped_features_carry_over():
     for areas in numbers["areas"].values():
         assert areas[LABEL][NOVEL] > areas[STANDARD][NOVEL] + 0.05
     assert numbers["areas"]["pouring"][LABEL][NOVEL] > 0.95
-
-
-def samples(shift):
-    """Two objects whose labels turn at zero and at `shift`."""
-    rng = np.random.default_rng(0)
-    x = rng.uniform(-1.0, 1.0, (400, 1))
-    objects = np.repeat([0, 1], 200)
-    return ConstraintSamples(x, (x[:, 0] > shift * objects).astype(float), objects)
-
-
-@pytest.mark.slow
-def test_scores_of_one_rule_and_of_two():
-    found = score(samples(0.0), 3, np.random.default_rng(1))
-    assert found[NOVEL].area == found[SAME].area == 1.0
-    assert found[NOVEL].curves.shape == (6, 201)
-    assert found[NOVEL].trained_on.tolist() == [0, 0, 0, 1, 1, 1]
-    again = score(samples(0.0), 3, np.random.default_rng(1))
-    np.testing.assert_array_equal(again[SAME].curves, found[SAME].curves)
 
 
 SAMPLES = st.lists(st.tuples(st.integers(-3, 3), st.booleans()), min_size=2, max_size=40).filter(

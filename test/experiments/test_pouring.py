@@ -27,9 +27,8 @@ from experiments.pouring.recordings import (
     metadata,
     true_references,
 )
-from experiments.pouring.study import read_recorded
 from experiments.settings import Settings
-from intent_recognition.errors import BagError, KinematicsError
+from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics.lwr import forward_kinematics
 from intent_recognition.promp import minimum_jerk
 from intent_recognition.share import share_path
@@ -272,8 +271,3 @@ def test_warped_pours_spill_little_and_others_more_and_levels_are_met():
     assert np.mean([one["spilled"] for one in emptied]) <= 0.2
     assert len(levels) > len(emptied)
     assert max(one["error"] for one in levels) <= 0.10
-
-
-def test_no_recordings(tmp_path):
-    with pytest.raises(BagError, match="recorded pours"):
-        read_recorded(tmp_path)

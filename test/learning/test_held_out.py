@@ -10,11 +10,9 @@ from simulation import make_library
 
 from intent_recognition.filtering import MovementFilter, PriorGrid
 from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.learning import TrainingExample
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT, sample_phases
 from intent_recognition.learning.held_out import filter_samples
-from intent_recognition.learning.held_out_examples import MAX_RIVALS, evenly, nearest_tasks
-from intent_recognition.learning.statistics import summarize
+from intent_recognition.learning.held_out_examples import evenly
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation
 from intent_recognition.signals.observation import Observation
 
@@ -77,21 +75,7 @@ def test_each_hypothesis_sees_its_own_values(rng):
         np.testing.assert_allclose(alone.log_evidence, together.log_evidence[[k]], rtol=1e-9)
 
 
-def test_rivals_are_the_tasks_with_the_nearest_means_and_examples_are_evenly_taken():
-    def a_task(level: float):
-        nothing = np.zeros(0)
-        example = TrainingExample(
-            "", "", np.full((2, 3), level), nothing, 1.0, np.zeros((1, 1)), nothing
-        )
-        return summarize([example])
-
-    levels = [0.0, 100.0, *np.arange(1.0, 12.0)]
-    tasks = [a_task(level) for level in levels]
-    others = np.arange(1, len(tasks))
-    found = nearest_tasks(tasks, tasks[0].examples[0], others, ("m",))
-    assert sorted(found) == list(range(2, 2 + MAX_RIVALS))
-    few = nearest_tasks(tasks, tasks[0].examples[0], others[:3], ("m",))
-    np.testing.assert_array_equal(few, others[:3])
+def test_examples_are_evenly_taken():
     assert evenly(range(10), 4) == [0, 3, 6, 9]
     assert evenly("abc", 60) == ["a", "b", "c"]
     assert evenly([], 60) == []

@@ -110,11 +110,6 @@ def test_an_import_that_fails_for_another_reason_is_shown_whole():
         tell_missing("node", ModuleNotFoundError("No module named 'scipy'", name="scipy"))
 
 
-def test_there_is_no_executable_but_the_nodes():
-    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
-        start.nonsense  # noqa: B018
-
-
 class Managed(ManagedNode):
     """Notes its transitions, and fails where it is told to."""
 

@@ -289,13 +289,6 @@ def test_times_in_another_unit_are_named(cells, said, tmp_path):
     assert said in str(left_out)
 
 
-def test_positions_in_millimetres_are_named(tmp_path):
-    lines = [f"{k / 100},{10 * k},20.5,900" for k in range(30)]
-    path = csv(tmp_path, "t,x,y,z", lines)
-    (left_out,) = imported(path, ["x", "y", "z"], {"time": {"column": "t"}})
-    assert "Likely millimetres for metres (a factor of 1000)" in left_out.reason
-
-
 def test_columns_that_are_not_used_never_matter(tmp_path):
     lines = [f"{k / 100},{k},0,0.{k:02d},oops,{'a' * k}" for k in range(10)]
     lines[3] += ",more,than,the,header"

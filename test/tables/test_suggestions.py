@@ -153,13 +153,6 @@ def test_joints_are_those_that_were_measured_in_one_entry(head, joints, tmp_path
     assert "controlled" not in content and "columns_unit" not in content["observed"][0]
 
 
-def test_a_unit_that_is_unknown_is_asked_for_when_it_is_imported(tmp_path):
-    (tmp_path / "a.csv").write_text(plain(head="t,x,y,z\ns,km,km,km"))
-    content = yaml.safe_load(suggest_map(tmp_path / "a.csv"))
-    (left_out,) = import_demonstrations(tmp_path / "a.csv", ImportMap.from_dict(content))
-    assert "expected a unit of x that becomes m, got 'km'" in left_out.reason
-
-
 @pytest.mark.parametrize("head", ["x,y,z", "time,x,y,z", "time,q,x,y,z"])
 def test_what_goes_on_evenly_is_no_time_as_a_place_or_beside_a_time_in_words(head, tmp_path):
     def row(k):
