@@ -291,5 +291,5 @@ def test_an_arm_measured_in_degrees_is_not_moved_and_the_unit_is_doubted():
     world = World()
     world.arm = lambda: np.rad2deg(HOME)
     world.begin("plate")
-    world.run(2.0)
+    world.run(0.5)
     assert world.commands == [] and "in radians?" in world.said[-1]

@@ -123,8 +123,15 @@ def test_a_recording_without_the_topics_of_the_model_is_named(repository, toolbo
         posterior_over(other, toolbox_model)
 
 
+def watch_at_once(monkeypatch):
+    """From now on nothing is replayed and nothing explained."""
+    drawn = np.arange(2.0), {"a": np.ones(2)}, ("a", "1.00 s", "a 100%")
+    monkeypatch.setattr(compare_tab, "posterior_over", lambda *_: drawn)
+    monkeypatch.setattr(compare_tab, "why_over", lambda *_: "")
+
+
 def test_two_models_are_drawn_and_their_decision_is_explained_as_by_intent_explain(
-    compare, recording, toolbox_model
+    compare, recording, toolbox_model, monkeypatch
 ):
     tab = compare.run("broken.npz", "toolbox.npz")
     assert "broken.npz" in tab._result.content and not tab._button.disabled
@@ -138,6 +145,7 @@ def test_two_models_are_drawn_and_their_decision_is_explained_as_by_intent_expla
     total = one.evidence.by_dof[:, 2].sum()
     assert f"{total:+.1f}" in tab._result.content
     assert tab._result.content.count("&#9632;") == 4  # names of the curves
+    watch_at_once(monkeypatch)
     compare.run("toolbox.npz", "toolbox.npz")
     assert len(tab._plots) == 2, "the diagrams before are gone"
 
@@ -145,6 +153,7 @@ def test_two_models_are_drawn_and_their_decision_is_explained_as_by_intent_expla
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 @pytest.mark.parametrize("step", ["why_over", "task_colours"])
 def test_whatever_fails_is_said(compare, monkeypatch, step):
+    watch_at_once(monkeypatch)
     monkeypatch.setattr(compare_tab, step, Mock(side_effect=RuntimeError("no such luck")))
     tab = compare.run("toolbox.npz", "toolbox.npz")
     assert "no such luck" in tab._result.content and not tab._button.disabled
