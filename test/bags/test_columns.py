@@ -165,14 +165,6 @@ def test_whatever_does_not_fit_is_left_to_the_general_decoder(messages, at, dama
     assert found is None
 
 
-def test_messages_of_one_time_with_other_texts_are_told_apart_and_stay_in_order(tmp_path):
-    frames = ["longer", "world", "track", "world", "track"]
-    messages = [(1, serialize(POSE, pose(i, frame_id=frame))) for i, frame in enumerate(frames)]
-    found = columns(record(tmp_path / "bag", POSE, messages), POSE)
-    assert [found.frame_ids[k] for k in found.frames] == frames
-    np.testing.assert_array_equal(found.positions[:, 0], 0.001 * np.arange(5))
-
-
 def test_garbage_in_padding_changes_nothing(tmp_path):
     states = [bytearray(serialize(JOINTS, joints(i, names=["a", "bcd"]))) for i in range(6)]
     start = states[0].index(b"a\x00") + 2
