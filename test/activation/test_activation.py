@@ -43,6 +43,10 @@ def test_the_movement_just_served_does_not_start_again_but_the_next_does():
     world.run_until(Mode.IDLE)
     world.run(1.0)
     assert world.modes[-1] is Mode.IDLE
+    inbox = world.activation.inbox
+    for late_ns in (0, -1):  # after the served movement's end
+        inbox.prediction = inbox.prediction._replace(onset_ns=inbox._served_ns + late_ns)
+        assert (inbox.needed() is None) == (late_ns < 0)
     world.task = "idle"
     world.run(0.1)
     world.serve("screw", already_s=0.5)
