@@ -51,13 +51,6 @@ def test_bags_come_back_the_same(suffix, repository, tmp_path):
     check_same(before, there_and_back(bags, dofs, tmp_path, suffix))
 
 
-def test_real_recordings_with_two_trackers_come_back_the_same(shared_data, tmp_path):
-    folder = shared_data / "nuisi"
-    bags = sorted(path for path in folder.iterdir() if path.is_dir())[:4]
-    before, _ = read_demonstrations(bags, load_dofs(folder / "dofs.yaml"))
-    check_same(before, there_and_back(bags, folder / "dofs.yaml", tmp_path, "csv"))
-
-
 def test_a_context_comes_back_the_same(tmp_path):
     bag = write_recording(tmp_path / "bag", hand_over("give", 3), DOFS)
     (tmp_path / "dofs.yaml").write_text(yaml.safe_dump(DOFS.to_dict()))
