@@ -201,6 +201,9 @@ def test_on_the_way_it_is_guarded_like_any_motion(reason):
     world.push = np.full(7, 0.6 if reason == "arm_off_reference" else 0.0)
     world.run_until(Mode.STOPPED, longest_s=0.7)
     assert world.activation.stop_reason == reason
+    if not world.measures:  # it stays while its posture is unknown
+        world.run(1.0)
+        assert world.activation.mode is Mode.STOPPED
     world.speaks = world.measures = True
     world.push = np.zeros(7)
     world.run_until(Mode.IDLE)
