@@ -54,6 +54,14 @@ def test_the_movement_just_served_does_not_start_again_but_the_next_does():
     world.go_home()
 
 
+def test_a_plan_is_updated_no_more_often_than_is_asked_for():
+    world = World(command_period_s=0.2)
+    world.begin("plate", already_s=0.3)
+    world.run(1.5)
+    starts_ns = [command.start_ns for command in world.commands]
+    assert len(starts_ns) > 4 and np.diff(starts_ns).min() >= 180_000_000
+
+
 def test_a_new_onset_is_a_new_interaction_even_if_idle_was_not_seen():
     world = World()
     world.begin("plate")
