@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The benchmarks compare like with like, say what they found, and keep the pace of the nodes."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -104,18 +103,6 @@ def test_one_joint_gaussian_is_what_the_filter_computes():
 def test_a_long_run_ends_at_its_limit_of_time():
     with long_run(0.0) as process:
         assert "from 800 to 800 observations" in growth(process).remark
-
-
-def test_json_alone_is_json_and_nothing_else(one_result, capsys):
-    assert command.main(["--json"]) == 0
-    (entry,) = json.loads(capsys.readouterr().out)
-    assert entry["name"] == "thing" and entry["required"] == 2.0
-
-
-def test_json_to_a_file_comes_beside_the_lines(one_result, capsys, tmp_path):
-    assert command.main(["--json", str(tmp_path / "bench.json")]) == 0
-    assert "thing" in capsys.readouterr().out
-    assert json.loads((tmp_path / "bench.json").read_text())[0]["verdict"] == "falls short"
 
 
 factors = st.floats(0.2, 5.0)

@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.constraints import dataset
 from experiments.constraints.experiment import run
 from experiments.constraints.features import LABEL, STANDARD
 from experiments.constraints.roc import on_grid, roc_curve
@@ -20,8 +19,7 @@ from experiments.constraints.spilling import (
     spill_risk,
 )
 from experiments.constraints.study import NOVEL
-from experiments.constraints.trials import COLUMNS, blocks
-from experiments.constraints.trials_file import read_trials
+from experiments.constraints.trials import COLUMNS
 from experiments.settings import Settings
 from intent_recognition.errors import TrainingError
 from intent_recognition.warping import References, fit_logistic
@@ -151,32 +149,6 @@ def test_refuses_what_cannot_be_learned_from():
 def rows():
     rng = np.random.default_rng(0)
     return {name: rng.random((6, len(columns))) for name, columns in COLUMNS.items()}
-
-
-def unfinished(output, seed, done):
-    """A folder as an interrupted run leaves it: `done` blocks, each row its block's number."""
-    origin = {"seed": seed, "trials_per_object": 1, "container_seed": dataset.CONTAINER_SEED}
-    parts = dataset._parts_folder(output, origin)
-    for number, block in enumerate(blocks(seed, 1)[:done]):
-        np.save(dataset._part(parts, block), np.full((1, len(COLUMNS[block.experiment])), number))
-    return parts
-
-
-@pytest.mark.slow
-def test_goes_on_where_it_was_interrupted(tmp_path):
-    output = tmp_path / "trials.npz"
-    parts = unfinished(output, 3, done=19)
-    (parts / "filling_square_bowl_00.half").write_bytes(b"half written")
-    calls = []
-    made = dataset.generate(output, 3, trials=1, jobs=1, progress=lambda *what: calls.append(what))
-    assert calls[0] == ("found", 19, 20)
-    assert calls[-1] == ("filling_square_bowl_00", 20, 20)
-    np.testing.assert_array_equal(made["pouring"][:, 0], np.arange(10))
-    assert not parts.exists()
-    trials = read_trials(output)
-    assert trials.origin["seed"] == 3
-    assert trials.tables["filling"]["object"][-1] == 9.0
-    assert trials.tables["filling"]["through_wall"][-1] == 0.0
 
 
 @pytest.mark.slow
