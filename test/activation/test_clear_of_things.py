@@ -188,6 +188,18 @@ def test_what_waited_in_vain_is_refused_once():
     assert world.commands == [] and world.activation.mode is Mode.IDLE
 
 
+def test_what_waited_is_forgotten_by_a_reset():
+    world = before_blocked_end(1.0)
+    world.task = "idle"
+    world.run(0.3)
+    assert world.activation.waits_for
+    world.activation.reset(world.now_ns)
+    assert not world.activation.waits_for
+    change(world, clearance=clearance())
+    world.run(1.0)
+    assert world.commands == [] and world.activation.mode is Mode.IDLE
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("goes_away", [True, False])
 def test_what_comes_in_the_way_of_a_motion_makes_it_brake_and_go_on(goes_away):

@@ -20,7 +20,7 @@ from intent_recognition.warping.cavity import (
     _thickness,
     fit_cavity,
 )
-from intent_recognition.warping.frame import N_LEVELS
+from intent_recognition.warping.frame import N_LEVELS, ObjectFrame
 from intent_recognition.warping.object_model import ObjectCloud, Part
 from intent_recognition.warping.object_warp import warp_object
 from intent_recognition.warping.opening import _bearing, _looks_into
@@ -265,6 +265,18 @@ def test_an_opening_looks_into_what_faces_it():
     for facing, share in ((-1.0, 1.0), (1.0, 0.0)):
         wall = 0.03 * outward - 0.05 * UP, facing * outward
         assert _looks_into(*wall, opening, 0.001) == share
+    # Of 10 points six face it; one lies on it, one above, and two are a base seen from below.
+    aside = np.repeat([0.03, 0.01, 0.03, 0.01], [6, 1, 1, 2])
+    level = np.repeat([-0.05, 0.0, 0.05, -0.05], [6, 1, 1, 2])
+    points = aside[:, None] * outward[:10] + level[:, None] * UP
+    normals = np.concatenate([-outward[:6], [UP, UP, -UP, -UP]])
+    assert _looks_into(points, normals, opening, 0.001) == pytest.approx(0.6 - 0.3 - 0.3 - 0.2)
+
+
+def test_a_handle_is_what_stands_out_of_the_wall_at_its_level_on_its_side():
+    frame = ObjectFrame(np.zeros(3), np.eye(3), 0.03, 0.1, 0.05, np.linspace(0.8, 1.6, N_LEVELS))
+    local = [[-0.095, 0.035, 0.0], [-0.095, -0.035, 0.0], [-0.005, 0.035, 0.0]]
+    assert frame.on_handle(np.array(local)).tolist() == [True, False, False]
 
 
 def test_unknown_mapping_and_k_are_refused(mug):
