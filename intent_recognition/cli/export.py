@@ -49,6 +49,6 @@ def run(args: argparse.Namespace) -> int:
     print_left_out(console, rejections)
     print_dropped(console, demonstrations)
     rows = next(iter(columns.values())).size
-    text = f"{len(demonstrations)} demonstrations, {rows} rows in {args.output}, map {path}"
-    say(console, text)
+    count = f"{len(demonstrations)} demonstration{'s' * (len(demonstrations) != 1)}"
+    say(console, f"{count}, {rows} rows in {args.output}, map {path}")
     return 0

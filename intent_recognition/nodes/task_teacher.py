@@ -103,7 +103,7 @@ class TaskTeacher(TopicRecorder):
         )
         self.listen(topics_of(self.folder.dofs))
         self._publish_skills()
-        left = f"; {len(self.waiting)} recordings wait to be learned" if self.waiting else ""
+        left = f"; recordings to be learned: {len(self.waiting)}" if self.waiting else ""
         self.report(Level.OK, f"ready; library {self.folder.path}{left}")
 
     def start(self) -> str:
@@ -126,7 +126,7 @@ class TaskTeacher(TopicRecorder):
         self.waiting.append(bag)
         if self.get_parameter("learn_at_stop").value:
             return self.learn()
-        text = f"recorded {bag.name}; {len(self.waiting)} wait to be learned"
+        text = f"recorded {bag.name}; to be learned: {len(self.waiting)}"
         self.report(Level.OK, text)
         return text
 

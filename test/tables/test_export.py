@@ -102,6 +102,7 @@ def test_a_map_that_was_edited_by_hand_is_kept(repository, tmp_path, capsys):
     table = tmp_path / "a.csv"
     for _ in range(2):  # the second says the same
         assert main([*command, str(table)]) == 0
+        assert capsys.readouterr().out.startswith("1 demonstration, ")
     (tmp_path / "a.map.yaml").write_text("by hand", encoding="utf-8")
     table.write_text("older", encoding="utf-8")
     assert main([*command, str(table)]) == 1
