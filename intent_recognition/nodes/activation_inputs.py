@@ -207,9 +207,11 @@ class PersonInput:
             if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(std))):
                 raise ArgumentError.about("points", "finite numbers", "NaN", "Check the sender.")
             times_ns = stamp_ns(message) + np.rint(times_s * 1e9).astype(np.int64)
+            if len(times_ns) > 1:  # else the movement may have ended long ago
+                times_ns += self._shift_ns(who, int(times_ns[0]))
             # The root of the trace bounds the standard deviation in every direction.
             self._people[who] = PredictedPerson(
-                times_ns + self._shift_ns(who, int(times_ns[0])),
+                times_ns,
                 mean * self._metres + np.array(self._offset),
                 np.linalg.norm(std, axis=1) * self._metres,
             )

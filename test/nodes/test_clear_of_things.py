@@ -179,6 +179,13 @@ def test_a_trackers_clock_that_is_off_does_not_shift_a_person(harness, behind_s,
     assert values["people behind"] == f"{behind_s:.3f} s"
 
 
+def test_a_person_who_waits_at_the_end_does_not_seem_late(harness):
+    graph = Graph(harness, person_dofs=PERSON)
+    graph.run(3)
+    tell_person(graph, np.zeros(3), times_s=(-9.0, -9.0))
+    assert "people behind" not in graph.report()[1]
+
+
 @pytest.mark.parametrize("names, where", [(["a", "b", "c"], 0.0), (PERSON, np.nan)])
 def test_a_broken_prediction_does_not_clear_the_way_of_a_person(harness, capfd, names, where):
     graph = Graph(harness, person_dofs=PERSON)
