@@ -61,8 +61,8 @@ the usual duration T of the tasks: as in movements of least jerk."""
 DELAYS = (0.05, 0.12, 0.25)
 """Lengths of a delay, in usual durations of the tasks (docs/decisions/change_of_mind.md)."""
 START_UNTIL = 0.1
-"""Time after onset, in usual durations of the tasks, up to which a DOF's first position is taken
-for where the movement began: a reach of least jerk has passed 1 % of its way by then."""
+"""Time after the first measurement, in usual durations of the tasks, up to which a DOF's first
+position is taken for where the movement began: a reach of least jerk has passed 1 % of its way."""
 N_DURATIONS = 7
 """Durations per task at each birth; offsets make up for durations in between."""
 FADINGS = (12.0, 30.0)
@@ -139,7 +139,8 @@ class Births:
         self._first: list[tuple[NDArray, NDArray, NDArray]] = []  # DOFs, values and noise
         self._tasks: Integers | None = None  # those of `_newborn`; None if they have to be made
         self._newborn: list[tuple[Floats, Floats, dict[str, Any]]] = []
-        self._n_used, self._last_s, self._last_birth_s, self._between_s = 0, 0.0, 0.0, 0.0
+        self._n_used, self._first_s, self._last_s = 0, np.inf, 0.0
+        self._last_birth_s, self._between_s = 0.0, 0.0
 
     @property
     def log_joint(self) -> Floats:
@@ -321,7 +322,9 @@ class Births:
         """Keep each DOF's position at the start, where every task's course is taken to begin."""
         known = [dof for dofs, _, _ in self._first for dof in dofs]
         new = np.array([dof not in known for dof in measurement.dofs])
-        early = measurement.elapsed_s <= START_UNTIL * self.usual_s
+        self._first_s = min(self._first_s, measurement.elapsed_s)
+        early = measurement.elapsed_s <= self._first_s + START_UNTIL * self.usual_s
+        early = early or self._n_used < len(self._library.observed_groups)  # sparse samples
         if early and new.any() and not measurement.derivative:
             dofs, values, noise = measurement[2:5]
             self._first.append((dofs[new], values[new], noise[new][:, new]))

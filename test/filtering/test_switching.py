@@ -392,3 +392,21 @@ def test_a_turn_is_followed_where_a_signal_is_first_seen_on_the_way(seed):
         if elapsed_s > 0.5:
             run.observe(Observation(START_NS + round(elapsed_s * 1e9), 1, row[2:]))
     assert posterior(run, times_s[-1]).probabilities[1] > 0.9
+
+
+@pytest.mark.parametrize(("first_s", "apart_s", "every_s"), [(0.3, 0.02, 0.05), (0.0, 0.25, 0.3)])
+def test_the_start_is_known_where_first_samples_are_late_or_sparse(
+    rng, monkeypatch, first_s, apart_s, every_s
+):
+    library = make_library(rng, n_basis=6, groups=(2, 1), correlation_time_s=0.02)
+    times_s = np.arange(first_s, 1.8, every_s)
+    values, found = changed(library, rng, (0, 1), 0.8, times_s), []
+    for until in (births.START_UNTIL, np.inf):
+        monkeypatch.setattr(births, "START_UNTIL", until)
+        run = filtered(library, [], [])
+        for elapsed_s, row in zip(times_s, values, strict=True):
+            observe(run, elapsed_s, row[:2])
+            at_ns = START_NS + round((elapsed_s + apart_s) * 1e9)
+            run.observe(Observation(at_ns, 1, row[2:]))
+        found.append(run.births.table.weights(np.arange(run.births.table.n)).mean)
+    np.testing.assert_array_equal(*found)
