@@ -114,9 +114,9 @@ def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
     none_prior = numbers["none_prior"]
     require(bool(0.0 < none_prior < 1.0), f"{path}: none_prior", "between 0 and 1", none_prior)
 
-    for name in PLAUSIBLE.keys() & numbers:
-        within = bool(np.all(np.abs(numbers[name]) <= PLAUSIBLE[name]))
-        require(within, f"{path}: {name}", f"at most {PLAUSIBLE[name]:g}", numbers[name])
+    for name, largest in PLAUSIBLE.items():
+        within = name not in numbers or bool(np.all(np.abs(numbers[name]) <= largest))
+        require(within, f"{path}: {name}", f"at most {largest:g}", numbers.get(name))
     for name in (one for one in numbers if one.endswith("covariance")):
         check_covariances(path, name, numbers[name])
     if "context_covariance" in numbers:
