@@ -56,8 +56,8 @@ turns."""
 USUAL = {"m": 0.5, "rad": 1.0}
 """Usual extent of a reach [m, rad]. If two units explain too large values, the one that gives the
 more usual extent is named."""
-NOT_UNUSUAL = 4.0
-"""Factor between a reach that is still usual and `USUAL`: 12 cm to 2 m."""
+STILL_USUAL = 4.0
+"""Largest factor between `USUAL` and the extent of a usual reach: 12 cm to 2 m."""
 FAST = 10.0
 """Speed above which a unit is doubted [m/s, rad/s]; the fastest joints of cobots reach 6 rad/s,
 a hand 3 m/s."""
@@ -267,20 +267,20 @@ def length_misfit(length_m: float, said: str, do: str = "record") -> Misfit | No
     """
     if length_m <= WIDEST["m"]:
         return None
-    named = _nearest_usual("m", length_m)
-    is_any = length_m / max(OFTEN_TAKEN["m"].values()) < 0.3  # [m]
-    text = taken_for("m", OFTEN_TAKEN["m"] if is_any else named, do)
-    return Misfit(f"{said}. {text}", next(iter(named.values())), certain=False, likely=text)
+    likely = _nearest_usual("m", length_m)
+    factor = next(iter(likely.values()))
+    if length_m / max(OFTEN_TAKEN["m"].values()) < 0.3:  # [m]; any of the units is possible
+        likely = OFTEN_TAKEN["m"]
+    text = taken_for("m", likely, do)
+    return Misfit(f"{said}. {text}", factor, certain=False, likely=text)
 
 
 def _nearest_usual(unit: str, length: float) -> dict[str, float]:
-    """The other unit, with its factor, in which a length is closest to the usual one, then units
-    that are seldom taken in which it is not unusual, either.
-    """
+    """Units, with factors, that make a length usual: the best often taken one, then seldom ones."""
     often, seldom = OFTEN_TAKEN[unit], SELDOM_TAKEN.get(unit, {})
     away = {n: abs(np.log(length / f / USUAL[unit])) for n, f in (often | seldom).items()}
     nearest = min(often, key=lambda name: float(away[name]))
-    also = {n: f for n, f in seldom.items() if away[n] < np.log(NOT_UNUSUAL)}
+    also = {n: f for n, f in seldom.items() if away[n] < np.log(STILL_USUAL)}
     return {nearest: often[nearest]} | also
 
 
