@@ -90,7 +90,7 @@ has."""
 def shapes_of(
     content: Collection[str], n_tasks: int, dofs: DofSpec, n_basis: int
 ) -> dict[str, tuple[int, ...]]:
-    """Shapes of the arrays of a model with `n_tasks` tasks, and of those that it may have."""
+    """Shapes of the arrays of a model; of usual durations and coupling, if `content` names any."""
     observed, controlled = len(dofs.observed_names), len(dofs.controlled_names)
     size = {"k": n_tasks, "l": n_tasks + 1, "p": observed, "q": controlled, "2": 2}
     size |= {"d": observed + controlled, "g": len(dofs.observed), "m": len(dofs.context_names)}

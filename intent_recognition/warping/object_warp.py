@@ -167,7 +167,7 @@ def _frame(cloud: ObjectCloud, classifier: LogisticModel) -> ObjectFrame:
         opening = find_opening(cloud.points[rows], cloud.normals[rows], on_rim)
         if opening is not None:
             return coarse_frame(cloud.points, cloud.normals, opening)
-    cure = "It may be closed on top, a third wider than its rim below, or no cup or bowl at all."
+    cure = "It may be closed on top, a third wider below than at its rim, or no cup or bowl."
     got = "no rim around a cavity"
     raise ArgumentError.about("points", "a container with an open rim", got, cure)
 
