@@ -237,7 +237,8 @@ class TaskPrediction:
     def _with_offsets(self, times_s: Floats) -> Trajectory:
         """The observed agent under hypotheses born on the way: the mixture of their movements.
 
-        Each has its own begin, course and offset. Overdue ones rest where they are now.
+        Each has its own begin, course and offset. Past the expected end, all points are at the
+        present place.
         """
         n_rows, n_dofs = len(self._rows), self.library.n_observed
         at_s = np.tile(np.maximum(times_s, self.elapsed_s), n_rows)

@@ -65,8 +65,7 @@ def test_only_what_a_camera_above_may_see_is_drawn(rng):
 
 
 @pytest.mark.parametrize(("degrees", "is_seen"), [(79.8, True), (80.15, True), (80.4, False)])
-def test_a_camera_sees_up_to_80_degrees(degrees, is_seen):
-    """Of a normal beside others that face it."""
+def test_a_camera_sees_normals_up_to_80_degrees_aside(degrees, is_seen):
     drawn = SimpleNamespace(uniform=lambda low, _: low, choice=lambda n, _, p, **__: p)
     camera = np.cos(0.7) * np.array([0.0, 1.0, 0.0]) + np.sin(0.7) * np.eye(3)[2]
     beside = np.cos(np.radians(degrees)) * camera + np.sin(np.radians(degrees)) * np.eye(3)[0]
