@@ -102,7 +102,8 @@ def brake_along(plan: JointPlan, time_s: float, limits: JointLimits) -> JointPla
     start, phase = plan.at(time_s), plan.phase_at(time_s).phase
     if time_s + SLIVER_S >= plan.duration_s:
         return brake_plan(start, phase, limits)
-    way = way_of(plan, time_s, time_s + 1.0)  # twice as long as a brake takes at the speed limits
+    # twice as long as a brake takes at the speed limits, but to a later sample at least
+    way = way_of(plan, time_s, time_s + max(1.0, 2.0 * float(np.diff(plan.times_s).max())))
     rate = 1.0 / way.duration_s
     on_way = start._replace(acceleration=way.derivative(0.0, 1) * rate**2)
     brake = stop_plan(way, on_way, limits, PhaseState(rate=rate))

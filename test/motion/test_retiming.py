@@ -204,6 +204,16 @@ def test_a_slow_arm_may_take_minutes(acceleration, duration_s):
     check_by_differences(plan, slow)
 
 
+def test_a_brake_between_samples_that_are_seconds_apart_keeps_to_the_way():
+    slow = scaled_limits(LIMITS, 1.0, 0.03 / LIMITS.acceleration.max())
+    path, start = path_of(*samples(1, 900.0), slow), JointReference.at_rest(HOME)
+    plan = plan_interaction(path, NominalTiming(0.0, 900.0), start, slow)
+    assert plan.times_s[1] > 1.5
+    brake = brake_along(plan, 0.2 * plan.duration_s, slow)
+    assert brake.phase_rate.any() and 0.2 < brake.phase[-1] < 0.21
+    check_by_differences(brake, slow)
+
+
 @few
 @given(seeds, durations, phases, st.floats(0.0, 1.0))
 @example(508, 2.3386, 0.25, 0.588)  # where the acceleration of the plan jumps
