@@ -54,6 +54,16 @@ def test_the_movement_just_served_does_not_start_again_but_the_next_does():
     world.go_home()
 
 
+def test_an_order_begins_where_the_arm_has_arrived_without_waiting_there():
+    world = World(hold_s=5.0)
+    world.serve("plate")
+    world.until(lambda: world.activation.arrived)
+    world.activation.inbox.order(prediction("screw", 0))
+    world.task = "idle"
+    world.run(0.1)
+    assert world.activation.active_task == "screw" and Mode.HOMING not in world.modes
+
+
 def test_a_plan_is_updated_no_more_often_than_is_asked_for():
     world = World(command_period_s=0.2)
     world.begin("plate", already_s=0.3)

@@ -200,6 +200,15 @@ def test_what_waited_is_forgotten_by_a_reset():
     assert world.commands == [] and world.activation.mode is Mode.IDLE
 
 
+def test_a_motion_begins_after_the_search_for_its_way():
+    world = World(clearance=clearance())
+    guard = world.activation._parts.settings.clearance
+    search = guard.clear
+    guard.clear = lambda *way: search(*way)._replace(later_s=0.25)
+    world.serve("plate")
+    assert world.commands[0].start_ns >= world.now_ns + 250_000_000
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("goes_away", [True, False])
 def test_what_comes_in_the_way_of_a_motion_makes_it_brake_and_go_on(goes_away):
