@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plans the commands of the activation from the motion under way."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.settings import Common
+from intent_recognition.activation.slowing import Slowing
 from intent_recognition.activation.states import Command, PlannedWay, PredictedInteraction
 from intent_recognition.activation.things import SEARCH_EVERY_NS, Things
 from intent_recognition.array_types import Floats
@@ -21,41 +21,20 @@ from intent_recognition.motion import (
     NominalTiming,
     Obstruction,
     PhaseState,
-    PredictedPerson,
-    Separation,
     Via,
     brake_along,
     make_path,
-    phase_times_ns,
-    plan_interaction,
     posture_plan,
-    stop_plan,
     way_of,
 )
-
-_HEADROOM = 0.93
-"""Share of the permitted speed that a further plan aims at, since its grid and its offset add to
-it: the first or second further plan mostly keeps the permitted speed."""
-
-_STRETCHES = (1.0, 2.0, 4.0, 4.0, 4.0, 4.0)
-"""Factor on the time in which the start's offset decays, for each further plan. At 4 it decays no
-faster than permitted near people; a larger one would leave some offset until the arm comes near
-somebody else."""
-
-_MOVED_M = 0.01
-"""Change of where people are predicted to be from which a slowed motion is planned again [m]: by
-the formula it permits some 0.02 m/s more, and a person's point moves as much at rest."""
-
-_Planner = Callable[[Floats | None, float], JointPlan | None]
-"""Function of a ceiling of the phase rate (G,) [1/s] or None, and of a factor on the time in which
-the offset decays. Returns a plan, or None if there is none."""
 
 
 class Motions:
     """Plans from the reference that the arm will have when a command takes over.
 
     Attributes:
-        people: where people are predicted to be, as far as that is known.
+        things: keeps plans clear of things.
+        slowing: keeps plans slow near people and at slow places.
         corrected: the prediction that is followed, if a person corrected it by hand; else None.
     """
 
@@ -65,9 +44,8 @@ class Motions:
         self._followed: ClearPath | None = None  # of the interaction under way
         self._planned_under: tuple[object, ...] = ((), None, None, None)
         self._tried_ns = 0
-        self.people: tuple[PredictedPerson, ...] = ()
         self.corrected: PredictedInteraction | None = None
-        self.things = Things(common, arm)
+        self.things, self.slowing = Things(common, arm), Slowing(common, arm)
 
     def interact(
         self,
@@ -113,132 +91,6 @@ class Motions:
         for how in ("bent", "replanned"):
             self._counts[how] += found.how == how
         return self._send_way(now_ns, start_ns, way)
-
-    def _along(
-        self, path: JointPath, timing: NominalTiming, start: JointReference, progress: PhaseState
-    ) -> _Planner:
-        """A planner for a path under ceilings of the phase rate; a faster arm brakes along it."""
-        limits = self._common.settings.limits
-
-        def plan(rate_ceiling: Floats | None, stretch: float) -> JointPlan | None:
-            if rate_ceiling is not None and progress.rate > 0.0:
-                brake = stop_plan(path, start, limits, progress)
-                begins = np.arange(len(rate_ceiling)) / len(rate_ceiling)
-                braking = np.interp(begins, brake.phase, brake.phase_rate, left=progress.rate)
-                rate_ceiling = np.maximum(rate_ceiling, braking)
-            return plan_interaction(path, timing, start, limits, progress, rate_ceiling, stretch)
-
-        return plan
-
-    def _planner(
-        self, path: JointPath, timing: NominalTiming, start: JointReference, progress: PhaseState
-    ) -> _Planner:
-        """A planner as `_along` makes it, slow at slow places, too."""
-        again = self._along(path, timing, start, progress)
-        places = self._common.settings.slow_places
-        if places is None:
-            return again
-        always = places.rate_ceiling(path)
-
-        def plan(rate_ceiling: Floats | None, stretch: float) -> JointPlan | None:
-            ceiling = always if rate_ceiling is None else np.minimum(always, rate_ceiling)
-            for longer in (stretch, 4.0):  # a slower decay of the offset is slower at places, too
-                found = again(ceiling, longer)
-                slow = self._slow_at_places(found, start)
-                if slow is not None or found is None:
-                    return slow
-            return None
-
-        return plan
-
-    def _slow_at_places(self, plan: JointPlan | None, start: JointReference) -> JointPlan | None:
-        """A plan, or its own way slowed down at slow places; None if no plan keeps their speed."""
-        places = self._common.settings.slow_places
-        if plan is None or places is None or places.excess(plan) <= 1.0:
-            return plan
-        return self._slow_on_its_way(plan, start, places.rate_ceiling, places.excess)
-
-    def _slow_on_its_way(
-        self,
-        plan: JointPlan,
-        start: JointReference,
-        ceiling_of: Callable[[JointPath], Floats],
-        excess_of: Callable[[JointPlan], float],
-    ) -> JointPlan | None:
-        """The way of a plan under a ceiling of its rate; None if that leaves an excess above 1."""
-        way = way_of(plan)
-        timing, ceiling = NominalTiming(0.0, way.duration_s), ceiling_of(way)
-        progress = PhaseState(rate=1.0 / way.duration_s) if start.velocity.any() else BEGINNING
-        start = start._replace(acceleration=way.derivative(0.0, 1) * progress.rate**2)
-        again = self._along(way, timing, start, progress)
-        for share in (1.0, _HEADROOM, _HEADROOM**2):
-            slow = again(share * ceiling, 1.0)
-            if slow is not None and excess_of(slow) <= 1.0:
-                slow = replace(slow, clamped=plan.clamped, slowed=plan.slowed)
-                return slow.with_phases_of(plan, 0.0, way.duration_s)
-        return None
-
-    @property
-    def _separation(self) -> Separation | None:
-        """The separation; its reaction time includes an update and the present lead of commands."""
-        settings = self._common.settings
-        separation, least_s = settings.separation, settings.command_period_s
-        least_s += self._arm.lead_ns * 1e-9
-        if separation is None or least_s <= separation.settings.reaction_s:
-            return separation
-        return Separation(separation.arm, replace(separation.settings, reaction_s=least_s))
-
-    def _slowed(
-        self,
-        plan: JointPlan | None,
-        path: JointPath,
-        start_ns: int,
-        start: JointReference,
-        again: _Planner,
-    ) -> JointPlan | None:
-        """A plan along a path that keeps the speeds permitted near people; None if there is none.
-
-        Slowing changes where the arm is at each time, hence its distance from people: each round
-        lowers the ceiling of the rate by the distances along the plan before. At last, from
-        rest, the plan's own way is slowed, since the decay of an offset may be too fast itself.
-        """
-        separation, people, ceiling = self._separation, self.people, None
-        if plan is None or separation is None:
-            return plan
-
-        def ceiling_of(path: JointPath, plan: JointPlan) -> Floats:
-            times_ns = phase_times_ns(plan, start_ns)
-            there, _, _ = plan.sampled((times_ns - start_ns) * 1e-9)
-            ceilings = [separation.rate_ceiling(path, times_ns, who, there) for who in people]
-            return np.asarray(_HEADROOM * np.min(ceilings, axis=0))
-
-        slow: JointPlan | None = plan
-        for stretch in (*_STRETCHES, None):
-            if slow is None:
-                break
-            if separation.worst_excess(slow, start_ns, people) <= 1.0:
-                self._counts["slowed by person"] += ceiling is not None
-                return slow
-            plan = slow
-            if stretch is not None:
-                newer = ceiling_of(path, plan)
-                ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
-                slow = again(ceiling, stretch)
-        if start.velocity.any():
-            return None
-        own = replace(plan, phase=plan.times_s / plan.duration_s)
-        places = self._common.settings.slow_places
-        slow = self._slow_on_its_way(
-            plan,
-            start,
-            lambda way: ceiling_of(way, own),
-            lambda plan: max(
-                separation.worst_excess(plan, start_ns, people),
-                0.0 if places is None else places.excess(plan),
-            ),
-        )
-        self._counts["slowed by person"] += slow is not None
-        return slow
 
     def _obstruction(self, plan: JointPlan, since_s: float = 0.0) -> Obstruction | None:
         clearance = self._common.settings.clearance
@@ -288,15 +140,10 @@ class Motions:
         path = way_of(plan)
         timing = NominalTiming(0.0, plan.duration_s)
         uniform = np.full_like(plan.times_s, rate)
-        timed = replace(plan, phase=plan.times_s * rate, phase_rate=uniform)
-        free = self._slow_at_places(timed, start)
+        own = replace(plan, phase=plan.times_s * rate, phase_rate=uniform)
         progress = PhaseState(rate=rate) if start.velocity.any() else BEGINNING
-        again = self._planner(path, timing, start, progress)
-        slowed = self._slowed(free, path, start_ns, start, again)
-        if slowed is None:
-            return None
-        plan = replace(slowed, clamped=plan.clamped)
-        return PlannedWay(kind, plan, path, slowed=slowed is not free)
+        plan, slowed = self.slowing.plan(path, timing, start_ns, start, progress, own)
+        return None if plan is None else PlannedWay(kind, plan, path, slowed=slowed)
 
     def _way_along(
         self,
@@ -312,13 +159,11 @@ class Motions:
         if onset_ns is not None:
             onset_s = (onset_ns - start_ns) * 1e-9
         timing = NominalTiming(onset_s, path.duration_s)
-        again = self._planner(path, timing, start, progress)
-        free = again(None, 1.0)
-        plan = self._slowed(free, path, start_ns, start, again)
-        return None if plan is None else PlannedWay(kind, plan, path, onset_ns, plan is not free)
+        plan, slowed = self.slowing.plan(path, timing, start_ns, start, progress)
+        return None if plan is None else PlannedWay(kind, plan, path, onset_ns, slowed)
 
     def _send_way(self, now_ns: int, start_ns: int, way: PlannedWay) -> Command:
-        plan, way = way.plan, way._replace(people=self.people)
+        plan, way = way.plan, way._replace(people=self.slowing.people)
         if way.kind != "interaction":
             standing = np.zeros_like(plan.phase)
             plan = replace(plan, kind=way.kind, phase=standing, phase_rate=standing)
@@ -326,19 +171,11 @@ class Motions:
         self._planned_under = self._conditions
         return command
 
-    def _moved(self, command: Command, before: tuple[PredictedPerson, ...]) -> bool:
-        """Whether people, as predicted for the time of a command, are not where they were."""
-        if len(self.people) != len(before):
-            return True
-        times_ns = command.start_ns + 1e9 * command.plan.times_s
-        pairs = zip(self.people, before, strict=True)
-        return any(now.moved_m(was, times_ns) > _MOVED_M for now, was in pairs)
-
     @property
     def _conditions(self) -> tuple[object, ...]:
         """What plans depend on: their speed on the first three, clearance on the last two."""
         settings = self._common.settings
-        return self.people, settings.separation, self._arm.current, settings.clearance
+        return self.slowing.people, settings.separation, self._arm.current, settings.clearance
 
     def keep_pace(self, now_ns: int) -> Command | None:
         """Change the speed of the motion under way, or brake along its path; None to leave it.
@@ -357,18 +194,13 @@ class Motions:
             return None
         before, self._planned_under = self._planned_under, self._conditions
         new = [now is not was for now, was in zip(self._planned_under, before, strict=True)]
-        paced, moved = bool(self.people) and (brakes or any(new[:3])), any(new[2:])
+        paced, moved = bool(self.slowing.people) and (brakes or any(new[:3])), any(new[2:])
         if not (paced or moved or brakes) or (not brakes and start_ns >= current.end_ns):
             return None
-        separation, begun_ns = self._separation, current.start_ns
-        too_fast = (
-            paced
-            and separation is not None
-            and separation.worst_excess(current.plan, begun_ns, self.people, start_ns) > 1.0
-        )
+        too_fast = paced and self.slowing.too_fast(current.plan, current.start_ns, start_ns)
         since_s = (start_ns - current.start_ns) * 1e-9
         touches = moved and self._obstruction(current.plan, since_s) is not None
-        quicker = paced and way.slowed and (new[1] or self._moved(current, way.people))
+        quicker = paced and way.slowed and (new[1] or self.slowing.moved(current, way.people))
         if not (too_fast or touches or brakes or quicker):
             return None
         self._tried_ns = now_ns

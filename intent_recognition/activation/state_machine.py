@@ -190,7 +190,7 @@ class Activation:
 
     def take_people(self, people: tuple[PredictedPerson, ...]) -> None:
         """Take where people are predicted to be, as far as that is known."""
-        self.motions.people = people
+        self.motions.slowing.people = people
 
     def take_person(self, person: PredictedPerson | None) -> None:
         """Take where the only person is predicted to be; None if that is unknown."""

@@ -85,7 +85,7 @@ def way_of(plan: JointPlan, since_s: float = 0.0, until_s: float = np.inf) -> Jo
     positions = np.vstack([start.position, plan.positions[ahead]])
     slopes = np.stack([start.velocity, plan.velocities[ahead][-1]]) * duration_s
     spline = _spline((times_s - since_s) / duration_s, positions, slopes)
-    return JointPath(spline, spline.derivative(), duration_s, ())
+    return JointPath(spline, spline.derivative(), duration_s, plan.clamped)
 
 
 def check_range(positions: Floats, limits: JointLimits) -> None:
