@@ -11,14 +11,16 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.activation import Activation, Command, Mode, PredictedInteraction
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.activation_parameters import ActivationParameters
 from intent_recognition.nodes.command_action import CommandAction
 from intent_recognition.nodes.conversions import TrajectoryBuilder
 from intent_recognition.nodes.diagnostics import Diagnostics, Level, key_values
 from intent_recognition.nodes.people import named_people
+from intent_recognition.promp import Risk
 
 _UNNAMED, _LOOKS = "_NODE_NAME_UNKNOWN_", 20
-"""Node of a publisher that is not discovered yet, and looks after which it is one without a name:
-2 s, several times what the discovery of a node takes."""
+"""Name that ROS gives to a node which is not discovered yet, and number of looks after which such a
+publisher counts as another node: 2 s, several times what the discovery of a node takes."""
 
 
 class ActivationOutput:
@@ -33,7 +35,7 @@ class ActivationOutput:
     ) -> None:
         self._logger, self._diagnostics, self._action = node.get_logger(), diagnostics, action
         self._node, self.shared = node, ""
-        self._unnamed: dict[tuple[int, ...], int] = {}
+        self._n_looks: dict[tuple[int, ...], int] = {}  # at publishers without a name
         self._command_topic = "joint_trajectory" if action is None else action.topic
         self._commands = action or node.create_publisher(
             JointTrajectory, "joint_trajectory", qos.COMMAND
@@ -54,6 +56,26 @@ class ActivationOutput:
         """Set the joints that commands are for."""
         self._builder = TrajectoryBuilder(names)
 
+    def model(self, settings: ActivationParameters) -> None:
+        """Report the risk of wrong actions, and tasks that the arm will never act on."""
+        risk = settings.risk
+        self.risk(risk)
+        if risk is not None:
+            few = risk.n_groups < risk.n_needed
+            (self._logger.warning if few else self._logger.info)(str(risk))
+        for task, std in settings.never_certain().items():
+            self._diagnostics.value(f"never certain enough: {task} [rad]", f"{std:.2f}")
+            self._logger.warning(
+                f"{task} will not be acted on: its predicted end is never surer than {std:.2f} rad"
+                " (standard deviation), and max_end_std asks for less. Teach it more"
+                " consistently, or raise max_end_std where that is safe."
+            )
+
+    def risk(self, risk: Risk | None) -> None:
+        """Report the bound on the share of wrong actions."""
+        bound = "not known" if risk is None else f"{risk.bound:.3f}"
+        self._diagnostics.value("wrong actions at most", bound)
+
     def command(self, command: Command | None) -> None:
         """Send a command, if there is one."""
         if command is None or self._builder is None:
@@ -71,10 +93,12 @@ class ActivationOutput:
         topic = self._node.resolve_topic_name(self._command_topic)
         there = self._node.get_publishers_info_by_topic(topic)
         unnamed = [tuple(info.endpoint_gid) for info in there if info.node_name == _UNNAMED]
-        self._unnamed = {gid: self._unnamed.get(gid, 0) + 1 for gid in unnamed}
-        new = {gid for gid, n_looks in self._unnamed.items() if n_looks < _LOOKS}
-        known = [info for info in there if tuple(info.endpoint_gid) not in new]
-        names = [(info.node_name, info.node_namespace) for info in known]
+        self._n_looks = {gid: self._n_looks.get(gid, 0) + 1 for gid in unnamed}
+        names = [
+            (info.node_name, info.node_namespace)
+            for info in there
+            if self._n_looks.get(tuple(info.endpoint_gid), _LOOKS) >= _LOOKS
+        ]
         space = self._node.get_namespace()
         if (own := (self._node.get_name(), space)) in names:
             names.remove(own)

@@ -58,7 +58,7 @@ TASKS, PREDICTION = "intent/tasks", "intent/robot_trajectory"
 OF_ARM = "joint_states of the arm"
 """Stream of the messages on `joint_states` that are used: of the arm, not of a gripper alone."""
 PLAYERS = "bag_player", "rosbag2_player"
-"""Nodes that play recordings: an arm whose joint states they send obeys nobody."""
+"""Nodes that play recordings: the arm in a recording does not follow commands."""
 SENDERS = {TASKS: "estimator or tracker", OF_ARM: "arm driver"}
 """Streams that never pause in normal operation, and who has failed if one does."""
 
@@ -130,18 +130,7 @@ class PrimitiveActivation(ManagedNode):
         self._starts_near = np.empty(0)
         if names:
             self._apply_settings(names)
-        risk = self._settings.risk
-        if risk is not None:
-            few = risk.n_groups < risk.n_needed
-            (self.get_logger().warning if few else self.get_logger().info)(str(risk))
-        self._report_risk()
-        for task, std in self._settings.never_certain().items():
-            self.diagnostics.value(f"never certain enough: {task} [rad]", f"{std:.2f}")
-            self.get_logger().warning(
-                f"{task} will not be acted on: its predicted end is never surer than {std:.2f} rad"
-                " (standard deviation), and max_end_std asks for less. Teach it more"
-                " consistently, or raise max_end_std where that is safe."
-            )
+        self._output.model(self._settings)
 
     def activate(self) -> None:
         """Begin to act; only the command in force is kept from before."""
@@ -372,14 +361,9 @@ class PrimitiveActivation(ManagedNode):
 
     def _change(self, changes: Changes) -> None:
         self._settings = self._changed(changes)
-        self._report_risk()
+        self._output.risk(self._settings.risk)
         if self.activation is not None:
             self._apply_settings(self.joint_names)
-
-    def _report_risk(self) -> None:
-        risk = self._settings.risk
-        bound = "not known" if risk is None else f"{risk.bound:.3f}"
-        self.diagnostics.value("wrong actions at most", bound)
 
     def _apply_settings(self, names: tuple[str, ...]) -> None:
         """Set the joints; if they are the same as before, the command in force is kept."""

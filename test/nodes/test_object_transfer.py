@@ -2,6 +2,7 @@
 """The node object_transfer on its topics: joint states in, grip and state out."""
 
 from functools import partial
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from intent_recognition.demonstrations import arm_in_world
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.activation_inputs import TransferInput
 from intent_recognition.nodes.conversions import stamp_ns, to_stamp
 from intent_recognition.nodes.object_transfer import NAMES, ObjectTransfer
 from intent_recognition.transfer import Holding
@@ -213,3 +215,16 @@ def test_what_weighs_on_fingers_that_stand_fully_open_is_not_between_them(harnes
     message.effort = [*torque, 0.0, 0.0]
     node._on_joints(message)
     assert node._machine.holding is holding
+
+
+@pytest.mark.parametrize("ahead_ms", [0, 15, 900])
+def test_an_exchange_is_known_where_the_clock_of_its_stamps_leads(ahead_ms):
+    heard, until_ns = TransferInput(Mock()), []
+    for k in range(200):
+        now_ns, message = 10_000_000_000 + k * 5_000_000, JointState()
+        message.header.stamp = to_stamp(now_ns + ahead_ms * 1_000_000)
+        message.header.frame_id = "offering" if k < 100 else "carrying"
+        heard._take(message)
+        until_ns.append(heard.exchanging_until_ns(now_ns))
+    assert until_ns[99] > 10_000_000_000 + 99 * 5_000_000
+    assert until_ns[-1] == 0

@@ -6,7 +6,6 @@ import time
 from collections import Counter
 from itertools import pairwise
 from types import SimpleNamespace
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -22,7 +21,6 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.errors import IntentError
 from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.activation_inputs import TransferInput
 from intent_recognition.nodes.conversions import (
     stamp_ns,
     to_joint_state,
@@ -234,19 +232,6 @@ def test_a_prediction_that_is_rejected_does_not_fix_the_joints(harness):
     graph.begin()
     graph.send_prediction()
     assert graph.node.joint_names == JOINT_NAMES
-
-
-@pytest.mark.parametrize("ahead_ms", [0, 15, 900])
-def test_an_exchange_is_known_where_the_clock_of_its_stamps_leads(ahead_ms):
-    heard, until_ns = TransferInput(Mock()), []
-    for k in range(200):
-        now_ns, message = 10_000_000_000 + k * 5_000_000, JointState()
-        message.header.stamp = to_stamp(now_ns + ahead_ms * 1_000_000)
-        message.header.frame_id = "offering" if k < 100 else "carrying"
-        heard._take(message)
-        until_ns.append(heard.exchanging_until_ns(now_ns))
-    assert until_ns[99] > 10_000_000_000 + 99 * 5_000_000
-    assert until_ns[-1] == 0
 
 
 @pytest.mark.parametrize("name", ["lower", "upper", "velocity"])
