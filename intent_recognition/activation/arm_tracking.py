@@ -49,8 +49,8 @@ class ArmTracking:
         current: the newest command, which takes over at its start; None before the first.
         late_ns: estimated delay of commands beyond their start [ns]; decays from motion to motion.
         clock: relates the stamps of joint states to this node's clock.
-        obeys: whether joint states are those of an arm that obeys, and of no recording. In one that
-            happens to follow the commands, they would seem late or lost.
+        obeys: whether joint states come from an arm rather than a recording. A recording that
+            happens to move as commanded would make commands seem late or lost.
     """
 
     def __init__(self, common: Common):

@@ -78,7 +78,7 @@ SLIVER_S = 0.002
 
 
 def way_of(plan: JointPlan, since_s: float = 0.0, until_s: float = np.inf) -> JointPath:
-    """The way of a plan from a time until a later sample, over the share of the time between."""
+    """The path of a plan from a time to its last sample before `until_s`, evenly in time."""
     ahead = (plan.times_s > since_s + SLIVER_S) & (plan.times_s < until_s)
     start, times_s = plan.at(since_s), np.append(since_s, plan.times_s[ahead])
     duration_s = float(times_s[-1] - since_s)

@@ -138,7 +138,7 @@ class JointPlan:
     def with_phases_of(self, plan: "JointPlan", since_s: float, duration_s: float) -> "JointPlan":
         """This motion along a part of another plan, with the phases of that plan.
 
-        So far, its phases are the shares of `duration_s` after `since_s` of that plan.
+        Its present phases are shares of that part, from `since_s` on for `duration_s`.
         """
         done, rate = plan.progress(since_s + self.phase * duration_s)
         return replace(self, phase=done, phase_rate=rate * self.phase_rate * duration_s)

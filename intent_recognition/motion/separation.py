@@ -191,7 +191,7 @@ def _worst_ratio(edges: Floats, ratios: _Ratios) -> float:
 def _motion(arm: Arm, plan: JointPlan, begin: Floats, end: Floats) -> tuple[Floats, ...]:
     """Points of an arm (S, k, 3) and their speeds (S, k) in the middle of intervals (S,) [s].
 
-    Also the most that any point's speed is within them (S,), and that it changes to their ends.
+    Also bounds (S,) on the speed of any point within them, and on its change up to their ends.
     """
     middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
     q, v, a = plan.sampled(middle)
@@ -240,7 +240,7 @@ class SlowPlaces:
     def excess(self, plan: JointPlan) -> float:
         """A bound on the ratio of the tip's speed to the speed of its place, over a plan.
 
-        It holds at any instant of the plan's cubics, as that of `Separation.excess`.
+        It holds at any instant of the plan's cubics, like that of `Separation.excess`.
         """
         return _worst_ratio(plan.times_s, partial(self._ratios, plan))
 

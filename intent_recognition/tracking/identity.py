@@ -30,11 +30,11 @@ NOBODY = ""
 NEW = -math.log(1e-3)
 """Negative log-likelihood of a new person in a frame, for about ten new people per minute."""
 RETURNING, RETURN_S = -math.log(0.02), 2.0
-"""The same while somebody was lost or became `NOBODY` in the last 2 s: whom a tracker hides is seen
-again after about a second (docs/several_people.md)."""
+"""Negative log-likelihood of a new person if somebody was lost or became `NOBODY` in the last 2 s:
+hidden people are seen again after about a second (docs/several_people.md)."""
 UNSEEN_S, UNSEEN, MISSED = 0.1, -math.log(0.9), -math.log(0.05)
-"""Negative log-likelihood that a person is not seen in a frame: after 0.1 s without observations,
-and before. Whom a tracker hides stays hidden for a while."""
+"""Negative log-likelihoods that a frame misses a person who was last seen more than 0.1 s ago
+(`UNSEEN`) or since (`MISSED`): a hidden person stays hidden for a while."""
 ACCELERATION_STD_M_S2 = 2.0
 """Standard deviation of a tracked point's acceleration between observations [m/s^2]. Moving hands
 in the shipped toolbox demonstrations imply 0.65 over gaps of 0.1 s and 0.3 over 0.3 s. With 1.5,
@@ -64,7 +64,7 @@ class Identities(NamedTuple):
 
     Labels of indistinguishable people have no person until `unknown_until_ns`. So far, `n_undone`
     frames undid an exchange of the tracker, and in `n_unknown` people were indistinguishable.
-    Until `returning_until_ns`, a new body may be somebody who was lost or indistinguishable.
+    Until `returning_until_ns`, a new body may be a person who was lost or indistinguishable.
     """
 
     tracks: tuple[Track, ...] = ()
