@@ -68,11 +68,49 @@ class Slowing:
         """A plan along a path, and whether people slow it; None if no plan keeps the speeds.
 
         `own` is a plan whose way is the path; by default the path is followed at its own timing.
+        Slowing changes where the arm is at each time, hence its distance from people: each round
+        lowers the ceiling of the rate by the distances along the plan before. At last, from
+        rest, the plan's own way is slowed, since the decay of an offset may be too fast itself.
         """
         again = self._planner(path, timing, start, progress)
-        free = again(None, 1.0) if own is None else self._slow_at_places(own, start)
-        plan = self._slow_near_people(free, path, start_ns, start, again)
-        return plan, plan is not free
+        plan = again(None, 1.0) if own is None else self._slow_at_places(own, start)
+        separation, people, ceiling = self._separation, self.people, None
+        if plan is None or separation is None:
+            return plan, False
+
+        def ceiling_of(path: JointPath, plan: JointPlan) -> Floats:
+            times_ns = phase_times_ns(plan, start_ns)
+            there, _, _ = plan.sampled((times_ns - start_ns) * 1e-9)
+            ceilings = [separation.rate_ceiling(path, times_ns, who, there) for who in people]
+            return np.asarray(_HEADROOM * np.min(ceilings, axis=0))
+
+        slow: JointPlan | None = plan
+        for stretch in (*_STRETCHES, None):
+            if slow is None:
+                break
+            if separation.worst_excess(slow, start_ns, people) <= 1.0:
+                self._counts["slowed by person"] += ceiling is not None
+                return slow, ceiling is not None
+            plan = slow
+            if stretch is not None:
+                newer = ceiling_of(path, plan)
+                ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
+                slow = again(ceiling, stretch)
+        if start.velocity.any():
+            return None, True
+        uniform = replace(plan, phase=plan.times_s / plan.duration_s)
+        places = self._common.settings.slow_places
+        slow = self._slow_on_its_way(
+            plan,
+            start,
+            lambda way: ceiling_of(way, uniform),
+            lambda plan: max(
+                separation.worst_excess(plan, start_ns, people),
+                0.0 if places is None else places.excess(plan),
+            ),
+        )
+        self._counts["slowed by person"] += slow is not None
+        return slow, True
 
     def too_fast(self, plan: JointPlan, start_ns: int, since_ns: int) -> bool:
         """Whether a plan exceeds the speeds that are permitted near people after a time."""
@@ -164,55 +202,3 @@ class Slowing:
         if separation is None or least_s <= separation.settings.reaction_s:
             return separation
         return Separation(separation.arm, replace(separation.settings, reaction_s=least_s))
-
-    def _slow_near_people(
-        self,
-        plan: JointPlan | None,
-        path: JointPath,
-        start_ns: int,
-        start: JointReference,
-        again: _Planner,
-    ) -> JointPlan | None:
-        """A plan along a path that keeps the speeds permitted near people; None if there is none.
-
-        Slowing changes where the arm is at each time, hence its distance from people: each round
-        lowers the ceiling of the rate by the distances along the plan before. At last, from
-        rest, the plan's own way is slowed, since the decay of an offset may be too fast itself.
-        """
-        separation, people, ceiling = self._separation, self.people, None
-        if plan is None or separation is None:
-            return plan
-
-        def ceiling_of(path: JointPath, plan: JointPlan) -> Floats:
-            times_ns = phase_times_ns(plan, start_ns)
-            there, _, _ = plan.sampled((times_ns - start_ns) * 1e-9)
-            ceilings = [separation.rate_ceiling(path, times_ns, who, there) for who in people]
-            return np.asarray(_HEADROOM * np.min(ceilings, axis=0))
-
-        slow: JointPlan | None = plan
-        for stretch in (*_STRETCHES, None):
-            if slow is None:
-                break
-            if separation.worst_excess(slow, start_ns, people) <= 1.0:
-                self._counts["slowed by person"] += ceiling is not None
-                return slow
-            plan = slow
-            if stretch is not None:
-                newer = ceiling_of(path, plan)
-                ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
-                slow = again(ceiling, stretch)
-        if start.velocity.any():
-            return None
-        uniform = replace(plan, phase=plan.times_s / plan.duration_s)
-        places = self._common.settings.slow_places
-        slow = self._slow_on_its_way(
-            plan,
-            start,
-            lambda way: ceiling_of(way, uniform),
-            lambda plan: max(
-                separation.worst_excess(plan, start_ns, people),
-                0.0 if places is None else places.excess(plan),
-            ),
-        )
-        self._counts["slowed by person"] += slow is not None
-        return slow
