@@ -12,7 +12,7 @@ import pytest
 from activation_world import HOME, START_NS, World
 from clearance_world import ARM
 
-from intent_recognition.activation import motions
+from intent_recognition.activation import slowing
 from intent_recognition.motion import Separation, SeparationSettings, plan_interaction
 from intent_recognition.motion.separation import PredictedPerson, permitted_speed
 
@@ -159,7 +159,7 @@ def test_an_arm_that_has_braked_does_not_plan_at_each_step(monkeypatch):
     """Seven plans, each slower than the last, do not get past who stands there."""
     plans = []
     monkeypatch.setattr(
-        motions, "plan_interaction", lambda *way: plans.append(way) or plan_interaction(*way)
+        slowing, "plan_interaction", lambda *way: plans.append(way) or plan_interaction(*way)
     )
     world, _ = session("late", 1, 500)
     assert world.activation.counts["braked for person"] == 1
