@@ -131,7 +131,7 @@ def _find(
             there = ", ".join(path.name for path in group.values())
             yield Rejection(there, "", 0, f"missing file: {wanted} of the same recording")
         else:
-            yield _Recording("_".join(key) or source.name, group, named)
+            yield _Recording("_".join(key) or source.resolve().name, group, named)
 
 
 def _expression(pattern: str) -> re.Pattern[str]:

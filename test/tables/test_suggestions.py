@@ -3,6 +3,7 @@
 
 import re
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -456,6 +457,17 @@ def test_the_robots_files_may_have_the_columns_of_the_persons(name, robots, tmp_
     assert [one["file"].removeprefix("give_") for one in (observed, *controlled)] == [
         "human", *robots
     ]  # fmt: skip
+
+
+def test_a_lone_recording_is_named_after_its_folder(tmp_path, monkeypatch):
+    folder = tmp_path / "take"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    for who in ("human", "robot"):
+        (folder / f"{who}.csv").write_text(plain())
+    mapping = ImportMap.from_dict(yaml.safe_load(suggest_map(Path())))
+    (found,) = import_demonstrations(Path(), mapping)
+    assert found.name == "take"
 
 
 @pytest.mark.parametrize("count", [1, 4])
