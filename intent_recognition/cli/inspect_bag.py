@@ -88,7 +88,7 @@ def print_folder(
         )
     console.print(table)
     counts = ", ".join(f"{task} {count}" for task, count in sorted(tasks.items()))
-    console.print(f"{len(found)} bag{'s' * (len(found) > 1)}: {counts}")
+    console.print(f"{len(found)} bag{'s' * (len(found) != 1)}: {counts}")
     if any(isinstance(got, BagSummary) and got.damage for _, got in found):
         console.print(RECOVER, style="red")
 

@@ -97,8 +97,8 @@ def joints_entry(table: Table, joints: Sequence[SeenColumn]) -> list[str]:
 
 
 def _columns(names: Sequence[str], unit: str, note: str) -> list[str]:
-    line = f"    columns: {flow(list(names))}"
-    return [line, f"    columns_unit: {unit}  # {note}"][: 1 + bool(unit)]
+    lines = [f"    columns: {flow(list(names))}", f"    columns_unit: {unit}  # {note}"]
+    return lines if unit else lines[:1]
 
 
 def distinct(entries: Sequence[list[str]]) -> list[list[str]]:
@@ -205,7 +205,7 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
         "# Delete what is not needed, move what the robot does to `controlled`. Bags that are",
         "# labelled, or shall have no label, need no import: intent train takes them.",
         *([] if reader.custom_data.get("task") else [named]),
-        *(["# Note: no places were found, only joints. The first are observed."][bool(poses) :]),
+        *([] if poses else ["# Note: no places were found, only joints. The first are observed."]),
         "observed:",
         *entries[0],
         *(["controlled:"] if entries[1:] else []),
