@@ -19,7 +19,7 @@ from intent_recognition.demonstrations.paths import (
     element_headers,
     element_names,
 )
-from intent_recognition.errors import BagError, MessageError
+from intent_recognition.errors import BagError, MessageError, first_of
 from intent_recognition.signals import Rejection
 
 
@@ -72,13 +72,12 @@ def collect(
         about = [replace(m, stamp_ns=ns) for m, ns in both if ns is not None]
         if recorded and not about and damage is None:
             has = {name for m in recorded for name in element_names(m.message, entry.fields)} - {""}
-            reason = (
-                f"no {', '.join(entry.fields)}: the topic has {', '.join(sorted(has)) or 'none'}"
-            )
+            there = ", ".join(sorted(has)) or "none that was seen"
+            reason = f"no {', '.join(entry.fields)}: the topic has {there}"
             damage = Rejection(str(reader.path), f"/{entry.topic}", 0, reason)
         bodies = {body_of(m.message) for m in about if not entry.joints} - {""}
-        if len(bodies) > 1:
-            reason = f"several bodies on one topic: {', '.join(sorted(bodies))}"
+        if 1 < len(bodies) < len(about):  # a name of its own in each only counts messages
+            reason = f"several bodies on one topic: {first_of(sorted(bodies))}"
             cure = "Publish each on a topic of its own, or read them from tf."
             damage = damage or Rejection(str(reader.path), f"/{entry.topic}", 0, reason, cure)
             about = []

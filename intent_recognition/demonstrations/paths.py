@@ -98,7 +98,7 @@ def element_headers(message: Any, fields: Sequence[str]) -> list[Any]:
 
 def element_names(message: Any, fields: Sequence[str]) -> Iterator[str]:
     """Names of all elements of the arrays that contain some fields."""
-    for parts in dict.fromkeys(map(element_of, fields)):
+    for parts in filter(None, dict.fromkeys(map(element_of, fields))):
         last = parts[-1]
         key = last.key if isinstance(last, ElementName) else ""
         yield from (_name(element, key) for element in follow(message, parts[:-1]))
@@ -124,7 +124,9 @@ def _name(element: Any, key: str) -> str:
 
 
 def body_of(message: Any) -> str:
-    """Name of the body that a message is of; "" if it has none."""
+    """Name of the body that a message is of; "" if it has none, or a list of names."""
+    if not isinstance(getattr(message, "name", ""), str):
+        return ""
     try:
         return _name(message, "")
     except AttributeError:
@@ -133,6 +135,7 @@ def body_of(message: Any) -> str:
 
 def is_deleted(element: Any) -> bool:
     """Whether an element is a marker that deletes markers, or says that it was not seen."""
-    if getattr(element, "occluded", False) or not getattr(element, "valid", True):
-        return True
+    occluded, valid = getattr(element, "occluded", False), getattr(element, "valid", True)
+    if (isinstance(occluded, int) and occluded) or (isinstance(valid, int) and not valid):
+        return True  # flags, not one for each of several parts
     return getattr(element, "action", 0) in (2, 3) and hasattr(element, "ns")

@@ -23,6 +23,7 @@ from intent_recognition.bags.definitions import make_message
 from intent_recognition.demonstrations import extract, load_dofs, read_demonstrations
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.demonstrations.fields import extract_present, position_columns, stamp_of
+from intent_recognition.demonstrations.paths import body_of
 from intent_recognition.errors import DofError, MessageError
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.model import Model
@@ -199,7 +200,7 @@ def test_frames_of_others_are_not_counted_and_names_of_frames_are_told(tmp_path)
     assert "the topic has camera, wrist" in str(rejection)
 
 
-@pytest.mark.parametrize("hidden", [{"occluded": True}, {"valid": False}])
+@pytest.mark.parametrize("hidden", [{"occluded": True}, {"valid": False}, {"valid": 0}])
 def test_a_body_that_is_marked_as_hidden_is_not_measured(hidden):
     """Drivers send the last place of a body, or zeros, while they do not see it."""
     entry = DofEntry("w", "lab_msgs/msg/Body", fields=("x",), unit="m")
@@ -211,6 +212,31 @@ def test_a_body_that_is_marked_as_hidden_is_not_measured(hidden):
     assert extract(within, SimpleNamespace(bodies=bodies)).tolist() == [1.0]
     with pytest.raises(MessageError):
         extract(within, SimpleNamespace(bodies=bodies[:1]))
+    for parts in ([], np.array([False, True])):  # marks of a body's parts
+        assert stamp_of(entry, SimpleNamespace(x=1.0, valid=parts, occluded=parts), 9) == 9
+
+
+@pytest.mark.parametrize(
+    ("marker", "said"),
+    [
+        (lambda i: {"action": 2}, "no pose.position.x: the topic has none that was seen"),
+        (lambda i: {"ns": "trail", "id": i}, ""),
+    ],
+)
+def test_markers_that_are_all_deleted_or_only_numbered(marker, said, tmp_path):
+    kind = "visualization_msgs/msg/Marker"
+    with BagWriter(tmp_path / "bag", {"task": "give"}) as writer:
+        for i in range(60):
+            at_ns, place = START_NS + i * STEP_NS, {"position": {"x": i / 100}}
+            sent = {"header": {"stamp": at_ns}, "pose": place, **marker(i)}
+            writer.write_message("m", kind, sent, at_ns)
+    entry = DofEntry("m", kind, fields=("pose.position.x",), unit="m")
+    usable, rejected = read_demonstrations(tmp_path / "bag", DofSpec((entry,), ()))
+    assert len(usable) == (not said) and all(said in str(one) for one in rejected)
+
+
+def test_a_list_of_names_names_no_body():
+    assert body_of(SimpleNamespace(name=["arm", "cup"])) == ""
 
 
 @pytest.mark.parametrize("first", ["head", ""])
