@@ -2,7 +2,7 @@
 """Convert cells of a table to numbers and texts, and values between units."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,10 @@ MAYBE_THOUSANDS = re.compile(r"[+\-\u2212]?[1-9]\d{0,2}([.,])\d{3}(?:\1\d{3})*")
 """A number with marks that may be thousands separators or a decimal mark."""
 MARK = re.compile(r"[.,](?=\d)")
 """A thousands separator or decimal mark."""
+VECTOR = re.compile(r"[\[(]([^\[\]()]+)[\])]")
+"""Several numbers in one cell, as Unity, numpy and pandas print them: `(0.1, 0.2)`, `[0.1 0.2]`."""
+NUMPY = re.compile(r"np\.float\d+\(([^()]*)\)")
+"""A number in a list as numpy 2 prints it: `[np.float64(0.1), np.float64(0.2)]`."""
 
 
 def cell_at(text: str, row: int) -> str:
@@ -110,6 +114,33 @@ def is_number(text: str) -> bool:
         return text.lower() in MISSING or float(with_point(text)) is not None
     except ValueError:
         return False
+
+
+def _elements(cell: str) -> list[str]:
+    """The numbers of a `VECTOR` in a cell; empty for any other cell."""
+    vector = VECTOR.fullmatch(NUMPY.sub(r"\1", cell.strip()))
+    parts = re.split(r"[,;\s]+", vector[1].strip()) if vector else []
+    return parts if all(map(is_number, parts)) else []
+
+
+def vector_sizes(rows: Sequence[Sequence[str]]) -> dict[int, int]:
+    """Number of elements in each cell, for the columns whose cells hold vectors."""
+    found: dict[int, set[int]] = {}
+    for row in rows:
+        for column, cell in enumerate(row):
+            if cell.strip():
+                found.setdefault(column, set()).add(len(_elements(cell)))
+    return {c: max(sizes) for c, sizes in found.items() if len(sizes) == 1 and max(sizes) > 1}
+
+
+def spread(row: Sequence[str], sizes: Mapping[int, int]) -> list[str]:
+    """Split the vectors of a row into cells; a cell without vector is followed by blank cells."""
+    cells: list[str] = []
+    for column, cell in enumerate(row):
+        size = sizes.get(column, 0)
+        found = _elements(cell) if size else []
+        cells += found if size and len(found) == size else [cell, *[""] * (size - 1)]
+    return cells
 
 
 def text_of(value: object) -> str:

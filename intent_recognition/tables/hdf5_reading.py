@@ -80,7 +80,9 @@ def read(path: str) -> dict[str, NDArray[Any]]:
             arrays = samples_first(on_end(_arrays(file)))
             ends = arrays.get(ENDS)
             if ends is not None and ends.ndim == 1:  # of a replay buffer: rows of all on end
-                arrays = _numbered(arrays, np.diff(ends, prepend=0))
+                sizes = np.diff(ends, prepend=0)
+                rows = {key: array for key, array in arrays.items() if len(array) == sizes.sum()}
+                arrays = {"demonstration": np.repeat(np.arange(len(sizes)), sizes), **rows}
             return {**arrays, "#rate": np.array(rate), "#units": _units(file, ())}
         groups = [samples_first(_arrays(top[name])) for name in names]
         with suppress(KeyError, ValueError, TypeError):  # others note something else there
@@ -91,11 +93,7 @@ def read(path: str) -> dict[str, NDArray[Any]]:
             said = [{k: v for k, v in top[n].attrs.items() if isinstance(v, str)} for n in names]
     shared = [key for key in groups[0] if all(key in group for group in groups)]
     lengths = [max((len(group[key]) for key in shared), default=0) for group in groups]
-    whole = [
-        key
-        for key in shared
-        if all(len(group[key]) == n for group, n in zip(groups, lengths, strict=True))
-    ]
+    whole = [key for key in shared if [len(group[key]) for group in groups] == lengths]
     left_out = sorted({key for group in groups for key in group} - set(whole))
     labels = {"demonstration": [name.replace("/", "_") for name in names]}
     labels |= {key: [one.get(key, "") for one in said] for key in said[0] if key not in labels}
@@ -152,9 +150,8 @@ def _as_before(h5py: Any, file: Any, item: Any) -> Any:
     array = item[()].T
     if h5py.check_ref_dtype(item.dtype) is not None:
         return _objects([_as_before(h5py, file, file[one]) for one in array.ravel(order="F")])
-    return (
-        "".join(map(chr, array.ravel())) if item.attrs.get(MATLAB) == b"char" else array.squeeze()
-    )
+    is_text = item.attrs.get(MATLAB) == b"char"
+    return "".join(map(chr, array.ravel())) if is_text else array.squeeze()
 
 
 def _objects(values: list[Any]) -> NDArray[Any]:
@@ -192,13 +189,11 @@ def on_end(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     with numbered names, such as `demo_0`, `demo_1` or `t_0`, `q_0`, `t_1`, ..., are joined, too.
     """
     arrays = _by_numbers(arrays)
-    lengths = {
-        len(array) for array in arrays.values() if array.ndim == 1 and array.dtype.kind == "f"
-    }
-    shapes = {array.shape[:2] for array in arrays.values() if array.ndim == 3}
+    lengths = {len(a) for a in arrays.values() if a.ndim == 1 and a.dtype.kind == "f"}
+    cubes = [array for array in arrays.values() if array.ndim == 3]
+    shapes = {cube.shape[:2] for cube in cubes}
     (count, size), *others = shapes or {(0, 0)}
     are_few = count <= MOST_DOFS < size or (size in lengths and count not in lengths)
-    cubes = [array for array in arrays.values() if array.ndim == 3]
     if not are_few and not lengths & {count, size}:
         are_few = bool(cubes) and all(map(goes_on_along_rows, cubes))
     if others or not count or not are_few:
@@ -256,9 +251,7 @@ def samples_first(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     if not lengths:
         shared = [width for width in widths if widths.count(width) > 1]
         lengths = {max(shared, key=shared.count)} if shared else set()
-        lengths = lengths or {
-            arrays[key].shape[1] for key in wide if goes_on_along_rows(arrays[key])
-        }
+        lengths = lengths or {arrays[k].shape[1] for k in wide if goes_on_along_rows(arrays[k])}
     turned = {key: np.squeeze(arrays[key].T) for key in wide if arrays[key].shape[1] in lengths}
     return arrays | turned
 
@@ -334,12 +327,6 @@ def _demonstrations(h5py: Any, top: Any, are_below: bool = False) -> list[str]:
     return sorted(groups if alone else demos, key=lambda name: (len(name), name))
 
 
-def _numbered(arrays: dict[str, NDArray[Any]], lengths: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """Arrays of a replay buffer with a row for each sample, and the demonstration of each row."""
-    rows = {key: array for key, array in arrays.items() if len(array) == lengths.sum()}
-    return {"demonstration": np.repeat(np.arange(len(lengths)), lengths), **rows}
-
-
 def _units(top: Any, names: Collection[str]) -> NDArray[Any]:
     """Pairs (n, 2) of an array or array element and its units, stated by it or its groups."""
     found: dict[str, set[str]] = {}
@@ -380,13 +367,9 @@ def _measured(item: Any) -> NDArray[Any]:
     """The numbers of an array; NaN for the missing value that its attributes state (CF 2.5.1)."""
     array = np.asarray(item[()])
     said = [np.ravel(v) for k, v in item.attrs.items() if k.lower() in FILLS]
-    said = [values for values in said if values.dtype.kind in "fiu"]
-    if (
-        array.dtype.kind == "b"
-        or not (is_none := np.isin(array, np.concatenate([[], *said]))).any()
-    ):
-        return array
-    return np.where(is_none, np.nan, array)
+    missing = np.concatenate([[], *(values for values in said if values.dtype.kind in "fiu")])
+    is_none = np.isin(array, missing) & (array.dtype.kind != "b")
+    return np.where(is_none, np.nan, array) if is_none.any() else array
 
 
 def _arrays(group: Any) -> dict[str, NDArray[Any]]:

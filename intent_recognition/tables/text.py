@@ -19,7 +19,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.tables.by_body import by_body
-from intent_recognition.tables.cells import Values, is_number, with_point
+from intent_recognition.tables.cells import Values, is_number, spread, vector_sizes, with_point
 from intent_recognition.tables.headers import (
     NUMBER,
     OF_VICON,
@@ -50,10 +50,6 @@ RATE_LINE = re.compile(
     r"(?: [\[(]?hz[\])]?)? (\d+(?:\.\d+)?)(?: hz)?"
 )
 """A line that states the rate of all rows [Hz]."""
-VECTOR = re.compile(r"[\[(]([^\[\]()]+)[\])]")
-"""Several numbers in one cell, as Unity, numpy and pandas print them: `(0.1, 0.2)`, `[0.1 0.2]`."""
-NUMPY = re.compile(r"np\.float\d+\(([^()]*)\)")
-"""A number in a list as numpy 2 prints it: `[np.float64(0.1), np.float64(0.2)]`."""
 COMMENTS = ("#", "% ")
 """Beginnings of comment lines."""
 NO_PLACES = ("Devices", "Events", "Analog", "Force Plates")
@@ -76,7 +72,7 @@ def open_text(path: Path, skip_rows: int) -> Table:
         skip_rows, before, others = skip_rows or comments, 0, ()
         head = list(islice(_rows(path, skip_rows, encoding), HEAD_ROWS))
         header = _plain_header(path, head)
-        sizes = _sizes(head[header.skip :])
+        sizes = vector_sizes(head[header.skip :])
         header = _with_elements(header, sizes)
     start = before + header.skip
     unit, defaults = _said_above(path, skip_rows + start, encoding)
@@ -86,12 +82,12 @@ def open_text(path: Path, skip_rows: int) -> Table:
 
     def rows(last: int) -> Iterator[tuple[int, list[str]]]:
         of_table = islice(_rows(path, skip_rows, encoding), start, None)
-        spread: Iterable[list[str]] = of_table
+        cells: Iterable[list[str]] = of_table
         if sizes:
-            spread = (_spread(row, sizes) for row in of_table)
+            cells = (spread(row, sizes) for row in of_table)
         elif header.commas:
-            spread = (",".join(row).split(",") for row in of_table)
-        return _below(header, spread, last, path)
+            cells = (",".join(row).split(",") for row in of_table)
+        return _below(header, cells, last, path)
 
     def read(wanted: Sequence[int]) -> list[Values]:
         cells: list[list[str]] = [[] for _ in wanted]
@@ -298,23 +294,6 @@ def _with_parts(names: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[st
     return tuple(found)
 
 
-def _elements(cell: str) -> list[str]:
-    """The numbers of a `VECTOR` in a cell; empty for any other cell."""
-    vector = VECTOR.fullmatch(NUMPY.sub(r"\1", cell.strip()))
-    parts = re.split(r"[,;\s]+", vector[1].strip()) if vector else []
-    return parts if all(map(is_number, parts)) else []
-
-
-def _sizes(rows: Sequence[Sequence[str]]) -> dict[int, int]:
-    """Number of elements in each cell, for the columns whose cells hold vectors."""
-    found: dict[int, set[int]] = {}
-    for row in rows:
-        for column, cell in enumerate(row):
-            if cell.strip():
-                found.setdefault(column, set()).add(len(_elements(cell)))
-    return {c: max(sizes) for c, sizes in found.items() if len(sizes) == 1 and max(sizes) > 1}
-
-
 def _with_elements(header: Header, sizes: Mapping[int, int]) -> Header:
     """A header with a column for each element of vectors: `position.0`, `position.1`, ..."""
     columns = [(c, k) for c in range(len(header.names)) for k in range(sizes.get(c, 1))]
@@ -322,16 +301,6 @@ def _with_elements(header: Header, sizes: Mapping[int, int]) -> Header:
     said = header.about.get("units", {})
     units = {number: said[c] for number, (c, _) in enumerate(columns) if c in said}
     return replace(header, names=tuple(names), about={"units": units})
-
-
-def _spread(row: Sequence[str], sizes: Mapping[int, int]) -> list[str]:
-    """Split the vectors of a row into cells; a cell without vector is followed by blank cells."""
-    cells: list[str] = []
-    for column, cell in enumerate(row):
-        size = sizes.get(column, 0)
-        found = _elements(cell) if size else []
-        cells += found if size and len(found) == size else [cell, *[""] * (size - 1)]
-    return cells
 
 
 def _is_second_line(rows: Sequence[Sequence[str]]) -> bool:
