@@ -12,7 +12,7 @@ import numpy as np
 from intent_recognition.array_types import Integers
 from intent_recognition.errors import first_of
 from intent_recognition.tables.cells import Values
-from intent_recognition.tables.table import Table, check_columns
+from intent_recognition.tables.table import MOST_COLUMNS, Table, check_columns
 
 OF_BODY = re.compile(
     r"(?i)(?:rigid[_ ]?body|body(?:[_ ]?part)?|marker|joint|segment|landmark|key[_ ]?point|sensor"
@@ -33,6 +33,9 @@ MOST_BODIES = 1000
 """Most bodies in a table; landmarks of a face and two hands are about 500."""
 ROWS_A_MOMENT = 1.5
 """Least mean number of rows per time: two bodies, one of which is often hidden."""
+SELDOM = 0.3
+"""Least average share of rows with values in a column for identifying bodies by name or number, not
+by place in a list: a tracker that renumbers bodies keeps each number for seconds only."""
 
 
 def by_body(table: Table) -> Table:
@@ -131,6 +134,23 @@ def _at(values: Values, moment: Integers, rows: np.ndarray, count: int) -> Value
     made = np.full(count, missing, values.dtype)
     made[moment[rows]] = values[rows]
     return made
+
+
+def of_records(frames: Sequence[Any]) -> dict[str, Values]:
+    """Columns, such as `wrist.x`, of the numbers and texts in objects, one object per row."""
+    rows = [dict(flat(frame)) for frame in frames]
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    if sum(map(len, rows)) < SELDOM * len(rows) * len(names):  # changing names identify nobody
+        rows = [dict(flat(frame, by_name=False)) for frame in frames]
+        names = list(dict.fromkeys(name for row in rows for name in row))
+    if not names or len(names) > MOST_COLUMNS:
+        raise ValueError("no landmarks, and no rows of numbers by name")
+    columns: dict[str, Values] = {}
+    for name in names:
+        cells = [row.get(name) for row in rows]
+        are_numbers = all(cell is None or isinstance(cell, int | float) for cell in cells)
+        columns[name] = np.array(cells, np.float64 if are_numbers else object)
+    return columns
 
 
 def flat(content: Any, name: str = "", by_name: bool = True) -> Iterator[tuple[str, Any]]:

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from intent_recognition.array_types import Integers
 from intent_recognition.errors import one_line
 from intent_recognition.signals import MIN_SAMPLES
-from intent_recognition.tables.by_body import by_body, flat
+from intent_recognition.tables.by_body import by_body, of_records
 from intent_recognition.tables.cells import OF_IMAGE, are_of_image, pixels_of, text_of
 from intent_recognition.tables.hdf5_reading import RATES, UNIT
+from intent_recognition.tables.skeletons import of_qualisys
 from intent_recognition.tables.table import MOST_COLUMNS, MOST_TEXT, Table, table_of, unusable
 from intent_recognition.tables.times import TIME_NAME, usual_unit
 from intent_recognition.untrusted import UntrustedError, check_regular
@@ -81,9 +82,6 @@ NUMBERS = _names("image_id frame frame_id frame_number frame_index frame_idx")
 """Keys of the number of a frame, or of an image name that ends with it."""
 SPARSE = 100
 """Largest range of frame numbers per frame; ids of a collection are farther apart."""
-SELDOM = 0.3
-"""Least average share of rows with values in a column for identifying bodies by name or number, not
-by place in a list: a tracker that renumbers bodies keeps each number for seconds only."""
 FEW_FRAMES = 0.1
 """Largest share of frames with several people, due to passers-by or reflections, that may be left
 out."""
@@ -156,7 +154,7 @@ def open_landmarks(path: Path) -> Table:
         found = [(key, content[key]) for key in keys]
         frames = [{"index": k, **v} if isinstance(v, dict) else v for k, v in found]
     elif isinstance(content, dict) and "Timebase" in content:
-        return _read(path, partial(_of_qualisys, path), content)
+        return _read(path, partial(of_qualisys, path), content)
     elif isinstance(content, dict):
         frames = _read(path, _of_pandas, content) or frames
     if isinstance(content, dict) and not isinstance(frames, list):
@@ -179,7 +177,7 @@ def open_landmarks(path: Path) -> Table:
     key = next((k for k in (*WORLD, *IMAGE) if _has(frames, k)), "")
     people = [_read(path, partial(_people, key), frame) for frame in frames]
     if not any(people):
-        return by_body(table_of(path, _read(path, _of_records, frames), **_about(path, content)))
+        return by_body(table_of(path, _read(path, of_records, frames), **_about(path, content)))
     points = [_read(path, _points, one[0]) if one else {} for one in people]
     notes = []
     if key in IMAGE or (not key and _is_of_image(points)):
@@ -198,23 +196,6 @@ def open_landmarks(path: Path) -> Table:
         unit = "ms" if stamp.endswith("_ms") else usual_unit(np.diff(columns["time"])) or "s"
         about["defaults"] = {"time": {"column": "time", "unit": unit}}
     return table_of(path, columns, **about, notes=notes)
-
-
-def _of_qualisys(path: Path, content: Mapping[str, Any]) -> Table:
-    """Markers and bodies of QTM [mm], stored in parts that each begin at a frame."""
-    base = content["Timebase"]
-    first, last = (int(base["Range"][key]) for key in ("Start", "End"))
-    columns: dict[str, NDArray[Any]] = {}
-    for one in (*content.get("Markers", ()), *content.get("RigidBodies", ())):
-        places = np.full((last - first + 1, 3), np.nan)
-        for part in one["Parts"]:
-            rows = [v[0] if isinstance(v[0], list) else v for v in part["Values"]]  # a body's turns
-            if rows:
-                start = int(part["Range"]["Start"]) - first
-                places[start : start + len(rows)] = np.array(rows, np.float64)[:, :3]
-        columns |= {f"{one['Name']}.{axis}": places[:, k] for k, axis in enumerate("xyz")}
-    defaults = {"time": {"rate": float(base["Frequency"])}}
-    return table_of(path, columns, unit="mm", must_say=True, defaults=defaults)
 
 
 def _is_of_image(frames: Sequence[Points]) -> bool:
@@ -290,7 +271,7 @@ def _of_trials(listed: Sequence[Any]) -> dict[str, NDArray[Any]]:
     parts: list[dict[str, NDArray[Any]]] = []
     for number, one in enumerate(listed):
         if isinstance(one, list) and one and all(isinstance(row, dict) for row in one):
-            found = {name: column.tolist() for name, column in _of_records(one).items()}
+            found = {name: column.tolist() for name, column in of_records(one).items()}
         else:
             found = dict(_lists(one)) if isinstance(one, dict) else {}
         clocks = [values for name, values in found.items() if TIME_NAME.search(name)]
@@ -313,23 +294,6 @@ def _lists(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, 
             yield from _lists(value, f"{before}{key}.")
         elif isinstance(value, list) and value:
             yield before + key, value
-
-
-def _of_records(frames: Sequence[Any]) -> dict[str, NDArray[Any]]:
-    """Columns, such as `wrist.x`, of the numbers and texts in objects, one object per row."""
-    rows = [dict(flat(frame)) for frame in frames]
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    if sum(map(len, rows)) < SELDOM * len(rows) * len(names):  # changing names identify nobody
-        rows = [dict(flat(frame, by_name=False)) for frame in frames]
-        names = list(dict.fromkeys(name for row in rows for name in row))
-    if not names or len(names) > MOST_COLUMNS:
-        raise ValueError("no landmarks, and no rows of numbers by name")
-    columns: dict[str, NDArray[Any]] = {}
-    for name in names:
-        cells = [row.get(name) for row in rows]
-        are_numbers = all(cell is None or isinstance(cell, int | float) for cell in cells)
-        columns[name] = np.array(cells, np.float64 if are_numbers else object)
-    return columns
 
 
 def _read(path: Path, read: Callable[[Any], Result], content: Any) -> Result:

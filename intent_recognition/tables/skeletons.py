@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read skeletons of motion capture: BVH, with computed joint positions, and Xsens MVNX."""
+"""Read motion capture: BVH, with computed joint positions, Xsens MVNX, and JSON of QTM."""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -176,3 +177,20 @@ def open_mvnx(path: Path) -> Table:
     if not np.all(np.isfinite(columns["time"])):
         time = {"rate": rate}
     return table_of(path, columns, units=units, defaults={"time": time})
+
+
+def of_qualisys(path: Path, content: Mapping[str, Any]) -> Table:
+    """Markers and bodies of QTM [mm], stored in parts that each begin at a frame."""
+    base = content["Timebase"]
+    first, last = (int(base["Range"][key]) for key in ("Start", "End"))
+    columns: dict[str, Values] = {}
+    for one in (*content.get("Markers", ()), *content.get("RigidBodies", ())):
+        places = np.full((last - first + 1, 3), np.nan)
+        for part in one["Parts"]:
+            rows = [v[0] if isinstance(v[0], list) else v for v in part["Values"]]  # a body's turns
+            if rows:
+                start = int(part["Range"]["Start"]) - first
+                places[start : start + len(rows)] = np.array(rows, np.float64)[:, :3]
+        columns |= {f"{one['Name']}.{axis}": places[:, k] for k, axis in enumerate("xyz")}
+    defaults = {"time": {"rate": float(base["Frequency"])}}
+    return table_of(path, columns, unit="mm", must_say=True, defaults=defaults)
