@@ -198,7 +198,11 @@ def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
             above = "" if path.parent == source else f"{{{of}}}/"
             key = f"{path.parent}/{match[2]}"
             by_number.setdefault(f"{above}{match[1]}{{number}}{path.suffix}", {})[key] = path
-    return _kinds_of_parts(source, by_number) or _kinds_of_parts(source, by_folder)
+    recordings = {Path(key) for keys in by_number.values() for key in keys}
+    # in folders with one number each, such as `give_1/marker_1.csv`, it is no recording's
+    are_alone = 1 < len(recordings) == len({recording.parent for recording in recordings})
+    first, second = (by_folder, by_number) if are_alone else (by_number, by_folder)
+    return _kinds_of_parts(source, first) or _kinds_of_parts(source, second)
 
 
 def _kinds_of_parts(source: Path, parts: Mapping[str, Mapping[str, Path]]) -> list[FileKind]:

@@ -459,6 +459,17 @@ def test_the_robots_files_may_have_the_columns_of_the_persons(name, robots, tmp_
     ]  # fmt: skip
 
 
+def test_numbers_of_bodies_in_folders_of_recordings_are_no_numbers_of_recordings(tmp_path):
+    arm = plain(head="t,q1,q2,q3")
+    for k, (name, content) in product((1, 2), {"marker_1": plain(), "joints_1": arm}.items()):
+        path = tmp_path / f"give_{k}/{name}.csv"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(content)
+    content, _, found = suggested(tmp_path)
+    assert content["files"]["marker_1"] == "{task}_{number}/marker_1.csv"
+    assert [one.custom_data["task"] for one in found] == ["give", "give"]
+
+
 def test_a_lone_recording_is_named_after_its_folder(tmp_path, monkeypatch):
     folder = tmp_path / "take"
     folder.mkdir()
