@@ -52,7 +52,7 @@ def read_all(
     """Read all recordings with a progress bar. `of_model`: the DOFs come from a model."""
     demonstrations: list[Demonstration] = []
     rejections: list[Rejection] = []
-    bags = [*dict.fromkeys(bag for path in paths for bag in find_bags(path) or [path])]
+    bags = {bag.resolve(): bag for path in paths for bag in find_bags(path) or [path]}.values()
     with progress_bar(console) as bar:
         task = bar.add_task("reading bags", total=len(bags))
         for bag in bags:

@@ -161,7 +161,7 @@ def list_bags(paths: Iterable[Path]) -> tuple[list[Path], list[Rejection]]:
         bags += [bag.absolute() for bag in found]
         if not found:
             empty.append(no_bag(Path(path)))
-    return [*dict.fromkeys(bags)], empty
+    return [*{bag.resolve(): bag for bag in bags}.values()], empty
 
 
 def split_evenly(items: Sequence[T], n: int) -> tuple[list[T], list[T]]:

@@ -36,7 +36,7 @@ def scored(tmp_path_factory, recorded) -> Run:
     options = ["--dofs", recorded / "dofs.yaml", "--basis", 8, "--protocol", "kfold:3"]
     options += ["--json", numbers, "--report", page]
     bags = recorded / "bags"
-    words = ["evaluate", bags, bags / "demo_00", *options]  # read once
+    words = ["evaluate", bags, bags / "../bags/demo_00", *options]  # read once
     with redirect_stdout(text):
         code = main([str(word) for word in words])
     return Run(code, text.getvalue(), json.loads(numbers.read_text()), page.read_text())

@@ -26,7 +26,7 @@ from intent_recognition.model import Model, accumulate_bags, load_model, load_tr
 
 @pytest.mark.slow
 def test_it_learns_writes_and_tells(train, recorded):
-    output, text = train(recorded / "bags", recorded / "bags" / "demo_00")  # once each
+    output, text = train(recorded / "bags", recorded / "bags/../bags/demo_00")  # once each
     model = load_model(output)
     assert model.dofs == DOFS and model.labels == ("task_0", "task_1")
     assert model.library.n_demonstrations.tolist() == [PER_TASK, PER_TASK]

@@ -121,11 +121,6 @@ class Visitor:
         self.wait_until(lambda: button.is_enabled(), f"{name} can be pressed")
         button.click()
 
-    def choose(self, field: str, option: str) -> None:
-        """Choose from a list."""
-        self.page.get_by_label(field).first.click()
-        self.page.get_by_role("option", name=option).click()
-
     def pixel(self, node: str, point=(0.0, 0.0, 0.0)) -> np.ndarray | None:
         """Where a point (3,) [m] in the frame of a thing in the scene is seen (2,), in pixels."""
         found = self.page.evaluate(PIXEL, [node, *map(float, point)])

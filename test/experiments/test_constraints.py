@@ -19,7 +19,6 @@ from experiments.constraints.spilling import (
     spill_risk,
 )
 from experiments.constraints.study import NOVEL
-from experiments.constraints.trials import COLUMNS
 from experiments.settings import Settings
 from intent_recognition.errors import TrainingError
 from intent_recognition.warping import References, fit_logistic
@@ -144,11 +143,6 @@ def test_refuses_what_cannot_be_learned_from():
     features = PouringConstraint.features(pouring_states(), CUP)
     with pytest.raises(TrainingError):
         PouringConstraint.learn(features, np.ones(len(features)))
-
-
-def rows():
-    rng = np.random.default_rng(0)
-    return {name: rng.random((6, len(columns))) for name, columns in COLUMNS.items()}
 
 
 @pytest.mark.slow
