@@ -46,6 +46,14 @@ def _number(value: float | None, factor: float = 1.0, form: str = ".1f") -> str 
     return None if value is None else format(factor * value, form)
 
 
+def _note(record: InteractionRecord) -> str:
+    began = f"began as {record.changed_from}" if record.changed_from else ""
+    missed = "" if record.right else "MISSED"
+    kept = "NOT HANDED OVER" if record.handed_over is False else ""
+    wrong = "WRONG HELP" if record.wrong_helps else ""
+    return " ".join(filter(None, (record.person, missed, wrong, kept, began, record.note)))
+
+
 FIELDS = (
     Field("#", "", "right", lambda r: str(r.index)),
     Field("true task", "", "left", lambda r: readable(r.task)),
@@ -57,18 +65,10 @@ FIELDS = (
     Field("hand error", "cm", "right", lambda r: _number(r.hand_error_m, CM_PER_M)),
     Field("arrival", "s", "right", lambda r: _number(r.arrival_s, form="+.2f")),
     Field("handed over", "s", "right", lambda r: _number(r.transfer_s, form="+.2f")),
-    Field("note", "", "left", lambda r: _note(r)),
+    Field("note", "", "left", _note),
 )
 """Columns; "decided" counts from onset, "share" is of the human's movement, "arrival" counts from
 its end."""
-
-
-def _note(record: InteractionRecord) -> str:
-    began = f"began as {record.changed_from}" if record.changed_from else ""
-    missed = "" if record.right else "MISSED"
-    kept = "NOT HANDED OVER" if record.handed_over is False else ""
-    wrong = "WRONG HELP" if record.wrong_helps else ""
-    return " ".join(filter(None, (record.person, missed, wrong, kept, began, record.note)))
 
 
 def fields_of(records: Sequence[InteractionRecord]) -> tuple[Field, ...]:
