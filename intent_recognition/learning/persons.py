@@ -41,7 +41,6 @@ def compares_people(groups: Sequence[Sequence[str]]) -> bool:
     """
     n, cells = sum(map(len, groups)), sum(len(set(task)) for task in groups)
     known = all(name for task in groups for name in task)
-    # with fewer the target would be inflated by far
     return known and n > cells and cells - len(groups) >= 3
 
 
@@ -93,7 +92,7 @@ def between_people(grouped: Grouped, floor: Floats, strength: float) -> tuple[Fl
     """Covariances E within and B between people, (d, d) each.
 
     With few people, the DOFs in which they differ are mostly chance. B is therefore shrunk towards
-    equal variation in all DOFs, which counts as `strength` people.
+    equal and slow variation in all DOFs, which counts as `strength` people; 2 / (G + 1) widens it.
 
     Args:
         grouped: scatter within and between people.
@@ -104,7 +103,8 @@ def between_people(grouped: Grouped, floor: Floats, strength: float) -> tuple[Fl
     freedom = grouped.between.freedom
     alike = strength / (strength + freedom)
     strength *= freedom / (grouped.n_groups - 1)  # each person is one draw, in all tasks
-    means = shared_covariance(grouped.between, floor, strength, alike)
+    slow = 2.0 / (grouped.n_groups + 1)
+    means = shared_covariance(grouped.between, floor, strength, alike, slow)
     root = cholesky(within, name="covariance within people")
     scaled = np.linalg.solve(root, np.linalg.solve(root, means).T)
     values, vectors = np.linalg.eigh(symmetrize(scaled))

@@ -42,9 +42,9 @@ other tasks; held-out validation chooses (docs/decisions/covariance_target.md)."
 LAGS = np.arange(0.0, 0.26, 0.01)
 """Candidate lags of the controlled agent behind the observed one, in phase: up to a quarter of a
 movement."""
-FEW, SMOOTH_WIDTH = 3.5, 0.1
-"""Equivalent sample size below which the scatter is much inflated, and the width in phase of the
-smooth correlation that is then mixed in (`structured_target`)."""
+FEW, SMOOTH_WIDTH, SLOW_WIDTH = 3.5, 0.1, 0.5
+"""Equivalent sample size below which the scatter is much inflated, and the widths in phase of the
+correlation that is then mixed in: of demonstrations, and between people (`structured_target`)."""
 
 OBSERVED_INDEPENDENT = 0.03
 """Independent part of the observed weights' variance in the covariance that all tasks share
@@ -65,6 +65,7 @@ class TargetSettings(NamedTuple):
             shrunk covariance.
         alike: share, in [0, 1], of a target in which all DOFs vary alike relative to their ranges,
             and independently of each other.
+        slow: inflation i of few people, who differ slowly along the phase (`structured_target`).
     """
 
     borrowed: float = OTHERS_SAMPLE_SIZE
@@ -73,6 +74,7 @@ class TargetSettings(NamedTuple):
     n_observed: int = 0
     ridge: float = 0.0
     alike: float = 0.0
+    slow: float = 0.0
 
 
 USUAL = TargetSettings()
@@ -130,7 +132,7 @@ def structured_target(
     """
     borrowed = _borrowed(own, assumed)
     scatter, demonstrations = _borrow(own, pooled, borrowed)
-    inflation = (FEW / max(demonstrations, 2.0)) ** 6
+    inflation = assumed.slow or (FEW / max(demonstrations, 2.0)) ** 6
     variance = np.diag(scatter).reshape(len(floor), -1)
     weight = demonstrations / (demonstrations + 4.0)
     level = variance.mean(axis=1, keepdims=True)
@@ -138,7 +140,8 @@ def structured_target(
     scaled = scatter / np.outer(amplitude.ravel(), amplitude.ravel())
     width = PHASE_WIDTH if borrowed else OWN_PHASE_WIDTH
     dofs, earlier = _correlation_over_dofs(scaled, amplitude.shape, width, assumed)
-    basis = _correlation_along_phase(scaled, amplitude.shape, inflation)
+    smooth = SLOW_WIDTH if assumed.slow else SMOOTH_WIDTH
+    basis = _correlation_along_phase(scaled, amplitude.shape, inflation, smooth)
     amplitude = amplitude * np.sqrt(1.0 + inflation)
     alike, of_range = assumed.alike, np.sqrt(floor)[:, None]
     squares = (amplitude / of_range) ** 2
@@ -180,13 +183,15 @@ def _correlation_over_dofs(
     return symmetrize((1.0 - assumed.alike) * dofs + assumed.alike * np.eye(n_dofs)), earlier
 
 
-def _correlation_along_phase(scaled: Floats, shape: tuple[int, ...], inflation: float) -> Floats:
-    """C from a scaled scatter, with `inflation` parts of a smooth correlation mixed in."""
+def _correlation_along_phase(
+    scaled: Floats, shape: tuple[int, ...], inflation: float, width: float
+) -> Floats:
+    """C from a scaled scatter, with `inflation` parts of a correlation of that width mixed in."""
     n_dofs, n_basis = shape
     basis = np.einsum("dkdl->kl", scaled.reshape(*shape, *shape)) / n_dofs
     scale = np.sqrt(np.diag(basis) + FLOOR_OF_RANGE**2)
     phase = np.linspace(0.0, 1.0, n_basis)
-    smooth = np.exp(-0.5 * ((phase[:, None] - phase) / SMOOTH_WIDTH) ** 2)
+    smooth = np.exp(-0.5 * ((phase[:, None] - phase) / width) ** 2)
     return symmetrize((basis / np.outer(scale, scale) + inflation * smooth) / (1.0 + inflation))
 
 
@@ -258,7 +263,7 @@ def without_demonstration(
 
 
 def shared_covariance(
-    pooled: Scatter, floor: Floats, strength: float, alike: float = 0.0
+    pooled: Scatter, floor: Floats, strength: float, alike: float = 0.0, slow: float = 0.0
 ) -> Floats:
     """Covariance that all tasks share, (d, d).
 
@@ -269,9 +274,9 @@ def shared_covariance(
         pooled: scatter of all demonstrations about the means of their tasks.
         floor: variance floor per DOF, (D,).
         strength: equivalent sample size of the target, in demonstrations.
-        alike: as in `TargetSettings`.
+        alike, slow: as in `TargetSettings`.
     """
-    assumed = TargetSettings(independent=OBSERVED_INDEPENDENT, alike=alike)
+    assumed = TargetSettings(independent=OBSERVED_INDEPENDENT, alike=alike, slow=slow)
     target = structured_target(pooled, pooled, floor, assumed)
     return (pooled.matrix + strength * target) / (pooled.freedom + strength)
 

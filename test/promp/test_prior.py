@@ -116,6 +116,19 @@ def test_dofs_that_vary_alike_do_so_relative_to_their_ranges(rng):
     np.testing.assert_allclose(both[0, :, 1], 0.0, atol=1e-9)
 
 
+def test_few_people_differ_slowly_and_by_little_more_than_they_did(rng):
+    """Of three degrees of freedom, each the same along the phase: a place, not a detour."""
+    weights = np.repeat(rng.normal(size=(4, 2, 1)), 5, axis=2)
+    own, floor = scatter_of(weights), weight_floor(weights)
+    found = structured_target(own, own, floor, TargetSettings(alike=0.5, slow=0.5))
+    found = found.reshape(2, 5, 2, 5)
+    variance = (found[0, :, 0] / floor[0] + found[1, :, 1] / floor[1]).diagonal()
+    own_variance = np.sum(np.diag(own.matrix).reshape(2, 5) / floor[:, None], axis=0) / 3
+    np.testing.assert_allclose(variance, 1.5 * own_variance, rtol=1e-4)
+    slow = np.exp(-2.0 * np.linspace(0.0, 1.0, 5) ** 2)
+    np.testing.assert_allclose(found[0, 0, 0] / found[0, 0, 0, 0], (1 + 0.5 * slow) / 1.5, rtol=1e-4)
+
+
 @pytest.mark.parametrize("steps", [0, 2, 4])
 def test_the_lag_of_a_robot_that_copies_the_hand_is_found(rng, steps):
     """Independent weights, so that any other lag explains nothing; 21 of them are 0.05 apart."""
