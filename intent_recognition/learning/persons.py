@@ -92,7 +92,7 @@ def between_people(grouped: Grouped, floor: Floats, strength: float) -> tuple[Fl
     """Covariances E within and B between people, (d, d) each.
 
     With few people, the DOFs in which they differ are mostly chance. B is therefore shrunk towards
-    equal and slow variation in all DOFs, which counts as `strength` people; 2 / (G + 1) widens it.
+    equal and slow variation in all DOFs, which counts as `strength` people.
 
     Args:
         grouped: scatter within and between people.
@@ -103,7 +103,7 @@ def between_people(grouped: Grouped, floor: Floats, strength: float) -> tuple[Fl
     freedom = grouped.between.freedom
     alike = strength / (strength + freedom)
     strength *= freedom / (grouped.n_groups - 1)  # each person is one draw, in all tasks
-    slow = 2.0 / (grouped.n_groups + 1)
+    slow = 2.0 / 3.0 / (grouped.n_groups - 1) ** 2
     means = shared_covariance(grouped.between, floor, strength, alike, slow)
     root = cholesky(within, name="covariance within people")
     scaled = np.linalg.solve(root, np.linalg.solve(root, means).T)
