@@ -274,7 +274,8 @@ def shared_covariance(
         pooled: scatter of all demonstrations about the means of their tasks.
         floor: variance floor per DOF, (D,).
         strength: equivalent sample size of the target, in demonstrations.
-        alike, slow: as in `TargetSettings`.
+        alike: as in `TargetSettings`.
+        slow: as in `TargetSettings`.
     """
     assumed = TargetSettings(independent=OBSERVED_INDEPENDENT, alike=alike, slow=slow)
     target = structured_target(pooled, pooled, floor, assumed)

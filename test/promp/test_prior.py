@@ -126,7 +126,8 @@ def test_few_people_differ_slowly_and_by_little_more_than_they_did(rng):
     own_variance = np.sum(np.diag(own.matrix).reshape(2, 5) / floor[:, None], axis=0) / 3
     np.testing.assert_allclose(variance, 1.5 * own_variance, rtol=1e-4)
     slow = np.exp(-2.0 * np.linspace(0.0, 1.0, 5) ** 2)
-    np.testing.assert_allclose(found[0, 0, 0] / found[0, 0, 0, 0], (1 + 0.5 * slow) / 1.5, rtol=1e-4)
+    correlation = found[0, 0, 0] / found[0, 0, 0, 0]
+    np.testing.assert_allclose(correlation, (1 + 0.5 * slow) / 1.5, rtol=1e-4)
 
 
 @pytest.mark.parametrize("steps", [0, 2, 4])
