@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats, Integers
-from intent_recognition.filtering import NEGLIGIBLE, MovementFilter, make_prior_grid
+from intent_recognition.filtering import NEGLIGIBLE, MovementFilter, PriorGrid, make_prior_grid
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.examples import TrainingExample, sample_phases
 from intent_recognition.learning.held_out_examples import N_SCALES, paired_examples
@@ -34,6 +34,7 @@ from intent_recognition.learning.none_model import (
 from intent_recognition.learning.persons import covariance_of_strangers, without_group
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.promp import (
+    MAX_NONE,
     NO_ODDS,
     LeftOutOdds,
     Scatter,
@@ -168,7 +169,7 @@ class LeavingOut:
 def learn_left_out_odds(
     leaving_out: LeavingOut, recorded: Mapping[str, TaskStatistics]
 ) -> LeftOutOdds:
-    """Largest odds against its own task along each left-out demonstration.
+    """Largest odds against its own task while the robot may act, in each left-out demonstration.
 
     The library has all margins; `recorded` are statistics of the examples as they were recorded.
     """
@@ -193,12 +194,18 @@ def _of_left_out(
 
 
 def largest_odds_against(library: TaskLibrary, task: int, recorded: TrainingExample) -> float:
-    """Highest log odds of the other tasks against the true one along a movement."""
-    followed = follow(library, recorded)
-    counted = [run.posterior(0).log_evidence + run.grid.log_task_prior for run in followed]
-    total = np.array(counted)[:, :-1]
-    others = np.logaddexp.reduce(np.delete(total, task, axis=1), axis=1)
-    return float(np.max(others - total[:, task]))
+    """Highest log odds of the other tasks against the true one while `none` permits acting.
+
+    The durations are as many as online. At least zero: nothing is acted on at even odds.
+    """
+    largest = 0.0
+    for run in follow(library, recorded, make_prior_grid(library)):
+        posterior = run.posterior(0)
+        if posterior.probabilities[-1] <= MAX_NONE:
+            known = (posterior.log_evidence + run.grid.log_task_prior)[:-1]
+            others = np.logaddexp.reduce(np.delete(known, task))
+            largest = max(largest, float(others - known[task]))
+    return largest
 
 
 def learn_switch_margin(leaving_out: LeavingOut, recorded: Mapping[str, TaskStatistics]) -> float:
@@ -219,7 +226,8 @@ def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> 
     margin cautious.
     """
     largest = -NEGLIGIBLE
-    for run in follow(replace(library, switch_margin=0.0), recorded):
+    library = replace(library, switch_margin=0.0)
+    for run in follow(library, recorded, make_prior_grid(library, n_scales=N_SCALES)):
         assert run.births is not None
         left, born = run.births.onset_log_joint(run.log_evidence)[:-1], run.births.log_joint[:-1]
         others = np.logaddexp.reduce(np.delete(born, task))
@@ -227,9 +235,10 @@ def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> 
     return largest
 
 
-def follow(library: TaskLibrary, recorded: TrainingExample) -> Iterator[MovementFilter]:
+def follow(
+    library: TaskLibrary, recorded: TrainingExample, grid: PriorGrid
+) -> Iterator[MovementFilter]:
     """Filter a movement; yield the filter after each sample."""
-    grid = make_prior_grid(library, n_scales=N_SCALES)
     run = MovementFilter(library, grid, 0, switching=True)
     stamps_ns = np.round(sample_phases() * recorded.duration_s * 1e9).astype(np.int64)
     for observation in observations_of(library.observed_groups, stamps_ns, recorded.observed):

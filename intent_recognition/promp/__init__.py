@@ -54,7 +54,14 @@ from intent_recognition.promp.prior import (
     weight_floor,
     without_demonstration,
 )
-from intent_recognition.promp.risk import NO_ODDS, LeftOutOdds, Risk, conformal_bound, risk_of
+from intent_recognition.promp.risk import (
+    MAX_NONE,
+    NO_ODDS,
+    LeftOutOdds,
+    Risk,
+    conformal_bound,
+    risk_of,
+)
 from intent_recognition.promp.trajectory import Trajectory, check_points, dof_variance, rollout
 from intent_recognition.promp.weights import fit_weights
 from intent_recognition.signals import NONE

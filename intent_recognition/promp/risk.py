@@ -2,10 +2,10 @@
 """Probability of a task at which the robot may act, so that the share of wrong actions is bounded.
 
 This is split conformal prediction (Vovk et al. 2005). Each demonstration is filtered with a library
-learned without it. Its score is the largest log odds of the other tasks against its own at any
-moment. In a new interaction of the same population, the probability that the odds against its task
-ever exceed the quantile of these scores is at most the stated one. A robot that waits until the
-odds for a task exceed that quantile therefore acts wrongly at most as often.
+learned without it. Its score is the largest log odds of the other tasks against its own while
+`none` permits acting. In a new interaction of the same population, the probability that the odds
+against its task then exceed the quantile of these scores is at most the stated one. A robot that
+waits until the odds for a task exceed that quantile therefore acts wrongly at most as often.
 
 Interactions of one person are alike. If demonstrations have groups, the bound is therefore for an
 interaction of a new group, and each group counts once, however many demonstrations it has
@@ -19,12 +19,16 @@ from scipy.special import expit, ndtri
 
 from intent_recognition.array_types import Floats
 
+MAX_NONE = 0.1
+"""Largest probability of none at which to act, with a risk: what the usual threshold leaves."""
+
 
 class LeftOutOdds(NamedTuple):
     """Odds of n held-out demonstrations, from which the risk of acting is bounded.
 
     Attributes:
-        odds: largest log odds of the other tasks against the true one in each, (n,).
+        odds: largest log odds of the other tasks against the true one while the robot may act in
+            each, or zero if they are never positive, (n,).
         groups: group of each demonstration, such as a pair of people; "" for none, (n,).
     """
 

@@ -35,12 +35,19 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError, check_type, check_whole, number
 from intent_recognition.gaussian import log_sum
-from intent_recognition.promp import NONE, USUAL_END_STD, Risk, TaskLibrary, end_std_limits, risk_of
+from intent_recognition.promp import (
+    MAX_NONE,
+    NONE,
+    USUAL_END_STD,
+    Risk,
+    TaskLibrary,
+    end_std_limits,
+    risk_of,
+)
 from intent_recognition.recognition.arguments import LIBRARY_CURE
 
-USUAL_THRESHOLD, MAX_NONE = 0.9, 0.1
-"""Least probability at which to act on a task without a learned risk, and largest probability of
-none at which to act with one: the rest that the threshold leaves."""
+USUAL_THRESHOLD = 0.9
+"""Least probability at which to act on a task without a learned risk."""
 MAX_WRONG = 0.05
 """Default limit of the share of interactions with a wrong action."""
 
@@ -142,7 +149,7 @@ def possible_tasks(
 ) -> tuple[str, ...]:
     """Conformal set of the tasks that a movement may be, the most probable first.
 
-    It contains the true task throughout the movement, except in the share of interactions that
+    It contains the true task while none permits acting, except in the share of interactions that
     `risk` bounds. Without a risk, it contains the tasks that `threshold` does not rule out. The
     labels include none; their probabilities are (n_labels,).
     """

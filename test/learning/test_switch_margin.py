@@ -12,7 +12,6 @@ from intent_recognition.filtering import MovementFilter, make_prior_grid
 from intent_recognition.learning import TrainingSettings, left_out, sample_phases, summarize
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
 from intent_recognition.learning.left_out import (
-    N_SCALES,
     LeavingOut,
     largest_odds,
     largest_odds_against,
@@ -98,19 +97,23 @@ def test_the_margin_is_what_left_out_movements_stay_below(trained, tasks, people
     assert learn_switch_margin(LeavingOut(wary, tasks), recorded) == margin
 
 
-def test_odds_against_a_task_are_those_of_the_posterior_and_none_of_the_only_task(trained, tasks):
-    """Beside a filter that is asked for its posterior at every sample."""
+def test_odds_against_a_task_are_those_at_which_the_robot_may_act(trained, tasks):
+    """Beside the nodes' filter, which acts while none has a tenth at most."""
     example = tasks["task_1"].examples[0]
-    library = replace(trained.library, none_margin=0.0, switch_margin=1.0)
-    hypotheses = make_prior_grid(library, n_scales=N_SCALES)
-    run, largest = MovementFilter(library, hypotheses, 0, switching=True), 0.0
     stamps_ns = np.round(sample_phases() * example.duration_s * 1e9).astype(np.int64)
-    for observation in observations_of(library.observed_groups, stamps_ns, example.observed):
-        run.observe(observation)
-        known = run.posterior(observation.stamp_ns).probabilities[:-1]
-        known = known / known.sum()
-        largest = max(largest, 1.0 - known[1])
-    assert expit(largest_odds_against(library, 1, example)) == pytest.approx(largest, abs=1e-9)
+    for none_margin, early in ((0.0, True), (8.0, False)):
+        library = replace(trained.library, none_margin=none_margin, switch_margin=1.0)
+        run, largest = MovementFilter(library, make_prior_grid(library), 0, switching=True), 0.5
+        for observation in observations_of(library.observed_groups, stamps_ns, example.observed):
+            run.observe(observation)
+            *known, none = run.posterior(observation.stamp_ns).probabilities
+            if none <= 0.1:
+                largest = max(largest, 1.0 - known[1] / sum(known))
+        assert (largest > 0.5) == early
+        assert expit(largest_odds_against(library, 1, example)) == pytest.approx(largest, abs=1e-9)
+
+
+def test_without_a_rival_nothing_need_speak_for_a_change_of_mind(trained, tasks):
     only = {"task_0": tasks["task_0"]}
     library = library_from_statistics(only, trained.preprocessing, trained.chosen)
     assert (
