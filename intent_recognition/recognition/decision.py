@@ -155,9 +155,8 @@ def possible_tasks(
     """
     p = _checked(labels, probabilities)
     known = np.array([label != NONE for label in labels])
-    total = float(p[known].sum())
     threshold = settings.threshold if settings.risk is None else settings.risk.threshold
-    some = np.flatnonzero(known & (p > (1.0 - threshold) * total))
+    some = np.flatnonzero(known & (p * threshold > (1.0 - threshold) * p[known].max()))
     return tuple(labels[k] for k in some[np.argsort(-p[some], kind="stable")])
 
 

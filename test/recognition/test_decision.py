@@ -229,6 +229,8 @@ def test_a_smaller_share_of_wrong_actions_asks_for_more_and_leaves_one_task_or_s
         possible = possible_tasks(settings, LABELS, p)
         acted = settings.is_sure(LABELS, p, 0)
         assert possible == (("plate",) if acted else ("plate", "screw"))
+    unsure = DecisionSettings(risk=RISK._replace(threshold=0.6))
+    assert len(possible_tasks(unsure, ["a", "b", "c", "none"], np.array([0.3, 0.3, 0.3, 0.1]))) == 3
     odds = LeftOutOdds(tuple(np.linspace(-1.0, 2.0, 99)), ("",) * 99)
     plain = make_library(np.random.default_rng(0))
     library = replace(plain, left_out_odds=odds)
