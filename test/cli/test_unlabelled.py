@@ -239,9 +239,9 @@ def test_the_reference_is_settled_by_bags_spread_over_all():
     assert split_evenly(["a", "b"], 3) == (["a", "b"], [])
 
 
-def test_a_reference_is_found_behind_many_bags_that_cannot_be_used(recorded, small_parts):
-    """Five spoiled bags come before any good one; all good ones are learned from."""
-    bad = [recorded / "spoiled"] * 3
+def test_a_reference_is_found_behind_many_bags_that_cannot_be_used(recorded, small_parts, tmp_path):
+    """15 spoiled bags come before any good one; all good ones are learned from."""
+    bad = [shutil.copytree(recorded / "spoiled", tmp_path / str(k)) for k in range(3)]
     found = accumulate_bags([*bad, recorded / "bags"], DOFS, TrainingSettings(n_basis=8))
     assert found.accumulated.n_used == 8
     assert found.n_rejections + found.accumulated.n_rejected == 15
