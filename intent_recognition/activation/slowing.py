@@ -147,10 +147,8 @@ class Slowing:
         self, path: JointPath, timing: NominalTiming, start: JointReference, progress: PhaseState
     ) -> _Planner:
         """A planner as that of `_along`, which is also slow at slow places."""
-        again, places = (
-            self._along(path, timing, start, progress),
-            self._common.settings.slow_places,
-        )
+        again = self._along(path, timing, start, progress)
+        places = self._common.settings.slow_places
         if places is None:
             return again
         always = places.rate_ceiling(path)
