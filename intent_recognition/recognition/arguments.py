@@ -45,9 +45,12 @@ def as_observation(
 
 
 def check_observation(observation: Observation) -> str | None:
-    """Refuse objects other than observations, such as arrays; return "zero_stamp" if unstamped."""
+    """Refuse what is no observation of a DOF, such as arrays; return "zero_stamp" if unstamped."""
     cure = "Pass an array of numbers to `observe`, or to `observe_controlled`."
     check_type("observation", observation, Observation, cure)
+    if observation.dofs is not None and not len(observation.dofs):
+        cure = "Leave out an observation of nothing."
+        raise ArgumentError.about("observation.dofs", "a DOF, or None for all", "none", cure)
     return "zero_stamp" if observation.stamp_ns <= 0 else None
 
 
@@ -116,7 +119,8 @@ def values_defect(observation: Observation, n_dofs: int) -> str | None:
     expected = n_dofs if observation.dofs is None else len(observation.dofs)
     if np.shape(observation.values) != (expected,):
         return "wrong_size"
-    if not np.all(np.abs(observation.values) < 1e12):  # or NaN; larger squares lose all precision
+    # or NaN; larger squares lose all precision
+    if not all(-1e12 < value < 1e12 for value in observation.values.tolist()):
         return "not_finite"
     return None
 

@@ -187,6 +187,12 @@ def test_unusable_observations_are_told_by_reason(library, observation, reason):
     assert IntentEstimator(library).reason_to_reject(observation) == reason
 
 
+@pytest.mark.parametrize("take", ["update", "reason_to_reject", "update_controlled"])
+def test_an_observation_of_no_dof_is_refused(library, take):
+    with pytest.raises(ArgumentError, match="observation.dofs: expected a DOF, or None for all"):
+        getattr(IntentEstimator(library), take)(Observation(START_NS, 0, np.zeros(0), dofs=()))
+
+
 def test_stamps_must_increase_within_a_signal_however_long_it_was_silent(rng):
     library = make_library(rng, groups=(2, 1), n_basis=4)
     estimator = IntentEstimator(library)
