@@ -28,9 +28,9 @@ from benchmarks.measure import Result, at_most
 from benchmarks.offline import model_file
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
+    OdometryBuilder,
     TrajectoryBuilder,
     stamp_ns,
-    to_odometry,
     to_pose,
     to_stamp,
 )
@@ -248,14 +248,14 @@ def _keeping_up(model: Path, recorded: Demonstration) -> Iterator[Result]:
         seconds = signal.seconds(int(signal.stamps_ns[0]))
         at_s = np.arange(int(FAST_S * FAST_HZ) + 1) / FAST_HZ
         path = np.stack([np.interp(at_s, seconds, c) for c in signal.values.T], axis=1)
-        covariance = 4e-6 * np.eye(3)
+        covariance, builder = 4e-6 * np.eye(3), OdometryBuilder("wrist", "world")
         sent, start_s = 0, time.time()
         while (now_s := time.time() - start_s) < FAST_S:
             while sent < now_s * FAST_HZ:
                 stamp = round((start_s + at_s[sent]) * 1e9)
                 turn = np.array([0.0, 0.0, 0.0, 1.0])
                 pose = TrackedPose(stamp, path[sent], turn, True, covariance)
-                publisher.publish(to_odometry(pose, "wrist", "world", 4e-4))
+                publisher.publish(builder.build(pose, 4e-4))
                 sent += 1
             graph.executor.spin_once(timeout_sec=0.0005)
         late = float(np.percentile(ages[len(ages) // 2 :], 99)) if ages else float("inf")

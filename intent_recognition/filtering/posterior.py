@@ -43,7 +43,8 @@ class CourseTimes(NamedTuple):
 
     def phase(self, elapsed_s: float) -> Floats:
         """Expected phase given each task at a time after onset, (K + 1,)."""
-        return self.expected(np.clip((elapsed_s - self.begin_s) / self.course_s, 0.0, 1.0))
+        into = (elapsed_s - self.begin_s) / self.course_s
+        return self.expected(np.minimum(np.maximum(into, 0.0), 1.0))
 
 
 @brief

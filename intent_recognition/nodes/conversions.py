@@ -22,7 +22,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from intent_recognition.array_types import Floats
 from intent_recognition.bags import LITTLE_ENDIAN, NANOSECONDS, POSE, LayoutCache, header_stamp_ns
 from intent_recognition.errors import MessageError, ShapeError
-from intent_recognition.tracking import UNKNOWN_VARIANCE, TrackedPose
+from intent_recognition.tracking import UNKNOWN_VARIANCE, TrackedPose, Velocity
+
+_UNKNOWN, _TURNS = UNKNOWN_VARIANCE * np.eye(6), np.arange(3, 6)
+_NO_VELOCITY = Velocity(np.zeros(3), _UNKNOWN[:3, :3])
 
 
 def message_class(type_name: str) -> type:
@@ -81,26 +84,33 @@ def to_pose(position: Floats, quaternion: Floats) -> Pose:
     return Pose(position=to_point(position), orientation=Quaternion(x=x, y=y, z=z, w=w))
 
 
-def to_odometry(
-    pose: TrackedPose, body: str, world_frame: str, orientation_variance: float
-) -> Odometry:
-    """Odometry message of a tracked pose; what was not measured has `UNKNOWN_VARIANCE`.
+class OdometryBuilder:
+    """Odometry messages of one body, built by overwriting one message, as by `TrajectoryBuilder`.
 
-    `orientation_variance` is that of a measured orientation [rad^2].
+    What was not measured has `UNKNOWN_VARIANCE`.
     """
-    message = Odometry(child_frame_id=f"{body}_world_aligned")
-    message.header.frame_id, message.header.stamp = world_frame, to_stamp(pose.stamp_ns)
-    message.pose.pose = to_pose(pose.position, pose.orientation)
-    placed, moving = UNKNOWN_VARIANCE * np.eye(6), UNKNOWN_VARIANCE * np.eye(6)
-    placed[:3, :3] = pose.position_covariance
-    if pose.orientation_measured:
-        placed[3:, 3:] = orientation_variance * np.eye(3)
-    if pose.velocity is not None:
-        linear = message.twist.twist.linear
-        linear.x, linear.y, linear.z = pose.velocity.mean.tolist()
-        moving[:3, :3] = pose.velocity.covariance
-    message.pose.covariance, message.twist.covariance = placed.ravel(), moving.ravel()
-    return message
+
+    def __init__(self, body: str, world_frame: str):
+        self._message = message = Odometry(child_frame_id=f"{body}_world_aligned")
+        message.header.frame_id = world_frame
+        self._placed, self._moving = (
+            part.covariance.reshape(6, 6) for part in (message.pose, message.twist)
+        )
+        self._placed[:] = self._moving[:] = _UNKNOWN
+
+    def build(self, pose: TrackedPose, orientation_variance: float) -> Odometry:
+        """Fill the message; the variance is that of a measured orientation [rad^2]."""
+        message, stamp = self._message, self._message.header.stamp
+        at, turn = message.pose.pose.position, message.pose.pose.orientation
+        linear, velocity = message.twist.twist.linear, pose.velocity or _NO_VELOCITY
+        stamp.sec, stamp.nanosec = divmod(pose.stamp_ns, NANOSECONDS)
+        at.x, at.y, at.z = pose.position.tolist()
+        turn.x, turn.y, turn.z, turn.w = pose.orientation.tolist()
+        linear.x, linear.y, linear.z = velocity.mean.tolist()
+        self._placed[:3, :3], self._moving[:3, :3] = pose.position_covariance, velocity.covariance
+        variance = orientation_variance if pose.orientation_measured else UNKNOWN_VARIANCE
+        self._placed[_TURNS, _TURNS] = variance
+        return message
 
 
 def to_joint_state(
@@ -168,6 +178,7 @@ class TrajectoryBuilder:
         self._joints = len(self._message.joint_names)
         self._points: list[JointTrajectoryPoint] = []
         self._times_ns = np.empty(0, dtype=np.int64)
+        self._memory: dict[str, list[memoryview]] = {}  # of each point's numbers, by field
 
     def build(
         self,
@@ -207,8 +218,14 @@ class TrajectoryBuilder:
         if rows.shape != (count, width):
             expected = f"shape {(count, width)}"
             raise ShapeError.about(field, expected, rows.shape, "One row a time.")
-        for point, row in zip(self._points, rows, strict=False):
-            setattr(point, field, array("d", row.tobytes()))
+        memory = self._memory.get(field, [])
+        if len(memory) < count or len(memory[0]) != width:
+            for point in self._points:
+                setattr(point, field, array("d", bytes(8 * width)))
+            memory = [memoryview(getattr(point, field)) for point in self._points]
+            self._memory[field] = memory
+        for own, row in zip(memory, np.ascontiguousarray(rows), strict=False):
+            own[:] = row
 
 
 def trajectory_arrays(message: JointTrajectory) -> tuple[Floats, Floats, Mapping[str, Floats]]:

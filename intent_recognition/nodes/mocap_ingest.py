@@ -15,7 +15,7 @@ from rclpy.publisher import Publisher
 
 from intent_recognition.errors import ArgumentError, MessageError
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import PoseNumbers, read_pose, to_odometry, to_pose
+from intent_recognition.nodes.conversions import OdometryBuilder, PoseNumbers, read_pose, to_pose
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.frames import FrameOutput, hear_frames
 from intent_recognition.nodes.parameters import Changes, declare, keep_live
@@ -87,6 +87,7 @@ class MocapIngest(Node):
             },
         )
         self._outputs: dict[str, Publisher] = {}
+        self._builders: dict[str, OdometryBuilder] = {}
         self._identity: IdentityInput | None = None
         if people := named_people(self):
             self._identity = IdentityInput(bodies[0], self._ingest_of, self._diagnostics)
@@ -116,6 +117,7 @@ class MocapIngest(Node):
     def _add_output(self, body: str) -> None:
         self._states[body] = IngestState()
         self._outputs[body] = self.create_publisher(Odometry, f"human/{body}", qos.SENSOR)
+        self._builders[body] = OdometryBuilder(body, self._settings.world_frame)
 
     def _start_over(self) -> None:
         if self._identity is not None:
@@ -214,10 +216,9 @@ class MocapIngest(Node):
         if result.reanchored:
             self._diagnostics.count("track_restarted")
             self.get_logger().warning(f"{body}: track restarted at {result.position.round(3)} m")
-        world, variance = self._settings.world_frame, self._settings.orientation_std_rad**2
-        message = to_odometry(result, body, world, variance)
+        message = self._builders[body].build(result, self._settings.orientation_std_rad**2)
         self._outputs[body].publish(message)
-        name = f"human_{body.replace('/', '_')}"
+        name, world = f"human_{body.replace('/', '_')}", self._settings.world_frame
         self._frames.send(result.stamp_ns, world, name, message.pose.pose)
         self._diagnostics.tick(f"human/{body}")
         self._diagnostics.latency(time.perf_counter() - start_s)

@@ -4,6 +4,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -106,8 +107,9 @@ class Stops:
 def least_speed(before: Floats, after: Floats) -> float:
     """Least norm on the line between two velocities (P,): a speed that a gap may hide."""
     change = after - before
-    into = np.clip(-(before @ change) / np.fmax(change @ change, 1e-300), 0.0, 1.0)
-    return float(np.linalg.norm(before + into * change))
+    into = -float(before @ change) / max(float(change @ change), 1e-300)
+    nearest = before + min(max(into, 0.0), 1.0) * change
+    return sqrt(nearest @ nearest)
 
 
 @dataclass

@@ -11,6 +11,7 @@ from intent_recognition.tracking.ingest import (
     Rejected,
     StampWatch,
     TrackedPose,
+    Velocity,
     ingest_pose,
     ingest_poses,
 )

@@ -205,7 +205,9 @@ def _slide(
     if len(recent) > 1 and sample[0] - recent[-2][0] < window_ns / 20:
         recent = recent[:-1]
     oldest_ns = sample[0] - window_ns
-    return (*(s for s in recent if s[0] >= oldest_ns), sample)
+    while recent and recent[0][0] < oldest_ns:
+        recent = recent[1:]
+    return (*recent, sample)
 
 
 def _follow_jump(

@@ -15,9 +15,9 @@ from intent_recognition.signals import LEAST_QUATERNION, rotation_matrix
 def normalise_quaternions(quaternions: ArrayLike) -> Floats:
     """Normalise finite quaternions (..., 4); zero quaternions (no orientation) become NaN."""
     q = np.asarray(quaternions, dtype=np.float64)
-    largest = np.max(np.abs(q), axis=-1, keepdims=True)
+    largest = np.maximum.reduce(np.abs(q), axis=-1, keepdims=True)
     scaled = q / np.where(largest < LEAST_QUATERNION, np.nan, largest)
-    return scaled / np.linalg.norm(scaled, axis=-1, keepdims=True)
+    return scaled / np.sqrt(np.add.reduce(scaled * scaled, axis=-1, keepdims=True))
 
 
 def multiply_quaternions(left: Floats, right: Floats) -> Floats:

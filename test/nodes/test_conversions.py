@@ -17,6 +17,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from intent_recognition.bags import header_stamp_ns
 from intent_recognition.errors import MessageError, ShapeError
 from intent_recognition.nodes.conversions import (
+    OdometryBuilder,
     TrajectoryBuilder,
     duration_s,
     joint_values,
@@ -28,13 +29,11 @@ from intent_recognition.nodes.conversions import (
     read_pose,
     stamp_ns,
     to_joint_state,
-    to_odometry,
     to_pose,
     to_stamp,
     trajectory_arrays,
 )
-from intent_recognition.tracking import TrackedPose
-from intent_recognition.tracking.ingest import Velocity
+from intent_recognition.tracking import TrackedPose, Velocity
 
 NAMES = [f"joint_{i}" for i in range(7)]
 
@@ -141,8 +140,11 @@ STORE = get_typestore(Stores.ROS2_JAZZY)
 
 @pytest.mark.parametrize("has_velocity", [True, False])
 @pytest.mark.parametrize("measured", [True, False])
-def test_an_odometry_holds_the_pose(rng, has_velocity, measured):
+def test_an_odometry_holds_the_pose_and_nothing_of_the_last(rng, has_velocity, measured):
+    builder, full = OdometryBuilder("wrist", "world"), np.full((3, 3), 7.0)
     for _ in range(3):
+        last = np.full(3, 7.0), np.full(4, 7.0), not measured, full
+        builder.build(TrackedPose(1, *last, Velocity(np.full(3, 7.0), full)), 7.0)
         root = rng.normal(size=(3, 3))
         pose = TrackedPose(
             STAMP_NS,
@@ -152,7 +154,7 @@ def test_an_odometry_holds_the_pose(rng, has_velocity, measured):
             root @ root.T,
             Velocity(rng.normal(size=3), 2.0 * root @ root.T) if has_velocity else None,
         )
-        found = to_odometry(pose, "wrist", "world", 4e-4)
+        found = builder.build(pose, 4e-4)
         assert stamp_ns(found) == STAMP_NS
         assert (found.header.frame_id, found.child_frame_id) == ("world", "wrist_world_aligned")
         p, q = found.pose.pose.position, found.pose.pose.orientation
