@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import yaml
@@ -203,12 +204,18 @@ def rosbag2_profile(reliability: str, durability: str, depth: int) -> dict[str, 
 def parse_qos(profiles: object) -> tuple[Mapping, ...]:
     """The QoS profiles, given as a list (version 9) or as a string of YAML (older versions)."""
     if isinstance(profiles, str):
-        try:
-            profiles = load_yaml(profiles)
-        except UntrustedError:
-            return ()
+        return _parsed_qos(profiles)
     listed = profiles if isinstance(profiles, list) else ()
     return tuple(p for p in listed if isinstance(p, Mapping))
+
+
+@lru_cache(maxsize=64)  # most topics of most bags have the same
+def _parsed_qos(text: str) -> tuple[Mapping, ...]:
+    try:
+        listed = load_yaml(text)
+    except UntrustedError:
+        return ()
+    return parse_qos(listed) if isinstance(listed, list) else ()
 
 
 def qos_policy(profile: Mapping, key: str) -> str:
