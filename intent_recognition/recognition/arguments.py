@@ -22,9 +22,9 @@ def as_observation(
     dofs: Sequence[int] | None,
     covariance: ArrayLike | None,
 ) -> Observation:
-    """Observation from the arguments of `IntentEstimator.observe`, in part checked.
+    """Observation from the arguments of `IntentEstimator.observe`, whose shapes are checked here.
 
-    The checks of `values_defect` and `covariance_defect` follow. `sizes` are the signals' DOFs.
+    Its values may be NaN. `sizes` are the signals' DOFs.
     """
     check_whole("signal", signal, 0, "`observed_groups` lists the signals.", len(sizes) - 1)
     n_dofs = sizes[signal]
@@ -35,13 +35,15 @@ def as_observation(
         expected = f"different numbers from 0 to {n_dofs - 1}"
         cure = "Leave out the DOFs that were not measured."
         raise ArgumentError.about("dofs", expected, list(some), cure)
-    return Observation(
-        as_stamp_ns("stamp_s", stamp_s),
-        signal,
-        as_numbers("values", values),
-        None if covariance is None else as_numbers("covariance", covariance),
-        some,
-    )
+    stamp_ns, numbers = as_stamp_ns("stamp_s", stamp_s), as_numbers("values", values)
+    matrix = None if covariance is None else as_numbers("covariance", covariance)
+    observation = Observation(stamp_ns, signal, numbers, matrix, some)
+    m = len(some) if some else n_dofs
+    if numbers.shape != (m,):
+        raise observation_error("wrong_size", observation, n_dofs)
+    if matrix is not None and matrix.shape != (m, m):
+        raise observation_error("bad_covariance", observation, n_dofs)
+    return observation
 
 
 def check_observation(observation: Observation) -> str | None:
@@ -52,19 +54,6 @@ def check_observation(observation: Observation) -> str | None:
         cure = "Leave out an observation of nothing."
         raise ArgumentError.about("observation.dofs", "a DOF, or None for all", "none", cure)
     return "zero_stamp" if observation.stamp_ns <= 0 else None
-
-
-def measured_part(observation: Observation, n_dofs: int) -> Observation | None:
-    """Observation of the DOFs that are not NaN, of a signal of `n_dofs`; None if all are NaN.
-
-    If values or covariance do not fit, it is returned unchanged for `observation_error`.
-    """
-    covariance, m = observation.covariance, len(observation.dofs or range(n_dofs))
-    if np.shape(observation.values) != (m,):
-        return observation
-    if covariance is not None and np.shape(covariance) != (m, m):
-        return observation
-    return observation.measured()
 
 
 def as_posture(n_controlled: int, stamp_s: float, values: ArrayLike, signal: int) -> Observation:

@@ -30,7 +30,7 @@ class Estimate(NamedTuple):
         moving: whether a movement is under way; if not, `none` is certain and the rest is zero.
         onset_ns: stamp at which the movement began; 0 at rest.
         probabilities: probabilities of the K tasks and none, (K + 1,), in the order of `labels`.
-        phase: expected phase given each task, (K + 1,).
+        phase: expected phase given each task, (K + 1,); 0 for none.
         log_evidence: log evidence of each task since onset, (K + 1,).
         posterior: the whole posterior; None at rest.
         labels: labels of the K tasks, and "none".
@@ -67,7 +67,8 @@ class Estimate(NamedTuple):
         cls, stamp_ns: int, onset_ns: int, posterior: TaskPosterior, labels: tuple[str, ...]
     ) -> Estimate:
         """Estimate of a movement under way."""
-        shown = posterior.probabilities, posterior.phase, posterior.log_evidence
+        phase = np.append(posterior.phase[:-1], 0.0)  # none has no end
+        shown = posterior.probabilities, phase, posterior.log_evidence
         return cls(stamp_ns, True, onset_ns, *shown, posterior, labels)
 
     @property

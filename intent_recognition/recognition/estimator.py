@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, check_type, first_of
-from intent_recognition.filtering import N_SCALES, MovementFilter, TaskPosterior, make_prior_grid
+from intent_recognition.filtering import N_SCALES, MovementFilter, make_prior_grid
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory, as_context, largest_by_unit
 from intent_recognition.recognition.arguments import (
     LIBRARY_CURE,
@@ -24,7 +24,6 @@ from intent_recognition.recognition.arguments import (
     check_observation,
     check_same_dofs,
     covariance_defect,
-    measured_part,
     observation_error,
     values_defect,
 )
@@ -76,16 +75,20 @@ class IntentEstimator:
     ):
         check_type("library", library, TaskLibrary, LIBRARY_CURE)
         self._context = KnownContext(library)
-        self._n_scales, self._switching = n_scales, switching
+        self._n_scales = n_scales
         self._posture = OnsetPosture(library, used=start_posture)
         self._predictor = Predictor(self._posture)
         self.expectation = Expectation(library, task_prior, transitions, forget_after_s)
         self._detector = MotionDetector(library.observed_groups, library.onset)
+        self._movements = Movements(self._detector, self.expectation, switching=switching)
         self._turns = ObservedTurns(library)
         self.first_samples = FirstSamples(library)
-        self._run: MovementFilter | None = None  # filter of the movement under way
-        self._posterior: TaskPosterior | None = None
         self._use(library, lambda taught: taught, task_prior)
+
+    @property
+    def _run(self) -> MovementFilter | None:
+        """Filter of the movement under way; None at rest."""
+        return self._movements.run
 
     def __repr__(self) -> str:
         """Labels of the tasks, and whether a movement is under way."""
@@ -125,12 +128,12 @@ class IntentEstimator:
         """
         sizes, run = [past.n_dofs for past in self._detector.pasts], self._run
         observation = as_observation(sizes, stamp_s, values, signal, dofs, covariance)
-        measured = measured_part(observation, n_dofs := sizes[signal])
+        measured = observation.measured()
         if measured is None:
             return self._estimate((run.observations[-1] if run else observation).stamp_ns)
         reason = self._defect(measured)
         if reason is not None:
-            raise observation_error(reason, measured, n_dofs, self.first_samples.misfit)
+            raise observation_error(reason, measured, sizes[signal], self.first_samples.misfit)
         return self.update(measured)
 
     def reason_to_reject(self, observation: Observation) -> str | None:
@@ -161,58 +164,29 @@ class IntentEstimator:
         """
         check_observation(observation)
         observation = self._turns.bring(observation.copied())
-        now_ns, detector = observation.stamp_ns, self._detector
-        detector.add(observation)
-        if self._run is None:
+        now_ns, run = observation.stamp_ns, self._run
+        self._detector.add(observation)
+        if run is None:
             self.expectation.forget_if_long_ago(now_ns)
-            onset_ns = detector.find_onset_ns()
+            onset_ns = self._detector.find_onset_ns()
             if onset_ns is not None:
                 if self._context.changed():
                     self._use_context(now_ns)
-                self._begin(onset_ns, detector.since(onset_ns))
-        elif now_ns >= self._run.onset_ns:
-            if self._context.due(now_ns, self._run.onset_ns):
+                self._movements.begin(onset_ns, self._detector.since(onset_ns))
+        elif now_ns >= run.onset_ns:
+            if self._context.due(now_ns, run.onset_ns):
                 self._use_context(now_ns)
-            self._run.observe(observation)
-        elapsed_s = 0.0 if self._run is None else (now_ns - self._run.onset_ns) * 1e-9
-        posterior = self._believe(now_ns)
-        if posterior is not None and detector.ends(elapsed_s, posterior):
-            self._end(now_ns)
-        elif posterior is not None or detector.waits_for_rest:
-            expected = self.expectation.ratio
-            following = self._movements.following(detector, observation, expected, posterior)
-            if following is not None:
-                self._end(now_ns)
-                self._run = following
-                self._posture.find(following.onset_ns)
-                self._believe(now_ns)
+            self._movements.observe(observation)
+        self._movements.advance(observation)
         return self._estimate(now_ns)
-
-    def _begin(self, onset_ns: int, past: Sequence[Observation]) -> None:
-        """Follow a movement from its onset, given its observations so far."""
-        self._posture.find(onset_ns)
-        self._run = self._movements.begin(onset_ns, self.expectation.ratio, past)
-        self._detector.forget_stops()
-
-    def _believe(self, stamp_ns: int) -> TaskPosterior | None:
-        """Bring the posterior of the movement under way up to a stamp; None at rest."""
-        if self._run is not None:
-            self._posterior = self.expectation.weigh(self._run.posterior(stamp_ns))
-        return self._posterior
-
-    def _end(self, stamp_ns: int) -> None:
-        """End the movement under way, and remember its task."""
-        if self._posterior is not None:
-            self.expectation.remember(stamp_ns, self._posterior)
-        self._run = self._posterior = None
 
     def _estimate(self, stamp_ns: int) -> Estimate:
         """Estimate from the observations up to a stamp."""
-        labels, run, posterior = (*self.library.labels, NONE), self._run, self._posterior
-        if run is None or posterior is None:
+        labels, run = (*self.library.labels, NONE), self._run
+        if run is None or self._movements.posterior is None:
             return Estimate.idle(stamp_ns, labels)
-        phase = np.append(posterior.phase[:-1], 0.0)
-        return Estimate.of(stamp_ns, run.onset_ns, posterior, labels)._replace(phase=phase)
+        self._posture.follow(run.onset_ns)
+        return Estimate.of(stamp_ns, run.onset_ns, self._movements.posterior, labels)
 
     def observe_controlled(self, stamp_s: float, values: ArrayLike, *, signal: int = 0) -> None:
         """Take one measured position of the robot; its posture at onset conditions predictions.
@@ -286,7 +260,7 @@ class IntentEstimator:
             cure = "Answer while the human moves."
             raise ArgumentError.about("answer", "a movement under way", "none", cure)
         self.expectation.answer(task)
-        self._believe(self._run.observations[-1].stamp_ns)
+        self._movements.believe(self._run.observations[-1].stamp_ns)
 
     def expect(self, task: str) -> None:
         """Expect a task next, with the trust of a habit; an unknown label ends the expectation."""
@@ -305,7 +279,7 @@ class IntentEstimator:
 
     def _most_probable(self) -> tuple[MovementFilter | None, int]:
         """Filter of the movement under way, None at rest, and its most probable task."""
-        posterior = self._posterior
+        posterior = self._movements.posterior
         return self._run, 0 if posterior is None else int(np.argmax(posterior.probabilities))
 
     def predict_controlled_at(self, times_s: ArrayLike) -> Trajectory:
@@ -326,10 +300,10 @@ class IntentEstimator:
             ArgumentError: a time is not finite.
         """
         times = as_times(times_s)
-        if self._run is None or self._posterior is None:
+        run, posterior = self._run, self._movements.posterior
+        if run is None or posterior is None:
             return rest_poses(self.library, self.expectation.prior, times)
-        known = self._posterior.probabilities[:-1]
-        return self._predictor.controlled_at(self._run, known, times)
+        return self._predictor.controlled_at(run, posterior.probabilities[:-1], times)
 
     def predicted_end_std(self) -> dict[str, float] | None:
         """Largest standard deviation of `predict_controlled`'s end among the DOFs of each unit."""
@@ -355,9 +329,10 @@ class IntentEstimator:
         Raises:
             ArgumentError: there is no such label, or both are the same.
         """
-        if self._run is None or self._posterior is None:
+        run, posterior = self._run, self._movements.posterior
+        if run is None or posterior is None:
             return None
-        return explain_movement(self._run, self._posterior, task, rival)
+        return explain_movement(run, posterior, task, rival)
 
     def too_sparse(self) -> SparseSignal | None:
         """First signal with too low a rate for onset detection; None if all rates suffice."""
@@ -365,7 +340,7 @@ class IntentEstimator:
 
     def reset(self) -> None:
         """Forget the movement under way and all past samples, but not the context."""
-        self._run = self._posterior = None
+        self._movements.forget()
         self.expectation.reset()
         self._posture.clear()
         self._detector.clear()
@@ -401,8 +376,4 @@ class IntentEstimator:
         self._detector.use(library.onset)
         self._detector.change_past(turned)
         self._posture.use(taught)
-        self._movements = Movements(library, grid, switching=self._switching)
-        if self._run is not None:
-            seen = [turned(observation) for observation in self._run.observations]
-            self._begin(self._run.onset_ns, seen)
-            self._believe(seen[-1].stamp_ns)
+        self._movements.use(library, grid, turned)

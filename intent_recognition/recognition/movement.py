@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The movement under way, and another one that may have begun where the hand last stopped.
+"""Rest, the movement under way, and another that may have begun where the hand last stopped.
 
 A worker may reach for the next goal on the way back from the last, without a rest. At a momentary
 stop, new filters start, one for each possible onset of the next movement. The most probable one
@@ -8,16 +8,16 @@ still is, and does not explain what follows as well. If they recognise nothing, 
 the hand or a hesitation, the movement under way continues.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 
 import numpy as np
 
-from intent_recognition.array_types import Floats
 from intent_recognition.filtering import MovementFilter, PriorGrid, TaskPosterior
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition.decision import USUAL_THRESHOLD
 from intent_recognition.recognition.motion_detection import MotionDetector, is_overdue
+from intent_recognition.recognition.transitions import Expectation
 from intent_recognition.signals import Observation
 
 STOP_LEADS = (0.035, 0.06, 0.085)
@@ -29,44 +29,95 @@ DONE_PHASE = 0.85
 
 
 class Movements:
-    """Filter of the movement under way, and filters of the next one, which may have begun.
+    """Rest, the movement under way, and the next one, which may have begun.
 
-    `switching` is that of `IntentEstimator`.
+    Args:
+        detector: onset, stops and end of movements.
+        expectation: prior of the tasks, updated at the end of each movement.
+        switching: that of `IntentEstimator`.
+
+    Attributes:
+        run: filter of the movement under way; None at rest.
+        posterior: its posterior at the last observation, weighed with `expectation`.
     """
 
-    def __init__(self, library: TaskLibrary, grid: PriorGrid, *, switching: bool):
+    run: MovementFilter | None = None
+    posterior: TaskPosterior | None = None
+
+    def __init__(self, detector: MotionDetector, expectation: Expectation, *, switching: bool):
+        self._detector, self._expectation = detector, expectation
+        self._switching = switching
+
+    def use(
+        self, library: TaskLibrary, grid: PriorGrid, turned: Callable[[Observation], Observation]
+    ) -> None:
+        """Switch to a library; filter the movement under way anew, its observations `turned`."""
+        switching = self._switching
         self._make = partial(MovementFilter, library, grid, 0, prune=True, switching=switching)
-        self._filter, self._switching = self._make(), switching
+        self._filter = self._make()
         self._after_stop: list[MovementFilter] = []  # made at the first stop
         self._stopped = False
         self._at_onset = self._at_stop = float(np.log(1.0 / library.none_prior - 1.0))
         self._log_odds = [(0, self._at_onset)]  # stamps and log odds of the movement under way
         usual_s = float(np.exp(np.mean(library.log_duration_mean)))
         self._leads_ns = [round(lead * usual_s * 1e9) for lead in STOP_LEADS]
+        if self.run is not None:
+            seen = [turned(observation) for observation in self.run.observations]
+            self.begin(self.run.onset_ns, seen)
+            self.believe(seen[-1].stamp_ns)
 
-    def begin(
-        self, onset_ns: int, task_weight: Floats | None, past: Iterable[Observation]
-    ) -> MovementFilter:
-        """Filter of a movement from its onset; for the arguments, see `MovementFilter.restart`."""
-        self._filter.restart(onset_ns, task_weight, past)
+    def begin(self, onset_ns: int, past: Iterable[Observation]) -> None:
+        """Follow a movement from its onset, given its observations so far."""
+        self._filter.restart(onset_ns, self._expectation.ratio, past)
         self._stopped = False
         self._log_odds = [(onset_ns, self._at_onset)]
-        return self._filter
+        self.run = self._filter
+        self._detector.forget_stops()
 
-    def following(
-        self,
-        detector: MotionDetector,
-        observation: Observation,
-        task_weight: Floats | None,
-        posterior: TaskPosterior | None,
+    def observe(self, observation: Observation) -> None:
+        """Condition the movement under way on an observation; see `MovementFilter.observe`."""
+        if self.run is not None:
+            self.run.observe(observation)
+
+    def believe(self, stamp_ns: int) -> TaskPosterior | None:
+        """Bring the posterior of the movement under way up to a stamp; None at rest."""
+        if self.run is not None:
+            self.posterior = self._expectation.weigh(self.run.posterior(stamp_ns))
+        return self.posterior
+
+    def advance(self, observation: Observation) -> None:
+        """End the movement, or go over to the next, as the newest observation shows."""
+        stamp_ns, detector = observation.stamp_ns, self._detector
+        posterior = self.believe(stamp_ns)
+        elapsed_s = 0.0 if self.run is None else (stamp_ns - self.run.onset_ns) * 1e-9
+        if posterior is not None and detector.ends(elapsed_s, posterior):
+            self._end(stamp_ns)
+        elif self._switching and (posterior is not None or detector.waits_for_rest):
+            following = self._following(observation, posterior)
+            if following is not None:
+                self._end(stamp_ns)
+                self.run = following
+                self.believe(stamp_ns)
+
+    def forget(self) -> None:
+        """Forget the movement under way."""
+        self.run = self.posterior = None
+
+    def _end(self, stamp_ns: int) -> None:
+        """End the movement under way, and remember its task."""
+        if self.posterior is not None:
+            self._expectation.remember(stamp_ns, self.posterior)
+        self.forget()
+
+    def _following(
+        self, observation: Observation, posterior: TaskPosterior | None
     ) -> MovementFilter | None:
         """Filter of a movement that began at the last stop, if it takes over now; else None.
 
         `posterior` is that of the movement so far, after the newest observation; None if this was
-        overdue. `task_weight` is as in `begin`.
+        overdue.
         """
-        if not self._switching:
-            return None
+        detector, expected = self._detector, self._expectation.ratio
         stopped_ns, done = detector.stopped_ns(), is_done(posterior)
         if posterior is not None and posterior.log_odds != self._log_odds[-1][1]:
             self._log_odds.append((observation.stamp_ns, posterior.log_odds))
@@ -79,7 +130,7 @@ class Movements:
         after = self._after_stop = self._after_stop or [self._make() for _ in STOP_LEADS]
         for each, lead_ns in zip(after, self._leads_ns, strict=True):
             if stopped_ns is not None:
-                each.restart(stopped_ns - lead_ns, task_weight, detector.since(stopped_ns))
+                each.restart(stopped_ns - lead_ns, expected, detector.since(stopped_ns))
             else:
                 each.observe(observation)
         stamp_ns = observation.stamp_ns

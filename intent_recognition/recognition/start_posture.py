@@ -95,32 +95,30 @@ class OnsetPosture:
         self._library, self._used = library, used
         self.clear()
 
-    def _forget_onset(self, onset_ns: int) -> None:
-        self._onset_ns, self._final = onset_ns, False
-        self._position: Floats | None = None
-        self._known: dict[int, tuple[StartPosture | None, str, Floats]] = {}
-
     def take(self, observation: Observation) -> str | None:
         """Take a sample; return a diagnostics key if it was refused, else None."""
         if not self._used:
             return None
         reason = self._history.take(observation.stamp_ns, observation.group, observation.values)
-        self.find(self._onset_ns)
+        if not self._final:
+            self._find(self._onset_ns)
         return reason
 
-    def find(self, onset_ns: int) -> None:
-        """Look up the posture at the onset of a movement, unless it is already final."""
+    def follow(self, onset_ns: int) -> None:
+        """Look up the posture at the onset of a movement, now and until it is final."""
         if onset_ns != self._onset_ns:
-            self._forget_onset(onset_ns)
-        if not self._final:
-            self._position = self._history.at(onset_ns)
-            self._final = self._history.passed(onset_ns)
-            self._known.clear()
+            self._find(onset_ns)
+
+    def _find(self, onset_ns: int) -> None:
+        self._onset_ns, self._position = onset_ns, self._history.at(onset_ns)
+        self._final = self._history.passed(onset_ns)
+        # by task: the posture or None, its use, and whole turns
+        self._known: dict[int, tuple[StartPosture | None, str, Floats]] = {}
 
     def clear(self) -> None:
         """Forget everything."""
         self._history = PostureHistory()
-        self._forget_onset(0)
+        self._find(0)
 
     def use(self, library: TaskLibrary) -> None:
         """Switch to another library, which has other starts."""

@@ -67,10 +67,12 @@ def test_another_movement_explains_what_follows_the_stop_better(library, goes_on
     end = None if goes_on is None else 5.0 + goes_on
     samples = [(10, 1.0, None), (20, 5.0, None), (30, 6.0, None), (40, end, 30)]
     for stamp_ns, log_odds, stop_ns in samples:
-        detector = SimpleNamespace(stopped_ns=lambda stop=stop_ns: stop, since=lambda _: [])
+        movements._detector = SimpleNamespace(
+            stopped_ns=lambda stop=stop_ns: stop, since=lambda _: []
+        )
         own = None if log_odds is None else posterior._replace(log_odds=log_odds)
         observation = SimpleNamespace(stamp_ns=stamp_ns)
-        following = movements.following(detector, observation, None, own)
+        following = movements._following(observation, own)
     assert (following is not None) is taken
 
 
