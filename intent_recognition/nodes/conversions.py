@@ -214,7 +214,7 @@ class TrajectoryBuilder:
 
     def _fill(self, field: str, values: ArrayLike | None, count: int) -> None:
         width = 0 if values is None else self._joints
-        rows = np.zeros((count, 0)) if values is None else np.asarray(values, dtype=np.float64)
+        rows = np.ascontiguousarray(np.zeros((count, 0)) if values is None else values, np.float64)
         if rows.shape != (count, width):
             expected = f"shape {(count, width)}"
             raise ShapeError.about(field, expected, rows.shape, "One row a time.")
@@ -224,7 +224,7 @@ class TrajectoryBuilder:
                 setattr(point, field, array("d", bytes(8 * width)))
             memory = [memoryview(getattr(point, field)) for point in self._points]
             self._memory[field] = memory
-        for own, row in zip(memory, np.ascontiguousarray(rows), strict=False):
+        for own, row in zip(memory, rows, strict=False):
             own[:] = row
 
 

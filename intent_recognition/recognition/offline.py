@@ -6,14 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intent_recognition.array_types import Floats, Integers
 from intent_recognition.errors import ArgumentError, ShapeError, check_type, number
-from intent_recognition.filtering import (
-    MovementFilter,
-    PriorGrid,
-    fixed_prior_grid,
-    make_prior_grid,
-)
+from intent_recognition.filtering import MovementFilter, fixed_prior_grid, make_prior_grid
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition.arguments import LIBRARY_CURE, observation_error
 from intent_recognition.recognition.estimate import Estimate
@@ -51,7 +45,7 @@ def recognize_task(
         ArgumentError: times do not increase or seem not to be seconds, a value is infinite or seems
             not to be in the learned unit, or nothing was measured.
     """
-    run = _filtered(library, _hypotheses(library, duration_s), times_s, human, onset_s)
+    run = _filtered(library, times_s, human, onset_s, duration_s)
     last_ns = run.observations[-1].stamp_ns
     return Estimate.of(last_ns, run.onset_ns, run.posterior(last_ns), (*library.labels, NONE))
 
@@ -84,7 +78,7 @@ def predict_controlled(
         ShapeError: the arrays do not fit each other or the library.
         ArgumentError: as in `recognize_task`, or there is no such task.
     """
-    run = _filtered(library, _hypotheses(library, duration_s), times_s, human, onset_s)
+    run = _filtered(library, times_s, human, onset_s, duration_s)
     if task is None:
         known = run.posterior(run.observations[-1].stamp_ns).probabilities[:-1]
         return run.prediction(int(np.argmax(known))).controlled(n_points)
@@ -94,28 +88,32 @@ def predict_controlled(
     return run.prediction(library.labels.index(task)).controlled(n_points)
 
 
-def _hypotheses(library: TaskLibrary, duration_s: float | None) -> PriorGrid:
-    """Prior grid with the durations of the timing prior, or with one known duration."""
-    check_type("library", library, TaskLibrary, LIBRARY_CURE)
-    if duration_s is None:
-        return make_prior_grid(library)
-    if not 0.0 < number(duration_s) < np.inf:
-        cure = "Pass None when it is not known."
-        raise ArgumentError.about("duration_s", "a positive number", duration_s, cure)
-    return fixed_prior_grid(library, duration_s)
-
-
 def _filtered(
     library: TaskLibrary,
-    hypotheses: PriorGrid,
     times_s: ArrayLike,
     human: ArrayLike,
     onset_s: float | None,
+    duration_s: float | None,
 ) -> MovementFilter:
-    """Filter conditioned on the samples from onset on, of which there must be one."""
-    stamps_ns, values = _checked(library, times_s, human)
+    """Filter conditioned on the checked samples from onset on, of which there must be one."""
+    check_type("library", library, TaskLibrary, LIBRARY_CURE)
+    if duration_s is not None and not 0.0 < number(duration_s) < np.inf:
+        cure = "Pass None when it is not known."
+        raise ArgumentError.about("duration_s", "a positive number", duration_s, cure)
+    times, values = as_numbers("times_s", times_s), as_numbers("human", human)
+    if times.ndim != 1 or not times.size or values.shape != (times.size, library.n_observed):
+        expected = f"times_s (T,) and human (T, {library.n_observed})"
+        got = f"{times.shape} and {values.shape}"
+        cure = "Pass one row per time, one column per DOF."
+        raise ShapeError.about("times_s, human", expected, got, cure)
+    check_times("times_s", times)
+    if np.any(np.isinf(values)):
+        cure = "Set what was not measured to NaN."
+        raise ArgumentError.about("human", "finite numbers or NaN", "infinity", cure)
+    grid = fixed_prior_grid(library, duration_s) if duration_s else make_prior_grid(library)
+    stamps_ns = np.round(times * 1e9).astype(np.int64)
     onset_ns = int(stamps_ns[0]) if onset_s is None else as_stamp_ns("onset_s", onset_s)
-    run, turns = MovementFilter(library, hypotheses, onset_ns), ObservedTurns(library)
+    run, turns = MovementFilter(library, grid, onset_ns), ObservedTurns(library)
     first_samples = FirstSamples(library)
     for observation in observations_of(library.observed_groups, stamps_ns, values):
         if first_samples.refuse(observation):
@@ -126,18 +124,3 @@ def _filtered(
         cure = "Pass at least one measured sample of the movement."
         raise ArgumentError.about("human", "a sample at or after onset", "none", cure)
     return run
-
-
-def _checked(library: TaskLibrary, times_s: ArrayLike, human: ArrayLike) -> tuple[Integers, Floats]:
-    """Checked stamps (T,) and values (T, P)."""
-    times, values = as_numbers("times_s", times_s), as_numbers("human", human)
-    expected = f"times_s (T,) and human (T, {library.n_observed})"
-    if times.ndim != 1 or not times.size or values.shape != (times.size, library.n_observed):
-        got = f"{times.shape} and {values.shape}"
-        cure = "Pass one row per time, one column per DOF."
-        raise ShapeError.about("times_s, human", expected, got, cure)
-    check_times("times_s", times)
-    if np.any(np.isinf(values)):
-        cure = "Set what was not measured to NaN."
-        raise ArgumentError.about("human", "finite numbers or NaN", "infinity", cure)
-    return np.round(times * 1e9).astype(np.int64), values
