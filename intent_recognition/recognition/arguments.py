@@ -128,14 +128,8 @@ def covariance_defect(observation: Observation, past: SignalPast) -> str | None:
 def check_same_dofs(known: TaskLibrary, other: TaskLibrary) -> None:
     """Refuse a library that cannot replace another one: its DOFs or its context differ."""
     check_type("library", other, TaskLibrary, LIBRARY_CURE)
-    for name in (
-        "observed_names",
-        "observed_units",
-        "observed_groups",
-        "controlled_names",
-        "controlled_units",
-        "context_names",
-    ):
+    observed = "observed_names", "observed_units", "observed_groups"
+    for name in (*observed, "controlled_names", "controlled_units", "context_names"):
         ours, theirs = getattr(known, name), getattr(other, name)
         if ours != theirs:
             cure = "Train on the same DOFs."

@@ -54,11 +54,8 @@ class KnownContext:
         model, newest_ns = self.learned.context, self._newest_ns.get(observation.group, 0)
         if model is None or not 0 <= observation.group < len(model.groups):
             return "no_context"
-        late = self._late[observation.group]
-        if (
-            observation.stamp_ns < newest_ns
-            and late.count(observation.stamp_ns) < CLOCK_RESET_AFTER
-        ):
+        late, stamp_ns = self._late[observation.group], observation.stamp_ns
+        if stamp_ns < newest_ns and late.count(stamp_ns) < CLOCK_RESET_AFTER:
             return "stamp_not_increasing"
         first, size = sum(model.groups[: observation.group]), model.groups[observation.group]
         dofs = range(size) if observation.dofs is None else observation.dofs
@@ -71,7 +68,7 @@ class KnownContext:
         known[first + np.array(dofs)[measured]] = observation.values[measured]
         if self.know(known) is not None:
             return "unit"
-        self._newest_ns[observation.group] = observation.stamp_ns
+        self._newest_ns[observation.group] = stamp_ns
         late.forget()
         return None
 

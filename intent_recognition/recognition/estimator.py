@@ -85,14 +85,9 @@ class IntentEstimator:
         self.first_samples = FirstSamples(library)
         self._use(library, lambda taught: taught, task_prior)
 
-    @property
-    def _run(self) -> MovementFilter | None:
-        """Filter of the movement under way; None at rest."""
-        return self._movements.run
-
     def __repr__(self) -> str:
         """Labels of the tasks, and whether a movement is under way."""
-        state = "at rest" if self._run is None else "following a movement"
+        state = "at rest" if self._movements.run is None else "following a movement"
         return f"<IntentEstimator of {first_of(self.library.labels)}: {state}>"
 
     def observe(
@@ -126,7 +121,7 @@ class IntentEstimator:
                 CLOCK_RESET_AFTER such stamps, the clock is assumed to have been set back, and the
                 estimator resets.
         """
-        sizes, run = [past.n_dofs for past in self._detector.pasts], self._run
+        sizes, run = [past.n_dofs for past in self._detector.pasts], self._movements.run
         observation = as_observation(sizes, stamp_s, values, signal, dofs, covariance)
         measured = observation.measured()
         if measured is None:
@@ -164,7 +159,7 @@ class IntentEstimator:
         """
         check_observation(observation)
         observation = self._turns.bring(observation.copied())
-        now_ns, run = observation.stamp_ns, self._run
+        now_ns, run = observation.stamp_ns, self._movements.run
         self._detector.add(observation)
         if run is None:
             self.expectation.forget_if_long_ago(now_ns)
@@ -173,16 +168,14 @@ class IntentEstimator:
                 if self._context.changed():
                     self._use_context(now_ns)
                 self._movements.begin(onset_ns, self._detector.since(onset_ns))
-        elif now_ns >= run.onset_ns:
-            if self._context.due(now_ns, run.onset_ns):
-                self._use_context(now_ns)
-            self._movements.observe(observation)
-        self._movements.advance(observation)
+        elif now_ns >= run.onset_ns and self._context.due(now_ns, run.onset_ns):
+            self._use_context(now_ns)
+        self._movements.advance(observation, begun=run is None)
         return self._estimate(now_ns)
 
     def _estimate(self, stamp_ns: int) -> Estimate:
         """Estimate from the observations up to a stamp."""
-        labels, run = (*self.library.labels, NONE), self._run
+        labels, run = (*self.library.labels, NONE), self._movements.run
         if run is None or self._movements.posterior is None:
             return Estimate.idle(stamp_ns, labels)
         self._posture.follow(run.onset_ns)
@@ -256,15 +249,16 @@ class IntentEstimator:
         Raises:
             ArgumentError: no movement is under way, or there is no such task.
         """
-        if self._run is None:
+        run = self._movements.run
+        if run is None:
             cure = "Answer while the human moves."
             raise ArgumentError.about("answer", "a movement under way", "none", cure)
         self.expectation.answer(task)
-        self._movements.believe(self._run.observations[-1].stamp_ns)
+        self._movements.believe(run.observations[-1].stamp_ns)
 
     def expect(self, task: str) -> None:
         """Expect a task next, with the trust of a habit; an unknown label ends the expectation."""
-        self.expectation.expect(task, at_once=self._run is None)
+        self.expectation.expect(task, at_once=self._movements.run is None)
 
     def predict_controlled(self, n_points: int = 50) -> Prediction | None:
         """Trajectory of the controlled agent from onset to end, under the most probable task.
@@ -279,8 +273,8 @@ class IntentEstimator:
 
     def _most_probable(self) -> tuple[MovementFilter | None, int]:
         """Filter of the movement under way, None at rest, and its most probable task."""
-        posterior = self._movements.posterior
-        return self._run, 0 if posterior is None else int(np.argmax(posterior.probabilities))
+        run, posterior = self._movements.run, self._movements.posterior
+        return run, 0 if posterior is None else int(np.argmax(posterior.probabilities))
 
     def predict_controlled_at(self, times_s: ArrayLike) -> Trajectory:
         """Predict the controlled agent at some times, over all tasks and phases.
@@ -300,7 +294,7 @@ class IntentEstimator:
             ArgumentError: a time is not finite.
         """
         times = as_times(times_s)
-        run, posterior = self._run, self._movements.posterior
+        run, posterior = self._movements.run, self._movements.posterior
         if run is None or posterior is None:
             return rest_poses(self.library, self.expectation.prior, times)
         return self._predictor.controlled_at(run, posterior.probabilities[:-1], times)
@@ -329,7 +323,7 @@ class IntentEstimator:
         Raises:
             ArgumentError: there is no such label, or both are the same.
         """
-        run, posterior = self._run, self._movements.posterior
+        run, posterior = self._movements.run, self._movements.posterior
         if run is None or posterior is None:
             return None
         return explain_movement(run, posterior, task, rival)

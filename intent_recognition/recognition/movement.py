@@ -74,20 +74,20 @@ class Movements:
         self.run = self._filter
         self._detector.forget_stops()
 
-    def observe(self, observation: Observation) -> None:
-        """Condition the movement under way on an observation; see `MovementFilter.observe`."""
-        if self.run is not None:
-            self.run.observe(observation)
-
     def believe(self, stamp_ns: int) -> TaskPosterior | None:
         """Bring the posterior of the movement under way up to a stamp; None at rest."""
         if self.run is not None:
             self.posterior = self._expectation.weigh(self.run.posterior(stamp_ns))
         return self.posterior
 
-    def advance(self, observation: Observation) -> None:
-        """End the movement, or go over to the next, as the newest observation shows."""
+    def advance(self, observation: Observation, *, begun: bool) -> None:
+        """Take an observation, which `begin` has taken if the movement has just `begun`.
+
+        It may show that the movement is over, or that the next one is under way.
+        """
         stamp_ns, detector = observation.stamp_ns, self._detector
+        if self.run is not None and not begun and stamp_ns >= self.run.onset_ns:
+            self.run.observe(observation)
         posterior = self.believe(stamp_ns)
         elapsed_s = 0.0 if self.run is None else (stamp_ns - self.run.onset_ns) * 1e-9
         if posterior is not None and detector.ends(elapsed_s, posterior):

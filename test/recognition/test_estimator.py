@@ -50,7 +50,7 @@ def test_between_used_observations_the_phase_goes_on(library, truth, rng):
         estimate = estimator.update(observation)
         if not estimate.moving:
             continue
-        run, before = estimator._run, predicted
+        run, before = estimator._movements.run, predicted
         predicted = estimator.predict_controlled()
         assert (predicted is before) == (run.n_used == n_used)
         unused, n_used = unused + (run.n_used == n_used), run.n_used
@@ -85,7 +85,7 @@ def test_poses_at_stamps_are_those_of_all_tasks_together(library, truth, rng):
     onset_s, known = estimate.onset_ns * 1e-9, estimate.probabilities[:-1]
     ahead_s = np.array([0.0, 0.4, 0.9])
     found = estimator.predict_controlled_at(onset_s + ahead_s)
-    moments = [estimator._run.prediction(k).mixture_at(ahead_s) for k in range(3)]
+    moments = [estimator._movements.run.prediction(k).mixture_at(ahead_s) for k in range(3)]
     mean = sum(p * one[0] for p, one in zip(known / known.sum(), moments, strict=True))
     np.testing.assert_allclose(found.positions, mean, atol=1e-3 * np.abs(mean).max())
     one = estimator.predict_controlled_at(onset_s + 0.4)
@@ -207,7 +207,7 @@ def test_answers_that_are_given_again_cannot_be_changed(library, truth, rng):
         *estimate.posterior[:5],
         *estimate.posterior.timing,
         *estimator.predict_controlled().trajectory,
-        *estimator._run.prediction(1).controlled(50),
+        *estimator._movements.run.prediction(1).controlled(50),
         *(library.observed_mean, library.observed_covariance, library.usual_s),
         *(library.observed_dofs(0), library.basis.centers, library.phase_deviation.grid),
     ]

@@ -154,7 +154,7 @@ def test_it_equals_conditioning_by_hand(library, recording):
     estimator = begun(library, recording, start)
     prediction = estimator.predict_controlled(21)
     task = library.labels.index(prediction.task)
-    run = estimator._run.prediction(task)
+    run = estimator._movements.run.prediction(task)
     weights = controlled_weights(
         library, task, run.observed_weights(), StartPosture(start, start_variance(library))
     )
