@@ -85,17 +85,13 @@ def to_pose(position: Floats, quaternion: Floats) -> Pose:
 
 
 class OdometryBuilder:
-    """Odometry messages of one body, built by overwriting one message, as by `TrajectoryBuilder`.
-
-    What was not measured has `UNKNOWN_VARIANCE`.
-    """
+    """Odometry of a body, built as by `TrajectoryBuilder`; `UNKNOWN_VARIANCE`: not measured."""
 
     def __init__(self, body: str, world_frame: str):
         self._message = message = Odometry(child_frame_id=f"{body}_world_aligned")
         message.header.frame_id = world_frame
-        self._placed, self._moving = (
-            part.covariance.reshape(6, 6) for part in (message.pose, message.twist)
-        )
+        self._placed = message.pose.covariance.reshape(6, 6)
+        self._moving = message.twist.covariance.reshape(6, 6)
         self._placed[:] = self._moving[:] = _UNKNOWN
 
     def build(self, pose: TrackedPose, orientation_variance: float) -> Odometry:
@@ -222,8 +218,7 @@ class TrajectoryBuilder:
         if len(memory) < count or len(memory[0]) != width:
             for point in self._points:
                 setattr(point, field, array("d", bytes(8 * width)))
-            memory = [memoryview(getattr(point, field)) for point in self._points]
-            self._memory[field] = memory
+            self._memory[field] = memory = [memoryview(getattr(p, field)) for p in self._points]
         for own, row in zip(memory, rows, strict=False):
             own[:] = row
 
