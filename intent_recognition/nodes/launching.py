@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from launch import LaunchContext, LaunchDescription
@@ -15,13 +14,12 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from intent_recognition.errors import ArgumentError, IntentError
+from intent_recognition.errors import IntentError
 from intent_recognition.nodes.graph import GRAPHS, NodeCall, arguments_of, resolve
 from intent_recognition.nodes.launch_checks import check_arguments, check_needs, check_sections
-from intent_recognition.nodes.parameters import holds_for, sections
+from intent_recognition.nodes.params_files import params_path, section_of
 from intent_recognition.nodes.processes import transport
 from intent_recognition.share import share_path
-from intent_recognition.untrusted import load_yaml, read_text
 
 Overrides = Mapping[str, Mapping[str, object]]
 
@@ -64,7 +62,7 @@ def _start(
     given["namespace"] = "/".join(filter(None, (outer.strip("/"), given["namespace"].strip("/"))))
     values = arguments_of(graph, given)
     users, arm = values.get("params_file"), str(values.get("arm", ""))
-    files = [str(share_path(GRAPHS[graph].params)), *([_params_file(str(users))] if users else [])]
+    files = [str(share_path(GRAPHS[graph].params)), *([params_path(str(users))] if users else [])]
     describe_arm = partial(robot_description, arm)
     calls = resolve(graph, given, of_arm(arm))
     check_needs(calls, values)
@@ -83,7 +81,8 @@ def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]
         for name, value in parameters.items()
     }
     named = call.name != call.executable
-    own = [_section(file, call) for file in files] if named else []
+    of_executable = replace(call, name=call.executable)
+    own = [section_of(file, of_executable) for file in files] if named else []
     return Node(
         package=call.package,
         executable=call.executable,
@@ -104,23 +103,3 @@ def end_if_refused(event: Any, _context: object) -> None:
     """End the launch if a node cannot run (exit code 1), since a restart would not help."""
     if event.returncode == 1:
         raise IntentError(f"{event.process_name} cannot run; what it logged says why")
-
-
-def _section(file: str, call: NodeCall) -> dict[str, object]:
-    """Parameters in a file for the node named after the executable."""
-    node, found = replace(call, name=call.executable).enclave, dict[str, object]()
-    for section, values in sections(load_yaml(read_text(Path(file))), ""):
-        if holds_for(section, node):
-            found |= values
-    return found
-
-
-def _params_file(name: str) -> str:
-    if Path(name).is_file():
-        return str(Path(name).absolute())
-    try:
-        return str(share_path(name))
-    except IntentError as error:
-        cure = "Give the path of yours, or the name of a shipped one, such as config/real_arm.yaml."
-        got = f"{Path(name).absolute()}, which is not a file"
-        raise ArgumentError.about("params_file", "a file", got, cure) from error

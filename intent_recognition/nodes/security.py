@@ -8,15 +8,19 @@ Each node has an enclave of its own, `/NAMESPACE/NODE`, which the launch files n
 
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import cast
 from xml.etree import ElementTree
 
 from intent_recognition import registry
 from intent_recognition.demonstrations import load_dofs
-from intent_recognition.errors import IntentError, one_line
+from intent_recognition.errors import ArgumentError, IntentError, one_line
 from intent_recognition.model import load_model
 from intent_recognition.nodes.graph import GRAPHS, NODES, NodeCall, arguments_of, resolve
+from intent_recognition.nodes.params_files import params_path, section_of
+from intent_recognition.nodes.people import ANYBODY
 from intent_recognition.registry import BODY, HEARD, SAMPLED
-from intent_recognition.share import PACKAGE
+from intent_recognition.share import PACKAGE, share_path
 
 PARAMETER_SERVICES = (
     *("~/describe_parameters", "~/get_parameter_types", "~/get_parameters", "~/list_parameters"),
@@ -26,33 +30,69 @@ LIFECYCLE_SERVICES = (
     *("~/change_state", "~/get_state", "~/get_available_states"),
     *("~/get_available_transitions", "~/get_transition_graph"),
 )
+OF_EACH_PERSON = tuple(
+    f"intent/{name}"
+    for name in ("answer", "human_path", "human_trajectory", "markers", "next_task")
+    + ("robot_trajectory", "tasks")
+)
+"""Topics that each named person has under the name."""
 
 
 def policy(graph: str, given: Mapping[str, object]) -> str:
     """The policy of a graph as XML; for the arguments see `graph.resolve`.
 
-    The topics of the DOFs come from `dofs`, else from the model, else from the shipped file.
+    The topics of the DOFs come from `dofs`, else from the model, else from the shipped file; bodies
+    and people come from `params_file`, too.
 
     Raises:
-        IntentError: there is no such graph or argument, or a file cannot be read.
+        IntentError: there is no such graph or argument, a file cannot be read, or people have no
+            names.
     """
     values = arguments_of(graph, given)
+    files = [str(share_path(GRAPHS[graph].params))]
+    files += [params_path(str(values["params_file"]))] if "params_file" in values else []
+    calls = [call for call in resolve(graph, given) if call.package == PACKAGE]
+    calls = [replace(call, parameters=_parameters(call, files)) for call in calls]
     path = str(values.get("dofs", "")) or None
     trained = values.get("model") if path is None else None
     dofs = load_model(str(trained)).dofs if trained else load_dofs(path)
-    named = values.get("bodies")
-    bodies = named if isinstance(named, tuple) else ("wrist",)
+    bodies = _texts(calls, "bodies") or {"wrist"}
+    people = _texts(calls, "persons")
+    if ANYBODY in people:
+        cure = "Name everybody: permissions are by topic."
+        raise ArgumentError.about("parameter persons", "names", ANYBODY, cure)
     sampled = {entry.topic.lstrip("/") for entry in (*dofs.recorded, *dofs.velocities)}
     tracked = {topic.split("/")[1] for topic in sampled if _is_tracked(topic)}
     heard = {f"human/{topic.split('/')[1]}" if _is_tracked(topic) else topic for topic in sampled}
     stand_for = {HEARD: sorted(heard), SAMPLED: sorted(sampled)}
     root = ElementTree.Element("policy", version="0.2.0")
     enclaves = ElementTree.SubElement(root, "enclaves")
-    for call in resolve(graph, given):
-        if call.package == PACKAGE:
-            _add(enclaves, call, sorted(tracked.union(bodies)), stand_for)
+    for call in calls:
+        _add(enclaves, call, sorted(tracked | bodies), stand_for, sorted(people))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _parameters(call: NodeCall, files: Sequence[str]) -> dict[str, object]:
+    """Parameters of a node as launched: those of a later file, then of the launch, override."""
+    found: dict[str, object] = {}
+    for one in (replace(call, name=call.executable), call):
+        for file in files:
+            found |= section_of(file, one)
+    return found | call.parameters
+
+
+def _texts(calls: Sequence[NodeCall], name: str) -> set[str]:
+    """What a parameter, a list of texts, holds in all nodes together."""
+    return {text for call in calls for text in cast(list[str], call.parameters.get(name, []))}
+
+
+def _of_person(topic: str, person: str, sampled: Sequence[str]) -> list[str]:
+    """A topic's name for a named person; empty if people share it."""
+    room, _, rest = topic.partition("/")
+    if topic in OF_EACH_PERSON or room in ("human", "mocap"):
+        return [f"{room}/{person}/{rest}"]
+    return [f"{person}/{topic}"] if topic in sampled else []
 
 
 def _is_tracked(topic: str) -> bool:
@@ -64,6 +104,7 @@ def _add(
     call: NodeCall,
     bodies: Sequence[str],
     stand_for: Mapping[str, Sequence[str]],
+    people: Sequence[str],
 ) -> None:
     own, renamed = registry.NODES[call.executable], dict(call.remappings)
 
@@ -72,6 +113,9 @@ def _add(
         for name in some:
             several = stand_for.get(name) or [name.replace(BODY, body) for body in bodies]
             found += [renamed.get(one, one) for one in several]
+            for person in people:
+                for one in several:
+                    found += _of_person(one, person, stand_for[SAMPLED])
         return sorted(set(found))
 
     clock = ("/clock",) if NODES[call.name].clock else ()

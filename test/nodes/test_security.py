@@ -6,11 +6,13 @@ what it does, under its names, and no more.
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 from bag_builder import write_bag
 from every_node import needed, node_class
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSReliabilityPolicy
 
+from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes.graph import GRAPHS, NODES, OWN_TOPICS, RECORDED
 from intent_recognition.nodes.qos import LATCHED_TOPICS
 from intent_recognition.nodes.security import main, policy
@@ -201,3 +203,22 @@ def test_what_cannot_be_is_one_line(capsys, tmp_path):
     assert main(["real", f"model:={tmp_path}/none.npz"]) == 1
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 3 and "none.npz" in lines[2]
+
+
+def test_named_people_have_their_topics(harness, model, tmp_path):
+    path = tmp_path / "two.yaml"
+    people = {"ros__parameters": {"persons": ["anna"]}}
+    nodes = ("mocap_ingest", "intent_estimator", "primitive_activation", "object_transfer")
+    path.write_text(yaml.safe_dump({f"/**/{name}": people for name in nodes}), encoding="utf-8")
+    rules = allowed(policy("demo", {"model": model, "params_file": str(path), **ALL_ON}))
+    for name in nodes:
+        values = {"persons": ["anna"]} | ({"model": model} if "intent" in name else {})
+        overrides = [Parameter(key, value=value) for key, value in values.items()]
+        node = harness.add(node_class(name)(namespace="/cell1", parameter_overrides=overrides))
+        publishes = {p.topic_name for p in node.publishers} - FRAMES
+        subscribes = {s.topic_name for s in node.subscriptions} - FRAMES
+        assert any("/anna/" in topic for topic in publishes | subscribes), name
+        assert publishes <= rules[name]["publish"] and subscribes <= rules[name]["subscribe"], name
+    path.write_text("/**: {ros__parameters: {persons: ['*']}}", encoding="utf-8")
+    with pytest.raises(ArgumentError, match="Name everybody"):
+        policy("demo", {"model": model, "params_file": str(path)})
