@@ -76,5 +76,7 @@ class ClockAnswers:
         return False
 
     def _gone(self, edge: Edge) -> str:
-        present = {"", *self._node.get_node_names()}
+        here = self._node.get_namespace()
+        found = self._node.get_node_names_and_namespaces()
+        present = {"", *(name for name, space in found if space == here)}
         return next((name for name in (edge.sender, edge.taker) if name not in present), "")

@@ -93,12 +93,15 @@ NAME = "primitive_activation"
 @pytest.fixture
 def waiting(monkeypatch):
     """Time that stands still since 0 for a node that answered once, and what happened."""
-    happened = SimpleNamespace(now_s=100.0, there=[NAME], rejected=[], values={})
+    happened = SimpleNamespace(now_s=100.0, there=[(NAME, "/lab/a")], rejected=[], values={})
     monkeypatch.setattr(clock_answers.time, "monotonic", lambda: happened.now_s)
     diagnostics = SimpleNamespace(
         reject=lambda *told: happened.rejected.append(told), value=happened.values.__setitem__
     )
-    node = SimpleNamespace(get_node_names=lambda: happened.there)
+    node = SimpleNamespace(
+        get_namespace=lambda: "/lab/a",
+        get_node_names_and_namespaces=lambda: [(NAME, "/lab/b"), *happened.there],
+    )
     answers = ClockAnswers(node, [NAME], diagnostics, ["joint_trajectory"])
 
     def answer(*n):
