@@ -21,9 +21,10 @@ INTERRUPTED = 130
 
 
 def end_node_at_interrupts() -> None:
-    """Let SIGINT and SIGTERM end the process of a node from now on."""
+    """Let SIGINT and SIGTERM end the process of a node from now on; a launch file blocks SIGINT."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _end_node)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 def end_command_at_interrupt() -> None:

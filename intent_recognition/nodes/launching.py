@@ -2,10 +2,13 @@
 """Launch descriptions of the graphs in `graph.py`. Needs ROS 2 launch."""
 
 import os
+import shlex
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from subprocess import run
 from typing import Any
 
 from launch import LaunchContext, LaunchDescription
@@ -21,6 +24,9 @@ from intent_recognition.nodes.params_files import params_path, section_of
 from intent_recognition.nodes.processes import transport
 from intent_recognition.share import share_path
 
+QUIET = ("env", "--block-signal=INT")
+"""Command that starts another one with interrupts blocked, where env is that of GNU. Until a node
+unblocks them (`interrupts.end_node_at_interrupts`), Python would answer with a traceback."""
 Overrides = Mapping[str, Mapping[str, object]]
 
 
@@ -68,10 +74,17 @@ def _start(
     check_needs(calls, values)
     if users:
         check_sections(files[-1], calls)
-    return [_node(call, files, describe_arm) for call in calls]
+    prefix = None
+    if "launch-prefix" not in context.launch_configurations:  # such as a debugger
+        with suppress(OSError):
+            tried = run([*QUIET, "true"], capture_output=True)
+            prefix = None if tried.returncode else shlex.join(QUIET)
+    return [_node(call, files, describe_arm, prefix if call.module else None) for call in calls]
 
 
-def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]) -> Node:
+def _node(
+    call: NodeCall, files: list[str], robot_description: Callable[[], str], prefix: str | None
+) -> Node:
     parameters = dict(call.parameters)
     if call.name == "robot_state_publisher":
         parameters["robot_description"] = robot_description()
@@ -91,6 +104,8 @@ def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]
         parameters=[*own, *files, typed],
         remappings=list(call.remappings),
         arguments=arguments,
+        exec_name=call.name,
+        prefix=prefix,
         ros_arguments=["--enclave", call.enclave],  # no effect without SROS 2
         output="screen",
         respawn=call.respawns,

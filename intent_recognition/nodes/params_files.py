@@ -12,7 +12,8 @@ from intent_recognition.untrusted import load_yaml, read_named
 
 def section_of(file: str, call: NodeCall) -> dict[str, object]:
     """Parameters in a file for a node."""
-    content, found = read_named(Path(file), "params_file", "Correct the file.", load_yaml), {}
+    content = read_named(Path(file), "params_file", "Correct the file.", load_yaml)
+    found: dict[str, object] = {}
     for section, values in sections(content, ""):
         if holds_for(section, call.enclave):
             found |= values

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the launch files start, and refuse, against stand-ins of `launch`."""
 
+import shlex
+import subprocess
 import sys
 import types
 
@@ -33,7 +35,7 @@ EXECUTABLES = {
 OTHERS = {"rviz2", "robot_state_publisher"}
 NODE_OPTIONS = {
     *("package", "executable", "name", "namespace", "exec_name", "parameters", "remappings"),
-    *("ros_arguments", "arguments", "output", "respawn", "respawn_delay", "on_exit"),
+    *("ros_arguments", "arguments", "output", "respawn", "respawn_delay", "on_exit", "prefix"),
 }
 
 
@@ -53,6 +55,26 @@ def test_nodes_are_executables_with_parameters(describe, repository, name):
             assert f"/**/{executable}" in sections
         if node in WARPERS:  # the file names the executable
             assert options["parameters"][0]["source"] == "mug"
+
+
+def test_interrupts_wait_until_a_node_can_end_at_them(describe):
+    entities = describe("demo")
+    nodes = start(entities, **on(entities))
+    code = (
+        "import os, signal; os.kill(os.getpid(), signal.SIGINT)\n"
+        "from intent_recognition.nodes.start import start; start('mocap_ingest')"
+    )
+    command = [*shlex.split(nodes["mocap_ingest"]["prefix"]), sys.executable, "-c", code]
+    ended = subprocess.run(command, capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+    assert all(nodes[name]["prefix"] is None for name in OTHERS)
+    (action,) = [e for e in entities if e.kind == "OpaqueFunction"]
+    given = {
+        name: options.get("default_value", __file__) for name, options in declared(entities).items()
+    }
+    context = Context({**given, "launch-prefix": "gdb --args"})
+    calls = action.options["function"](context, *action.options["args"])
+    assert {call.options["prefix"] for call in calls} == {None}
 
 
 @pytest.mark.parametrize("section", ["object_warper", "/cell1/object_warper", "/**/object_warper"])
