@@ -18,6 +18,7 @@ from typing import Any
 
 import viser
 import websockets.asyncio.server as websockets_server
+from websockets import http11
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed, ConnectionClosedError, InvalidMessage
 from websockets.http11 import Request, Response
@@ -47,6 +48,9 @@ SEND_S = 10.0
 """Time after which a browser that reads nothing is disconnected [s]."""
 LARGEST_MESSAGE = 2**16
 """Largest message from a browser [bytes]; it sends handle poses and control values."""
+LONGEST_LINE = 2**15
+"""Longest line of a request [bytes]: one holds all cookies of the host, also other programs'. The
+8192 of websockets would lock the operator out beside three of the largest, of 4096."""
 WINDOW = 32
 """Number of messages that viser packs into one transmission, which bounds the memory held for a
 slow browser; an update of the page has fewer."""
@@ -86,6 +90,7 @@ def serve_page(
             viser cannot be guarded.
     """
     _check_free(host, port)
+    http11.MAX_LINE_LENGTH = LONGEST_LINE
     page = welcome(light, CLIENT.read_text(encoding="utf-8"))
     opened = opened if light == AUTO else lambda slow: None
     guard = _Guard(admission, operator, refused, page, opened)

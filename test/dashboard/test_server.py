@@ -51,6 +51,14 @@ def test_the_token_opens_the_page_and_leaves_a_cookie(page):
     assert '<div id="root">' in text
 
 
+def test_large_cookies_of_other_programs_do_not_lock_out(page):
+    others = "; ".join(f"other_{k}={'x' * 4000}" for k in range(5))
+    ours = page.get(f"/?token={TOKEN}", Cookie=None)[1]["Set-Cookie"].split(";")[0]
+    assert page.get(Cookie=f"{others}; {ours}")[0] == 200
+    assert page.get(f"/?token={TOKEN}", Cookie=others)[0] == 200
+    assert page.get(Cookie=others)[0] == 403
+
+
 def test_there_is_no_other_file(page):
     for path in ("/x", "/" + 300 * "x", "/..%2f..%2fetc%2fpasswd", "/%00", "//"):
         assert page.get(path)[0] == 404, path
