@@ -3,7 +3,7 @@
 
 ros2 launch intent_recognition ros2_control.launch.py arm:=panda model:=panda.npz
 
-See docs/ros2_control.md. All arguments of real.launch.py can be given, too.
+See docs/ros2_control.md. The other arguments of real.launch.py can be given, too.
 """
 
 import sys
@@ -20,6 +20,7 @@ from intent_recognition.nodes.launching import end_if_refused
 from intent_recognition.share import share_path
 from sim_bridge.arm import describe_robot
 
+ACTION = {"command_action": "joint_trajectory_controller/follow_joint_trajectory"}
 CONTROLLERS = ("joint_state_broadcaster", "joint_trajectory_controller")
 
 
@@ -27,9 +28,7 @@ def generate_launch_description() -> LaunchDescription:
     arm = DeclareLaunchArgument("arm", default_value="lwr", choices=["lwr", "panda"])
     graph = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(str(share_path("launch/real.launch.py"))),
-        launch_arguments={
-            "command_action": "joint_trajectory_controller/follow_joint_trajectory"
-        }.items(),
+        launch_arguments=ACTION.items(),
     )
     check, controllers = OpaqueFunction(function=_check), OpaqueFunction(function=_controllers)
     return LaunchDescription([arm, check, graph, controllers])
@@ -37,8 +36,8 @@ def generate_launch_description() -> LaunchDescription:
 
 def _check(_: LaunchContext) -> list[Node]:
     """Refuse arguments and missing packages before any node starts; the graph checks its own."""
-    graph_takes = (argument.name for argument in GRAPHS["real"].arguments())
-    check_arguments("ros2_control", ["arm", *graph_takes], sys.argv)
+    graph_takes = {argument.name for argument in GRAPHS["real"].arguments()} - {*ACTION}
+    check_arguments("ros2_control", ["arm", *sorted(graph_takes)], sys.argv)
     for package in ("controller_manager", "robot_state_publisher", *CONTROLLERS):
         check_package(package, "ros2_control.launch.py")
     return []

@@ -19,8 +19,10 @@ NEEDS = {"sim_bridge": "pybullet", "intent_recognition.dashboard": "viser"}
 """For each package with nodes, a module that these need in addition."""
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides")
 """Parameters that rclpy declares in every node (the part of the name before a dot)."""
-FILES = ("model", "bag", "dofs", "sequences", "plan", "task_list", "scene")
-"""Arguments that name a file or folder, the last four only if they contain a slash."""
+FILES = ("model", "bag", "dofs", "skill")
+"""Arguments that name a file or folder."""
+FILES_OR_NAMES = ("sequences", "plan", "task_list", "scene")
+"""Arguments that name a file if they contain a slash."""
 
 
 def check_arguments(file: str, known: Sequence[str], command: Sequence[str]) -> None:
@@ -61,10 +63,13 @@ def check_needs(calls: Sequence[NodeCall], values: Mapping[str, object]) -> None
             if call.module.startswith(room) and find_spec(module) is None:
                 cure = f"Install it (pip install {module}), or do without {call.name}."
                 raise ArgumentError.about(call.name, f"the module {module}", "none", cure)
-    for name in FILES:
+    if values.get("command_action") and find_spec("control_msgs") is None:
+        cure = "Install ros-jazzy-control-msgs, or leave command_action empty."
+        raise ArgumentError.about("command_action", "the package control_msgs", "none", cure)
+    for name in (*FILES, *FILES_OR_NAMES):
         value = str(values.get(name, ""))
-        looks_like_a_path = name in ("model", "bag", "dofs") or "/" in value
-        if value and looks_like_a_path and not Path(value).expanduser().exists():
+        is_path = name in FILES or "/" in value
+        if value and is_path and not Path(value).expanduser().exists():
             got = f"{Path(value).absolute()}, which does not exist"
             raise ArgumentError.about(name, "a file or folder", got, "Correct the path.")
 

@@ -281,6 +281,11 @@ def test_what_is_optional_is_there_before_the_first_node_starts(describe, monkey
         start(entities, bag="missing")
     with pytest.raises(ArgumentError, match="model: expected a file or folder"):
         start(entities, model="missing.npz")
+    with pytest.raises(ArgumentError, match="skill: expected a file or folder"):
+        start(describe("pouring"), skill="missing")
+    monkeypatch.setattr(launch_checks, "find_spec", lambda _: None)
+    with pytest.raises(ArgumentError, match="Install ros-jazzy-control-msgs"):
+        start(describe("real"), command_action="arm/follow_joint_trajectory")
     monkeypatch.setattr(launch_checks, "get_package_prefix", no_package)
     with pytest.raises(ArgumentError, match="rviz: expected the package robot_state_publisher"):
         start(entities, rviz="true")
@@ -298,9 +303,13 @@ def test_ros2_control_looks_first_and_starts_its_own_nodes_last(describe, monkey
             exited = types.SimpleNamespace(returncode=1, process_name="spawner-2")
             node.options["on_exit"](exited, context)
     command = ["ros2", "launch", "intent_recognition", "ros2_control.launch.py", "modle:=m.npz"]
-    monkeypatch.setattr(sys, "argv", command)
-    with pytest.raises(ArgumentError, match="Did you mean model"):
-        check(context)
+    for wrong, said in (
+        (command, "mean model"),
+        ([*command[:-1], "command_action:=a"], "got command_action"),
+    ):
+        monkeypatch.setattr(sys, "argv", wrong)
+        with pytest.raises(ArgumentError, match=said):
+            check(context)
     monkeypatch.setattr(sys, "argv", [*command[:-1], "activate:=true", "arm:=lwr"])
     check(context)
     monkeypatch.setattr(launch_checks, "get_package_prefix", no_package)
