@@ -99,6 +99,7 @@ class Diagnostics:
         self._in_period: Counter[str] = Counter()
         self._start_s = self._period_start_s = clock()
         self._heard_s: dict[str, float] = {}
+        self._heard_ns: dict[str, int] = {}  # in simulated time
         self._latencies_s: deque[float] = deque(maxlen=2000)
         self._values: dict[str, str] = {}
         self._watched: list[tuple[Subscription, str]] = []
@@ -172,10 +173,19 @@ class Diagnostics:
         self._totals[stream] += 1
         self._in_period[stream] += 1
         self._heard_s[stream] = self._clock()
+        self._heard_ns[stream] = simulated_ns(self._node) or 0
 
     def silent_s(self, stream: str) -> float:
-        """Real time [s] since a message of `stream`; before any, since its watch or the start."""
-        return self._clock() - self._heard_s.get(stream, self._start_s)
+        """Time [s] since a message of `stream`; before any, since its watch or the start.
+
+        Real time, or simulated time where a node publishes it and less has passed: it may run at a
+        hundredth of real time.
+        """
+        real_s = self._clock() - self._heard_s.get(stream, self._start_s)
+        passed_ns = (simulated_ns(self._node) or -1) - self._heard_ns.get(stream, 0)
+        if passed_ns < 0 or not self._node.count_publishers("/clock"):
+            return real_s
+        return min(real_s, passed_ns * 1e-9)
 
     @property
     def answers(self) -> bool:

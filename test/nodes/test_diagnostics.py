@@ -110,6 +110,20 @@ def test_no_stream_is_missed_while_simulated_time_stands_still(harness):
     assert levels == [OK] * 9 + [WARN]
 
 
+def test_silence_is_that_of_slow_simulated_time_while_somebody_publishes_it(harness):
+    diagnostics, clock = diagnosed(harness, use_sim_time=True)
+    node = harness.nodes[-1]
+    source = node.create_publisher(Clock, "/clock", 1)
+    harness.set_clock(node, 10**9)
+    diagnostics.tick("pose")
+    clock.now_s += 2.0
+    harness.set_clock(node, 1_100_000_000)
+    assert diagnostics.silent_s("pose") == pytest.approx(0.1)
+    assert diagnostics.silent_s("never") == pytest.approx(1.1)
+    node.destroy_publisher(source)
+    assert diagnostics.silent_s("pose") == pytest.approx(2.0)
+
+
 def test_a_status_warns_of_simulated_time_without_a_clock(harness):
     diagnostics, clock = diagnosed(harness, use_sim_time=True)
     level, message = hear(diagnostics, clock, "tasks", seconds=5)
